@@ -1,0 +1,114 @@
+"""The options that every command with a SCENE shares, and what they set in motion: variant, threads, load, progress."""
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import wraps
+
+import click
+
+import mi_lcair
+from mi_lcair.errors import InputError
+
+VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
+
+
+@dataclass(frozen=True)
+class SceneOptions:
+    """What the user asked of a scene; `sampling` holds the keywords that render() and signature() share."""
+    scene: str
+    parameters: dict[str, str]
+    sampling: dict
+    variant: str | None
+    threads: int | None
+    json: bool
+
+    def run(self, function):
+        """Load the scene and return function(scene, **sampling, progress=...), with a progress bar on stderr."""
+        self._prepare_renderer()
+        scene = mi_lcair.load(self.scene, **self.parameters)
+        with progress_bar() as progress:
+            return function(scene, **self.sampling, progress=progress)
+
+    def _prepare_renderer(self):
+        if self.variant:
+            import mitsuba
+            try:
+                mitsuba.set_variant(self.variant)
+            except ImportError as error:
+                raise InputError(f"variant '{self.variant}' cannot start on this machine (cuda_ad_mono needs an NVIDIA "
+                                 f"GPU and its driver); leave it out or use {VARIANTS[0]}") from error
+        if self.threads:
+            import drjit
+            drjit.set_thread_count(self.threads)
+
+
+@contextmanager
+def progress_bar():
+    """A callable progress(done, total), in samples per pixel, that draws a bar on stderr when that is a terminal."""
+    from tqdm import tqdm
+
+    with tqdm(unit="spp", disable=None, leave=False) as bar:
+        def progress(done, total):
+            bar.total = total
+            bar.update(done - bar.n)
+
+        yield progress
+
+
+class Fraction(click.ParamType):
+    """A fraction between 0 and 1, written 0.01 or 1%."""
+    name = "fraction"
+
+    def convert(self, value, param, ctx):
+        number, percent, rest = value.partition("%")
+        try:
+            fraction = float(number) / (100 if percent else 1)
+        except ValueError:
+            fraction = 0
+        if rest.strip() or not 0 < fraction < 1:
+            self.fail(f"'{value}' is not a fraction between 0 and 1, such as 0.01 or 1%", param, ctx)
+        return fraction
+
+
+class Assignment(click.ParamType):
+    """key=value, as a pair of strings."""
+    name = "key=value"
+
+    def convert(self, value, param, ctx):
+        key, equals, text = value.partition("=")
+        if not (key and equals):
+            self.fail(f"'{value}' is not of the form key=value", param, ctx)
+        return key, text
+
+
+def json_option(command):
+    """--json, for every command that prints results."""
+    return click.option("--json", is_flag=True, help="Print the results as JSON.")(command)
+
+
+def scene_options(command):
+    """Give a command SCENE and the options of a render; it receives them as one argument `options`, a SceneOptions."""
+    positive = click.IntRange(min=1)
+
+    @click.argument("scene")
+    @click.option("-D", "parameters", type=Assignment(), multiple=True,
+                  help="Set a $-parameter of the scene; may be repeated.")
+    @click.option("-s", "--sensor", type=click.IntRange(min=0), default=0, show_default=True,
+                  help="Which of the scene's sensors, counted from 0.")
+    @click.option("--spp", type=positive, help="Samples per pixel (default: the scene's own).")
+    @click.option("--tolerance", type=Fraction(),
+                  help="Render until the rms standard error is below this fraction of the mean, such as 0.01 or 1%.")
+    @click.option("--max-spp", type=positive, help="Where --tolerance gives up, in samples per pixel.")
+    @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True,
+                  help="Seed of the random numbers.")
+    @click.option("--variant", type=click.Choice(VARIANTS), help=f"Mitsuba variant (default: {VARIANTS[0]}).")
+    @click.option("-t", "--threads", type=positive, help="CPU threads (default: all).")
+    @json_option
+    @wraps(command)
+    def with_options(scene, parameters, variant, threads, json, sensor, spp, tolerance, max_spp, seed, **own):
+        if max_spp and not tolerance:
+            raise click.UsageError("--max-spp needs --tolerance; --spp sets a fixed number of samples",
+                                   click.get_current_context())
+        sampling = dict(sensor=sensor, spp=spp, tolerance=tolerance, max_spp=max_spp, seed=seed)
+        return command(options=SceneOptions(scene, dict(parameters), sampling, variant, threads, json), **own)
+
+    return with_options

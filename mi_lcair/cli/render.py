@@ -1,0 +1,49 @@
+"""mi-lcair render: a scene to a radiance image."""
+from pathlib import Path
+
+import click
+
+import mi_lcair
+from mi_lcair.cli.options import scene_options
+from mi_lcair.cli.output import print_columns, print_json
+from mi_lcair.errors import InputError
+
+
+@click.command("render")
+@scene_options
+@click.option("-o", "--output", type=click.Path(path_type=Path), required=True, help="The image to write, FILE.exr.")
+def command(options, output):
+    """Render SCENE to a radiance image.
+
+    SCENE is a Mitsuba XML file or the name of a bundled scene. The image is an OpenEXR file in W m^-2 sr^-1: channel Y
+    is the total radiance, the others are its parts.
+    """
+    from mi_lcair.rendering.image import check_writable, write_exr
+
+    if output.suffix.lower() != ".exr":
+        raise InputError(f"output '{output}' does not end in .exr; render writes OpenEXR images, and show makes PNGs")
+    check_writable(output)
+    result = options.run(mi_lcair.render)
+    write_exr(output, result.channels, result.header)
+
+    if options.json:
+        print_json({"file": str(output), "band": result.band.name, "mean": result.mean, "rms_error": result.rms_error,
+                    "spp": result.spp, "reached": result.reached, "invalid": result.invalid, "paths": result.paths,
+                    "seconds": result.seconds})
+        return
+    height, width = result.channels["Y"].shape
+    print_columns([("image", f"{output}, {width} x {height} pixels, {result.band.label}"),
+                   ("mean radiance", f"{result.mean:.6g} W m^-2 sr^-1"),
+                   ("standard error", f"{result.rms_error:.2%} of the mean (rms over the pixels)"),
+                   ("samples per pixel", result.spp),
+                   ("time", f"{result.seconds:.2f} s"),
+                   *_remarks(options, result)])
+
+
+def _remarks(options, result):
+    """Rows for what a user should not miss."""
+    if result.invalid:
+        yield "invalid samples", f"{result.invalid} NaN or infinite, left out of the image"
+    if result.reached is not None:
+        yield "tolerance", (f"{options.sampling['tolerance']:.3g} "
+                            + ("reached" if result.reached else "NOT reached; raise --max-spp"))

@@ -1,0 +1,1 @@
+"""The physics: Dr.Jit and NumPy, no Mitsuba."""

@@ -1,0 +1,123 @@
+"""Named materials: Sandford-Robertson parameters, band by band, with their source."""
+import json
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError, unknown
+from .bands import Band
+from .bands import band as band_of
+
+BUILT_IN = Path(__file__).with_name("materials.toml")
+NUMBERS = ("epsilon", "rho_d", "b", "e")
+EVERY_BAND = "any"
+
+
+@dataclass(frozen=True)
+class Material:
+    """Sandford-Robertson parameters of a surface (dimensionless; e is the lobe's width) in one band, "any" = all."""
+
+    name: str
+    band: str
+    epsilon: float
+    rho_d: float
+    b: float
+    e: float
+    source: str
+    form: str = "thesis"
+
+
+def material(name: str, band: Band | None, file: str | Path | None = None, allow_band: bool = False) -> Material:
+    """The material `name` in a band.
+
+    name: a key of the user's TOML `file`, of the built-in materials, or the path of a fit's JSON file. band: where it is
+    to be used; the entry measured there, or in a wider band, is taken (None: only an entry for any band will do). With
+    allow_band the entry that overlaps most, or else lies nearest, is taken instead of refusing.
+    Raises InputError for an unknown name, a band that it was not measured for, and a file that cannot be used.
+    """
+    entries = _fit(name) if str(name).lower().endswith(".json") else _toml_entries(name, file)
+    best = max(entries, key=lambda entry: _fitness(entry.band, band))
+    if _fitness(best.band, band)[0] or (allow_band and band is not None):
+        return best
+    known = ", ".join(entry.band for entry in entries)
+    if band is None:
+        raise InputError(f"material '{name}': needs a band; measured for {known}")
+    raise InputError(f"material '{name}': not measured for band {band.label}, only for {known}; "
+                     f"set allow_band to use it all the same")
+
+
+def names(file: str | Path | None = None) -> list[str]:
+    """The names that `material` knows, those of the user's TOML `file` first."""
+    return list({**(_read(file, tomllib.loads) if file else {}), **_read(BUILT_IN, tomllib.loads)})
+
+
+def _fitness(measured, wanted):
+    """How well parameters for the band named `measured` serve in the band `wanted`: (covers it, overlap in um, -width)."""
+    measured = None if measured == EVERY_BAND else band_of(measured)
+    if measured is None or wanted is None:
+        return measured is None, 0.0, -np.inf
+    covers = measured.lower_um <= wanted.lower_um and wanted.upper_um <= measured.upper_um
+    overlap = min(measured.upper_um, wanted.upper_um) - max(measured.lower_um, wanted.lower_um)
+    # an average over the whole spectrum says nothing about a part of it
+    return covers and measured.is_total == wanted.is_total, overlap, measured.lower_um - measured.upper_um
+
+
+def _toml_entries(name, file):
+    for path in filter(None, (file, BUILT_IN)):
+        bands = _read(path, tomllib.loads).get(name)
+        if bands is None:
+            continue
+        where = f"{path}: material '{name}'"
+        if not isinstance(bands, dict) or not bands or not all(isinstance(entry, dict) for entry in bands.values()):
+            raise InputError(f"{where}: needs a table for each band, such as [{name}.MWIR]")
+        return [_entry(where, name, band, dict(entry), str(path)) for band, entry in bands.items()]
+    raise unknown("material", name, names(file))
+
+
+def _fit(name):
+    """The one entry of a fit's JSON file: its keys `parameters`, `form` and `band`; a fit says more than that."""
+    name = str(name)
+    report = _read(name, json.loads)
+    for key, kind in (("parameters", dict), ("form", str), ("band", str)):
+        if not isinstance(report.get(key), kind):
+            raise InputError(f"{name}: key '{key}' is missing or no {'table' if kind is dict else 'string'}; "
+                             f"a fit has parameters, form and band")
+    return [_entry(f"{name}: parameters", name, report["band"], {**report["parameters"], "form": report["form"]}, name)]
+
+
+def _entry(where, name, band, keys, file):
+    """A checked Material. Whether the numbers are possible together is for the reflection model to say."""
+    where = f"{where}, band '{band}'"
+    try:
+        if band != EVERY_BAND:
+            band_of(band)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+    allowed = (*NUMBERS, "form", "source")
+    for key, value in keys.items():
+        if key not in allowed:
+            raise InputError(f"{where}: {unknown('key', key, allowed)}")
+        if key in NUMBERS and (isinstance(value, bool) or not isinstance(value, (int, float)) or not np.isfinite(value)):
+            raise InputError(f"{where}: {key} = {value!r}; must be a number")
+        if key not in NUMBERS and not isinstance(value, str):
+            raise InputError(f"{where}: {key} = {value!r}; must be a string")
+    missing = [key for key in NUMBERS if key not in keys]
+    if missing:
+        raise InputError(f"{where}: lacks {', '.join(missing)}")
+    numbers = {key: float(keys[key]) for key in NUMBERS}
+    return Material(name, band, source=keys.get("source", file), form=keys.get("form", "thesis"), **numbers)
+
+
+def _read(path, parse):
+    """The table in a TOML or JSON file."""
+    try:
+        table = parse(Path(path).read_text(encoding="utf-8-sig"))
+    except OSError as error:
+        raise InputError(f"materials file {path}: {error.strerror}") from None
+    except ValueError as error:  # of the encoding, of TOML, of JSON
+        raise InputError(f"materials file {path}: {' '.join(str(error).split())}") from None
+    if not isinstance(table, dict):
+        raise InputError(f"materials file {path}: must be a table of keys")
+    return table

@@ -1,0 +1,208 @@
+r"""Integrator `bounce_path`: path tracing from the observer, cut after a number of reflections and counted by them."""
+import drjit as dr
+import mitsuba as mi
+from mitsuba.python.ad.integrators.common import RBIntegrator, mis_weight
+
+from mi_lcair.errors import InputError
+from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.plugins.channels import Channels, Pixels, pixel_statistics
+from mi_lcair.plugins.derivatives import deriving_plugins, leaves
+from mi_lcair.plugins.emitter_table import EmitterTable
+
+CLOSURES = ("none", "ambient", "tail")
+
+class BouncePath(RBIntegrator):
+    r"""Bounce-limited path tracer for thermal radiance, with derivatives by path replay.
+
+    =================== ======= ============================================================================
+    max_bounces         integer reflections after which a path ends; 0 = emission only                  (4)
+    emitter_sampling    boolean at each reflection also look at a point drawn from what emits, with multiple
+                                importance sampling                                                 (false)
+    closure             string  stands in for the reflections beyond max_bounces                     (none)
+                                none; ambient: one more reflection, and whatever surface that ray meets
+                                radiates as a blackbody at ambient_temperature, an escape adds nothing;
+                                tail: geometric continuation of the last two bounce counts of the image
+    ambient_temperature float   kelvin, for closure = ambient
+    =================== ======= ============================================================================
+
+    .. code-block:: xml
+
+        <integrator type="bounce_path"> <integer name="max_bounces" value="3"/> </integrator>
+
+    Derivatives (forward and reverse, `mi.render(scene, params)`) cover parameters of BSDFs and emitters and facet
+    temperatures, not the geometry; memory does not grow with the number of bounces. `observe` gives, from the same
+    paths, the radiance by bounce count, by emitting group and by the group first seen.
+    """
+
+    def __init__(self, props):
+        super().__init__(props)
+        self.max_bounces = props.get("max_bounces", 4)
+        if self.max_bounces < 0:
+            raise InputError(f"bounce_path: max_bounces = {self.max_bounces} must be >= 0")
+        self.emitter_sampling = props.get("emitter_sampling", False)
+        self.closure = props.get("closure", "none")
+        if self.closure not in CLOSURES:
+            raise InputError(f"bounce_path: closure '{self.closure}' is unknown; it must be one of {', '.join(CLOSURES)}")
+        self.ambient_temperature = props.get("ambient_temperature", None)
+        if (self.closure == "ambient") != (self.ambient_temperature is not None):
+            raise InputError("bounce_path: closure = ambient and ambient_temperature go together")
+        if self.ambient_temperature is not None and not self.ambient_temperature > 0:
+            raise InputError(f"bounce_path: ambient_temperature = {self.ambient_temperature:g} K must be positive")
+        if self.closure == "tail" and self.max_bounces < 2:
+            raise InputError(f"bounce_path: closure = tail continues the last two bounce counts; max_bounces = {self.max_bounces} must be >= 2")
+
+    def to_string(self):
+        return (f"BouncePath[max_bounces = {self.max_bounces}, emitter_sampling = {self.emitter_sampling}, "
+                f"closure = {self.closure}]")
+
+    # ---------------------------------------------------------------- Around the loop
+
+    def refresh(self, scene) -> None:
+        """Brings everything derived from the scene up to date, before any loop is recorded."""
+        with dr.resume_grad():
+            for plugin in deriving_plugins(scene):
+                plugin.refresh()
+        self.emitters = EmitterTable(scene)
+        if self.closure == "ambient":
+            self.ambient_radiance = mi.Float(in_band_radiance(self.emitters.band, self.ambient_temperature))
+
+    def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):
+        self.refresh(scene)
+        return super().render(scene, sensor, seed, spp, develop, evaluate)
+
+    def render_forward(self, scene, params, sensor=0, seed=0, spp=0):
+        self.check_differentiable()
+        with leaves(scene, dr.ADMode.Forward):
+            return super().render_forward(scene, params, sensor, seed, spp)
+
+    def render_backward(self, scene, params, grad_in, sensor=0, seed=0, spp=0):
+        self.check_differentiable()
+        with leaves(scene, dr.ADMode.Backward):
+            super().render_backward(scene, params, grad_in, sensor, seed, spp)
+
+    def check_differentiable(self) -> None:
+        if self.closure == "tail":
+            raise InputError("bounce_path: closure = tail has no derivatives; use none or ambient")
+
+    def sample(self, mode, scene, sampler, ray, depth, δL, state_in, active, **kwargs):
+        channels = Channels.empty(0, self.max_bounces, self.closure) if self.closure == "tail" else None
+        (L, state), valid, channels = self.walk(mode, scene, sampler, ray, δL, state_in, active, channels)
+        if channels is not None:
+            L += channels.add_tail()[0]
+        return L, valid, [], state
+
+    def observe(self, scene, sensor, seed: int, spp: int, first: int, pixels: int, split: bool = True) -> Pixels:
+        """One pass: `spp` paths through each of `pixels` pixels from number `first` on (row by row).
+
+        split: also record the channels of `Channels`; call `refresh` first.
+        """
+        count = pixels * spp
+        sampler = sensor.sampler().clone()
+        sampler.set_sample_count(spp)
+        sampler.set_samples_per_wavefront(spp)
+        sampler.seed(seed, count)
+        width, height = sensor.film().crop_size()
+        index = dr.opaque(mi.UInt32, first) + dr.arange(mi.UInt32, count) // dr.opaque(mi.UInt32, spp)
+        position = mi.Point2f(index % width, index // width) + sampler.next_2d()
+        full, offset = mi.Vector2f(sensor.film().size()), mi.Vector2f(sensor.film().crop_offset())
+        with dr.suspend_grad():
+            aperture = sampler.next_2d() if sensor.needs_aperture_sample() else mi.Point2f(0.5)
+            ray, weight = sensor.sample_ray(sensor.shutter_open(), 0, (position + offset) / full, aperture)
+            labels = len(self.emitters.labels)
+            channels = Channels.empty(labels, self.max_bounces, self.closure) if split or self.closure == "tail" else None
+            (L, _), _, channels = self.walk(dr.ADMode.Primal, scene, sampler, ray, None, None, mi.Bool(True), channels)
+            if self.closure == "tail":
+                tail, self.tail_error = channels.add_tail()
+                L += tail
+            return pixel_statistics(L[0], channels if split else None, labels, spp)
+
+    # ---------------------------------------------------------------- The loop
+
+    @dr.syntax
+    def walk(self, mode, scene, sampler, ray, δL, L, active, channels=None):
+        """Follows paths from the observer. Returns ((radiance or its derivative, radiance), valid, channels)."""
+        primal = mode == dr.ADMode.Primal
+        ctx = mi.BSDFContext()
+        emitters = self.emitters
+        limit = self.max_bounces + (1 if self.closure == "ambient" else 0)
+
+        ray = mi.Ray3f(ray)
+        active = mi.Bool(active)
+        L = mi.Spectrum(0 if primal else L)                 # radiance: gathered, or what is left of it in a replay
+        δL = mi.Spectrum(0 if δL is None else δL)
+        β = mi.Spectrum(1)                                  # throughput
+        bounce = mi.UInt32(0)                               # reflections so far
+        si_before = dr.zeros(mi.SurfaceInteraction3f)
+        pdf_before = mi.Float(0)                            # of the direction that led here
+        delta_before = mi.Bool(True)
+        valid = mi.Bool(False)
+
+        while dr.hint(active, max_iterations=limit + 1, label=f"bounce_path ({mode.name})"):
+            si = scene.ray_intersect(ray, mi.RayFlags.All, bounce == 0, active)
+            emitter = si.emitter(scene)
+            valid |= (bounce == 0) & si.is_valid()
+
+            # ------------------------ Emission ------------------------
+
+            mis = mi.Float(1)
+            if dr.hint(self.emitter_sampling, mode="scalar"):
+                reachable = active & ~delta_before
+                pdf = emitters.pdf(scene, si_before, si, emitter, reachable)
+                mis = dr.select(reachable, mis_weight(pdf_before, pdf), 1)
+            with dr.resume_grad(when=not primal):
+                Le = β * mis * emitter.eval(si, active)
+            if dr.hint(self.closure == "ambient", mode="scalar"):
+                beyond = bounce > self.max_bounces
+                Le = dr.select(beyond, dr.select(si.is_valid(), β * self.ambient_radiance, 0), Le)
+            L = L + Le if primal else L - Le
+            if dr.hint(channels is not None, mode="scalar"):
+                channels.meet(bounce == 0, si, emitters.label(emitter))
+                channels.add(Le[0], bounce, emitters.label(emitter), self.max_bounces)
+
+            active_next = active & si.is_valid() & (bounce < limit)
+            bsdf = si.bsdf(ray)
+
+            # -------------------- Emitter sampling --------------------
+
+            Lr = mi.Spectrum(0)
+            if dr.hint(self.emitter_sampling, mode="scalar"):
+                active_em = active_next & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) & (bounce < self.max_bounces)
+                drawn = emitters.sample(scene, si, sampler.next_1d(), sampler.next_2d(), active_em)
+                with dr.resume_grad(when=not primal):
+                    f, pdf = bsdf.eval_pdf(ctx, si, si.to_local(drawn.ds.d), drawn.counts)
+                    mis = dr.select(drawn.ds.delta, 1, mis_weight(drawn.ds.pdf, pdf))
+                    Lr = dr.select(drawn.counts, β * f * drawn.radiance(si) * (mis / drawn.ds.pdf), 0)
+                L = L + Lr if primal else L - Lr
+                if dr.hint(channels is not None, mode="scalar"):
+                    channels.add(Lr[0], bounce + 1, emitters.label(drawn.emitter), self.max_bounces)
+
+            # ----------------------- Reflection -----------------------
+
+            sample1, sample2 = sampler.next_1d(), sampler.next_2d()
+            bs, weight = bsdf.sample(ctx, si, sample1, sample2, active_next)
+            delta = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
+            active_next &= dr.max(weight) != 0
+
+            if dr.hint(not primal, mode="scalar"):
+                with dr.resume_grad():
+                    # L is what comes back along the sampled direction; its derivative enters through the BSDF's value, or
+                    # through the weight where a delta lobe has no value.
+                    f = bsdf.eval(ctx, si, bs.wo, active_next & ~delta)
+                    _, f_delta = bsdf.sample(ctx, si, sample1, sample2, active_next & delta)
+                    Lo = Le + Lr + L * dr.select(delta, dr.relative_grad(f_delta), dr.relative_grad(f))
+                    if dr.hint(mode == dr.ADMode.Backward, mode="scalar"):
+                        dr.backward_from(δL * Lo)
+                    else:
+                        δL += dr.forward_to(Lo)
+
+            β *= weight
+            si_before = dr.detach(si)
+            pdf_before, delta_before = bs.pdf, delta
+            ray = si.spawn_ray(si.to_world(bs.wo))
+            bounce += 1
+            active = active_next
+
+        return (L if primal else δL, L), valid, channels
+
+
+mi.register_integrator("bounce_path", BouncePath)

@@ -1,0 +1,100 @@
+"""How derivatives pass through what plugins derive from their parameters (tables of HDR, facet radiances).
+
+A plugin that derives something has `sources()`, the parameters it derives from; `derive()`, which computes `derived`, a
+PyTree of arrays, from them with derivatives attached; and `refresh()`, which derives again only where needed. While paths
+are replayed, `leaves` puts detached copies of `derived` in their place, so that the loops differentiate with respect to
+them alone and the chain rule to the parameters is applied once, outside.
+"""
+from contextlib import contextmanager
+
+import drjit as dr
+import mitsuba as mi
+
+
+def attached(arrays) -> bool:
+    """Whether any of the arrays carries derivatives, also where their tracking is suspended."""
+    return any(array.index_ad != 0 for array in arrays)
+
+
+def check_attached(plugin) -> None:
+    """An error for a parameter whose derivative would be lost on the way through what was derived from it earlier."""
+    if plugin.derived is not None and attached(plugin.sources()) and not attached(flatten(plugin.derived)):
+        raise RuntimeError(f"{plugin.class_name()} '{plugin.id()}': a parameter has got gradients since the scene was last updated; "
+                           "call params.update() after dr.enable_grad()")
+
+
+def flatten(tree) -> list:
+    """The Dr.Jit arrays of a PyTree of tuples, dataclasses and arrays."""
+    if dr.is_array_v(tree):
+        return [tree]
+    if isinstance(tree, tuple):
+        return [array for branch in tree for array in flatten(branch)]
+    return [array for branch in getattr(tree, "__dict__", {}).values() for array in flatten(branch)]
+
+
+class Members(mi.TraversalCallback):
+    """Collects what an object's `traverse` reports. (A class inside a function would keep dead scenes alive until the
+    garbage collector runs, and Dr.Jit's calls reach every emitter that is alive.)"""
+
+    def __init__(self, node):
+        mi.TraversalCallback.__init__(self)
+        self.node, self.found = node, {}
+        node.traverse(self)
+
+    def put(self, name, value, flags, cpptype=None):
+        self.found[name] = value if cpptype is None else mi.get_property(value, cpptype, self.node)
+
+
+def members(node) -> dict:
+    """Parameters and objects that a Mitsuba object holds, by name: a mesh's buffers and BSDF, what a BSDF wraps, ..."""
+    return Members(node).found
+
+
+def children(node) -> list:
+    return [member for member in members(node).values() if isinstance(member, mi.Object)]
+
+
+def deriving_plugins(scene) -> list:
+    """The scene's plugins that derive something from their parameters, each once."""
+    found, waiting, seen = [], [scene], {scene}
+    while waiting:
+        node = waiting.pop()
+        if hasattr(node, "derive"):
+            found.append(node)
+        new = [child for child in children(node) if child not in seen]
+        seen.update(new)
+        waiting += new
+    return found
+
+
+@contextmanager
+def leaves(scene, mode: dr.ADMode):
+    """Within: `derived` of plugins whose parameters have gradients are leaves; forward: they carry the parameters' tangents.
+
+    Afterwards, in backward mode, what the leaves have gathered is passed on to the parameters.
+    """
+    plugins = [plugin for plugin in deriving_plugins(scene) if attached(plugin.sources())]
+    with dr.resume_grad():
+        for plugin in plugins:
+            plugin.derive()
+        derived = [plugin.derived for plugin in plugins]
+        if mode == dr.ADMode.Forward and plugins:
+            dr.forward_to(flatten(tuple(derived)), flags=dr.ADFlag.ClearEdges)
+        for plugin, tree in zip(plugins, derived):
+            leaf = dr.detach(tree)
+            dr.enable_grad(leaf)
+            if mode == dr.ADMode.Forward:
+                dr.set_grad(leaf, dr.grad(tree))
+            plugin.derived = leaf
+    try:
+        yield
+        if mode == dr.ADMode.Backward and plugins:
+            with dr.resume_grad():
+                for plugin, tree in zip(plugins, derived):
+                    for array, leaf in zip(flatten(tree), flatten(plugin.derived)):
+                        dr.accum_grad(array, dr.grad(leaf))
+                        dr.enqueue(dr.ADMode.Backward, array)
+                dr.traverse(dr.ADMode.Backward)
+    finally:
+        for plugin, tree in zip(plugins, derived):
+            plugin.derived = tree

@@ -1,0 +1,124 @@
+"""What emits in a scene: labels, and a mixture of facets and other emitters to draw directions from."""
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mi_lcair.errors import InputError
+from mi_lcair.plugins.facets import Facets, pointer_id
+
+OTHER = "other"         # label of what has no thermal emitter
+
+
+@dataclass
+class EmitterSample:
+    """A direction toward an emitter: ds.pdf [1/sr], the first hit along it, and whether that is what was drawn."""
+    ds: mi.DirectionSample3f
+    hit: mi.SurfaceInteraction3f
+    emitter: mi.EmitterPtr
+    from_facets: mi.Bool
+    counts: mi.Bool
+
+    def radiance(self, si):
+        """What the emitter sends back toward `si`, with derivatives [W m^-2 sr^-1]."""
+        facet = self.emitter.eval(self.hit, self.counts & self.from_facets)
+        return facet + self.emitter.eval_direction(si, self.ds, self.counts & ~self.from_facets)
+
+
+def source(emitter):
+    """Blackbody or given radiance of a thermal emitter, one value or one per facet; None for a texture."""
+    return emitter.derived if emitter.radiance is None else emitter.radiance
+
+
+def one_band(thermal):
+    """The band in which all thermal emitters of a scene emit; None if none names one."""
+    bands = {emitter.band.name: emitter.band for emitter in thermal if emitter.band is not None}
+    if len(bands) > 1:
+        raise InputError(f"the scene mixes bands: {', '.join(sorted(bands))}; all thermal emitters must name the same")
+    return next(iter(bands.values()), None)
+
+
+class EmitterTable:
+    """The emitters of a scene, by label and as one density over directions.
+
+    `labels`: the groups of the thermal emitters, and `other` if the scene holds anything else. `sample` and `pdf` mix
+    the facets of thermal meshes, drawn by area times blackbody radiance, with every other emitter, drawn evenly.
+    """
+
+    def __init__(self, scene):
+        emitters = list(scene.emitters())
+        thermal = [emitter for emitter in emitters if hasattr(emitter, "group")]
+        unlabelled = len(thermal) < len(emitters) or any(not hasattr(shape.emitter(), "group") for shape in scene.shapes())
+        self.labels = sorted({emitter.group for emitter in thermal} | ({OTHER} if unlabelled else set()))
+        ids = {pointer_id(mi.EmitterPtr(emitter)): emitter for emitter in emitters}
+        label_of = np.full(max(ids, default=0) + 1, self.labels.index(OTHER) if unlabelled else 0, dtype=np.uint32)
+        for key, emitter in ids.items():
+            label_of[key] = self.labels.index(getattr(emitter, "group", OTHER))
+        self.label_of = mi.UInt32(label_of)
+
+        self.band = one_band(thermal)
+
+        meshes = [emitter for emitter in thermal if emitter.get_shape().is_mesh() and source(emitter) is not None]
+        weights = [dr.detach(source(emitter)).numpy() for emitter in meshes]
+        emitting = sum(float(weight.sum()) for weight in weights) > 0
+        self.facets = Facets([emitter.get_shape() for emitter in meshes], weights) if emitting else None
+        others = [emitter for emitter in emitters if emitter not in meshes or not emitting]
+        self.other_count = len(others)
+        self.others = mi.UInt32([pointer_id(mi.EmitterPtr(emitter)) for emitter in others]) if others else None
+        self.facet_share = 0.0 if not emitting else 1.0 if not others else 0.5
+        dr.eval(self.label_of, self.others)
+
+    def label(self, emitter):
+        """Index into `labels` of an emitter pointer; that of `other` for a null pointer."""
+        return dr.gather(mi.UInt32, self.label_of, dr.reinterpret_array(mi.UInt32, emitter))
+
+    def sample(self, scene, si, sample1, sample2, active):
+        """Draws a direction from what emits and traces it to its first hit.
+
+        A sample counts only if the first hit is what was drawn; otherwise emitters that overlap or hide each other
+        would be counted in each other's place.
+        """
+        ds = dr.zeros(mi.DirectionSample3f)
+        emitter, facet = dr.zeros(mi.EmitterPtr), mi.UInt32(0)
+        from_facets = active & (sample1 < self.facet_share)
+        if self.facets:
+            facet, ds.p, ds.n, density = self.facets.sample(sample2, from_facets)
+            ds.d = ds.p - si.p
+            ds.dist = dr.norm(ds.d)
+            ds.d /= ds.dist
+            ds.pdf = self.facet_share * density * dr.square(ds.dist) / dr.maximum(dr.abs_dot(ds.d, ds.n), 1e-20)
+        if self.others is not None:
+            from_others = active & ~from_facets
+            reused = (sample1 - self.facet_share) / (1 - self.facet_share)
+            index = dr.minimum(mi.UInt32(reused * self.other_count), self.other_count - 1)
+            emitter = dr.reinterpret_array(mi.EmitterPtr, dr.gather(mi.UInt32, self.others, index, from_others))
+            ds_other, _ = emitter.sample_direction(si, sample2, from_others)
+            ds_other.pdf *= (1 - self.facet_share) / self.other_count
+            ds = dr.select(from_facets, ds, ds_other)
+
+        hit = scene.ray_intersect(si.spawn_ray(ds.d), active)
+        hit_emitter = hit.emitter(scene)
+        on_surface = mi.has_flag(emitter.flags(), mi.EmitterFlags.Surface)
+        at_point = (hit_emitter == emitter) & (dr.abs(hit.t - ds.dist) < 1e-3 * ds.dist)
+        nothing_before = ~hit.is_valid() | (hit.t > ds.dist * (1 - 1e-4))
+        counts = dr.select(on_surface, at_point, nothing_before)
+        if self.facets:
+            found, known = self.facets.find(hit.shape, hit.prim_index, from_facets & hit.is_valid())
+            counts = dr.select(from_facets, known & (found == facet), counts)
+            emitter = dr.select(from_facets, hit_emitter, emitter)
+        return EmitterSample(ds, hit, emitter, from_facets, active & counts & (ds.pdf > 0))
+
+    def pdf(self, scene, si_before, si, emitter, active):
+        """Density with which `sample` at `si_before` draws the direction in which `si` was hit [1/sr]."""
+        density = mi.Float(0)
+        known = mi.Bool(False)
+        if self.facets:
+            facet, known = self.facets.find(si.shape, si.prim_index, active & si.is_valid())
+            per_area = dr.gather(mi.Float, self.facets.density, facet, known)
+            density = self.facet_share * per_area * dr.square(si.t) / dr.maximum(dr.abs(dr.dot(si.n, si.to_world(si.wi))), 1e-20)
+        if self.others is not None:
+            ds = mi.DirectionSample3f(scene, si, si_before)
+            other = emitter.pdf_direction(si_before, ds, active & ~known)
+            density = dr.select(known, density, other * (1 - self.facet_share) / self.other_count)
+        return density

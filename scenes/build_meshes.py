@@ -1,0 +1,110 @@
+"""Builds the meshes of the bundled scenes: `python -m mi_lcair.scenes.build_meshes` writes meshes/*.ply.
+
+Lengths are in metres. Corners run anticlockwise as seen from the side that emits and reflects: that is where the
+face normal points. The bytes depend on nothing but this file.
+"""
+from pathlib import Path
+
+import numpy as np
+
+FOLDER = Path(__file__).parent / "meshes"
+
+CAVITY_RADIUS = 0.5  # m, thesis 3.2.3.1
+ROWS = COLUMNS = 20  # facets of the latitude-longitude sphere from pole to pole, and around
+
+# Facets removed -> rows x columns of the block that they make, centred on the equator (thesis Table B.1).
+OPENINGS = {2: (2, 1), 4: (2, 2), 8: (4, 2), 16: (4, 4), 24: (6, 4), 36: (6, 6), 60: (10, 6), 80: (10, 8)}
+
+
+def rectangle(corner, along, across):
+    """Vertices (4, 3) and triangles (2, 3) of a rectangle with the given corner and edges; normal along x across."""
+    corner, along, across = (np.array(vector, float) for vector in (corner, along, across))
+    vertices = np.array([corner, corner + along, corner + along + across, corner + across])
+    return vertices, np.array([[0, 1, 2], [0, 2, 3]])
+
+
+def box(size, inward=False):
+    """Vertices (8, 3) and triangles (12, 3) of a closed box of `size` (3,) about the origin."""
+    vertices = (np.indices((2, 2, 2)).reshape(3, 8).T - 0.5) * np.array(size, float)
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    triangles = np.array([corners for a, b, c, d in quads for corners in ((a, b, c), (a, c, d))])
+    return vertices, triangles[:, ::-1] if inward else triangles
+
+
+def sphere(radius, opening=(0, 0), inward=False):
+    """Vertices and triangles of the latitude-longitude sphere of ROWS x COLUMNS facets, poles on the z axis.
+
+    `opening` (rows, columns) is the block of facets that is left out. Its middle lies on the +x axis: the meridians
+    are counted from the block's edge, which is half a block before +x. Facets are plane trapezia, cut into two
+    triangles; those at the poles are triangles already.
+    """
+    open_rows, open_columns = opening
+    colatitudes = np.pi * np.arange(1, ROWS) / ROWS
+    longitudes = 2 * np.pi * (np.arange(COLUMNS) - open_columns / 2) / COLUMNS
+    rings = [
+        (np.sin(colatitude) * np.cos(longitude), np.sin(colatitude) * np.sin(longitude), np.cos(colatitude))
+        for colatitude in colatitudes for longitude in longitudes
+    ]
+    vertices = radius * np.array([(0, 0, 1), *rings, (0, 0, -1)])
+    top_pole, bottom_pole = 0, len(vertices) - 1
+
+    def ring(row, column):
+        return 1 + (row - 1) * COLUMNS + column % COLUMNS
+
+    triangles = []
+    for row in range(ROWS):
+        for column in range(COLUMNS):
+            if abs(row + 0.5 - ROWS / 2) < open_rows / 2 and column < open_columns:
+                continue
+            if row == 0:
+                triangles.append((top_pole, ring(1, column), ring(1, column + 1)))
+            elif row == ROWS - 1:
+                triangles.append((ring(row, column), bottom_pole, ring(row, column + 1)))
+            else:
+                a, b = ring(row, column), ring(row + 1, column)
+                c, d = ring(row + 1, column + 1), ring(row, column + 1)
+                triangles += [(a, b, c), (a, c, d)]
+    triangles = np.array(triangles)
+    return vertices, triangles[:, ::-1] if inward else triangles
+
+
+def meshes():
+    """Every bundled mesh: file name -> (vertices in m, triangles)."""
+    return {
+        # The reflector's short edge and the emitter's foot share x = 0; they face +z and +x.
+        "two_plates_reflector.ply": rectangle((0, -0.05, 0), (0.2, 0, 0), (0, 0.1, 0)),
+        "two_plates_emitter.ply": rectangle((0, -0.05, 0), (0, 0.1, 0), (0, 0, 0.2)),
+        # The floor's long edge and the wall's foot share y = 0; they face +z and +y.
+        "open_box_floor.ply": rectangle((-0.1, 0, 0), (0.2, 0, 0), (0, 0.1, 0)),
+        "open_box_wall.ply": rectangle((-0.1, 0, 0), (0, 0, 0.1), (0.2, 0, 0)),
+        **{f"cavity_{facets}.ply": sphere(CAVITY_RADIUS, block, inward=True) for facets, block in OPENINGS.items()},
+        "furnace_room.ply": box((2, 2, 2), inward=True),
+        "furnace_slab.ply": box((0.7, 0.04, 0.7)),
+        "furnace_sphere.ply": sphere(0.2),
+    }
+
+
+def ply(vertices, triangles) -> bytes:
+    """The binary PLY file of a mesh; vertices that no triangle uses are dropped."""
+    used, triangles = np.unique(triangles, return_inverse=True)
+    # Rounding to 1 nm hides the last bits of sine and cosine, which differ between processors; + 0.0 turns -0 into 0.
+    points = (np.round(vertices[used], 9) + 0.0).astype("<f4")
+    faces = np.empty(triangles.size // 3, dtype=[("count", "u1"), ("corners", "<i4", 3)])
+    faces["count"] = 3
+    faces["corners"] = triangles.reshape(-1, 3)
+    header = (
+        "ply\nformat binary_little_endian 1.0\ncomment mi_lcair scenes/build_meshes.py, metres\n"
+        f"element vertex {len(points)}\nproperty float x\nproperty float y\nproperty float z\n"
+        f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    return header.encode() + points.tobytes() + faces.tobytes()
+
+
+def main():
+    FOLDER.mkdir(exist_ok=True)
+    for name, (vertices, triangles) in meshes().items():
+        (FOLDER / name).write_bytes(ply(vertices, triangles))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,206 @@
+"""Start-up: LLVM is chosen before drjit is imported, plugins are registered with mitsuba, and nothing aborts.
+
+Each test starts a Python of its own, because what is tried is what the first import in a process does.
+"""
+import os
+import shutil
+import subprocess
+import sys
+from importlib.metadata import PackageNotFoundError, files
+from pathlib import Path
+
+import pytest
+
+import mi_lcair
+from mi_lcair import llvm
+
+ROOT = Path(__file__).resolve().parents[1]
+LLVM_15 = Path("/usr/lib/x86_64-linux-gnu/libLLVM-15.so.1")
+needs_llvm_15 = pytest.mark.skipif(not LLVM_15.exists(), reason="no LLVM 15 on this machine")
+
+# LLVM 15 and 16 pass a plain sum and abort the process at `minimum`, so that is what shows that LLVM works.
+COMPUTE = "import drjit as dr; assert dr.minimum(dr.llvm.Float([1, 2, 3]), 2).numpy().tolist() == [1, 2, 2]\n"
+SANDFORD_ROBERTSON = {"type": "sandford_robertson", "epsilon": 0.1, "rho_d": 0.2, "b": 0.3, "e": 0.2}
+
+
+def python(code, *path, variable=None):
+    """Run `code` in a fresh Python that searches the folders `path` (default: the checkout) before its own."""
+    environment = {key: value for key, value in os.environ.items() if key != llvm.VARIABLE}
+    environment["PYTHONPATH"] = os.pathsep.join(map(str, path or (ROOT,)))
+    if variable is not None:
+        environment[llvm.VARIABLE] = str(variable)
+    return subprocess.run([sys.executable, "-P", "-c", code], env=environment, capture_output=True, text=True, timeout=60)
+
+
+@pytest.fixture
+def usable_llvm(monkeypatch):
+    """Path of the LLVM that is chosen when the user names none."""
+    monkeypatch.setenv(llvm.VARIABLE, "")
+    llvm.prepare()
+    return os.environ[llvm.VARIABLE]
+
+
+# LLVM ---------------------------------------------------------------------------------------------------------------
+
+
+def test_finds_llvm_by_itself():
+    done = python("import mi_lcair\n" + COMPUTE)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("variable", ["/nowhere/libLLVM.so", pytest.param(LLVM_15, marks=needs_llvm_15)])
+def test_unusable_variable_is_passed_over_with_one_line(variable):
+    done = python("import mi_lcair\n" + COMPUTE, variable=variable)
+    assert done.returncode == 0, done.stderr
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"{llvm.VARIABLE}={variable} is passed over: ")
+
+
+def test_usable_variable_comes_first(usable_llvm, tmp_path):
+    link = tmp_path / "libLLVM.so"
+    link.symlink_to(usable_llvm)
+    done = python(f"import mi_lcair, os\n{COMPUTE}print(os.environ['{llvm.VARIABLE}'])", variable=link)
+    assert (done.stdout.strip(), done.stderr) == (str(link), "")
+
+
+@pytest.mark.parametrize("variable", [None, pytest.param(LLVM_15, marks=needs_llvm_15)])
+def test_no_usable_llvm_is_one_line_that_says_what_to_install(variable):
+    done = python(
+        "from mi_lcair import llvm\n"
+        "llvm.WHEEL, llvm.SYSTEM = 'a-wheel-that-nobody-has', ()\n"
+        "try: import mitsuba\n"
+        "except ImportError as error: print(error)",
+        variable=variable,
+    )
+    assert done.returncode == 0, done.stderr
+    (line,) = done.stdout.splitlines()
+    assert line.startswith("no LLVM 17 or newer found") and "; install one: " in line
+
+
+def test_version_is_asked_of_the_library(usable_llvm, monkeypatch):
+    """LLVM 16 answers with its version too; here what answers is too old because more is asked."""
+    monkeypatch.setattr(llvm, "OLDEST", 99)
+    monkeypatch.setattr(llvm, "SYSTEM", ())
+    with pytest.raises(ImportError, match=r"^no LLVM 99 or newer found \(tried .*: LLVM \d\d, older than 99"):
+        llvm.prepare()
+
+
+def test_missing_libatomic_is_one_line_that_says_what_to_install(monkeypatch):
+    def load(name):
+        raise OSError(f"{name}: cannot open shared object file")
+
+    monkeypatch.setattr(llvm.sys, "platform", "linux")
+    monkeypatch.setattr(llvm.ctypes, "CDLL", load)
+    with pytest.raises(ImportError, match=r"^libatomic.so.1 is missing.* apt-get install libatomic1$"):
+        llvm.prepare()
+
+
+@pytest.mark.parametrize(
+    "variable, found", [("/nowhere", "no LLVM"), pytest.param(LLVM_15, "LLVM 15", marks=needs_llvm_15)]
+)
+def test_drjit_imported_first_with_an_unusable_llvm(variable, found):
+    done = python("import drjit, mi_lcair", variable=variable)
+    assert done.returncode == 1  # an exception; an abort would be negative
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith(f"ImportError: drjit was imported before mi_lcair and found {found}, ")
+
+
+def test_mitsuba_imported_first_with_a_usable_llvm(usable_llvm):
+    done = python(
+        "import mitsuba as mi\nmi.set_variant('llvm_ad_rgb')\nimport mi_lcair\n"
+        f"assert mi.variant() == 'llvm_ad_rgb'\nmi.load_dict({SANDFORD_ROBERTSON})\n" + COMPUTE,
+        variable=usable_llvm,
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_read_only_site_packages(tmp_path):
+    """The wheel as its files lie where the start-up hook that links libc++.so.1 could not write."""
+    try:
+        installed = [file for file in files(llvm.WHEEL) if not file.locate().is_symlink() and file.locate().exists()]
+    except PackageNotFoundError:
+        pytest.skip("the wheel with LLVM is not installed")
+    site = tmp_path / "lib" / "python" / "site-packages"
+    for file in installed:
+        if ".so" in file.name or file.name in ("METADATA", "RECORD"):
+            target = site / file
+            Path(os.path.normpath(target)).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(file.locate(), os.path.normpath(target))
+    done = python(f"import mi_lcair, os\n{COMPUTE}print(os.environ['{llvm.VARIABLE}'])", ROOT, site)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert Path(done.stdout.strip()).is_relative_to(tmp_path)
+
+
+def test_exceptions_of_mitsuba_are_still_caught():
+    """The wheel's C++ runtime must not take the place of the one that Mitsuba throws with."""
+    done = python(
+        "import mi_lcair, mitsuba as mi\n"
+        "try: mi.load_dict({'type': 'no_such_plugin'})\n"
+        "except RuntimeError: print('caught')"
+    )
+    assert done.stdout == "caught\n", done.stderr
+
+
+# Plugins ------------------------------------------------------------------------------------------------------------
+
+
+def test_plugins_follow_the_variant():
+    done = python(
+        "import mi_lcair, mitsuba as mi\n"
+        "assert mi.variant() == 'llvm_ad_mono'\n"
+        "for variant in ('llvm_ad_mono', 'llvm_ad_rgb', 'scalar_rgb', 'llvm_ad_mono'):\n"
+        "    mi.set_variant(variant)\n"
+        f"    if variant != 'scalar_rgb': print(isinstance(mi.load_dict({SANDFORD_ROBERTSON}), mi.BSDF))\n"
+    )
+    assert done.stdout.split() == ["True"] * 3, done.stderr
+
+
+def test_plugins_imported_before_mitsuba():
+    done = python(f"import mi_lcair.plugins, mitsuba as mi\nmi.load_dict({SANDFORD_ROBERTSON})")
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("layout", ["checkout", "installed"])
+def test_foreign_packages_stay_foreign(layout, tmp_path):
+    """Ours are mi_lcair.plugins and nothing else; whatever lies beside an installed mi_lcair is no part of it."""
+    for name in ("plugins", "photometry"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "__init__.py").write_text("FOREIGN = True\n")
+    path = (tmp_path, ROOT)
+    if layout == "installed":
+        path = (tmp_path,)
+        ignore = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(ROOT / "mi_lcair", tmp_path / "mi_lcair", ignore=ignore)
+        shutil.copytree(ROOT / "plugins", tmp_path / "mi_lcair" / "plugins", ignore=ignore)
+    done = python(
+        "import sys, importlib.util, mi_lcair, mitsuba\n"
+        "assert 'plugins' not in sys.modules\n"
+        "assert importlib.util.find_spec('mi_lcair.photometry') is None\n"
+        "import plugins\n"
+        "assert plugins.FOREIGN and not hasattr(mi_lcair.plugins, 'FOREIGN')\n"
+        "print(mi_lcair.plugins.__file__)",
+        *path,
+    )
+    assert done.returncode == 0, done.stderr
+    ours = tmp_path / "mi_lcair" / "plugins" if layout == "installed" else ROOT / "plugins"
+    assert Path(done.stdout.strip()).parent == ours
+
+
+def test_help_loads_no_renderer_and_no_charts():
+    done = python(
+        "import sys\n"
+        "from mi_lcair.cli import main\n"
+        "sys.argv = ['mi-lcair', '--help']\n"
+        "try: main()\n"
+        "except SystemExit as status: assert not status.code\n"
+        "print({'mitsuba', 'drjit', 'matplotlib', 'colour'} & set(sys.modules))"
+    )
+    assert done.stdout.startswith("Usage: mi-lcair") and done.stdout.endswith("set()\n"), done.stderr
+
+
+def test_public_names_resolve():
+    assert set(mi_lcair.__all__) <= set(dir(mi_lcair))
+    for name in mi_lcair.__all__:
+        assert getattr(mi_lcair, name), name
+    with pytest.raises(AttributeError, match="no attribute 'lode'"):
+        mi_lcair.lode
