@@ -40,6 +40,7 @@ class BouncePath(RBIntegrator):
         if self.max_bounces < 0:
             raise InputError(f"bounce_path: max_bounces = {self.max_bounces} must be >= 0")
         self.emitter_sampling = props.get("emitter_sampling", False)
+        self.tail_error = 0.0
         self.closure = props.get("closure", "none")
         if self.closure not in CLOSURES:
             raise InputError(f"bounce_path: closure '{self.closure}' is unknown; it must be one of {', '.join(CLOSURES)}")

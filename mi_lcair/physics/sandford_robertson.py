@@ -13,7 +13,7 @@ import drjit as dr
 from ..errors import InputError
 
 FORMS = ("thesis", "normalized")
-SMALLEST = 1e-30    # keeps 0/0 out of limits that are 0 or 1; a normal number in Float32
+SMALLEST = 1e-18    # keeps 0/0 out of limits that are 0 or 1; its square, in derivatives, is a normal number in Float32
 
 
 @dataclass
