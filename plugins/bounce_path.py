@@ -199,7 +199,7 @@ class BouncePath(RBIntegrator):
             β *= weight
             si_before = dr.detach(si)
             pdf_before, delta_before = bs.pdf, delta
-            ray = si.spawn_ray(si.to_world(bs.wo))
+            ray = emitters.spawn_ray(si, si.to_world(bs.wo))
             bounce += 1
             active = active_next
 

@@ -154,7 +154,9 @@ def test_shapes_and_types_are_kept():
     assert type(vector) is Array3f and type(tensor) is TensorXf and tensor.shape == (2, 1)
     np.testing.assert_allclose(vector.numpy()[:, 0], [at_300, at_400, at_300], rtol=1e-6)
     np.testing.assert_allclose(tensor.numpy()[:, 0], [at_300, at_400], rtol=1e-6)
-    np.testing.assert_allclose(spectral_radiance(Float(4, 5), 300.0), spectral_radiance([4, 5], 300), rtol=1e-6)
+    spectral = spectral_radiance(Float(4, 5), 300.0)
+    assert type(spectral) is Float
+    np.testing.assert_allclose(spectral, spectral_radiance([4, 5], 300), rtol=1e-6)
 
 
 def test_traced_calls_carry_the_derivative():
@@ -168,8 +170,9 @@ def test_traced_calls_carry_the_derivative():
         assert abs(dr.grad(t)[k] / mpmath.diff(lambda x: exact(limits, x), 300, h=1e-8) - 1) < 1e-6
 
 
-@settings(max_examples=40, deadline=None)
-@given(st.sampled_from([*NAMED, "total", "3.99-4.01", "0.4-14"]), st.lists(st.floats(-40, 8), min_size=1, max_size=5))
+@pytest.mark.parametrize("spec", [*NAMED, "total", "3.99-4.01", "0.4-14"])
+@settings(max_examples=15, deadline=None)
+@given(exponents=st.lists(st.floats(-40, 8), min_size=1, max_size=5))
 def test_the_inverse_returns(spec, exponents):
     radiance = 10.0 ** np.array(exponents)
     temperature = brightness_temperature(band(spec), radiance)
