@@ -41,10 +41,12 @@ class Surface:
 
 
 def surface(epsilon, rho_d, b, e, form: str = "thesis") -> Surface:
-    """A `Surface` from its parameters, best Float64 arrays (then `cast`). form: see `radiance_factor`."""
+    """A `Surface` from its parameters, best Float64 arrays (then `cast`). form: see `f`."""
     G_b = G(b)
+    slack = (G_b - epsilon - rho_d) / G_b
+    slack += dr.maximum(-dr.detach(slack), 0)       # parameters that passed through Float32 may exceed G by its rounding
     return Surface(epsilon, rho_d, b, e, floor=rho_d / dr.square(G_b), absorbed=(epsilon + rho_d) / G_b,
-                   slack=(G_b - epsilon - rho_d) / G_b, G=G_b, form=form)
+                   slack=slack, G=G_b, form=form)
 
 
 def check_feasible(epsilon: float, rho_d: float, b: float, e: float, form: str = "thesis") -> None:
