@@ -13,8 +13,8 @@ __version__ = "0.1.0"
 
 _HOME = {  # public name: the module that it comes from, imported at the first use
     "InputError": "errors",
-    "load": "rendering",
-    "render": "rendering",
+    "load": "rendering.scene",
+    "render": "rendering.render",
     "signature": "products.signature",
 }
 __all__ = ["__version__", *_HOME]

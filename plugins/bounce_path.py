@@ -1,4 +1,6 @@
 r"""Integrator `bounce_path`: path tracing from the observer, cut after a number of reflections and counted by them."""
+from contextlib import contextmanager
+
 import drjit as dr
 import mitsuba as mi
 from mitsuba.python.ad.integrators.common import RBIntegrator, mis_weight
@@ -58,27 +60,36 @@ class BouncePath(RBIntegrator):
 
     # ---------------------------------------------------------------- Around the loop
 
-    def refresh(self, scene) -> None:
-        """Brings everything derived from the scene up to date, before any loop is recorded."""
+    @contextmanager
+    def prepared(self, scene):
+        """Within: everything derived from the scene is up to date, and paths may be traced. Loops are recorded later."""
+        plugins = deriving_plugins(scene)
         with dr.resume_grad():
-            for plugin in deriving_plugins(scene):
+            for plugin in plugins:
                 plugin.refresh()
         self.emitters = EmitterTable(scene)
         if self.closure == "ambient":
             self.ambient_radiance = mi.Float(in_band_radiance(self.emitters.band, self.ambient_temperature))
+        try:
+            for plugin in plugins:
+                plugin.fresh = True
+            yield
+        finally:
+            for plugin in plugins:
+                plugin.fresh = False
 
     def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):
-        self.refresh(scene)
-        return super().render(scene, sensor, seed, spp, develop, evaluate)
+        with self.prepared(scene):
+            return super().render(scene, sensor, seed, spp, develop, evaluate)
 
     def render_forward(self, scene, params, sensor=0, seed=0, spp=0):
         self.check_differentiable()
-        with leaves(scene, dr.ADMode.Forward):
+        with self.prepared(scene), leaves(scene, dr.ADMode.Forward):
             return super().render_forward(scene, params, sensor, seed, spp)
 
     def render_backward(self, scene, params, grad_in, sensor=0, seed=0, spp=0):
         self.check_differentiable()
-        with leaves(scene, dr.ADMode.Backward):
+        with self.prepared(scene), leaves(scene, dr.ADMode.Backward):
             super().render_backward(scene, params, grad_in, sensor, seed, spp)
 
     def check_differentiable(self) -> None:
@@ -95,7 +106,7 @@ class BouncePath(RBIntegrator):
     def observe(self, scene, sensor, seed: int, spp: int, first: int, pixels: int, split: bool = True) -> Pixels:
         """One pass: `spp` paths through each of `pixels` pixels from number `first` on (row by row).
 
-        split: also record the channels of `Channels`; call `refresh` first.
+        split: also record `Channels`. To be called within `prepared`.
         """
         count = pixels * spp
         sampler = sensor.sampler().clone()
@@ -115,7 +126,7 @@ class BouncePath(RBIntegrator):
             if self.closure == "tail":
                 tail, self.tail_error = channels.add_tail()
                 L += tail
-            return pixel_statistics(L[0], channels if split else None, labels, spp)
+            return pixel_statistics(L[0], channels if split else None, spp)
 
     # ---------------------------------------------------------------- The loop
 

@@ -46,26 +46,34 @@ class Channels:
         for k in range(len(self.last)):
             self.last[k] += dr.select(bounce == max_bounces - 2 + k, value, 0)
 
+    def samples(self, L) -> list:
+        """All channels in the order of the image: bounces, closure, groups, seen, and range and hit (1 or 0)."""
+        seen = [dr.select(self.seen == k, L, 0) for k in range(len(self.by_group))]
+        hit = dr.select(self.range > 0, mi.Float(1), 0)
+        return [*self.by_bounce, self.closure, *self.by_group, *seen, self.range, hit]
+
     def add_tail(self) -> tuple[mi.Float, float]:
         """Continues the last two bounce counts geometrically, with the ratio of their sums over all samples.
 
-        Returns the tail per sample and the factor by which it would change with the ratio of the two counts before.
+        Returns the tail per sample, and as its error what the ratio of the two counts before would have made of its mean.
         """
-        before, last, newest = (float(dr.sum(channel)[0]) for channel in self.last)
         def continuation(a, b):
             ratio = b / a if a > 0 else 0.0
             return ratio / (1 - ratio) if ratio < 1 else 0.0
+
+        dr.eval(self.last)
+        before, last, newest = (float(dr.sum(channel)[0]) for channel in self.last)
         factor = continuation(last, newest)
         self.closure = self.last[2] * factor
-        return self.closure, abs(factor - continuation(before, last))
+        return self.closure, abs(factor - continuation(before, last)) * newest / dr.width(self.closure)
 
 
 @dataclass
 class Pixels:
     """Statistics of one pass over a run of pixels; NumPy, Float64, one value per pixel.
 
-    count: finite samples; mean and squares (sum of squared deviations from the mean) of the radiance; channels: means,
-    rows in the order of `names`; invalid: NaN or infinite samples, left out.
+    count: finite samples; mean and squares (sum of squared deviations from the mean) of the radiance; channels: means of
+    the channels, rows as `Channels.samples` lists them; invalid: NaN or infinite samples, left out.
     """
     count: np.ndarray
     mean: np.ndarray
@@ -74,31 +82,18 @@ class Pixels:
     invalid: int
 
 
-def pixel_statistics(L, channels: "Channels | None", labels: int, spp: int) -> Pixels:
-    """Reduces samples (`spp` consecutive ones per pixel) to pixels. Deviations are taken from the pixel's own mean, so
-    that the variance survives in Float32 where it is tiny beside the square of the mean."""
+def pixel_statistics(L, channels: "Channels | None", spp: int) -> Pixels:
+    """Reduces samples (`spp` consecutive ones per pixel) to pixels.
+
+    Deviations are taken from the pixel's own mean: in Float32 the variance would drown in the square of the mean.
+    """
     finite = dr.isfinite(L)
-    dr.schedule(finite)
-    samples = [L]
-    if channels is not None:
-        samples += channels.by_bounce + [channels.closure] + channels.by_group
-        samples += [dr.select(channels.seen == k, L, 0) for k in range(labels)]
-        samples += [channels.range]
-    samples = [dr.select(finite, value, 0) for value in samples]
-    samples.append(dr.select(finite, mi.Float(1), 0))
-    if channels is not None:
-        samples.append(dr.select(finite & (channels.range > 0), mi.Float(1), 0))
-    dr.eval(samples)                        # one kernel: each reduction would otherwise trace the paths again
-    sums = [dr.block_sum(value, spp) for value in samples]
-    hits = sums.pop() if channels is not None else None
-    count = sums.pop()
-    mean = sums[0] / dr.maximum(count, 1)
-    deviation = dr.select(finite, samples[0] - dr.repeat(mean, spp), 0)
-    squares = dr.block_sum(dr.square(deviation), spp)
-    n = np.maximum(count.numpy().astype(np.float64), 1)
-    means = [total.numpy() / n for total in sums[1:]]
-    if channels is not None:
-        means[-1] *= n / np.maximum(hits.numpy(), 1)        # range: over the hits alone
-    invalid = dr.width(L) - int(count.numpy().astype(np.float64).sum())
-    return Pixels(count.numpy().astype(np.float64), mean.numpy().astype(np.float64), squares.numpy().astype(np.float64),
-                  np.reshape(means, (len(means), len(n))), invalid)
+    samples = [L] if channels is None else [L, *channels.samples(L)]
+    samples = [dr.select(finite, value, 0) for value in samples] + [dr.select(finite, mi.Float(1), 0)]
+    dr.eval(finite, samples)                # one kernel: each reduction would otherwise trace the paths again
+    total, *sums, count = (dr.block_sum(value, spp) for value in samples)
+    mean = total / dr.maximum(count, 1)
+    squares = dr.block_sum(dr.square(dr.select(finite, samples[0] - dr.repeat(mean, spp), 0)), spp)
+    count, mean, squares, *sums = (values.numpy().astype(np.float64) for values in (count, mean, squares, *sums))
+    means = np.reshape(sums, (len(sums), len(count))) / np.maximum(count, 1)
+    return Pixels(count, mean, squares, means, dr.width(L) - int(count.sum()))

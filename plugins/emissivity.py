@@ -8,7 +8,7 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.derivatives import children
 
-HIDING = ("Mask", "BumpMap", "NormalMap", "BlendBSDF")      # wrappers that answer 0 for their content's emissivity
+HIDING = ("MaskBSDF", "BumpMap", "NormalMap", "BlendBSDF")      # wrappers that answer 0 for their content's emissivity
 AZIMUTHS = (0, 0.7, 1.9)                                    # where a table looks for anisotropy [rad]
 NODES, SAMPLES = 65, 4096                                   # of a table over cos(theta) = t^2, and per node and azimuth
 
@@ -68,9 +68,10 @@ def emissivity_of(bsdf) -> Emissivity:
         return Emissivity("attribute", flags)
     if kinds == {"SmoothDiffuse"}:
         return Emissivity("diffuse", flags)
-    for flag, word in ((mi.BSDFFlags.Transmission, "transmits"), (mi.BSDFFlags.Anisotropic, "is anisotropic"),
-                       (mi.BSDFFlags.SpatiallyVarying, "varies over the surface")):
-        if flags & flag:
+    textures = [child for layer in layers for child in children(layer) if isinstance(child, mi.Texture)]
+    for found, word in ((flags & mi.BSDFFlags.Transmission, "transmits"), (flags & mi.BSDFFlags.Anisotropic, "is anisotropic"),
+                        (any(texture.is_spatially_varying() for texture in textures), "varies over the surface")):
+        if found:       # stock BSDFs do not set the flag SpatiallyVarying
             raise InputError(f"bsdf '{bsdf.id()}' ({name}) {word}: its emissivity cannot be tabulated; "
                              "give the thermal emitter an `emissivity`")
     return tabulate(bsdf, flags)
@@ -78,6 +79,9 @@ def emissivity_of(bsdf) -> Emissivity:
 
 def tabulate(bsdf, flags: int) -> Emissivity:
     """The table 1 - HDR(theta) over both sides that reflect, with its standard error."""
+    if dr.flag(dr.JitFlag.SymbolicScope):
+        raise RuntimeError(f"bsdf '{bsdf.id()}': its emissivity cannot be tabulated while Dr.Jit records a loop or call; "
+                           "refresh() the scene's thermal emitters first, as bounce_path does")
     tables, error = [], 0.0
     for side, flag in ((1, mi.BSDFFlags.FrontSide), (-1, mi.BSDFFlags.BackSide)):
         if not flags & flag:

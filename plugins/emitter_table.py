@@ -6,7 +6,7 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.facets import Facets, pointer_id
+from mi_lcair.plugins.facets import Facets, is_faceted, pointer_id
 
 OTHER = "other"         # label of what has no thermal emitter
 OFFSET = 64 * 2.0**-24   # of the scene's extent: above the rounding of a hit's position
@@ -62,7 +62,7 @@ class EmitterTable:
         bounds = scene.bbox()
         self.least_offset = mi.Float(OFFSET * max(np.abs(bounds.min).max(), np.abs(bounds.max).max()))
 
-        meshes = [emitter for emitter in thermal if emitter.get_shape().is_mesh() and source(emitter) is not None]
+        meshes = [emitter for emitter in thermal if is_faceted(emitter.get_shape()) and source(emitter) is not None]
         weights = [dr.detach(source(emitter)).numpy() for emitter in meshes]
         emitting = sum(float(weight.sum()) for weight in weights) > 0
         self.facets = Facets([emitter.get_shape() for emitter in meshes], weights) if emitting else None

@@ -13,6 +13,11 @@ def pointer_id(pointer) -> int:
     return int(dr.reinterpret_array(mi.UInt32, pointer)[0])
 
 
+def is_faceted(shape) -> bool:
+    """Whether a shape consists of triangles; Mitsuba's `rectangle` calls itself a mesh but has none."""
+    return "vertex_positions" in members(shape)
+
+
 class Facets:
     """The triangles of some meshes, drawn with a probability proportional to area times a weight.
 

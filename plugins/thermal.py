@@ -10,7 +10,7 @@ from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.beside_scene import beside_scene
 from mi_lcair.plugins.derivatives import check_attached, members
 from mi_lcair.plugins.emissivity import emissivity_of, reflects
-from mi_lcair.plugins.facets import Facets
+from mi_lcair.plugins.facets import Facets, is_faceted
 
 LABEL = re.compile(r"[A-Za-z0-9_-]+")
 
@@ -34,8 +34,9 @@ class Thermal(mi.Emitter):
 
     The emissivity comes from the shape's BSDF (see `emissivity`), so a surface emits from the sides from which it
     reflects. A source with `radiance` emits it as it is, times `emissivity` if that is given. Facet temperatures are
-    the mesh's parameter (`SHAPE.face_temperature`); they are turned into radiance once per change, in Float64. A
-    texture that varies inside a facet is turned into radiance at every hit instead: right, but slower.
+    the mesh's parameter (`SHAPE.face_temperature`); `bounce_path` turns them into radiance once per change, in Float64. A
+    texture that varies inside a facet, and facets under a stock integrator, which cannot tell when a mesh has changed, are
+    turned into radiance at every hit: right, but slower.
     """
 
     def __init__(self, props):
@@ -49,7 +50,9 @@ class Thermal(mi.Emitter):
             raise InputError("thermal: give either `temperature` or `radiance`")
         self.temperature = self.radiance = self.texture = self.attribute = None
         self.derived = self.derived_from = None     # blackbody radiance, one value or one per facet, and of what
-        self.facets = None                          # drawn from by the stock integrators' emitter sampling
+        self.fresh = False                          # whether `derived` is known to hold for the mesh as it is now
+        self.bsdf = self.facets = None              # of the shape. Kept, because `eval` must not ask the shape: Dr.Jit's
+                                                    # calls also reach emitters that outlived their scene
         if "radiance" in props:
             self.radiance = mi.Float(props["radiance"])
             if not props["radiance"] >= 0:
@@ -86,6 +89,7 @@ class Thermal(mi.Emitter):
             cb.put("emissivity", self.given_emissivity, mi.ParamFlags.Differentiable)
 
     def parameters_changed(self, keys=()):
+        self.facets = None                  # the shape may have moved
         if self.temperature is not None:
             self.derive()
         for parameter in (self.radiance, self.given_emissivity):
@@ -113,18 +117,18 @@ class Thermal(mi.Emitter):
             dr.make_opaque(self.derived)
             self.derived_from = temperature.index, temperature.index_ad
 
-    def is_current(self) -> bool:
-        return all(self.derived_from == (temperature.index, temperature.index_ad) for temperature in self.sources())
-
     def refresh(self) -> None:
-        """Brings up to date what no parameter's change announces: facet radiances, and the material's emissivity."""
+        """Brings up to date what no change of our own parameters announces: facet radiances, the material's emissivity."""
         self.find_emissivity()
-        if not self.is_current():
+        if any(self.derived_from != (temperature.index, temperature.index_ad) for temperature in self.sources()):
             self.derive()
 
     def find_emissivity(self) -> None:
-        if self.given_emissivity is None and self.material_emissivity is None:
-            self.material_emissivity = emissivity_of(self.get_shape().bsdf())
+        if self.bsdf is None:
+            bsdf = self.get_shape().bsdf()
+            if self.given_emissivity is None:
+                self.material_emissivity = emissivity_of(bsdf)
+            self.bsdf = bsdf
 
     # ---------------------------------------------------------------- Emission
 
@@ -135,17 +139,16 @@ class Thermal(mi.Emitter):
         if self.temperature is not None:
             check_attached(self)
             return self.derived
-        if self.attribute is not None and self.derived is not None and self.is_current():
+        if self.fresh and self.derived is not None:
             return dr.gather(mi.Float, self.derived, si.prim_index, active)
         Float64 = dr.float64_array_t(mi.Float)
         return mi.Float(in_band_radiance(self.band, Float64(self.texture.eval_1(si, active))))
 
     def emissivity(self, si, active):
-        bsdf = self.get_shape().bsdf()
-        if self.given_emissivity is not None:
-            return dr.select(reflects(int(bsdf.flags()), si.wi.z), self.given_emissivity, 0)
         self.find_emissivity()
-        return self.material_emissivity.eval(bsdf, si, active)
+        if self.given_emissivity is not None:
+            return dr.select(reflects(int(self.bsdf.flags()), si.wi.z), self.given_emissivity, 0)
+        return self.material_emissivity.eval(self.bsdf, si, active)
 
     def eval(self, si, active=True):
         return mi.Spectrum(dr.select(active, self.emissivity(si, active) * self.source_radiance(si, active), 0))
@@ -159,7 +162,7 @@ class Thermal(mi.Emitter):
         """
         shape = self.get_shape()
         si = dr.zeros(mi.SurfaceInteraction3f, dr.width(sample))
-        if shape.is_mesh():
+        if is_faceted(shape):
             self.facets = self.facets or Facets([shape])
             si.prim_index, si.p, si.n, density = self.facets.sample(sample, active)
         else:

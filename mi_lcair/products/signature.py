@@ -5,7 +5,8 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.rendering import Render, Scene, render
+from mi_lcair.rendering.render import Render, render
+from mi_lcair.rendering.scene import Scene
 
 
 @dataclass(frozen=True)

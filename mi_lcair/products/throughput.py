@@ -96,9 +96,13 @@ def timed(run, seed: int) -> float:
 
 def observes(loaded, spp: int, split: bool):
     integrator, sensor = loaded.integrator(), loaded.sensors()[0]
-    integrator.refresh(loaded)
     width, height = sensor.film().crop_size()
-    return lambda seed: integrator.observe(loaded, sensor, seed, spp, 0, width * height, split).invalid
+
+    def run(seed):
+        with integrator.prepared(loaded):
+            return integrator.observe(loaded, sensor, seed, spp, 0, width * height, split).invalid
+
+    return run
 
 
 @dr.syntax

@@ -1,5 +1,1 @@
-"""From a scene XML to a radiance image: `load` and `render`."""
-from .render import Render, render
-from .scene import Scene, load
-
-__all__ = ["Render", "Scene", "load", "render"]
+"""From a scene XML to a radiance image: `scene.load`, `render.render`, `image.write_exr`, `picture.save_picture`."""

@@ -15,7 +15,7 @@ from mi_lcair.physics.blackbody import brightness_temperature
 from .scene import Scene
 
 BOUNCE_CHANNELS = 17        # in the image; the last holds every bounce count from 16 on
-PASS_SAMPLES = 2**23        # paths in flight at once: below 2 GB with all channels
+PASS_SAMPLES = 2**20        # paths in flight at once: a pass takes seconds, and Ctrl-C waits for its end
 PILOT_SPP = 16
 DEFAULT_MAX_SPP = 2**16
 
@@ -93,35 +93,33 @@ def render(scene: Scene, spp: int | None = None, tolerance: float | None = None,
             raise InputError(f"{name} = {value} must be positive")
     start = time.perf_counter()
     camera, integrator = scene.sensor(sensor), scene.mi.integrator()
-    integrator.refresh(scene.mi)
     width, height = camera.film().crop_size()
     total = Accumulator(width * height)
     goal = (spp or camera.sampler().sample_count()) if tolerance is None else (spp or PILOT_SPP)
     limit = goal if tolerance is None else (max_spp or DEFAULT_MAX_SPP)
     seeds = np.random.SeedSequence(seed)
     done, tail_errors = 0, []
-    while done < min(goal, limit):
-        step = min(goal, limit) - done
-        if width * height * step > PASS_SAMPLES:
-            step = max(1, min(step, PASS_SAMPLES // (width * height)))
-        pixels_at_once = min(width * height, PASS_SAMPLES // step)
-        for first in range(0, width * height, pixels_at_once):
-            pass_seed = int(seeds.spawn(1)[0].generate_state(1)[0])
-            pixels = min(pixels_at_once, width * height - first)
-            total.add(first, integrator.observe(scene.mi, camera, pass_seed, step, first, pixels, split))
-            tail_errors.append(integrator.tail_error)
-        done += step
-        if tolerance is not None and done >= goal:
-            goal = samples_needed(total, done, tolerance)
-        if progress:
-            progress(done, min(goal, limit))
+    with integrator.prepared(scene.mi):
+        while done < min(goal, limit):
+            step = max(1, min(min(goal, limit) - done, PASS_SAMPLES // (width * height)))
+            run = min(width * height, PASS_SAMPLES // step)
+            for first in range(0, width * height, run):
+                pass_seed = int(seeds.spawn(1)[0].generate_state(1)[0])
+                pixels = min(run, width * height - first)
+                total.add(first, integrator.observe(scene.mi, camera, pass_seed, step, first, pixels, split))
+                tail_errors.append(integrator.tail_error)
+            done += step
+            if tolerance is not None and done >= goal:
+                goal = samples_needed(total, done, tolerance)
+            if progress:
+                progress(done, min(goal, limit))
     rms_error = total.rms_error()
     reached = None if tolerance is None else rms_error is not None and rms_error <= tolerance
     closure_error = float(np.mean(tail_errors)) if integrator.closure == "tail" else None
     labels = integrator.emitters.labels
     return Render(image_channels(total, labels, (height, width), scene.band, split),
                   header(scene, integrator, sensor, done, seed, total, closure_error), scene.band,
-                  total.channels[:-2 - 2 * len(labels)].mean(axis=1) if split else np.empty(0), done,
+                  total.channels[:-3 - 2 * len(labels)].mean(axis=1) if split else np.empty(0), done,
                   float(total.mean.mean()), rms_error, reached, total.invalid, done * width * height, closure_error,
                   time.perf_counter() - start)
 
@@ -142,14 +140,14 @@ def image_channels(total: Accumulator, labels: list[str], shape, band: Band, spl
     if total.count.min() > 1:
         channels["stderr.Y"] = total.standard_error()
     if split:
-        bounces = len(total.channels) - 2 * len(labels) - 2
+        bounces = len(total.channels) - 2 * len(labels) - 3
         by_bounce, rest = total.channels[:bounces], iter(total.channels[bounces:])
         for k in range(min(bounces, BOUNCE_CHANNELS)):
             channels[f"bounce{k:02d}.Y"] = by_bounce[k] if k < BOUNCE_CHANNELS - 1 else by_bounce[k:].sum(axis=0)
         channels["closure.Y"] = next(rest)
         channels.update((f"group.{label}.Y", next(rest)) for label in labels)
         channels.update((f"seen.{label}.Y", next(rest)) for label in labels)
-        channels["range.Y"] = next(rest)
+        channels["range.Y"] = next(rest) / np.maximum(next(rest), 1e-30)        # over the hits alone
     return {name: np.ascontiguousarray(values.reshape(shape), dtype=np.float32) for name, values in channels.items()}
 
 

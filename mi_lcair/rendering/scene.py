@@ -45,7 +45,7 @@ class Scene:
             surface.set_lobe(lobe)
 
 
-def load(scene, **parameters) -> Scene:
+def load(scene, /, **parameters) -> Scene:
     """Loads a scene XML or a bundled scene, with values for its $-parameters.
 
     scene: a path, or a name that `mi-lcair scenes` lists. Raises InputError, one line, for whatever makes the scene
@@ -112,7 +112,8 @@ def checked(loaded, path: Path, parameters: dict[str, str]) -> Scene:
         raise InputError(f"{path}: the integrator must be bounce_path: <integrator type=\"bounce_path\"/>")
     if not loaded.sensors():
         raise InputError(f"{path}: has no sensor")
-    integrator.refresh(loaded)
+    with integrator.prepared(loaded):
+        pass                            # whatever cannot be derived is refused here
     if integrator.emitters.band is None:
         raise InputError(f"{path}: no thermal emitter names a band; add <emitter type=\"thermal\"> to what radiates")
     return Scene(loaded, path.stem, integrator.emitters.band, integrator.emitters.labels, parameters, remarks(loaded))

@@ -1,14 +1,15 @@
 """Derivatives of the image by path replay against central differences of the rendered radiance.
 
 The floor emits and is hotter than what it reflects, so its parameters act through the emissivity table as well as through
-the reflection. Means over 8 seeds; AD and differences must agree within 2 % or within 3 joint standard errors.
+the reflection. Replay and differences must agree within 2 % or, where that is less, within 3 joint standard errors, which
+come from the scatter of every pixel over the seeds.
 """
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
 
-SEEDS, SPP = 8, 128
+SEEDS, SPP = 6, 256
 STEPS = {"floor.bsdf.epsilon": 0.02, "floor.bsdf.rho_d": 0.03, "floor.bsdf.b": 0.01, "floor.bsdf.e": 0.005,
          "floor.emitter.temperature": 2.0, "left.emitter.temperature": 2.0}
 NARROW = {"epsilon": 0.11, "rho_d": 0.02, "b": 0.05, "e": 0.0042}
@@ -18,8 +19,13 @@ def mean_image(scene, seed, parameters=None):
     return dr.mean(mi.render(scene, parameters, spp=SPP, seed=seed), axis=None)
 
 
+def mean_and_error(images):
+    """Mean over pixels and seeds of images (seeds, pixels), and its standard error; pixels are independent."""
+    return images.mean(), np.sqrt(np.sum(images.var(axis=0, ddof=1) / len(images))) / images.shape[1]
+
+
 def central_difference(make, key, step, index=0):
-    """Mean over the seeds and its standard error; the same random numbers on both sides."""
+    """Mean and standard error; the same random numbers on both sides."""
     sides = []
     for sign in (1, -1):
         scene = make()
@@ -28,10 +34,8 @@ def central_difference(make, key, step, index=0):
         values[index] += sign * step
         parameters[key] = mi.Float(values)
         parameters.update()
-        # pixel by pixel in Float64: the differences are small beside the radiance
-        sides.append([np.array(mi.render(scene, spp=SPP, seed=seed), dtype=np.float64).mean() for seed in range(SEEDS)])
-    differences = (np.array(sides[0]) - sides[1]) / (2 * step)
-    return differences.mean(), differences.std(ddof=1) / np.sqrt(SEEDS)
+        sides.append(np.array([np.array(mi.render(scene, spp=SPP, seed=seed)).ravel() for seed in range(SEEDS)], dtype=np.float64))
+    return mean_and_error((sides[0] - sides[1]) / (2 * step))
 
 
 def prepared(make, keys, order):
@@ -57,82 +61,71 @@ def prepared(make, keys, order):
 
 
 def reverse(make, keys, order, index=0):
-    """Derivatives with respect to all keys at once: key -> (mean, standard error)."""
+    """Derivatives with respect to all keys at once: key -> mean over the seeds."""
     found = {key: [] for key in keys}
     for seed in range(SEEDS):
         scene, parameters, leaves = prepared(make, keys, order)
         dr.backward(mean_image(scene, seed, parameters))
         for key in keys:
             found[key].append(float(dr.grad(leaves[key])[index]))
-    return {key: (np.mean(values), np.std(values, ddof=1) / np.sqrt(SEEDS)) for key, values in found.items()}
+    return {key: np.mean(values) for key, values in found.items()}
 
 
 def forward(make, key, order, index=0):
-    values = []
+    """Mean and standard error."""
+    images = []
     for seed in range(SEEDS):
         scene, parameters, leaves = prepared(make, [key], order)
         tangent = np.zeros(dr.width(leaves[key]))
         tangent[index] = 1
-        image = mean_image(scene, seed, parameters)
+        image = mi.render(scene, parameters, spp=SPP, seed=seed)
         dr.set_grad(leaves[key], mi.Float(tangent))
         dr.forward_to(image)
-        values.append(float(dr.grad(image).array[0]))
-    return np.mean(values), np.std(values, ddof=1) / np.sqrt(SEEDS)
+        images.append(np.array(dr.grad(image)).ravel())
+    return mean_and_error(np.array(images, dtype=np.float64))
 
 
-def assert_agree(measured, expected, what):
-    (value, error), (reference, reference_error) = measured, expected
-    assert abs(value - reference) <= max(0.02 * abs(reference), 3 * np.hypot(error, reference_error)), \
-        f"{what}: {value:.5g} +- {error:.2g}, central difference {reference:.5g} +- {reference_error:.2g}"
+def assert_derivatives(make, key, step, order="enable, update", index=0, in_reverse=None):
+    """Forward and reverse derivative by `key` against the central difference; both estimate with the same error."""
+    reference, reference_error = central_difference(make, key, step, index)
+    value, error = forward(make, key, order, index)
+    in_reverse = reverse(make, [key], order, index) if in_reverse is None else in_reverse
+    allowed = max(0.02 * abs(reference), 3 * np.hypot(error, reference_error))
+    for mode, found in (("forward", value), ("reverse", in_reverse[key])):
+        assert abs(found - reference) <= allowed, \
+            f"{key}, {mode}: {found:.5g} +- {error:.2g}, central difference {reference:.5g} +- {reference_error:.2g}"
 
 
 @pytest.mark.parametrize("emitter_sampling", [False, True])
 @pytest.mark.parametrize("lobe", ["brdf", "mirror", "diffuse"])
 def test_forward_and_reverse(corner, lobe, emitter_sampling):
-    integrator = {"type": "bounce_path", "max_bounces": 3, "emitter_sampling": emitter_sampling}
-
     def make():
-        return corner(integrator, {"lobe": lobe})
+        return corner({"type": "bounce_path", "max_bounces": 3, "emitter_sampling": emitter_sampling}, {"lobe": lobe})
 
     in_reverse = reverse(make, list(STEPS), "enable, update")
     for key, step in STEPS.items():
-        expected = central_difference(make, key, step)
-        assert_agree(in_reverse[key], expected, f"{key}, reverse")
-        assert_agree(forward(make, key, "enable, update"), expected, f"{key}, forward")
+        assert_derivatives(make, key, step, in_reverse=in_reverse)
 
 
-@pytest.mark.parametrize("order", ["enable, update", "update, enable", "computed"])
+@pytest.mark.parametrize("order", ["update, enable", "computed"])
 def test_order_of_enabling_and_updating(corner, order):
     """Derived tables are attached whenever a derivative is asked for, not only if the scene was updated after enable_grad."""
-    def make():
-        return corner({"type": "bounce_path", "max_bounces": 2})
-
     key = "floor.bsdf.epsilon"
-    expected = central_difference(make, key, STEPS[key])
-    assert_agree(reverse(make, [key], order)[key], expected, "reverse")
-    assert_agree(forward(make, key, order), expected, "forward")
+    assert_derivatives(lambda: corner({"type": "bounce_path", "max_bounces": 2}), key, STEPS[key], order)
 
 
-@pytest.mark.parametrize("facet", [0, 1])
-def test_facet_temperatures(corner, facet):
+@pytest.mark.parametrize("facet, order", [(0, "enable, update"), (1, "update, enable")])
+def test_facet_temperatures(corner, facet, order):
     def make():
         return corner({"type": "bounce_path", "max_bounces": 2}, floor_temperature=[450.0, 520.0])
 
-    key = "floor.face_temperature"
-    expected = central_difference(make, key, 2.0, facet)
-    assert_agree(reverse(make, [key], "enable, update", facet)[key], expected, "reverse")
-    assert_agree(forward(make, key, "update, enable", facet), expected, "forward")
+    assert_derivatives(make, "floor.face_temperature", 2.0, order, facet)
 
 
 def test_narrow_lobe(corner):
     """Bare aluminium, e = 0.0042: noisy in e, since the sampled directions do not move with it, but unbiased."""
-    def make():
-        return corner({"type": "bounce_path", "max_bounces": 2}, NARROW)
-
-    steps = {"floor.bsdf.epsilon": 0.02, "floor.bsdf.b": 0.005, "floor.bsdf.e": 0.0004}
-    found = reverse(make, list(steps), "enable, update")
-    for key, step in steps.items():
-        assert_agree(found[key], central_difference(make, key, step), key)
+    for key, step in {"floor.bsdf.epsilon": 0.02, "floor.bsdf.b": 0.005, "floor.bsdf.e": 0.0004}.items():
+        assert_derivatives(lambda: corner({"type": "bounce_path", "max_bounces": 2}, NARROW), key, step)
 
 
 def test_memory_does_not_grow_with_bounces(corner):
@@ -144,9 +137,14 @@ def test_memory_does_not_grow_with_bounces(corner):
         dr.detail.malloc_clear_statistics()
         dr.backward(mean_image(scene, 0, parameters))
         dr.eval()
-        return dr.detail.malloc_watermark(dr.AllocType.Host)
+        return dr.detail.malloc_watermark(dr.JitBackend.LLVM)
 
     assert peak(64) < 1.1 * peak(2)
+
+
+def causes(error) -> str:
+    """The texts of an exception and of all that led to it."""
+    return "" if error is None else f"{error} {causes(error.__cause__)}"
 
 
 def test_stock_integrator_refuses_a_lost_derivative(corner):
@@ -154,12 +152,9 @@ def test_stock_integrator_refuses_a_lost_derivative(corner):
     scene, parameters, _ = prepared(lambda: corner({"type": "prb", "max_depth": 3}), ["floor.bsdf.epsilon"], "update, enable")
     with pytest.raises(RuntimeError) as caught:
         mean_image(scene, 0, parameters)
-    chain = []
-    error = caught.value
-    while error is not None:
-        chain.append(str(error))
-        error = error.__cause__
-    assert any("call params.update()" in text for text in chain)
+    assert "call params.update()" in causes(caught.value)
+    parameters.set_dirty("floor.bsdf.epsilon")      # Dr.Jit's calls reach every BSDF that is alive: leave a sound one
+    parameters.update()
 
 
 def test_stock_prb_in_reverse(corner):
@@ -168,14 +163,13 @@ def test_stock_prb_in_reverse(corner):
         return corner({"type": "prb", "max_depth": 4, "rr_depth": 100})
 
     key = "floor.bsdf.epsilon"
-    assert_agree(reverse(make, [key], "enable, update")[key], central_difference(make, key, STEPS[key]), key)
+    reference, error = central_difference(make, key, STEPS[key])
+    assert abs(reverse(make, [key], "enable, update")[key] - reference) <= 0.02 * abs(reference) + 3 * error
 
 
 def test_tail_has_no_derivatives(corner):
-    from mi_lcair.errors import InputError
-
     scene, parameters, _ = prepared(lambda: corner({"type": "bounce_path", "max_bounces": 3, "closure": "tail"}),
                                     ["floor.bsdf.epsilon"], "enable, update")
     with pytest.raises(Exception) as caught:
         dr.backward(mean_image(scene, 0, parameters))
-    assert "closure = tail has no derivatives" in str(caught.value) + str(caught.value.__cause__)
+    assert "closure = tail has no derivatives" in causes(caught.value)
