@@ -8,7 +8,7 @@ from mitsuba.python.ad.integrators.common import RBIntegrator, mis_weight
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.channels import Channels, Pixels, pixel_statistics
-from mi_lcair.plugins.derivatives import deriving_plugins, leaves
+from mi_lcair.plugins.derivatives import deriving_plugins, leaves, tracing
 from mi_lcair.plugins.emitter_table import EmitterTable
 
 CLOSURES = ("none", "ambient", "tail")
@@ -67,16 +67,11 @@ class BouncePath(RBIntegrator):
         with dr.resume_grad():
             for plugin in plugins:
                 plugin.refresh()
-        self.emitters = EmitterTable(scene)
+        self.emitters = EmitterTable(scene, self.emitter_sampling)
         if self.closure == "ambient":
             self.ambient_radiance = mi.Float(in_band_radiance(self.emitters.band, self.ambient_temperature))
-        try:
-            for plugin in plugins:
-                plugin.fresh = True
+        with tracing(plugins):
             yield
-        finally:
-            for plugin in plugins:
-                plugin.fresh = False
 
     def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):
         with self.prepared(scene):
@@ -116,10 +111,9 @@ class BouncePath(RBIntegrator):
         width, height = sensor.film().crop_size()
         index = dr.opaque(mi.UInt32, first) + dr.arange(mi.UInt32, count) // dr.opaque(mi.UInt32, spp)
         position = mi.Point2f(index % width, index // width) + sampler.next_2d()
-        full, offset = mi.Vector2f(sensor.film().size()), mi.Vector2f(sensor.film().crop_offset())
         with dr.suspend_grad():
             aperture = sampler.next_2d() if sensor.needs_aperture_sample() else mi.Point2f(0.5)
-            ray, weight = sensor.sample_ray(sensor.shutter_open(), 0, (position + offset) / full, aperture)
+            ray, weight = sensor.sample_ray(sensor.shutter_open(), 0, position / mi.Vector2f(width, height), aperture)
             labels = len(self.emitters.labels)
             channels = Channels.empty(labels, self.max_bounces, self.closure) if split or self.closure == "tail" else None
             (L, _), _, channels = self.walk(dr.ADMode.Primal, scene, sampler, ray, None, None, mi.Bool(True), channels)
@@ -144,22 +138,25 @@ class BouncePath(RBIntegrator):
         δL = mi.Spectrum(0 if δL is None else δL)
         β = mi.Spectrum(1)                                  # throughput
         bounce = mi.UInt32(0)                               # reflections so far
-        si_before = dr.zeros(mi.SurfaceInteraction3f)
+        p_before = mi.Point3f(0)
         pdf_before = mi.Float(0)                            # of the direction that led here
         delta_before = mi.Bool(True)
-        valid = mi.Bool(False)
+        pi = scene.ray_intersect_preliminary(ray, coherent=True, active=active)
+        valid = pi.is_valid()
+        if dr.hint(channels is not None, mode="scalar"):
+            first = pi.compute_surface_interaction(ray, mi.RayFlags.Minimal, active)
+            channels.meet(first, emitters.label(first.emitter(scene, active)))
 
         while dr.hint(active, max_iterations=limit + 1, label=f"bounce_path ({mode.name})"):
-            si = scene.ray_intersect(ray, mi.RayFlags.All, bounce == 0, active)
-            emitter = si.emitter(scene)
-            valid |= (bounce == 0) & si.is_valid()
+            si = pi.compute_surface_interaction(ray, mi.RayFlags.All, active)
+            emitter = si.emitter(scene, active)
 
             # ------------------------ Emission ------------------------
 
             mis = mi.Float(1)
             if dr.hint(self.emitter_sampling, mode="scalar"):
                 reachable = active & ~delta_before
-                pdf = emitters.pdf(scene, si_before, si, emitter, reachable)
+                pdf = emitters.pdf(scene, p_before, si, emitter, reachable)
                 mis = dr.select(reachable, mis_weight(pdf_before, pdf), 1)
             with dr.resume_grad(when=not primal):
                 Le = β * mis * emitter.eval(si, active)
@@ -168,7 +165,6 @@ class BouncePath(RBIntegrator):
                 Le = dr.select(beyond, dr.select(si.is_valid(), β * self.ambient_radiance, 0), Le)
             L = L + Le if primal else L - Le
             if dr.hint(channels is not None, mode="scalar"):
-                channels.meet(bounce == 0, si, emitters.label(emitter))
                 channels.add(Le[0], bounce, emitters.label(emitter), self.max_bounces)
 
             active_next = active & si.is_valid() & (bounce < limit)
@@ -208,9 +204,10 @@ class BouncePath(RBIntegrator):
                         δL += dr.forward_to(Lo)
 
             β *= weight
-            si_before = dr.detach(si)
+            p_before = si.p
             pdf_before, delta_before = bs.pdf, delta
             ray = emitters.spawn_ray(si, si.to_world(bs.wo))
+            pi = scene.ray_intersect_preliminary(ray, coherent=False, active=active_next)
             bounce += 1
             active = active_next
 

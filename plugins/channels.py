@@ -28,10 +28,10 @@ class Channels:
         return Channels(zeros(min(max_bounces + 1, MAX_BOUNCE_CHANNELS)), zeros(groups),
                         zeros(3 if closure == "tail" else 0), mi.Float(0), mi.Float(0), mi.UInt32(0))
 
-    def meet(self, first, si, label):
-        """Notes what a ray meets first."""
-        self.range = dr.select(first & si.is_valid(), si.t, self.range)
-        self.seen = dr.select(first, label, self.seen)
+    def meet(self, first, label):
+        """Notes what a ray meets first: a surface interaction and the label of its emitter."""
+        self.range = dr.select(first.is_valid(), first.t, 0)
+        self.seen = label
 
     def add(self, value, bounce, label, max_bounces: int):
         """Adds radiance that was reflected `bounce` times and emitted by the group `label`."""

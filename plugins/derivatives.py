@@ -16,8 +16,32 @@ def attached(arrays) -> bool:
     return any(array.index_ad != 0 for array in arrays)
 
 
+_traced = None      # the plugins of the scene that `bounce_path` is tracing, None while it traces nothing
+
+
+@contextmanager
+def tracing(plugins):
+    """Within: `is_traced` knows which plugins belong to the scene, and that what they derive is up to date."""
+    global _traced
+    before, _traced = _traced, set(plugins)
+    try:
+        yield
+    finally:
+        _traced = before
+
+
+def is_traced(plugin) -> bool | None:
+    """Whether the plugin belongs to the scene being traced; None while that is not known, under stock integrators.
+
+    Dr.Jit's calls are recorded for every plugin that is alive, also for one that outlived its scene and its shape.
+    """
+    return None if _traced is None else plugin in _traced
+
+
 def check_attached(plugin) -> None:
     """An error for a parameter whose derivative would be lost on the way through what was derived from it earlier."""
+    if is_traced(plugin) is False:
+        return
     if plugin.derived is not None and attached(plugin.sources()) and not attached(flatten(plugin.derived)):
         raise RuntimeError(f"{plugin.class_name()} '{plugin.id()}': a parameter has got gradients since the scene was last updated; "
                            "call params.update() after dr.enable_grad()")

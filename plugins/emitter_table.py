@@ -18,13 +18,12 @@ class EmitterSample:
     ds: mi.DirectionSample3f
     hit: mi.SurfaceInteraction3f
     emitter: mi.EmitterPtr
-    from_facets: mi.Bool
     counts: mi.Bool
 
     def radiance(self, si):
         """What the emitter sends back toward `si`, with derivatives [W m^-2 sr^-1]."""
-        facet = self.emitter.eval(self.hit, self.counts & self.from_facets)
-        return facet + self.emitter.eval_direction(si, self.ds, self.counts & ~self.from_facets)
+        hit = self.counts & mi.has_flag(self.emitter.flags(), mi.EmitterFlags.Surface)
+        return self.emitter.eval(self.hit, hit) + self.emitter.eval_direction(si, self.ds, self.counts & ~hit)
 
 
 def source(emitter):
@@ -47,7 +46,7 @@ class EmitterTable:
     the facets of thermal meshes, drawn by area times blackbody radiance, with every other emitter, drawn evenly.
     """
 
-    def __init__(self, scene):
+    def __init__(self, scene, sampling: bool):
         emitters = list(scene.emitters())
         thermal = [emitter for emitter in emitters if hasattr(emitter, "group")]
         unlabelled = len(thermal) < len(emitters) or any(not hasattr(shape.emitter(), "group") for shape in scene.shapes())
@@ -64,9 +63,9 @@ class EmitterTable:
 
         meshes = [emitter for emitter in thermal if is_faceted(emitter.get_shape()) and source(emitter) is not None]
         weights = [dr.detach(source(emitter)).numpy() for emitter in meshes]
-        emitting = sum(float(weight.sum()) for weight in weights) > 0
+        emitting = sampling and sum(float(weight.sum()) for weight in weights) > 0
         self.facets = Facets([emitter.get_shape() for emitter in meshes], weights) if emitting else None
-        others = [emitter for emitter in emitters if emitter not in meshes or not emitting]
+        others = [emitter for emitter in emitters if sampling and (emitter not in meshes or not emitting)]
         self.other_count = len(others)
         self.others = mi.UInt32([pointer_id(mi.EmitterPtr(emitter)) for emitter in others]) if others else None
         self.facet_share = 0.0 if not emitting else 1.0 if not others else 0.5
@@ -93,7 +92,7 @@ class EmitterTable:
         emitter, facet = dr.zeros(mi.EmitterPtr), mi.UInt32(0)
         from_facets = active & (sample1 < self.facet_share)
         if self.facets:
-            facet, ds.p, ds.n, density = self.facets.sample(sample2, from_facets)
+            facet, _, ds.p, ds.n, density = self.facets.sample(sample2, from_facets)
             ds.d = ds.p - si.p
             ds.dist = dr.norm(ds.d)
             ds.d /= ds.dist
@@ -117,10 +116,10 @@ class EmitterTable:
             found, known = self.facets.find(hit.shape, hit.prim_index, from_facets & hit.is_valid())
             counts = dr.select(from_facets, known & (found == facet), counts)
             emitter = dr.select(from_facets, hit_emitter, emitter)
-        return EmitterSample(ds, hit, emitter, from_facets, active & counts & (ds.pdf > 0))
+        return EmitterSample(ds, hit, emitter, active & counts & (ds.pdf > 0))
 
-    def pdf(self, scene, si_before, si, emitter, active):
-        """Density with which `sample` at `si_before` draws the direction in which `si` was hit [1/sr]."""
+    def pdf(self, scene, p_before, si, emitter, active):
+        """Density with which `sample` at `p_before` draws the direction in which `si` was hit [1/sr]."""
         density = mi.Float(0)
         known = mi.Bool(False)
         if self.facets:
@@ -128,7 +127,9 @@ class EmitterTable:
             per_area = dr.gather(mi.Float, self.facets.density, facet, known)
             density = self.facet_share * per_area * dr.square(si.t) / dr.maximum(dr.abs(dr.dot(si.n, si.to_world(si.wi))), 1e-20)
         if self.others is not None:
-            ds = mi.DirectionSample3f(scene, si, si_before)
-            other = emitter.pdf_direction(si_before, ds, active & ~known)
+            before = dr.zeros(mi.Interaction3f)
+            before.p = p_before
+            ds = mi.DirectionSample3f(scene, si, before)
+            other = emitter.pdf_direction(before, ds, active & ~known)
             density = dr.select(known, density, other * (1 - self.facet_share) / self.other_count)
         return density

@@ -45,7 +45,7 @@ class Facets:
         self.cumulated = mi.Float(np.cumsum(importance / importance.sum()))
 
     def sample(self, sample, active=True):
-        """(facet, point, normal, density [1/m^2]) for a uniform 2D sample."""
+        """(facet, barycentric coordinates, point, normal, density [1/m^2]) for a uniform 2D sample."""
         last = dr.width(self.cumulated) - 1
         facet = dr.binary_search(0, last, lambda k: dr.gather(mi.Float, self.cumulated, k, active) <= sample.x)
         gather = lambda kind, table: dr.gather(kind, table, facet, active)
@@ -54,7 +54,7 @@ class Facets:
         x = dr.clip((sample.x - below) / dr.maximum(above - below, 1e-30), 0, dr.one_minus_epsilon(mi.Float))
         uv = mi.warp.square_to_uniform_triangle(mi.Point2f(x, sample.y))
         point = gather(mi.Point3f, self.corner) + uv.x * gather(mi.Vector3f, self.edge_1) + uv.y * gather(mi.Vector3f, self.edge_2)
-        return facet, point, gather(mi.Normal3f, self.normal), gather(mi.Float, self.density)
+        return facet, uv, point, gather(mi.Normal3f, self.normal), gather(mi.Float, self.density)
 
     def find(self, shape, prim_index, active=True):
         """The facet's number and whether the primitive is in the table at all."""

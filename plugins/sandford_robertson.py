@@ -18,7 +18,7 @@ NODES = 1024        # of the table of HDR, on cos(theta) = t^2: 4e-6 after linea
 def interpolate(table, x):
     """Piecewise linear `table` over 0 <= x <= 1 (uniform nodes)."""
     last = dr.width(table) - 1
-    x = dr.clip(x, 0, 1) * last
+    x = x * last
     index = dr.minimum(mi.UInt32(x), last - 1)
     low, high = dr.gather(mi.Float, table, index), dr.gather(mi.Float, table, index + 1)
     return dr.lerp(low, high, x - mi.Float(index))
@@ -197,7 +197,7 @@ class SandfordRobertson(mi.BSDF):
             bs.pdf = dr.select(active, mi.Float(1), 0)
             return bs, mi.Spectrum(dr.select(active, self.HDR(si.wi), 0))
 
-        bs.wo = mi.warp.square_to_cosine_hemisphere(sample2)
+        bs.wo = sr.sample_cosine(mi.Vector3f, sample2.x, sample2.y)
         if self.lobe == "brdf":
             half = sr.sample_half_vector(dr.detach(si.wi), dr.detach(self.surface.e), sample2.x, sample2.y)
             reflected = mi.reflect(dr.detach(si.wi), mi.Normal3f(half))

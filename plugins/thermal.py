@@ -8,7 +8,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.beside_scene import beside_scene
-from mi_lcair.plugins.derivatives import check_attached, members
+from mi_lcair.plugins.derivatives import check_attached, is_traced, members
 from mi_lcair.plugins.emissivity import emissivity_of, reflects
 from mi_lcair.plugins.facets import Facets, is_faceted
 
@@ -49,10 +49,9 @@ class Thermal(mi.Emitter):
         if ("temperature" in props) == ("radiance" in props):
             raise InputError("thermal: give either `temperature` or `radiance`")
         self.temperature = self.radiance = self.texture = self.attribute = None
+        self.by_primitive = False                   # whether the temperature depends on the facet that was hit
         self.derived = self.derived_from = None     # blackbody radiance, one value or one per facet, and of what
-        self.fresh = False                          # whether `derived` is known to hold for the mesh as it is now
-        self.bsdf = self.facets = None              # of the shape. Kept, because `eval` must not ask the shape: Dr.Jit's
-                                                    # calls also reach emitters that outlived their scene
+        self.bsdf = self.facets = None              # of the shape
         if "radiance" in props:
             self.radiance = mi.Float(props["radiance"])
             if not props["radiance"] >= 0:
@@ -63,6 +62,7 @@ class Thermal(mi.Emitter):
             self.texture = props["temperature"]
             facet_attribute = re.search(r'name = "(face_\w+)"', str(self.texture))
             self.attribute = facet_attribute and facet_attribute[1]
+            self.by_primitive = self.texture.class_name() == "MeshAttribute"
         else:
             self.temperature = mi.Float(props["temperature"])
 
@@ -139,7 +139,7 @@ class Thermal(mi.Emitter):
         if self.temperature is not None:
             check_attached(self)
             return self.derived
-        if self.fresh and self.derived is not None:
+        if is_traced(self) and self.derived is not None:
             return dr.gather(mi.Float, self.derived, si.prim_index, active)
         Float64 = dr.float64_array_t(mi.Float)
         return mi.Float(in_band_radiance(self.band, Float64(self.texture.eval_1(si, active))))
@@ -151,6 +151,8 @@ class Thermal(mi.Emitter):
         return self.material_emissivity.eval(self.bsdf, si, active)
 
     def eval(self, si, active=True):
+        if is_traced(self) is False:
+            return mi.Spectrum(0)           # of another scene, whose shape may be gone
         return mi.Spectrum(dr.select(active, self.emissivity(si, active) * self.source_radiance(si, active), 0))
 
     # ---------------------------------------------------------------- Sampling, uniform over the shape's area
@@ -161,22 +163,41 @@ class Thermal(mi.Emitter):
         Facets are drawn from a table of our own: Mitsuba's position samples do not tell which facet they lie on.
         """
         shape = self.get_shape()
-        si = dr.zeros(mi.SurfaceInteraction3f, dr.width(sample))
-        if is_faceted(shape):
-            self.facets = self.facets or Facets([shape])
-            si.prim_index, si.p, si.n, density = self.facets.sample(sample, active)
-        else:
+        if not is_faceted(shape):
             ps = shape.sample_position(0, sample, active)
-            si.p, si.n, si.uv, density = ps.p, ps.n, ps.uv, ps.pdf
-        si.sh_frame = mi.Frame3f(si.n)
-        si.shape = mi.ShapePtr(shape)
+            return self.interaction(ps.p, ps.n, ps.uv), ps.pdf
+        self.facets = self.facets or Facets([shape])
+        pi = dr.zeros(mi.PreliminaryIntersection3f, dr.width(sample))
+        pi.prim_index, pi.prim_uv, p, n, density = self.facets.sample(sample, active)
+        pi.shape = mi.ShapePtr(shape)
+        si = self.interaction(p, n, shape.compute_surface_interaction(dr.zeros(mi.Ray3f), pi, mi.RayFlags.All, active).uv)
+        si.prim_index = pi.prim_index
         return si, density
 
+    def interaction(self, p, n, uv):
+        """A surface interaction of this shape, seen from nowhere yet."""
+        si = dr.zeros(mi.SurfaceInteraction3f, dr.width(p))
+        si.p, si.n, si.uv, si.sh_frame, si.shape = p, n, uv, mi.Frame3f(n), mi.ShapePtr(self.get_shape())
+        return si
+
+    def label_facet(self, si):
+        """What direction and position samples carry as their uv: the facet where the temperature asks for it."""
+        return mi.Point2f(mi.Float(si.prim_index), 0) if self.by_primitive else si.uv
+
+    def labelled(self, p, n, uv):
+        """The interaction at a sample made by `sample_direction` or `sample_position`."""
+        si = self.interaction(p, n, uv)
+        if self.by_primitive:
+            si.prim_index = mi.UInt32(uv.x)
+        return si
+
     def sample_direction(self, it, sample, active=True):
+        if is_traced(self) is False:
+            return dr.zeros(mi.DirectionSample3f), mi.Spectrum(0)
         si, density = self.sample_surface(sample, active)
         ds = dr.zeros(mi.DirectionSample3f, dr.width(sample))
         ds.p, ds.n, ds.time, ds.delta = si.p, si.n, it.time, False
-        ds.uv = mi.Point2f(mi.Float(si.prim_index), 0)      # tells `eval_direction` the facet
+        ds.uv = self.label_facet(si)
         ds.emitter = mi.EmitterPtr(self)
         ds.d = si.p - it.p
         ds.dist = dr.norm(ds.d)
@@ -188,35 +209,41 @@ class Thermal(mi.Emitter):
         return ds, dr.select(active, self.eval(si, active) / dr.select(active, ds.pdf, 1), 0)
 
     def pdf_direction(self, it, ds, active=True):
+        if is_traced(self) is False:
+            return mi.Float(0)
         cos = dr.abs_dot(ds.d, ds.n)
         density = 1 / self.get_shape().surface_area()
         return dr.select(active & (cos > 0), density * dr.square(ds.dist) / cos, 0)
 
     def eval_direction(self, it, ds, active=True):
-        """Radiance toward `it` from a direction sample that `sample_direction` made (its uv holds the facet)."""
-        si = dr.zeros(mi.SurfaceInteraction3f, dr.width(ds))
-        si.p, si.n, si.prim_index, si.sh_frame = ds.p, ds.n, mi.UInt32(ds.uv.x), mi.Frame3f(ds.n)
-        si.shape = mi.ShapePtr(self.get_shape())
+        """Radiance toward `it` from a direction sample that `sample_direction` made."""
+        if is_traced(self) is False:
+            return mi.Spectrum(0)
+        si = self.labelled(ds.p, ds.n, ds.uv)
         si.wi = si.to_local(-ds.d)
         return self.eval(si, active)
 
     def sample_position(self, time, sample, active=True):
         si, density = self.sample_surface(sample, active)
         ps = dr.zeros(mi.PositionSample3f, dr.width(sample))
-        ps.p, ps.n, ps.time, ps.pdf, ps.delta = si.p, si.n, time, density, False
+        ps.p, ps.n, ps.uv, ps.time, ps.pdf, ps.delta = si.p, si.n, self.label_facet(si), time, density, False
         return ps, dr.select(active, 1 / density, 0)
 
     def pdf_position(self, ps, active=True):
         return dr.select(active, 1 / self.get_shape().surface_area(), 0)
 
     def sample_ray(self, time, sample1, sample2, sample3, active=True):
-        """A ray that leaves the front side, cosine-weighted; weight [W m^-2 sr^-1 x m^2 sr]."""
+        """A ray that leaves either side, cosine-weighted; weight [W m^-2 sr^-1 x m^2 sr]."""
         si, density = self.sample_surface(sample2, active)
         si.wi = mi.warp.square_to_cosine_hemisphere(sample3)
-        return si.spawn_ray(si.to_world(si.wi)), self.eval(si, active) * dr.pi / density
+        si.wi.z = dr.select(sample1 < 0.5, si.wi.z, -si.wi.z)
+        return si.spawn_ray(si.to_world(si.wi)), self.eval(si, active) * dr.two_pi / density
 
     def sample_wavelengths(self, si, sample, active=True):
-        return dr.zeros(mi.Color0f), self.eval(si, active)
+        """Radiance at an interaction made from a sample of `sample_position`."""
+        at = self.labelled(si.p, si.n, si.uv)
+        at.wi = si.wi
+        return dr.zeros(mi.Color0f), self.eval(at, active)
 
     def bbox(self):
         return self.get_shape().bbox()

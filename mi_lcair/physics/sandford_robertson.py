@@ -182,6 +182,13 @@ def sample_half_vector(w, e, u1, u2):
     return dr.normalize(Vector(e * half.x, e * half.y, dr.maximum(half.z, 0)))
 
 
+def sample_cosine(Vector, u1, u2):
+    """A direction of density cos(theta) / pi; shares its azimuth, and so its sine and cosine, with `sample_half_vector`."""
+    sin_phi, cos_phi = dr.sincos(dr.two_pi * u1)
+    radius = dr.sqrt(u2)
+    return Vector(radius * cos_phi, radius * sin_phi, dr.safe_sqrt(1 - u2))
+
+
 def lobe_pdf(i, r, e):
     """Density of the direction i when r is reflected about `sample_half_vector(r, ...)` [1/sr].
 

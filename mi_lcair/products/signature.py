@@ -61,10 +61,6 @@ def window_area(sensor, name: str) -> float:
     if sensor.class_name() != "OrthographicCamera":
         raise InputError(f"{name}: signature needs an orthographic sensor, and this one is {sensor.class_name()}; "
                          "radiance times area is an intensity only where all rays are parallel")
-    film = sensor.film()
-    low = np.array(film.crop_offset()) / np.array(film.size())
-    high = low + np.array(film.crop_size()) / np.array(film.size())
-    corners = mi.Point2f([low[0], high[0], low[0]], [low[1], low[1], high[1]])
-    ray, _ = sensor.sample_ray(0, 0, corners, mi.Point2f(0.5))
+    ray, _ = sensor.sample_ray(0, 0, mi.Point2f([0, 1, 0], [0, 0, 1]), mi.Point2f(0.5))    # corners of the (cropped) film
     origin = np.array(ray.o, dtype=np.float64)
     return float(np.linalg.norm(np.cross(origin[:, 1] - origin[:, 0], origin[:, 2] - origin[:, 0])))

@@ -22,6 +22,7 @@ SURFACES = {
     "b=0": {"epsilon": 0.3, "rho_d": 0.2, "b": 0.0, "e": 0.1},
     "b=1": {"epsilon": 0.2, "rho_d": 0.1, "b": 1.0, "e": 0.1},
     "bound": {"epsilon": 0.2, "rho_d": 0.3 - 5e-7, "b": 1.0, "e": 0.02},    # epsilon + rho_d within 1e-6 of G
+    "over-the-bound": {"epsilon": 0.5 + 6e-8, "rho_d": 0.0, "b": 1.0, "e": 0.02},   # by the rounding of Float32
     "perfect-diffuse": {"epsilon": 0.0, "rho_d": 1.0, "b": 0.0, "e": 1.0},
     "blackbody": {"epsilon": 1.0, "rho_d": 0.0, "b": 0.0, "e": 1.0},
 }

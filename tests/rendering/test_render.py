@@ -1,0 +1,119 @@
+"""Rendering in passes: channels, standard errors, tolerance, seeds, and what must never reach an image."""
+import json
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import pytest
+
+import mi_lcair
+from mi_lcair.errors import InputError
+from mi_lcair.rendering import render as passes
+
+
+def load(**parameters):
+    return mi_lcair.load("open_box", resolution=16, max_bounces=3, **parameters)
+
+
+@pytest.fixture(scope="module")
+def image():
+    return mi_lcair.render(load(), spp=64, seed=1)
+
+
+def total(image, kind):
+    return sum(channel.astype(np.float64) for name, channel in image.channels.items() if name.startswith(kind))
+
+
+@pytest.mark.parametrize("kind", ["bounce", "group.", "seen."])
+def test_every_split_sums_to_the_radiance(image, kind):
+    np.testing.assert_allclose(total(image, kind), image.channels["Y"], rtol=1e-6, atol=1e-6 * image.mean)
+
+
+def test_splits_say_who(image):
+    """The floor shows itself and reflects the wall; the sensor sees the wall edge-on."""
+    floor, wall = image.channels["seen.floor.Y"], image.channels["seen.wall.Y"]
+    assert floor.mean() > 0 and wall.mean() == 0
+    np.testing.assert_allclose(image.channels["group.floor.Y"].mean(), image.channels["bounce00.Y"].mean(), rtol=1e-5)
+
+
+def test_header(image):
+    assert image.header["band"] == "total" and image.header["spp"] == 64 and image.header["seed"] == "1"
+    assert json.loads(image.header["parameters"]) == {"resolution": "16", "max_bounces": "3"}
+    assert image.header["paths"] == str(64 * 16 * 16) and image.header["max_bounces"] == 3
+    assert "W m^-2 sr^-1" in image.header["units"] and mi.__version__ in image.header["versions"]
+
+
+def test_standard_error_is_the_scatter_of_seeds():
+    """Per pixel: the mean of the squared standard errors against the variance over 40 seeds (chi-square, 5 sigma)."""
+    scene, seeds = load(), 40
+    images = [mi_lcair.render(scene, spp=16, seed=seed) for seed in range(seeds)]
+    means = np.array([image.channels["Y"] for image in images], dtype=np.float64)
+    claimed = np.mean([image.channels["stderr.Y"].astype(np.float64) ** 2 for image in images])
+    scatter = means.var(axis=0, ddof=1).mean()
+    pixels = np.count_nonzero(means.var(axis=0))
+    assert scatter == pytest.approx(claimed, rel=5 * np.sqrt(2 / (seeds - 1) / pixels) + 0.02)
+
+
+def test_passes_do_not_change_the_statistics(monkeypatch):
+    """Many small passes, over runs of pixels that do not divide the image, agree with one large pass."""
+    whole = mi_lcair.render(load(), spp=256, seed=1)
+    monkeypatch.setattr(passes, "PASS_SAMPLES", 100)        # less than one sample per pixel of the 256
+    parts = mi_lcair.render(load(), spp=256, seed=1)
+    difference = (whole.channels["Y"] - parts.channels["Y"]).astype(np.float64)
+    error = np.hypot(whole.channels["stderr.Y"], parts.channels["stderr.Y"]).astype(np.float64)
+    lit = error > 0
+    assert np.all(np.abs(difference) <= 5 * error + 1e-5 * whole.mean)
+    assert np.mean((difference[lit] / error[lit]) ** 2) == pytest.approx(1, abs=5 * np.sqrt(2 / lit.sum()))
+    # the distance to what is seen is no average over passes that saw nothing
+    np.testing.assert_allclose(parts.channels["range.Y"], whole.channels["range.Y"], rtol=0.02)
+
+
+def test_same_seed_same_image():
+    images = [mi_lcair.render(load(), spp=8, seed=seed).channels["Y"] for seed in (7, 7, 8)]
+    np.testing.assert_array_equal(images[0], images[1])
+    assert np.any(images[0] != images[2])
+
+
+def test_tolerance():
+    """The rms standard error over the pixels ends below the tolerance, and not far below it."""
+    steps = []
+    result = mi_lcair.render(load(), tolerance=0.02, progress=lambda done, goal: steps.append((done, goal)))
+    errors = result.channels["stderr.Y"].astype(np.float64)
+    assert result.reached and result.rms_error == pytest.approx(np.sqrt(np.mean(errors**2)) / result.mean, rel=1e-5)
+    assert 0.008 < result.rms_error <= 0.02
+    assert steps[-1][0] == result.spp and [done for done, _ in steps] == sorted({done for done, _ in steps})
+
+
+def test_tolerance_not_reached():
+    result = mi_lcair.render(load(), tolerance=1e-4, max_spp=64)
+    assert result.reached is False and result.spp == 64 and result.rms_error > 1e-4
+
+
+def test_one_sample_has_no_standard_error():
+    result = mi_lcair.render(load(), spp=1)
+    assert "stderr.Y" not in result.channels and result.rms_error is None
+
+
+def test_invalid_samples_are_counted_and_left_out(monkeypatch):
+    """A NaN or infinity in one sample of a hundred: counted, reported, and the rest of the pixel stands."""
+    integrator_class = type(load().mi.integrator())
+    walk = integrator_class.walk
+
+    def poisoned(self, *arguments, **keywords):
+        (L, state), valid, channels = walk(self, *arguments, **keywords)
+        index = dr.arange(mi.UInt32, dr.width(L))
+        L = dr.select(index % 100 == 0, dr.nan, dr.select(index % 100 == 1, dr.inf, L))
+        return (L, state), valid, channels
+
+    clean = mi_lcair.render(load(), spp=200, seed=1)
+    monkeypatch.setattr(integrator_class, "walk", poisoned)
+    result = mi_lcair.render(load(), spp=200, seed=1)
+    assert result.invalid == 2 * 2 * 256 and result.header["invalid_samples"] == "1024"
+    assert all(np.isfinite(channel).all() for channel in result.channels.values())
+    assert result.mean == pytest.approx(clean.mean, rel=0.02)
+
+
+@pytest.mark.parametrize("keywords, name", [({"spp": 0}, "spp"), ({"tolerance": -1.0}, "tolerance"), ({"max_spp": 0, "tolerance": 0.1}, "max_spp")])
+def test_unusable_sampling(keywords, name):
+    with pytest.raises(InputError, match=f"^{name} = "):
+        mi_lcair.render(load(), **keywords)
