@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.emissivity import emissivity_of
+from mi_lcair.plugins.emissivity import emissivity_of, tabulate
 from tests.physics import thesis
 from tests.plugins.reflection_models import exact_HDR, seen_at, uniform
 from tests.plugins.small_scenes import BROAD, GREY, INTEGRATORS, SQUARE, blackbody, camera, scene, with_emitter
@@ -119,7 +119,7 @@ def failure(loaded):
     ({"type": "bumpmap", "texture": {"type": "checkerboard"}, "bsdf": GREY}, "BumpMap hides"),
     ({"type": "blendbsdf", "weight": 0.5, "a": GREY, "b": GREY}, "BlendBSDF hides"),
     ({"type": "twosided", "bsdf": {"type": "bumpmap", "texture": {"type": "checkerboard"}, "bsdf": GREY}}, "BumpMap hides"),
-    ({"type": "roughconductor", "alpha_u": 0.3, "alpha_v": 0.05}, "anisotropic"), ({"type": "dielectric"}, "transmits"),
+    ({"type": "roughconductor", "alpha_u": 0.3, "alpha_v": 0.29}, "anisotropic"), ({"type": "dielectric"}, "transmits"),
     ({"type": "roughconductor", "alpha": {"type": "checkerboard", "color0": {"type": "uniform", "value": 0.1},
                                           "color1": {"type": "uniform", "value": 0.4}}}, "varies over the surface")],
     ids=lambda value: value["type"] if isinstance(value, dict) else value)
@@ -128,6 +128,13 @@ def test_no_emissivity_is_an_error(plate, bsdf, word):
     with pytest.raises(InputError, match=f"{word}.*`emissivity`"):
         emissivity_of(mi.load_dict(bsdf))
     assert word in failure(scene(INTEGRATORS["bounce_path"], camera(), p=plate("p", SQUARE, bsdf, 400)))
+
+
+def test_the_table_itself_notices_anisotropy():
+    """For plugins that do not set the flag."""
+    brushed = mi.load_dict({"type": "principled", "anisotropic": 0.95, "roughness": 0.5, "metallic": 1.0})
+    with pytest.raises(InputError, match="anisotropic.*`emissivity`"):
+        tabulate(brushed, int(brushed.flags()))
 
 
 # ---------------------------------------------------------------- Temperatures and radiances
