@@ -31,6 +31,11 @@ class BouncePath(RBIntegrator):
 
         <integrator type="bounce_path"> <integer name="max_bounces" value="3"/> </integrator>
 
+    emitter_sampling is off by default because it can lose far more than it can win. At equal time, variance falls 7 times
+    in two_plates and 1.5 times in open_box and in the widest cavity; it doubles in the cavity with the smallest opening,
+    and in the furnace it grows beyond a factor 100: there a path's emission and reflection add up to nearly the
+    same radiance whatever it meets, and drawing emitters apart from reflections destroys that.
+
     Derivatives (forward and reverse, `mi.render(scene, params)`) cover parameters of BSDFs and emitters and facet
     temperatures, not the geometry; memory does not grow with the number of bounces. `observe` gives, from the same
     paths, the radiance by bounce count, by emitting group and by the group first seen.

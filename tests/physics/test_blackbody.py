@@ -213,3 +213,12 @@ def test_numpy_suffices():
     code = ("import sys; from mi_lcair.physics.bands import band; from mi_lcair.physics.blackbody import *; "
             "in_band_radiance(band('MWIR'), 300); brightness_temperature(band('MWIR'), 1); sys.exit('drjit' in sys.modules)")
     subprocess.run([sys.executable, "-c", code], check=True, cwd=Path(__file__).parents[2])
+
+
+@pytest.mark.parametrize("name", ["SWIR", "LWIR", "total"])
+def test_inverse_of_many(name):
+    """An image's worth of radiances, over 40 decades and over a few kelvin, gives what each alone gives."""
+    for radiance in (np.geomspace(1e-36, 1e4, 9000), np.linspace(30.0, 31.0, 9000), np.full(9000, 5.0)):
+        many = brightness_temperature(band(name), radiance)
+        alone = [brightness_temperature(band(name), value) for value in radiance[::751]]
+        np.testing.assert_allclose(many[::751], alone, rtol=1e-9)
