@@ -13,6 +13,7 @@ from mi_lcair.plugins.emitter_table import EmitterTable
 
 CLOSURES = ("none", "ambient", "tail")
 
+
 class BouncePath(RBIntegrator):
     r"""Bounce-limited path tracer for thermal radiance, with derivatives by path replay.
 
