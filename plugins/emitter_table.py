@@ -19,9 +19,12 @@ class EmitterSample:
     hit: mi.SurfaceInteraction3f
     emitter: mi.EmitterPtr
     counts: mi.Bool
+    all_surfaces: bool
 
     def radiance(self, si):
         """What the emitter sends back toward `si`, with derivatives [W m^-2 sr^-1]."""
+        if self.all_surfaces:
+            return self.emitter.eval(self.hit, self.counts)
         hit = self.counts & mi.has_flag(self.emitter.flags(), mi.EmitterFlags.Surface)
         return self.emitter.eval(self.hit, hit) + self.emitter.eval_direction(si, self.ds, self.counts & ~hit)
 
@@ -92,8 +95,8 @@ class EmitterTable:
         would be counted in each other's place.
         """
         ds = dr.zeros(mi.DirectionSample3f)
-        emitter, facet = dr.zeros(mi.EmitterPtr), mi.UInt32(0)
         from_facets = active & (sample1 < self.facet_share)
+        from_others = active & ~from_facets
         if self.facets:
             facet, _, ds.p, ds.n, density = self.facets.sample(sample2, from_facets)
             # from where the ray will start: aimed from si.p it would pass the point at the height of the ray's offset,
@@ -103,25 +106,25 @@ class EmitterTable:
             ds.d /= ds.dist
             ds.pdf = self.facet_share * density * dr.square(ds.dist) / dr.maximum(dr.abs_dot(ds.d, ds.n), 1e-20)
         if self.others is not None:
-            from_others = active & ~from_facets
             reused = (sample1 - self.facet_share) / (1 - self.facet_share)
             index = dr.minimum(mi.UInt32(reused * self.other_count), self.other_count - 1)
-            emitter = dr.reinterpret_array(mi.EmitterPtr, dr.gather(mi.UInt32, self.others, index, from_others))
-            ds_other, _ = emitter.sample_direction(si, sample2, from_others)
+            other = dr.reinterpret_array(mi.EmitterPtr, dr.gather(mi.UInt32, self.others, index, from_others))
+            ds_other, _ = other.sample_direction(si, sample2, from_others)
             ds_other.pdf *= (1 - self.facet_share) / self.other_count
             ds = dr.select(from_facets, ds, ds_other)
 
         hit = scene.ray_intersect(self.spawn_ray(si, ds.d), active)
-        hit_emitter = hit.emitter(scene)
-        on_surface = mi.has_flag(emitter.flags(), mi.EmitterFlags.Surface)
-        at_point = (hit_emitter == emitter) & (dr.abs(hit.t - ds.dist) < 1e-3 * ds.dist)
-        nothing_before = ~hit.is_valid() | (hit.t > ds.dist * (1 - 1e-4))
-        counts = dr.select(on_surface, at_point, nothing_before)
+        emitter, counts = hit.emitter(scene, active), mi.Bool(False)
         if self.facets:
             found, known = self.facets.find(hit.shape, hit.prim_index, from_facets & hit.is_valid())
-            counts = dr.select(from_facets, known & (found == facet), counts)
-            emitter = dr.select(from_facets, hit_emitter, emitter)
-        return EmitterSample(ds, hit, emitter, active & counts & (ds.pdf > 0))
+            counts = known & (found == facet)
+        if self.others is not None:
+            on_surface = mi.has_flag(other.flags(), mi.EmitterFlags.Surface)
+            at_point = (emitter == other) & (dr.abs(hit.t - ds.dist) < 1e-3 * ds.dist)
+            nothing_before = ~hit.is_valid() | (hit.t > ds.dist * (1 - 1e-4))
+            counts |= from_others & dr.select(on_surface, at_point, nothing_before)
+            emitter = dr.select(from_facets, emitter, other)
+        return EmitterSample(ds, hit, emitter, counts & (ds.pdf > 0), self.others is None)
 
     def pdf(self, scene, p_before, si, emitter, active):
         """Density with which `sample` at `p_before` draws the direction in which `si` was hit [1/sr]."""
