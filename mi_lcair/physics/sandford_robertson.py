@@ -90,16 +90,19 @@ def sin2_theta(w):
     return dr.square(w.x) + dr.square(w.y)
 
 
+def falloff(cos, sin2, b):
+    """1 / (cos^2 + b^2 sin^2), of which g, 1 - g and d / cos are multiples: one division serves them all."""
+    return dr.rcp(dr.maximum(dr.fma(dr.square(b), sin2, dr.square(cos)), SMALLEST))
+
+
 def g(cos, sin2, b):
     """g(theta) = 1 / (1 + b^2 tan^2 theta), Eqs 2.16, 2.17 and d(theta), Eq 2.24."""
-    cos2 = dr.square(cos)
-    return cos2 / dr.maximum(cos2 + dr.square(b) * sin2, SMALLEST)
+    return dr.square(cos) * falloff(cos, sin2, b)
 
 
 def one_minus_g(cos, sin2, b):
     """1 - g(theta), without the cancellation."""
-    b2s2 = dr.square(b) * sin2
-    return b2s2 / dr.maximum(dr.square(cos) + b2s2, SMALLEST)
+    return dr.square(b) * sin2 * falloff(cos, sin2, b)
 
 
 def rho_s(S: Surface, cos, sin2):
@@ -139,7 +142,7 @@ def observer_factor(S: Surface, cos, sin2):
     """d(theta_r) / cos(theta_r) of Eq 2.19, without the division by a vanishing cosine; 1 / cos in the normalized form."""
     if S.form == "normalized":
         return 1 / dr.maximum(cos, SMALLEST)
-    return cos / dr.maximum(dr.square(cos) + dr.square(S.b) * sin2, SMALLEST)
+    return cos * falloff(cos, sin2, S.b)
 
 
 def f_d(S: Surface, i, r):
