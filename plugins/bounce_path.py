@@ -40,6 +40,7 @@ class BouncePath(RBIntegrator):
         if self.max_bounces < 0:
             raise InputError(f"bounce_path: max_bounces = {self.max_bounces} must be >= 0")
         self.emitter_sampling = props.get("emitter_sampling", False)
+        self.tail_error = 0.0
         self.closure = props.get("closure", "none")
         if self.closure not in CLOSURES:
             raise InputError(f"bounce_path: closure '{self.closure}' is unknown; it must be one of {', '.join(CLOSURES)}")
@@ -198,7 +199,7 @@ class BouncePath(RBIntegrator):
             β *= weight
             si_before = dr.detach(si)
             pdf_before, delta_before = bs.pdf, delta
-            ray = si.spawn_ray(si.to_world(bs.wo))
+            ray = emitters.spawn_ray(si, si.to_world(bs.wo))
             bounce += 1
             active = active_next
 

@@ -5,7 +5,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-MAX_BOUNCE_CHANNELS = 17        # the last one holds every bounce count from 16 on
+MAX_BOUNCE_CHANNELS = 65        # the last one holds every bounce count from 64 on
 
 
 @dataclass
@@ -78,24 +78,27 @@ def pixel_statistics(L, channels: "Channels | None", labels: int, spp: int) -> P
     """Reduces samples (`spp` consecutive ones per pixel) to pixels. Deviations are taken from the pixel's own mean, so
     that the variance survives in Float32 where it is tiny beside the square of the mean."""
     finite = dr.isfinite(L)
+    dr.schedule(finite)
     samples = [L]
     if channels is not None:
         samples += channels.by_bounce + [channels.closure] + channels.by_group
         samples += [dr.select(channels.seen == k, L, 0) for k in range(labels)]
         samples += [channels.range]
     samples = [dr.select(finite, value, 0) for value in samples]
-    hits = mi.Float(0) if channels is None else dr.block_sum(dr.select(finite & (channels.range > 0), mi.Float(1), 0), spp)
-    count = dr.block_sum(dr.select(finite, mi.Float(1), 0), spp)
+    samples.append(dr.select(finite, mi.Float(1), 0))
+    if channels is not None:
+        samples.append(dr.select(finite & (channels.range > 0), mi.Float(1), 0))
+    dr.eval(samples)                        # one kernel: each reduction would otherwise trace the paths again
     sums = [dr.block_sum(value, spp) for value in samples]
-    dr.eval(samples[0], count, hits, sums)
+    hits = sums.pop() if channels is not None else None
+    count = sums.pop()
     mean = sums[0] / dr.maximum(count, 1)
     deviation = dr.select(finite, samples[0] - dr.repeat(mean, spp), 0)
     squares = dr.block_sum(dr.square(deviation), spp)
-    dr.eval(mean, squares)
     n = np.maximum(count.numpy().astype(np.float64), 1)
     means = [total.numpy() / n for total in sums[1:]]
     if channels is not None:
         means[-1] *= n / np.maximum(hits.numpy(), 1)        # range: over the hits alone
     invalid = dr.width(L) - int(count.numpy().astype(np.float64).sum())
     return Pixels(count.numpy().astype(np.float64), mean.numpy().astype(np.float64), squares.numpy().astype(np.float64),
-                  np.array(means), invalid)
+                  np.reshape(means, (len(means), len(n))), invalid)

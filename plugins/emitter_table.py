@@ -9,6 +9,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.plugins.facets import Facets, pointer_id
 
 OTHER = "other"         # label of what has no thermal emitter
+OFFSET = 64 * 2.0**-24   # of the scene's extent: above the rounding of a hit's position
 
 
 @dataclass
@@ -58,6 +59,8 @@ class EmitterTable:
         self.label_of = mi.UInt32(label_of)
 
         self.band = one_band(thermal)
+        bounds = scene.bbox()
+        self.least_offset = mi.Float(OFFSET * max(np.abs(bounds.min).max(), np.abs(bounds.max).max()))
 
         meshes = [emitter for emitter in thermal if emitter.get_shape().is_mesh() and source(emitter) is not None]
         weights = [dr.detach(source(emitter)).numpy() for emitter in meshes]
@@ -67,7 +70,14 @@ class EmitterTable:
         self.other_count = len(others)
         self.others = mi.UInt32([pointer_id(mi.EmitterPtr(emitter)) for emitter in others]) if others else None
         self.facet_share = 0.0 if not emitting else 1.0 if not others else 0.5
-        dr.eval(self.label_of, self.others)
+        dr.make_opaque(self.label_of, self.others, self.least_offset)
+
+    def spawn_ray(self, si, d):
+        """A ray that leaves a surface. Mitsuba would start it (1 + |p|) 9e-5 m above, which costs a reflector 0.2 m wide
+        0.06 % of what it receives from a wall that stands on it; Float32 needs far less in a small scene."""
+        mitsuba = (1 + dr.max(dr.abs(si.p))) * mi.math.RayEpsilon
+        offset = dr.minimum(mitsuba, self.least_offset)
+        return mi.Ray3f(dr.fma(si.n, dr.mulsign(offset, dr.dot(si.n, d)), si.p), d)
 
     def label(self, emitter):
         """Index into `labels` of an emitter pointer; that of `other` for a null pointer."""
@@ -97,7 +107,7 @@ class EmitterTable:
             ds_other.pdf *= (1 - self.facet_share) / self.other_count
             ds = dr.select(from_facets, ds, ds_other)
 
-        hit = scene.ray_intersect(si.spawn_ray(ds.d), active)
+        hit = scene.ray_intersect(self.spawn_ray(si, ds.d), active)
         hit_emitter = hit.emitter(scene)
         on_surface = mi.has_flag(emitter.flags(), mi.EmitterFlags.Surface)
         at_point = (hit_emitter == emitter) & (dr.abs(hit.t - ds.dist) < 1e-3 * ds.dist)

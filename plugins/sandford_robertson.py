@@ -8,6 +8,7 @@ from mi_lcair.physics import hemispherical, materials
 from mi_lcair.physics import sandford_robertson as sr
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.directional_table import read_directional_table
+from mi_lcair.plugins.beside_scene import beside_scene
 from mi_lcair.plugins.derivatives import attached, check_attached, flatten
 
 LOBES = ("brdf", "mirror", "diffuse")
@@ -56,8 +57,10 @@ class SandfordRobertson(mi.BSDF):
         form = None
         if "material" in props:
             self.material = props["material"]
-            found = materials.material(self.material, band(props["band"]) if "band" in props else None,
-                                       props.get("materials"), props.get("allow_band", False))
+            found = materials.material(beside_scene(self.material),
+                                       band(beside_scene(props["band"])) if "band" in props else None,
+                                       beside_scene(props["materials"]) if "materials" in props else None,
+                                       props.get("allow_band", False))
             numbers, form = (found.epsilon, found.rho_d, found.b, found.e), found.form
         else:
             self.material = self.id()
@@ -72,7 +75,7 @@ class SandfordRobertson(mi.BSDF):
         self.emissivity = props.get("emissivity", "kirchhoff")
         self.measured = None
         if self.emissivity not in ("kirchhoff", "model"):
-            theta, values, _ = read_directional_table(self.emissivity)
+            theta, values, _ = read_directional_table(beside_scene(self.emissivity))
             cos = np.linspace(0, 1, NODES) ** 2
             self.measured = mi.Float(np.interp(np.arccos(cos), theta, values))
             dr.make_opaque(self.measured)
@@ -135,6 +138,13 @@ class SandfordRobertson(mi.BSDF):
         cos = sr.cos_theta(w)
         floor, lobe = self.raw_HDR(cos, sr.sin2_theta(w))
         return dr.select(w.z > 0, dr.minimum(floor + lobe, 1), 0)
+
+    def first_saturated_angle_deg(self) -> float | None:
+        """The smallest angle at which the raw model reflects more than arrives, HDR > 1; None if it never does."""
+        theta = np.linspace(0, 0.5 * np.pi, 1801)[:-1]
+        floor, lobe = self.raw_HDR(mi.Float(np.cos(theta)), mi.Float(np.sin(theta) ** 2))
+        above = dr.detach(floor + lobe).numpy() > 1 + 1e-5      # the table's own error must not raise the alarm
+        return float(np.degrees(theta[above.argmax()])) if above.any() else None
 
     def lobe_probability(self, w):
         """Probability to sample the lobe instead of the floor, at the angle of `w`."""

@@ -7,6 +7,7 @@ import mitsuba as mi
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.plugins.beside_scene import beside_scene
 from mi_lcair.plugins.derivatives import check_attached, members
 from mi_lcair.plugins.emissivity import emissivity_of, reflects
 from mi_lcair.plugins.facets import Facets
@@ -43,7 +44,7 @@ class Thermal(mi.Emitter):
         self.group = props.get("group", "self")
         if not LABEL.fullmatch(self.group):
             raise InputError(f"thermal: group '{self.group}' must consist of letters, digits, '_' and '-'")
-        self.band = band(props["band"]) if "band" in props else None
+        self.band = band(beside_scene(props["band"])) if "band" in props else None
         if ("temperature" in props) == ("radiance" in props):
             raise InputError("thermal: give either `temperature` or `radiance`")
         self.temperature = self.radiance = self.texture = self.attribute = None

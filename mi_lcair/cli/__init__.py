@@ -4,13 +4,12 @@ Exit status: 0 done, 1 failed, 2 unusable arguments or input, 130 interrupted. M
 """
 import importlib
 import os
-import re
 import sys
 
 import click
 
 import mi_lcair
-from mi_lcair.errors import InputError, unknown
+from mi_lcair.errors import InputError, mitsuba_error, unknown
 
 COMMANDS = ("render", "show", "signature", "scenes", "chart")
 FAILED, UNUSABLE, INTERRUPTED = 1, 2, 130
@@ -28,16 +27,17 @@ class Main(click.Group):
         return importlib.import_module(f"{__name__}.{name}").command
 
     def main(self, args=None, prog_name="mi-lcair", **extra):
-        """Run the command line and exit with its status; the one place that decides what an error looks like."""
+        """Run the command line and exit with its status; the one place that decides what an error looks like.
+
+        (A reader of stdout that has gone is click's business: `echo` flushes, and a broken pipe ends quietly.)
+        """
         try:
             status = super().main(args, prog_name, standalone_mode=False, **extra) or 0
-            sys.stdout.flush()
         except (Exception, KeyboardInterrupt) as error:
             if os.environ.get("MI_LCAIR_DEBUG"):
                 raise
             status, message = _verdict(error)
-            if message:
-                click.echo(f"mi-lcair: {' '.join(message.split())}", err=True)
+            click.echo(f"mi-lcair: {' '.join(message.split())}", err=True)
         sys.exit(status)
 
 
@@ -45,39 +45,20 @@ def _verdict(error: BaseException) -> tuple[int, str]:
     """Exit status and message for an exception that ended a command."""
     if isinstance(error, (click.Abort, KeyboardInterrupt)):
         return INTERRUPTED, "interrupted"
-    if isinstance(error, BrokenPipeError):
-        # Whoever read the output has gone, which is no news; the interpreter's own flush at exit must not complain.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return FAILED, ""
     if isinstance(error, click.UsageError):
         command = error.ctx.command_path if error.ctx else "mi-lcair"
         return UNUSABLE, f"{error.format_message().rstrip('.')}; see '{command} --help'"
     if isinstance(error, InputError):
         return UNUSABLE, str(error)
-    status, message = _plugin_verdict(str(error)) or (FAILED, f"{type(error).__name__}: {error}")
-    if status == FAILED and error.__cause__ is not None:
+    if isinstance(error, RuntimeError) and "Traceback (most recent call last)" in str(error):
+        # An exception in a plugin, which Mitsuba passes on as text.
+        return _verdict(mitsuba_error(error))
+    status, message = FAILED, f"{type(error).__name__}: {error}"
+    if error.__cause__ is not None:
         # Dr.Jit's loops wrap what happens in their body in a RuntimeError of their own.
         status, cause = _verdict(error.__cause__)
         message = f"{message} ({cause})" if status == FAILED else cause
     return status, message
-
-
-def _plugin_verdict(text: str) -> tuple[int, str] | None:
-    """The same for an exception in a Python plugin, which Mitsuba passes on as a text that holds its traceback.
-
-    The text is "[file.cpp:123] At scene.xml (line 3, col 5): failed to ...: Traceback ...", the exception its last line.
-    """
-    where, is_traceback, traceback = text.partition("Traceback (most recent call last):")
-    if not is_traceback:
-        return None
-    kind, _, message = traceback.strip().splitlines()[-1].partition(": ")
-    if kind.endswith("KeyboardInterrupt"):
-        return INTERRUPTED, "interrupted"
-    place = re.search(r"\bAt (.*?): failed", where)
-    place = f"{place[1]}: " if place else ""
-    if kind.endswith("InputError"):
-        return UNUSABLE, place + message
-    return FAILED, f"{place}{kind}: {message}"
 
 
 def _version(ctx, option, wanted):

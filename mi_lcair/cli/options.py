@@ -22,9 +22,11 @@ class SceneOptions:
     json: bool
 
     def run(self, function):
-        """Load the scene and return function(scene, **sampling, progress=...), with a progress bar on stderr."""
+        """Load the scene and return function(scene, **sampling, progress=...); remarks and progress go to stderr."""
         self._prepare_renderer()
         scene = mi_lcair.load(self.scene, **self.parameters)
+        for remark in scene.remarks:
+            click.echo(f"mi-lcair: note: {remark}", err=True)
         with progress_bar() as progress:
             return function(scene, **self.sampling, progress=progress)
 
@@ -48,8 +50,8 @@ def progress_bar():
 
     with tqdm(unit="spp", disable=None, leave=False) as bar:
         def progress(done, total):
-            bar.total = total
-            bar.update(done - bar.n)
+            bar.n, bar.total = done, total
+            bar.refresh()
 
         yield progress
 
@@ -97,7 +99,7 @@ def scene_options(command):
     @click.option("--spp", type=positive, help="Samples per pixel (default: the scene's own).")
     @click.option("--tolerance", type=Fraction(),
                   help="Render until the rms standard error is below this fraction of the mean, such as 0.01 or 1%.")
-    @click.option("--max-spp", type=positive, help="Where --tolerance gives up, in samples per pixel.")
+    @click.option("--max-spp", type=positive, help="Where --tolerance gives up, in samples per pixel (default: 65536).")
     @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True,
                   help="Seed of the random numbers.")
     @click.option("--variant", type=click.Choice(VARIANTS), help=f"Mitsuba variant (default: {VARIANTS[0]}).")

@@ -28,13 +28,14 @@ def command(options, output):
 
     if options.json:
         print_json({"file": str(output), "band": result.band.name, "mean": result.mean, "rms_error": result.rms_error,
-                    "spp": result.spp, "reached": result.reached, "invalid": result.invalid, "paths": result.paths,
-                    "seconds": result.seconds})
+                    "spp": result.spp, "reached": result.reached, "invalid": result.invalid,
+                    "closure_error": result.closure_error, "paths": result.paths, "seconds": result.seconds})
         return
     height, width = result.channels["Y"].shape
+    error = "unknown for one sample" if result.rms_error is None else f"{result.rms_error:.2%} of the mean"
     print_columns([("image", f"{output}, {width} x {height} pixels, {result.band.label}"),
                    ("mean radiance", f"{result.mean:.6g} W m^-2 sr^-1"),
-                   ("standard error", f"{result.rms_error:.2%} of the mean (rms over the pixels)"),
+                   ("standard error", f"{error} (rms over the pixels)"),
                    ("samples per pixel", result.spp),
                    ("time", f"{result.seconds:.2f} s"),
                    *_remarks(options, result)])
@@ -44,6 +45,8 @@ def _remarks(options, result):
     """Rows for what a user should not miss."""
     if result.invalid:
         yield "invalid samples", f"{result.invalid} NaN or infinite, left out of the image"
+    if result.closure_error is not None:
+        yield "closure error", f"{result.closure_error:.2g} W m^-2 sr^-1 (estimated)"
     if result.reached is not None:
         yield "tolerance", (f"{options.sampling['tolerance']:.3g} "
                             + ("reached" if result.reached else "NOT reached; raise --max-spp"))

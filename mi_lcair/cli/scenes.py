@@ -10,14 +10,19 @@ from mi_lcair.cli.output import print_columns, print_json
 def command(json):
     """List the bundled scenes.
 
-    Each with its parameters and their defaults.
+    Each with its parameters, their defaults and what they mean.
     """
     from mi_lcair import scenes
 
     if json:
-        print_json({name: {"path": str(scenes.path(name)), "parameters": scenes.parameters(name)}
+        print_json({name: {"title": scenes.title(name), "path": str(scenes.path(name)),
+                           "parameters": {key: parameter._asdict()
+                                          for key, parameter in scenes.parameters(name).items()}}
                     for name in scenes.names()})
         return
-    print_columns([(name, " ".join(f"{key}={value}" for key, value in scenes.parameters(name).items()))
-                   for name in scenes.names()])
-    click.echo("\nSet a parameter with -D: mi-lcair render SCENE -D key=value -o FILE.exr")
+    for name in scenes.names():
+        click.echo(f"{name}: {scenes.title(name)}")
+        print_columns([(f"    {key}={parameter.default}", parameter.description)
+                       for key, parameter in scenes.parameters(name).items()])
+        click.echo()
+    click.echo("Set a parameter with -D: mi-lcair render SCENE -D key=value -o FILE.exr")

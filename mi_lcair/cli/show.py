@@ -18,13 +18,12 @@ def command(file, patterns, output, log):
 
     It shows one channel or several of an OpenEXR image, with colour bars in W m^-2 sr^-1, K or m.
     """
-    from mi_lcair.rendering.image import check_writable, read_exr
+    from mi_lcair.rendering.image import read_exr
     from mi_lcair.rendering.picture import save_picture
 
     output = output or file.with_suffix(".png")
     if output.suffix.lower() != ".png":
         raise InputError(f"output '{output}' does not end in .png; show makes PNG pictures")
-    check_writable(output)
     channels, header = read_exr(file)
     chosen = choose(channels, patterns)
     title = ", ".join(str(header[key]) for key in ("scene", "band") if key in header) or file.stem

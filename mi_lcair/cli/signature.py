@@ -18,9 +18,10 @@ def command(options):
     if options.json:
         print_json(result)
         return
+    error = result["standard_error"]
     print_columns([("band", result["band"]),
                    ("intensity", f"{result['intensity']:.6g} W/sr"),
-                   ("standard error", f"{result['standard_error']:.2g} W/sr"),
+                   ("standard error", "unknown for one sample" if error is None else f"{error:.2g} W/sr"),
                    ("time", f"{result['seconds']:.2f} s"),
                    ("paths", result["paths"])])
     for title, parts in (("reflections up to", enumerate(result["by_bounce"])),

@@ -173,7 +173,7 @@ def _read_response(path):
         try:
             wavelength, response = (float(field) for field in line.split(","))
         except ValueError:
-            raise InputError(f"band file {path}, line {n}: '{line[:60]}'; must be two numbers, '{CSV_HEADER}'") from None
+            raise InputError(f"band file {path}, line {n}: '{line[:60]}'; must be two numbers") from None
         if not SHORTEST_UM <= wavelength <= LONGEST_UM:
             raise InputError(f"band file {path}, line {n}: wavelength {wavelength:g}; "
                              f"must be within {SHORTEST_UM:g} to {LONGEST_UM:g} um")

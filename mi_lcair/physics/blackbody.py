@@ -42,11 +42,11 @@ def in_band_radiance(band: Band, temperature):
     """
     dr = _drjit(temperature)
     if dr is None:
-        value, _ = _radiance_and_slope(band, np.asarray(temperature, dtype=float))
-        return value
+        temperature = np.asarray(temperature, dtype=float)
+        return _total(np, temperature) if band.is_total else _radiance_and_slope(band, temperature)[0]
     exact = dr.float64_array_t(type(temperature))(temperature)
     if band.is_total:
-        return type(temperature)(_total(dr, exact)[0])
+        return type(temperature)(_total(dr, exact))
     value, slope = _traced_sum(dr, band, dr.detach(exact))
     return type(temperature)(dr.replace_grad(value, slope * exact))
 
@@ -88,15 +88,13 @@ def _planck(m, wavelength, temperature):
 
 
 def _total(m, temperature):
-    """sigma T^4 / pi and its derivative."""
+    """sigma T^4 / pi, in the functions of module `m`."""
     t = m.maximum(temperature, 0)
-    return STEFAN_BOLTZMANN / np.pi * (t * t) * (t * t), 4 * STEFAN_BOLTZMANN / np.pi * t * t * t
+    return STEFAN_BOLTZMANN / np.pi * (t * t) * (t * t)
 
 
 def _radiance_and_slope(band, temperature):
     """In-band radiance and its derivative by the temperature, NumPy."""
-    if band.is_total:
-        return _total(np, temperature)
     value = slope = 0.0
     for wavelength, weight in zip(band.wavelengths_um, band.weights_um):
         node_value, node_slope = _planck(np, wavelength, temperature)

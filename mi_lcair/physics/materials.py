@@ -32,8 +32,8 @@ class Material:
 def material(name: str, band: Band | None, file: str | Path | None = None, allow_band: bool = False) -> Material:
     """The material `name` in a band.
 
-    name: a key of the user's TOML `file`, of the built-in materials, or the path of a fit's JSON file. band: where it is
-    to be used; the entry measured there, or in a wider band, is taken (None: only an entry for any band will do). With
+    name: a key of the user's TOML `file`, of the built-in materials, or the path of a fit's JSON file. band: where it
+    is to be used; the entry measured there, or in a wider band, is taken (None: only an entry for any band will do). With
     allow_band the entry that overlaps most, or else lies nearest, is taken instead of refusing.
     Raises InputError for an unknown name, a band that it was not measured for, and a file that cannot be used.
     """
@@ -54,7 +54,7 @@ def names(file: str | Path | None = None) -> list[str]:
 
 
 def _fitness(measured, wanted):
-    """How well parameters for the band named `measured` serve in the band `wanted`: (covers it, overlap in um, -width)."""
+    """How well parameters for the band named `measured` serve in `wanted`: (covers it, overlap in um, -width)."""
     measured = None if measured == EVERY_BAND else band_of(measured)
     if measured is None or wanted is None:
         return measured is None, 0.0, -np.inf
@@ -108,7 +108,7 @@ def _entry(where, name, band, keys, file):
     for key, value in keys.items():
         if key not in allowed:
             raise InputError(f"{where}: {unknown('key', key, allowed)}")
-        if key in NUMBERS and (isinstance(value, bool) or not isinstance(value, (int, float)) or not np.isfinite(value)):
+        if key in NUMBERS and (type(value) not in (int, float) or not np.isfinite(value)):
             raise InputError(f"{where}: {key} = {value!r}; must be a number")
         if key not in NUMBERS and not isinstance(value, str):
             raise InputError(f"{where}: {key} = {value!r}; must be a string")

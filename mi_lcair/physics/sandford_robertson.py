@@ -13,7 +13,7 @@ import drjit as dr
 from ..errors import InputError
 
 FORMS = ("thesis", "normalized")
-SMALLEST = 1e-30    # keeps 0/0 out of limits that are 0 or 1; a normal number in Float32
+SMALLEST = 1e-18    # keeps 0/0 out of limits that are 0 or 1; its square, in derivatives, is a normal number in Float32
 
 
 @dataclass
@@ -41,10 +41,12 @@ class Surface:
 
 
 def surface(epsilon, rho_d, b, e, form: str = "thesis") -> Surface:
-    """A `Surface` from its parameters, best Float64 arrays (then `cast`). form: see `radiance_factor`."""
+    """A `Surface` from its parameters, best Float64 arrays (then `cast`). form: see `f`."""
     G_b = G(b)
+    slack = (G_b - epsilon - rho_d) / G_b
+    slack += dr.maximum(-dr.detach(slack), 0)       # parameters that passed through Float32 may exceed G by its rounding
     return Surface(epsilon, rho_d, b, e, floor=rho_d / dr.square(G_b), absorbed=(epsilon + rho_d) / G_b,
-                   slack=(G_b - epsilon - rho_d) / G_b, G=G_b, form=form)
+                   slack=slack, G=G_b, form=form)
 
 
 def check_feasible(epsilon: float, rho_d: float, b: float, e: float, form: str = "thesis") -> None:

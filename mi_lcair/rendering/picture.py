@@ -63,8 +63,8 @@ def _draw(panel, bar_axes, name: str, values: np.ndarray, log: bool) -> None:
     lower, upper, clipped = _limits(values[shown], log)
 
     panel.set_facecolor("0.6")
-    picture = panel.imshow(np.ma.array(values, mask=~shown), norm=(LogNorm if log else Normalize)(lower, upper), aspect="auto",
-                           cmap="viridis" if kind in ("range", "stderr") else "inferno")
+    picture = panel.imshow(np.ma.array(values, mask=~shown), norm=(LogNorm if log else Normalize)(lower, upper),
+                           aspect="auto", cmap="viridis" if kind in ("range", "stderr") else "inferno")
     panel.set_title(name, fontsize=9, parse_math=False)
     panel.set_xlabel("column (pixel)" if shown.all() else "column (pixel); grey: no value", fontsize=8)
     panel.set_ylabel("row (pixel)", fontsize=8)

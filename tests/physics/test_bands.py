@@ -14,7 +14,7 @@ C2 = 14387.768775039337  # um K, hc/k of CODATA 2018
 
 
 def planck_shape(m, wavelength, temperature, upper):
-    """Planck's law but for a constant factor that keeps it near 1 at `upper`; mpmath's quad wants that. m: its module."""
+    """Planck's law but for a constant factor that keeps it near 1 at `upper`, as mpmath's quad wants it. m: NumPy or mpmath."""
     exponent = C2 / temperature
     return (wavelength / upper)**-5 * m.exp(exponent / upper - exponent / wavelength) / -m.expm1(-exponent / wavelength)
 
@@ -46,7 +46,7 @@ def test_a_specification_gives_name_limits_and_label(spec, name, limits, label):
 
 def test_a_band_passes_through_and_total_has_no_spectrum():
     mwir, total = band("MWIR"), band("total")
-    assert band(mwir) is mwir and not mwir.is_total
+    assert isinstance(mwir, Band) and band(mwir) is mwir and not mwir.is_total
     assert total.is_total and total.wavelengths_um.size == total.weights_um.size == 0
 
 
@@ -92,7 +92,8 @@ def test_a_response_is_straight_between_its_rows(tmp_path, temperature):
 
 def test_a_response_of_many_rows_needs_no_more_nodes_than_a_smooth_band(tmp_path):
     wavelengths = np.union1d(np.linspace(2.9, 5.6, 400), JAGGED[0])
-    coarse, fine = band(csv(tmp_path, *JAGGED)), band(csv(tmp_path, wavelengths, np.interp(wavelengths, *JAGGED), "fine.csv"))
+    coarse = band(csv(tmp_path, *JAGGED))
+    fine = band(csv(tmp_path, wavelengths, np.interp(wavelengths, *JAGGED), "fine.csv"))
     assert fine.wavelengths_um.size <= 66
     for temperature in (30, 300, 6000):
         assert abs(by_rule(fine, temperature) / by_rule(coarse, temperature) - 1) < 1e-9
@@ -169,7 +170,3 @@ def test_a_folder_and_a_picture_are_no_response(tmp_path):
         band(tmp_path / "picture.csv")
     with pytest.raises(InputError, match="Is a directory"):
         band(tmp_path)
-
-
-def test_the_type_is_what_the_interface_says():
-    assert isinstance(band("MWIR"), Band)

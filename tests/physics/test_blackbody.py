@@ -122,8 +122,12 @@ def test_float32_is_computed_in_float64(name):
 
 
 @pytest.mark.parametrize("Type", [Float, Float64])
-@pytest.mark.parametrize("function", [lambda t: in_band_radiance(band("SWIR"), t), lambda t: in_band_radiance(band("0.1-1000"), t),
-                                      lambda t: in_band_radiance(band("total"), t), lambda t: spectral_radiance(0.1, t)])
+@pytest.mark.parametrize("function", [
+    lambda t: in_band_radiance(band("SWIR"), t),
+    lambda t: in_band_radiance(band("0.1-1000"), t),
+    lambda t: in_band_radiance(band("total"), t),
+    lambda t: spectral_radiance(0.1, t),
+])
 def test_value_and_derivative_are_finite_everywhere(Type, function):
     t = Type([-10, 0, 1e-30, 1e-3, 1, 5, 30, 6000, 1e6])
     dr.enable_grad(t)
@@ -139,7 +143,8 @@ def test_numpy_gives_the_same_and_no_warning_at_the_edges():
         found = in_band_radiance(band(name), temperatures)
         np.testing.assert_allclose(found, in_band_radiance(band(name), Float64(temperatures)), rtol=1e-12, atol=1e-300)
         assert np.all(found[:2] == 0)
-        assert np.isnan(in_band_radiance(band(name), np.nan)) and np.isnan(in_band_radiance(band(name), Float(np.nan))[0])
+        for nan in (np.nan, Float(np.nan), Float(300, np.nan)):
+            assert np.isnan(np.atleast_1d(in_band_radiance(band(name), nan))[-1])
 
 
 def test_shapes_and_types_are_kept():
@@ -154,22 +159,26 @@ def test_shapes_and_types_are_kept():
     assert type(vector) is Array3f and type(tensor) is TensorXf and tensor.shape == (2, 1)
     np.testing.assert_allclose(vector.numpy()[:, 0], [at_300, at_400, at_300], rtol=1e-6)
     np.testing.assert_allclose(tensor.numpy()[:, 0], [at_300, at_400], rtol=1e-6)
-    np.testing.assert_allclose(spectral_radiance(Float(4, 5), 300.0), spectral_radiance([4, 5], 300), rtol=1e-6)
+    spectral = spectral_radiance(Float(4, 5), 300.0)
+    assert type(spectral) is Float
+    np.testing.assert_allclose(spectral, spectral_radiance([4, 5], 300), rtol=1e-6)
 
 
 def test_traced_calls_carry_the_derivative():
     """Emitters of different bands are dispatched within one kernel: dr.switch is what Mitsuba's calls come to."""
     t = Float(300, 300)
     dr.enable_grad(t)
-    value = dr.switch(UInt32(0, 1), [lambda t: in_band_radiance(band("MWIR"), t), lambda t: in_band_radiance(band("LWIR"), t)], t)
+    emitters = [lambda t: in_band_radiance(band("MWIR"), t), lambda t: in_band_radiance(band("LWIR"), t)]
+    value = dr.switch(UInt32(0, 1), emitters, t)
     dr.backward(value)
     for k, limits in enumerate(((3, 5), (8, 12))):
         assert abs(value[k] / exact(limits, 300) - 1) < 1e-6
         assert abs(dr.grad(t)[k] / mpmath.diff(lambda x: exact(limits, x), 300, h=1e-8) - 1) < 1e-6
 
 
-@settings(max_examples=40, deadline=None)
-@given(st.sampled_from([*NAMED, "total", "3.99-4.01", "0.4-14"]), st.lists(st.floats(-40, 8), min_size=1, max_size=5))
+@pytest.mark.parametrize("spec", [*NAMED, "total", "3.99-4.01", "1-9"])
+@settings(max_examples=15, deadline=None)
+@given(exponents=st.lists(st.floats(-40, 8), min_size=1, max_size=5))
 def test_the_inverse_returns(spec, exponents):
     radiance = 10.0 ** np.array(exponents)
     temperature = brightness_temperature(band(spec), radiance)

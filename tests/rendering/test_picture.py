@@ -65,11 +65,11 @@ def test_a_logarithmic_scale_ends_six_decades_below_the_largest_value(tmp_path, 
     ("range.Y", "range (m)"),
 ])
 def test_units(tmp_path, figures, name, label):
-    save_picture(tmp_path / "a.png", {name: np.array([[300.0, 301.0]])}, "two_plates, MWIR 3-5 um")
+    save_picture(tmp_path / "a.png", {name: np.array([[300.0, 300.0001]])}, "two_plates, MWIR 3-5 um")
     panel, bar = figures[0].axes
     assert bar.get_ylabel() == label
     assert panel.get_title() == f"two_plates, MWIR 3-5 um, {name}"
-    assert all("e" not in tick.get_text() and "+" not in tick.get_text() for tick in bar.get_yticklabels())
+    assert bar.yaxis.get_offset_text().get_text() == ""  # no "+3e2" to be added in the head
 
 
 @pytest.mark.parametrize("name, nothing, is_grey", [("range.Y", 0.0, True), ("range.Y", np.inf, True),
@@ -91,11 +91,24 @@ def test_pixels_without_a_value(tmp_path, figures, name, nothing, is_grey):
                          ids=["constant", "zero", "nan", "negative", "tiny", "huge", "tall", "narrow"])
 def test_images_with_little_to_show(tmp_path, figures, values, log):
     """No warning (warnings are errors here), and a scale that holds the values that there are."""
-    save_picture(tmp_path / "a.png", {"Y": values.astype(np.float32)}, "a $cene", log=log)
+    save_picture(tmp_path / "a.png", {"Y": values.astype(np.float32)}, "scene", log=log)
     lower, upper = figures[0].axes[1].get_ylim()
     shown = values[np.isfinite(values) & ((values > 0) | (not log))]
     assert lower < upper
     assert np.all((lower <= shown * 1.0001) | (shown < 0)) and np.all((shown <= upper * 1.0001) | (shown < 0))
+
+
+@pytest.mark.parametrize("value, limits", [(0.0, (0, 1)), (36.0, (34.2, 37.8)), (-2.0, (-2.1, -1.9))])
+def test_a_constant_lies_in_the_middle_of_its_scale(tmp_path, figures, value, limits):
+    """And zero, which is no radiance, at the lower end."""
+    save_picture(tmp_path / "a.png", {"Y": np.full((2, 2), value)})
+    assert figures[0].axes[1].get_ylim() == pytest.approx(limits)
+
+
+def test_names_are_no_formulas(tmp_path, figures):
+    """A title or channel that would be (broken) mathematics between dollar signs is drawn as it is."""
+    for channels in (["$\\bad$.Y"], ["$\\bad$.Y", "Y"]):
+        save_picture(tmp_path / "a.png", {name: np.ones((2, 2)) for name in channels}, "$\\worse$")
 
 
 def test_a_montage_gives_each_channel_its_own_scale(tmp_path, figures):

@@ -1,8 +1,5 @@
 """Exact answers of the bundled scenes, independent of the renderer. SI units; band radiances L in W m^-2 sr^-1."""
-from math import cos, pi, radians
-
-import numpy as np
-from scipy.integrate import dblquad
+from math import atan, cos, inf, log, pi, radians, sqrt
 
 PLATE_AREA = 0.2 * 0.1  # m^2, thesis Appendix A.1
 CAVITY_RADIUS = 0.5     # m, thesis 3.2.3.1
@@ -13,18 +10,13 @@ CAVITY_BLOCKS = {2: (2, 1), 4: (2, 2), 8: (4, 2), 16: (4, 4), 24: (6, 4), 36: (6
 def perpendicular_view_factor(edge, height, depth):
     """View factor from a rectangle edge x height to a rectangle edge x depth at right angles to it, sharing `edge` (m).
 
-    By quadrature: two elements that face each other's plane have the kernel z x / (pi s^4), s^2 = x^2 + z^2 + (y - y')^2
-    (Howell, Menguc, Daun, Thermal Radiation Heat Transfer, chapter 5). Over x' = depth and over y - y' = u the integral
-    is elementary or weighed by (edge - |u|); what is left, over z and u, is smooth but for a logarithm at the corner.
+    Closed form: Howell, A Catalog of Radiation Heat Transfer Configuration Factors, C-14.
     """
-    def over_depth(u, z):
-        near, far = z * z + u * u, z * z + u * u + depth * depth
-        return z * (1 / near - 1 / far) * (edge - u)  # = 2 z times the integral of x / s^4 dx, times the weight of u
-
-    # twice for u < 0; the kernel's z / (z^2 + u^2) is integrable but steep at the corner, so z is split there
-    parts = [(0, 1e-6), (1e-6, 1e-4), (1e-4, 1e-2), (1e-2, height)]
-    total = sum(dblquad(over_depth, a, b, 0, edge, epsabs=1e-13, epsrel=1e-11)[0] for a, b in parts)
-    return total / (pi * edge * height)
+    h, w = depth / edge, height / edge
+    h2, w2, s2 = h * h, w * w, h * h + w * w
+    logarithms = (log((1 + w2) * (1 + h2) / (1 + s2)) + w2 * log(w2 * (1 + s2) / ((1 + w2) * s2))
+                  + h2 * log(h2 * (1 + s2) / ((1 + h2) * s2)))
+    return (w * atan(1 / w) + h * atan(1 / h) - sqrt(s2) * atan(1 / sqrt(s2)) + logarithms / 4) / (pi * w)
 
 
 def two_plates_intensity(L_800):
@@ -48,5 +40,5 @@ def cavity_opening_fraction(opening):
 def cavity_emissivity(opening, max_bounces=None):
     """Radiance of a spherical cavity in units of the blackbody's, after max_bounces reflections (None: the limit, Eq 3.12)."""
     kept = (1 - GREY) * (1 - cavity_opening_fraction(opening))
-    bounces = np.inf if max_bounces is None else max_bounces
+    bounces = inf if max_bounces is None else max_bounces
     return GREY * (1 - kept ** (bounces + 1)) / (1 - kept)

@@ -1,0 +1,132 @@
+"""Loading a thermal scene and checking, before anything is rendered, that it can be."""
+import re
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from xml.etree import ElementTree
+
+import mitsuba as mi
+
+from mi_lcair import scenes
+from mi_lcair.errors import InputError, mitsuba_error, unknown
+from mi_lcair.physics.bands import Band
+from mi_lcair.plugins.derivatives import deriving_plugins
+
+VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A loaded scene: `mi` is Mitsuba's own object, `band` and `groups` what its thermal emitters name.
+
+    name: the bundled scene's name or the file's; parameters: the $-parameters that were given, as text; remarks: what a
+    user should know before trusting the picture, one line each.
+    """
+    mi: mi.Scene
+    name: str
+    band: Band
+    groups: list[str]
+    parameters: dict[str, str]
+    remarks: list[str]
+
+    def sensor(self, index: int):
+        sensors = self.mi.sensors()
+        if index >= len(sensors):
+            raise InputError(f"{self.name}: sensor {index} does not exist; the scene has {len(sensors)}, counted from 0")
+        return sensors[index]
+
+    def set_lobe(self, lobe: str, material: str | None = None) -> None:
+        """Sets the fidelity rung (brdf, mirror, diffuse) of one Sandford-Robertson material, or of all."""
+        surfaces = [plugin for plugin in deriving_plugins(self.mi) if hasattr(plugin, "set_lobe")]
+        chosen = [surface for surface in surfaces if material in (None, surface.material)]
+        if not chosen:
+            raise unknown("material", material, {surface.material for surface in surfaces})
+        for surface in chosen:
+            surface.set_lobe(lobe)
+
+
+def load(scene, **parameters) -> Scene:
+    """Loads a scene XML or a bundled scene, with values for its $-parameters.
+
+    scene: a path, or a name that `mi-lcair scenes` lists. Raises InputError, one line, for whatever makes the scene
+    unusable: no such file, not XML, an unknown plugin, property or parameter, a bad value, an emitting surface whose
+    emissivity is not known, another integrator, no thermal emitter.
+    """
+    if mi.variant() not in VARIANTS:
+        raise InputError(f"variant {mi.variant()} cannot render thermal scenes; set one of {', '.join(VARIANTS)}")
+    path = find(scene)
+    texts = {name: str(value) for name, value in parameters.items()}
+    known = declared_parameters(path)
+    for name in texts:
+        if name not in known:
+            raise unknown(f"parameter of {path.name}", name, known)
+    try:
+        # optimize=False: Mitsuba would merge two equal thermal emitters, and one emitter cannot belong to two shapes
+        loaded = mi.load_file(str(path), optimize=False, **texts)
+    except RuntimeError as error:
+        raise with_known_plugins(mitsuba_error(error)) from None
+    if not isinstance(loaded, mi.Scene):
+        raise InputError(f"{path}: holds no <scene>")
+    return checked(loaded, path, texts)
+
+
+def find(scene) -> Path:
+    """The XML file of a path or a bundled scene's name."""
+    path = Path(scene)
+    if path.suffix or path.parent != Path("."):
+        if not path.is_file():
+            raise InputError(f"scene '{scene}': no such file")
+        return path
+    return scenes.path(str(scene))
+
+
+def declared_parameters(path: Path) -> set[str]:
+    """Names of the $-parameters of a scene file and of what it includes."""
+    try:
+        root = ElementTree.parse(path).getroot()
+    except (ElementTree.ParseError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: is not XML: {error}") from None
+    names = {default.get("name") for default in root.iter("default")}
+    names.update(name for element in root.iter() for value in element.attrib.values() for name in re.findall(r"\$(\w+)", value))
+    for include in root.iter("include"):
+        file = path.parent / include.get("filename", "")
+        if file.is_file():
+            names |= declared_parameters(file)
+    return names
+
+
+def with_known_plugins(error: Exception) -> Exception:
+    """Adds the nearest names to the error of an unknown plugin."""
+    found = re.search(r'Plugin "(\w+)" not found', str(error))
+    if not found:
+        return error
+    installed = [file.stem for file in (Path(mi.__file__).parent / "plugins").glob("*.*")]
+    nearest = get_close_matches(found[1], ["sandford_robertson", "thermal", "bounce_path", *installed], n=5, cutoff=0.4)
+    return InputError(f"{error}; the nearest known are: {', '.join(nearest) or 'none'}")
+
+
+def checked(loaded, path: Path, parameters: dict[str, str]) -> Scene:
+    """The Scene, with its derived quantities made; refuses what cannot be rendered."""
+    integrator = loaded.integrator()
+    if not hasattr(integrator, "observe"):
+        raise InputError(f"{path}: the integrator must be bounce_path: <integrator type=\"bounce_path\"/>")
+    if not loaded.sensors():
+        raise InputError(f"{path}: has no sensor")
+    integrator.refresh(loaded)
+    if integrator.emitters.band is None:
+        raise InputError(f"{path}: no thermal emitter names a band; add <emitter type=\"thermal\"> to what radiates")
+    return Scene(loaded, path.stem, integrator.emitters.band, integrator.emitters.labels, parameters, remarks(loaded))
+
+
+def remarks(loaded) -> list[str]:
+    found = []
+    for plugin in deriving_plugins(loaded):
+        if hasattr(plugin, "set_lobe"):
+            angle = plugin.first_saturated_angle_deg()
+            if angle is not None:
+                found.append(f"material {plugin.material}: the model would reflect more than arrives beyond {angle:.1f} degrees; "
+                             "its BRDF is scaled down to HDR = 1 there")
+        elif plugin.material_emissivity is not None and plugin.material_emissivity.kind == "table":
+            found.append(f"group {plugin.group}: emissivity tabulated by sampling the BSDF, "
+                         f"standard error {plugin.material_emissivity.error:.1e}")
+    return list(dict.fromkeys(found))

@@ -1,0 +1,77 @@
+"""What the tests of the command line share: calls, and a stand-in for the renderer behind it."""
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import mi_lcair
+from mi_lcair.cli import main
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    """The folder in which the commands run, empty at first."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("MI_LCAIR_DEBUG", raising=False)
+    return tmp_path
+
+
+@pytest.fixture
+def run():
+    """Calls the command line in this process."""
+    return lambda *args: CliRunner().invoke(main, [str(arg) for arg in args])
+
+
+@pytest.fixture
+def refused(run):
+    """The message of a call that must end with exit 2, one line on stderr and nothing on stdout."""
+    def message(*args):
+        result = run(*args)
+        assert (result.exit_code, result.stdout, result.stderr.count("\n")) == (2, "", 1), result.output
+        assert result.stderr.startswith("mi-lcair: ")
+        return result.stderr
+
+    return message
+
+
+class Renderer:
+    """Stands for mi_lcair.load, render and signature: records what it is asked for, returns `results`, or
+    raises `error`."""
+    error = None
+    remarks = ()
+    results = {}
+
+    def load(self, scene, /, **parameters):
+        self.loaded = (scene, parameters)
+        return SimpleNamespace(name="the scene", remarks=self.remarks)
+
+    def render(self, scene, **sampling):
+        self.asked(scene, **sampling)
+        return SimpleNamespace(**{
+            "channels": {"Y": np.full((2, 3), 5, np.float32)}, "header": {"band": "MWIR", "spp": 16}, "spp": 16,
+            "band": SimpleNamespace(name="MWIR", label="MWIR 3-5 um"), "mean": np.float32(5.25), "rms_error": 0.0125,
+            "reached": None, "invalid": 0, "closure_error": None, "paths": 96, "seconds": 1.5, **self.results})
+
+    def signature(self, scene, **sampling):
+        self.asked(scene, **sampling)
+        return SimpleNamespace(as_dict=lambda: {
+            "band": "total", "intensity": 22.0755, "standard_error": 0.0021, "by_bounce": [20.0, 22.0],
+            "by_group": {"hot": 21.0, "self": 1.0755}, "by_seen": {"plate": 22.0755}, "seconds": 1.5, "paths": 2**32,
+            **self.results})
+
+    def asked(self, scene, progress, **sampling):
+        assert scene.name == "the scene"
+        self.sampling = sampling
+        progress(1, 4)
+        progress(4, 4)
+        if self.error:
+            raise self.error
+
+
+@pytest.fixture
+def renderer(monkeypatch):
+    renderer = Renderer()
+    for name in ("load", "render", "signature"):
+        monkeypatch.setitem(vars(mi_lcair), name, getattr(renderer, name))
+    return renderer

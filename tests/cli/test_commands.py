@@ -1,0 +1,136 @@
+"""The commands beside `render`: signature, scenes, chart and show."""
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+import mi_lcair
+from mi_lcair.rendering.image import write_exr
+
+
+# ---- signature, scenes, chart
+
+def test_signature_table(run, renderer):
+    result = run("signature", "two_plates", "--spp", 4)
+    assert renderer.sampling["spp"] == 4
+    rows = [line.split() for line in result.stdout.splitlines()]
+    assert ["intensity", "22.0755", "W/sr"] in rows and ["standard", "error", "0.0021", "W/sr"] in rows
+    assert ["0", "20"] in rows and ["1", "22"] in rows and ["hot", "21"] in rows and ["plate", "22.0755"] in rows
+
+
+def test_signature_of_one_sample(run, renderer):
+    renderer.results = {"standard_error": None}
+    assert "standard error  unknown for one sample" in run("signature", "two_plates").stdout.splitlines()
+
+
+def test_signature_json(run, renderer):
+    result = run("signature", "two_plates", "--json")
+    assert json.loads(result.stdout) == renderer.signature(renderer.load("two_plates"), progress=lambda *_: None).as_dict()
+
+
+@pytest.fixture
+def bundled(monkeypatch):
+    from mi_lcair.scenes import Parameter
+
+    module = ModuleType("mi_lcair.scenes")
+    module.names = lambda: ["cavity", "two_plates"]
+    module.title = lambda name: f"a {name}"
+    module.path = lambda name: Path("/scenes") / f"{name}.xml"
+    module.parameters = lambda name: ({"opening": Parameter("8", "facets removed"), "band": Parameter("total", "or MWIR")}
+                                      if name == "cavity" else {})
+    monkeypatch.setitem(sys.modules, "mi_lcair.scenes", module)
+    monkeypatch.setitem(vars(mi_lcair), "scenes", module)
+
+
+def test_scenes(run, bundled):
+    assert run("scenes").stdout.splitlines()[:6] == [
+        "cavity: a cavity", "    opening=8   facets removed", "    band=total  or MWIR", "", "two_plates: a two_plates", ""]
+
+
+def test_scenes_json(run, bundled):
+    assert json.loads(run("scenes", "--json").stdout) == {
+        "cavity": {"title": "a cavity", "path": "/scenes/cavity.xml", "parameters": {
+            "opening": {"default": "8", "description": "facets removed"},
+            "band": {"default": "total", "description": "or MWIR"}}},
+        "two_plates": {"title": "a two_plates", "path": "/scenes/two_plates.xml", "parameters": {}}}
+
+
+@dataclass
+class Row:
+    scene_name: str
+    ratio: float
+    paths: int | None
+
+
+@dataclass
+class Throughput:
+    rows: list
+
+
+def test_chart_throughput(run, monkeypatch):
+    """Any dataclass with rows becomes a table with their fields as its columns, or JSON."""
+    module = ModuleType("mi_lcair.products.throughput")
+    module.measure = lambda: Throughput([Row("box", 1.25, None), Row("cavity", np.float64(2e7), 4)])
+    monkeypatch.setitem(sys.modules, "mi_lcair.products.throughput", module)
+    lines = run("chart", "throughput").stdout.splitlines()
+    assert lines == ["scene name  ratio  paths", "box         1.25", "cavity      2e+07  4"]
+    assert json.loads(run("chart", "throughput", "--json").stdout) == {
+        "rows": [{"scene_name": "box", "ratio": 1.25, "paths": None}, {"scene_name": "cavity", "ratio": 2e7, "paths": 4}]}
+
+
+# ---- show
+
+@pytest.fixture
+def image():
+    pixels = np.arange(12, dtype=np.float32).reshape(3, 4)
+    channels = {"Y": pixels, "bounce00.Y": pixels, "bounce01.Y": pixels, "temperature.Y": pixels}
+    write_exr("image.exr", channels, {"scene": "cavity", "band": "MWIR"})
+    return channels
+
+
+@pytest.fixture
+def pictures(monkeypatch):
+    """What show asks the picture module to draw."""
+    drawn = []
+    monkeypatch.setattr("mi_lcair.rendering.picture.save_picture",
+                        lambda path, channels, title, log: drawn.append((str(path), list(channels), title, log)))
+    return drawn
+
+
+@pytest.mark.parametrize("args, expected", [
+    ([], ("image.png", ["Y"], "cavity, MWIR", False)),
+    (["-c", "temperature.Y", "-o", "t.PNG", "--log"], ("t.PNG", ["temperature.Y"], "cavity, MWIR", True)),
+    (["-c", "bounce*", "-c", "*"], ("image.png", ["bounce00.Y", "bounce01.Y", "Y", "temperature.Y"], "cavity, MWIR", False)),
+])
+def test_show(run, image, pictures, args, expected):
+    result = run("show", "image.exr", *args)
+    assert (result.exit_code, result.stdout, pictures) == (0, expected[0] + "\n", [expected])
+
+
+def test_show_writes_a_picture(run, image, folder):
+    assert run("show", "image.exr", "-c", "temperature.Y").exit_code == 0
+    assert (folder / "image.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_show_images_of_other_programs(run, refused, pictures):
+    """No header of ours: the file's name is the title."""
+    write_exr("photo.exr", {"R": np.ones((2, 2))}, {})
+    assert "unknown channel 'Y'; known: R" in refused("show", "photo.exr")
+    assert run("show", "photo.exr", "-c", "R").exit_code == 0
+    assert pictures == [("photo.png", ["R"], "photo", False)]
+
+
+@pytest.mark.parametrize("args, reason", [
+    (["missing.exr"], "No such file"), ([], "Missing argument 'FILE.exr'"), (["text.exr"], "not an OpenEXR image"),
+    (["image.exr", "-c", "tmperature.Y"], "unknown channel 'tmperature.Y'; known: temperature.Y,"),
+    (["image.exr", "-o", "nowhere/a.png"], "does not exist"), (["image.exr", "-o", "a.jpg"], ".png"),
+])
+def test_show_refuses(refused, image, folder, args, reason):
+    (folder / "text.exr").write_text("no image")
+    before = sorted(folder.iterdir())
+    assert reason in refused("show", *args)
+    assert sorted(folder.iterdir()) == before

@@ -1,0 +1,123 @@
+"""The reflection models that the battery tests: stock BSDFs, and every rung of `sandford_robertson`."""
+from dataclasses import dataclass, field
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from drjit.llvm.ad import Float64
+
+from mi_lcair.physics import hemispherical
+from tests.physics.surfaces import direction, surface
+
+LOBES = ("brdf", "mirror", "diffuse")
+SURFACES = {
+    "bare_aluminum-MWIR": {"material": "bare_aluminum", "band": "MWIR"},
+    "bare_aluminum-LWIR": {"material": "bare_aluminum", "band": "LWIR"},
+    "gloss_black-MWIR": {"material": "gloss_black", "band": "MWIR"},
+    "gloss_black-LWIR": {"material": "gloss_black", "band": "LWIR"},
+    "bare_aluminum-normalized": {"material": "bare_aluminum", "band": "MWIR", "form": "normalized"},
+    "broad": {"epsilon": 0.2, "rho_d": 0.1, "b": 0.5, "e": 0.3},
+    "broad-normalized": {"epsilon": 0.2, "rho_d": 0.1, "b": 0.5, "e": 0.3, "form": "normalized"},
+    "above-one": {"epsilon": 0.05, "rho_d": 0.02, "b": 0.05, "e": 0.3},     # raw HDR up to 1.59: divided by it
+    "b=0": {"epsilon": 0.3, "rho_d": 0.2, "b": 0.0, "e": 0.1},
+    "b=1": {"epsilon": 0.2, "rho_d": 0.1, "b": 1.0, "e": 0.1},
+    "bound": {"epsilon": 0.2, "rho_d": 0.3 - 5e-7, "b": 1.0, "e": 0.02},    # epsilon + rho_d within 1e-6 of G
+    "perfect-diffuse": {"epsilon": 0.0, "rho_d": 1.0, "b": 0.0, "e": 1.0},
+    "blackbody": {"epsilon": 1.0, "rho_d": 0.0, "b": 0.0, "e": 1.0},
+}
+
+
+@dataclass
+class Model:
+    """A reflection model. width: of its lobe, the alpha of Trowbridge and Reitz; plugin: what Mitsuba loads."""
+    name: str
+    width: float
+    plugin: dict = field(repr=False)
+
+    @property
+    def is_ours(self):
+        return self.plugin["type"] == "sandford_robertson"
+
+    @property
+    def is_delta(self):
+        return self.plugin.get("lobe") == "mirror"
+
+    def load(self):
+        return mi.load_dict(self.plugin)
+
+    def HDR(self, bsdf, theta):
+        """Hemispherical-directional reflectance in Float64, as rendered: at most 1. None where no formula is known."""
+        if self.is_ours:
+            return np.minimum(exact_HDR(bsdf, theta), 1)
+        return np.full_like(theta, 0.7) if self.plugin["type"] == "diffuse" else None
+
+
+def exact_HDR(bsdf, theta):
+    """The raw model's HDR in Float64, for the parameters that the plugin holds in Float32."""
+    S = surface(*(getattr(bsdf, name)[0] for name in ("epsilon", "rho_d", "b", "e")), bsdf.form)
+    return hemispherical.HDR(S, Float64(theta)).numpy()
+
+
+def sandford_robertson(name, parameters, lobe):
+    width = parameters.get("e", 0.0042 if "aluminum" in name else 0.005) if lobe == "brdf" else 1.0
+    return Model(f"{name}-{lobe}", width, {"type": "sandford_robertson", "lobe": lobe, **parameters})
+
+
+MODELS = [
+    Model("diffuse", 1.0, {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.7}}),
+    Model("roughconductor", 0.1, {"type": "roughconductor", "distribution": "ggx", "alpha": 0.1}),
+    *(sandford_robertson(name, parameters, "brdf") for name, parameters in SURFACES.items()),
+    *(sandford_robertson(name, SURFACES[name], lobe) for lobe in ("mirror", "diffuse")
+      for name in ("bare_aluminum-MWIR", "gloss_black-LWIR", "above-one", "b=1")),
+]
+
+
+def interaction(wi):
+    """Surface interactions seen from wi (local frame)."""
+    si = dr.zeros(mi.SurfaceInteraction3f, dr.width(wi))
+    si.wi, si.n, si.sh_frame = wi, mi.Normal3f(0, 0, 1), mi.Frame3f(mi.Normal3f(0, 0, 1))
+    return si
+
+
+def seen_at(theta, phi=0.0):
+    """Surface interactions seen at the angles theta and phi [rad]."""
+    return interaction(direction(theta, phi, mi.Vector3f))
+
+
+def uniform(count, dimensions, seed=0):
+    """Uniform random numbers, as arrays of width `count`."""
+    rng = np.random.default_rng(seed)
+    return [mi.Float(rng.random(count, dtype=np.float32)) for _ in range(dimensions)]
+
+
+class HalfVectorDomain:
+    """Domain of a chi-square test: the microfacet normal that reflects wi into the sample, its slope divided by the lobe's width.
+
+    Coordinates are atan |slope / width| and the azimuth, so that a lobe of any width fills the domain.
+    """
+
+    def __init__(self, wi, width):
+        self.wi, self.width = wi, width
+
+    def bounds(self):
+        return mi.ScalarBoundingBox2f([0, -np.pi], [np.pi / 2, np.pi])
+
+    def aspect(self):
+        return 1
+
+    def map_forward(self, p):
+        sin, cos = dr.sincos(p.x)
+        sin_phi, cos_phi = dr.sincos(p.y)
+        half = dr.normalize(mi.Vector3f(self.width * sin * cos_phi, self.width * sin * sin_phi, cos))
+        return 2 * dr.dot(self.wi, half) * half - self.wi
+
+    def map_backward(self, wo):
+        half = self.wi + wo
+        return mi.Vector2f(dr.atan2(dr.hypot(half.x, half.y), self.width * half.z), dr.atan2(half.y, half.x))
+
+    def jacobian(self, wo):
+        """domega / d(coordinates), by domega_o = 4 (w . half) domega_half; 0 below the horizon."""
+        p = self.map_backward(wo)
+        sin, cos = dr.sincos(p.x)
+        stretch = dr.sqrt(dr.square(cos) + dr.square(self.width * sin))
+        return dr.select(wo.z > 0, 4 * dr.dot(self.wi, dr.normalize(self.wi + wo)) * dr.square(self.width) * sin / stretch**3, 0)
