@@ -1,0 +1,194 @@
+"""How well the data determine each parameter: covariance, profile intervals, and a verdict in words."""
+import numpy as np
+from scipy import stats
+
+from .descent import levenberg_marquardt
+from .parameters import E_MIN, NAMES, feasible_range, parameters_at, to_cube
+
+CONFIDENCE = 0.95
+PROFILE_STEPS = np.array([0.5, 1, 1.5, 2, 2.5, 3, 4, 6, 10, 20, 50])     # standard errors from the minimum
+DETERMINED = 0.25               # half the interval, relative to the value
+DETERMINED_EPSILON = 0.02       # or absolute, for the emissivity
+LEAST_DOF = 3                   # keeps Student's t finite where the misfit leaves few independent points
+UNDETERMINED = 0.5              # the interval, relative to the feasible range
+
+
+def judge(data, candidate, noise) -> dict:
+    """standard_error, interval and verdict by parameter, and the correlation matrix, of a fitted candidate.
+
+    A parameter at its bound has no curvature there: its standard error is half the interval's width.
+    """
+    u, residuals = candidate.u, candidate.residuals
+    f = data.residuals(candidate.form).instrument(u[None])[0][0]
+    slopes = residuals(u[None])[1][0]
+    on_bound = (u <= 0) | (u >= 1)
+    moves = candidate.free & ~on_bound
+    level = data.per_decade(f) * noise.level_dex
+    matrix = covariance(slopes, u, moves, noise.variance, level)
+    alone = covariance(slopes, u, moves, noise.variance, 0 * level)
+    errors, systematic = standard_errors(matrix), level_shift(slopes, u, candidate.free, noise.variance, level)
+    dof = max(noise.effective - candidate.size, LEAST_DOF)
+    intervals = profile_intervals(residuals, u, candidate.cost, candidate.free, alone, noise.variance, dof, systematic)
+    values = parameters_at(u[None])[0][0]
+    bounds = np.stack(feasible_range(values[2]), axis=1)
+    names = bound_names(u)
+    errors = np.where([name is not None for name in names], 0.5 * (intervals[:, 1] - intervals[:, 0]), errors)
+    verdicts = [verdict(k, values[k], intervals[k], bounds[k], names[k], bool(data.directional)) for k in range(4)]
+    return {"standard_error": dict(zip(NAMES, errors.tolist())),
+            "interval": {name: tuple(pair) for name, pair in zip(NAMES, intervals.tolist())},
+            "verdict": dict(zip(NAMES, verdicts)), "correlation": correlation(matrix)}
+
+
+def bound_names(u) -> list[str | None]:
+    """For each parameter the bound that it lies on, or None. epsilon + rho_d = G(b) leaves nothing for the lobe."""
+    full = "epsilon + rho_d = G(b)" if u[1] >= 1 else None
+    return ["0" if u[0] <= 0 else full, "0" if u[1] <= 0 else full, {0: "0", 1: "1"}.get(u[2]),
+            {0: f"{E_MIN:g}", 1: "1"}.get(u[3])]
+
+
+def effective_count(rows, theta_i, theta_r) -> tuple[float, float]:
+    """How many independent residuals these are worth, and the correlation of neighbours along a scan, 0..1.
+
+    A model that misses the data misses neighbouring points alike; n points then know no more than n (1 - r)/(1 + r)
+    independent ones (first-order autocorrelation). A correlation that white noise could show counts as none.
+    """
+    scanned, fixed = sorted((theta_r, theta_i), key=lambda angle: -len(np.unique(np.round(angle, 9))))
+    order = np.lexsort((scanned, np.round(fixed, 9)))
+    same = np.diff(np.round(fixed, 9)[order]) == 0
+    first, second = rows[order][:-1][same], rows[order][1:][same]
+    power = np.sum(first * first + second * second)
+    correlation = 2 * np.sum(first * second) / power if power > 0 else 0.0
+    if correlation < 3 / np.sqrt(max(len(first), 1)):
+        return float(len(rows)), 0.0
+    count = len(rows) * (1 - correlation) / (1 + correlation)
+    return float(max(count, len(NAMES) + 1)), float(correlation)
+
+
+def cube_covariance(slopes, free, variance: float):
+    """Covariance (4, 4) of the coordinates; without data a coordinate is uniform in 0..1, so that all numbers are finite."""
+    slopes = slopes * free
+    return np.linalg.inv(slopes.T @ slopes / variance + 12 * np.eye(4)) * np.outer(free, free)
+
+
+def covariance(slopes, u, free, variance: float, level) -> np.ndarray:
+    """Covariance (4, 4) of the parameters at the minimum u (4,); zero for those that are not free.
+
+    slopes (rows, 4): Jacobian by u; variance: of a row. level (rows,): change of the rows for one standard deviation of
+    the scale of all BRDFs together, an error that no number of points averages out.
+    """
+    cube = cube_covariance(slopes, free, variance)
+    shift = cube @ (slopes.T @ level) / variance
+    derivative = parameters_at(u[None])[1][0] * free
+    return derivative @ (cube + np.outer(shift, shift)) @ derivative.T
+
+
+def level_shift(slopes, u, free, variance: float, level) -> np.ndarray:
+    """How far the parameters (4,) move at most when the scale of all BRDFs is wrong by one standard deviation.
+
+    Finite steps, so that a parameter can leave its bound.
+    """
+    shift = cube_covariance(slopes, free, variance) @ (slopes.T @ level) / variance
+    ends = parameters_at(np.clip([u, u + shift, u - shift], 0, 1))[0]
+    return np.max(np.abs(ends[1:] - ends[0]), axis=0)
+
+
+def standard_errors(matrix) -> np.ndarray:
+    return np.minimum(np.sqrt(np.maximum(np.diag(matrix), 0)), 1)   # no parameter's range is wider than 1
+
+
+def correlation(matrix) -> np.ndarray:
+    size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    ratio = np.clip(matrix / np.outer(size, size), -1, 1)
+    return np.where(np.eye(4, dtype=bool), 1.0, ratio)
+
+
+class Held:
+    """Residuals with one parameter held at a value of its own in each lane, by one more, very stiff row."""
+
+    def __init__(self, residuals, which, value, stiffness):
+        self.residuals, self.which, self.value, self.stiffness = residuals, which, value, stiffness
+
+    def __call__(self, u, lanes):
+        rows, slopes = self.residuals(u)
+        values, derivatives = parameters_at(u)
+        pick = np.arange(len(u)), self.which[lanes]
+        row = (values[pick] - self.value[lanes]) * self.stiffness[lanes]
+        slope = derivatives[pick] * self.stiffness[lanes, None]
+        return np.concatenate([rows, row[:, None]], axis=1), np.concatenate([slopes, slope[:, None]], axis=1)
+
+
+def profile_intervals(residuals, u, cost: float, free, matrix, variance: float, dof: float, systematic) -> np.ndarray:
+    """Confidence intervals (4, 2): how far each parameter can move while the others are refitted.
+
+    u (4,), cost: the minimum; free (4,): coordinates that the chosen model lets move. The cost may rise by
+    variance t^2 / 2 with Student's t; systematic (4,): standard errors from the common scale, added in squares.
+    """
+    best, errors = parameters_at(u[None])[0][0], standard_errors(matrix)
+    lower, upper = feasible_range(best[2])
+    t = stats.t.ppf(0.5 + CONFIDENCE / 2, dof)
+    lanes = []
+    for k in range(4):
+        for side, bound in ((-1, lower[k]), (1, upper[k])):
+            reach = side * (bound - best[k])
+            if reach <= 1e-12:
+                continue
+            step = errors[k] if errors[k] > 0 else reach / 1000     # a parameter at its bound has no error yet
+            steps = np.append(PROFILE_STEPS * step, reach * np.array([0.1, 0.3, 1]))
+            lanes += [(k, side, distance) for distance in np.unique(steps[steps <= reach])]
+    which, side, distance = (np.array(column) for column in zip(*lanes))
+    value = best[which] + side * distance
+    start = np.stack([neighbour(best, matrix, k, target) for k, target in zip(which, value)])
+    may_move = free | (np.arange(4) == which[:, None])
+    stiffness = 1e4 * np.sqrt(variance) / distance
+    minima = levenberg_marquardt(Held(residuals, which, value, stiffness), to_cube(start), may_move,
+                                 iterations=30, tolerance=1e-5)
+    rise = np.sqrt(np.maximum(2 * (minima.cost - cost) / variance, 0))
+    intervals = np.column_stack([lower, upper])
+    for k in range(4):
+        for column, sign, bound in ((0, -1, lower[k]), (1, 1, upper[k])):
+            chosen = (which == k) & (side == sign)
+            if not chosen.any():
+                continue
+            reached = np.flatnonzero(np.append(rise[chosen], np.inf) > t)[0]
+            if reached == chosen.sum():
+                continue                                            # the bound itself still fits
+            x, y = np.append(0, distance[chosen]), np.append(0, rise[chosen])
+            width = x[reached] + (t - y[reached]) * (x[reached + 1] - x[reached]) / (y[reached + 1] - y[reached])
+            far = best[k] + sign * np.hypot(width, t * systematic[k])
+            intervals[k, column] = np.clip(far, lower[k], upper[k])
+    return intervals
+
+
+def neighbour(best, matrix, k: int, target: float) -> np.ndarray:
+    """Feasible parameters with the k-th at `target` and the others moved along with it, as their covariance says."""
+    slope = matrix[:, k] / matrix[k, k] if matrix[k, k] > 0 else np.zeros(4)
+    moved = best + slope * (target - best[k])
+    moved[k] = target
+    near = np.abs(moved - best) <= 0.5 * np.abs(best)
+    moved = np.where(near | (np.arange(4) == k), moved, best)
+    moved = np.clip(moved, [0, 0, 0, E_MIN], 1)
+    G = feasible_range(moved[2])[1][0]
+    other = {0: 1, 1: 0}.get(k)
+    if moved[0] + moved[1] > G:
+        if other is None:
+            moved[:2] *= G / moved[:2].sum()
+        else:
+            moved[other] = max(G - moved[k], 0)
+    return moved
+
+
+def verdict(k: int, value: float, interval, bounds, at_bound: str | None, joint: bool) -> str:
+    """One parameter's verdict in words; at_bound: the name of the bound that it lies on, or None."""
+    name, (low, high), (lowest, highest) = NAMES[k], interval, bounds
+    advice = "; measure it and give --emissivity" if name == "epsilon" and not joint else ""
+    span = f"{low:.3g}..{high:.3g}"
+    if name == "e" and low <= 10 * E_MIN:
+        return f"not determined by these data: any lobe narrower than {high:.3g} fits"
+    if high - low >= UNDETERMINED * (highest - lowest):
+        return f"not determined by these data: anything in {span} fits{advice}"
+    if at_bound:
+        return f"at its bound {at_bound}: interval {span}{advice}"
+    half = 0.5 * (high - low)
+    if half <= DETERMINED * value or (name == "epsilon" and half <= DETERMINED_EPSILON):
+        return "determined"
+    return f"weakly determined: interval {span}{advice}"
