@@ -84,7 +84,9 @@ def read(path, quantity: str | None = None, theta_r_positive: str | None = None)
 
 def read_directional(path, quantity: str) -> DirectionalData:
     """A measured table of "emissivity" or "dhr" against angle (`theta_deg,emissivity[,emissivity_std]`)."""
-    return DirectionalData(*read_directional_table(path, quantity), quantity=quantity)
+    path = Path(path)
+    table = read_directional_table(path, quantity)
+    return DirectionalData(*table, quantity, [{"file": path.name, "sha256": read_text(path)[1]}])
 
 
 def pool(theta_i, theta_r, brdf, sigma=None):

@@ -13,6 +13,7 @@ __version__ = "0.1.0"
 
 _HOME = {  # public name: the module that it comes from, imported at the first use
     "InputError": "errors",
+    "fit": "fitting.estimation",
     "load": "rendering",
     "render": "rendering",
     "signature": "products.signature",

@@ -262,7 +262,9 @@ def test_missing_file_and_folder(tmp_path):
 # ------------------------------------------------------------------- emissivity and DHR
 
 def test_directional_tables(file):
-    data = read_directional(file("# x\ntheta_deg,emissivity,emissivity_std\n60,0.7,0.02\n15,0.9,0.01\n"), "emissivity")
+    text = "# x\ntheta_deg,emissivity,emissivity_std\n60,0.7,0.02\n15,0.9,0.01\n"
+    data = read_directional(file(text), "emissivity")
+    assert data.source == [{"file": "scan.csv", "sha256": hashlib.sha256(text.encode()).hexdigest()}]
     np.testing.assert_allclose(np.degrees(data.theta), [15, 60])
     np.testing.assert_array_equal((data.value, data.std), [[0.9, 0.7], [0.01, 0.02]])
     data = read_directional(file("theta_deg,dhr\n15,0.1\n"), "dhr")
