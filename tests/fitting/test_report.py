@@ -141,7 +141,7 @@ def test_without_a_measured_emissivity_the_predicted_one_is_shown():
     draw_fit(figure, *result(measurements()))
     panel, = (axes for axes in figure.axes if axes.get_ylabel() == "emissivity")
     theta, value = panel.lines[0].get_data()
-    assert len(panel.lines) == 1 and (theta[0], theta[-1]) == (0, 89) and ((0 < value) & (value < 1)).all()
+    assert len(panel.lines) == 1 and (theta[0], theta[-1]) == (0, 89) and 0.2 < value[0] < 0.4
 
 
 def test_the_table_says_what_the_fit_says(axes):
