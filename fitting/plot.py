@@ -81,11 +81,11 @@ def draw_table(axes, fit) -> None:
     lines = []
     for name in NAMES:
         lines.append((SYMBOLS[name], f"{fit.parameters[name]:.4g}", f"± {fit.standard_error[name]:.2g}"))
-        lines += [("", text, None) for text in wrap(fit.verdict[name], 52)]
-    lines += [("", "", None), ("rms", f"{fit.rms_dex:.4f} decades", None),
+        lines += [("", text, None) for text in wrap(fit.verdict[name], 46)]
+    lines += [("", "", None), ("rms", f"{fit.rms_dex:.4f} decades in BRDF", None),
               ("points", f"{fit.used} used, {len(fit.used_points) - fit.used} left out", None)]
     if fit.emissivity_rms is not None:
-        lines.append(("emissivity", f"rms error {fit.emissivity_rms:.3f}", None))
+        lines.append(("rms", f"{fit.emissivity_rms:.3f} in emissivity", None))
     place = 1.0
     for symbol, value, error in lines:
         is_verdict = not symbol

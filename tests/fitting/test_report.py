@@ -147,7 +147,7 @@ def test_without_a_measured_emissivity_the_predicted_one_is_shown():
 def test_the_table_says_what_the_fit_says(axes):
     draw_table(axes[0], fit_of(measurements(), emissivity=emissivity()))
     text = " ".join(text.get_text() for text in axes[0].texts)
-    for words in ("0.3333", "± 0.01", "at its bound 0", "0.1234 decades", "66 used, 2 left out", "rms error 0.050"):
+    for words in ("0.3333", "± 0.01", "at its bound 0", "0.1234 decades", "66 used, 2 left out", "0.050 in emissivity"):
         assert words in text
 
 
