@@ -1,6 +1,7 @@
 """Scatterometer files: every accepted layout gives the same points, every open question is asked, no input crashes."""
 import hashlib
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -136,6 +137,20 @@ def test_azimuth_180_is_the_other_half_plane(file):
     """phi = 180 turns the observer to the other side: theta_r = 40 there is theta_r = -40 here."""
     text = "theta_i_deg,theta_r_deg,phi_deg,brdf\n" + "\n".join(f"{i},{abs(r)},{0 if r > 0 else 180},{f!r}" for i, r, f in POINTS)
     assert_points(read(file(text)))
+
+
+REAL = Path(__file__).parents[3] / "shared" / "data" / "mwir_brdf"
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason="needs the measured files beside the checkout")
+@pytest.mark.parametrize("name", ["aluminium", "copper", "paint_smooth"])
+def test_real_files(name):
+    """Ten positions of the camera, 87 of the source; at 60 degrees these surfaces are brightest in the mirror direction."""
+    measured, emissivity = read(REAL / f"{name}.csv"), read_directional(REAL / f"{name}_emissivity.csv", "emissivity")
+    assert (len(measured.brdf), measured.band_um, measured.source_half_angle) == (870, (2.0, 5.7), 0)
+    scan = np.isclose(np.degrees(measured.theta_r), 60)
+    assert np.degrees(measured.theta_i[scan][measured.brdf[scan].argmax()]) == pytest.approx(60)
+    assert len(emissivity.theta) == 10 and (emissivity.std > 0.02).all()
 
 
 # ------------------------------------------------------------------- repeated scans
