@@ -10,6 +10,7 @@ from .model import Hemispherical, Scatterometer
 from .parameters import NAMES
 
 SIGMA_FLOOR = 0.01          # of the value: a standard deviation from a few repeats can be small by chance
+PLATEAU, RARE = 3, 0.2      # points of one largest value that look like saturation, unless they are this share of all
 DIRECTIONAL_STD = 0.02      # of an emissivity or DHR that comes without one
 
 
@@ -67,9 +68,13 @@ def select(measurements: Measurements, scale: str, half_angle: float, max_angle_
     reach = np.maximum(np.abs(theta_i), np.abs(theta_r)) <= np.radians(max_angle_deg) + 1e-9
     bright = brdf > max(min_brdf, 0)
     used = finite & reach & bright
+    saturated = used & (brdf >= (1 - 1e-9) * np.max(brdf, where=used, initial=0))
+    saturated &= PLATEAU <= saturated.sum() < RARE * used.sum()
+    used &= ~saturated
     dropped = {"not a number": int(np.sum(~finite)),
                f"theta_i or theta_r beyond {max_angle_deg:g} degrees": int(np.sum(finite & ~reach)),
-               f"brdf not above {min_brdf:g} 1/sr": int(np.sum(finite & reach & ~bright))}
+               f"brdf not above {min_brdf:g} 1/sr": int(np.sum(finite & reach & ~bright)),
+               "at one largest value, as if the detector saturated": int(np.sum(saturated))}
     dropped = {reason: count for reason, count in dropped.items() if count}
     if used.sum() < len(NAMES):
         why = "".join(f"; {count} dropped: {reason}" for reason, count in dropped.items())

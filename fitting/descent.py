@@ -12,6 +12,7 @@ from drjit.opt import Adam
 
 STEPS, LEARNING_RATE = 5, 0.3       # of `explore`
 ROUND_OFF = 1e-12                   # gradient / (|column of the Jacobian| |rows|)
+FINEST = 1e-4                       # decades; rows count as at least this when the gradient is compared with them
 SNAP = 1e-6                         # a coordinate this close to its bound may step onto it
 ALL = np.ones(4, dtype=bool)
 
@@ -47,13 +48,14 @@ def levenberg_marquardt(residuals, u: np.ndarray, free=ALL, iterations: int = 10
     """The minimum in the cube below each of the starts u (n, 4); a bound is reached exactly and left again if need be.
 
     tolerance: a start is done when its relative gradient falls below it, when its cost stops falling (by less than
-    tolerance squared of itself), or when its rows' root mean square falls below it. Where costs differ by round-off
+    tolerance squared of itself), or when its rows are below it, in decades. Where costs differ by round-off
     only, the gradient decides whether a step was good. Starts that are done are not evaluated any more.
     """
     u, free = u.copy(), np.broadcast_to(free, u.shape)
     rows, slopes = residuals(u, np.arange(len(u)))
     cost, normal, gradient = normal_equations(rows, slopes)
-    norm = relative_gradient(u, cost, normal, gradient, free)
+    decades = 0.5 * rows.shape[1] * residuals.unit ** 2        # cost of one decade in each row
+    norm = relative_gradient(u, cost + FINEST ** 2 * decades, normal, gradient, free)
     damping, growth = np.full(len(u), 1e-3), np.full(len(u), 2.0)
     active = np.flatnonzero(norm > tolerance)
     for _ in range(iterations):
@@ -67,7 +69,7 @@ def levenberg_marquardt(residuals, u: np.ndarray, free=ALL, iterations: int = 10
         rows, slopes = residuals(trial, active)
         new_cost, new_normal, new_gradient = normal_equations(rows, slopes)
         gain = np.clip((cost[active] - new_cost) / np.maximum(predicted, 1e-300), -1, 2)
-        new_norm = relative_gradient(trial, new_cost, new_normal, new_gradient, free[active])
+        new_norm = relative_gradient(trial, new_cost + FINEST ** 2 * decades, new_normal, new_gradient, free[active])
         level = np.abs(cost[active] - new_cost) <= 1e-12 * cost[active]
         better = np.where(level, new_norm < norm[active], new_cost < cost[active])
         took, kept = active[better], active[~better]
@@ -79,7 +81,7 @@ def levenberg_marquardt(residuals, u: np.ndarray, free=ALL, iterations: int = 10
         damping[kept] *= growth[kept]
         growth[kept] *= 2
         norm[took] = new_norm[better]
-        done = (norm[active] < tolerance) | stalled | (cost[active] < 0.5 * tolerance ** 2 * rows.shape[1])
+        done = (norm[active] < tolerance) | stalled | (cost[active] < tolerance ** 2 * decades)
         done |= (np.max(np.abs(step), axis=1) < 1e-15) | (damping[active] > 1e16)
         active = active[~done]
     return Minima(u, cost, norm)

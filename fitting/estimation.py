@@ -11,10 +11,10 @@ from .data import Data, select, with_std
 from .loss import SCALES
 from .measurements import DirectionalData, Measurements
 from .model import Hemispherical
-from .parameters import NAMES, parameters_at
-from .search import compare, polish
+from .parameters import NAMES, parameters_at, starting_points
+from .search import COARSE, compare, descend
 from .selection import RESTRICTIONS, Candidate
-from .uncertainty import judge
+from .verdict import judge
 
 CONVERGED = 1e-9                            # relative gradient
 JOINT_STARTS = 16
@@ -29,7 +29,7 @@ class Fit:
     parameters, standard_error, interval (95 %, low and high) and verdict by name; correlation (4, 4) in the order epsilon,
     rho_d, b, e. form; restriction: None, "rho_d = 0" or "b = 0". rms_dex: root mean square of log10(data / model).
     used_points: mask over the measurements, used their number, dropped the others by reason; effective_points: how many
-    independent ones they are worth; outliers: how many a robust fit gave little weight. gradient_norm: relative, at
+    independent ones they are worth; outliers: how many lie far from the model. gradient_norm: relative, at
     round-off if converged. starts_in_basin: share of the starts that reached this minimum. candidates: the models
     compared. emissivity: (theta [radians], predicted 1 - HDR); emissivity_rms: its error against the measured one up to
     the largest angle that is fitted, None without one. seconds: all in all, compile_seconds: of these, for kernels.
@@ -77,25 +77,24 @@ def fit(measurements: Measurements, *, emissivity: DirectionalData | None = None
     tables = [with_std(table, quantity) for table, quantity in ((emissivity, "emissivity"), (dhr, "dhr")) if table]
     full = [(one, None) for one in FORMS if form in ("auto", one)]
     models = full + [(one, restriction) for one, _ in full for restriction in RESTRICTIONS if form == "auto"]
-    step = stepper(progress, len(models) + (len(full) + len(models) if tables else 0) + 1)
+    total = len(models) + (len(full) + len(models) if tables else 0) + 1     # at most: the last comparison may not be needed
+    step = stepper(progress, total)
 
-    candidates = []
-    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
-        dr.kernel_history_clear()
-        if tables:      # the misfit of the BRDF alone says what a BRDF point weighs beside an emissivity
-            alone, candidates, noise = compare(data, full, starts, seed, robust, step)
-            data, most = data.jointly(noise.variance, tables), GIVE_WAY * rms_dex(data, alone)
-            starts = min(starts, JOINT_STARTS)      # hemispherical integrals cost much more than BRDFs
+    compile_seconds, candidates = warm_up(data, full), []
+    if tables:      # the misfit of the BRDF alone says what a BRDF point weighs beside an emissivity
+        alone, candidates, noise = compare(data, full, starts, seed, robust, step)
+        data, most = data.jointly(noise.variance, tables), GIVE_WAY * rms_dex(data, alone)
+        compile_seconds += warm_up(data, full)
+        starts = min(starts, JOINT_STARTS)      # hemispherical integrals cost much more than BRDFs
+    best, candidates, noise = compare(data, models, starts, seed, robust, step, candidates)
+    if tables and rms_dex(data, best) > most:
+        data = relieved(data, best, most)
         best, candidates, noise = compare(data, models, starts, seed, robust, step, candidates)
-        if tables and rms_dex(data, best) > most:
-            data = relieved(data, best, most)
-            best, candidates, noise = compare(data, models, starts, seed, robust, step, candidates)
-        known = judge(data, best, noise)
-        step()
-        theta = EMISSIVITY_ANGLES if emissivity is None else np.asarray(emissivity.theta, dtype=float)
-        predicted = Hemispherical(theta, "emissivity", best.form)(best.u[None])[0][0]
-        compile_seconds = sum(kernel.get("codegen_time", 0) + kernel.get("backend_time", 0)
-                              for kernel in dr.kernel_history()) / 1000
+    known = judge(data, best, noise, robust)
+    if progress:
+        progress(total, total)
+    theta = EMISSIVITY_ANGLES if emissivity is None else np.asarray(emissivity.theta, dtype=float)
+    predicted = Hemispherical(theta, "emissivity", best.form)(best.u[None])[0][0]
     return Fit(parameters=dict(zip(NAMES, parameters_at(best.u[None])[0][0].tolist())), **known, form=best.form,
                restriction=best.restriction, rms_dex=rms_dex(data, best), used=data.points, used_points=used,
                dropped=dropped, effective_points=noise.effective, outliers=noise.outliers,
@@ -124,6 +123,16 @@ def check_settings(form, starts, loss, max_angle_deg, min_brdf, half_angle) -> N
             raise InputError(f"{name} = {value:g} is out of range; it must be {right}")
 
 
+def warm_up(data: Data, models) -> float:
+    """Compile the kernels of the models; the seconds that it took."""
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        dr.kernel_history_clear()
+        for form, _ in models:
+            for aperture in {False, bool(data.half_angle)}:
+                data.residuals(form, aperture)(starting_points(2, 0))
+        return sum(kernel.get("codegen_time", 0) + kernel.get("backend_time", 0) for kernel in dr.kernel_history()) / 1000
+
+
 def stepper(progress, total: int):
     """A function that reports one more step of `total` to progress(done, total)."""
     done = 0
@@ -146,7 +155,7 @@ def relieved(data: Data, best: Candidate, most: float) -> Data:
     for _ in range(7):
         middle = np.sqrt(low * high)
         trial = data.with_std_factor(middle)
-        if rms_dex(trial, polish(best, trial.residuals(best.form))) > 0.995 * most:
+        if rms_dex(trial, descend(best, trial.residuals(best.form), COARSE)) > 0.995 * most:
             low = middle
         else:
             high = middle

@@ -31,13 +31,15 @@ class Residuals:
     instrument: a `Scatterometer`; brdf [1/sr] what it measured; scale: key of SCALES; spread: standard deviation of a
     row on that scale, a number or one per point. directional: (`Hemispherical`, value, std) triples. Calling with coordinates u
     (n, 4) gives rows (n, rows) and their derivatives (n, rows, 4); `lanes` says which of its starts a descent asks for,
-    which only matters where starts have residuals of their own.
+    which only matters where starts have residuals of their own. unit: change of a typical row for a decade of the BRDF.
     """
 
     def __init__(self, instrument, brdf, scale: str = "log", spread=1.0, directional=()):
         self.instrument, self.scale, self.directional = instrument, SCALES[scale], list(directional)
         self.measured = self.scale(np.asarray(brdf, dtype=float))[0]
         self.weight = np.broadcast_to(1 / np.asarray(spread, dtype=float), self.measured.shape)
+        decade = self.scale(np.asarray(brdf, dtype=float))[1] * brdf * np.log(10) * self.weight
+        self.unit = float(np.sqrt(np.mean(np.square(decade))))
 
     def __call__(self, u: np.ndarray, lanes=None) -> tuple[np.ndarray, np.ndarray]:
         f, df = self.instrument(u)
@@ -59,7 +61,7 @@ class Cauchy:
     """
 
     def __init__(self, residuals, c: float):
-        self.residuals, self.c = residuals, c
+        self.residuals, self.c, self.unit = residuals, c, residuals.unit
 
     def __call__(self, u, lanes=None):
         rows, slopes = self.residuals(u)

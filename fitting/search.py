@@ -1,5 +1,5 @@
 """The minimum of each candidate model, and the one that the data need."""
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,19 +16,23 @@ FEW_STARTS = 8
 APERTURE_STARTS = 4         # minima for a point source from which the descent with the aperture starts
 CAUCHY = 2.385              # standard deviations: 95 % efficient on normal errors
 ROBUST_ROUNDS = 4
+FAR = 4.0                   # standard deviations; one normal error of 16,000 lies beyond
 ROUND_OFF_DEX = 1e-9        # no residual is known better
 
 
 @dataclass
 class Noise:
-    """Of a row: variance (as it counts for the error bars), correlation with its neighbour on a scan, 0..1; effective:
-    how many independent rows there are; level_dex: standard deviation of the common scale of all BRDFs [decades];
-    outliers: rows beyond 3 standard deviations, where outliers are looked for."""
+    """Of a row: variance (as it counts for the error bars), mean curvature of its loss (1 for squares), correlation with
+    its neighbour on a scan, 0..1; effective: how many independent rows there are, brdf_effective: those of the BRDF;
+    level_dex: standard deviation of the common scale of all BRDFs [decades]; outliers: points beyond FAR standard
+    deviations of the inner half."""
     variance: float
+    curvature: float
     correlation: float
     effective: float
+    brdf_effective: float
     level_dex: float
-    outliers: int = 0
+    outliers: int
 
 
 def compare(data: Data, models, starts: int, seed: int, robust: bool, step,
@@ -49,13 +53,14 @@ def compare(data: Data, models, starts: int, seed: int, robust: bool, step,
     if robust:
         for _ in range(ROBUST_ROUNDS):
             rows = data.residuals(best.form)(best.u[None])[0][0]
-            c = CAUCHY * max(1.4826 * np.median(np.abs(rows)), ROUND_OFF_DEX)
-            best = polish(best, Cauchy(data.residuals(best.form), c))
-        candidates = [polish(one, Cauchy(data.residuals(one.form), c)) for one in candidates]
+            c = CAUCHY * inner_deviation(rows)
+            best = descend(best, Cauchy(data.residuals(best.form), c), COARSE)
+        candidates = [descend(one, Cauchy(data.residuals(one.form), c), COARSE) for one in candidates]
         best = min(candidates, key=lambda one: one.cost)
     noise = assess(data, best, c)
     criteria = [criterion(one, data.rows, noise.effective) for one in candidates]
-    chosen = candidates[choose(candidates, criteria)]
+    index = choose(candidates, criteria)
+    chosen = candidates[index] = descend(candidates[index], candidates[index].residuals, ROUND_OFF)
     for one, value in zip(candidates, criteria):
         one.criterion = value - min(criteria)
     return chosen, candidates, assess(data, chosen, c)
@@ -69,20 +74,21 @@ def search(data: Data, form: str, restriction: str | None, start: np.ndarray) ->
     if data.half_angle:
         point = data.residuals(form, aperture=False)     # the disc costs a hundred times more
     minima = levenberg_marquardt(point, explore(point, start, free), free, tolerance=COARSE)
-    share = np.mean(minima.cost <= minima.cost.min() * (1 + SAME_BASIN) + 1e-12)
+    close = 0.5 * data.rows * (10 * COARSE * residuals.unit) ** 2
+    share = np.mean(minima.cost <= minima.cost.min() * (1 + SAME_BASIN) + close)
     if data.half_angle:
         best = minima.u[np.argsort(minima.cost, kind="stable")[:APERTURE_STARTS]]
         minima = levenberg_marquardt(residuals, best, free, tolerance=COARSE)
     best = int(np.argmin(minima.cost))
-    return polish(Candidate(form, restriction, free, residuals, minima.u[best], minima.cost[best], 1.0, float(share)),
-                  residuals)
+    return Candidate(form, restriction, free, residuals, minima.u[best], float(minima.cost[best]),
+                     float(minima.gradient[best]), float(share))
 
 
-def polish(candidate: Candidate, residuals) -> Candidate:
-    """The same model at the very minimum of `residuals`."""
-    minimum = levenberg_marquardt(residuals, candidate.u[None], candidate.free, tolerance=ROUND_OFF)
-    return Candidate(candidate.form, candidate.restriction, candidate.free, residuals, minimum.u[0],
-                     float(minimum.cost[0]), float(minimum.gradient[0]), candidate.share)
+def descend(candidate: Candidate, residuals, tolerance: float) -> Candidate:
+    """The same model at the nearest minimum of `residuals`."""
+    minimum = levenberg_marquardt(residuals, candidate.u[None], candidate.free, tolerance=tolerance)
+    return replace(candidate, residuals=residuals, u=minimum.u[0], cost=float(minimum.cost[0]),
+                   gradient=float(minimum.gradient[0]))
 
 
 def assess(data: Data, candidate: Candidate, c: float | None = None) -> Noise:
@@ -100,8 +106,9 @@ def assess(data: Data, candidate: Candidate, c: float | None = None) -> Noise:
         ratio2 = np.square(rows / c)
         influence, slope = rows / (1 + ratio2), (1 - ratio2) / np.square(1 + ratio2)
     effective, correlation = effective_count(influence[:data.points], data.theta_i, data.theta_r)
-    share = effective / data.points
-    squares = np.sum(influence ** 2) / max(np.mean(slope), 0.1) ** 2
+    brdf_effective, share = effective, effective / data.points
+    curvature = max(float(np.mean(slope)), 0.1)
+    squares = np.sum(influence ** 2) / curvature ** 2
     if data.directional:
         effective += data.rows - data.points
         variance = max(squares / max(effective - candidate.size, 1), 1.0)
@@ -110,5 +117,10 @@ def assess(data: Data, candidate: Candidate, c: float | None = None) -> Noise:
         variance = max(variance, 1.0 if data.has_sigma else 0.0) / share
     variance = max(variance, np.square(ROUND_OFF_DEX) * np.mean(per_decade ** 2))
     dex = np.sqrt(np.mean(np.square(influence[:data.points] / np.maximum(per_decade[:data.points], 1e-300))))
-    outliers = int(np.sum(np.abs(rows) > 3 * c / CAUCHY)) if c is not None else 0
-    return Noise(variance, correlation, effective, float(np.sqrt(correlation) * dex), outliers)
+    outliers = int(np.sum(np.abs(rows[:data.points]) > FAR * inner_deviation(rows[:data.points])))
+    return Noise(variance, curvature, correlation, effective, brdf_effective, float(np.sqrt(correlation) * dex), outliers)
+
+
+def inner_deviation(rows) -> float:
+    """Standard deviation of normal errors whose inner half looks like that of the rows."""
+    return max(1.4826 * float(np.median(np.abs(rows))), ROUND_OFF_DEX)

@@ -1,4 +1,4 @@
-"""How well the data determine each parameter: covariance, profile intervals, and a verdict in words."""
+"""How well the data determine each parameter: covariance and profile intervals."""
 import numpy as np
 from scipy import stats
 
@@ -7,43 +7,6 @@ from .parameters import E_MIN, NAMES, feasible_range, parameters_at, to_cube
 
 CONFIDENCE = 0.95
 PROFILE_STEPS = np.array([0.5, 1, 1.5, 2, 2.5, 3, 4, 6, 10, 20, 50])     # standard errors from the minimum
-DETERMINED = 0.25               # half the interval, relative to the value
-DETERMINED_EPSILON = 0.02       # or absolute, for the emissivity
-LEAST_DOF = 3                   # keeps Student's t finite where the misfit leaves few independent points
-UNDETERMINED = 0.5              # the interval, relative to the feasible range
-
-
-def judge(data, candidate, noise) -> dict:
-    """standard_error, interval and verdict by parameter, and the correlation matrix, of a fitted candidate.
-
-    A parameter at its bound has no curvature there: its standard error is half the interval's width.
-    """
-    u, residuals = candidate.u, candidate.residuals
-    f = data.residuals(candidate.form).instrument(u[None])[0][0]
-    slopes = residuals(u[None])[1][0]
-    on_bound = (u <= 0) | (u >= 1)
-    moves = candidate.free & ~on_bound
-    level = data.per_decade(f) * noise.level_dex
-    matrix = covariance(slopes, u, moves, noise.variance, level)
-    alone = covariance(slopes, u, moves, noise.variance, 0 * level)
-    errors, systematic = standard_errors(matrix), level_shift(slopes, u, candidate.free, noise.variance, level)
-    dof = max(noise.effective - candidate.size, LEAST_DOF)
-    intervals = profile_intervals(residuals, u, candidate.cost, candidate.free, alone, noise.variance, dof, systematic)
-    values = parameters_at(u[None])[0][0]
-    bounds = np.stack(feasible_range(values[2]), axis=1)
-    names = bound_names(u)
-    errors = np.where([name is not None for name in names], 0.5 * (intervals[:, 1] - intervals[:, 0]), errors)
-    verdicts = [verdict(k, values[k], intervals[k], bounds[k], names[k], bool(data.directional)) for k in range(4)]
-    return {"standard_error": dict(zip(NAMES, errors.tolist())),
-            "interval": {name: tuple(pair) for name, pair in zip(NAMES, intervals.tolist())},
-            "verdict": dict(zip(NAMES, verdicts)), "correlation": correlation(matrix)}
-
-
-def bound_names(u) -> list[str | None]:
-    """For each parameter the bound that it lies on, or None. epsilon + rho_d = G(b) leaves nothing for the lobe."""
-    full = "epsilon + rho_d = G(b)" if u[1] >= 1 else None
-    return ["0" if u[0] <= 0 else full, "0" if u[1] <= 0 else full, {0: "0", 1: "1"}.get(u[2]),
-            {0: f"{E_MIN:g}", 1: "1"}.get(u[3])]
 
 
 def effective_count(rows, theta_i, theta_r) -> tuple[float, float]:
@@ -107,6 +70,7 @@ class Held:
 
     def __init__(self, residuals, which, value, stiffness):
         self.residuals, self.which, self.value, self.stiffness = residuals, which, value, stiffness
+        self.unit = residuals.unit
 
     def __call__(self, u, lanes):
         rows, slopes = self.residuals(u)
@@ -175,20 +139,3 @@ def neighbour(best, matrix, k: int, target: float) -> np.ndarray:
         else:
             moved[other] = max(G - moved[k], 0)
     return moved
-
-
-def verdict(k: int, value: float, interval, bounds, at_bound: str | None, joint: bool) -> str:
-    """One parameter's verdict in words; at_bound: the name of the bound that it lies on, or None."""
-    name, (low, high), (lowest, highest) = NAMES[k], interval, bounds
-    advice = "; measure it and give --emissivity" if name == "epsilon" and not joint else ""
-    span = f"{low:.3g}..{high:.3g}"
-    if name == "e" and low <= 10 * E_MIN:
-        return f"not determined by these data: any lobe narrower than {high:.3g} fits"
-    if high - low >= UNDETERMINED * (highest - lowest):
-        return f"not determined by these data: anything in {span} fits{advice}"
-    if at_bound:
-        return f"at its bound {at_bound}: interval {span}{advice}"
-    half = 0.5 * (high - low)
-    if half <= DETERMINED * value or (name == "epsilon" and half <= DETERMINED_EPSILON):
-        return "determined"
-    return f"weakly determined: interval {span}{advice}"

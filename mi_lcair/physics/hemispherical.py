@@ -10,6 +10,7 @@ import numpy as np
 from .sandford_robertson import Surface, e2_H, g, observer_factor, rho_s
 
 NODES = 48      # per panel
+GAUSS = np.polynomial.legendre.leggauss(NODES)
 
 
 def azimuthal_lobe(theta_i, theta_r, e):
@@ -69,7 +70,7 @@ def integrate_elevation(integrand, peak, S: Surface):
     nodes are detached: they are where we look, not what we integrate.
     """
     Float = type(peak)
-    x, weights = np.polynomial.legendre.leggauss(NODES)
+    x, weights = GAUSS
     count = dr.width(peak)
     x, weights = (dr.tile(Float(nodes), count) for nodes in (0.5 * (x + 1), 0.5 * weights))
     theta_0, S = dr.repeat(peak, NODES), S.repeat(NODES)
