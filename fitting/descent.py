@@ -68,7 +68,7 @@ def levenberg_marquardt(residuals, u: np.ndarray, free=ALL, iterations: int = 10
         predicted = -np.einsum("ni,ni->n", model, step)
         rows, slopes = residuals(trial, active)
         new_cost, new_normal, new_gradient = normal_equations(rows, slopes)
-        gain = np.clip((cost[active] - new_cost) / np.maximum(predicted, 1e-300), -1, 2)
+        gain = np.clip((cost[active] - new_cost) / np.maximum(predicted, 1e-200), -1, 2)
         new_norm = relative_gradient(trial, new_cost + FINEST ** 2 * decades, new_normal, new_gradient, free[active])
         level = np.abs(cost[active] - new_cost) <= 1e-12 * cost[active]
         better = np.where(level, new_norm < norm[active], new_cost < cost[active])

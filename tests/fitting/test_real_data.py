@@ -1,10 +1,14 @@
 """The page on real measurements: its own arithmetic, and that all its fields are filled. The fits are made up."""
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from mi_lcair.fitting import real_data
+from mi_lcair.fitting import read, real_data
 from tests.fitting.results import PARAMETERS, emissivity, fit_of, measurements
+
+REAL = Path(__file__).parents[3] / "shared" / "data" / "mwir_brdf"
 
 
 def surface(data=None, **parts):
@@ -88,3 +92,12 @@ def test_the_page_is_filled_and_has_its_pictures(tmp_path, monkeypatch):
         assert f"![{title}](page/{name}.png)" in page
         assert (tmp_path / "docs" / "page" / f"{name}.png").read_text() == title
         assert page.count(f"| {title} | ") == 5
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason="needs the measured files beside the checkout")
+@pytest.mark.parametrize("loss", ["log", "cube_root", "linear"])
+def test_half_of_a_real_surface_is_fitted_without_a_warning(loss):
+    """Its steps reach places where a decrease of the misfit was predicted that is 0 to rounding."""
+    measured = read(REAL / "aluminium_sandblasted.csv")
+    half = real_data.part(measured, np.unique(measured.theta_r)[0::2])
+    assert real_data.fit(half, form="thesis", loss=loss, starts=64).converged
