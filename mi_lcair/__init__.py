@@ -15,6 +15,7 @@ _HOME = {  # public name: the module that it comes from, imported at the first u
     "InputError": "errors",
     "load": "rendering.scene",
     "render": "rendering.render",
+    "fit": "fitting.estimation",
     "signature": "products.signature",
 }
 __all__ = ["__version__", *_HOME]

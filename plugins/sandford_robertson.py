@@ -75,7 +75,7 @@ class SandfordRobertson(mi.BSDF):
         self.emissivity = props.get("emissivity", "kirchhoff")
         self.measured = None
         if self.emissivity not in ("kirchhoff", "model"):
-            theta, values = read_directional_table(beside_scene(self.emissivity))
+            theta, values, _ = read_directional_table(beside_scene(self.emissivity))
             cos = np.linspace(0, 1, NODES) ** 2
             self.measured = mi.Float(np.interp(np.arccos(cos), theta, values))
             dr.make_opaque(self.measured)

@@ -11,7 +11,7 @@ import click
 import mi_lcair
 from mi_lcair.errors import InputError, mitsuba_error, unknown
 
-COMMANDS = ("render", "show", "signature", "scenes", "chart")
+COMMANDS = ("render", "show", "signature", "fit", "scenes", "chart")
 FAILED, UNUSABLE, INTERRUPTED = 1, 2, 130
 
 

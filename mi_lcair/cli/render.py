@@ -18,7 +18,8 @@ def command(options, output):
     SCENE is a Mitsuba XML file or the name of a bundled scene. The image is an OpenEXR file in W m^-2 sr^-1: channel Y
     is the total radiance, the others are its parts.
     """
-    from mi_lcair.rendering.image import check_writable, write_exr
+    from mi_lcair.files import check_writable
+    from mi_lcair.rendering.image import write_exr
 
     if output.suffix.lower() != ".exr":
         raise InputError(f"output '{output}' does not end in .exr; render writes OpenEXR images, and show makes PNGs")

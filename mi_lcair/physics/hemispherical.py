@@ -10,6 +10,7 @@ import numpy as np
 from .sandford_robertson import Surface, e2_H, g, observer_factor, rho_s
 
 NODES = 48      # per panel
+GAUSS = np.polynomial.legendre.leggauss(NODES)
 
 
 def azimuthal_lobe(theta_i, theta_r, e):
@@ -32,7 +33,8 @@ def azimuthal_lobe(theta_i, theta_r, e):
 def HDR(S: Surface, theta_r):
     """Hemispherical-directional reflectance int f_r cos(theta_i) domega_i (Eq 2.9), at theta_r in radians.
 
-    S: Float64 surface (width 1); theta_r: Float64 array, 0 <= theta_r < pi/2. 1e-10, derivatives attached to S.
+    S: Float64 surface, one for all angles (width 1) or one per angle; theta_r: Float64 array, 0 <= theta_r < pi/2.
+    1e-10, derivatives attached to S.
     """
     sin_r, cos_r = dr.sincos(theta_r)
     floor = S.rho_d / S.G * g(cos_r, dr.square(sin_r), S.b)
@@ -41,7 +43,7 @@ def HDR(S: Surface, theta_r):
 
 def HDR_lobe(S: Surface, theta_r):
     """The lobe's part of HDR without its factor d(theta_r) / cos(theta_r): finite up to 90 degrees, where it tends to cos(theta_r) off grazing."""
-    def integrand(theta_i, theta_r):
+    def integrand(theta_i, theta_r, S):
         sin_i, cos_i = dr.sincos(theta_i)
         weight = rho_s(S, cos_i, dr.square(sin_i)) * dr.square(S.e) / e2_H(cos_i, S.e)
         return weight * cos_i * sin_i * azimuthal_lobe(theta_i, theta_r, S.e)
@@ -51,7 +53,7 @@ def HDR_lobe(S: Surface, theta_r):
 
 def DHR(S: Surface, theta_i):
     """Directional-hemispherical reflectance int f_r cos(theta_r) domega_r (Eq 2.8), at theta_i in radians; as `HDR`."""
-    def integrand(theta_r, theta_i):
+    def integrand(theta_r, theta_i, S):
         sin_r, cos_r = dr.sincos(theta_r)
         return observer_factor(S, cos_r, dr.square(sin_r)) * cos_r * sin_r * azimuthal_lobe(theta_i, theta_r, S.e)
 
@@ -62,25 +64,24 @@ def DHR(S: Surface, theta_i):
 
 
 def integrate_elevation(integrand, peak, S: Surface):
-    """int_0^(pi/2) integrand(theta, peak) dtheta for an integrand that peaks at theta = peak with a width of about 2e.
+    """int_0^(pi/2) integrand(theta, peak, S) dtheta for an integrand that peaks at theta = peak with a width of about 2e.
 
     Panels [0, peak], [peak, middle], [middle, pi/2]; in each theta = anchor +- width sinh(w), w uniform Gauss nodes. The
     nodes are detached: they are where we look, not what we integrate.
     """
     Float = type(peak)
-    x, weights = np.polynomial.legendre.leggauss(NODES)
+    x, weights = GAUSS
     count = dr.width(peak)
     x, weights = (dr.tile(Float(nodes), count) for nodes in (0.5 * (x + 1), 0.5 * weights))
-    theta_0 = dr.repeat(peak, NODES)
+    theta_0, S = dr.repeat(peak, NODES), S.repeat(NODES)
     lobe_width = 2 * dr.detach(S.e)
     horizon_width = dr.maximum(dr.minimum(dr.detach(S.b), lobe_width), 1e-4)
     to_middle = 0.5 * (0.5 * dr.pi - theta_0)
-    total = dr.zeros(Float, count)
+    total = 0
     for anchor, sign, length, width in ((theta_0, -1, theta_0, lobe_width), (theta_0, 1, to_middle, lobe_width),
                                         (0.5 * dr.pi, -1, to_middle, horizon_width)):
         w_end = dr.asinh(length / width)
         w = w_end * x
         theta = anchor + sign * width * dr.sinh(w)
-        values = integrand(theta, theta_0) * (width * dr.cosh(w) * w_end * weights)
-        total += dr.block_sum(values, NODES)
-    return total
+        total += integrand(theta, theta_0, S) * (width * dr.cosh(w) * w_end * weights)
+    return dr.block_sum(total, NODES)

@@ -37,7 +37,7 @@ def material(name: str, band: Band | None, file: str | Path | None = None, allow
     allow_band the entry that overlaps most, or else lies nearest, is taken instead of refusing.
     Raises InputError for an unknown name, a band that it was not measured for, and a file that cannot be used.
     """
-    entries = _fit(name) if str(name).lower().endswith(".json") else _toml_entries(name, file)
+    entries = _fits(name) if str(name).lower().endswith(".json") else _toml_entries(name, file)
     best = max(entries, key=lambda entry: _fitness(entry.band, band))
     if _fitness(best.band, band)[0] or (allow_band and band is not None):
         return best
@@ -76,15 +76,24 @@ def _toml_entries(name, file):
     raise unknown("material", name, names(file))
 
 
-def _fit(name):
-    """The one entry of a fit's JSON file: its keys `parameters`, `form` and `band`; a fit says more than that."""
+def _fits(name):
+    """The entries of a fit's JSON file: keys `parameters`, `form` and `band`, or one such report a band in `materials`."""
     name = str(name)
-    report = _read(name, json.loads)
+    file = _read(name, json.loads)
+    reports = file.get("materials", {"": file})
+    if not isinstance(reports, dict) or not reports or not all(isinstance(report, dict) for report in reports.values()):
+        raise InputError(f"{name}: key 'materials' must be a table with a fit for each band")
+    return [_fitted(name, report) for report in reports.values()]
+
+
+def _fitted(name, report):
+    if report.get("band", "") is None:
+        raise InputError(f"{name}: the fitted data did not state their band; add '# band_um: 3 5' to their file and fit again")
     for key, kind in (("parameters", dict), ("form", str), ("band", str)):
         if not isinstance(report.get(key), kind):
             raise InputError(f"{name}: key '{key}' is missing or no {'table' if kind is dict else 'string'}; "
                              f"a fit has parameters, form and band")
-    return [_entry(f"{name}: parameters", name, report["band"], {**report["parameters"], "form": report["form"]}, name)]
+    return _entry(f"{name}: parameters", name, report["band"], {**report["parameters"], "form": report["form"]}, name)
 
 
 def _entry(where, name, band, keys, file):

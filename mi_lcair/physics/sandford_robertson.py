@@ -36,8 +36,15 @@ class Surface:
 
     def cast(self, Float) -> "Surface":
         """The same surface in another float type; the derived numbers keep the digits of the wider one."""
+        return self._map(Float)
+
+    def repeat(self, count: int) -> "Surface":
+        """Each of many surfaces `count` times in a row; a single surface (width 1) fits any number of lanes as it is."""
+        return self._map(lambda number: dr.repeat(number, count) if dr.width(number) > 1 else number)
+
+    def _map(self, function) -> "Surface":
         numbers = (self.epsilon, self.rho_d, self.b, self.e, self.floor, self.absorbed, self.slack, self.G)
-        return Surface(*(Float(number) for number in numbers), form=self.form)
+        return Surface(*(function(number) for number in numbers), form=self.form)
 
 
 def surface(epsilon, rho_d, b, e, form: str = "thesis") -> Surface:

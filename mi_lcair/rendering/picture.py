@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.rendering.image import replacing
+from mi_lcair.files import replacing
 
 RADIANCE = r"W m$^{-2}$ sr$^{-1}$"
 QUANTITIES = {"temperature": ("brightness temperature", "K"),

@@ -108,6 +108,16 @@ def test_a_fit_serves_as_a_material(user_file):
         material(str(path), band("LWIR"))
 
 
+def test_a_fit_of_several_bands_serves_each(user_file):
+    def report(epsilon, limits):
+        return {"parameters": {"epsilon": epsilon, "rho_d": 0.2, "b": 0.3, "e": 0.04}, "form": "thesis", "band": limits}
+
+    path = str(user_file(json.dumps({"materials": {"3-5": report(0.1, "3-5"), "8-12": report(0.3, "8-12")}}), "fit.json"))
+    assert [material(path, band(name)).epsilon for name in ("MWIR", "LWIR")] == [0.1, 0.3]
+    with pytest.raises(InputError, match="not measured for band SWIR 1-3 um, only for 3-5, 8-12"):
+        material(path, band("SWIR"))
+
+
 @pytest.mark.parametrize("text, message", [
     ("[paint.MWIR]\nepsilon = 0.5\nb = 0.2\ne = 0.1\n", "material 'paint', band 'MWIR': lacks rho_d"),
     (f"[paint.MWIR]\n{NUMBERS}rhod = 0.1\n", "material 'paint', band 'MWIR': unknown key 'rhod'; known: rho_d"),
@@ -133,6 +143,9 @@ def test_an_unusable_entry_is_one_line_that_names_file_material_and_key(user_fil
     ("[]", "must be a table"),
     ('{"form": "thesis", "band": "MWIR"}', "key 'parameters' is missing or no table; a fit has parameters, form and band"),
     ('{"parameters": {}, "form": "thesis"}', "key 'band' is missing or no string"),
+    ('{"parameters": {}, "form": "thesis", "band": null}', "the fitted data did not state their band; add '# band_um: 3 5'"),
+    ('{"materials": {}}', "'materials' must be a table with a fit for each band"),
+    ('{"materials": {"3-5": 1}}', "'materials' must be a table with a fit for each band"),
     ('{"parameters": {}, "form": 1, "band": "MWIR"}', "key 'form' is missing or no string"),
     ('{"parameters": {}, "form": "thesis", "band": "MWIR"}', "lacks epsilon, rho_d, b, e"),
     ('{"parameters": {"epsilon": NaN}, "form": "thesis", "band": "MWIR"}', "epsilon = nan; must be a number"),

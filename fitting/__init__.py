@@ -1,0 +1,11 @@
+"""Sandford-Robertson parameters from scatterometer measurements: `read` the files, `fit` the model, know how well."""
+import importlib
+
+_HOME = {"fit": "estimation", "read": "reading"}  # public name: its module, imported at the first use (Dr.Jit is not cheap)
+__all__ = [*_HOME]
+
+
+def __getattr__(name):
+    if name in _HOME:
+        return getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

@@ -1,0 +1,75 @@
+"""The descent on problems whose minimum is known without it."""
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+
+from mi_lcair.fitting.descent import explore, levenberg_marquardt
+
+STARTS = np.random.default_rng(1).uniform(0.05, 0.95, (16, 4))
+
+
+class Linear:
+    """rows = A u - y."""
+    unit = 1.0
+
+    def __init__(self, A, y):
+        self.A, self.y = A, y
+
+    def __call__(self, u, lanes=None):
+        return u @ self.A.T - self.y, np.broadcast_to(self.A, (len(u), *self.A.shape))
+
+
+class Banana(Linear):
+    """Rosenbrock's valley twice over, minimum at (0.7, 0.49, 0.2, 0.04)."""
+
+    def __init__(self):
+        pass
+
+    def __call__(self, u, lanes=None):
+        rows, slopes = np.zeros((len(u), 4)), np.zeros((len(u), 4, 4))
+        for k, centre in ((0, 0.7), (2, 0.2)):
+            rows[:, k], rows[:, k + 1] = u[:, k] - centre, 10 * (u[:, k + 1] - u[:, k] ** 2)
+            slopes[:, k, k], slopes[:, k + 1, k], slopes[:, k + 1, k + 1] = 1, -20 * u[:, k], 10
+        return rows, slopes
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_minimum_in_the_cube_is_that_of_an_exact_solver(seed):
+    """Random least squares with a solution outside the cube: which faces it lies on must be found, from every start."""
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((12, 4))
+    y = A @ rng.uniform(-1, 2, 4) + 0.3 * rng.standard_normal(12)
+    expected = lsq_linear(A, y, (0, 1), method="bvls", tol=1e-14)
+    minima = levenberg_marquardt(Linear(A, y), STARTS)
+    np.testing.assert_allclose(minima.u, np.tile(expected.x, (16, 1)), atol=1e-9)
+    np.testing.assert_allclose(minima.cost, expected.cost, rtol=1e-9)
+    on_bound = np.isclose(expected.x, 0, atol=1e-12) | np.isclose(expected.x, 1, atol=1e-12)
+    assert np.all(np.isin(minima.u[:, on_bound], (0, 1)))        # a bound is reached exactly
+
+
+def test_a_start_on_a_bound_leaves_it():
+    A, y = np.eye(4), np.array([0.3, 0.6, 0.5, 0.2])
+    minima = levenberg_marquardt(Linear(A, y), np.array([[0.0, 1.0, 0.0, 1.0]]))
+    np.testing.assert_allclose(minima.u[0], y, atol=1e-9)
+
+
+def test_a_curved_valley_is_followed_to_round_off():
+    minima = levenberg_marquardt(Banana(), STARTS)
+    np.testing.assert_allclose(minima.u, np.tile([0.7, 0.49, 0.2, 0.04], (16, 1)), atol=1e-12)
+    assert np.all(minima.gradient < 1e-9)
+
+
+def test_what_is_not_free_stays():
+    A, y = np.random.default_rng(0).standard_normal((9, 4)), np.arange(9.0)
+    free = np.array([True, False, True, True])
+    minima = levenberg_marquardt(Linear(A, y), STARTS, free)
+    assert np.array_equal(minima.u[:, 1], STARTS[:, 1])
+    assert np.array_equal(explore(Linear(A, y), STARTS, free)[:, 1], STARTS[:, 1])
+
+
+def test_exploring_goes_down_and_stays_inside():
+    problem = Banana()
+    cost = lambda u: 0.5 * np.sum(np.square(problem(u)[0]), axis=1)
+    ends = explore(problem, STARTS, steps=30)
+    assert np.all((ends > 0) & (ends < 1))
+    assert np.mean(cost(ends) < 0.3 * cost(STARTS)) > 0.9

@@ -1,0 +1,142 @@
+"""The fit as a whole: known answers, real surfaces, the choice of model, and settings that make no sense."""
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mi_lcair.errors import InputError
+from mi_lcair.fitting import fit, read
+from mi_lcair.fitting.measurements import DirectionalData
+from mi_lcair.fitting.model import Hemispherical
+from mi_lcair.fitting.parameters import NAMES, to_cube
+from mi_lcair.fitting.reading import read_directional
+from mi_lcair.physics.sandford_robertson import check_feasible
+from tests.fitting.synthetic import ROUGH, THESIS_SETS, relative_errors, scan, without
+
+SURFACES = Path(__file__).parents[2].parent / "shared" / "data" / "mwir_brdf"
+real_data = pytest.mark.skipif(not SURFACES.is_dir(), reason="the measured surfaces are not here")
+
+
+@pytest.mark.parametrize("name", THESIS_SETS)
+def test_noise_free_data_give_the_parameters_back(name):
+    parameters = THESIS_SETS[name]
+    result = fit(scan(parameters), starts=6, seed=1)
+    assert relative_errors(result, parameters).max() < 1e-6
+    assert result.converged and result.rms_dex < 1e-9
+    assert (result.form, result.restriction) == ("thesis", None)
+
+
+def test_the_same_seed_gives_the_same_bits():
+    data = scan(ROUGH, step=2, noise=0.05)
+    first, again = (fit(data, starts=8, seed=7) for _ in range(2))
+    assert first.parameters == again.parameters and first.standard_error == again.standard_error
+    assert first.gradient_norm == again.gradient_norm
+
+
+@real_data
+@pytest.mark.parametrize("name, thesis, normalized", [
+    ("aluminium", 0.3294, 0.3556), ("aluminium_sandblasted", 0.0764, 0.0703), ("copper", 0.7475, 0.7475),
+    ("paint_rough", 0.1947, 0.1844), ("paint_smooth", 0.2698, 0.2699), ("steel_sandblasted", 0.0918, 0.0874)])
+def test_real_surfaces_as_well_as_a_global_search(name, thesis, normalized):
+    """The numbers are what an independent global optimization of the same residuals found."""
+    data = read(SURFACES / f"{name}.csv")
+    for form, rms in (("thesis", thesis), ("normalized", normalized)):
+        result = fit(data, form=form, starts=6, source_half_angle_deg=0)
+        assert result.rms_dex < rms + 0.5e-4 and result.converged
+        check_feasible(*result.parameters.values())
+
+
+@real_data
+def test_an_emissivity_beside_the_brdf_is_followed():
+    """Sandblasted aluminium: its BRDF alone misses the measured emissivity, both together hold it."""
+    data = read(SURFACES / "aluminium_sandblasted.csv")
+    table = read_directional(SURFACES / "aluminium_sandblasted_emissivity.csv", "emissivity")
+    alone, both = (fit(data, form="normalized", starts=4, source_half_angle_deg=0, **joint)
+                   for joint in ({}, {"emissivity": table}))
+    u = to_cube([list(alone.parameters.values())])
+    inside = table.theta < np.radians(80.1)
+    missed = (Hemispherical(table.theta, "emissivity", alone.form)(u)[0][0] - table.value)[inside]
+    assert both.emissivity_rms < 0.5 * np.sqrt(np.mean(missed ** 2))
+    assert both.rms_dex < 1.2 * alone.rms_dex
+    assert "--emissivity" in alone.verdict["epsilon"] and "--emissivity" not in both.verdict["epsilon"]
+
+
+def test_a_dhr_is_fitted_at_the_sources_angle():
+    """Tables of emissivity and DHR of one surface hold different angles' worth: SR is not reciprocal."""
+    theta, u = np.radians([20.0, 50.0, 70.0]), to_cube([ROUGH])
+    data = scan(ROUGH, step=4, noise=0.05)
+    tables = {quantity: DirectionalData(theta, Hemispherical(theta, quantity, "thesis")(u)[0][0], np.full(3, 0.002), quantity)
+              for quantity in ("emissivity", "dhr")}
+    assert np.max(np.abs(1 - tables["dhr"].value - tables["emissivity"].value)) > 0.01
+    result = fit(data, dhr=tables["dhr"], starts=4, form="thesis")
+    assert result.parameters["epsilon"] == pytest.approx(ROUGH[0], abs=0.01)
+    assert result.standard_error["epsilon"] < 0.7 * fit(data, starts=4, form="thesis").standard_error["epsilon"]
+    assert result.emissivity_rms is None and list(result.settings["joint"]) == ["dhr"]
+
+
+@pytest.mark.parametrize("form", ["thesis", "normalized"])
+def test_auto_takes_the_form_that_made_the_data(form):
+    result = fit(scan(ROUGH, step=2, form=form, noise=0.05), starts=8)
+    assert (result.form, result.restriction) == (form, None)
+
+
+def test_auto_takes_no_more_than_the_data_need():
+    """No diffuse floor in the data: the model without it is chosen, and no other candidate is better by much."""
+    result = fit(scan((0.3, 0.0, 0.4, 0.25), step=2, noise=0.05), starts=8)
+    assert result.restriction == "rho_d = 0" and result.parameters["rho_d"] == 0
+    assert result.verdict["rho_d"].startswith("at its bound 0: interval 0..")
+    assert 0 < result.standard_error["rho_d"] < 0.05
+    [chosen] = [row for row in result.candidates if row["chosen"]]
+    assert chosen["free_parameters"] == 3 and chosen["criterion"] <= 2 and len(result.candidates) == 6
+
+
+def test_sigma_weighs_the_points():
+    """Two disagreeing scans of one surface: the one with the smaller standard deviation is followed."""
+    good, bad = scan(ROUGH, step=2, noise=0.02, seed=1), scan((0.6, 0.1, 0.3, 0.4), step=2, noise=0.02, seed=2)
+    for one, relative in ((good, 0.02), (bad, 2.0)):
+        one.sigma = relative * one.brdf
+    both = scan(ROUGH)
+    for name in ("theta_i", "theta_r", "brdf", "sigma"):
+        setattr(both, name, np.concatenate([getattr(good, name), getattr(bad, name)]))
+    result = fit(both, starts=4, form="thesis")
+    assert relative_errors(result, ROUGH).max() < 0.05
+    both.sigma = None
+    assert relative_errors(fit(both, starts=4, form="thesis"), ROUGH).max() > 0.2
+
+
+def test_what_is_left_out_is_counted():
+    data = scan(ROUGH, step=2)
+    data.brdf[:3] = (np.nan, 5e-5, -1)
+    result = fit(data, starts=2, form="thesis", max_angle_deg=75)
+    assert result.dropped == {"not a number": 1, "theta_i or theta_r beyond 75 degrees": 17}
+    result = fit(data, starts=2, form="thesis")
+    assert result.dropped == {"not a number": 1, "brdf not above 0.0001 1/sr": 2}
+    assert result.used == result.used_points.sum() == len(data.brdf) - 3
+
+
+def test_too_few_points():
+    data = scan(ROUGH, step=2)
+    keep = np.zeros(len(data.brdf), bool)
+    keep[[10, 100, 200]] = True
+    with pytest.raises(InputError, match="3 points to fit, fewer than the 4 parameters"):
+        fit(without(data, ~keep))
+    with pytest.raises(InputError, match="243 dropped: brdf not above 1000"):
+        fit(data, min_brdf=1000)
+
+
+@pytest.mark.parametrize("settings, words", [
+    ({"form": "thesys"}, "thesis"), ({"loss": "cube"}, "cube_root"), ({"starts": 0}, "starts = 0 .* at least 1"),
+    ({"max_angle_deg": 100}, "max_angle_deg = 100"), ({"min_brdf": -1}, "min_brdf = -1"),
+    ({"source_half_angle_deg": 90}, "source_half_angle_deg = 90")])
+def test_settings_out_of_range(settings, words):
+    with pytest.raises(InputError, match=words):
+        fit(scan(ROUGH, step=10), **settings)
+
+
+def test_progress_goes_on_to_its_total():
+    data = scan(ROUGH, step=8, noise=0.05)
+    table = DirectionalData(np.radians([30.0]), np.array([0.33]), np.array([0.02]))
+    for joint, total in (({}, 2), ({"emissivity": table}, 4)):      # models and error bars; twice with a table
+        calls = []
+        fit(data, **joint, form="thesis", starts=2, progress=lambda done, total: calls.append((done, total)))
+        assert calls[-1] == (total, total) and [done for done, _ in calls] == sorted({done for done, _ in calls})
