@@ -4,13 +4,14 @@ The azimuthal integral of the lobe is known in closed form, so HDR and DHR are i
 integrand peaks at the other angle with a width of about 2e and has a knee near the horizon of width b or e. Three panels of
 Gauss-Legendre nodes, crowded toward the peak and the horizon, resolve both (1e-10 in Float64).
 """
+from functools import cache
+
 import drjit as dr
 import numpy as np
 
 from .sandford_robertson import Surface, e2_H, g, observer_factor, rho_s
 
 NODES = 48      # per panel
-GAUSS = np.polynomial.legendre.leggauss(NODES)
 
 
 def azimuthal_lobe(theta_i, theta_r, e):
@@ -63,6 +64,9 @@ def DHR(S: Surface, theta_i):
     return S.rho_d / S.G * g(cos_i, sin2_i, S.b) + lobe * integrate_elevation(integrand, theta_i, S)
 
 
+gauss = cache(np.polynomial.legendre.leggauss)
+
+
 def integrate_elevation(integrand, peak, S: Surface):
     """int_0^(pi/2) integrand(theta, peak, S) dtheta for an integrand that peaks at theta = peak with a width of about 2e.
 
@@ -70,7 +74,7 @@ def integrate_elevation(integrand, peak, S: Surface):
     nodes are detached: they are where we look, not what we integrate.
     """
     Float = type(peak)
-    x, weights = GAUSS
+    x, weights = gauss(NODES)
     count = dr.width(peak)
     x, weights = (dr.tile(Float(nodes), count) for nodes in (0.5 * (x + 1), 0.5 * weights))
     theta_0, S = dr.repeat(peak, NODES), S.repeat(NODES)
