@@ -46,7 +46,7 @@ class FacetTable:
         self._measure()
         for shape, points, facets in zip(shapes, corners, of_primitive):
             if not len(points):
-                self.area[facets] = np.ravel(shape.surface_area())
+                self.area[facets] = area_of(shape)
 
         # for number(): where each shape's primitives begin in one list of facets, and the last primitive that counts
         keys = [pointer_id(mi.ShapePtr(shape)) for shape in shapes]
@@ -139,6 +139,14 @@ def check_apart(numbers: dict) -> None:
 def material_of(bsdf) -> str:
     names = [layer.material for layer in (bsdf, *children(bsdf)) if getattr(layer, "material", "")]
     return names[0] if names else bsdf.class_name()
+
+
+def area_of(shape):
+    """Surface area of a shape that is no mesh [m^2]; NaN for curves and the like, which do not know theirs."""
+    try:
+        return np.ravel(shape.surface_area())
+    except RuntimeError:
+        return np.nan
 
 
 def temperature_of(emitter):

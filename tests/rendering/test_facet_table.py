@@ -82,6 +82,18 @@ def test_a_ray_meets_the_facet_that_lies_there(table, model):
     assert masked.numpy().tolist() == [ABSENT, 3, 0, 1, 4, 4, ABSENT]
 
 
+def test_a_shape_that_is_no_mesh_is_one_facet(table, tmp_path):
+    """Also a curve, whose hits tell its segments apart."""
+    (tmp_path / "curve.txt").write_text("".join(f"{x} 0 0 0.1\n" for x in range(6)))
+    write_mesh(tmp_path / "a.ply", SQUARE + [9, 0, 0], [[0, 1, 2], [0, 2, 3]])
+    curve = '<shape type="bsplinecurve"> <string name="filename" value="curve.txt"/> </shape>'
+    scene, facets = table(curve, ply("a.ply"))
+    si = scene.mi.ray_intersect(mi.Ray3f(mi.Point3f([1.5, 3.5, 9.2], [0, 0, 0.8], 1), mi.Vector3f(0, 0, -1)))
+    assert si.prim_index.numpy()[1] > 0
+    assert facets.number(si.shape, si.prim_index).numpy().tolist() == [0, 0, 2]
+    np.testing.assert_array_equal(facets.area, [np.nan, 0.5, 0.5])
+
+
 def test_numbering_and_rays_agree_everywhere(table):
     """From each facet's centre a ray starts along its normal and comes back: it meets that facet. (Furnace's slabs share
     one mesh, turned by the scene.)"""
