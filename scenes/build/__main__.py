@@ -2,6 +2,7 @@
 import sys
 from pathlib import Path
 
+from .airliner import airliner
 from .cylinder import cylinder
 from .surroundings import ir_range, world_sphere
 from .wavefront import wavefront
@@ -13,6 +14,7 @@ def models() -> dict[str, str]:
         "cylinder_bare_aluminum.obj": cylinder("bareAl"),
         "cylinder_gloss_black.obj": cylinder("gloss_black"),
         "ir_range.obj": ir_range(),
+        "a340.obj": [facet for body in airliner().values() for facet in body],
         "world_sphere.obj": world_sphere(),
     }
     comment = "mi_lcair scenes/build, metres; x forward, y left, z up"
