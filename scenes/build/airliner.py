@@ -23,7 +23,7 @@ NOSE = LENGTH / 2  # x of the nose; stations below count metres aft of it
 
 
 def airliner() -> dict[str, list[Facet]]:
-    """Closed bodies by name: fuselage, belly, wing, tailplane, fin, and per engine (1 to 4, left to right) nacelle and pylon."""
+    """Closed bodies by name: fuselage, belly, wing, tailplane, fin, and for each engine (1 to 4) nacelle_1 and pylon_1, ..."""
     parts = {"fuselage": fuselage(), "belly": belly(), "wing": wing(), "tailplane": tailplane(), "fin": fin()}
     for number, lateral in enumerate(ENGINES, start=1):
         parts[f"nacelle_{number}"] = nacelle(lateral, number)
@@ -79,7 +79,7 @@ def section(leading_edge, chord, thickness, upper):
     """
     station, y, z = leading_edge
     ahead, height = profile().T
-    return np.array([NOSE - station, y, z]) + chord * ahead[:, None] * [1, 0, 0] + thickness * height[:, None] * np.array(upper)
+    return [NOSE - station, y, z] + np.outer(chord * ahead, (1, 0, 0)) + np.outer(thickness * height, upper)
 
 
 def tip_to_tip(stations, label):
@@ -116,13 +116,14 @@ def wing():
 
 def tailplane():
     stations = np.array([(0.0, 53.2, 6.2, 1.15), (9.7, 59.6, 2.2, 2.15)])  # y, station, chord, z: 30 degrees, 6 of dihedral
-    return tip_to_tip([section((s, y, z), chord, 0.1 * chord, (0, 0, 1)) for y, s, chord, z in between(stations, (10,))],
-                      f"{SKIN}*tailplane")
+    sections = [section((s, y, z), chord, 0.1 * chord, (0, 0, 1)) for y, s, chord, z in between(stations, (10,))]
+    return tip_to_tip(sections, f"{SKIN}*tailplane")
 
 
 def fin():
     stations = np.array([(1.8, 50.8, 9.0), (11.3, 59.3, 3.4)])  # z, station of the leading edge, chord
-    return loft([section((s, 0, z), chord, 0.1 * chord, (0, -1, 0)) for z, s, chord in between(stations, (12,))], f"{SKIN}*fin")
+    sections = [section((s, 0, z), chord, 0.1 * chord, (0, -1, 0)) for z, s, chord in between(stations, (12,))]
+    return loft(sections, f"{SKIN}*fin")
 
 
 # Engines.
@@ -161,5 +162,5 @@ def pylon(lateral, number):
     station, z = engine_front(lateral)
     nose, top = station + 4.7, z + 1.75  # the wing's leading edge
     stations = np.array([(z + 0.6, station + 1.0, 3.6), (top, nose + 0.15, 3.2)])  # z, station of the leading edge, chord
-    return loft([section((s, lateral, height), chord, 0.11 * chord, (0, -1, 0)) for height, s, chord in between(stations, (4,))],
-                f"{SKIN}*pylon_{number}")
+    sections = [section((s, lateral, z), chord, 0.11 * chord, (0, -1, 0)) for z, s, chord in between(stations, (4,))]
+    return loft(sections, f"{SKIN}*pylon_{number}")

@@ -53,9 +53,10 @@ def cap(section, label) -> list[Facet]:
 
 
 def ring(x, radius, columns, centre=(0, 0), aspect=1, turn=0.0):
-    """A closed section (columns + 1, 3) of an ellipse in the plane x, right-handed about +x; its first point comes last again.
+    """A closed section (columns + 1, 3) of an ellipse in the plane x, right-handed about +x.
 
-    `radius` is half its height, `aspect` its width in heights, `centre` (y, z). The first point lies `turn` columns beyond +y.
+    `radius` is half its height (m), `aspect` its width in heights, `centre` (y, z). The first point, which is the last
+    again, lies `turn` columns beyond +y.
     """
     angle = 2 * np.pi * (np.arange(columns + 1) % columns + turn) / columns
     y, z = aspect * radius * np.cos(angle) + centre[0], radius * np.sin(angle) + centre[1]

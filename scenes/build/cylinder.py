@@ -32,7 +32,7 @@ TEMPERATURES = {
 
 
 def ogive_radius(distance):
-    """Radius (m) of the tangent ogive at a distance (m) ahead of the nose's base: an arc that leaves the cylinder smoothly."""
+    """Radius (m) of the nose at a distance (m) ahead of its base: an arc that leaves the cylinder smoothly."""
     arc = (RADIUS**2 + NOSE_LENGTH**2) / (2 * RADIUS)
     return np.sqrt(arc**2 - distance**2) + RADIUS - arc
 
