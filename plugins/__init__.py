@@ -9,7 +9,7 @@ import sys
 import mitsuba as mi
 
 DEFAULT_VARIANT = "llvm_ad_mono"
-MODULES = ("beside_scene", "derivatives", "facets", "emissivity", "sandford_robertson", "thermal", "emitter_table", "channels", "bounce_path")
+MODULES = ("beside_scene", "derivatives", "facets", "emissivity", "sandford_robertson", "thermal", "sources", "emitter_table", "channels", "bounce_path")
 
 
 def register() -> None:

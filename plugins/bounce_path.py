@@ -67,13 +67,16 @@ class BouncePath(RBIntegrator):
     # ---------------------------------------------------------------- Around the loop
 
     @contextmanager
-    def prepared(self, scene):
-        """Within: everything derived from the scene is up to date, and paths may be traced. Loops are recorded later."""
+    def prepared(self, scene, by_spectrum: bool = False):
+        """Within: everything derived from the scene is up to date, and paths may be traced. Loops are recorded later.
+
+        by_spectrum: tell emission apart by the spectra of its sources, not only by their groups.
+        """
         plugins = deriving_plugins(scene)
         with dr.resume_grad():
             for plugin in plugins:
                 plugin.refresh()
-        self.emitters = EmitterTable(scene, self.emitter_sampling)
+        self.emitters = EmitterTable(scene, self.emitter_sampling, by_spectrum)
         if self.closure == "ambient":
             self.ambient_radiance = mi.Float(in_band_radiance(self.emitters.band, self.ambient_temperature))
         with tracing(plugins):
@@ -98,16 +101,18 @@ class BouncePath(RBIntegrator):
             raise InputError("bounce_path: closure = tail has no derivatives; use none or ambient")
 
     def sample(self, mode, scene, sampler, ray, depth, δL, state_in, active, **kwargs):
-        channels = Channels.empty(0, self.max_bounces, self.closure) if self.closure == "tail" else None
+        channels = Channels.empty(self.max_bounces, self.closure, None) if self.closure == "tail" else None
         (L, state), valid, channels = self.walk(mode, scene, sampler, ray, δL, state_in, active, channels)
         if channels is not None:
             L += channels.add_tail()[0]
         return L, valid, [], state
 
-    def observe(self, scene, sensor, seed: int, spp: int, first: int, pixels: int, split: bool = True) -> Pixels:
+    def observe(self, scene, sensor, seed: int, spp: int, first: int, pixels: int, split: str | None = "image", facets=None) -> Pixels:
         """One pass: `spp` paths through each of `pixels` pixels from number `first` on (row by row).
 
-        split: also record `Channels`. To be called within `prepared`.
+        split: the channels recorded beside the radiance: None, "image", or "target": also what of each lies on the
+        model's facets. facets: a numbering with `number(shape, prim_index, active)` and `add(facet, L, channels,
+        spp)`, which receives the samples by the facet seen first. To be called within `prepared`.
         """
         count = pixels * spp
         sampler = sensor.sampler().clone()
@@ -120,18 +125,23 @@ class BouncePath(RBIntegrator):
         with dr.suspend_grad():
             aperture = sampler.next_2d() if sensor.needs_aperture_sample() else mi.Point2f(0.5)
             ray, weight = sensor.sample_ray(sensor.shutter_open(), 0, position / mi.Vector2f(width, height), aperture)
-            labels = len(self.emitters.labels)
-            channels = Channels.empty(labels, self.max_bounces, self.closure) if split or self.closure == "tail" else None
-            (L, _), _, channels = self.walk(dr.ADMode.Primal, scene, sampler, ray, None, None, mi.Bool(True), channels)
+            channels = None
+            if split or facets or self.closure == "tail":
+                channels = Channels.empty(self.max_bounces, self.closure, self.emitters.sources if split else None)
+            (L, _), _, channels = self.walk(dr.ADMode.Primal, scene, sampler, ray, None, None, mi.Bool(True), channels, facets)
             if self.closure == "tail":
                 tail, self.tail_error = channels.add_tail()
                 L += tail
-            return pixel_statistics(L[0], channels if split else None, spp)
+            samples = channels.samples(L[0], self.emitters.labels, self.emitters.sources, split == "target") if split else {}
+            if facets is not None:
+                dr.eval(L, channels, samples)           # one kernel for both uses
+                facets.add(channels.facet, L[0], channels, spp)
+            return pixel_statistics(L[0], samples, spp, split == "target")
 
     # ---------------------------------------------------------------- The loop
 
     @dr.syntax
-    def walk(self, mode, scene, sampler, ray, δL, L, active, channels=None):
+    def walk(self, mode, scene, sampler, ray, δL, L, active, channels=None, facets=None):
         """Follows paths from the observer. Returns ((radiance or its derivative, radiance), valid, channels)."""
         primal = mode == dr.ADMode.Primal
         ctx = mi.BSDFContext()
@@ -151,7 +161,7 @@ class BouncePath(RBIntegrator):
         valid = pi.is_valid()
         if dr.hint(channels is not None, mode="scalar"):
             first = pi.compute_surface_interaction(ray, mi.RayFlags.Minimal, active)
-            channels.meet(first, emitters.label(first.emitter(scene, active)))
+            channels.meet(first, emitters, first.emitter(scene, active), facets)
 
         while dr.hint(active, max_iterations=limit + 1, label=f"bounce_path ({mode.name})"):
             si = pi.compute_surface_interaction(ray, mi.RayFlags.All, active)
@@ -171,7 +181,7 @@ class BouncePath(RBIntegrator):
                 Le = dr.select(beyond, dr.select(si.is_valid(), β * self.ambient_radiance, 0), Le)
             L = L + Le if primal else L - Le
             if dr.hint(channels is not None, mode="scalar"):
-                channels.add(Le[0], bounce, emitters.label(emitter), self.max_bounces)
+                channels.add(Le[0], bounce, emitters.sources, emitter, si.prim_index, self.max_bounces)
 
             active_next = active & si.is_valid() & (bounce < limit)
             bsdf = si.bsdf(ray)
@@ -188,7 +198,7 @@ class BouncePath(RBIntegrator):
                     Lr = dr.select(drawn.counts, β * f * drawn.radiance(si) * (mis / drawn.ds.pdf), 0)
                 L = L + Lr if primal else L - Lr
                 if dr.hint(channels is not None, mode="scalar"):
-                    channels.add(Lr[0], bounce + 1, emitters.label(drawn.emitter), self.max_bounces)
+                    channels.add(Lr[0], bounce + 1, emitters.sources, drawn.emitter, drawn.hit.prim_index, self.max_bounces)
 
             # ----------------------- Reflection -----------------------
 

@@ -5,52 +5,86 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mi_lcair.plugins.sources import WAVELENGTHS, Sources
+
 MAX_BOUNCE_CHANNELS = 65        # the last one holds every bounce count from 64 on
 
 
 @dataclass
 class Channels:
-    """Radiance per sample, split by bounce count, by emitting group and by the group first seen [W m^-2 sr^-1].
+    """Radiance per sample, split by bounce count, by emitting source and by the group first seen [W m^-2 sr^-1].
 
-    `last`: the last three bounce counts, kept apart for the geometric tail. `range`: distance of the first hit [m], 0 for
-    an escape. `seen`: the label of what the ray met first.
+    `by_wavelength`: what the blackbodies among them emit, at the nodes of `Sources` [W m^-2 sr^-1 um^-1], where they are
+    too many to be told apart. `last`: the last three bounce counts, kept apart for the geometric tail. Of the first hit:
+    `range`, its distance [m], 0 for an escape; `seen`, its label; `of_model`, 1 where it belongs to the model, not to
+    the background; `facet`, its number.
     """
     by_bounce: list
-    by_group: list
+    by_source: list
+    by_wavelength: list
     last: list = field(default_factory=list)
     closure: mi.Float | None = None
     range: mi.Float | None = None
     seen: mi.UInt32 | None = None
+    of_model: mi.Float | None = None
+    facet: mi.UInt32 | None = None
 
     @staticmethod
-    def empty(groups: int, max_bounces: int, closure: str) -> "Channels":
+    def empty(max_bounces: int, closure: str, sources: Sources | None) -> "Channels":
+        """sources: by what emission is told apart; None for the closure's needs alone."""
         zeros = lambda count: [mi.Float(0) for _ in range(count)]
-        return Channels(zeros(min(max_bounces + 1, MAX_BOUNCE_CHANNELS)), zeros(groups),
-                        zeros(3 if closure == "tail" else 0), mi.Float(0), mi.Float(0), mi.UInt32(0))
+        return Channels(zeros(min(max_bounces + 1, MAX_BOUNCE_CHANNELS)), zeros(len(sources.list) if sources else 0),
+                        zeros(WAVELENGTHS if sources and sources.share is not None else 0),
+                        zeros(3 if closure == "tail" else 0), mi.Float(0), mi.Float(0), mi.UInt32(0), mi.Float(0), mi.UInt32(0))
 
-    def meet(self, first, label):
-        """Notes what a ray meets first: a surface interaction and the label of its emitter."""
-        self.range = dr.select(first.is_valid(), first.t, 0)
-        self.seen = label
+    def meet(self, first, emitters, emitter, facets):
+        """Notes what a ray meets first: a surface interaction and its emitter."""
+        hit = first.is_valid()
+        self.range = dr.select(hit, first.t, 0)
+        self.seen = emitters.label(emitter)
+        self.of_model = dr.select(hit & emitters.is_model(emitter), mi.Float(1), 0)
+        if facets is not None:
+            self.facet = facets.number(first.shape, first.prim_index, hit)
 
-    def add(self, value, bounce, label, max_bounces: int):
-        """Adds radiance that was reflected `bounce` times and emitted by the group `label`."""
+    def add(self, value, bounce, sources: Sources, emitter, prim_index, max_bounces: int):
+        """Adds radiance that was reflected `bounce` times and emitted by the primitive `prim_index` of an emitter."""
         beyond = bounce > max_bounces
         self.closure += dr.select(beyond, value, 0)
         value = dr.select(beyond, 0, value)
         channel = dr.minimum(bounce, len(self.by_bounce) - 1)
         for k in range(len(self.by_bounce)):
             self.by_bounce[k] += dr.select(channel == k, value, 0)
-        for k in range(len(self.by_group)):
-            self.by_group[k] += dr.select(label == k, value, 0)
+        if self.by_source:
+            entry = sources.entry(emitter, prim_index)
+            source = sources.number(entry)
+            for k in range(len(self.by_source)):
+                self.by_source[k] += dr.select(source == k, value, 0)
+        if self.by_wavelength:
+            for k, share in enumerate(sources.shares(entry)):
+                self.by_wavelength[k] += value * share
         for k in range(len(self.last)):
             self.last[k] += dr.select(bounce == max_bounces - 2 + k, value, 0)
 
-    def samples(self, L) -> list:
-        """All channels in the order of the image: bounces, closure, groups, seen, and range and hit (1 or 0)."""
-        seen = [dr.select(self.seen == k, L, 0) for k in range(len(self.by_group))]
-        hit = dr.select(self.range > 0, mi.Float(1), 0)
-        return [*self.by_bounce, self.closure, *self.by_group, *seen, self.range, hit]
+    def samples(self, L, labels: list[str], sources: Sources, of_model: bool) -> dict:
+        """Every channel by its name: bounce.N, closure, group.LABEL, seen.LABEL, target (what the model's facets send),
+        range and hit (1 or 0).
+
+        of_model: also, under the same names after "target.", as much of each as lies on the model's facets, and
+        source.N and wavelength.N where these were told apart.
+        """
+        groups = {label: mi.Float(0) for label in labels}
+        for source, value in zip(sources.list, self.by_source):
+            groups[source.group] += value
+        found = {f"bounce.{k}": value for k, value in enumerate(self.by_bounce)}
+        found["closure"] = self.closure
+        found |= {f"group.{label}": value for label, value in groups.items()}
+        found |= {f"seen.{label}": dr.select(self.seen == k, L, 0) for k, label in enumerate(labels)}
+        if of_model:
+            if sources.by_spectrum:
+                found |= {f"source.{k}": value for k, value in enumerate(self.by_source)}
+            found |= {f"wavelength.{k}": value for k, value in enumerate(self.by_wavelength)}
+            found |= {f"target.{name}": value * self.of_model for name, value in found.items()}
+        return found | {"target": L * self.of_model, "range": self.range, "hit": dr.select(self.range > 0, mi.Float(1), 0)}
 
     def add_tail(self) -> tuple[mi.Float, float]:
         """Continues the last two bounce counts geometrically, with the ratio of their sums over all samples.
@@ -70,30 +104,40 @@ class Channels:
 
 @dataclass
 class Pixels:
-    """Statistics of one pass over a run of pixels; NumPy, Float64, one value per pixel.
+    """Statistics of one pass over a run of pixels; NumPy, Float64.
 
-    count: finite samples; mean and squares (sum of squared deviations from the mean) of the radiance; channels: means of
-    the channels, rows as `Channels.samples` lists them; invalid: NaN or infinite samples, left out.
+    count: finite samples of each pixel; mean and squares (sum of squared deviations from the mean) of the radiance.
+    channels: by name, means of each pixel in equal parts of its samples, (parts, pixels), of part_count finite samples.
+    invalid: NaN or infinite samples, left out.
     """
     count: np.ndarray
     mean: np.ndarray
     squares: np.ndarray
-    channels: np.ndarray
+    channels: dict[str, np.ndarray]
+    part_count: np.ndarray
     invalid: int
 
 
-def pixel_statistics(L, channels: "Channels | None", spp: int) -> Pixels:
+def pixel_statistics(L, samples: dict, spp: int, in_parts: bool = False) -> Pixels:
     """Reduces samples (`spp` consecutive ones per pixel) to pixels.
 
     Deviations are taken from the pixel's own mean: in Float32 the variance would drown in the square of the mean.
+    in_parts: the channels in two parts (where spp is even), so that their scatter tells their standard errors.
     """
     finite = dr.isfinite(L)
-    samples = [L] if channels is None else [L, *channels.samples(L)]
-    samples = [dr.select(finite, value, 0) for value in samples] + [dr.select(finite, mi.Float(1), 0)]
-    dr.eval(finite, samples)                # one kernel: each reduction would otherwise trace the paths again
-    total, *sums, count = (dr.block_sum(value, spp) for value in samples)
+    samples = {name: dr.select(finite, value, 0) for name, value in samples.items()}
+    L, valid = dr.select(finite, L, 0), dr.select(finite, mi.Float(1), 0)
+    dr.eval(L, valid, samples)                # one kernel: each reduction would otherwise trace the paths again
+    count, total = dr.block_sum(valid, spp), dr.block_sum(L, spp)
     mean = total / dr.maximum(count, 1)
-    squares = dr.block_sum(dr.square(dr.select(finite, samples[0] - dr.repeat(mean, spp), 0)), spp)
-    count, mean, squares, *sums = (values.numpy().astype(np.float64) for values in (count, mean, squares, *sums))
-    means = np.reshape(sums, (len(sums), len(count))) / np.maximum(count, 1)
-    return Pixels(count, mean, squares, means, dr.width(L) - int(count.sum()))
+    squares = dr.block_sum(dr.square(dr.select(finite, L - dr.repeat(mean, spp), 0)), spp)
+    count, mean, squares = (values.numpy().astype(np.float64) for values in (count, mean, squares))
+
+    parts = next((k for k in range(2, spp) if spp % k == 0), spp) if in_parts else 1
+
+    def by_part(value):
+        return dr.block_sum(value, spp // parts).numpy().astype(np.float64).reshape(-1, parts).T
+
+    part_count = by_part(valid)
+    channels = {name: by_part(value) / np.maximum(part_count, 1) for name, value in samples.items()}
+    return Pixels(count, mean, squares, channels, part_count, dr.width(L) - int(count.sum()))

@@ -7,8 +7,8 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.facets import Facets, is_faceted, pointer_id
+from mi_lcair.plugins.sources import OTHER, Sources
 
-OTHER = "other"         # label of what has no thermal emitter
 OFFSET = 64 * 2.0**-24   # of the scene's extent: above the rounding of a hit's position
 
 
@@ -45,11 +45,12 @@ def one_band(thermal):
 class EmitterTable:
     """The emitters of a scene, by label and as one density over directions.
 
-    `labels`: the groups of the thermal emitters, and `other` if the scene holds anything else. `sample` and `pdf` mix
-    the facets of thermal meshes, drawn by area times blackbody radiance, with every other emitter, drawn evenly.
+    `labels`: the groups of the thermal emitters, and `other` if the scene holds anything else. `sources`: what emission
+    is told apart by. `sample` and `pdf` mix the facets of thermal meshes, drawn by area times blackbody radiance, with
+    every other emitter, drawn evenly.
     """
 
-    def __init__(self, scene, sampling: bool):
+    def __init__(self, scene, sampling: bool, by_spectrum: bool = False):
         emitters = list(scene.emitters())
         thermal = [emitter for emitter in emitters if hasattr(emitter, "group")]
         unlabelled = len(thermal) < len(emitters) or any(not hasattr(shape.emitter(), "group") for shape in scene.shapes())
@@ -59,8 +60,11 @@ class EmitterTable:
         for key, emitter in ids.items():
             label_of[key] = self.labels.index(getattr(emitter, "group", OTHER))
         self.label_of = mi.UInt32(label_of)
+        background = [key for key, emitter in ids.items() if getattr(emitter, "facet_type", "model") != "model"]
+        self.is_background = mi.UInt32(np.isin(np.arange(len(label_of)), background).astype(np.uint32))
 
         self.band = one_band(thermal)
+        self.sources = Sources(emitters, self.labels, self.band, by_spectrum)
         bounds = scene.bbox()
         self.least_offset = mi.Float(OFFSET * max(np.abs(bounds.min).max(), np.abs(bounds.max).max()))
 
@@ -72,7 +76,7 @@ class EmitterTable:
         self.other_count = len(others)
         self.others = mi.UInt32([pointer_id(mi.EmitterPtr(emitter)) for emitter in others]) if others else None
         self.facet_share = 0.0 if not emitting else 1.0 if not others else 0.5
-        dr.make_opaque(self.label_of, self.others, self.least_offset)
+        dr.make_opaque(self.label_of, self.is_background, self.others, self.least_offset)
 
     def leave(self, si, d):
         """The point just off the surface where a ray in the direction `d` starts. Mitsuba's own offset,
@@ -87,6 +91,10 @@ class EmitterTable:
     def label(self, emitter):
         """Index into `labels` of an emitter pointer; that of `other` for a null pointer."""
         return dr.gather(mi.UInt32, self.label_of, dr.reinterpret_array(mi.UInt32, emitter))
+
+    def is_model(self, emitter):
+        """Whether what carries this emitter (or none) belongs to the model, not to its background."""
+        return dr.gather(mi.UInt32, self.is_background, dr.reinterpret_array(mi.UInt32, emitter)) == 0
 
     def sample(self, scene, si, sample1, sample2, active):
         """Draws a direction from what emits and traces it to its first hit.

@@ -4,27 +4,33 @@ import re
 import drjit as dr
 import mitsuba as mi
 
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, unknown
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.physics.spectrum import spectrum
 from mi_lcair.plugins.beside_scene import beside_scene
 from mi_lcair.plugins.derivatives import check_attached, is_traced, members
 from mi_lcair.plugins.emissivity import emissivity_of, reflects
 from mi_lcair.plugins.facets import Facets, is_faceted
 
 LABEL = re.compile(r"[A-Za-z0-9_-]+")
+FACET_TYPES = ("model", "sky", "terrain")       # thesis 3.2.1.5
 
 
 class Thermal(mi.Emitter):
     r"""Thermal emission of the shape that it belongs to.
 
-    =========== ================ ==================================================================================
-    temperature float or texture kelvin; `mesh_attribute` named `face_...` gives one per facet       (differentiable)
-    radiance    float            instead: in-band radiance of a source that is no blackbody [W m^-2 sr^-1] (differentiable)
-    band        string           MWIR, LWIR, SWIR, total, "a-b" in um, or a response's CSV (needed with `temperature`)
-    emissivity  float            instead of the material's own                                       (differentiable)
-    group       string           label of what emits, [A-Za-z0-9_-]+                                           (self)
-    =========== ================ ==================================================================================
+    ============= ================ ================================================================================
+    temperature   float or texture kelvin; `mesh_attribute` named `face_...` gives one per facet     (differentiable)
+    radiance      float            instead: in-band radiance of a source that is no blackbody [W m^-2 sr^-1] (diff.)
+    spectrum      string           instead: a CSV wavelength_um,radiance_W_m2_sr_um, or a bundled sky table; its in-band
+                                   value becomes the parameter `radiance`
+    elevation_deg float            line of sight of a sky table, 0..90 above the horizon
+    band          string           MWIR, LWIR, SWIR, total, "a-b" in um, or a response's CSV (not for `radiance`)
+    emissivity    float            instead of the material's own                                     (differentiable)
+    group         string           label of what emits, [A-Za-z0-9_-]+                                         (self)
+    facet_type    string           model, or background: sky or terrain                                       (model)
+    ============= ================ ================================================================================
 
     .. code-block:: xml
 
@@ -33,7 +39,7 @@ class Thermal(mi.Emitter):
         </emitter>
 
     The emissivity comes from the shape's BSDF (see `emissivity`), so a surface emits from the sides from which it
-    reflects. A source with `radiance` emits it as it is, times `emissivity` if that is given. Facet temperatures are
+    reflects. A source with `radiance` or `spectrum` emits it as it is, times `emissivity` if that is given. Facet temperatures are
     the mesh's parameter (`SHAPE.face_temperature`); `bounce_path` turns them into radiance once per change, in Float64. A
     texture that varies inside a facet, and facets under a stock integrator, which cannot tell when a mesh has changed, are
     turned into radiance at every hit: right, but slower.
@@ -46,9 +52,15 @@ class Thermal(mi.Emitter):
         if not LABEL.fullmatch(self.group):
             raise InputError(f"thermal: group '{self.group}' must consist of letters, digits, '_' and '-'")
         self.band = band(beside_scene(props["band"])) if "band" in props else None
-        if ("temperature" in props) == ("radiance" in props):
-            raise InputError("thermal: give either `temperature` or `radiance`")
-        self.temperature = self.radiance = self.texture = self.attribute = None
+        self.facet_type = props.get("facet_type", "model")
+        if self.facet_type not in FACET_TYPES:
+            raise unknown("facet_type", self.facet_type, FACET_TYPES)
+        given = [name for name in ("temperature", "radiance", "spectrum") if name in props]
+        if len(given) != 1:
+            raise InputError(f"thermal: give one of `temperature`, `radiance` and `spectrum`; found {', '.join(given) or 'none'}")
+        if self.band is None and given != ["radiance"]:
+            raise InputError(f"thermal: `{given[0]}` needs a `band`")
+        self.temperature = self.radiance = self.spectrum = self.texture = self.attribute = None
         self.by_primitive = False                   # whether the temperature depends on the facet that was hit
         self.derived = self.derived_from = None     # blackbody radiance, one value or one per facet, and of what
         self.bsdf = self.facets = None              # of the shape
@@ -56,8 +68,9 @@ class Thermal(mi.Emitter):
             self.radiance = mi.Float(props["radiance"])
             if not props["radiance"] >= 0:
                 raise InputError(f"thermal: radiance = {props['radiance']:g} must be >= 0")
-        elif self.band is None:
-            raise InputError("thermal: `temperature` needs a `band`")
+        elif "spectrum" in props:
+            self.spectrum = spectrum(beside_scene(props["spectrum"]), props.get("elevation_deg", None))
+            self.radiance = mi.Float(self.spectrum.in_band_radiance(self.band))
         elif isinstance(props["temperature"], mi.Texture):
             self.texture = props["temperature"]
             facet_attribute = re.search(r'name = "(face_\w+)"', str(self.texture))
@@ -68,7 +81,7 @@ class Thermal(mi.Emitter):
 
         self.given_emissivity = None    # None: the material's
         self.material_emissivity = None
-        if "emissivity" in props or "radiance" in props:
+        if "emissivity" in props or self.radiance is not None:
             value = props.get("emissivity", 1.0)
             if not 0 <= value <= 1:
                 raise InputError(f"thermal: emissivity = {value:g} must lie in 0..1")
@@ -249,7 +262,7 @@ class Thermal(mi.Emitter):
         return self.get_shape().bbox()
 
     def to_string(self):
-        what = f"temperature = {self.texture or self.temperature}" if self.band else f"radiance = {self.radiance}"
+        what = f"temperature = {self.texture or self.temperature}" if self.radiance is None else f"radiance = {self.radiance}"
         return f"Thermal[group = {self.group}, band = {self.band and self.band.name}, {what}]"
 
 

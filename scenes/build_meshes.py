@@ -1,7 +1,8 @@
 """Builds the meshes of the bundled scenes: `python -m mi_lcair.scenes.build_meshes` writes meshes/*.ply.
 
 Lengths are in metres. Corners run anticlockwise as seen from the side that emits and reflects: that is where the
-face normal points. The bytes depend on nothing but this file.
+face normal points. Each triangle carries the number of the facet that it is part of. The bytes depend on nothing but this
+file.
 """
 from pathlib import Path
 
@@ -17,26 +18,24 @@ OPENINGS = {2: (2, 1), 4: (2, 2), 8: (4, 2), 16: (4, 4), 24: (6, 4), 36: (6, 6),
 
 
 def rectangle(corner, along, across):
-    """Vertices (4, 3) and triangles (2, 3) of a rectangle with the given corner and edges; normal along x across."""
+    """Vertices (4, 3) and the one facet of a rectangle with the given corner and edges; normal along x across."""
     corner, along, across = (np.array(vector, float) for vector in (corner, along, across))
-    vertices = np.array([corner, corner + along, corner + along + across, corner + across])
-    return vertices, np.array([[0, 1, 2], [0, 2, 3]])
+    return np.array([corner, corner + along, corner + along + across, corner + across]), [(0, 1, 2, 3)]
 
 
 def box(size, inward=False):
-    """Vertices (8, 3) and triangles (12, 3) of a closed box of `size` (3,) about the origin."""
+    """Vertices (8, 3) and the six facets of a closed box of `size` (3,) about the origin."""
     vertices = (np.indices((2, 2, 2)).reshape(3, 8).T - 0.5) * np.array(size, float)
-    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    triangles = np.array([corners for a, b, c, d in quads for corners in ((a, b, c), (a, c, d))])
-    return vertices, triangles[:, ::-1] if inward else triangles
+    facets = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    return vertices, facing(facets, inward)
 
 
 def sphere(radius, opening=(0, 0), inward=False):
-    """Vertices and triangles of the latitude-longitude sphere of ROWS x COLUMNS facets, poles on the z axis.
+    """Vertices and facets of the latitude-longitude sphere of ROWS x COLUMNS facets, poles on the z axis.
 
     `opening` (rows, columns) is the block of facets that is left out. Its middle lies on the +x axis: the meridians
-    are counted from the block's edge, which is half a block before +x. Facets are plane trapezia, cut into two
-    triangles; those at the poles are triangles already.
+    are counted from the block's edge, which is half a block before +x. Facets are plane trapezia; those at the poles are
+    triangles.
     """
     open_rows, open_columns = opening
     colatitudes = np.pi * np.arange(1, ROWS) / ROWS
@@ -51,25 +50,35 @@ def sphere(radius, opening=(0, 0), inward=False):
     def ring(row, column):
         return 1 + (row - 1) * COLUMNS + column % COLUMNS
 
-    triangles = []
+    facets = []
     for row in range(ROWS):
         for column in range(COLUMNS):
             if abs(row + 0.5 - ROWS / 2) < open_rows / 2 and column < open_columns:
                 continue
             if row == 0:
-                triangles.append((top_pole, ring(1, column), ring(1, column + 1)))
+                facets.append((top_pole, ring(1, column), ring(1, column + 1)))
             elif row == ROWS - 1:
-                triangles.append((ring(row, column), bottom_pole, ring(row, column + 1)))
+                facets.append((ring(row, column), bottom_pole, ring(row, column + 1)))
             else:
-                a, b = ring(row, column), ring(row + 1, column)
-                c, d = ring(row + 1, column + 1), ring(row, column + 1)
-                triangles += [(a, b, c), (a, c, d)]
-    triangles = np.array(triangles)
-    return vertices, triangles[:, ::-1] if inward else triangles
+                facets.append((ring(row, column), ring(row + 1, column), ring(row + 1, column + 1), ring(row, column + 1)))
+    return vertices, facing(facets, inward)
+
+
+def facing(facets, inward):
+    """The facets of a body, with their normals outward as they are, or inward."""
+    return [facet[::-1] for facet in facets] if inward else facets
+
+
+def triangles(facets):
+    """Triangles (n, 3) of the facets, fanned out from their first corners, and the facet (n,) that each is part of."""
+    fans = [((facet[0], facet[k], facet[k + 1]), number)
+            for number, facet in enumerate(facets) for k in range(1, len(facet) - 1)]
+    corners, numbers = zip(*fans)
+    return np.array(corners), np.array(numbers)
 
 
 def meshes():
-    """Every bundled mesh: file name -> (vertices in m, triangles)."""
+    """Every bundled mesh: file name -> (vertices in m, facets)."""
     return {
         # The reflector's short edge and the emitter's foot share x = 0; they face +z and +x.
         "two_plates_reflector.ply": rectangle((0, -0.05, 0), (0.2, 0, 0), (0, 0.1, 0)),
@@ -84,26 +93,31 @@ def meshes():
     }
 
 
-def ply(vertices, triangles) -> bytes:
-    """The binary PLY file of a mesh; vertices that no triangle uses are dropped."""
-    used, triangles = np.unique(triangles, return_inverse=True)
+def ply(vertices, facets) -> bytes:
+    """The binary PLY file of a mesh; vertices that no facet uses are dropped.
+
+    The face property facet_0 becomes Mitsuba's mesh attribute `face_facet`; it must be a float.
+    """
+    corners, numbers = triangles(facets)
+    used, corners = np.unique(corners, return_inverse=True)
     # Rounding to 1 nm hides the last bits of sine and cosine, which differ between processors; + 0.0 turns -0 into 0.
     points = (np.round(vertices[used], 9) + 0.0).astype("<f4")
-    faces = np.empty(triangles.size // 3, dtype=[("count", "u1"), ("corners", "<i4", 3)])
+    faces = np.empty(len(numbers), dtype=[("count", "u1"), ("corners", "<i4", 3), ("facet", "<f4")])
     faces["count"] = 3
-    faces["corners"] = triangles.reshape(-1, 3)
+    faces["corners"] = corners.reshape(-1, 3)
+    faces["facet"] = numbers
     header = (
         "ply\nformat binary_little_endian 1.0\ncomment mi_lcair scenes/build_meshes.py, metres\n"
         f"element vertex {len(points)}\nproperty float x\nproperty float y\nproperty float z\n"
-        f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+        f"element face {len(faces)}\nproperty list uchar int vertex_indices\nproperty float facet_0\nend_header\n"
     )
     return header.encode() + points.tobytes() + faces.tobytes()
 
 
 def main():
     FOLDER.mkdir(exist_ok=True)
-    for name, (vertices, triangles) in meshes().items():
-        (FOLDER / name).write_bytes(ply(vertices, triangles))
+    for name, (vertices, facets) in meshes().items():
+        (FOLDER / name).write_bytes(ply(vertices, facets))
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ class Band:
     """A quadrature rule over wavelength: the in-band value of L(wavelength) is sum(weights_um * L(wavelengths_um)).
 
     The weights (um) hold the detector's response, 1 for a band without one. `total` covers every wavelength and has
-    empty arrays: only closed forms apply to it.
+    empty arrays: only closed forms apply to it. response: its rows (wavelength um, value), (2, n); none: 1 throughout.
     """
 
     name: str
@@ -27,10 +27,35 @@ class Band:
     weights_um: np.ndarray
     lower_um: float
     upper_um: float
+    response: np.ndarray | None = None
 
     @property
     def is_total(self) -> bool:
         return self.wavelengths_um.size == 0
+
+    def response_at(self, wavelengths_um) -> np.ndarray:
+        """The detector's response at these wavelengths (um), 0 outside the band."""
+        wavelengths_um = np.asarray(wavelengths_um, dtype=float)
+        inside = (self.lower_um <= wavelengths_um) & (wavelengths_um <= self.upper_um)
+        return inside * (1.0 if self.response is None else np.interp(wavelengths_um, *self.response))
+
+    def integral(self, wavelengths_um, values) -> np.ndarray:
+        """In-band value of a tabulated spectrum: straight lines between its rows, times the response, exactly.
+
+        wavelengths_um: rising (n,); values: (..., n). The table must cover the band; `total` has no limits to cover.
+        """
+        breaks = [self.lower_um, self.upper_um, *([] if self.response is None else self.response[0])]
+        inside = (self.lower_um < wavelengths_um) & (wavelengths_um < self.upper_um)
+        nodes = np.unique(np.concatenate([breaks, wavelengths_um[inside]]))
+        middle = (nodes[:-1] + nodes[1:]) / 2
+
+        def integrand(x):
+            index = np.clip(np.searchsorted(wavelengths_um, x, side="right"), 1, len(wavelengths_um) - 1)
+            share = (x - wavelengths_um[index - 1]) / (wavelengths_um[index] - wavelengths_um[index - 1])
+            return (values[..., index - 1] * (1 - share) + values[..., index] * share) * self.response_at(x)
+
+        ends = integrand(nodes)         # between two nodes the product of two lines is a parabola: Simpson's rule is exact
+        return np.sum(np.diff(nodes) * (ends[..., :-1] + 4 * integrand(middle) + ends[..., 1:]) / 6, axis=-1)
 
     @property
     def label(self) -> str:
@@ -68,11 +93,11 @@ def _limits(lower, upper):
     return f"{lower:g}-{upper:g}"
 
 
-def _band(name, nodes, weights, lower, upper):
+def _band(name, nodes, weights, lower, upper, response=None):
     arrays = np.array(nodes, dtype=float), np.array(weights, dtype=float)
     for array in arrays:
         array.setflags(write=False)
-    return Band(name, *arrays, lower, upper)
+    return Band(name, *arrays, lower, upper, response)
 
 
 def _from_limits(text, lower, upper):
@@ -141,7 +166,8 @@ def _from_response(path):
         nodes.append(x[w > 0])
         weights.append(w[w > 0])
     nodes, weights = np.concatenate(nodes), np.concatenate(weights)
-    return _band(path.stem, *_thinned(nodes, weights), float(wavelengths[0]), float(wavelengths[-1]))
+    return _band(path.stem, *_thinned(nodes, weights), float(wavelengths[0]), float(wavelengths[-1]),
+                 np.array([wavelengths, response]))
 
 
 def _thinned(nodes, weights):

@@ -64,8 +64,8 @@ def measure(bounces: int = 5, spp: int = 64, resolution: int = 128, repeats: int
         "prb_basic": (renders(stock("prb_basic")), bounces + 1, ""),
         "bounce_path, emitter sampling": (renders(ours(emitter_sampling=True)), 2 * bounces + 1, "path"),
         "path": (renders(stock("path")), 2 * bounces + 1, ""),
-        "bounce_path, split into channels": (observes(split, spp, True), bounces + 1, "bounce_path, total only"),
-        "bounce_path, total only": (observes(whole, spp, False), bounces + 1, ""),
+        "bounce_path, split into channels": (observes(split, spp, "image"), bounces + 1, "bounce_path, total only"),
+        "bounce_path, total only": (observes(whole, spp, None), bounces + 1, ""),
         "ray intersection alone": (lambda seed: intersect(bare, paths, bounces + 1, seed), bounces + 1, ""),
     }
     first = {name: timed(run, 0) for name, (run, _, _) in contestants.items()}
@@ -94,7 +94,7 @@ def timed(run, seed: int) -> float:
     return time.perf_counter() - start
 
 
-def observes(loaded, spp: int, split: bool):
+def observes(loaded, spp: int, split: str | None):
     integrator, sensor = loaded.integrator(), loaded.sensors()[0]
     width, height = sensor.film().crop_size()
 

@@ -11,6 +11,7 @@ import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import brightness_temperature
+from mi_lcair.plugins.sources import Sources
 
 from .scene import Scene
 
@@ -25,15 +26,18 @@ class Render:
     """A rendered scene.
 
     channels: name -> float32 (H, W), the channels of the radiance EXR [W m^-2 sr^-1; temperature.Y K; range.Y m].
-    by_bounce: mean radiance over the pixels by number of reflections, Float64, all counts up to 64 apart.
-    mean: mean radiance; rms_error: rms over the pixels of the standard error, as a fraction of the mean (None for one
+    parts: name -> (mean over the pixels, its standard error or None) of everything that was recorded, Float64, under
+    the names of `plugins.channels`; covariance: of the means of `source.N` and `target.source.N`, in that order, None
+    without them. sources: what `source.N` stand for. mean: mean radiance; rms_error: rms over the pixels of the standard error, as a fraction of the mean (None for one
     sample per pixel); reached: whether the tolerance was met (None without one); invalid: NaN or infinite samples,
     left out; closure_error: estimated error of closure = tail [W m^-2 sr^-1], None otherwise.
     """
     channels: dict[str, np.ndarray]
     header: dict[str, str | int | float]
     band: Band
-    by_bounce: np.ndarray
+    parts: dict[str, tuple[float, float | None]]
+    covariance: np.ndarray | None
+    sources: Sources
     spp: int
     mean: float
     rms_error: float | None
@@ -45,26 +49,55 @@ class Render:
 
 
 class Accumulator:
-    """Running mean and variance per pixel, and mean channels, over passes (Chan, Golub and LeVeque 1983); Float64."""
+    """Running mean and variance per pixel, and mean channels, over passes (Chan, Golub and LeVeque 1983); Float64.
+
+    A channel's variance is that of its sum over the pixels alone, from the scatter of the parts of each pixel's samples:
+    an image of variances for every channel would double the memory.
+    """
 
     def __init__(self, pixels: int):
-        self.count, self.mean, self.squares = (np.zeros(pixels) for _ in range(3))
-        self.channels = None
+        self.count, self.mean, self.squares, self.part_count = (np.zeros(pixels) for _ in range(4))
+        self.parts = np.zeros(pixels)
+        self.channels, self.scatter = {}, {}
+        self.covariance = 0.0
         self.invalid = 0
 
     def add(self, first: int, part) -> None:
         """Adds the statistics of a run of pixels that starts at pixel `first`."""
         run = slice(first, first + len(part.count))
-        if self.channels is None:
-            self.channels = np.zeros((len(part.channels), len(self.count)))
         count = self.count[run] + part.count
         share = part.count / np.maximum(count, 1)
         difference = part.mean - self.mean[run]
         self.squares[run] += part.squares + difference**2 * self.count[run] * share
         self.mean[run] += difference * share
-        self.channels[:, run] += (part.channels - self.channels[:, run]) * share
         self.count[run] = count
         self.invalid += part.invalid
+        for k, part_count in enumerate(part.part_count):
+            before, after = self.part_count[run], self.part_count[run] + part_count
+            share = part_count / np.maximum(after, 1)
+            by_source = []
+            for name, values in part.channels.items():
+                mean = self.channels.setdefault(name, np.zeros(len(self.count)))
+                difference = values[k] - mean[run]
+                mean[run] += difference * share
+                self.scatter[name] = self.scatter.get(name, 0.0) + np.sum(difference**2 * before * share)
+                if "source." in name:
+                    by_source.append(difference * np.sqrt(before * share))
+            if by_source:
+                self.covariance += np.array(by_source) @ np.array(by_source).T
+            self.part_count[run] = after
+            self.parts[run] += part_count > 0
+
+    def error_scale(self) -> float | None:
+        """What turns scatter into the variance of a mean over all pixels; None where no pixel has two parts."""
+        freedom = np.sum(np.maximum(self.parts - 1, 0))
+        return np.mean(1 / np.maximum(self.part_count, 1)) / freedom / len(self.count) if freedom > 0 else None
+
+    def means(self) -> dict[str, tuple[float, float | None]]:
+        """Of each channel: its mean over the pixels, and the standard error of that."""
+        scale = self.error_scale()
+        return {name: (float(values.mean()), None if scale is None else float(np.sqrt(self.scatter[name] * scale)))
+                for name, values in self.channels.items()}
 
     def standard_error(self) -> np.ndarray:
         """Standard error of each pixel's mean; infinite below two samples."""
@@ -80,13 +113,13 @@ class Accumulator:
 
 
 def render(scene: Scene, spp: int | None = None, tolerance: float | None = None, max_spp: int | None = None, seed: int = 0,
-           sensor: int = 0, split: bool = True, progress=None) -> Render:
+           sensor: int = 0, split: str | None = "image", by_spectrum: bool = False, facets=None, progress=None) -> Render:
     """Renders a scene.
 
     spp: samples per pixel (the scene's own). tolerance: instead render until the rms standard error over the pixels is
     below this fraction of the mean radiance, or max_spp (65536) is reached. seed: the same seed gives the same image.
-    sensor: which one, counted from 0. split: also the channels beside the radiance. progress: called with (samples per
-    pixel done, total expected).
+    sensor: which one, counted from 0. split, by_spectrum, facets: what is recorded beside the radiance, see `observe` of
+    bounce_path. progress: called with (samples per pixel done, total expected).
     """
     for name, value in (("spp", spp), ("max_spp", max_spp), ("tolerance", tolerance)):
         if value is not None and not value > 0:
@@ -99,14 +132,14 @@ def render(scene: Scene, spp: int | None = None, tolerance: float | None = None,
     limit = goal if tolerance is None else (max_spp or DEFAULT_MAX_SPP)
     seeds = np.random.SeedSequence(seed)
     done, tail_errors = 0, []
-    with integrator.prepared(scene.mi):
+    with integrator.prepared(scene.mi, by_spectrum):
         while done < min(goal, limit):
             step = max(1, min(min(goal, limit) - done, PASS_SAMPLES // (width * height)))
             run = min(width * height, PASS_SAMPLES // step)
             for first in range(0, width * height, run):
                 pass_seed = int(seeds.spawn(1)[0].generate_state(1)[0])
                 pixels = min(run, width * height - first)
-                total.add(first, integrator.observe(scene.mi, camera, pass_seed, step, first, pixels, split))
+                total.add(first, integrator.observe(scene.mi, camera, pass_seed, step, first, pixels, split, facets))
                 tail_errors.append(integrator.tail_error)
             done += step
             if tolerance is not None and done >= goal:
@@ -116,12 +149,12 @@ def render(scene: Scene, spp: int | None = None, tolerance: float | None = None,
     rms_error = total.rms_error()
     reached = None if tolerance is None else rms_error is not None and rms_error <= tolerance
     closure_error = float(np.mean(tail_errors)) if integrator.closure == "tail" else None
-    labels = integrator.emitters.labels
-    return Render(image_channels(total, labels, (height, width), scene.band, split),
+    scale = total.error_scale()
+    covariance = total.covariance * scale if by_spectrum and scale is not None else None
+    return Render(image_channels(total, (height, width), scene.band),
                   header(scene, integrator, sensor, done, seed, total, closure_error), scene.band,
-                  total.channels[:-3 - 2 * len(labels)].mean(axis=1) if split else np.empty(0), done,
-                  float(total.mean.mean()), rms_error, reached, total.invalid, done * width * height, closure_error,
-                  time.perf_counter() - start)
+                  total.means(), covariance, integrator.emitters.sources, done, float(total.mean.mean()), rms_error, reached,
+                  total.invalid, done * width * height, closure_error, time.perf_counter() - start)
 
 
 def samples_needed(total: Accumulator, done: int, tolerance: float) -> int:
@@ -134,20 +167,20 @@ def samples_needed(total: Accumulator, done: int, tolerance: float) -> int:
     return min(4 * done, max(done + 1, int(1.05 * done * (error / tolerance) ** 2) + 1))
 
 
-def image_channels(total: Accumulator, labels: list[str], shape, band: Band, split: bool) -> dict[str, np.ndarray]:
+def image_channels(total: Accumulator, shape, band: Band) -> dict[str, np.ndarray]:
     """The channels of the radiance EXR, in the order of design."""
     channels = {"Y": total.mean, "temperature.Y": brightness_temperature(band, total.mean)}
     if total.count.min() > 1:
         channels["stderr.Y"] = total.standard_error()
-    if split:
-        bounces = len(total.channels) - 2 * len(labels) - 3
-        by_bounce, rest = total.channels[:bounces], iter(total.channels[bounces:])
-        for k in range(min(bounces, BOUNCE_CHANNELS)):
-            channels[f"bounce{k:02d}.Y"] = by_bounce[k] if k < BOUNCE_CHANNELS - 1 else by_bounce[k:].sum(axis=0)
-        channels["closure.Y"] = next(rest)
-        channels.update((f"group.{label}.Y", next(rest)) for label in labels)
-        channels.update((f"seen.{label}.Y", next(rest)) for label in labels)
-        channels["range.Y"] = next(rest) / np.maximum(next(rest), 1e-30)        # over the hits alone
+    parts = total.channels
+    if parts:
+        by_bounce = [values for name, values in parts.items() if name.startswith("bounce.")]
+        for k in range(min(len(by_bounce), BOUNCE_CHANNELS)):
+            channels[f"bounce{k:02d}.Y"] = by_bounce[k] if k < BOUNCE_CHANNELS - 1 else sum(by_bounce[k:])
+        channels["closure.Y"] = parts["closure"]
+        channels.update((f"{name}.Y", values) for name, values in parts.items() if name.startswith(("group.", "seen.")))
+        channels["target.Y"] = parts["target"]
+        channels["range.Y"] = parts["range"] / np.maximum(parts["hit"], 1e-30)        # over the hits alone
     return {name: np.ascontiguousarray(values.reshape(shape), dtype=np.float32) for name, values in channels.items()}
 
 

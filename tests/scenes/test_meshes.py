@@ -47,8 +47,8 @@ def boundary_edges(triangles):
 
 def test_meshes_on_disk_are_what_the_script_builds():
     assert MESHES == sorted(file.name for file in (scenes.FOLDER / "meshes").iterdir())
-    for name, (vertices, triangles) in build_meshes.meshes().items():
-        assert (scenes.FOLDER / "meshes" / name).read_bytes() == build_meshes.ply(vertices, triangles), name
+    for name, (vertices, facets) in build_meshes.meshes().items():
+        assert (scenes.FOLDER / "meshes" / name).read_bytes() == build_meshes.ply(vertices, facets), name
 
 
 def test_script_writes_the_meshes(tmp_path, monkeypatch):
@@ -73,9 +73,10 @@ def test_plates_stand_where_the_thesis_puts_them(name, normal, corner, opposite)
 @pytest.mark.parametrize("opening", CAVITIES)
 def test_cavity_has_the_thesis_areas_and_facets(opening):
     corners, _ = read(f"cavity_{opening}.ply")
-    vertices, triangles = build_meshes.sphere(0.5)
-    assert round(area(vertices[triangles]), 4) == SPHERE_AREA
-    assert round(area(vertices[triangles]) - area(corners), 4) == OPENING_AREAS[opening]
+    vertices, facets = build_meshes.sphere(0.5)
+    sphere = area(vertices[build_meshes.triangles(facets)[0]])
+    assert round(sphere, 4) == SPHERE_AREA
+    assert round(sphere - area(corners), 4) == OPENING_AREAS[opening]
     quads, poles = 360, 40  # two triangles each, one each
     assert len(corners) == 2 * (quads - opening) + poles
 
@@ -134,3 +135,20 @@ def test_furnace_bodies_are_closed(name, inward, size, surface):
     assert np.all(facing < 0 if inward else facing > 0)
     assert np.allclose(np.ptp(corners, axis=(0, 1)), size, rtol=1e-6)
     assert area(corners) == pytest.approx(surface, rel=2e-5)
+
+
+@pytest.mark.parametrize("name, facets", [
+    ("two_plates_emitter.ply", 1), ("open_box_floor.ply", 1), ("furnace_room.ply", 6), ("furnace_slab.ply", 6),
+    ("furnace_sphere.ply", 400), *((f"cavity_{opening}.ply", 400 - opening) for opening in CAVITIES),
+])
+def test_facets_are_the_polygons_that_the_thesis_counts(name, facets):
+    """Numbered from 0; the triangles of one lie in one plane, and share it with no other facet's."""
+    mesh = mi.load_dict({"type": "ply", "filename": str(scenes.FOLDER / "meshes" / name), "face_normals": True})
+    number = mi.traverse(mesh)["face_facet"].numpy()
+    assert np.array_equal(np.unique(number), np.arange(facets))
+    corners, _ = read(name)
+    normals = area_vectors(corners)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    planes = np.column_stack([normals, np.sum(normals * corners.mean(axis=1), axis=1)])
+    same_plane = np.linalg.norm(planes[:, None] - planes, axis=-1) < 1e-4
+    assert np.array_equal(same_plane, number[:, None] == number)
