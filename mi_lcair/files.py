@@ -1,5 +1,6 @@
 """Files that appear complete or not at all."""
 import os
+import shutil
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -39,6 +40,38 @@ def replacing(path: str | Path):
         os.replace(partial, path)
     finally:
         partial.unlink(missing_ok=True)
+
+
+@contextmanager
+def filling(folder: str | Path):
+    """A temporary folder, to be filled with files in the block; at its end they move into `folder`, made if it is absent.
+
+    Other files in `folder` are left alone. Whatever interrupts the block leaves nothing behind. Raises InputError where
+    `folder` cannot be written.
+    """
+    folder = Path(folder)
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"output '{folder}' is not a folder; name a folder to write to")
+    if not folder.resolve().parent.is_dir():
+        raise InputError(f"output folder '{folder.parent}' does not exist; create it or name another")
+    is_new = not folder.exists()
+    partial = _partial(folder if is_new else folder / "files")
+    try:
+        partial.mkdir()
+        yield partial
+        if is_new:
+            partial.rename(folder)
+            return
+        files = sorted(partial.iterdir())
+        for file in files:
+            if (folder / file.name).is_dir():
+                raise InputError(f"cannot write '{folder / file.name}': it is a folder; remove it or name another output")
+        for file in files:
+            os.replace(file, folder / file.name)
+    except OSError as error:
+        raise InputError(f"cannot write '{folder}': {error.strerror}; name a folder that can be written") from error
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
 
 
 def _partial(path: Path) -> Path:

@@ -11,20 +11,21 @@ import click
 import mi_lcair
 from mi_lcair.errors import InputError, mitsuba_error, unknown
 
-COMMANDS = ("render", "show", "signature", "fit", "scenes", "chart")
+COMMANDS = {name: name for name in ("render", "show", "signature", "fit", "scenes", "chart")}   # name: its module
+COMMANDS["import"] = "import_model"     # a file import.py could not be imported
 FAILED, UNUSABLE, INTERRUPTED = 1, 2, 130
 
 
 class Main(click.Group):
-    """The group of commands: each is `command` in the module of its name, imported at its call."""
+    """The group of commands: each is `command` in its module, imported at its call."""
 
     def list_commands(self, ctx):
-        return COMMANDS
+        return list(COMMANDS)
 
     def get_command(self, ctx, name):
         if name not in COMMANDS:
             raise unknown("command", name, COMMANDS)
-        return importlib.import_module(f"{__name__}.{name}").command
+        return importlib.import_module(f"{__name__}.{COMMANDS[name]}").command
 
     def main(self, args=None, prog_name="mi-lcair", **extra):
         """Run the command line and exit with its status; the one place that decides what an error looks like.

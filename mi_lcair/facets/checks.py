@@ -1,0 +1,121 @@
+"""What can be wrong with a facet model: gaps, facets that face inward, facets that exist twice."""
+import numpy as np
+
+from .model import Model
+from .welding import TOLERANCE, unique_rows
+
+NON_PLANAR = 1e-4   # distance from its mean plane beyond which a facet counts as not planar, as a fraction of its size
+
+
+def triangle_areas(model: Model) -> np.ndarray:
+    """Area (T,) of each triangle [m^2]."""
+    a, b, c = _corners(model)
+    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+
+
+def signed_volumes(model: Model) -> np.ndarray:
+    """Volume (F,) between each facet and the middle of the model [m^3]; positive where the facet faces away from there.
+
+    Over closed surfaces that face outward they add up to the volume inside.
+    """
+    a, b, c = _corners(model)
+    volumes = np.einsum("tk,tk->t", a, np.cross(b, c)) / 6
+    return np.bincount(model.triangle_facet, volumes, model.count)
+
+
+def degenerate(model: Model) -> np.ndarray:
+    """Mask (F,) of the facets without area: their corners coincide or lie on a line."""
+    return np.bincount(model.triangle_facet, minlength=model.count) == 0
+
+
+def non_planar(model: Model) -> np.ndarray:
+    """Mask (F,) of the facets that are farther from planar than NON_PLANAR of their size, and than welding moves corners."""
+    points = model.vertices[model.corners]
+    spans = np.maximum.reduceat(points, model.first[:-1]) - np.minimum.reduceat(points, model.first[:-1])
+    return model.off_plane > np.maximum(NON_PLANAR * np.linalg.norm(spans, axis=1), TOLERANCE * np.ptp(points, axis=0).max())
+
+
+def repeated(model: Model) -> tuple[np.ndarray, np.ndarray]:
+    """Masks (F,) of the facets with the same corners as an earlier one: whichever way they face, and facing the same way."""
+    same_corners, same_facet = np.zeros(model.count, bool), np.zeros(model.count, bool)
+    sizes = np.diff(model.first)
+    for size in np.unique(sizes):
+        facets = np.flatnonzero(sizes == size)
+        polygons = model.corners[model.first[facets, None] + np.arange(size)]
+        from_lowest = (np.argmin(polygons, axis=1)[:, None] + np.arange(size)) % size
+        for mask, rows in ((same_corners, np.sort(polygons, axis=1)),
+                           (same_facet, np.take_along_axis(polygons, from_lowest, axis=1))):
+            mask[facets] = True
+            mask[facets[unique_rows(rows)[0]]] = False
+    return same_corners, same_facet
+
+
+class Edges:
+    """The edges of some facets.
+
+    edge (H,): for each side of a facet, which edge it lies on; facet (H,): whose side it is; forward (H,): whether it runs along
+    that edge or against it; uses (E,): how many sides lie on each edge.
+    """
+
+    def __init__(self, model: Model, facets: np.ndarray):
+        owner = np.repeat(np.arange(model.count), np.diff(model.first))
+        following = np.arange(1, len(model.corners) + 1)
+        following[model.first[1:] - 1] = model.first[:-1]
+        start, end = model.corners, model.corners[following]
+        chosen = facets[owner] & (start != end)
+        start, end, self.facet = start[chosen], end[chosen], owner[chosen]
+        self.forward = start < end
+        key = np.minimum(start, end) * len(model.vertices) + np.maximum(start, end)
+        _, self.edge, self.uses = np.unique(key, return_inverse=True, return_counts=True)
+
+    def open(self) -> int:
+        """Number of edges where a facet has no neighbour."""
+        return int(np.count_nonzero(self.uses == 1))
+
+    def neighbours(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Facets a and b that share an edge with each other alone, and whether they run along it in opposite ways, as facets
+        that face the same way do."""
+        sides = np.argsort(self.edge, kind="stable")
+        first, second = sides[self.uses[self.edge[sides]] == 2].reshape(-1, 2).T
+        return self.facet[first], self.facet[second], self.forward[first] != self.forward[second]
+
+
+def inward(model: Model, volumes: np.ndarray, facets: np.ndarray) -> np.ndarray:
+    """Mask (F,) of those among `facets` (F,) that face the wrong way.
+
+    In a closed surface these are the facets that face inward; in an open one, which has no inside, the minority that disagrees
+    with its neighbours. Facets are taken together across edges that two of them share. A surface that cannot be oriented (as
+    a Moebius strip) has none.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    edges = Edges(model, facets)
+    a, b, agree = edges.neighbours()
+    # Each facet f has a node f for "as it is" and a node f + F for "turned over". Whoever agrees is linked as is and turned over
+    # alike, whoever disagrees crosswise. A surface then has two components, one the other's mirror image.
+    count = model.count
+    other = np.where(agree, b, b + count)
+    links = (np.concatenate([a, a + count]), np.concatenate([other, (other + count) % (2 * count)]))
+    nodes = coo_array((np.ones(2 * len(a), bool), links), shape=(2 * count, 2 * count))
+    number, component = connected_components(nodes, directed=False)
+    as_is, turned = component[:count], component[count:]
+    surface = np.minimum(as_is, turned)
+    side = np.where(as_is < turned, 1, -1)
+    side[as_is == turned] = 0       # cannot be oriented
+
+    closed = np.ones(number, bool)
+    _, odd = unique_rows(np.stack([edges.edge, surface[edges.facet]], axis=1))
+    alone = np.bincount(odd)[odd] % 2 == 1
+    closed[surface[edges.facet[alone]]] = False
+    volume = np.bincount(surface, side * volumes * facets, number)
+    majority = np.bincount(surface, side * facets, number)
+    right = np.where(closed, np.sign(volume), np.where(majority == 0, 1, np.sign(majority)))
+    return facets & (side == -right[surface])
+
+
+def _corners(model):
+    """Corners (3, T, 3) of the triangles, as seen from the middle of the model."""
+    points = model.vertices[model.triangles]
+    middle = (points.min(axis=(0, 1)) + points.max(axis=(0, 1))) / 2
+    return np.moveaxis(points - middle, 1, 0)
