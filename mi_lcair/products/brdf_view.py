@@ -61,11 +61,11 @@ def f(S, theta_i, theta_r, azimuth) -> np.ndarray:
 
 
 def crowded(lower: float, upper: float, peak: float, e: float) -> np.ndarray:
-    """Angles over a range, a degree apart but crowded around a peak of width e [degrees]."""
+    """Angles over a range, two degrees apart but crowded around a peak of width e [degrees]."""
     width = np.degrees(e)
     reach = np.arcsinh(180 / width)
-    around = peak + width * np.sinh(np.linspace(-reach, reach, 201))
-    return np.unique(np.concatenate([np.linspace(lower, upper, int(upper - lower) + 1), around[(around > lower) & (around < upper)]]))
+    around = peak + width * np.sinh(np.linspace(-reach, reach, 121))
+    return np.unique(np.concatenate([np.linspace(lower, upper, int(upper - lower) // 2 + 1), around[(around > lower) & (around < upper)]]))
 
 
 def save_plot(path, view: BRDFView) -> None:

@@ -5,9 +5,10 @@ from mi_lcair.files import replacing
 
 from .hemispherical_view import MAP_PHI, MAP_THETA, NOTHING, HemisphericalView
 
-PAPER, EDGE = (0.93, 0.93, 0.93), 0.45      # colour of what escapes; brightness of a pixel at the edge of a facet
+PAPER, EDGE = (0.93, 0.93, 0.93), 0.45      # colour of what escapes; brightness of the line around a facet
 MOST_GROUPS = 16                            # in the legend
-MOST_LABELS, ROOM = 24, 18                  # facets that get their number written, and the pixels around it that they need
+MOST_LABELS, ROOM = 24, 4.5                 # facets that get their number written, and the degrees around it that they need
+COARSE = 4                                  # pixels of the map in one that looks for this room
 
 
 def save_plot(path, view: HemisphericalView) -> None:
@@ -33,7 +34,7 @@ def save_plot(path, view: HemisphericalView) -> None:
     axes.set_title(f"{view.scene}: what facet {view.facet} sees (group {view.group(view.facet)}, "
                    f"{view.facets.material[view.facet]})", fontsize=11, parse_math=False)
 
-    entries = [(colour, f"{name.replace('$', '')}: {share:.4f}") for name, (colour, share) in groups.items()]
+    entries = [(colour, f"{name}: {share:.4f}") for name, (colour, share) in groups.items()]
     if len(entries) > MOST_GROUPS:
         entries = entries[:MOST_GROUPS] + [(None, f"and {len(entries) - MOST_GROUPS} more")]
     figure.legend([Patch(facecolor=colour or "none", edgecolor="0.4" if colour else "none", lw=0.5) for colour, _ in entries],
@@ -69,8 +70,11 @@ def facet_colours(view: HemisphericalView) -> tuple[np.ndarray, dict]:
 def edges_darkened(numbers: np.ndarray, image: np.ndarray) -> np.ndarray:
     """The image (H, W, 3) with a thin dark line where one facet ends and the next begins."""
     edge = np.zeros(numbers.shape, dtype=bool)
-    edge[1:] |= numbers[1:] != numbers[:-1]
-    edge[:, 1:] |= numbers[:, 1:] != numbers[:, :-1]
+    below, right = numbers[1:] != numbers[:-1], numbers[:, 1:] != numbers[:, :-1]
+    edge[1:] |= below
+    edge[:-1] |= below          # two pixels wide: the picture has fewer than the map
+    edge[:, 1:] |= right
+    edge[:, :-1] |= right
     return np.where(edge[..., None], EDGE * image, image)
 
 
@@ -78,9 +82,10 @@ def places(numbers: np.ndarray):
     """(facet, column, row) where its number has the most room, for facets that have enough; largest regions first."""
     from scipy.ndimage import distance_transform_edt
 
-    found, sizes = np.unique(numbers[numbers != NOTHING], return_counts=True)
+    coarse = numbers[COARSE // 2::COARSE, COARSE // 2::COARSE]
+    found, sizes = np.unique(coarse[coarse != NOTHING], return_counts=True)
     for number in found[np.argsort(-sizes)][:MOST_LABELS]:
-        room = distance_transform_edt(np.pad(numbers == number, 1))[1:-1, 1:-1]
+        room = distance_transform_edt(np.pad(coarse == number, 1))[1:-1, 1:-1]
         row, column = np.unravel_index(np.argmax(room), room.shape)
-        if room[row, column] >= ROOM:
-            yield int(number), column + 0.5, row + 0.5
+        if room[row, column] * COARSE >= ROOM / 90 * MAP_THETA:
+            yield int(number), COARSE * (column + 0.5), COARSE * (row + 0.5)
