@@ -145,7 +145,7 @@ def test_show_images_of_other_programs(run, refused, pictures):
 
 
 @pytest.mark.parametrize("args, reason", [
-    (["missing.exr"], "No such file"), ([], "Missing argument 'FILE.exr'"), (["text.exr"], "not an OpenEXR image"),
+    (["missing.exr"], "No such file"), ([], "Missing argument 'WHAT'"), (["text.exr"], "not an OpenEXR image"),
     (["image.exr", "-c", "tmperature.Y"], "unknown channel 'tmperature.Y'; known: temperature.Y,"),
     (["image.exr", "-o", "nowhere/a.png"], "does not exist"), (["image.exr", "-o", "a.jpg"], ".png"),
 ])
