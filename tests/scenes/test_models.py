@@ -43,7 +43,7 @@ def read(text):
     return SimpleNamespace(vertices=vertices, faces=faces, labels=labels, corners=[vertices[face] for face in faces])
 
 
-MODELS = {name.removesuffix(".obj"): read(text) for name, text in TEXTS.items()}
+MODELS = {name: read(text) for name, text in TEXTS.items()}
 
 
 def area_vector(corners):
@@ -151,8 +151,8 @@ def test_left_and_right_are_mirror_images(name):
 def test_files_depend_on_nothing_but_the_scripts(tmp_path):
     assert models() == TEXTS
     main(tmp_path / "new")
-    assert {file.name: file.read_bytes() for file in (tmp_path / "new").iterdir()} == {
-        name: text.encode("ascii") for name, text in TEXTS.items()}
+    assert {file.name: file.read_bytes() for file in (tmp_path / "new").glob("*.obj")} == {
+        f"{name}.obj": text.encode("ascii") for name, text in TEXTS.items()}
     assert not any("-0.000000" in text for text in TEXTS.values())
 
 
