@@ -43,9 +43,9 @@ def brdf_view(name: str, band: str, theta_i_deg: float = 30.0) -> BRDFView:
     found = material(name, band)
     sr.check_feasible(found.epsilon, found.rho_d, found.b, found.e, found.form)
     S = sr.surface(*(Float64(number) for number in (found.epsilon, found.rho_d, found.b, found.e)), form=found.form)
-    theta_r = crowded(0, HORIZON, theta_i_deg, found.e)
-    azimuth = crowded(-180, 180, 0, found.e)
-    cut_theta_r = crowded(-HORIZON, HORIZON, theta_i_deg, found.e)
+    theta_r = crowded(0, HORIZON, 2, theta_i_deg, found.e)
+    azimuth = crowded(-180, 180, 2, 0, found.e)
+    cut_theta_r = crowded(-HORIZON, HORIZON, 0.2, theta_i_deg, found.e)
     grid = np.meshgrid(theta_r, azimuth, indexing="ij")
     theta_i = Float64(np.radians(theta_i_deg))
     return BRDFView(found, band, theta_i_deg, theta_r, azimuth, f(S, theta_i_deg, *grid),
@@ -60,12 +60,13 @@ def f(S, theta_i, theta_r, azimuth) -> np.ndarray:
     return sr.f(S, Array3f64(float(np.sin(theta_i)), 0, float(np.cos(theta_i))), r).numpy().reshape(np.shape(theta_r))
 
 
-def crowded(lower: float, upper: float, peak: float, e: float) -> np.ndarray:
-    """Angles over a range, two degrees apart but crowded around a peak of width e [degrees]."""
+def crowded(lower: float, upper: float, step: float, peak: float, e: float) -> np.ndarray:
+    """Angles over a range, about a step apart but crowded around a peak of width e [degrees]."""
     width = np.degrees(e)
     reach = np.arcsinh(180 / width)
     around = peak + width * np.sinh(np.linspace(-reach, reach, 121))
-    return np.unique(np.concatenate([np.linspace(lower, upper, int(upper - lower) // 2 + 1), around[(around > lower) & (around < upper)]]))
+    inside = (around > lower + 1e-6) & (around < upper - 1e-6)
+    return np.unique(np.concatenate([np.linspace(lower, upper, round((upper - lower) / step) + 1), around[inside]]))
 
 
 def save_plot(path, view: BRDFView) -> None:
