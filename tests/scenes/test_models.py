@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from mi_lcair.scenes.build.__main__ import main, models
 from mi_lcair.scenes.build.bodies import patch
@@ -143,13 +144,11 @@ def test_facet_counts(name, fewest, most):
 def test_left_and_right_are_mirror_images(name):
     """Facet by facet, by the centres of facets."""
     centres = np.array([corners.mean(axis=0) for corners in MODELS[name].corners])
-    mirrored = centres * (1, -1, 1)
-    nearest = [np.abs(centres - centre).max(axis=1).min() for centre in mirrored]
-    assert max(nearest) < 2 * PRINTED
+    distances, _ = cKDTree(centres).query(centres * (1, -1, 1))
+    assert distances.max() < 2 * PRINTED
 
 
 def test_files_depend_on_nothing_but_the_scripts(tmp_path):
-    assert models() == TEXTS
     main(tmp_path / "new")
     assert {file.name: file.read_bytes() for file in (tmp_path / "new").iterdir()} == {
         name: text.encode("ascii") for name, text in TEXTS.items()}
@@ -386,9 +385,10 @@ def test_airliner_parts_reach_into_each_other(parts):
 
 
 def test_airliner_exhausts_stand_free(parts):
-    """No corner of annulus or cone lies inside a pylon, the wing or any other body."""
+    """No corner of annulus or cone on the left side lies inside a pylon, the wing or any other body."""
     model = MODELS["a340"]
-    hot = np.unique(np.concatenate([c for c, label in zip(model.corners, model.labels) if label[1] == "blackbody"]), axis=0)
+    hot = np.concatenate([corners for corners, label in zip(model.corners, model.labels) if label[1] == "blackbody"])
+    hot = np.unique(hot[hot[:, 1] > 0], axis=0)
     for name, polygons in parts.items():
         if not name.startswith("nacelle"):
             assert not inside(hot, polygons).any(), name
