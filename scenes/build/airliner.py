@@ -1,8 +1,8 @@
 """An airliner of the Airbus A340-300's public dimensions (thesis 3.2.3.3), all at 300 K but its exhausts.
 
-Public: length 63.69 m, span 60.30 m, fuselage 5.64 m, tailplane 19.4 m, wing sweep 30 degrees at the quarter chord,
-engines 9.37 m and 19.25 m off the centreline. Everything else is ASSUMED, read off the look of the aircraft: profiles are
-symmetrical, wings have no twist, engine intakes are closed by a flat disc, doors, windows, flaps and gear are left out.
+Public: length 63.69 m, span 60.30 m, fuselage 5.64 m, wing sweep 30 degrees at the quarter chord. Everything else is
+ASSUMED, after the look of the aircraft: where engines and tail sit and their sizes; profiles are symmetrical, wings have no
+twist, engine intakes are closed by a flat disc; flaps, gear, doors and windows are left out.
 
 Bodies are closed and reach into each other where the aircraft's parts join. A nacelle, its turbine's annulus and its exhaust
 are one body, so that cowl, annulus and cone meet without a gap: the annulus is the flat end of the cowl, and faces aft.
@@ -12,7 +12,7 @@ import numpy as np
 from .bodies import Facet, cap, loft, mirrored, patch, revolve, ring
 
 LENGTH, SPAN, FUSELAGE_DIAMETER = 63.69, 60.30, 5.64  # m
-ENGINES = (19.25, 9.37, -9.37, -19.25)                # y (m), from left to right
+ENGINES = (19.25, 9.37, -9.37, -19.25)                # y (m), from left to right, assumed
 EXHAUST_LENGTH = 6.1                                  # m: 20 ft, thesis 3.2.3.3
 # m, assumed: a core nozzle, and the cone that leaves it, of the size that the intensities of thesis 4.3 ask for.
 NOZZLE_RADIUS, EXHAUST_RADIUS = 0.55, 0.30

@@ -77,6 +77,6 @@ def mirrored(facets) -> list[Facet]:
 
 
 def _off_plane(corners):
-    """How far (m) the first corner of a quadrilateral lies from the plane of its diagonals' directions."""
+    """How far (m) the diagonals of a quadrilateral pass each other by."""
     normal = np.cross(corners[2] - corners[0], corners[3] - corners[1])
     return abs(np.dot(corners[1] - corners[0], normal)) / np.linalg.norm(normal)
