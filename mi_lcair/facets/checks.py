@@ -30,9 +30,12 @@ def degenerate(model: Model) -> np.ndarray:
 
 def non_planar(model: Model) -> np.ndarray:
     """Mask (F,) of the facets that are farther from planar than NON_PLANAR of their size, and than welding moves corners."""
-    points = model.vertices[model.corners]
-    spans = np.maximum.reduceat(points, model.first[:-1]) - np.minimum.reduceat(points, model.first[:-1])
-    return model.off_plane > np.maximum(NON_PLANAR * np.linalg.norm(spans, axis=1), TOLERANCE * np.ptp(points, axis=0).max())
+    suspects = model.off_plane > TOLERANCE * np.ptp(model.box, axis=0).max()
+    if suspects.any():
+        points = model.vertices[model.corners]
+        spans = np.maximum.reduceat(points, model.first[:-1]) - np.minimum.reduceat(points, model.first[:-1])
+        suspects &= model.off_plane > NON_PLANAR * np.linalg.norm(spans, axis=1)
+    return suspects
 
 
 def repeated(model: Model) -> tuple[np.ndarray, np.ndarray]:
@@ -116,6 +119,4 @@ def inward(model: Model, volumes: np.ndarray, facets: np.ndarray) -> np.ndarray:
 
 def _corners(model):
     """Corners (3, T, 3) of the triangles, as seen from the middle of the model."""
-    points = model.vertices[model.triangles]
-    middle = (points.min(axis=(0, 1)) + points.max(axis=(0, 1))) / 2
-    return np.moveaxis(points - middle, 1, 0)
+    return np.moveaxis(model.vertices[model.triangles] - model.box.mean(axis=0), 1, 0)

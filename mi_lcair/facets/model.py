@@ -38,6 +38,13 @@ class Model:
         """Number of facets."""
         return len(self.label)
 
+    @property
+    def box(self) -> np.ndarray:
+        """Lowest and highest coordinates (2, 3) of the facets' corners [m]."""
+        used = np.zeros(len(self.vertices), bool)
+        used[self.corners] = True
+        return np.stack([self.vertices[used].min(axis=0), self.vertices[used].max(axis=0)])
+
     def facets_of(self, kind: str) -> np.ndarray:
         """Mask (F,) of the facets of a type: f (model), s (sky) or t (terrain)."""
         return np.array([label.type == kind for label in self.labels])[self.label]

@@ -20,7 +20,6 @@ def report(model: Model) -> dict:
     volumes = np.where(copy, 0, checks.signed_volumes(model))
     facets = {TYPES[kind]: model.facets_of(kind) for kind in TYPES}
     material = np.array([label.material for label in model.labels])[model.label]
-    points = model.vertices[model.corners]
     return {
         "facets": model.count,
         "triangles": len(model.triangles),
@@ -33,7 +32,7 @@ def report(model: Model) -> dict:
         "duplicate": np.count_nonzero(duplicate),
         "non_planar": np.count_nonzero(checks.non_planar(model)),
         "non_planar_mm": 1e3 * model.off_plane.max(),
-        "bounding_box": [points.min(axis=0), points.max(axis=0)],
+        "bounding_box": model.box,
         "temperature_min": model.temperature.min(),
         "temperature_max": model.temperature.max(),
     }
