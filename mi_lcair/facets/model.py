@@ -81,7 +81,7 @@ def read(path: str | Path, temperatures: str | Path | None = None, material: str
     triangles, triangle_facet, off_plane, crossed = triangulate(vertices, corners, obj.first)
     if crossed.any():
         raise InputError(f"{path}, line {obj.lines[crossed.argmax()]}: the face crosses itself or folds back on itself"
-                         f"{_others(crossed.sum() - 1)}; split it into simple polygons")
+                         f"{_others(int(crossed.sum()) - 1)}; split it into simple polygons")
     if len(triangles) == 0:
         raise InputError(f"{path}: no face has an area; all corners of each lie on a line")
     return Model(vertices, corners, obj.first, labels, label, temperature, triangles, triangle_facet, off_plane)
