@@ -157,7 +157,8 @@ def _numbers(content, begins, kind):
     """All numbers in some lines, and how many (n,) there are in each. Raises ValueError for a word that is none."""
     words = np.flatnonzero(_word_starts(content))
     sizes = np.diff(np.searchsorted(words, begins), append=len(words))
-    numbers = np.fromstring(content.tobytes(), kind, sep=" ")
+    # The zero at the end, because NumPy takes a last word that is no number, such as '-', for one.
+    numbers = np.fromstring(content.tobytes() + b" 0", kind, sep=" ")[:-1]
     if len(numbers) != len(words):
         raise ValueError
     return numbers, sizes

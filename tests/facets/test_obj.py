@@ -82,6 +82,7 @@ def test_long_runs_are_read_in_pieces(read, monkeypatch):
     ("v 0 0 \\\n x\n", "line 1: a vertex must be three numbers, not '0 0 x'"), ("v 0 0 # 0\n", "line 1: a vertex"),
     ("v " + "1 " * 50 + "x", "...'"),
     (SQUARE + "f 1 2\n", "line 5: a face must be indices of three vertices or more"), (SQUARE + "f\n", "line 5: a face must be"),
+    (SQUARE + "f 1 2 3\nf 1 2 -\nf 1 2 3", "line 6: a face must be"), ("v 0 0 -", "line 1: a vertex"), ("v 0 0 -\nv 1 1 1\n", "line 1: a vertex"),
     (SQUARE + "f 1 2 3.5\n", "not '1 2 3.5'"), (SQUARE + "f 1 2 /3\n", "line 5: a face"), (SQUARE + "f 1 2 3 /4\n", "line 5: a face"),
     (SQUARE + "f 1 2 3\n" * 9 + "f 1 2 a/1\n" + "f 1 2 3\n" * 9, "line 14: a face must be"), (SQUARE + "f 1,2,3", "line 5: a face"),
     (SQUARE + "f 1 2 3\nf 1 2 5\n", "line 6: face index 5 is out of range; there are 4 vertices in the file"),
