@@ -56,8 +56,8 @@ def repeated(model: Model) -> tuple[np.ndarray, np.ndarray]:
 class Edges:
     """The edges of some facets.
 
-    edge (H,): for each side of a facet, which edge it lies on; facet (H,): whose side it is; forward (H,): whether it runs along
-    that edge or against it; uses (E,): how many sides lie on each edge.
+    edge (H,): for each side of a facet, which edge it lies on; facet (H,): whose side it is; forward (H,): whether it runs
+    along that edge or against it; uses (E,): how many sides lie on each edge.
     """
 
     def __init__(self, model: Model, facets: np.ndarray):
@@ -95,8 +95,8 @@ def inward(model: Model, volumes: np.ndarray, facets: np.ndarray) -> np.ndarray:
 
     edges = Edges(model, facets)
     a, b, agree = edges.neighbours()
-    # Each facet f has a node f for "as it is" and a node f + F for "turned over". Whoever agrees is linked as is and turned over
-    # alike, whoever disagrees crosswise. A surface then has two components, one the other's mirror image.
+    # Each facet f has a node f for "as it is" and a node f + F for "turned over". Whoever agrees is linked as is and turned
+    # over alike, whoever disagrees crosswise. A surface then has two components, one the other's mirror image.
     count = model.count
     other = np.where(agree, b, b + count)
     links = (np.concatenate([a, a + count]), np.concatenate([other, (other + count) % (2 * count)]))

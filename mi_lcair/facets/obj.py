@@ -56,8 +56,8 @@ def read_obj(path: str | Path) -> Obj:
                 if corners[-1].min() < 0:
                     bad = corners[-1].argmin()
                     line = text.line(begin + np.searchsorted(np.cumsum(size), bad, side="right"))
-                    raise InputError(f"line {line}: face index {indices[bad]} is out of range; indices count from 1, or back from "
-                                     f"-1, and {_count(vertex_count)} before this line")
+                    raise InputError(f"line {line}: face index {indices[bad]} is out of range; indices count from 1, or back "
+                                     f"from -1, and {_count(vertex_count)} before this line")
                 sizes.append(size)
                 lines.append(text.line(np.arange(begin, end)))
                 label = label_of["group"] if label_of["group"] >= 0 else label_of["object"]

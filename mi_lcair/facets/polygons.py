@@ -57,10 +57,11 @@ def _same_size(vertices, polygons):
     triangles, owners = [fans[is_fan].reshape(-1, 3)], [np.repeat(np.flatnonzero(is_fan), size - 2)]
     crossed = np.zeros(count, bool)
     for polygon in np.flatnonzero(~is_fan):
-        ears = None if size == 4 or folded[polygon] else clip_ears(_projected(points[polygon], normals[polygon]), polygons[polygon])
+        names = polygons[polygon]
+        ears = None if size == 4 or folded[polygon] else clip_ears(_projected(points[polygon], normals[polygon]), names)
         crossed[polygon] = ears is None
         if ears:
-            triangles.append(polygons[polygon][ears])
+            triangles.append(names[ears])
             owners.append(np.full(len(ears), polygon))
     return np.concatenate(triangles), np.concatenate(owners), off_plane, crossed
 
