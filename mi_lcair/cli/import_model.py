@@ -47,7 +47,8 @@ def _remarks(result):
     if result["temperature_min"] < COLD:
         yield f"the lowest temperature is {result['temperature_min']:g} K"
     if result["inward"]:
-        yield f"{result['inward']} model facets face inward; the back of a facet neither emits nor reflects"
+        yield (f"{result['inward']} model facet{'s face' if result['inward'] > 1 else ' faces'} inward; the back of a facet "
+               "neither emits nor reflects")
 
 
 def _print_table(result, output):

@@ -30,9 +30,12 @@ def degenerate(model: Model) -> np.ndarray:
 
 def non_planar(model: Model) -> np.ndarray:
     """Mask (F,) of the facets that are farther from planar than NON_PLANAR of their size, and than welding moves corners."""
-    points = model.vertices[model.corners]
-    spans = np.maximum.reduceat(points, model.first[:-1]) - np.minimum.reduceat(points, model.first[:-1])
-    return model.off_plane > np.maximum(NON_PLANAR * np.linalg.norm(spans, axis=1), TOLERANCE * np.ptp(points, axis=0).max())
+    suspects = model.off_plane > TOLERANCE * np.ptp(model.box, axis=0).max()
+    if suspects.any():
+        points = model.vertices[model.corners]
+        spans = np.maximum.reduceat(points, model.first[:-1]) - np.minimum.reduceat(points, model.first[:-1])
+        suspects &= model.off_plane > NON_PLANAR * np.linalg.norm(spans, axis=1)
+    return suspects
 
 
 def repeated(model: Model) -> tuple[np.ndarray, np.ndarray]:
@@ -53,8 +56,8 @@ def repeated(model: Model) -> tuple[np.ndarray, np.ndarray]:
 class Edges:
     """The edges of some facets.
 
-    edge (H,): for each side of a facet, which edge it lies on; facet (H,): whose side it is; forward (H,): whether it runs along
-    that edge or against it; uses (E,): how many sides lie on each edge.
+    edge (H,): for each side of a facet, which edge it lies on; facet (H,): whose side it is; forward (H,): whether it runs
+    along that edge or against it; uses (E,): how many sides lie on each edge.
     """
 
     def __init__(self, model: Model, facets: np.ndarray):
@@ -92,8 +95,8 @@ def inward(model: Model, volumes: np.ndarray, facets: np.ndarray) -> np.ndarray:
 
     edges = Edges(model, facets)
     a, b, agree = edges.neighbours()
-    # Each facet f has a node f for "as it is" and a node f + F for "turned over". Whoever agrees is linked as is and turned over
-    # alike, whoever disagrees crosswise. A surface then has two components, one the other's mirror image.
+    # Each facet f has a node f for "as it is" and a node f + F for "turned over". Whoever agrees is linked as is and turned
+    # over alike, whoever disagrees crosswise. A surface then has two components, one the other's mirror image.
     count = model.count
     other = np.where(agree, b, b + count)
     links = (np.concatenate([a, a + count]), np.concatenate([other, (other + count) % (2 * count)]))
@@ -116,6 +119,4 @@ def inward(model: Model, volumes: np.ndarray, facets: np.ndarray) -> np.ndarray:
 
 def _corners(model):
     """Corners (3, T, 3) of the triangles, as seen from the middle of the model."""
-    points = model.vertices[model.triangles]
-    middle = (points.min(axis=(0, 1)) + points.max(axis=(0, 1))) / 2
-    return np.moveaxis(points - middle, 1, 0)
+    return np.moveaxis(model.vertices[model.triangles] - model.box.mean(axis=0), 1, 0)

@@ -38,6 +38,13 @@ class Model:
         """Number of facets."""
         return len(self.label)
 
+    @property
+    def box(self) -> np.ndarray:
+        """Lowest and highest coordinates (2, 3) of the facets' corners [m]."""
+        used = np.zeros(len(self.vertices), bool)
+        used[self.corners] = True
+        return np.stack([self.vertices[used].min(axis=0), self.vertices[used].max(axis=0)])
+
     def facets_of(self, kind: str) -> np.ndarray:
         """Mask (F,) of the facets of a type: f (model), s (sky) or t (terrain)."""
         return np.array([label.type == kind for label in self.labels])[self.label]
@@ -74,7 +81,7 @@ def read(path: str | Path, temperatures: str | Path | None = None, material: str
     triangles, triangle_facet, off_plane, crossed = triangulate(vertices, corners, obj.first)
     if crossed.any():
         raise InputError(f"{path}, line {obj.lines[crossed.argmax()]}: the face crosses itself or folds back on itself"
-                         f"{_others(crossed.sum() - 1)}; split it into simple polygons")
+                         f"{_others(int(crossed.sum()) - 1)}; split it into simple polygons")
     if len(triangles) == 0:
         raise InputError(f"{path}: no face has an area; all corners of each lie on a line")
     return Model(vertices, corners, obj.first, labels, label, temperature, triangles, triangle_facet, off_plane)

@@ -2,7 +2,7 @@
 import numpy as np
 
 SLIVER = 1e-6       # a triangle whose height is this fraction of its longest edge has no area to speak of
-ROUNDING = 1e-12    # of a product of two lengths, as a fraction of the polygon's size squared
+ROUNDING = 1e-9     # of a product of two lengths, as a fraction of the polygon's size squared
 
 
 def triangulate(vertices, corners, first):
@@ -57,10 +57,11 @@ def _same_size(vertices, polygons):
     triangles, owners = [fans[is_fan].reshape(-1, 3)], [np.repeat(np.flatnonzero(is_fan), size - 2)]
     crossed = np.zeros(count, bool)
     for polygon in np.flatnonzero(~is_fan):
-        ears = None if size == 4 or folded[polygon] else clip_ears(_projected(points[polygon], normals[polygon]), polygons[polygon])
+        names = polygons[polygon]
+        ears = None if size == 4 or folded[polygon] else clip_ears(_projected(points[polygon], normals[polygon]), names)
         crossed[polygon] = ears is None
         if ears:
-            triangles.append(polygons[polygon][ears])
+            triangles.append(names[ears])
             owners.append(np.full(len(ears), polygon))
     return np.concatenate(triangles), np.concatenate(owners), off_plane, crossed
 
@@ -86,11 +87,15 @@ def clip_ears(points, names):
 
 
 def _find_ear(points, names, left):
-    """(position in `left`, whether it is flat) of a corner that can be cut off; one with area before a flat one."""
+    """(position in `left`, whether it is flat) of a corner that can be cut off: a spike, an ear, or a corner on a line."""
     ears = np.stack([np.roll(left, 1), left, np.roll(left, -1)], axis=1)
     corners = points[ears]
     flat = _is_sliver(corners)
-    left_turns = _cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 1]) > 0
+    arriving, leaving = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 1]
+    spikes = flat & (np.einsum("nk,nk->n", arriving, leaving) <= 0)
+    if spikes.any():
+        return np.argmax(spikes), True
+    left_turns = _cross(arriving, leaving) > 0
     rounding = ROUNDING * np.ptp(points, axis=0).max() ** 2
     # First without another corner in the ear or on its border, then, where the polygon touches itself, inside only.
     for margin in (-rounding, rounding):
@@ -108,10 +113,12 @@ def _find_ear(points, names, left):
 def _crosses_itself(points, names):
     """Whether two edges of the closed polygon cross, each in its inside."""
     ends, end_names = np.roll(points, -1, axis=0), np.roll(names, -1)
+    rounding = ROUNDING * np.ptp(points, axis=0).max() ** 2
     for a, b, *own in zip(points, ends, names, end_names):
         apart = ~np.isin(names, own) & ~np.isin(end_names, own)
         c, d = points[apart], ends[apart]
-        if ((_cross(b - a, c - a) * _cross(b - a, d - a) < 0) & (_cross(d - c, a - c) * _cross(d - c, b - c) < 0)).any():
+        parts = [(_cross(b - a, c - a), _cross(b - a, d - a)), (_cross(d - c, a - c), _cross(d - c, b - c))]
+        if np.all([(np.minimum(*sides) < -rounding) & (np.maximum(*sides) > rounding) for sides in parts], axis=0).any():
             return True
     return False
 

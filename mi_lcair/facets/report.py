@@ -11,8 +11,8 @@ def report(model: Model) -> dict:
 
     Counts of facets: facets, degenerate (no area), duplicate (the corners of an earlier one, whichever way it faces), inward
     (model facets that face the wrong way), non_planar (farther from their mean plane than 1e-4 of their size). Others:
-    triangles; volume, signed, and volume_by_type [m^3] (meant for closed surfaces; exact copies count once); open_edges, where a
-    facet has no neighbour; area_by_material [m^2]; non_planar_mm, the greatest distance of a corner from its facet's mean
+    triangles; volume, signed, and volume_by_type [m^3] (meant for closed surfaces; exact copies count once); open_edges, where
+    a facet has no neighbour; area_by_material [m^2]; non_planar_mm, the greatest distance of a corner from its facet's mean
     plane; bounding_box [m]; temperature_min and temperature_max [K].
     """
     areas = np.bincount(model.triangle_facet, checks.triangle_areas(model), model.count)
@@ -20,7 +20,6 @@ def report(model: Model) -> dict:
     volumes = np.where(copy, 0, checks.signed_volumes(model))
     facets = {TYPES[kind]: model.facets_of(kind) for kind in TYPES}
     material = np.array([label.material for label in model.labels])[model.label]
-    points = model.vertices[model.corners]
     return {
         "facets": model.count,
         "triangles": len(model.triangles),
@@ -33,7 +32,7 @@ def report(model: Model) -> dict:
         "duplicate": np.count_nonzero(duplicate),
         "non_planar": np.count_nonzero(checks.non_planar(model)),
         "non_planar_mm": 1e3 * model.off_plane.max(),
-        "bounding_box": [points.min(axis=0), points.max(axis=0)],
+        "bounding_box": model.box,
         "temperature_min": model.temperature.min(),
         "temperature_max": model.temperature.max(),
     }
