@@ -87,8 +87,7 @@ def inward(model: Model, volumes: np.ndarray, facets: np.ndarray) -> np.ndarray:
     """Mask (F,) of those among `facets` (F,) that face the wrong way.
 
     In a closed surface these are the facets that face inward; in an open one, which has no inside, the minority that disagrees
-    with its neighbours. Facets are taken together across edges that two of them share. A surface that cannot be oriented (as
-    a Moebius strip) has none.
+    with its neighbours. Facets are taken together across edges that two of them share. A Moebius strip has none.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -105,7 +104,6 @@ def inward(model: Model, volumes: np.ndarray, facets: np.ndarray) -> np.ndarray:
     as_is, turned = component[:count], component[count:]
     surface = np.minimum(as_is, turned)
     side = np.where(as_is < turned, 1, -1)
-    side[as_is == turned] = 0       # cannot be oriented
 
     closed = np.ones(number, bool)
     _, odd = unique_rows(np.stack([edges.edge, surface[edges.facet]], axis=1))
@@ -114,7 +112,7 @@ def inward(model: Model, volumes: np.ndarray, facets: np.ndarray) -> np.ndarray:
     volume = np.bincount(surface, side * volumes * facets, number)
     majority = np.bincount(surface, side * facets, number)
     right = np.where(closed, np.sign(volume), np.where(majority == 0, 1, np.sign(majority)))
-    return facets & (side == -right[surface])
+    return side == -right[surface]
 
 
 def _corners(model):
