@@ -81,7 +81,7 @@ def test_fragment(model, tmp_path):
 
 def test_sky_and_materials_go_with_the_model(model, tmp_path):
     (tmp_path / "own.toml").write_text("[rust.any]\nepsilon = 0.8\nrho_d = 0.1\nb = 0.2\ne = 0.3\n")
-    (tmp_path / "clear & dry.csv").write_text("elevation_deg,wavelength_um,radiance_W_m2_sr_um\n")
+    (tmp_path / "clear & dry.csv").write_text("elevation_deg,wavelength_um,radiance_W_m2_sr_um\n0,8,1\n0,12,1\n90,8,1\n90,12,1\n")
     export(model, tmp_path / "boxes", materials=tmp_path / "own.toml", sky=tmp_path / "clear & dry.csv")
     assert (tmp_path / "boxes" / "materials.toml").read_text().startswith("[rust.any]")
     assert (tmp_path / "boxes" / "clear & dry.csv").is_file()
@@ -97,7 +97,7 @@ def test_sky_and_materials_go_with_the_model(model, tmp_path):
 
 def test_a_sky_that_no_facet_shows(tmp_path):
     (tmp_path / "model.obj").write_text(cube())
-    (tmp_path / "sky.csv").write_text("")
+    (tmp_path / "sky.csv").write_text("elevation_deg,wavelength_um,radiance_W_m2_sr_um\n0,8,1\n0,12,1\n90,8,1\n90,12,1\n")
     with pytest.raises(InputError, match="no sky facet says at which elevation it lies"):
         export(read(tmp_path / "model.obj"), tmp_path / "out", sky=tmp_path / "sky.csv")
     assert not (tmp_path / "out").exists()

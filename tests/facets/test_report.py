@@ -32,7 +32,9 @@ FLAWLESS = {"open_edges": 0, "inward": 0, "degenerate": 0, "duplicate": 0, "non_
     (cube(), {"facets": 6, "triangles": 12, "volume": 1, "area_by_material": {"bare_aluminum": 6}}),
     (cube(flip=[2]), {"inward": 1}), (cube(flip=[0, 5]), {"inward": 2}), (cube(flip=[0, 1, 2, 3]), {"inward": 4}),
     (cube(flip=range(6)), {"inward": 6, "volume": -1}),
-    (cube(without=[3]), {"facets": 5, "open_edges": 4}), (cube(without=[2], flip=[0]), {"open_edges": 4, "inward": 1}),
+    (cube(without=[3]), {"facets": 5, "open_edges": 4, "volume": 1}), (cube(without=[0, 1]), {"open_edges": 8, "volume": 1}),    # closed by lids
+    (cube(at=(7, 7, 7)) + obj([(0, 0, 0), (9, 0, 0), (9, 9, 0), (0, 9, 0)], [(0, 1, 2, 3)]), {"open_edges": 4, "volume": 1}),    # a plate has none
+    (cube(without=[2], flip=[0]), {"open_edges": 4, "inward": 1}),
     (cube(without=[2], flip=[0, 1, 3, 4, 5]), {"open_edges": 4}),      # open: no inside to face, and all agree
     (cube(again=[1]), {"facets": 7, "duplicate": 1, "volume": 1, "area_by_material": {"bare_aluminum": 7}}),
     (cube(flip=range(6), again=[1]), {"facets": 7, "duplicate": 1, "inward": 6, "volume": -1, "open_edges": 0}),
