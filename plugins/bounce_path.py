@@ -112,7 +112,7 @@ class BouncePath(RBIntegrator):
 
         split: the channels recorded beside the radiance: None, "image", or "target": also what of each lies on the
         model's facets. facets: a numbering with `number(shape, prim_index, active)` and `add(facet, L, channels,
-        spp)`, which receives the samples by the facet seen first. To be called within `prepared`.
+        spp, first)`, which receives the samples by the facet seen first. To be called within `prepared`.
         """
         count = pixels * spp
         sampler = sensor.sampler().clone()
@@ -135,7 +135,7 @@ class BouncePath(RBIntegrator):
             samples = channels.samples(L[0], self.emitters.labels, self.emitters.sources, split == "target") if split else {}
             if facets is not None:
                 dr.eval(L, channels, samples)           # one kernel for both uses
-                facets.add(channels.facet, L[0], channels, spp)
+                facets.add(channels.facet, L[0], channels, spp, first)
             return pixel_statistics(L[0], samples, spp, split == "target")
 
     # ---------------------------------------------------------------- The loop

@@ -133,7 +133,7 @@ def pixel_statistics(L, samples: dict, spp: int, in_parts: bool = False) -> Pixe
     squares = dr.block_sum(dr.square(dr.select(finite, L - dr.repeat(mean, spp), 0)), spp)
     count, mean, squares = (values.numpy().astype(np.float64) for values in (count, mean, squares))
 
-    parts = next((k for k in range(2, spp) if spp % k == 0), spp) if in_parts else 1
+    parts = 2 if in_parts and spp % 2 == 0 else 1
 
     def by_part(value):
         return dr.block_sum(value, spp // parts).numpy().astype(np.float64).reshape(-1, parts).T

@@ -19,8 +19,8 @@ COLD = 200.0    # kelvin; rare enough on a surface to be worth a remark
 @click.option("--material", metavar="KEY", help="Material of all model facets, instead of the labels'.")
 @click.option("--materials", type=FILE, metavar="TOML", help="Your own materials; copied to FOLDER.")
 @click.option("--scale", type=float, default=1, show_default=True, help="Metres in the file's unit of length.")
-@click.option("--sky", type=FILE, metavar="CSV",
-              help="Spectra that sky facets with elevation_deg=... in their label emit; copied to FOLDER.")
+@click.option("--sky", metavar="TABLE",
+              help="Spectra that sky facets with elevation_deg=... in their label emit: a bundled table or a CSV, copied to FOLDER.")
 @json_option
 def command(file, output, check, temperatures, material, materials, scale, sky, json):
     """Import a facet model for rendering.

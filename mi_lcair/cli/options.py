@@ -21,14 +21,14 @@ class SceneOptions:
     threads: int | None
     json: bool
 
-    def run(self, function):
-        """Load the scene and return function(scene, **sampling, progress=...); remarks and progress go to stderr."""
+    def run(self, function, **own):
+        """Load the scene and return function(scene, **sampling, **own, progress=...); remarks and progress go to stderr."""
         self._prepare_renderer()
         scene = mi_lcair.load(self.scene, **self.parameters)
         for remark in scene.remarks:
             click.echo(f"mi-lcair: note: {remark}", err=True)
         with progress_bar() as progress:
-            return function(scene, **self.sampling, progress=progress)
+            return function(scene, **self.sampling, **own, progress=progress)
 
     def _prepare_renderer(self):
         if self.variant:

@@ -1,42 +1,67 @@
-"""mi-lcair show: pictures of a radiance image."""
-from fnmatch import fnmatchcase
+"""mi-lcair show: pictures of a radiance image, of what a facet sees, of a scene's facets, of a material's BRDF."""
 from pathlib import Path
 
 import click
 
-from mi_lcair.errors import InputError, unknown
+from mi_lcair.cli import pictures
+from mi_lcair.cli.options import Assignment, json_option
+from mi_lcair.errors import InputError
+
+FILE = click.Path(path_type=Path)
+KINDS = {       # who draws it, and which options go with it beside --output
+    "an image": (pictures.image, ("channels", "log")),
+    "--facet": (pictures.facet_view, ("facet", "parameters", "json")),
+    "--facets": (pictures.facet_columns, ("facets", "channels", "log", "parameters", "sensor")),
+    "a material": (pictures.brdf, ("band", "theta_deg")),
+}
 
 
 @click.command("show")
-@click.argument("file", type=click.Path(path_type=Path), metavar="FILE.exr")
-@click.option("-c", "--channel", "patterns", multiple=True, default=("Y",), show_default="Y",
-              help="Channel, or a pattern such as 'bounce*'; may be repeated.")
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="The picture (default: FILE.png).")
+@click.argument("what")
+@click.option("-o", "--output", type=FILE, help="The picture, FILE.png (default: named after what it shows).")
+@click.option("-c", "--channel", "channels", multiple=True,
+              help="Channel of FILE.exr (default: Y) or column of FILE.csv, or a pattern such as 'bounce*'; may be repeated.")
 @click.option("--log", is_flag=True, help="Logarithmic colours.")
-def command(file, patterns, output, log):
-    """Make a PNG of a radiance image.
+@click.option("--facet", type=click.IntRange(min=0), metavar="N", help="The facet whose view is shown, counted from 0.")
+@click.option("--facets", type=FILE, metavar="FILE.csv", help="Table with a column `facet` and others to colour the facets by.")
+@click.option("-D", "parameters", type=Assignment(), multiple=True, help="Set a $-parameter of the scene; may be repeated.")
+@click.option("-s", "--sensor", type=click.IntRange(min=0), default=0, show_default=True,
+              help="Which of the scene's sensors, counted from 0.")
+@click.option("--band", help="The material's band.")
+@click.option("--theta-deg", type=click.FloatRange(0, 90, max_open=True), default=30, show_default=True,
+              help="Angle of incidence in degrees.")
+@json_option
+@click.pass_context
+def command(ctx, what, output, **options):
+    """Make a PNG of WHAT, one of these:
 
-    It shows one channel or several of an OpenEXR image, with colour bars in W m^-2 sr^-1, K or m.
+    \b
+    FILE.exr                            channels of a radiance image
+    SCENE --facet N                     what a facet sees, its neighbours'
+                                        solid angles and view factors
+    SCENE --facets FILE.csv -c COLUMN   the facets, coloured by a table
+    MATERIAL --band BAND                the BRDF over the hemisphere
     """
-    from mi_lcair.rendering.image import read_exr
-    from mi_lcair.rendering.picture import save_picture
-
-    output = output or file.with_suffix(".png")
-    if output.suffix.lower() != ".png":
+    kind = kind_of(ctx, what, options["facet"], options["facets"])
+    draw, own = KINDS[kind]
+    for parameter in ctx.command.params:
+        given = ctx.get_parameter_source(parameter.name) is click.core.ParameterSource.COMMANDLINE
+        if given and parameter.name not in ("what", "output", *own):
+            raise click.UsageError(f"{parameter.opts[-1]} does not go with {kind}", ctx)
+    if output and output.suffix.lower() != ".png":
         raise InputError(f"output '{output}' does not end in .png; show makes PNG pictures")
-    channels, header = read_exr(file)
-    chosen = choose(channels, patterns)
-    title = ", ".join(str(header[key]) for key in ("scene", "band") if key in header) or file.stem
-    save_picture(output, {name: channels[name] for name in chosen}, title, log)
-    click.echo(output)
+    draw(what, output, **{name: options[name] for name in own})
 
 
-def choose(known, patterns) -> list[str]:
-    """The known channels that the patterns name, in the order of the patterns, each once."""
-    chosen = {}
-    for pattern in patterns:
-        found = [pattern] if pattern in known else [name for name in known if fnmatchcase(name, pattern)]
-        if not found:
-            raise unknown("channel", pattern, known)
-        chosen |= dict.fromkeys(found)
-    return list(chosen)
+def kind_of(ctx, what: str, facet: int | None, facets: Path | None) -> str:
+    """Which of KINDS is asked for."""
+    from mi_lcair import scenes
+
+    if facet is not None:
+        return "--facet"
+    if facets is not None:
+        return "--facets"
+    suffix = Path(what).suffix.lower()
+    if suffix == ".xml" or what in scenes.names():
+        raise click.UsageError(f"scene '{what}': give --facet N or --facets FILE.csv; `render` makes an image of it", ctx)
+    return "an image" if suffix == ".exr" else "a material"

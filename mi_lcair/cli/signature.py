@@ -1,31 +1,70 @@
 """mi-lcair signature: the intensity of a scene in W/sr."""
+from pathlib import Path
+
 import click
 
 import mi_lcair
 from mi_lcair.cli.options import scene_options
 from mi_lcair.cli.output import print_columns, print_json
+from mi_lcair.errors import InputError
 
 
 @click.command("signature")
 @scene_options
-def command(options):
+@click.option("--spectrum", type=click.Path(path_type=Path), help="Write the spectral intensity, FILE.csv.")
+@click.option("--plot", type=click.Path(path_type=Path), help="With --spectrum: also draw it, FILE.png.")
+@click.option("--facets", type=click.Path(path_type=Path), help="Write what each facet of the model sends, FILE.csv.")
+def command(options, spectrum, plot, facets):
     """Intensity of SCENE in W/sr.
 
-    SCENE is a Mitsuba XML file or the name of a bundled scene, seen by its orthographic sensor. The intensity is listed
-    by number of reflections, by what emitted it and by what the sensor sees first.
+    SCENE is a Mitsuba XML file or the name of a bundled scene, seen by its orthographic sensor. The intensity of the
+    target (the model's facets) and of all that the sensor sees is listed by number of reflections, by what emitted it
+    and by what the sensor sees first.
     """
-    result = options.run(mi_lcair.signature).as_dict()
+    from mi_lcair.files import check_writable
+
+    if plot and not spectrum:
+        raise InputError("--plot draws the spectral intensity; give --spectrum FILE.csv too")
+    for path, suffix in ((spectrum, ".csv"), (plot, ".png"), (facets, ".csv")):
+        if path:
+            if path.suffix.lower() != suffix:
+                raise InputError(f"output '{path}' does not end in {suffix}")
+            check_writable(path)
+
+    result = options.run(mi_lcair.signature, by_spectrum=bool(spectrum), facets=bool(facets))
+    if spectrum:
+        from mi_lcair.products.spectral_intensity import save_plot, write
+
+        write(spectrum, result.effective_areas, options.scene)
+        if plot:
+            save_plot(plot, result.effective_areas, options.scene)
+    if facets:
+        result.facets.write(facets)
     if options.json:
-        print_json(result)
-        return
-    error = result["standard_error"]
+        print_json(result.as_dict())
+    else:
+        _print_tables(result.as_dict())
+    for path in filter(None, (spectrum, plot, facets)):
+        click.echo(f"wrote {path}", err=True)
+
+
+def _print_tables(result):
+    target, scene = result["target"], result["scene"]
     print_columns([("band", result["band"]),
-                   ("intensity", f"{result['intensity']:.6g} W/sr"),
-                   ("standard error", "unknown for one sample" if error is None else f"{error:.2g} W/sr"),
+                   ("target", _with_error(target["intensity"], target["standard_error"])),
+                   ("scene", _with_error(scene["intensity"], scene["standard_error"])),
                    ("time", f"{result['seconds']:.2f} s"),
                    ("paths", result["paths"])])
-    for title, parts in (("reflections up to", enumerate(result["by_bounce"])),
-                         ("emitted by", result["by_group"].items()),
-                         ("seen first", result["by_seen"].items())):
+    bounces = [(str(k), f"{a:.6g}", f"{b:.6g}") for k, (a, b) in enumerate(zip(target["by_bounce"], scene["by_bounce"]))]
+    click.echo()
+    print_columns([("reflections up to", "target W/sr", "scene W/sr"), *bounces])
+    for title, key in (("emitted by", "by_group"), ("seen first", "by_seen")):
         click.echo()
-        print_columns([(title, "W/sr"), *((name, f"{intensity:.6g}") for name, intensity in parts)])
+        print_columns([(title, "target W/sr", "scene W/sr"),
+                       *((name, *(_with_error(part[key][name], part[f"{key}_error"][name], "") for part in (target, scene)))
+                         for name in scene[key])])
+
+
+def _with_error(value, error, unit=" W/sr"):
+    return f"{value:.6g}{unit}" + (" (standard error unknown for one sample)" if error is None and unit
+                                   else "" if error is None else f" +- {error:.2g}")

@@ -7,6 +7,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..files import filling
+from ..physics.spectrum import sky_names, spectrum
 from .label import GROUPS
 from .model import Model
 from .scene_xml import fragment, scene
@@ -17,14 +18,19 @@ def export(model: Model, folder: str | Path, materials: str | Path | None = None
 
     One binary PLY for each facet type and material (and group and elevation, where labels give them) with the face
     attributes `temperature` (K) and `facet` (number in the model); model.xml, which places them in a scene; scene.xml, which
-    looks at them; copies of materials (TOML) and of sky, the table whose spectra sky facets with an elevation_deg emit.
+    looks at them; copies of materials (TOML) and of sky, the table whose spectra sky facets with an elevation_deg emit,
+    unless that is the name of a bundled one.
     The folder is made if it is absent; other files in it are left alone. Raises InputError; nothing is written then.
     """
     folder = Path(folder)
     name = re.sub("--+", "-", _plain(folder.resolve().name)) or "model"     # no comment of an XML may hold two hyphens
     copies = {"materials.toml": _content(materials)} if materials else {}
     if sky:
-        copies[Path(sky).name] = _content(sky)
+        spectrum(sky, 45.0)                             # refuses what holds no spectra by elevation
+        sky = str(sky)
+        if sky not in sky_names():
+            copies[Path(sky).name] = _content(sky)
+            sky = Path(sky).name
         if not any(label.elevation_deg is not None for label in model.labels):
             raise InputError(f"sky {sky}: no sky facet says at which elevation it lies; label them such as "
                              "s*blackbody*288*elevation_deg=4.5*")
@@ -35,7 +41,6 @@ def export(model: Model, folder: str | Path, materials: str | Path | None = None
         for copy, content in copies.items():
             (partial / copy).write_bytes(content)
         labels = {stem: label for stem, (label, _) in parts.items()}
-        sky = sky and Path(sky).name
         (partial / "model.xml").write_text(fragment(name, labels, bool(materials), sky), encoding="utf-8")
         (partial / "scene.xml").write_text(scene(name, *_bounds(model), sky), encoding="utf-8")
         files = sorted(file.name for file in partial.iterdir())

@@ -61,7 +61,7 @@ def scene(name: str, centre, radius: float, sky: str | None) -> str:
     window = MARGIN * radius
     x, y, z = (f"{value:.7g}" for value in centre)
     own_sky = f"""
-    <default name="sky" value={quoteattr(sky)}/>   <!-- CSV table of the sky's spectral radiance -->""" if sky else ""
+    <default name="sky" value={quoteattr(sky)}/>   <!-- table of the sky's spectral radiance: a bundled name or a CSV -->""" if sky else ""
     return f"""<scene version="3.0.0">
     <!-- {name}, seen from all sides.
 

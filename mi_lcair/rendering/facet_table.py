@@ -138,7 +138,8 @@ def check_apart(numbers: dict) -> None:
 
 def material_of(bsdf) -> str:
     names = [layer.material for layer in (bsdf, *children(bsdf)) if getattr(layer, "material", "")]
-    return names[0] if names else bsdf.class_name()
+    own = type(bsdf).__name__
+    return names[0] if names else bsdf.class_name() if own == "BSDF" else own    # Python's plugins are all "BSDF" to Mitsuba
 
 
 def area_of(shape):

@@ -10,15 +10,28 @@ RADIANCE = r"W m$^{-2}$ sr$^{-1}$"
 QUANTITIES = {"temperature": ("brightness temperature", "K"),
               "range": ("range", "m"),
               "stderr": ("standard error of radiance", RADIANCE)}
+UNITS = {"_W_m2_sr": RADIANCE, "_W_sr": r"W sr$^{-1}$", "_K": "K", "_m2": r"m$^2$", "_m": "m", "_sr": "sr"}    # of columns
 LOG_DECADES = 6
 LEFT, RIGHT, BOTTOM, TOP, BAR = 0.75, 1.25, 0.55, 0.4, 0.15  # inches around an image: axes, colour bar, titles
 
 
-def save_picture(path: str | Path, channels: dict[str, np.ndarray], title: str = "", log: bool = False) -> None:
+def channel_quantity(name: str) -> tuple[str, str]:
+    """What a channel of a radiance image holds, and its unit."""
+    return QUANTITIES.get(name.split(".")[0], ("radiance", RADIANCE))
+
+
+def column_quantity(name: str) -> tuple[str, str]:
+    """What a column of a table holds, and its unit, which ends its name; "" for a number without one."""
+    suffix = next((suffix for suffix in UNITS if name.endswith(suffix)), "")
+    return name.removesuffix(suffix).replace("_", " ").replace("$", ""), UNITS.get(suffix, "")
+
+
+def save_picture(path: str | Path, channels: dict[str, np.ndarray], title: str = "", log: bool = False,
+                 quantity=channel_quantity) -> None:
     """Write a PNG with one panel for each of `channels` (name -> [H, W]), under a common `title`.
 
-    Every panel has its own colour bar (W m^-2 sr^-1, K or m, by the channel's name) and pixel axes; `log` makes the
-    colours logarithmic, over six decades at most. Pixels without a value are grey: NaN, infinite, a range or a
+    Every panel has its own colour bar, whose label and unit `quantity` tells from the channel's name, and pixel axes;
+    `log` makes the colours logarithmic, over six decades at most. Pixels without a value are grey: NaN, infinite, a range or a
     temperature of 0, and with `log` whatever is not positive. Raises InputError where the file cannot be written.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -38,7 +51,7 @@ def save_picture(path: str | Path, channels: dict[str, np.ndarray], title: str =
         left, bottom = cell * (index % columns, rows - 1 - index // columns) + (LEFT, BOTTOM)
         panel = figure.add_axes((left / size[0], bottom / size[1], *image / size))
         bar = figure.add_axes(((left + image[0] + BAR) / size[0], bottom / size[1], BAR / size[0], image[1] / size[1]))
-        _draw(panel, bar, name, values, log)
+        _draw(panel, bar, name, values, log, *quantity(name))
     if single:
         panel.set_title(", ".join(filter(None, (title, name))), fontsize=11, parse_math=False)
     else:
@@ -48,13 +61,12 @@ def save_picture(path: str | Path, channels: dict[str, np.ndarray], title: str =
         figure.savefig(partial, format="png")
 
 
-def _draw(panel, bar_axes, name: str, values: np.ndarray, log: bool) -> None:
+def _draw(panel, bar_axes, name: str, values: np.ndarray, log: bool, what: str, unit: str) -> None:
     """The channel's pixels in `panel`, with axes in pixels, and its colour bar, with its unit, in `bar_axes`."""
     from matplotlib.colors import LogNorm, Normalize
     from matplotlib.ticker import MaxNLocator
 
     kind = name.split(".")[0]
-    what, unit = QUANTITIES.get(kind, ("radiance", RADIANCE))
     shown = np.isfinite(values)
     if kind in ("temperature", "range"):
         shown &= values != 0
@@ -74,9 +86,9 @@ def _draw(panel, bar_axes, name: str, values: np.ndarray, log: bool) -> None:
                                            min_n_ticks=1))
 
     bar = panel.figure.colorbar(picture, cax=bar_axes, extend="min" if clipped else "neither")
-    bar.set_label(f"{what} ({unit})", fontsize=8)
+    bar.set_label(f"{what} ({unit})" if unit else what, fontsize=8)
     if log:
-        _log_ticks(bar, lower, upper)
+        log_ticks(bar, lower, upper)
     else:
         bar.formatter.set_useOffset(False)
     for axes in (panel, bar_axes):
@@ -97,7 +109,7 @@ def _limits(values: np.ndarray, log: bool) -> tuple[float, float, bool]:
     return lower, upper, False
 
 
-def _log_ticks(bar, lower: float, upper: float) -> None:
+def log_ticks(bar, lower: float, upper: float) -> None:
     """Ticks of a logarithmic colour bar in plain numbers: decades, then 1-2-5, then even steps as the range shrinks."""
     from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 

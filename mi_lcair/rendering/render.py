@@ -135,6 +135,7 @@ def render(scene: Scene, spp: int | None = None, tolerance: float | None = None,
     with integrator.prepared(scene.mi, by_spectrum):
         while done < min(goal, limit):
             step = max(1, min(min(goal, limit) - done, PASS_SAMPLES // (width * height)))
+            step -= step % 2 if step > 1 else 0         # even: a pass can be told in two halves
             run = min(width * height, PASS_SAMPLES // step)
             for first in range(0, width * height, run):
                 pass_seed = int(seeds.spawn(1)[0].generate_state(1)[0])

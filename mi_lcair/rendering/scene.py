@@ -56,7 +56,7 @@ def load(scene, /, **parameters) -> Scene:
         raise InputError(f"variant {mi.variant()} cannot render thermal scenes; set one of {', '.join(VARIANTS)}")
     path = find(scene)
     texts = {name: str(value) for name, value in parameters.items()}
-    known = declared_parameters(path)
+    known = declared_parameters(path, texts)
     for name in texts:
         if name not in known:
             raise unknown(f"parameter of {path.name}", name, known)
@@ -80,18 +80,19 @@ def find(scene) -> Path:
     return scenes.path(str(scene))
 
 
-def declared_parameters(path: Path) -> set[str]:
-    """Names of the $-parameters of a scene file and of what it includes."""
+def declared_parameters(path: Path, given: dict[str, str]) -> set[str]:
+    """Names of the $-parameters of a scene file and of what it includes, for the values `given` to some of them."""
     try:
         root = ElementTree.parse(path).getroot()
     except (ElementTree.ParseError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: is not XML: {error}") from None
+    values = {default.get("name"): default.get("value") for default in root.iter("default")} | given
     names = {default.get("name") for default in root.iter("default")}
     names.update(name for element in root.iter() for value in element.attrib.values() for name in re.findall(r"\$(\w+)", value))
     for include in root.iter("include"):
-        file = path.parent / include.get("filename", "")
+        file = path.parent / re.sub(r"\$(\w+)", lambda name: str(values.get(name[1], name[0])), include.get("filename", ""))
         if file.is_file():
-            names |= declared_parameters(file)
+            names |= declared_parameters(file, values)
     return names
 
 

@@ -53,12 +53,12 @@ class Renderer:
             "band": SimpleNamespace(name="MWIR", label="MWIR 3-5 um"), "mean": np.float32(5.25), "rms_error": 0.0125,
             "reached": None, "invalid": 0, "closure_error": None, "paths": 96, "seconds": 1.5, **self.results})
 
-    def signature(self, scene, **sampling):
+    def signature(self, scene, by_spectrum, facets, **sampling):
         self.asked(scene, **sampling)
-        return SimpleNamespace(as_dict=lambda: {
-            "band": "total", "intensity": 22.0755, "standard_error": 0.0021, "by_bounce": [20.0, 22.0],
-            "by_group": {"hot": 21.0, "self": 1.0755}, "by_seen": {"plate": 22.0755}, "seconds": 1.5, "paths": 2**32,
-            **self.results})
+        scene = {"intensity": 22.0755, "standard_error": 0.0021, "by_bounce": [20.0, 22.0], "by_group": {"hot": 21.0, "self": 1.0755},
+                 "by_group_error": {"hot": 0.002, "self": None}, "by_seen": {"plate": 22.0755}, "by_seen_error": {"plate": 0.0021}}
+        target = {**scene, "intensity": 11.5, "by_bounce": [10.0, 11.0], **self.results}
+        return SimpleNamespace(as_dict=lambda: {"band": "total", **scene, "target": target, "scene": scene, "seconds": 1.5, "paths": 2**32})
 
     def asked(self, scene, progress, **sampling):
         assert scene.name == "the scene"

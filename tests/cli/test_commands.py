@@ -18,18 +18,38 @@ def test_signature_table(run, renderer):
     result = run("signature", "two_plates", "--spp", 4)
     assert renderer.sampling["spp"] == 4
     rows = [line.split() for line in result.stdout.splitlines()]
-    assert ["intensity", "22.0755", "W/sr"] in rows and ["standard", "error", "0.0021", "W/sr"] in rows
-    assert ["0", "20"] in rows and ["1", "22"] in rows and ["hot", "21"] in rows and ["plate", "22.0755"] in rows
+    assert ["scene", "22.0755", "W/sr", "+-", "0.0021"] in rows and ["target", "11.5", "W/sr", "+-", "0.0021"] in rows
+    assert ["0", "10", "20"] in rows and ["1", "11", "22"] in rows
+    assert ["hot", "21", "+-", "0.002", "21", "+-", "0.002"] in rows and ["self", "1.0755", "1.0755"] in rows
+    assert ["plate", "22.0755", "+-", "0.0021", "22.0755", "+-", "0.0021"] in rows
 
 
 def test_signature_of_one_sample(run, renderer):
     renderer.results = {"standard_error": None}
-    assert "standard error  unknown for one sample" in run("signature", "two_plates").stdout.splitlines()
+    assert "target  11.5 W/sr (standard error unknown for one sample)" in run("signature", "two_plates").stdout.splitlines()
 
 
 def test_signature_json(run, renderer):
     result = run("signature", "two_plates", "--json")
-    assert json.loads(result.stdout) == renderer.signature(renderer.load("two_plates"), progress=lambda *_: None).as_dict()
+    assert json.loads(result.stdout) == renderer.signature(renderer.load("two_plates"), False, False, progress=lambda *_: None).as_dict()
+
+
+@pytest.mark.parametrize("options, message", [
+    (["--plot", "s.png"], "give --spectrum"), (["--spectrum", "s.txt"], "does not end in .csv"), (["--facets", "f.exr"], "does not end in .csv"),
+    (["--spectrum", "s.csv", "--plot", "s.pdf"], "does not end in .png"), (["--facets", "missing/f.csv"], "does not exist")])
+def test_signature_outputs_that_cannot_be(refused, renderer, options, message):
+    assert message in refused("signature", "two_plates", *options)
+
+
+def test_signature_files(run, folder):
+    """The real thing: the spectrum's CSV and plot and the facets' CSV appear, and add up to what is printed."""
+    result = run("signature", "open_box", "-D", "band=MWIR", "-D", "resolution=8", "--spp", 16, "--spectrum", "s.csv", "--plot", "s.png",
+                 "--facets", "f.csv", "--json")
+    target = json.loads(result.stdout)["target"]["intensity"]
+    spectrum = np.loadtxt(folder / "s.csv", delimiter=",", skiprows=2)
+    assert np.trapezoid(spectrum[:, 2], spectrum[:, 0]) == pytest.approx(target, rel=1e-5)
+    assert len((folder / "f.csv").read_text().splitlines()) == 3 and (folder / "s.png").exists()
+    assert [entry["group"] for entry in json.loads(result.stdout)["effective_areas"]] == ["floor", "wall"]
 
 
 @pytest.fixture
@@ -125,7 +145,7 @@ def test_show_images_of_other_programs(run, refused, pictures):
 
 
 @pytest.mark.parametrize("args, reason", [
-    (["missing.exr"], "No such file"), ([], "Missing argument 'FILE.exr'"), (["text.exr"], "not an OpenEXR image"),
+    (["missing.exr"], "No such file"), ([], "Missing argument 'WHAT'"), (["text.exr"], "not an OpenEXR image"),
     (["image.exr", "-c", "tmperature.Y"], "unknown channel 'tmperature.Y'; known: temperature.Y,"),
     (["image.exr", "-o", "nowhere/a.png"], "does not exist"), (["image.exr", "-o", "a.jpg"], ".png"),
 ])

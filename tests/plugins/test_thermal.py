@@ -184,7 +184,7 @@ def test_a_source_of_given_radiance(plate):
 
 
 @pytest.mark.parametrize("emitter, message", [
-    ({}, "either `temperature` or `radiance`"), ({"temperature": 300.0, "radiance": 1.0, "band": "LWIR"}, "either `temperature` or `radiance`"),
+    ({}, "found none"), ({"temperature": 300.0, "radiance": 1.0, "band": "LWIR"}, "found temperature, radiance"),
     ({"temperature": 300.0}, "needs a `band`"), ({"radiance": -1.0}, "radiance = -1"), ({"temperature": 300.0, "band": "LWIRR"}, "LWIRR"),
     ({"temperature": 300.0, "band": "LWIR", "emissivity": 1.5}, "emissivity = 1.5"), ({"radiance": 1.0, "group": "a b"}, "group 'a b'"),
     ({"radiance": 1.0, "temprature": 300.0}, "temprature")])

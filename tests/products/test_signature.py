@@ -37,7 +37,8 @@ def test_window(scene, crop, area):
     result = mi_lcair.signature(mi_lcair.load(scene, crop=crop), spp=4)
     assert result.intensity == pytest.approx(L_300 * area, rel=1e-5)
     assert result.standard_error == pytest.approx(0, abs=1e-6)
-    assert result.by_seen == {"self": pytest.approx(result.intensity)} and result.by_group == result.by_seen
+    assert result.scene.by_seen == {"self": pytest.approx(result.intensity)} and result.scene.by_group == result.scene.by_seen
+    assert result.target.intensity == pytest.approx(result.intensity)
 
 
 def test_as_dict():
