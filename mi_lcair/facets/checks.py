@@ -121,9 +121,10 @@ def inward(model: Model, volumes: np.ndarray, facets: np.ndarray) -> np.ndarray:
     side = np.where(as_is < turned, 1, -1)
 
     closed = np.ones(number, bool)
-    _, odd = unique_rows(np.stack([edges.edge, surface[edges.facet]], axis=1))
-    alone = np.bincount(odd)[odd] % 2 == 1
-    closed[surface[edges.facet[alone]]] = False
+    unpaired = np.flatnonzero(edges.uses[edges.edge] != 2)
+    surface_of_side = surface[edges.facet[unpaired]]
+    _, edge_of_surface = unique_rows(np.stack([edges.edge[unpaired], surface_of_side], axis=1))
+    closed[surface_of_side[np.bincount(edge_of_surface)[edge_of_surface] % 2 == 1]] = False
     volume = np.bincount(surface, side * volumes * facets, number)
     majority = np.bincount(surface, side * facets, number)
     right = np.where(closed, np.sign(volume), np.where(majority == 0, 1, np.sign(majority)))

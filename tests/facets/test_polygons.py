@@ -67,8 +67,9 @@ def _welded(points):
 
 @pytest.mark.parametrize("name", CROSSED)
 def test_polygons_that_cross_themselves(name):
-    points = placed(CROSSED[name])
-    assert triangulate(points, _welded(points), np.array([0, len(points)]))[3].all()
+    plane = np.array(CROSSED[name], float)
+    for points in (placed(plane), np.pad(plane, ((0, 0), (0, 1)))):
+        assert triangulate(points, _welded(points), np.array([0, len(points)]))[3].all()
 
 
 def test_points_of_the_plane_are_covered_once():
