@@ -9,11 +9,12 @@ import mi_lcair
 from mi_lcair.errors import InputError
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
+POSITIVE = click.IntRange(min=1)
 
 
-@dataclass(frozen=True)
+@dataclass
 class SceneOptions:
-    """What the user asked of a scene; `sampling` holds the keywords that render() and signature() share."""
+    """What the user asked of a scene; `sampling` holds the keywords of the function that will run."""
     scene: str
     parameters: dict[str, str]
     sampling: dict
@@ -89,28 +90,35 @@ def json_option(command):
 
 def scene_options(command):
     """Give a command SCENE and the options of a render; it receives them as one argument `options`, a SceneOptions."""
-    positive = click.IntRange(min=1)
-
-    @click.argument("scene")
-    @click.option("-D", "parameters", type=Assignment(), multiple=True,
-                  help="Set a $-parameter of the scene; may be repeated.")
     @click.option("-s", "--sensor", type=click.IntRange(min=0), default=0, show_default=True,
                   help="Which of the scene's sensors, counted from 0.")
-    @click.option("--spp", type=positive, help="Samples per pixel (default: the scene's own).")
+    @click.option("--spp", type=POSITIVE, help="Samples per pixel (default: the scene's own).")
     @click.option("--tolerance", type=Fraction(),
                   help="Render until the rms standard error is below this fraction of the mean, such as 0.01 or 1%.")
-    @click.option("--max-spp", type=positive, help="Where --tolerance gives up, in samples per pixel (default: 65536).")
-    @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True,
-                  help="Seed of the random numbers.")
-    @click.option("--variant", type=click.Choice(VARIANTS), help=f"Mitsuba variant (default: {VARIANTS[0]}).")
-    @click.option("-t", "--threads", type=positive, help="CPU threads (default: all).")
-    @json_option
+    @click.option("--max-spp", type=POSITIVE, help="Where --tolerance gives up, in samples per pixel (default: 65536).")
     @wraps(command)
-    def with_options(scene, parameters, variant, threads, json, sensor, spp, tolerance, max_spp, seed, **own):
+    def with_sampling(options, sensor, spp, tolerance, max_spp, **own):
         if max_spp and not tolerance:
             raise click.UsageError("--max-spp needs --tolerance; --spp sets a fixed number of samples",
                                    click.get_current_context())
-        sampling = dict(sensor=sensor, spp=spp, tolerance=tolerance, max_spp=max_spp, seed=seed)
-        return command(options=SceneOptions(scene, dict(parameters), sampling, variant, threads, json), **own)
+        options.sampling |= dict(sensor=sensor, spp=spp, tolerance=tolerance, max_spp=max_spp)
+        return command(options=options, **own)
 
-    return with_options
+    return loading_options(with_sampling)
+
+
+def loading_options(command):
+    """Give a command SCENE and what every scene takes, without the sampling of a sensor; as `scene_options` does."""
+    @click.argument("scene")
+    @click.option("-D", "parameters", type=Assignment(), multiple=True,
+                  help="Set a $-parameter of the scene; may be repeated.")
+    @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True,
+                  help="Seed of the random numbers.")
+    @click.option("--variant", type=click.Choice(VARIANTS), help=f"Mitsuba variant (default: {VARIANTS[0]}).")
+    @click.option("-t", "--threads", type=POSITIVE, help="CPU threads (default: all).")
+    @json_option
+    @wraps(command)
+    def with_scene(scene, parameters, variant, threads, json, seed, **own):
+        return command(options=SceneOptions(scene, dict(parameters), dict(seed=seed), variant, threads, json), **own)
+
+    return with_scene
