@@ -12,7 +12,6 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.derivatives import children, deriving_plugins
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.scene import Scene
 
@@ -88,10 +87,9 @@ def audit(scene: Scene, photons: int = 2**18, seed: int = 0, progress=None) -> A
 def scaling_cosines(scene: Scene, table: FacetTable) -> np.ndarray:
     """Of each facet the cosine below which its BRDF is scaled down, 0 where it never is."""
     angles = {}
-    for plugin in deriving_plugins(scene.mi):
-        if hasattr(plugin, "first_saturated_angle_deg"):
-            angle = plugin.first_saturated_angle_deg()
-            angles[plugin.material] = 0.0 if angle is None else float(np.cos(np.radians(angle)))
+    for surface in scene.surfaces():
+        angle = surface.first_saturated_angle_deg()
+        angles[surface.material] = 0.0 if angle is None else float(np.cos(np.radians(angle)))
     return np.array([angles.get(material, 0.0) for material in table.material])
 
 

@@ -35,9 +35,13 @@ class Scene:
             raise InputError(f"{self.name}: sensor {index} does not exist; the scene has {len(sensors)}, counted from 0")
         return sensors[index]
 
+    def surfaces(self) -> list:
+        """The scene's Sandford-Robertson BSDFs."""
+        return [plugin for plugin in deriving_plugins(self.mi) if hasattr(plugin, "set_lobe")]
+
     def set_lobe(self, lobe: str, material: str | None = None) -> None:
         """Sets the fidelity rung (brdf, mirror, diffuse) of one Sandford-Robertson material, or of all."""
-        surfaces = [plugin for plugin in deriving_plugins(self.mi) if hasattr(plugin, "set_lobe")]
+        surfaces = self.surfaces()
         chosen = [surface for surface in surfaces if material in (None, surface.material)]
         if not chosen:
             raise unknown("material", material, {surface.material for surface in surfaces})
