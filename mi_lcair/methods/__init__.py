@@ -1,0 +1,1 @@
+"""The thesis's methods and ours, one a file, behind one interface for each question."""
