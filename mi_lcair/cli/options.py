@@ -44,11 +44,11 @@ class SceneOptions:
 
 
 @contextmanager
-def progress_bar():
-    """A callable progress(done, total), in samples per pixel, that draws a bar on stderr when that is a terminal."""
+def progress_bar(unit="spp"):
+    """A callable progress(done, total), by default in samples per pixel, that draws a bar on stderr when that is a terminal."""
     from tqdm import tqdm
 
-    with tqdm(unit="spp", disable=None, leave=False) as bar:
+    with tqdm(unit=unit, disable=None, leave=False) as bar:
         def progress(done, total):
             bar.n, bar.total = done, total
             bar.refresh()

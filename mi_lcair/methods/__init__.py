@@ -1,1 +1,1 @@
-"""The thesis's methods and ours, one a file, behind one interface for each question."""
+"""The methods of Harkiss 2007 beside ours, one a file: what charts of error against time compare."""
