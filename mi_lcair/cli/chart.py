@@ -1,4 +1,4 @@
-"""mi-lcair chart: measurements of the renderer itself."""
+"""mi-lcair chart: measurements of the renderer itself, and of methods against each other."""
 from dataclasses import asdict, fields
 
 import click

@@ -73,7 +73,7 @@ def timed(method, p, effort, batch, seed):
 def write(folder, points, quick: bool) -> None:
     """reflectance.png, reflectance.csv and reflectance.md in `folder`."""
     folder = Path(folder)
-    title = f"Reflectance DHR({THETA_DEG}°) by seven methods: median error and quartiles"
+    title = f"Reflectance DHR({THETA_DEG}°) by seven methods: median error, quartiles, and rms (dashed)"
     chart.draw(folder / "reflectance.png", points, title, samples="evaluations of the BRDF")
     chart.write_csv(folder / "reflectance.csv", points,
                     f"DHR at {THETA_DEG} degrees by method and effort, relative errors, seconds; mi_lcair {mi_lcair.__version__}")
