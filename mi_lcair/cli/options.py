@@ -67,7 +67,7 @@ class SceneOptions:
 
 @contextmanager
 def progress_bar(unit="spp"):
-    """A callable progress(done, total), in samples per pixel or else, that draws a bar on stderr when that is a terminal."""
+    """A callable progress(done, total), by default in samples per pixel, that draws a bar on stderr when that is a terminal."""
     from tqdm import tqdm
 
     with tqdm(unit=unit, disable=None, leave=False) as bar:
