@@ -19,7 +19,7 @@ LOBE_SHARE, BOUNCE_SHARE = 0.35, 0.15       # of the tolerance that simpler lobe
 NARROW = 0.2                                # lobe width e above which a mirror is not tried
 NEGLIGIBLE = 1e-6                           # reflectance of a part that cannot matter
 WORTHWHILE = 0.8                            # a change is made if it costs less than this share of the time
-CONFIDENCE = 1.96                           # standard errors, 95 %
+CONFIDENCE = 2.24                           # standard errors, 97.5 %: what the probes do not know of the noise comes on top
 LEAST_SPP = 2                               # one sample per pixel has no standard error
 
 
