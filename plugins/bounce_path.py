@@ -130,6 +130,7 @@ class BouncePath(RBIntegrator):
                 channels = Channels.empty(self.max_bounces, self.closure, self.emitters.sources if split else None)
             (L, _), _, channels = self.walk(dr.ADMode.Primal, scene, sampler, ray, None, None, mi.Bool(True), channels, facets)
             if self.closure == "tail":
+                dr.eval(L, channels)                    # add_tail sums, and would trace the paths for that alone
                 tail, self.tail_error = channels.add_tail()
                 L += tail
             samples = channels.samples(L[0], self.emitters.labels, self.emitters.sources, split == "target") if split else {}
