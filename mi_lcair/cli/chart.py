@@ -3,6 +3,7 @@ from dataclasses import asdict, fields
 
 import click
 
+from mi_lcair.cli import chart_propagation
 from mi_lcair.cli.options import json_option
 from mi_lcair.cli.output import print_columns, print_json
 
@@ -29,3 +30,6 @@ def throughput(json):
 
 def _cell(value) -> str:
     return "" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+command.add_command(chart_propagation.command)
