@@ -20,15 +20,17 @@ CLOSURES = [(bounces, "none") for bounces in (0, 1, 2, 3, 4)] + [(1, "ambient"),
 @dataclass(frozen=True)
 class Effort:
     """How much a chart takes on. seconds: a method whose run takes longer is not asked for more; repetitions: of random
-    methods, and of those that give the same answer each time; spp, seeds: for the closures."""
+    methods, and of those that give the same answer each time; spp, seeds: for the closures; most: no method is asked for
+    a larger effort."""
     seconds: float
+    most: int
     repetitions: int
     same: int
     spp: int
     seeds: int
 
 
-FULL, QUICK = Effort(0.2, 7, 3, 64, 4), Effort(0.012, 3, 1, 4, 2)
+FULL, QUICK = Effort(0.2, 4**12, 7, 3, 64, 4), Effort(0.02, 4**10, 3, 1, 4, 2)
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,7 @@ def measure(quick: bool = False, progress=None) -> Chart:
 def curve(problem: Problem, method: Method, effort: Effort) -> list[chart.Point]:
     """A method's points on one problem, from its least effort up to the first that takes too long."""
     found = []
-    for asked in method.efforts(problem):
+    for asked in (asked for asked in method.efforts(problem) if asked <= effort.most):
         first, _, _ = timed(problem, method, asked, 0)
         runs = [timed(problem, method, asked, seed + 1) for seed in range(effort.repetitions if method.is_random else effort.same)]
         seconds, values, rays = (np.array(column) for column in zip(*runs))

@@ -13,13 +13,13 @@ from .problem import Method, Problem, emitted
 def intensity(problem: Problem, bounces: int, count: int) -> tuple[float, int]:
     """Intensity [W/sr] after so many mirror bounces, looked at from about `count` points, and the rays that it took."""
     points = visible_points(problem, count)
-    rays = dr.width(points.area)
+    rays = points.cast
     with problem.prepared() as (scene, emitters):
         ray, beta, L, active = points.ray, mi.Float(1), mi.Float(0), mi.Bool(True)
         for bounce in range(bounces + 1):
             si = scene.ray_intersect(ray, active)
             L += beta * emitted(si, scene, active)
-            beta *= si.bsdf().eval_diffuse_reflectance(si, active)[0]
+            beta *= si.bsdf().eval_diffuse_reflectance(si, active)[0]        # HDR(theta) of Sandford-Robertson surfaces
             active &= si.is_valid() & (beta > 0)
             if bounce < bounces:
                 ray = emitters.spawn_ray(si, si.to_world(mi.reflect(si.wi)))

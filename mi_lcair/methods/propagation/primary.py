@@ -8,24 +8,24 @@ import numpy as np
 from .problem import Problem
 
 
+FINER = 4       # subdivision of a part by which its visible share is counted; the middle of one of the 16 is the part's own
+
+
 @dataclass(frozen=True)
 class Points:
-    """Rays of the sensor to points of visible triangles; `area`: the projected area that each stands for [m^2]; `triangle`:
-    the row of the corners that it lies on. The areas are those of Eq 3.13, A cos(theta) V."""
+    """Rays of the sensor to points of visible triangles; `area`: the projected area that each stands for, the A cos(theta) V
+    of Eq 3.13 [m^2]; `triangle`: the row of the corners that it lies on; `cast`: how many rays it took to find them."""
     ray: mi.Ray3f
     area: mi.Float
     triangle: mi.UInt32
-
-    def part(self, first: int, count: int) -> "Points":
-        index = first + dr.arange(mi.UInt32, min(count, dr.width(self.area) - first))
-        return Points(*(dr.gather(type(values), values, index) for values in (self.ray, self.area, self.triangle)))
+    cast: int
 
 
 def visible_points(problem: Problem, count: int, corners=None, owner=None) -> Points:
     """About `count` points, at least one on each visible triangle of the model, in proportion to projected area.
 
-    Each triangle is projected and cut to the window exactly; what is left is divided into equal parts, and the middle of
-    each, if nothing hides it, stands for that part. corners (T, 3, 3), owner (T,): parts of the scene's triangles and of
+    Each triangle is projected and cut to the window exactly; what is left is divided into equal parts. Of each part 16 rays
+    tell how much is in sight, and its middle, or the nearest to it that is in sight, stands for it. corners (T, 3, 3), owner (T,): parts of the scene's triangles and of
     which triangle; by default the triangles themselves.
     """
     table = problem.facets
@@ -47,22 +47,36 @@ def visible_points(problem: Problem, count: int, corners=None, owner=None) -> Po
             row.append(np.full(len(fan), k))
     pieces, row = np.concatenate(pieces), np.concatenate(row)
 
-    area = problem.window_area * 0.5 * np.abs(np.cross(pieces[:, 1] - pieces[:, 0], pieces[:, 2] - pieces[:, 0]))
+    area = problem.window_area * 0.5 * np.abs(np.linalg.det(pieces[:, 1:] - pieces[:, :1]))
     divisions = np.maximum(1, np.round(np.sqrt(count * area / area.sum()))).astype(int)
-    places, piece = [], []
+    places, piece, part, parts_before = [], [], [], 0
     for n in np.unique(divisions):
         chosen = np.flatnonzero(divisions == n)
-        places.append(np.einsum("mc,tcx->tmx", barycentric_middles(n), pieces[chosen]).reshape(-1, 2))
-        piece.append(np.repeat(chosen, n * n))
-    places, piece = np.concatenate(places), np.concatenate(piece)
+        weights, within = finer_middles(n)
+        places.append(np.einsum("mc,tcx->tmx", weights, pieces[chosen]).reshape(-1, 2))
+        piece.append(np.repeat(chosen, len(weights)))
+        part.append((parts_before + n * n * np.arange(len(chosen))[:, None] + within).ravel())
+        parts_before += n * n * len(chosen)
+    places, piece, part = np.concatenate(places), np.concatenate(piece), np.concatenate(part)
 
     start = origin + places[:, :1] * right + places[:, 1:] * up
     ray = mi.Ray3f(mi.Point3f(start.T), mi.Vector3f(np.broadcast_to(direction, start.shape).T))
     hit = problem.scene.mi.ray_intersect_preliminary(ray)
     found, known = problem.triangles.find(hit.shape, hit.prim_index, hit.is_valid())
-    seen = dr.compress(known & (found == mi.UInt32(owner[row[piece]])))
-    points = Points(ray, mi.Float((area / divisions**2)[piece]), mi.UInt32(row[piece]))
-    return Points(*(dr.gather(type(values), values, seen) for values in (points.ray, points.area, points.triangle)))
+    in_sight = np.flatnonzero((known & (found == mi.UInt32(owner[row[piece]]))).numpy())
+    _, first, counts = np.unique(part[in_sight], return_index=True, return_counts=True)
+    seen = in_sight[first]
+    return Points(dr.gather(mi.Ray3f, ray, mi.UInt32(seen)), mi.Float((area / (FINER * divisions) ** 2)[piece[seen]] * counts),
+                  mi.UInt32(row[piece[seen]]), len(piece))
+
+
+def finer_middles(n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Middles of the (FINER n)^2 equal parts of a triangle, as weights of its corners, and in which of its n^2 parts each
+    lies; of one part, the nearest to its middle first."""
+    weights = barycentric_middles(FINER * n)
+    part = part_index(mi.Point2f(weights[:, 1:].T), mi.UInt32(n)).numpy()
+    order = np.argsort(np.linalg.norm(weights - barycentric_middles(n)[part], axis=1), kind="stable")
+    return weights[order], part[order]
 
 
 def window(sensor) -> tuple[np.ndarray, ...]:

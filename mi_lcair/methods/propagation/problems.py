@@ -84,7 +84,7 @@ def look_at_facet(scene, facet: int) -> None:
     axes = np.stack([right / np.linalg.norm(right), up / np.linalg.norm(up)])
     edges = [(triangle[k], triangle[k - 1]) for triangle in triangles for k in range(3)]
     outer = [(a, b) for a, b in edges if not any(np.array_equal(a, d) and np.array_equal(b, c) for c, d in edges)]
-    distance = min(abs(np.cross(axes @ (b - a), axes @ (centre - a))) / np.linalg.norm(axes @ (b - a)) for a, b in outer)
+    distance = min(abs(np.linalg.det([axes @ (b - a), axes @ (centre - a)])) / np.linalg.norm(axes @ (b - a)) for a, b in outer)
     start = centre - direction * ((centre - origin) @ direction)
     T = mi.ScalarTransform4f
     parameters = mi.traverse(scene.sensor(0))

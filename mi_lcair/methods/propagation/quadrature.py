@@ -27,7 +27,7 @@ def intensity(problem: Problem, grid, bounces: int, points: int) -> tuple[float,
         si = scene.ray_intersect(seen.ray)
         emission = summed(seen.area * emitted(si, scene))
         reflection, rays = reflected(scene, emitters, grid, si, seen.area, bounces)
-    return emission + reflection, rays + dr.width(seen.area)
+    return emission + reflection, rays + seen.cast
 
 
 def reflected(scene, emitters, grid, si, beta, bounces: int) -> tuple[float, int]:

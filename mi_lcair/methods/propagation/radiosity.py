@@ -34,7 +34,7 @@ def intensity(problem: Problem, patches: int, rays: int, seed: int) -> tuple[flo
         term = rho * (F @ term)
         B += term
     seen = np.bincount(points.triangle.numpy(), points.area.numpy().astype(float), minlength=len(B))
-    return float(seen @ B / np.pi), len(corners) * rays + dr.width(points.area)
+    return float(seen @ B / np.pi), len(corners) * rays + points.cast
 
 
 def at_middles(scene, emitters, corners) -> tuple[np.ndarray, np.ndarray]:
