@@ -3,7 +3,7 @@ from dataclasses import asdict, fields
 
 import click
 
-from mi_lcair.cli import chart_reflectance
+from mi_lcair.cli import chart_propagation, chart_reflectance
 from mi_lcair.cli.options import json_option
 from mi_lcair.cli.output import print_columns, print_json
 
@@ -14,6 +14,7 @@ def command():
 
 
 command.add_command(chart_reflectance.command)
+command.add_command(chart_propagation.command)
 
 
 @command.command("throughput")

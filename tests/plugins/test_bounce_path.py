@@ -6,7 +6,7 @@ import pytest
 
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
-from tests.scenes import exact
+from mi_lcair.methods.propagation import exact
 
 import mi_lcair
 

@@ -18,7 +18,7 @@ from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.products.plan import PROBED_BOUNCES
 from mi_lcair.products.probe import Settings, applied
-from tests.scenes import exact
+from mi_lcair.methods.propagation import exact
 
 REPETITIONS, TOLERANCE, PIXEL_TOLERANCE = 20, 0.01, 0.005
 SCENES = [("two_plates", {}), ("open_box", {}), ("cavity", {"opening": 8}), ("cavity", {"opening": 80}), ("furnace", {}),

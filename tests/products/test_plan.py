@@ -10,7 +10,7 @@ from mi_lcair.products.plan import fewest_bounces
 from mi_lcair.products.probe import BATCHES, Settings
 from mi_lcair.rendering.scene import checked
 from tests.plugins.conftest import corner, plate  # noqa: F401, fixtures
-from tests.scenes import exact
+from mi_lcair.methods.propagation import exact
 
 
 def test_diffuse_plates_need_no_lobe_and_one_reflection():
