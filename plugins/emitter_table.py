@@ -80,10 +80,15 @@ class EmitterTable:
 
     def leave(self, si, d):
         """The point just off the surface where a ray in the direction `d` starts. Mitsuba's own offset,
-        (1 + |p|) 9e-5 m, is coarse in a small scene; Float32 needs only some rounding errors of the scene's extent."""
+        (1 + |p|) 9e-5 m, is coarse in a small scene; Float32 needs only some rounding errors of the scene's extent.
+        A ray that is reflected starts as far back toward the observer: a hit on the very edge of two walls lies on both,
+        and the offset from one does not leave the other."""
         mitsuba = (1 + dr.max(dr.abs(si.p))) * mi.math.RayEpsilon
         offset = dr.minimum(mitsuba, self.least_offset)
-        return dr.fma(si.n, dr.mulsign(offset, dr.dot(si.n, d)), si.p)
+        cos = dr.dot(si.n, d)
+        observer = si.to_world(si.wi)
+        back = dr.select(cos * dr.dot(si.n, observer) > 0, dr.minimum(offset, 0.5 * si.t), 0)
+        return dr.fma(observer, back, dr.fma(si.n, dr.mulsign(offset, cos), si.p))
 
     def spawn_ray(self, si, d):
         return mi.Ray3f(self.leave(si, d), d)
