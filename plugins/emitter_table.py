@@ -72,6 +72,9 @@ class EmitterTable:
         weights = [dr.detach(source(emitter)).numpy() for emitter in meshes]
         emitting = sampling and sum(float(weight.sum()) for weight in weights) > 0
         self.facets = Facets([emitter.get_shape() for emitter in meshes], weights) if emitting else None
+        known = [source(emitter) for emitter in thermal if source(emitter) is not None]
+        # what a path may bring unannounced; the radiance of the brightest thermal source, 0 where sources are drawn
+        self.brightest = 0.0 if sampling or not known else max(float(dr.max(dr.detach(values))[0]) for values in known)
         others = [emitter for emitter in emitters if sampling and (emitter not in meshes or not emitting)]
         self.other_count = len(others)
         self.others = mi.UInt32([pointer_id(mi.EmitterPtr(emitter)) for emitter in others]) if others else None

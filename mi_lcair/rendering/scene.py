@@ -6,11 +6,12 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import mitsuba as mi
+import numpy as np
 
 from mi_lcair import scenes
 from mi_lcair.errors import InputError, mitsuba_error, unknown
 from mi_lcair.physics.bands import Band
-from mi_lcair.plugins.derivatives import deriving_plugins
+from mi_lcair.plugins.derivatives import deriving_plugins, members
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
 
@@ -150,4 +151,23 @@ def remarks(loaded) -> list[str]:
         elif plugin.material_emissivity is not None and plugin.material_emissivity.kind == "table":
             found.append(f"group {plugin.group}: emissivity tabulated by sampling the BSDF, "
                          f"standard error {plugin.material_emissivity.error:.1e}")
-    return list(dict.fromkeys(found))
+    return [*dict.fromkeys(found), *clipped(loaded)]
+
+
+def clipped(loaded) -> list[str]:
+    """Remarks on sensors that may not see the scene whole: Mitsuba cuts each first ray at near_clip and far_clip, 0.01 m and
+    10 km unless the scene says otherwise."""
+    box, found = loaded.bbox(), []
+    low, high = np.array(box.min), np.array(box.max)
+    for number, sensor in enumerate(loaded.sensors()):
+        clips, place = members(sensor), members(sensor).get("to_world")
+        if place is None or "near_clip" not in clips:
+            continue
+        eye = np.array(place.matrix)[:3, 3].ravel()[:3]
+        nearest = np.linalg.norm(np.maximum(np.maximum(low - eye, eye - high), 0))
+        farthest = np.linalg.norm(np.maximum(high - eye, eye - low))
+        if nearest < clips["near_clip"] and clips["near_clip"] > 0.01 * np.linalg.norm(high - low):
+            found.append(f"sensor {number}: does not see what is nearer than its near_clip = {clips['near_clip']:g} m")
+        if farthest > clips["far_clip"]:
+            found.append(f"sensor {number}: does not see what is farther than its far_clip = {clips['far_clip']:g} m")
+    return found
