@@ -72,6 +72,9 @@ class EmitterTable:
         weights = [dr.detach(source(emitter)).numpy() for emitter in meshes]
         emitting = sampling and sum(float(weight.sum()) for weight in weights) > 0
         self.facets = Facets([emitter.get_shape() for emitter in meshes], weights) if emitting else None
+        known = [source(emitter) for emitter in thermal if source(emitter) is not None]
+        # what a path may bring unannounced; the radiance of the brightest thermal source, 0 where sources are drawn
+        self.brightest = 0.0 if sampling or not known else max(float(dr.max(dr.detach(values))[0]) for values in known)
         others = [emitter for emitter in emitters if sampling and (emitter not in meshes or not emitting)]
         self.other_count = len(others)
         self.others = mi.UInt32([pointer_id(mi.EmitterPtr(emitter)) for emitter in others]) if others else None
@@ -80,10 +83,15 @@ class EmitterTable:
 
     def leave(self, si, d):
         """The point just off the surface where a ray in the direction `d` starts. Mitsuba's own offset,
-        (1 + |p|) 9e-5 m, is coarse in a small scene; Float32 needs only some rounding errors of the scene's extent."""
+        (1 + |p|) 9e-5 m, is coarse in a small scene; Float32 needs only some rounding errors of the scene's extent.
+        A ray that is reflected starts as far back toward the observer: a hit on the very edge of two walls lies on both,
+        and the offset from one does not leave the other."""
         mitsuba = (1 + dr.max(dr.abs(si.p))) * mi.math.RayEpsilon
         offset = dr.minimum(mitsuba, self.least_offset)
-        return dr.fma(si.n, dr.mulsign(offset, dr.dot(si.n, d)), si.p)
+        cos = dr.dot(si.n, d)
+        observer = si.to_world(si.wi)
+        back = dr.select(cos * dr.dot(si.n, observer) > 0, dr.minimum(offset, 0.5 * si.t), 0)
+        return dr.fma(observer, back, dr.fma(si.n, dr.mulsign(offset, cos), si.p))
 
     def spawn_ray(self, si, d):
         return mi.Ray3f(self.leave(si, d), d)

@@ -103,7 +103,7 @@ def _elevation(words, kind):
         elevation = float(text)
     except ValueError:
         elevation = math.nan
-    if not -90 <= elevation <= 90:
-        raise InputError(f"elevation_deg '{text}' must be a number from -90 to 90; end it with '*' if the modelling program "
+    if not 0 <= elevation <= 90:
+        raise InputError(f"elevation_deg '{text}' must be a number from 0 to 90; end it with '*' if the modelling program "
                          "adds to names")
     return elevation

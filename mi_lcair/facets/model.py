@@ -71,7 +71,9 @@ def read(path: str | Path, temperatures: str | Path | None = None, material: str
         temperature = np.array([one.temperature for one in labels])[label]
 
     vertices = obj.vertices * scale
-    used = np.unique(obj.corners)
+    used = np.zeros(len(vertices), bool)
+    used[obj.corners] = True
+    used = np.flatnonzero(used)
     if abs(vertices[used]).max() > FARTHEST:
         raise InputError(f"{path}: a corner lies {abs(vertices[used]).max():g} m from the origin, more than {FARTHEST:g} m; "
                          "see --scale")

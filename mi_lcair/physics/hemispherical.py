@@ -81,8 +81,9 @@ def integrate_elevation(integrand, peak, S: Surface):
     lobe_width = 2 * dr.detach(S.e)
     horizon_width = dr.maximum(dr.minimum(dr.detach(S.b), lobe_width), 1e-4)
     to_middle = 0.5 * (0.5 * dr.pi - theta_0)
+    below_width = dr.minimum(lobe_width, 2 * to_middle + horizon_width)     # a peak near the horizon has its knee below it
     total = 0
-    for anchor, sign, length, width in ((theta_0, -1, theta_0, lobe_width), (theta_0, 1, to_middle, lobe_width),
+    for anchor, sign, length, width in ((theta_0, -1, theta_0, below_width), (theta_0, 1, to_middle, lobe_width),
                                         (0.5 * dr.pi, -1, to_middle, horizon_width)):
         w_end = dr.asinh(length / width)
         w = w_end * x

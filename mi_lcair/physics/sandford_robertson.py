@@ -131,7 +131,8 @@ def sin2_alpha(i, r):
 
 def h(sin2_alpha, e):
     """Lobe shape h(alpha) = 1 / (e^2 cos^2 alpha + sin^2 alpha)^2, Eq 2.22: Trowbridge-Reitz, pi D / e^2."""
-    return 1 / dr.square(dr.fma(dr.square(e), 1 - sin2_alpha, sin2_alpha))
+    # squared last: the derivative of 1 / x^2 passes through 1 / x^4, which overflows Float32 for e below 1.5e-5
+    return dr.square(1 / dr.fma(dr.square(e), 1 - sin2_alpha, sin2_alpha))
 
 
 def e2_H(cos_i, e):

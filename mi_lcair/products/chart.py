@@ -18,7 +18,8 @@ class Point:
 
     effort: what the method is asked for, in its own words (samples per dimension, rays, ...), rising. samples: evaluations
     of the BRDF, or rays. seconds: median of one run after the compile, which is apart in compile_seconds. error: median
-    over repetitions of |value - exact| / exact, with its quartiles error_low and error_high. value: median.
+    over repetitions of |value - exact| / exact, with its quartiles error_low and error_high. value: median. rms: root mean
+    square of the relative error, which rare outliers raise and the median hides.
     """
     case: str
     method: str
@@ -30,13 +31,15 @@ class Point:
     error_low: float
     error_high: float
     value: float
+    rms: float
 
 
 def point(case, method, effort, samples, seconds, compile_seconds, values, exact) -> Point:
     """The Point of repeated `values` (array, one per repetition) of a quantity whose exact value is `exact`."""
-    low, middle, high = np.quantile(np.abs(np.asarray(values) - exact) / abs(exact), (0.25, 0.5, 0.75))
+    errors = np.abs(np.asarray(values) - exact) / abs(exact)
+    low, middle, high = np.quantile(errors, (0.25, 0.5, 0.75))
     return Point(case, method, effort, float(np.median(samples)), float(np.median(seconds)), float(compile_seconds),
-                 float(middle), float(low), float(high), float(np.median(values)))
+                 float(middle), float(low), float(high), float(np.median(values)), float(np.sqrt(np.mean(errors**2))))
 
 
 def curve(points, case: str, method: str) -> list[Point]:
@@ -49,11 +52,11 @@ def names(points, field: str) -> list[str]:
     return list(dict.fromkeys(getattr(p, field) for p in points))
 
 
-def reach(points, case: str, method: str, tolerance: float) -> Point | None:
-    """The least effort from which on the median error stays at or below `tolerance`; None if there is none."""
+def reach(points, case: str, method: str, tolerance: float, by="error") -> Point | None:
+    """The least effort from which on the error stays at or below `tolerance`, by its median or by "rms"; None if there is none."""
     reached = None
     for p in reversed(curve(points, case, method)):
-        if not p.error <= tolerance:
+        if not getattr(p, by) <= tolerance:
             break
         reached = p
     return reached
@@ -79,7 +82,7 @@ def write_csv(path, points, remark: str) -> None:
 def draw(path, points, title: str, cases=None, samples="samples", floor=1e-7) -> None:
     """A PNG with a row for each case: error against time and against samples, log-log, one colour and marker a method.
 
-    The line is the median, the band its quartiles. Errors below `floor` lie on it; a method of one effort is one marker.
+    The line is the median, the band its quartiles, the dashed line the rms. Errors below `floor` lie on it; a method of one effort is one marker.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -99,17 +102,19 @@ def draw(path, points, title: str, cases=None, samples="samples", floor=1e-7) ->
                 if not found:
                     continue
                 x = [getattr(p, field) for p in found]
-                low, error, high = (np.maximum([getattr(p, name) for p in found], floor)
-                                    for name in ("error_low", "error", "error_high"))
+                low, error, high, rms = (np.maximum([getattr(p, name) for p in found], floor)
+                                         for name in ("error_low", "error", "error_high", "rms"))
                 lines[method], = panel.plot(x, error, linewidth=1.2, markersize=4, label=method, **style)
                 if len(found) > 1:
                     panel.fill_between(x, low, high, color=style["color"], alpha=0.13, linewidth=0)
+                    panel.plot(x, rms, color=style["color"], linewidth=0.8, linestyle="--")
                 else:
                     panel.vlines(x, low, high, color=style["color"], alpha=0.5)
             for tolerance in TOLERANCES:
                 panel.axhline(tolerance, color="0.6", linewidth=0.6, linestyle=":")
             panel.set_xscale("log")
             panel.set_yscale("log")
+            panel.minorticks_off()      # they take more time to draw than all the rest
             panel.yaxis.set_major_locator(LogLocator(numticks=12))
             panel.set_xlabel(label, fontsize=9)
         row[0].set_ylabel("relative error")

@@ -55,7 +55,8 @@ class Accumulator:
     an image of variances for every channel would double the memory.
     """
 
-    def __init__(self, pixels: int):
+    def __init__(self, pixels: int, brightest: float = 0.0):
+        self.brightest = brightest          # radiance of a source that paths may have missed so far
         self.count, self.mean, self.squares, self.part_count = (np.zeros(pixels) for _ in range(4))
         self.parts = np.zeros(pixels)
         self.channels, self.scatter = {}, {}
@@ -105,10 +106,15 @@ class Accumulator:
             return np.where(self.count > 1, np.sqrt(self.squares / (self.count * (self.count - 1))), np.inf)
 
     def rms_error(self) -> float | None:
-        """Rms standard error over the pixels as a fraction of the mean; None below two samples."""
+        """Rms standard error over the pixels as a fraction of the mean; None below two samples.
+
+        The scatter of n samples knows nothing of a source that fewer than one path in n meets: it is taken to be met by
+        one path of all.
+        """
         if self.count.min() < 2:
             return None
-        mean, rms = self.mean.mean(), np.sqrt(np.mean(self.standard_error() ** 2))
+        missed = self.brightest**2 / (self.count.mean() * self.count.sum())
+        mean, rms = self.mean.mean(), np.sqrt(np.mean(self.standard_error() ** 2) + missed)
         return float(rms / mean) if mean > 0 else 0.0
 
 
@@ -127,12 +133,12 @@ def render(scene: Scene, spp: int | None = None, tolerance: float | None = None,
     start = time.perf_counter()
     camera, integrator = scene.sensor(sensor), scene.mi.integrator()
     width, height = camera.film().crop_size()
-    total = Accumulator(width * height)
     goal = (spp or camera.sampler().sample_count()) if tolerance is None else (spp or PILOT_SPP)
     limit = goal if tolerance is None else (max_spp or DEFAULT_MAX_SPP)
     seeds = np.random.SeedSequence(seed)
     done, tail_errors = 0, []
     with integrator.prepared(scene.mi, by_spectrum):
+        total = Accumulator(width * height, integrator.emitters.brightest)
         while done < min(goal, limit):
             step = max(1, min(min(goal, limit) - done, PASS_SAMPLES // (width * height)))
             step -= step % 2 if step > 1 else 0         # even: a pass can be told in two halves
@@ -192,6 +198,7 @@ def header(scene: Scene, integrator, sensor: int, spp: int, seed: int, total: Ac
                "parameters": json.dumps(scene.parameters), "sensor": sensor, "spp": spp, "seed": str(seed),
                "paths": str(spp * len(total.mean)), "invalid_samples": str(total.invalid), "max_bounces": integrator.max_bounces,
                "emitter_sampling": str(integrator.emitter_sampling), "closure": integrator.closure,
+               "lobes": json.dumps({surface.material: surface.lobe for surface in scene.surfaces()}),
                "versions": f"mi_lcair {mi_lcair.__version__}, mitsuba {mi.__version__}, drjit {dr.__version__}, {mi.variant()}"}
     if closure_error is not None:
         entries["closure_error"] = closure_error

@@ -6,11 +6,12 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import mitsuba as mi
+import numpy as np
 
 from mi_lcair import scenes
 from mi_lcair.errors import InputError, mitsuba_error, unknown
 from mi_lcair.physics.bands import Band
-from mi_lcair.plugins.derivatives import deriving_plugins
+from mi_lcair.plugins.derivatives import deriving_plugins, members
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
 
@@ -35,9 +36,13 @@ class Scene:
             raise InputError(f"{self.name}: sensor {index} does not exist; the scene has {len(sensors)}, counted from 0")
         return sensors[index]
 
+    def surfaces(self) -> list:
+        """The scene's Sandford-Robertson BSDFs."""
+        return [plugin for plugin in deriving_plugins(self.mi) if hasattr(plugin, "set_lobe")]
+
     def set_lobe(self, lobe: str, material: str | None = None) -> None:
         """Sets the fidelity rung (brdf, mirror, diffuse) of one Sandford-Robertson material, or of all."""
-        surfaces = [plugin for plugin in deriving_plugins(self.mi) if hasattr(plugin, "set_lobe")]
+        surfaces = self.surfaces()
         chosen = [surface for surface in surfaces if material in (None, surface.material)]
         if not chosen:
             raise unknown("material", material, {surface.material for surface in surfaces})
@@ -61,13 +66,32 @@ def load(scene, /, **parameters) -> Scene:
         if name not in known:
             raise unknown(f"parameter of {path.name}", name, known)
     try:
-        # optimize=False: Mitsuba would merge two equal thermal emitters, and one emitter cannot belong to two shapes
-        loaded = mi.load_file(str(path), optimize=False, **texts)
+        loaded = instantiated(path, texts)
     except RuntimeError as error:
         raise with_known_plugins(mitsuba_error(error)) from None
     if not isinstance(loaded, mi.Scene):
         raise InputError(f"{path}: holds no <scene>")
     return checked(loaded, path, texts)
+
+
+def instantiated(path: Path, texts: dict[str, str]):
+    """What `mi.load_file` makes of a scene file, but with Embree's watertight intersections: without them one ray in 1e7
+    slips through the edge between two facets."""
+    config = mi.parser.ParserConfig(mi.variant())
+    # Mitsuba would merge two equal thermal emitters, and one emitter cannot belong to two shapes
+    config.merge_equivalent = config.merge_meshes = False
+    resolver = mi.file_resolver()
+    beside = mi.FileResolver(resolver)
+    beside.prepend(str(path.parent))
+    mi.set_file_resolver(beside)
+    try:
+        state = mi.parser.parse_file(config, str(path), **texts)
+        mi.parser.transform_all(config, state)
+        if state.root.props.plugin_name() == "scene" and mi.variant().startswith("llvm"):
+            state.root.props["embree_use_robust_intersections"] = True
+        return mi.parser.instantiate(config, state)
+    finally:
+        mi.set_file_resolver(resolver)
 
 
 def find(scene) -> Path:
@@ -131,4 +155,23 @@ def remarks(loaded) -> list[str]:
         elif plugin.material_emissivity is not None and plugin.material_emissivity.kind == "table":
             found.append(f"group {plugin.group}: emissivity tabulated by sampling the BSDF, "
                          f"standard error {plugin.material_emissivity.error:.1e}")
-    return list(dict.fromkeys(found))
+    return [*dict.fromkeys(found), *clipped(loaded)]
+
+
+def clipped(loaded) -> list[str]:
+    """Remarks on sensors that may not see the scene whole: Mitsuba cuts each first ray at near_clip and far_clip, 0.01 m and
+    10 km unless the scene says otherwise."""
+    box, found = loaded.bbox(), []
+    low, high = np.array(box.min), np.array(box.max)
+    for number, sensor in enumerate(loaded.sensors()):
+        clips, place = members(sensor), members(sensor).get("to_world")
+        if place is None or "near_clip" not in clips:
+            continue
+        eye = np.array(place.matrix)[:3, 3].ravel()[:3]
+        nearest = np.linalg.norm(np.maximum(np.maximum(low - eye, eye - high), 0))
+        farthest = np.linalg.norm(np.maximum(high - eye, eye - low))
+        if nearest < clips["near_clip"] and clips["near_clip"] > 0.01 * np.linalg.norm(high - low):
+            found.append(f"sensor {number}: does not see what is nearer than its near_clip = {clips['near_clip']:g} m")
+        if farthest > clips["far_clip"]:
+            found.append(f"sensor {number}: does not see what is farther than its far_clip = {clips['far_clip']:g} m")
+    return found

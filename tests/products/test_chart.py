@@ -9,7 +9,7 @@ from mi_lcair.products.chart import Point, point
 
 def points(case, method, errors, seconds_per_sample):
     """A curve with 10, 100, ... samples."""
-    return [Point(case, method, n, 10.0**n, seconds_per_sample * 10**n, 0.1, error, error / 2, error * 2, 1 + error)
+    return [Point(case, method, n, 10.0**n, seconds_per_sample * 10**n, 0.1, error, error / 2, error * 2, 1 + error, 3 * error)
             for n, error in enumerate(errors, 1)]
 
 
@@ -22,6 +22,7 @@ def test_point_takes_medians_and_quartiles():
     found = point("box", "slow", 3, [4, 5, 9], [1, 2, 3], 0.5, [1.1, 0.6, 0.8, 1.0, 1.3], 1.0)
     assert found.samples == 5 and found.seconds == 2 and found.value == 1.0
     assert (found.error_low, found.error, found.error_high) == pytest.approx((0.1, 0.2, 0.3))
+    assert found.rms == pytest.approx((0.3 / 5) ** 0.5)     # of 0.1, 0.4, 0.2, 0 and 0.3
 
 
 @pytest.mark.parametrize("method, tolerance, effort", [
@@ -29,6 +30,10 @@ def test_point_takes_medians_and_quartiles():
 def test_reach_asks_for_all_higher_efforts(method, tolerance, effort):
     found = chart.reach(POINTS, "box", method, tolerance)
     assert (found and found.effort) == effort
+
+
+def test_reach_by_rms():
+    assert chart.reach(POINTS, "box", "slow", 0.05, by="rms") == SLOW[2]
 
 
 def test_cheapest_by_time():
