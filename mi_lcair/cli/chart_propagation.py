@@ -18,7 +18,7 @@ def command(folder, quick, json):
     from mi_lcair.products import chart, propagation_chart
 
     with filling(folder) as partial:        # before the work, so that a folder that cannot be written is refused at once
-        with progress_bar() as progress:
+        with progress_bar("curves") as progress:
             result = propagation_chart.measure(quick, progress)
         propagation_chart.write(partial, result)
     if json:

@@ -54,7 +54,8 @@ def plate(tmp_path):
 def problem(shapes, origin, target, half_width, answer=1.0, bounces=1, points=16, resolution_deg=22.5) -> Problem:
     """A problem of these shapes, seen through a square window."""
     T = mi.ScalarTransform4f
-    film = {"type": "hdrfilm", "width": 32, "height": 32, "pixel_format": "luminance", "component_format": "float32", "rfilter": {"type": "box"}}
+    film = {"type": "hdrfilm", "width": 32, "height": 32, "pixel_format": "luminance", "component_format": "float32",
+            "rfilter": {"type": "box"}}
     look = T().look_at(origin=origin, target=target, up=[0.3, 1, 0.2]) @ T().scale([half_width, half_width, 1])
     loaded = mi.load_dict({"type": "scene", "integrator": {"type": "bounce_path", "max_bounces": bounces},
                            "sensor": {"type": "orthographic", "to_world": look, "film": film}, **shapes}, optimize=False)
@@ -68,7 +69,8 @@ def black_room(plate):
     def make(bsdf, **options):
         walls = {name: (BLACKBODY, 300.0) for name in ("x0", "x1", "y0", "y1", "z1")}
         expected = float(in_band_radiance(band("MWIR"), 300)) * 0.1**2
-        return problem(plates(plate, z0=(bsdf, 300.0), **walls), [0.75, 0.5, 0.5 * 3**0.5 / 2 + 0.05], [0.5, 0.5, 0.05], 0.05, expected, **options)
+        origin, target = [0.75, 0.5, 0.5 * 3**0.5 / 2 + 0.05], [0.5, 0.5, 0.05]
+        return problem(plates(plate, z0=(bsdf, 300.0), **walls), origin, target, 0.05, expected, **options)
     return make
 
 
@@ -93,7 +95,8 @@ def test_closed_form(name, make, effort, error):
 
 
 @pytest.mark.parametrize("name, effort, error", [
-    ("mirror, one bounce", 16, 2e-5), ("mirror, N bounces", 16, 2e-5), ("quadrature, stratified", 4**9, 1e-2), ("quadrature, peak only", 4**9, 1e-2)])
+    ("mirror, one bounce", 16, 2e-5), ("mirror, N bounces", 16, 2e-5), ("quadrature, stratified", 4**9, 1e-2),
+    ("quadrature, peak only", 4**9, 1e-2)])
 def test_lobe_in_a_black_room(black_room, name, effort, error):
     """A lobe without a floor that lies in the peak region whole; HDR = 1 - emissivity by the normalized form."""
     lobe = {"type": "sandford_robertson", "epsilon": 0.2, "rho_d": 0.0, "b": 0.3, "e": 0.005, "form": "normalized"}
@@ -135,7 +138,8 @@ def test_quadrature_by_bounces():
 def test_radiosity_against_path_tracing(plate):
     """In a closed cube whose walls differ, and on the bundled diffuse scenes: within 0.3 %."""
     grey = lambda reflectance: {"type": "diffuse", "reflectance": {"type": "uniform", "value": reflectance}}
-    walls = {"x0": (grey(0.8), 300.0), "x1": (grey(0.3), 400.0), "y0": (grey(0.6), 350.0), "y1": (grey(0.1), 280.0), "z0": (grey(0.5), 320.0), "z1": (grey(0.7), 300.0)}
+    walls = {"x0": (grey(0.8), 300.0), "x1": (grey(0.3), 400.0), "y0": (grey(0.6), 350.0), "y1": (grey(0.1), 280.0),
+             "z0": (grey(0.5), 320.0), "z1": (grey(0.7), 300.0)}
     cube = problem(plates(plate, **walls), [0.5, 0.5, 0.9], [0.5, 0.5, 0], 0.4, bounces=40)
     for case, spp in ((cube, 256), (problems.open_box(), 1024), (problems.cavity(), 64)):
         radiosity, _ = BY_NAME["radiosity"].run(case, 4**10, 1)

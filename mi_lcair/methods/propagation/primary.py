@@ -25,8 +25,8 @@ def visible_points(problem: Problem, count: int, corners=None, owner=None) -> Po
     """About `count` points, at least one on each visible triangle of the model, in proportion to projected area.
 
     Each triangle is projected and cut to the window exactly; what is left is divided into equal parts. Of each part 16 rays
-    tell how much is in sight, and its middle, or the nearest to it that is in sight, stands for it. corners (T, 3, 3), owner (T,): parts of the scene's triangles and of
-    which triangle; by default the triangles themselves.
+    tell how much is in sight, and its middle, or the nearest to it that is in sight, stands for it.
+    corners (T, 3, 3), owner (T,): parts of the scene's triangles and of which triangle; by default the triangles themselves.
     """
     table = problem.facets
     if corners is None:

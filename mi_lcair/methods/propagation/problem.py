@@ -19,8 +19,9 @@ class Problem:
 
     answer: that intensity; its standard error, 0 for a closed form, and where it comes from. bounces: reflections after
     which nothing that matters is left. points: how many points of the visible facets the deterministic methods look
-    from at least; resolution_deg: the coarsest grid of directions that resolves what the surfaces reflect. ambient: temperature [K] of the surroundings, for the closure of paths; None where nothing surrounds the
-    model. diffuse: whether every surface reflects evenly in all directions.
+    from at least. resolution_deg: the coarsest grid of directions that resolves what the surfaces reflect. ambient:
+    temperature [K] of the surroundings, for the closure of paths; None where nothing surrounds the model. diffuse:
+    whether every surface reflects evenly in all directions.
     """
     name: str
     scene: Scene

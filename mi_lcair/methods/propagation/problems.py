@@ -27,7 +27,8 @@ def two_plates() -> Problem:
 def open_box() -> Problem:
     scene = mi_lcair.load("open_box", resolution=64)
     answer = exact.open_box_intensity(blackbody(scene, 800), blackbody(scene, 300))
-    return Problem("open_box", scene, answer, 0.0, "view factor in closed form", bounces=1, points=32, resolution_deg=DIFFUSE, ambient=None, diffuse=True)
+    return Problem("open_box", scene, answer, 0.0, "view factor in closed form", bounces=1, points=32, resolution_deg=DIFFUSE,
+                   ambient=None, diffuse=True)
 
 
 def cavity(opening: int = 8) -> Problem:
@@ -52,14 +53,16 @@ def all_problems(quick: bool) -> list[Problem]:
 def cylinder(spp: int) -> Problem:
     """The whole model, bare aluminium in LWIR, seen from the tail; spp: of the reference."""
     scene = mi_lcair.load("cylinder_ir_range", resolution=64)
-    return referred(Problem("cylinder", scene, 0.0, 0.0, "", BOUNCES, points=1024, resolution_deg=LOBE, ambient=RANGE_WALLS, diffuse=False), spp)
+    return referred(Problem("cylinder", scene, 0.0, 0.0, "", BOUNCES, points=1024, resolution_deg=LOBE, ambient=RANGE_WALLS,
+                            diffuse=False), spp)
 
 
 def wing_root(spp: int) -> Problem:
     """A small window inside the facet at the wing root, as seen in `cylinder`."""
     scene = mi_lcair.load("cylinder_ir_range", resolution=64)
     look_at_facet(scene, WING_ROOT_FACET)
-    return referred(Problem("wing root", scene, 0.0, 0.0, "", BOUNCES, points=4, resolution_deg=LOBE, ambient=RANGE_WALLS, diffuse=False), spp)
+    return referred(Problem("wing root", scene, 0.0, 0.0, "", BOUNCES, points=4, resolution_deg=LOBE, ambient=RANGE_WALLS,
+                            diffuse=False), spp)
 
 
 def blackbody(scene, temperature: float) -> float:

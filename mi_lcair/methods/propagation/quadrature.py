@@ -88,5 +88,6 @@ def stratified(cells: float) -> Stratified:
 
 HEMISPHERE = method("quadrature, hemisphere", "3.5.3", lambda cells: Hemisphere(round(sqrt(cells / 2))),
                     lambda degrees: 2 * (90 / degrees) ** 2)
-STRATIFIED = method("quadrature, stratified", "3.5.5", stratified, lambda degrees: max((20 / degrees) ** 2 / PEAK_SHARE, COARSEST_REST / (1 - PEAK_SHARE)))
+STRATIFIED = method("quadrature, stratified", "3.5.5", stratified,
+                    lambda degrees: max((20 / degrees) ** 2 / PEAK_SHARE, COARSEST_REST / (1 - PEAK_SHARE)))
 PEAK = method("quadrature, peak only", "3.5.5", lambda cells: Peak(round(sqrt(cells))), lambda degrees: max((20 / degrees) ** 2, 16))
