@@ -12,25 +12,50 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.plugins.emitter_table import EmitterTable
+from mi_lcair.scenes import build_meshes
 
 REFLECTIONS = 10
 WAVEFRONT = 1_000_000
 
 CUBE = """<scene version="3.0.0">
-    <integrator type="bounce_path"/> <sensor type="orthographic"/>
-    <shape type="cube">
-        <boolean name="flip_normals" value="true"/> <transform name="to_world"> <scale value="{half}"/> </transform>
-        <bsdf type="diffuse"> <spectrum name="reflectance" value="0.999"/> </bsdf>
-        <emitter type="thermal"> <string name="band" value="LWIR"/> <float name="temperature" value="300"/> </emitter>
-    </shape>
+    <integrator type="bounce_path"> <integer name="max_bounces" value="{max_bounces}"/> <string name="closure" value="{closure}"/> </integrator>
+    <sensor type="orthographic">
+        <float name="near_clip" value="{near}"/> <float name="far_clip" value="{far}"/>
+        <transform name="to_world"> <scale x="{window}" y="{window}"/> <lookat origin="{eye}" target="0, 0, 0" up="0, 0, 1"/> </transform>
+        <film type="hdrfilm">
+            <integer name="width" value="16"/> <integer name="height" value="16"/> <string name="pixel_format" value="luminance"/>
+            <rfilter type="box"/>
+        </film>
+    </sensor>
+    {walls} {lid}
 </scene>"""
+WALL = """<shape type="ply"> <string name="filename" value="{name}.ply"/> <boolean name="face_normals" value="true"/>
+        <bsdf type="diffuse"> <spectrum name="reflectance" value="{reflectance}"/> </bsdf> {emitter} </shape>"""
+WARM = """<emitter type="thermal"> <string name="band" value="LWIR"/> <float name="temperature" value="300"/> </emitter>"""
+LAMP = """<emitter type="thermal"> <string name="band" value="LWIR"/> <float name="radiance" value="1"/> </emitter>"""
 
 
-def cube(folder, half=1.0):
-    """A closed cube of 2 x half m, of reflectance 0.999."""
+def cube(folder, half=1.0, reflectance=0.999, max_bounces=4, closure="none", walls=WARM, lid=WARM):
+    """A closed cube of 2 x half m, diffuse, with the sensor inside; one face in six is the lid."""
+    vertices, facets = build_meshes.box((2 * half,) * 3, inward=True)
+    shapes = {}
+    for name, chosen, emitter in (("walls", facets[1:], walls), ("lid", facets[:1], lid)):
+        write_ply(folder / f"{name}.ply", vertices, chosen)
+        shapes[name] = WALL.format(name=name, reflectance=reflectance, emitter=emitter)
     file = folder / "cube.xml"
-    file.write_text(CUBE.format(half=half))
+    file.write_text(CUBE.format(near=1e-3 * half, far=10 * half, window=0.3 * half, eye=", ".join([str(0.4 * half)] * 3),
+                                max_bounces=max_bounces, closure=closure, **shapes))
     return mi_lcair.load(file)
+
+
+def write_ply(path, vertices, facets):
+    """A mesh of these facets, fanned out into triangles."""
+    triangles, _ = build_meshes.triangles(facets)
+    mesh = mi.Mesh(path.stem, len(vertices), len(triangles))
+    parameters = mi.traverse(mesh)
+    parameters["vertex_positions"], parameters["faces"] = np.float32(vertices).ravel(), np.uint32(triangles).ravel()
+    parameters.update()
+    mesh.write_ply(str(path))
 
 
 def lost(scene, rays: int, seed: int = 0) -> tuple[int, int, int]:
