@@ -26,6 +26,8 @@ def command(options, spectrum, plot, facets):
 
     if plot and not spectrum:
         raise InputError("--plot draws the spectral intensity; give --spectrum FILE.csv too")
+    if spectrum and spectrum == facets:
+        raise InputError(f"--spectrum and --facets both name '{spectrum}'; give each its own file")
     for path, suffix in ((spectrum, ".csv"), (plot, ".png"), (facets, ".csv")):
         if path:
             if path.suffix.lower() != suffix:

@@ -67,6 +67,7 @@ def find_material(name: str, materials) -> str:
 
 def kelvin(text: str) -> float:
     """A temperature [K] that a facet can have. Raises InputError, above all for degrees Celsius."""
+    text = re.sub(r"\s*K$", "", text)
     celsius = re.fullmatch(r"(.*?)\s*(?:°|deg)?\s*C", text)
     try:
         value = float(celsius[1] if celsius else text)

@@ -141,7 +141,8 @@ def checked(loaded, path: Path, parameters: dict[str, str]) -> Scene:
         pass                            # whatever cannot be derived is refused here
     if integrator.emitters.band is None:
         raise InputError(f"{path}: no thermal emitter names a band; add <emitter type=\"thermal\"> to what radiates")
-    return Scene(loaded, path.stem, integrator.emitters.band, integrator.emitters.labels, parameters, remarks(loaded))
+    name = path.resolve().parent.name if path.stem == "scene" else path.stem      # as `import` names its files
+    return Scene(loaded, name, integrator.emitters.band, integrator.emitters.labels, parameters, remarks(loaded))
 
 
 def remarks(loaded) -> list[str]:

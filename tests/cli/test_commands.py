@@ -36,7 +36,8 @@ def test_signature_json(run, renderer):
 
 @pytest.mark.parametrize("options, message", [
     (["--plot", "s.png"], "give --spectrum"), (["--spectrum", "s.txt"], "does not end in .csv"), (["--facets", "f.exr"], "does not end in .csv"),
-    (["--spectrum", "s.csv", "--plot", "s.pdf"], "does not end in .png"), (["--facets", "missing/f.csv"], "does not exist")])
+    (["--spectrum", "s.csv", "--plot", "s.pdf"], "does not end in .png"), (["--facets", "missing/f.csv"], "does not exist"),
+    (["--facets", "s.csv", "--spectrum", "s.csv"], "both name 's.csv'")])
 def test_signature_outputs_that_cannot_be(refused, renderer, options, message):
     assert message in refused("signature", "two_plates", *options)
 

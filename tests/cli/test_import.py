@@ -101,7 +101,8 @@ def test_files_are_replaced_and_others_left_alone(run, folder):
     (cube(label="f*gold*300*"), ["-o", "out"], "object 'f*gold*300*': unknown material 'gold'; known:"),
     (cube(label=None), ["-o", "out"], "line 10: the face has no label"), (BOXES, ["-o", "out", "--temperatures", "t.csv"], "6 temperatures for 17 facets"),
     (BOXES, ["-o", "out", "--material", "gold"], "unknown material 'gold'"), (BOXES, ["-o", "out", "--materials", "none.toml"], "none.toml"),
-    (BOXES, ["-o", "out", "--scale", "-1"], "scale -1 must be positive"), (BOXES, ["-o", "out", "--sky", "sky.csv"], "no sky facet says"),
+    (BOXES, ["-o", "out", "--scale", "-1"], "scale -1 must be positive"), (BOXES, ["-o", "out", "--sky", "sky.csv"], "no sky facet says"), (BOXES, ["--check", "--sky", "sky.csv"], "--check writes nothing"),
+    (cube(at=(5000, 0, 0)), ["-o", "out"], "the model, 1 m in size, lies 5001 m from the origin"),
     (BOXES, ["-o", "out", "--sky", "none.csv"], "none.csv: cannot be read"), (BOXES, ["-o", "out", "--sky", "t.csv"], "spectrum t.csv: the header must name"), (BOXES, ["-o", "t.csv"], "output 't.csv' is not a folder"),
     (BOXES, ["-o", "none/out"], "output folder 'none' does not exist"), (BOXES, ["-o", "busy"], "it is a folder; remove it"),
 ])
