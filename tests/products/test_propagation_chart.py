@@ -18,10 +18,10 @@ def problem(name="box", answer=10.0) -> Problem:
 
 def result() -> Chart:
     """Two scenes; ours ten times as fast as radiosity on the first, alone on the second."""
-    points = [Point("box", name, effort, 10 * effort, seconds * effort, 0.2, error / effort, 0, 1, 10)
+    points = [Point("box", name, effort, 10 * effort, seconds * effort, 0.2, error / effort, 0, 1, 10, 1)
               for name, seconds, error in (("radiosity", 0.5, 0.05), ("path tracing", 0.05, 0.05), ("mirror, one bounce", 0.01, 5))
               for effort in (1, 10, 100)]
-    points += [Point("hall", "path tracing", 1, 10, 0.3, 0.2, 0.0005, 0, 1, 10)]
+    points += [Point("hall", "path tracing", 1, 10, 0.3, 0.2, 0.0005, 0, 1, 10, 1)]
     errors = {"none": -0.02, "ambient": 0.005, "tail": -0.0002}
     closures = [Closure(f"cavity, {f}", f, bounces, closure, errors[closure] * (10 * f if closure == "ambient" else 1), 1e-4)
                 for f in (0.01, 0.3, 0.5) for bounces, closure in CLOSURES]
