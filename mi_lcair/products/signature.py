@@ -48,13 +48,11 @@ class Signature:
     invalid: int
     reached: bool | None
 
-    @property
-    def intensity(self) -> float:
-        return self.scene.intensity
-
-    @property
-    def standard_error(self) -> float | None:
-        return self.scene.standard_error
+    def __getattr__(self, name):
+        """What is asked of a signature without saying of which part is the scene's: intensity, by_bounce, ..."""
+        if name in Intensity.__dataclass_fields__:
+            return getattr(self.scene, name)
+        raise AttributeError(name)
 
     def as_dict(self) -> dict:
         """For JSON: the scene's intensity and splits at the top, and both parts by name."""

@@ -47,6 +47,11 @@ class Render:
     closure_error: float | None
     seconds: float
 
+    @property
+    def by_bounce(self) -> np.ndarray:
+        """Mean radiance over the pixels by number of reflections, all counts up to 64 apart."""
+        return np.array([mean for name, (mean, _) in self.parts.items() if name.startswith("bounce.")])
+
 
 class Accumulator:
     """Running mean and variance per pixel, and mean channels, over passes (Chan, Golub and LeVeque 1983); Float64.
