@@ -17,6 +17,8 @@ _HOME = {  # public name: the module that it comes from, imported at the first u
     "render": "rendering.render",
     "fit": "fitting.estimation",
     "signature": "products.signature",
+    "plan": "products.plan",
+    "audit": "products.audit",
 }
 __all__ = ["__version__", *_HOME]
 

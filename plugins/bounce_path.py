@@ -107,8 +107,9 @@ class BouncePath(RBIntegrator):
             L += channels.add_tail()[0]
         return L, valid, [], state
 
-    def observe(self, scene, sensor, seed: int, spp: int, first: int, pixels: int, split: str | None = "image", facets=None) -> Pixels:
-        """One pass: `spp` paths through each of `pixels` pixels from number `first` on (row by row).
+    def observe(self, scene, sensor, seed: int, spp: int, first: int, pixels: int, split: str | None = "image", facets=None,
+                stride: int = 1) -> Pixels:
+        """One pass: `spp` paths through each of `pixels` pixels from number `first` on (row by row), every `stride`-th.
 
         split: the channels recorded beside the radiance: None, "image", or "target": also what of each lies on the
         model's facets. facets: a numbering with `number(shape, prim_index, active)` and `add(facet, L, channels,
@@ -120,7 +121,7 @@ class BouncePath(RBIntegrator):
         sampler.set_samples_per_wavefront(spp)
         sampler.seed(seed, count)
         width, height = sensor.film().crop_size()
-        index = dr.opaque(mi.UInt32, first) + dr.arange(mi.UInt32, count) // dr.opaque(mi.UInt32, spp)
+        index = dr.opaque(mi.UInt32, first) + dr.arange(mi.UInt32, count) // dr.opaque(mi.UInt32, spp) * dr.opaque(mi.UInt32, stride)
         position = mi.Point2f(index % width, index // width) + sampler.next_2d()
         with dr.suspend_grad():
             aperture = sampler.next_2d() if sensor.needs_aperture_sample() else mi.Point2f(0.5)
@@ -130,6 +131,7 @@ class BouncePath(RBIntegrator):
                 channels = Channels.empty(self.max_bounces, self.closure, self.emitters.sources if split else None)
             (L, _), _, channels = self.walk(dr.ADMode.Primal, scene, sampler, ray, None, None, mi.Bool(True), channels, facets)
             if self.closure == "tail":
+                dr.eval(L, channels)                    # add_tail sums, and would trace the paths for that alone
                 tail, self.tail_error = channels.add_tail()
                 L += tail
             samples = channels.samples(L[0], self.emitters.labels, self.emitters.sources, split == "target") if split else {}

@@ -127,7 +127,7 @@ def pixel_statistics(L, samples: dict, spp: int, in_parts: bool = False) -> Pixe
     finite = dr.isfinite(L)
     samples = {name: dr.select(finite, value, 0) for name, value in samples.items()}
     L, valid = dr.select(finite, L, 0), dr.select(finite, mi.Float(1), 0)
-    dr.eval(L, valid, samples)                # one kernel: each reduction would otherwise trace the paths again
+    dr.eval(finite, L, valid, samples)        # one kernel: each reduction would otherwise trace the paths again
     count, total = dr.block_sum(valid, spp), dr.block_sum(L, spp)
     mean = total / dr.maximum(count, 1)
     squares = dr.block_sum(dr.square(dr.select(finite, L - dr.repeat(mean, spp), 0)), spp)

@@ -27,12 +27,6 @@ class Source:
     temperature: float | None = None
     spectrum: Spectrum | None = field(default=None, compare=False)
 
-    def spectral_radiance(self, wavelengths_um) -> np.ndarray:
-        """W m^-2 sr^-1 um^-1 at these wavelengths, before emissivity."""
-        if self.spectrum is None:
-            return spectral_radiance(wavelengths_um, self.temperature)
-        return self.spectrum.at(wavelengths_um)
-
 
 class Sources:
     """The sources of a scene's emitters, numbered, and which one a hit belongs to.
@@ -107,7 +101,7 @@ def by_wavelength(source: Source) -> Source:
 def spectra(emitter, band) -> list[Source]:
     """The sources of one emitter: one, or one for each facet. Raises InputError for an emitter without a spectrum."""
     if not hasattr(emitter, "group"):
-        raise InputError(f"emitter '{emitter.id()}' ({emitter.class_name()}) has no spectrum; only thermal emitters have")
+        raise InputError(f"an emitter of class {emitter.class_name()} has no spectrum; only thermal emitters have")
     if emitter.spectrum is not None:
         in_band = float(emitter.radiance[0])
         table = emitter.spectrum
@@ -118,7 +112,8 @@ def spectra(emitter, band) -> list[Source]:
     if emitter.derived is None:
         raise InputError(f"group {emitter.group}: its temperature varies inside the facets, so that its spectra cannot be told "
                          "apart; give it a temperature per facet (face_temperature)")
-    temperatures, number = np.unique(dr.detach(emitter.sources()[0]).numpy().astype(float), return_inverse=True)
+    # Float32 holds 301.7 K as 301.70001; nobody means temperatures to that digit
+    temperatures, number = np.unique(dr.detach(emitter.sources()[0]).numpy().astype(float).round(4), return_inverse=True)
     radiances = in_band_radiance(band, temperatures)
     sources = [Source(emitter.group, f"{T:.7g} K", float(L), float(T)) for T, L in zip(temperatures, radiances)]
     return [sources[k] for k in number.ravel()]

@@ -1,15 +1,20 @@
-"""mi-lcair chart: measurements of the renderer itself."""
+"""mi-lcair chart: measurements of the renderer itself, and of methods against each other."""
 from dataclasses import asdict, fields
 
 import click
 
+from mi_lcair.cli import chart_propagation, chart_reflectance
 from mi_lcair.cli.options import json_option
 from mi_lcair.cli.output import print_columns, print_json
 
 
 @click.group("chart", no_args_is_help=False)
 def command():
-    """Measure the renderer."""
+    """Measure the renderer, and chart methods against each other."""
+
+
+command.add_command(chart_reflectance.command)
+command.add_command(chart_propagation.command)
 
 
 @command.command("throughput")

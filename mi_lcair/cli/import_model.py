@@ -30,6 +30,8 @@ def command(file, output, check, temperatures, material, materials, scale, sky, 
     """
     if bool(output) == check:
         raise click.UsageError("give either -o FOLDER or --check", click.get_current_context())
+    if check and sky:
+        raise click.UsageError("--sky goes into what -o FOLDER writes; --check writes nothing", click.get_current_context())
     from mi_lcair import facets
 
     model = facets.read(file, temperatures, material, materials, scale)

@@ -9,26 +9,48 @@ import mi_lcair
 from mi_lcair.errors import InputError
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
+POSITIVE = click.IntRange(min=1)
+DEFAULT_TOLERANCE = 0.01
 
 
-@dataclass(frozen=True)
+@dataclass
 class SceneOptions:
-    """What the user asked of a scene; `sampling` holds the keywords that render() and signature() share."""
+    """What the user asked of a scene; `sampling` holds the keywords of the function that will run."""
     scene: str
     parameters: dict[str, str]
     sampling: dict
     variant: str | None
     threads: int | None
     json: bool
+    plan: object = None
 
     def run(self, function, **own):
         """Load the scene and return function(scene, **sampling, **own, progress=...); remarks and progress go to stderr."""
+        scene = self._load()
+        with progress_bar() as progress:
+            return function(scene, **self.sampling, **own, progress=progress)
+
+    def run_planned(self, function, each_pixel: bool, **own):
+        """As `run`, but where --plan was given find one first, keep it as `plan`, and follow it."""
+        if self.plan is None:
+            return self.run(function, **own)
+        scene, sampling = self._load(), dict(self.sampling)
+        tolerance = sampling.pop("tolerance") or DEFAULT_TOLERANCE
+        with progress_bar("probes") as progress:
+            self.plan = mi_lcair.plan(scene, tolerance, each_pixel, sampling["seed"], sampling["sensor"], progress)
+        with self.plan.applied(scene), progress_bar() as progress:
+            return function(scene, **(sampling | {"spp": self.plan.spp}), **own, progress=progress)
+
+    def planned(self) -> dict:
+        """The plan that was followed, for JSON: an entry `plan`, or none."""
+        return {"plan": self.plan.as_dict()} if self.plan else {}
+
+    def _load(self):
         self._prepare_renderer()
         scene = mi_lcair.load(self.scene, **self.parameters)
         for remark in scene.remarks:
             click.echo(f"mi-lcair: note: {remark}", err=True)
-        with progress_bar() as progress:
-            return function(scene, **self.sampling, **own, progress=progress)
+        return scene
 
     def _prepare_renderer(self):
         if self.variant:
@@ -44,11 +66,11 @@ class SceneOptions:
 
 
 @contextmanager
-def progress_bar():
-    """A callable progress(done, total), in samples per pixel, that draws a bar on stderr when that is a terminal."""
+def progress_bar(unit="spp"):
+    """A callable progress(done, total), by default in samples per pixel, that draws a bar on stderr when that is a terminal."""
     from tqdm import tqdm
 
-    with tqdm(unit="spp", disable=None, leave=False) as bar:
+    with tqdm(unit=unit, disable=None, leave=False) as bar:
         def progress(done, total):
             bar.n, bar.total = done, total
             bar.refresh()
@@ -87,30 +109,48 @@ def json_option(command):
     return click.option("--json", is_flag=True, help="Print the results as JSON.")(command)
 
 
+def sensor_option(command):
+    """-s, for commands that look through a sensor."""
+    return click.option("-s", "--sensor", type=click.IntRange(min=0), default=0, show_default=True,
+                        help="Which of the scene's sensors, counted from 0.")(command)
+
+
 def scene_options(command):
     """Give a command SCENE and the options of a render; it receives them as one argument `options`, a SceneOptions."""
-    positive = click.IntRange(min=1)
-
-    @click.argument("scene")
-    @click.option("-D", "parameters", type=Assignment(), multiple=True,
-                  help="Set a $-parameter of the scene; may be repeated.")
-    @click.option("-s", "--sensor", type=click.IntRange(min=0), default=0, show_default=True,
-                  help="Which of the scene's sensors, counted from 0.")
-    @click.option("--spp", type=positive, help="Samples per pixel (default: the scene's own).")
+    @sensor_option
+    @click.option("--spp", type=POSITIVE, help="Samples per pixel (default: the scene's own).")
     @click.option("--tolerance", type=Fraction(),
                   help="Render until the rms standard error is below this fraction of the mean, such as 0.01 or 1%.")
-    @click.option("--max-spp", type=positive, help="Where --tolerance gives up, in samples per pixel (default: 65536).")
-    @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True,
-                  help="Seed of the random numbers.")
-    @click.option("--variant", type=click.Choice(VARIANTS), help=f"Mitsuba variant (default: {VARIANTS[0]}).")
-    @click.option("-t", "--threads", type=positive, help="CPU threads (default: all).")
-    @json_option
+    @click.option("--max-spp", type=POSITIVE, help="Where --tolerance gives up, in samples per pixel (default: 65536).")
+    @click.option("--plan", type=click.Choice(["auto"]),
+                  help="Let probes choose lobes, reflections, closure, emitter sampling and samples for --tolerance (1%).")
     @wraps(command)
-    def with_options(scene, parameters, variant, threads, json, sensor, spp, tolerance, max_spp, seed, **own):
+    def with_sampling(options, sensor, spp, tolerance, max_spp, plan, **own):
         if max_spp and not tolerance:
             raise click.UsageError("--max-spp needs --tolerance; --spp sets a fixed number of samples",
                                    click.get_current_context())
-        sampling = dict(sensor=sensor, spp=spp, tolerance=tolerance, max_spp=max_spp, seed=seed)
-        return command(options=SceneOptions(scene, dict(parameters), sampling, variant, threads, json), **own)
+        if plan and (spp or max_spp):
+            raise click.UsageError("--plan chooses the samples per pixel; --spp and --max-spp do not go with it",
+                                   click.get_current_context())
+        options.plan = plan
+        options.sampling |= dict(sensor=sensor, spp=spp, tolerance=tolerance, max_spp=max_spp)
+        return command(options=options, **own)
 
-    return with_options
+    return loading_options(with_sampling)
+
+
+def loading_options(command):
+    """Give a command SCENE and what every scene takes, without the sampling of a sensor; as `scene_options` does."""
+    @click.argument("scene")
+    @click.option("-D", "parameters", type=Assignment(), multiple=True,
+                  help="Set a $-parameter of the scene; may be repeated.")
+    @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True,
+                  help="Seed of the random numbers.")
+    @click.option("--variant", type=click.Choice(VARIANTS), help=f"Mitsuba variant (default: {VARIANTS[0]}).")
+    @click.option("-t", "--threads", type=POSITIVE, help="CPU threads (default: all).")
+    @json_option
+    @wraps(command)
+    def with_scene(scene, parameters, variant, threads, json, seed, **own):
+        return command(options=SceneOptions(scene, dict(parameters), dict(seed=seed), variant, threads, json), **own)
+
+    return with_scene

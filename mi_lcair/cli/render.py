@@ -6,6 +6,7 @@ import click
 import mi_lcair
 from mi_lcair.cli.options import scene_options
 from mi_lcair.cli.output import print_columns, print_json
+from mi_lcair.cli.plan import rows as plan_rows
 from mi_lcair.errors import InputError
 
 
@@ -24,13 +25,14 @@ def command(options, output):
     if output.suffix.lower() != ".exr":
         raise InputError(f"output '{output}' does not end in .exr; render writes OpenEXR images, and show makes PNGs")
     check_writable(output)
-    result = options.run(mi_lcair.render)
+    result = options.run_planned(mi_lcair.render, each_pixel=True)
     write_exr(output, result.channels, result.header)
 
     if options.json:
         print_json({"file": str(output), "band": result.band.name, "mean": result.mean, "rms_error": result.rms_error,
                     "spp": result.spp, "reached": result.reached, "invalid": result.invalid,
-                    "closure_error": result.closure_error, "paths": result.paths, "seconds": result.seconds})
+                    "closure_error": result.closure_error, "paths": result.paths, "seconds": result.seconds,
+                    **options.planned()})
         return
     height, width = result.channels["Y"].shape
     error = "unknown for one sample" if result.rms_error is None else f"{result.rms_error:.2%} of the mean"
@@ -44,6 +46,9 @@ def command(options, output):
 
 def _remarks(options, result):
     """Rows for what a user should not miss."""
+    if options.plan:
+        yield "plan", ""
+        yield from ((f"  {label}", text) for label, text in plan_rows(options.plan))
     if result.invalid:
         yield "invalid samples", f"{result.invalid} NaN or infinite, left out of the image"
     if result.closure_error is not None:

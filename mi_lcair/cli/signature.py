@@ -6,6 +6,7 @@ import click
 import mi_lcair
 from mi_lcair.cli.options import scene_options
 from mi_lcair.cli.output import print_columns, print_json
+from mi_lcair.cli.plan import rows as plan_rows
 from mi_lcair.errors import InputError
 
 
@@ -25,13 +26,15 @@ def command(options, spectrum, plot, facets):
 
     if plot and not spectrum:
         raise InputError("--plot draws the spectral intensity; give --spectrum FILE.csv too")
+    if spectrum and spectrum == facets:
+        raise InputError(f"--spectrum and --facets both name '{spectrum}'; give each its own file")
     for path, suffix in ((spectrum, ".csv"), (plot, ".png"), (facets, ".csv")):
         if path:
             if path.suffix.lower() != suffix:
                 raise InputError(f"output '{path}' does not end in {suffix}")
             check_writable(path)
 
-    result = options.run(mi_lcair.signature, by_spectrum=bool(spectrum), facets=bool(facets))
+    result = options.run_planned(mi_lcair.signature, each_pixel=False, by_spectrum=bool(spectrum), facets=bool(facets))
     if spectrum:
         from mi_lcair.products.spectral_intensity import save_plot, write
 
@@ -41,9 +44,12 @@ def command(options, spectrum, plot, facets):
     if facets:
         result.facets.write(facets)
     if options.json:
-        print_json(result.as_dict())
+        print_json(result.as_dict() | options.planned())
     else:
         _print_tables(result.as_dict())
+        if options.plan:
+            click.echo()
+            print_columns([("plan", ""), *plan_rows(options.plan)])
     for path in filter(None, (spectrum, plot, facets)):
         click.echo(f"wrote {path}", err=True)
 

@@ -1,5 +1,7 @@
 """What can be wrong with a facet model: gaps, facets that face inward, facets that exist twice."""
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from .model import Model
 from .welding import TOLERANCE, unique_rows
@@ -13,14 +15,25 @@ def triangle_areas(model: Model) -> np.ndarray:
     return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
 
 
-def signed_volumes(model: Model) -> np.ndarray:
+def signed_volumes(model: Model, edges: "Edges") -> np.ndarray:
     """Volume (F,) between each facet and the middle of the model [m^3]; positive where the facet faces away from there.
 
-    Over closed surfaces that face outward they add up to the volume inside.
+    Over surfaces that face outward they add up to the volume inside. Openings count as closed: a facet beside one also has
+    the volume behind the triangle from its open edge to the middle of the opening's rim.
     """
     a, b, c = _corners(model)
-    volumes = np.einsum("tk,tk->t", a, np.cross(b, c)) / 6
-    return np.bincount(model.triangle_facet, volumes, model.count)
+    volumes = np.bincount(model.triangle_facet, np.einsum("tk,tk->t", a, np.cross(b, c)) / 6, model.count)
+    start, end, facet = edges.rims()
+    if len(start):
+        rim, number = np.unique(np.concatenate([start, end]), return_inverse=True)
+        start, end = number.reshape(2, -1)
+        links = coo_array((np.ones(len(start), bool), (start, end)), shape=(len(rim), len(rim)))
+        openings, opening = connected_components(links, directed=False)
+        points = model.vertices[rim] - model.box.mean(axis=0)
+        middle = np.stack([np.bincount(opening, axis) for axis in points.T], axis=-1) / np.bincount(opening)[:, None]
+        lids = np.einsum("ek,ek->e", points[end], np.cross(points[start], middle[opening[start]])) / 6
+        volumes += np.bincount(facet, lids, model.count)
+    return volumes
 
 
 def degenerate(model: Model) -> np.ndarray:
@@ -56,7 +69,7 @@ def repeated(model: Model) -> tuple[np.ndarray, np.ndarray]:
 class Edges:
     """The edges of some facets.
 
-    edge (H,): for each side of a facet, which edge it lies on; facet (H,): whose side it is; forward (H,): whether it runs
+    start, end (H,): corners of each side of a facet; edge (H,): which edge it lies on; facet (H,): whose side it is; forward (H,): whether it runs
     along that edge or against it; uses (E,): how many sides lie on each edge.
     """
 
@@ -66,10 +79,15 @@ class Edges:
         following[model.first[1:] - 1] = model.first[:-1]
         start, end = model.corners, model.corners[following]
         chosen = facets[owner] & (start != end)
-        start, end, self.facet = start[chosen], end[chosen], owner[chosen]
-        self.forward = start < end
-        key = np.minimum(start, end) * len(model.vertices) + np.maximum(start, end)
+        self.start, self.end, self.facet = start[chosen], end[chosen], owner[chosen]
+        self.forward = self.start < self.end
+        key = np.minimum(self.start, self.end) * len(model.vertices) + np.maximum(self.start, self.end)
         _, self.edge, self.uses = np.unique(key, return_inverse=True, return_counts=True)
+
+    def rims(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of the sides where a facet has no neighbour: start, end and facet."""
+        open_side = self.uses[self.edge] == 1
+        return self.start[open_side], self.end[open_side], self.facet[open_side]
 
     def open(self) -> int:
         """Number of edges where a facet has no neighbour."""
@@ -87,12 +105,8 @@ def inward(model: Model, volumes: np.ndarray, facets: np.ndarray) -> np.ndarray:
     """Mask (F,) of those among `facets` (F,) that face the wrong way.
 
     In a closed surface these are the facets that face inward; in an open one, which has no inside, the minority that disagrees
-    with its neighbours. Facets are taken together across edges that two of them share. A surface that cannot be oriented (as
-    a Moebius strip) has none.
+    with its neighbours. Facets are taken together across edges that two of them share. A Moebius strip has none.
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     edges = Edges(model, facets)
     a, b, agree = edges.neighbours()
     # Each facet f has a node f for "as it is" and a node f + F for "turned over". Whoever agrees is linked as is and turned
@@ -105,16 +119,16 @@ def inward(model: Model, volumes: np.ndarray, facets: np.ndarray) -> np.ndarray:
     as_is, turned = component[:count], component[count:]
     surface = np.minimum(as_is, turned)
     side = np.where(as_is < turned, 1, -1)
-    side[as_is == turned] = 0       # cannot be oriented
 
     closed = np.ones(number, bool)
-    _, odd = unique_rows(np.stack([edges.edge, surface[edges.facet]], axis=1))
-    alone = np.bincount(odd)[odd] % 2 == 1
-    closed[surface[edges.facet[alone]]] = False
+    unpaired = np.flatnonzero(edges.uses[edges.edge] != 2)
+    surface_of_side = surface[edges.facet[unpaired]]
+    _, edge_of_surface = unique_rows(np.stack([edges.edge[unpaired], surface_of_side], axis=1))
+    closed[surface_of_side[np.bincount(edge_of_surface)[edge_of_surface] % 2 == 1]] = False
     volume = np.bincount(surface, side * volumes * facets, number)
     majority = np.bincount(surface, side * facets, number)
     right = np.where(closed, np.sign(volume), np.where(majority == 0, 1, np.sign(majority)))
-    return facets & (side == -right[surface])
+    return side == -right[surface]
 
 
 def _corners(model):

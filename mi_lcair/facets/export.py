@@ -67,13 +67,16 @@ def _ply(model, facets):
     """The binary PLY of the facets in a mask (F,), with the face attributes temperature and facet."""
     mine = facets[model.triangle_facet]
     owner = model.triangle_facet[mine]
-    used, corners = np.unique(model.triangles[mine], return_inverse=True)
+    triangles = model.triangles[mine]
+    used = np.zeros(len(model.vertices), bool)
+    used[triangles] = True
+    number = np.cumsum(used) - 1
     faces = np.empty(len(owner), [("count", "u1"), ("corners", "<i4", 3), ("temperature", "<f4"), ("facet", "<f4")])
     faces["count"] = 3
-    faces["corners"] = corners.reshape(-1, 3)
+    faces["corners"] = number[triangles]
     faces["temperature"], faces["facet"] = model.temperature[owner], owner
     header = ("ply\nformat binary_little_endian 1.0\ncomment metres, kelvin\n"
-              f"element vertex {len(used)}\nproperty float x\nproperty float y\nproperty float z\n"
+              f"element vertex {np.count_nonzero(used)}\nproperty float x\nproperty float y\nproperty float z\n"
               f"element face {len(faces)}\nproperty list uchar int vertex_indices\n"
               "property float temperature_0\nproperty float facet_0\nend_header\n")
     return header.encode() + model.vertices[used].astype("<f4").tobytes() + faces.tobytes()

@@ -67,6 +67,7 @@ def find_material(name: str, materials) -> str:
 
 def kelvin(text: str) -> float:
     """A temperature [K] that a facet can have. Raises InputError, above all for degrees Celsius."""
+    text = re.sub(r"\s*K$", "", text)
     celsius = re.fullmatch(r"(.*?)\s*(?:°|deg)?\s*C", text)
     try:
         value = float(celsius[1] if celsius else text)
@@ -103,7 +104,7 @@ def _elevation(words, kind):
         elevation = float(text)
     except ValueError:
         elevation = math.nan
-    if not -90 <= elevation <= 90:
-        raise InputError(f"elevation_deg '{text}' must be a number from -90 to 90; end it with '*' if the modelling program "
+    if not 0 <= elevation <= 90:
+        raise InputError(f"elevation_deg '{text}' must be a number from 0 to 90; end it with '*' if the modelling program "
                          "adds to names")
     return elevation

@@ -174,7 +174,10 @@ def _label(text):
     """The label among the names that an o or g statement gives: from the first word with '*' on. Empty if there is none."""
     words = text.split()
     labelled = [position for position, word in enumerate(words) if "*" in word]
-    return " ".join(words[labelled[0]:]) if labelled else ""
+    if not labelled:
+        return ""
+    first = labelled[0]
+    return " ".join(words[first - (first > 0 and words[first].startswith("*")):])     # f * bareAl * 300 *
 
 
 def _count(vertices):

@@ -49,7 +49,7 @@ def _same_size(vertices, polygons):
         fans = np.where(is_turned[:, None, None], turned, fans)
         is_fan |= is_turned | (_smallest(vertices, fans, normals) >= 0)
     else:
-        is_fan &= _turns_once(points, normals)
+        is_fan &= _angle_at_first(points, normals) < 2 * np.pi     # less than a full turn, so that no triangle covers another
 
     flat = _is_sliver(vertices[fans]).all(axis=1)                                   # no area at all: any fan will do
     folded = ~flat & (areas[:, 0] <= SLIVER * np.ptp(points, axis=1).max(axis=1) ** 2)
@@ -135,13 +135,11 @@ def _smallest(vertices, fans, normals):
     return np.where(_is_sliver(corners), 0, areas).min(axis=1)
 
 
-def _turns_once(points, normals):
-    """Whether the edges of polygons (M, n, 3) turn left at every corner and once around in all: strictly convex."""
-    edges = np.roll(points, -1, axis=1) - points
-    following = np.roll(edges, -1, axis=1)
-    left = np.einsum("mnk,mk->mn", np.cross(edges, following), normals)
-    angles = np.arctan2(left, np.einsum("mnk,mnk->mn", edges, following))
-    return (angles > SLIVER).all(axis=1) & (angles.sum(axis=1) < 3 * np.pi)
+def _angle_at_first(points, normals):
+    """The angle (M,) that polygons (M, n, 3) span as seen from corner 0, which is the origin."""
+    spokes, following = points[:, 1:-1], points[:, 2:]
+    left = np.einsum("mnk,mk->mn", np.cross(spokes, following), normals)
+    return np.arctan2(left, np.einsum("mnk,mnk->mn", spokes, following)).sum(axis=1)
 
 
 def _is_sliver(corners):

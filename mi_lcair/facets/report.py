@@ -11,13 +11,14 @@ def report(model: Model) -> dict:
 
     Counts of facets: facets, degenerate (no area), duplicate (the corners of an earlier one, whichever way it faces), inward
     (model facets that face the wrong way), non_planar (farther from their mean plane than 1e-4 of their size). Others:
-    triangles; volume, signed, and volume_by_type [m^3] (meant for closed surfaces; exact copies count once); open_edges, where
+    triangles; volume, signed, and volume_by_type [m^3] (openings count as closed, exact copies once); open_edges, where
     a facet has no neighbour; area_by_material [m^2]; non_planar_mm, the greatest distance of a corner from its facet's mean
     plane; bounding_box [m]; temperature_min and temperature_max [K].
     """
     areas = np.bincount(model.triangle_facet, checks.triangle_areas(model), model.count)
     duplicate, copy = checks.repeated(model)
-    volumes = np.where(copy, 0, checks.signed_volumes(model))
+    edges = checks.Edges(model, ~copy)
+    volumes = np.where(copy, 0, checks.signed_volumes(model, edges))
     facets = {TYPES[kind]: model.facets_of(kind) for kind in TYPES}
     material = np.array([label.material for label in model.labels])[model.label]
     return {
@@ -25,7 +26,7 @@ def report(model: Model) -> dict:
         "triangles": len(model.triangles),
         "volume": volumes.sum(),
         "volume_by_type": {kind: volumes[mask].sum() for kind, mask in facets.items() if mask.any()},
-        "open_edges": checks.Edges(model, ~copy).open(),
+        "open_edges": edges.open(),
         "area_by_material": {str(name): areas[material == name].sum() for name in np.unique(material)},
         "inward": np.count_nonzero(checks.inward(model, volumes, facets["model"] & ~copy)),
         "degenerate": np.count_nonzero(checks.degenerate(model)),

@@ -14,7 +14,8 @@ DISTANCE = 1.1      # of the sensor, in windows: outside the model but still ins
 
 def fragment(name: str, labels: dict, has_materials: bool, sky: str | None) -> str:
     """The text of model.xml. labels: stem of a mesh's file -> Label; sky: file name of the table of the sky's spectra."""
-    defaults = {"band": "LWIR", "lobe": "brdf", "yaw_deg": 0, "pitch_deg": 0, "roll_deg": 0} | ({"sky": sky} if sky else {})
+    turns = any(label.type == "f" for label in labels.values())
+    defaults = {"band": "LWIR", "lobe": "brdf"} | ({"yaw_deg": 0, "pitch_deg": 0, "roll_deg": 0} if turns else {}) | ({"sky": sky} if sky else {})
     materials = dict.fromkeys(label.material for label in labels.values())
     return "\n".join([
         '<scene version="3.0.0">',

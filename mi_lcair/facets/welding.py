@@ -12,7 +12,7 @@ def weld(vertices):
 
     firsts, position = unique_rows(vertices)
     extent = np.ptp(vertices, axis=0).max()
-    near = cKDTree(vertices[firsts]).query_pairs(TOLERANCE * extent, output_type="ndarray")
+    near = cKDTree(vertices[firsts], balanced_tree=False, compact_nodes=False).query_pairs(TOLERANCE * extent, output_type="ndarray")
     if len(near) == 0:
         return firsts[position]
     links = coo_array((np.ones(len(near), bool), near.T), shape=(len(firsts), len(firsts)))

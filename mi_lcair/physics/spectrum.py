@@ -87,7 +87,7 @@ def _table(path: Path):
         raise InputError(f"spectrum {path}, line {line}: a value is negative or not finite")
     blocks = [table[:, -2:]]
     elevations = None
-    if ELEVATION in columns:
+    if ELEVATION in columns and len(table):
         elevations = np.unique(table[:, 0])
         blocks = [table[table[:, 0] == elevation, 1:] for elevation in elevations]
     wavelengths = blocks[0][:, 0]

@@ -89,7 +89,7 @@ def scale(view: BRDFView) -> tuple[float, float]:
     """Ends of the logarithmic scale: the values up to GRAZING, and a decade at least."""
     shown = view.brdf[view.theta_r <= GRAZING]
     shown = shown[shown > 0]
-    lower, upper = (shown.min(), shown.max()) if shown.size else (1, 1)
+    lower, upper = (shown.min(), view.brdf.max()) if shown.size else (1, 1)
     widen = max(1.0, (10 * lower / upper) ** 0.5)
     return lower / widen, upper * widen
 

@@ -24,7 +24,7 @@ class EffectiveAreas:
     """Effective areas W [m^2] of the sources, for the model's facets (target) and all in the window (scene).
 
     area, error: (2, sources) in the order of PARTS; covariance: of area, (2, sources, sources); None for one sample.
-    by_wavelength: where blackbodies are too many to be told apart, their spectral intensity by group and part
+    by_wavelength: where blackbodies are too many to be told apart, the spectral intensity of them all
     [W sr^-1 um^-1] at `nodes_um`, (2, nodes); empty otherwise.
     """
     band: Band
@@ -49,6 +49,8 @@ class EffectiveAreas:
         was rendered, whose material parameters the areas hold for; InputError for any other.
         """
         self.check_told_apart()
+        if part not in PARTS:
+            raise unknown("part", part, PARTS)
         wanted = self.band if band is None else self.within(band_of(band))
         p = PARTS.index(part)
         radiance = np.array([in_band_radiance(wanted, T) if T is not None else source.spectrum.in_band_radiance(wanted)
@@ -87,7 +89,10 @@ class EffectiveAreas:
         blackbodies = {(source.group, source.temperature) for source in self.sources if source.temperature is not None}
         for key in changed:
             if key not in blackbodies | {group for group, _ in blackbodies}:
-                raise unknown("blackbody group", str(key), sorted({group for group, _ in blackbodies}))
+                known = sorted({group for group, _ in blackbodies}) + [f"{group} at {T:g} K" for group, T in sorted(blackbodies)]
+                raise unknown("blackbody group", str(key), known)
+            if not 0 < changed[key] < np.inf:
+                raise InputError(f"group {key}: temperature {changed[key]} K; it must be positive and finite, in kelvin")
         return [None if source.temperature is None else
                 changed.get((source.group, source.temperature), changed.get(source.group, source.temperature))
                 for source in self.sources]

@@ -9,13 +9,15 @@ from mi_lcair.rendering.render import BOUNCE_CHANNELS
 
 BATCHES = 8         # of each pass: their scatter tells the standard errors
 EDGE_ON = 1e-6      # cosine below which a facet shows nothing but rounding errors
+FEW = 30            # samples that a facet must expect for its visible fraction to be told
 
 
 class FacetResults:
     """Sums over the paths that meet each facet first, and after `finish` the columns of a table.
 
     columns: name (with its unit) -> one value for each facet of the model (not of its background), NaN where there is
-    none: a facet out of sight has no radiance. The column intensity_W_sr sums to the target's intensity.
+    none: a facet out of sight has no radiance. The column intensity_W_sr sums to the target's intensity. mean_cosine is that
+    of the front; visible_fraction an estimate from the samples, which may exceed 1 by its noise.
     """
 
     def __init__(self, table: FacetTable):
@@ -67,6 +69,8 @@ class FacetResults:
         projected = table.area * mean_cosine
         with np.errstate(divide="ignore", invalid="ignore"):
             visible = np.where(mean_cosine > EDGE_ON, self.hits * per_sample / projected, 0 * mean_cosine)
+            # seen from behind, or so nearly edge-on that samples say nothing of the share
+            visible[(self.hits > 0) & (projected < FEW * per_sample)] = np.nan
             radiance, closure, by_bounce = (sums / self.hits for sums in (self.total, self.closure, self.by_bounce))
             error = np.sqrt(self.scatter / (self.batches - 1) / self.weight) * window_area / (self.samples / self.weight)
         if self.batches < 2:

@@ -28,7 +28,7 @@ def save_plot(path, view: HemisphericalView) -> None:
                   color="white" if dark else "black")
     axes.set_xticks(range(-180, 181, 45))
     axes.set_yticks(range(0, 91, 15))
-    axes.set_xlabel("azimuth φ from the reference vector (degrees)", fontsize=9)
+    axes.set_xlabel("azimuth φ from the direction of the facet's second corner (degrees)", fontsize=9)
     axes.set_ylabel("θ from the normal (degrees)", fontsize=9)
     axes.tick_params(labelsize=8)
     axes.set_title(f"{view.scene}: what facet {view.facet} sees (group {view.group(view.facet)}, "

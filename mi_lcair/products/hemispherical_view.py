@@ -2,6 +2,7 @@
 from dataclasses import dataclass
 from math import ceil, log2
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 
@@ -95,8 +96,8 @@ def points(facets: FacetTable, facet: int, sample: np.ndarray):
 
 def seen(scene: Scene, facets: FacetTable, p, n, direction) -> np.ndarray:
     """The facet that a ray from the surface point `p` meets first, NOTHING where it escapes."""
-    si = mi.SurfaceInteraction3f()
-    si.p, si.n = p, n
+    si = dr.zeros(mi.SurfaceInteraction3f, dr.width(direction))
+    si.p, si.n, si.sh_frame = p, n, mi.Frame3f(n)
     hit = scene.mi.ray_intersect_preliminary(scene.mi.integrator().emitters.spawn_ray(si, direction), coherent=False)
     return facets.number(hit.shape, hit.prim_index).numpy().astype(np.int32)       # ABSENT becomes -1
 

@@ -19,7 +19,7 @@ from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.rendering.facet_table import FacetTable
 
-BOUNCES, RESOLUTION, SPP, FACET_SPP = 10, 192, 256, 1024
+BOUNCES, RESOLUTION, SPP, FACET_SPP = 10, 192, 128, 512
 CASES = [("bare_aluminum", "LWIR"), ("bare_aluminum", "MWIR"), ("gloss_black", "LWIR"), ("gloss_black", "MWIR")]
 LEFT = 0.005        # a sum over bounces has converged where less than this is left
 UNIT = r"W m$^{-2}$ sr$^{-1}$"

@@ -51,8 +51,8 @@ def save_plot(path, areas: EffectiveAreas, scene: str) -> None:
         panel.set_xlabel("wavelength (µm)")
         panel.set_ylabel(r"spectral intensity (W sr$^{-1}$ µm$^{-1}$)")
         panel.set_xlim(areas.band.lower_um, areas.band.upper_um)
-        panel.set_ylim(bottom=0)
-        panel.legend(fontsize=8, frameon=False)
+        panel.set_ylim(0, 1.25 * max(found[part].max(), 1e-30))        # room for the legend
+        panel.legend(fontsize=8, frameon=False, ncols=3, loc="upper center")
     figure.suptitle(f"{scene}, {areas.band.label}, by what emitted it", fontsize=11)
     with replacing(path) as partial:
         figure.savefig(partial, format="png")

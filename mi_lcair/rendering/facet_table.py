@@ -95,7 +95,7 @@ class FacetTable:
         p0, p1, p2 = np.moveaxis(self.triangles, 1, 0)
         vector = 0.5 * np.cross(p1 - p0, p2 - p0)
         area = np.linalg.norm(vector, axis=1, keepdims=True)
-        normal, weighted, self.area = total(vector), total((p0 + p1 + p2) / 3 * area), total(area)[:, 0]
+        normal, weighted, self.area = total(vector), total((p0 + p1 + p2) / 3 * area), total(area)[:, 0].astype(float)
         with np.errstate(invalid="ignore"):
             self.normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
             self.centre = weighted / self.area[:, None]

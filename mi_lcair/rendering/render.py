@@ -198,6 +198,7 @@ def header(scene: Scene, integrator, sensor: int, spp: int, seed: int, total: Ac
                "parameters": json.dumps(scene.parameters), "sensor": sensor, "spp": spp, "seed": str(seed),
                "paths": str(spp * len(total.mean)), "invalid_samples": str(total.invalid), "max_bounces": integrator.max_bounces,
                "emitter_sampling": str(integrator.emitter_sampling), "closure": integrator.closure,
+               "lobes": json.dumps({surface.material: surface.lobe for surface in scene.surfaces()}),
                "versions": f"mi_lcair {mi_lcair.__version__}, mitsuba {mi.__version__}, drjit {dr.__version__}, {mi.variant()}"}
     if closure_error is not None:
         entries["closure_error"] = closure_error

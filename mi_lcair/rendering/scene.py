@@ -36,9 +36,13 @@ class Scene:
             raise InputError(f"{self.name}: sensor {index} does not exist; the scene has {len(sensors)}, counted from 0")
         return sensors[index]
 
+    def surfaces(self) -> list:
+        """The scene's Sandford-Robertson BSDFs."""
+        return [plugin for plugin in deriving_plugins(self.mi) if hasattr(plugin, "set_lobe")]
+
     def set_lobe(self, lobe: str, material: str | None = None) -> None:
         """Sets the fidelity rung (brdf, mirror, diffuse) of one Sandford-Robertson material, or of all."""
-        surfaces = [plugin for plugin in deriving_plugins(self.mi) if hasattr(plugin, "set_lobe")]
+        surfaces = self.surfaces()
         chosen = [surface for surface in surfaces if material in (None, surface.material)]
         if not chosen:
             raise unknown("material", material, {surface.material for surface in surfaces})
@@ -137,7 +141,8 @@ def checked(loaded, path: Path, parameters: dict[str, str]) -> Scene:
         pass                            # whatever cannot be derived is refused here
     if integrator.emitters.band is None:
         raise InputError(f"{path}: no thermal emitter names a band; add <emitter type=\"thermal\"> to what radiates")
-    return Scene(loaded, path.stem, integrator.emitters.band, integrator.emitters.labels, parameters, remarks(loaded))
+    name = path.resolve().parent.name if path.stem == "scene" else path.stem      # as `import` names its files
+    return Scene(loaded, name, integrator.emitters.band, integrator.emitters.labels, parameters, remarks(loaded))
 
 
 def remarks(loaded) -> list[str]:

@@ -36,9 +36,29 @@ def test_signature_json(run, renderer):
 
 @pytest.mark.parametrize("options, message", [
     (["--plot", "s.png"], "give --spectrum"), (["--spectrum", "s.txt"], "does not end in .csv"), (["--facets", "f.exr"], "does not end in .csv"),
-    (["--spectrum", "s.csv", "--plot", "s.pdf"], "does not end in .png"), (["--facets", "missing/f.csv"], "does not exist")])
+    (["--spectrum", "s.csv", "--plot", "s.pdf"], "does not end in .png"), (["--facets", "missing/f.csv"], "does not exist"),
+    (["--facets", "s.csv", "--spectrum", "s.csv"], "both name 's.csv'")])
 def test_signature_outputs_that_cannot_be(refused, renderer, options, message):
     assert message in refused("signature", "two_plates", *options)
+
+
+@pytest.mark.parametrize("command", [["signature"], ["render", "-o", "out.exr"]])
+def test_a_plan_is_followed_and_reported(run, command):
+    result = run(command[0], "open_box", *command[1:], "-D", "resolution=8", "-D", "max_bounces=3", "--plan", "auto", "--tolerance", "5%", "--json")
+    plan = json.loads(result.stdout)["plan"]
+    assert set(plan) >= {"lobe", "max_bounces", "emitter_sampling", "closure", "spp", "predicted_error", "predicted_seconds"}
+    assert plan["max_bounces"] == 1 and plan["tolerance"] == 0.05 and plan["each_pixel"] == (command[0] == "render")
+    assert json.loads(result.stdout)["paths"] == 64 * plan["spp"]
+
+
+def test_plan(run):
+    text = run("plan", "open_box", "-D", "resolution=8").stdout
+    assert "diffuse: diffuse" in text and "closure none" in text and "left out" in text
+    assert json.loads(run("plan", "open_box", "-D", "resolution=8", "--json").stdout)["tolerance"] == 0.01
+
+
+def test_a_plan_chooses_the_samples(refused, renderer):
+    assert "--plan chooses the samples" in refused("render", "cavity", "-o", "out.exr", "--plan", "auto", "--spp", 4)
 
 
 def test_signature_files(run, folder):

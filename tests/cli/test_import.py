@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import mi_lcair
-from tests.facets.shapes import cube
+from tests.facets.shapes import SKY, cube
 
 CHECKOUT = Path(mi_lcair.__file__).parents[1]
 BOXES = cube(without=[4]) + cube(at=(3, 0, 0), size=2, label="f*glossBlack*310*") + cube(at=(-5, -5, -11), size=10, label="t*diffuse*290*")
@@ -21,17 +21,17 @@ def files(folder):
     (folder / "plain.obj").write_text(cube(label=None))
     (folder / "t.csv").write_text("facet,kelvin\n" + "".join(f"{facet},{301 + facet}\n" for facet in range(6)))
     (folder / "own.toml").write_text("[rust.any]\nepsilon = 0.8\nrho_d = 0.1\nb = 0.2\ne = 0.3\n")
-    (folder / "sky.csv").write_text("elevation_deg,wavelength_um,radiance_W_m2_sr_um\n")
+    (folder / "sky.csv").write_text(SKY)
 
 
 def test_table(run, folder):
-    """Where a box lacks its bottom, the volume is that above the middle of the model, 4.5 m below: 1.5 m^3 more."""
+    """A box that lacks its bottom has the volume that it would have with it."""
     result = run("import", "model.obj", "-o", "boxes")
     assert (result.exit_code, result.stderr) == (0, ""), result.output
     assert result.stdout == """\
 facets                 17 (34 triangles)
 bounding box           10 x 10 x 13 m
-volume                 1010.5 m^3
+volume                 1009 m^3
 area of bare_aluminum  5 m^2
 area of diffuse        600 m^2
 area of gloss_black    24 m^2
@@ -101,8 +101,9 @@ def test_files_are_replaced_and_others_left_alone(run, folder):
     (cube(label="f*gold*300*"), ["-o", "out"], "object 'f*gold*300*': unknown material 'gold'; known:"),
     (cube(label=None), ["-o", "out"], "line 10: the face has no label"), (BOXES, ["-o", "out", "--temperatures", "t.csv"], "6 temperatures for 17 facets"),
     (BOXES, ["-o", "out", "--material", "gold"], "unknown material 'gold'"), (BOXES, ["-o", "out", "--materials", "none.toml"], "none.toml"),
-    (BOXES, ["-o", "out", "--scale", "-1"], "scale -1 must be positive"), (BOXES, ["-o", "out", "--sky", "sky.csv"], "no sky facet says"),
-    (BOXES, ["-o", "out", "--sky", "none.csv"], "none.csv: cannot be read"), (BOXES, ["-o", "t.csv"], "output 't.csv' is not a folder"),
+    (BOXES, ["-o", "out", "--scale", "-1"], "scale -1 must be positive"), (BOXES, ["-o", "out", "--sky", "sky.csv"], "no sky facet says"), (BOXES, ["--check", "--sky", "sky.csv"], "--check writes nothing"),
+    (cube(at=(5000, 0, 0)), ["-o", "out"], "the model, 1 m in size, lies 5001 m from the origin"),
+    (BOXES, ["-o", "out", "--sky", "none.csv"], "none.csv: cannot be read"), (BOXES, ["-o", "out", "--sky", "t.csv"], "spectrum t.csv: the header must name"), (BOXES, ["-o", "t.csv"], "output 't.csv' is not a folder"),
     (BOXES, ["-o", "none/out"], "output folder 'none' does not exist"), (BOXES, ["-o", "busy"], "it is a folder; remove it"),
 ])
 def test_refused(refused, folder, text, args, reason):

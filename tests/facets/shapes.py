@@ -2,6 +2,8 @@
 
 CORNERS = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
 SIDES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]     # -x +x -y +y -z +z, outward
+SKY = "elevation_deg,wavelength_um,radiance_W_m2_sr_um\n" + "".join(        # radiances that fall evenly from 1 to 0.5 at the zenith
+    f"{elevation},{step / 20},{1 - elevation / 180}\n" for elevation in (0, 90) for step in range(150, 251))
 
 
 def obj(points, faces, label="f*bareAl*300*"):

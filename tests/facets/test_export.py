@@ -9,7 +9,7 @@ import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.facets import export, read
 
-from .shapes import cube, obj
+from .shapes import SIDES, SKY, cube, obj
 
 BOXES = (cube(label="f*bareAl*300*") + cube(at=(3, 0, 0), label="f*blackbody*500*group=plume*Cone.001")
          + cube(at=(6, 0, 0), label="s*blackbody*250*elevation_deg=4.5") + cube(at=(0, 3, 0), label="f*bareAl*310*")
@@ -81,7 +81,7 @@ def test_fragment(model, tmp_path):
 
 def test_sky_and_materials_go_with_the_model(model, tmp_path):
     (tmp_path / "own.toml").write_text("[rust.any]\nepsilon = 0.8\nrho_d = 0.1\nb = 0.2\ne = 0.3\n")
-    (tmp_path / "clear & dry.csv").write_text("elevation_deg,wavelength_um,radiance_W_m2_sr_um\n")
+    (tmp_path / "clear & dry.csv").write_text(SKY)
     export(model, tmp_path / "boxes", materials=tmp_path / "own.toml", sky=tmp_path / "clear & dry.csv")
     assert (tmp_path / "boxes" / "materials.toml").read_text().startswith("[rust.any]")
     assert (tmp_path / "boxes" / "clear & dry.csv").is_file()
@@ -97,7 +97,7 @@ def test_sky_and_materials_go_with_the_model(model, tmp_path):
 
 def test_a_sky_that_no_facet_shows(tmp_path):
     (tmp_path / "model.obj").write_text(cube())
-    (tmp_path / "sky.csv").write_text("")
+    (tmp_path / "sky.csv").write_text(SKY)
     with pytest.raises(InputError, match="no sky facet says at which elevation it lies"):
         export(read(tmp_path / "model.obj"), tmp_path / "out", sky=tmp_path / "sky.csv")
     assert not (tmp_path / "out").exists()
@@ -125,7 +125,6 @@ def test_any_folder_will_do(model, tmp_path, folder):
 def boxes(tmp_path):
     """A blackbody box of 1 m x 2 m x 3 m, away from the origin, inside a cold black room."""
     points = [[20 + x, -7 + 2 * y, 5 + 3 * z] for x, y, z in [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]]
-    from .shapes import SIDES
     (tmp_path / "model.obj").write_text(obj(points, SIDES, "f*blackbody*400*")
                                         + cube(at=(10, -16, -4), size=21, flip=range(6), label="s*blackbody*70*"))
     export(read(tmp_path / "model.obj"), tmp_path / "boxes")
@@ -156,3 +155,13 @@ def test_which_side_is_seen(tmp_path):
         scene = mi_lcair.load(tmp_path / "out" / "scene.xml", band="total", resolution=16, azimuth_deg=azimuth, elevation_deg=elevation)
         middle = mi_lcair.render(scene, spp=1).channels["temperature.Y"][7:9, 7:9]
         assert middle == pytest.approx(np.full((2, 2), 300 + 50 * sides[name]), rel=1e-4), name
+
+
+def test_a_sky_table_is_what_the_sky_shows(tmp_path):
+    """A room whose walls lie at an elevation of 45 degrees, of 0.75 W m^-2 sr^-1 um^-1 there: 3 W m^-2 sr^-1 from 8 to 12 um."""
+    (tmp_path / "model.obj").write_text(cube(label="f*blackbody*61*") + cube(at=(-5, -5, -5), size=11, flip=range(6),
+                                                                             label="s*blackbody*288*elevation_deg=45"))
+    (tmp_path / "sky.csv").write_text(SKY)
+    export(read(tmp_path / "model.obj"), tmp_path / "out", sky=tmp_path / "sky.csv")
+    image = mi_lcair.render(mi_lcair.load(tmp_path / "out" / "scene.xml", resolution=16), spp=1).channels
+    assert image["group.sky.Y"][0, 0] == pytest.approx(3, rel=1e-5) and image["group.sky.Y"][8, 8] == 0

@@ -16,7 +16,7 @@ KNOWN = names()
     ("f*blackbody*5e2*group=plume*Cone.001", Label("f", "blackbody", 500, "plume")),
     ("f*gloss_black*300*Cone*group=hot_parts", Label("f", "gloss_black", 300, "hot_parts")),
     ("s*blackbody*288*elevation_deg=4.5", Label("s", "blackbody", 288, "sky", 4.5)),
-    ("s*blackbody*288*group=ring*elevation_deg=-90*", Label("s", "blackbody", 288, "ring", -90)),
+    ("s*blackbody*288*group=ring*elevation_deg=90*", Label("s", "blackbody", 288, "ring", 90)),
     ("f*blackbody*300*colour=red*a=b=c", Label("f", "blackbody", 300, "self")),
 ])
 def test_labels(text, label):
@@ -52,8 +52,8 @@ def test_a_users_own_material_goes_before_an_alias():
     ("f*bareAl*10001*", "out of range"), ("f*bareAl*nan*", "is not finite"), ("f*bareAl*inf*", "is not finite"),
     ("f*bareAl*300*group=hot parts", "group 'hot parts' must consist of letters"), ("f*bareAl*300*group=", "group ''"),
     ("f*bareAl*300*group=plume.001", "end it with '*'"),
-    ("s*blackbody*288*elevation_deg=91", "elevation_deg '91' must be a number from -90 to 90"),
-    ("s*blackbody*288*elevation_deg=4.5.001", "elevation_deg '4.5.001' must be"), ("s*blackbody*288*elevation_deg=nan", "'nan'"),
+    ("s*blackbody*288*elevation_deg=91", "elevation_deg '91' must be a number from 0 to 90"),
+    ("s*blackbody*288*elevation_deg=-1", "'-1' must be"), ("s*blackbody*288*elevation_deg=4.5.001", "elevation_deg '4.5.001' must be"), ("s*blackbody*288*elevation_deg=nan", "'nan'"),
     ("f*blackbody*288*elevation_deg=5", "elevation_deg=5 belongs to sky facets (s) only"),
 ])
 def test_refused(text, reason):

@@ -86,6 +86,7 @@ def test_long_runs_are_read_in_pieces(read, monkeypatch):
     (SQUARE + "f 1 2 3.5\n", "not '1 2 3.5'"), (SQUARE + "f 1 2 /3\n", "line 5: a face"), (SQUARE + "f 1 2 3 /4\n", "line 5: a face"),
     (SQUARE + "f 1 2 3\n" * 9 + "f 1 2 a/1\n" + "f 1 2 3\n" * 9, "line 14: a face must be"), (SQUARE + "f 1,2,3", "line 5: a face"),
     (SQUARE + "f 1 2 3\nf 1 2 5\n", "line 6: face index 5 is out of range; there are 4 vertices in the file"),
+    (SQUARE + "f 1 2 3\nf 7 1 2\n", "line 6: face index 7 is out of range"),
     (SQUARE + "f 1 2 0\n", "line 5: face index 0 is out of range; indices count from 1, or back from -1"),
     ("v 0 0 0\nf -1 -1 -1\nf -1 -2 -1\n" + SQUARE, "line 3: face index -2 is out of range"),
     ("v 0 0 0\nf -1 -1 -1\nf -1 -2 -1\n" + SQUARE, "there is 1 vertex before this line"),

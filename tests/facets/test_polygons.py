@@ -15,6 +15,7 @@ GOOD = {
     "square with a corner twice": ([(0, 0), (1, 0), (1, 0), (1, 1), (0, 1)], 1), "triangle of four": ([(0, 0), (1, 0), (2, 0), (0, 1)], 1),
     "corner 0 on an edge": ([(1, 0), (2, 0), (2, 2), (0, 2), (0, 0)], 4), "L": (L, 4), "comb": (COMB, 13),
     "star": (STAR, 5 * np.sin(np.pi / 5)), "frame": (FRAME, 12),
+    "touches its own edge": ([(0, 3), (1, 1), (1, 3), (3, 3), (1, 2), (1, 0), (3, 1), (3, 3)], 5),
     "hexagon": ([(np.cos(a), np.sin(a)) for a in np.pi / 3 * np.arange(6)], 1.5 * np.sqrt(3)),
     "spike": ([(0, 0), (2, 0), (2, 1), (2, 5), (2, 1), (0, 1)], 2), "saw": (TEETH[::-1], None),
     "circle with a notch": ([(np.cos(a), np.sin(a)) for a in 2 * np.pi * np.arange(200) / 200] + [(0, -1e-3)], None),
@@ -22,6 +23,9 @@ GOOD = {
 CROSSED = {
     "bow tie": [(0, 0), (1, 1), (1, 0), (0, 1)], "uneven bow tie": [(0, 0), (1, 1), (1, 0), (0, 3)],
     "pentagram": [(np.cos(a), np.sin(a)) for a in 0.8 * np.pi * np.arange(5)],
+    "bow tie of five": [(0, 0), (1, 1), (1, 0.5), (1, 0), (0, 1)],
+    "spiral": [(0, 0), *((r * np.cos(a), r * np.sin(a)) for r, a in zip((1, 1.5, 2, 2.5, 3), np.radians(100) * np.arange(5)))],
+    "every triangle faces the right way": [(3, 0), (3, 3), (1, 1), (2, 2), (1, 0), (3, 2), (0, 3), (2, 0)],
     "folded": [(0, 0), (2, 0), (0, 0), (0, 2), (3, 2), (3, -1), (1, -1), (1, 3)],
 }
 
@@ -63,8 +67,9 @@ def _welded(points):
 
 @pytest.mark.parametrize("name", CROSSED)
 def test_polygons_that_cross_themselves(name):
-    points = placed(CROSSED[name])
-    assert triangulate(points, _welded(points), np.array([0, len(points)]))[3].all()
+    plane = np.array(CROSSED[name], float)
+    for points in (placed(plane), np.pad(plane, ((0, 0), (0, 1)))):
+        assert triangulate(points, _welded(points), np.array([0, len(points)]))[3].all()
 
 
 def test_points_of_the_plane_are_covered_once():

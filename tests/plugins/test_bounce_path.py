@@ -1,11 +1,12 @@
 """The integrator: emitter sampling, bounce counts, closures and labels, against closed forms or against itself without them."""
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
 
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
-from tests.scenes import exact
+from mi_lcair.methods.propagation import exact
 
 import mi_lcair
 
@@ -150,3 +151,18 @@ def test_samples_of_small_facets_arrive(plate):
     expected = float(in_band_radiance(band("LWIR"), 800.0)) * size**2 * (height**2 / distance2) / distance2 / np.pi
     assert error < 2e-4 * expected
     assert mean == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize("closure", ["none", "tail"])
+@pytest.mark.parametrize("split", ["image", "target", None])
+def test_a_pass_traces_its_paths_once(plate, closure, split):
+    """One kernel holds the paths; what reduces their samples is far smaller."""
+    grey = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.5}}
+    built = mi.load_dict({"type": "scene", "integrator": {"type": "bounce_path", "max_bounces": 3, "closure": closure},
+                          "sensor": look_down(), "floor": plate("floor", FLOOR, grey, 300.0)}, optimize=False)
+    integrator = built.integrator()
+    with integrator.prepared(built), dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        dr.kernel_history_clear()
+        integrator.observe(built, built.sensors()[0], 0, 4, 0, 256, split)
+        sizes = sorted(kernel["operation_count"] for kernel in dr.kernel_history() if kernel["type"] == dr.KernelType.JIT)
+    assert sizes[-2] < sizes[-1] / 4, sizes

@@ -171,6 +171,21 @@ def test_another_band_is_refused(plate, wanted):
         areas.spectrum([3.0, 4.0])
     with pytest.raises(InputError, match="unknown blackbody group 'wall9'"):
         areas.intensity("target", {"wall9": 300.0})
+    with pytest.raises(InputError, match="group wall0: temperature -5 K"):
+        areas.intensity("target", {"wall0": -5})
+    with pytest.raises(InputError, match="unknown part 'all'"):
+        areas.intensity("all")
+
+
+def test_one_temperature_of_a_group(plate):
+    """By group and kelvin, as the label says it and not as Float32 holds it."""
+    grey = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.5}}
+    floor = plate("floor", SQUARE, grey, [301.7, 310.3])
+    scene = mi.load_dict({"type": "scene", "integrator": {"type": "bounce_path", "max_bounces": 0}, "sensor": camera(16), "floor": floor}, optimize=False)
+    areas = mi_lcair.signature(checked(scene, Path("x.xml"), {}), spp=16, by_spectrum=True).effective_areas
+    assert [source.temperature for source in areas.sources] == [301.7, 310.3]
+    both = areas.intensity("target", {("self", 301.7): 350.0, ("self", 310.3): 350.0})
+    assert both == pytest.approx(areas.intensity("target", {"self": 350.0})) and areas.intensity("target", {("self", 301.7): 350.0}) < both
 
 
 @pytest.mark.parametrize("emitter, message", [

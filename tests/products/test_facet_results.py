@@ -89,3 +89,18 @@ def test_csv(roof, tmp_path):
         rows = list(csv.DictReader(file))
     assert [row["group"] for row in rows] == list(result.facets.columns["group"]) and rows[4]["radiance_W_m2_sr"] == "nan"
     np.testing.assert_allclose([float(row["intensity_W_sr"]) for row in rows], result.facets.columns["intensity_W_sr"], rtol=1e-8)
+
+
+def test_shapes_that_are_no_meshes_and_backs(plate):
+    """A sphere has its area, and no cosine; of a two-sided plate seen from behind no share is told."""
+    grey = {"type": "twosided", "bsdf": GREY}
+    emitter = {"type": "thermal", "band": "LWIR", "temperature": 300.0}
+    ball = {"type": "sphere", "radius": 0.5, "center": [2, 2, 0], "bsdf": GREY, "emitter": emitter}
+    only = mi.load_dict({"type": "scene", "integrator": {"type": "bounce_path"}, "sensor": camera(8, 8.0), "ball": ball}, optimize=False)
+    assert mi_lcair.signature(checked(only, Path("x.xml"), {}), spp=4, facets=True).facets.columns["area_m2"][0] == pytest.approx(np.pi, rel=1e-6)
+    back = plate("back", [[-2, -2, 0], [-2, 2, 0], [2, 2, 0], [2, -2, 0]], grey, 300.0)
+    scene = mi.load_dict({"type": "scene", "integrator": {"type": "bounce_path"}, "sensor": camera(8, 8.0), "ball": ball, "back": back}, optimize=False)
+    columns = mi_lcair.signature(checked(scene, Path("x.xml"), {}), spp=16, facets=True).facets.columns
+    behind = columns["facet"] >= 0
+    behind[[k for k, area in enumerate(columns["area_m2"]) if area < 7]] = False
+    assert np.all(np.isnan(columns["visible_fraction"][behind])) and np.all(columns["radiance_W_m2_sr"][behind] > 0)

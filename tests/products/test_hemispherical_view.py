@@ -9,7 +9,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.products.hemispherical_plot import places, save_plot
 from mi_lcair.products.hemispherical_view import MAP_PHI, MAP_THETA, NOTHING, frame, hemispherical_view
 from mi_lcair.scenes import build_meshes
-from tests.scenes import exact
+from mi_lcair.methods.propagation import exact
 
 OPPOSITE, ADJACENT = 0.19982489569838746, 0.20004377607540316      # view factors of a cube's walls (Howell C-11, C-14)
 CUBE = """<scene version="3.0.0"> <integrator type="bounce_path"/>

@@ -117,3 +117,16 @@ def test_invalid_samples_are_counted_and_left_out(monkeypatch):
 def test_unusable_sampling(keywords, name):
     with pytest.raises(InputError, match=f"^{name} = "):
         mi_lcair.render(load(), **keywords)
+
+
+@pytest.mark.parametrize("closure", ["none", "tail"])
+@pytest.mark.parametrize("split", [None, "image", "target"])
+def test_paths_are_traced_once(closure, split):
+    """One kernel of a render is large, that of the paths; whatever is reduced from them must not trace them again."""
+    scene = load()
+    scene.mi.integrator().closure = closure
+    mi_lcair.render(scene, spp=4, split=split)
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        mi_lcair.render(scene, spp=4, seed=1, split=split)
+        kernels = dr.kernel_history([dr.KernelType.JIT])
+    assert sum(kernel["operation_count"] > 200 for kernel in kernels) == 1

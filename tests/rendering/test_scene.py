@@ -35,7 +35,7 @@ def parameters(**numbers):
 
 def test_loads(tmp_path):
     scene = mi_lcair.load(write(tmp_path, PATH, SENSOR, shape(bsdf() + THERMAL)), band="MWIR")
-    assert (scene.name, scene.band.name, scene.groups, scene.parameters) == ("scene", "MWIR", ["self"], {"band": "MWIR"})
+    assert (scene.name, scene.band.name, scene.groups, scene.parameters) == (tmp_path.name, "MWIR", ["self"], {"band": "MWIR"})     # a file scene.xml is named after its folder
 
 
 @pytest.mark.parametrize("elements, given, message", [

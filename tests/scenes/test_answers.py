@@ -10,7 +10,7 @@ import mi_lcair
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 
-from . import exact
+from mi_lcair.methods.propagation import exact
 
 
 def radiance(name, temperature):

@@ -9,7 +9,7 @@ import pytest
 from mi_lcair import scenes
 from mi_lcair.scenes import build_meshes
 
-from . import exact
+from mi_lcair.methods.propagation import exact
 
 MESHES = sorted(build_meshes.meshes())
 CAVITIES = sorted(exact.CAVITY_BLOCKS)

@@ -8,7 +8,7 @@ import pytest
 from mi_lcair import scenes
 from mi_lcair.errors import InputError
 
-from . import exact
+from mi_lcair.methods.propagation import exact
 
 NAMES = ["a340_landing", "cavity", "cylinder_ir_range", "furnace", "open_box", "two_plates"]
 

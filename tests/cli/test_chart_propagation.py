@@ -1,0 +1,38 @@
+"""mi-lcair chart propagation, with a stand-in for the measurement."""
+import json
+
+import pytest
+
+from tests.products.test_propagation_chart import result
+
+
+@pytest.fixture
+def measured(monkeypatch):
+    calls = []
+    from mi_lcair.products import propagation_chart
+
+    def measure(quick, progress):
+        calls.append(quick)
+        progress(1, 2)
+        return result()
+
+    monkeypatch.setattr(propagation_chart, "measure", measure)
+    return calls
+
+
+def test_writes_its_files(run, folder, measured):
+    found = run("chart", "propagation", "-o", "out", "--quick")
+    assert found.exit_code == 0 and measured == [True]
+    assert len(list((folder / "out").iterdir())) == 5
+    assert "box    1.0%      path tracing" in found.stdout
+
+
+def test_json(run, measured):
+    found = json.loads(run("chart", "propagation", "--json").stdout)
+    assert len(found["points"]) == 10 and found["closures"][0]["closure"] == "none"
+
+
+def test_folder_is_refused_before_the_work(refused, folder, measured):
+    (folder / "file").touch()
+    assert "not a folder" in refused("chart", "propagation", "-o", "file")
+    assert measured == []

@@ -1,0 +1,58 @@
+"""mi-lcair chart reflectance: its files, and what it prints."""
+import json
+
+import pytest
+
+from mi_lcair.products import reflectance_chart
+from mi_lcair.products.chart import Point
+
+POINTS = [Point("aluminum MWIR", "ours", n, 10.0**n, 1e-6 * 10**n, 0.1, error, 0, 1, 0.9, error)
+          for n, error in ((1, 0.1), (2, 0.005))]
+
+
+@pytest.fixture
+def measured(monkeypatch):
+    """Stands for the measurement and its page; holds what was asked for."""
+    asked = {}
+
+    def measure(quick, progress):
+        asked["quick"] = quick
+        progress(1, 2)
+        return POINTS
+
+    def write(folder, points, quick):
+        assert points == POINTS
+        (folder / "reflectance.md").write_text("a page")
+
+    monkeypatch.setattr(reflectance_chart, "measure", measure)
+    monkeypatch.setattr(reflectance_chart, "write", write)
+    return asked
+
+
+def test_writes_and_prints(run, measured, folder):
+    result = run("chart", "reflectance", "-o", "charts", "--quick")
+    assert measured["quick"] and (folder / "charts" / "reflectance.md").read_text() == "a page"
+    lines = [line.split("  ") for line in result.stdout.splitlines()]
+    assert [cell.strip() for cell in lines[2] if cell] == ["aluminum MWIR", "1.0%", "ours", "100", "100 µs"]
+    assert "none" in lines[3] and result.stdout.endswith("to charts\n")
+
+
+def test_json(run, measured):
+    points = json.loads(run("chart", "reflectance", "--json").stdout)["points"]
+    assert not measured["quick"] and points[1]["error"] == pytest.approx(0.005) and points[0]["case"] == "aluminum MWIR"
+
+
+def test_folder_is_refused_before_the_work(refused, measured, folder):
+    (folder / "file").write_text("")
+    assert "is not a folder" in refused("chart", "reflectance", "-o", "file")
+    assert "does not exist" in refused("chart", "reflectance", "-o", "no/where")
+    assert measured == {}
+
+
+def test_nothing_is_left_behind(run, measured, folder, monkeypatch):
+    def interrupted(quick, progress):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(reflectance_chart, "measure", interrupted)
+    assert run("chart", "reflectance", "-o", "charts").exit_code == 130
+    assert list(folder.iterdir()) == []
