@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 import mi_lcair
+from mi_lcair.methods.propagation.exact import perpendicular_view_factor
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.emitter_table import EmitterTable
-from tests.scenes.exact import perpendicular_view_factor
 from tests.stability.leaks import write_ply
 
 SCENE = """<scene version="3.0.0">
