@@ -29,7 +29,8 @@ class Render:
     parts: name -> (mean over the pixels, its standard error or None) of everything that was recorded, Float64, under
     the names of `plugins.channels`; covariance: of the means of `source.N` and `target.source.N`, in that order, None
     without them. sources: what `source.N` stand for. mean: mean radiance; rms_error: rms over the pixels of the standard
-    error, with what a source that too few paths meet may add, as a fraction of the mean (None for one sample per pixel); reached: whether the tolerance was met (None without one); invalid: NaN or infinite samples,
+    error, with what a source that too few paths meet may add, as a fraction of the mean (None for one sample per
+    pixel); reached: whether the tolerance was met (None without one); invalid: NaN or infinite samples,
     left out; closure_error: estimated error of closure = tail [W m^-2 sr^-1], None otherwise.
     """
     channels: dict[str, np.ndarray]
