@@ -21,15 +21,17 @@ def command(options, photons):
         return
     emitted = result.total["emitted"][0]
 
-    def percent(figure):
+    def percent(figure, whole=emitted):
         value, error = figure
-        return f"{value / emitted:.3%} +- {100 * error / emitted:.1g}" if emitted else "0"
+        return f"{100 * value / whole:.3f} +- {100 * error / whole:.1g}" if whole else "0"
 
     print_columns([("band", result.band), ("emitted", f"{emitted:.6g} W +- {result.total['emitted'][1]:.2g}"),
-                   *((name, percent(result.total[name])) for name in ("absorbed", "escaped", "behind", "created", "unfinished", "balance"))])
+                   *((f"{name} %", percent(result.total[name])) for name in ("absorbed", "escaped", "behind", "created", "unfinished", "balance"))])
     click.echo()
-    columns = ("emitted", "incident", "absorbed", "reflected", "created", "scaled")
-    print_columns([("material", *columns), *((name, *(percent(flux[key]) for key in columns)) for name, flux in result.materials.items())])
+    shares = ("absorbed", "reflected", "behind", "created", "scaled")
+    print_columns([("material", "emitted W", "incident W", *(f"{key} % of incident" for key in shares)),
+                   *((name, f"{flux['emitted'][0]:.5g}", f"{flux['incident'][0]:.5g}", *(percent(flux[key], flux["incident"][0]) for key in shares))
+                     for name, flux in result.materials.items())])
     click.echo()
     for remark in result.remarks or ["nothing to remark: energy is conserved within the errors above"]:
         click.echo(remark)

@@ -18,7 +18,7 @@ from mi_lcair.rendering.scene import Scene
 BATCHES = 8                 # their scatter tells the standard errors
 MAX_REFLECTIONS = 1000      # what then still travels is reported as unfinished
 SURVIVAL = 0.05             # least probability to follow a photon further
-SIGNIFICANT = 1e-3          # share of the emitted flux from which an imbalance is named
+SIGNIFICANT = 1e-3          # share of a flux from which an imbalance is named
 NAMED = 5                   # facets named at most
 
 
@@ -181,15 +181,15 @@ def remarks(table: FacetTable, by_facet: Flux, total: dict, materials: dict) -> 
 
     found, emitted = [], total["emitted"][0]
     for material, flux in materials.items():
-        created, error = flux["created"]
+        (created, error), incident = flux["created"], flux["incident"][0]
         mine = table.material == material
-        if abs(created) > max(4 * error, SIGNIFICANT * emitted):
+        if abs(created) > max(4 * error, SIGNIFICANT * incident):
             kind = "creates" if created > 0 else "loses"
             share = np.sign(created) * by_facet.created.sum(axis=0) * mine
-            found.append(f"material {material} {kind} {abs(created) / emitted:.2%} of the emitted flux: its emissivity and what it reflects do "
+            found.append(f"material {material} {kind} {abs(created) / incident:.2%} of what arrives: its emissivity and what it reflects do "
                          f"not add up to 1; most at facets {worst(share)}")
-        if flux["scaled"][0] > SIGNIFICANT * flux["incident"][0] > 0:
-            found.append(f"material {material} has its BRDF scaled down at grazing angles, where {flux['scaled'][0] / flux['incident'][0]:.2%} of its "
+        if flux["scaled"][0] > SIGNIFICANT * incident > 0:
+            found.append(f"material {material} has its BRDF scaled down at grazing angles, where {flux['scaled'][0] / incident:.2%} of its "
                          f"incident flux arrives; most at facets {worst(by_facet.scaled.sum(axis=0) * mine)}")
     if total["behind"][0] > SIGNIFICANT * emitted:
         found.append(f"{total['behind'][0] / emitted:.2%} of the emitted flux ends at the back of one-sided surfaces; most at facets "
