@@ -20,6 +20,7 @@ NARROW = 0.2                                # lobe width e above which a mirror 
 NEGLIGIBLE = 1e-6                           # reflectance of a part that cannot matter
 WORTHWHILE = 0.8                            # a change is made if it costs less than this share of the time
 CONFIDENCE = 2.24                           # standard errors, 97.5 %: what the probes do not know of the noise comes on top
+FEW_BATCHES = 2.03                          # upper bound (97.5 %) of a standard deviation from BATCHES values
 LEAST_SPP = 2                               # one sample per pixel has no standard error
 
 
@@ -103,6 +104,8 @@ def plan(scene: Scene, tolerance: float = 0.01, each_pixel: bool = False, seed: 
     pixels = int(np.prod(scene.sensor(sensor).film().crop_size()))
     bias = lobe_error + bounce_error
     deviation = upper(found.deviation) / mean
+    if closure == "tail" and not each_pixel:
+        deviation = max(deviation, FEW_BATCHES * found.between / mean)
     if each_pixel:
         spp = int(np.ceil(max(LEAST_SPP, deviation**2 / (tolerance**2 - bias**2))))
         error = float(np.hypot(bias, deviation / np.sqrt(spp)))

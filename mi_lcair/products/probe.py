@@ -50,10 +50,12 @@ class Probe:
     """Radiance [W m^-2 sr^-1] of some pixels, spread over the image, under one of the settings.
 
     by_bounce: (BATCHES, bounces, pixels), of what is looked at: the model's facets, or all (`each_pixel`). deviation: of one
-    sample, rms over the pixels, by batch. seconds: per path, after the compile.
+    sample, rms over the pixels, by batch. between: the same from the scatter of the batches' means, which also shows the noise that
+    all samples of a batch share, that of the tail's ratio. seconds: per path, after the compile.
     """
     by_bounce: np.ndarray
     deviation: np.ndarray
+    between: float
     seconds: float
     paths: int
 
@@ -71,7 +73,7 @@ def probe(scene: Scene, settings: Settings, each_pixel: bool, seed: int = 0, sen
     pixels = -(-width * height // stride)
     spp = max(2, PATHS // pixels)
     prefix = "" if each_pixel else "target."
-    looks, deviation, times = [], [], []
+    looks, deviation, means, times = [], [], [], []
     with applied(scene, settings), integrator.prepared(scene.mi):
         for batch in range(BATCHES):
             start = time.perf_counter()
@@ -80,7 +82,8 @@ def probe(scene: Scene, settings: Settings, each_pixel: bool, seed: int = 0, sen
             names = [name for name in part.channels if name.startswith(f"{prefix}bounce.")]
             looks.append([part.channels[name].mean(axis=0) for name in names])
             deviation.append(scatter(part, each_pixel, spp))
-    return Probe(np.array(looks), np.array(deviation), float(np.median(times[1:])) / (pixels * spp), BATCHES * pixels * spp)
+            means.append(part.channels["target"].mean())
+    return Probe(np.array(looks), np.array(deviation), float(np.std(means, ddof=1) * np.sqrt(pixels * spp)), float(np.median(times[1:])) / (pixels * spp), BATCHES * pixels * spp)
 
 
 def scatter(part, each_pixel: bool, spp: int) -> float:
