@@ -1,7 +1,6 @@
 """Intensity of a scene in the direction of an orthographic sensor: the model's own, and with its background."""
 from dataclasses import asdict, dataclass
 
-import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
@@ -10,6 +9,7 @@ from mi_lcair.products.facet_results import FacetResults
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.render import Render, render
 from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.window import window, window_area
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,8 @@ def signature(scene: Scene, spp: int | None = None, tolerance: float | None = No
     by_facet = FacetResults(FacetTable(scene)) if facets else None
     image = render(scene, spp, tolerance, max_spp, seed, sensor, "target", by_spectrum, by_facet, progress)
     if by_facet is not None:
-        by_facet.finish(area, view_direction(scene.sensor(sensor)))
+        *_, direction = window(scene.sensor(sensor))
+        by_facet.finish(area, -direction)
     scene_error = None if "stderr.Y" not in image.channels else standard_error(image, area)
     return Signature(image.band.name, intensity(image, "", image.mean * area, scene_error, area),
                      intensity(image, "target.", *scaled(image.parts["target"], area), area),
@@ -105,19 +106,3 @@ def standard_error(image: Render, area: float) -> float:
     """Of the intensity: the pixels' errors are independent."""
     errors = image.channels["stderr.Y"].astype(np.float64)
     return float(np.sqrt(np.sum(errors**2)) / errors.size * area)
-
-
-def view_direction(sensor) -> np.ndarray:
-    """Unit vector from the scene toward an orthographic sensor."""
-    ray, _ = sensor.sample_ray(0, 0, mi.Point2f(0.5), mi.Point2f(0.5))
-    return -np.array(ray.d, dtype=np.float64).ravel()
-
-
-def window_area(sensor, name: str) -> float:
-    """Area of the window that an orthographic sensor sees [m^2]; InputError for any other sensor."""
-    if sensor.class_name() != "OrthographicCamera":
-        raise InputError(f"{name}: signature needs an orthographic sensor, and this one is {sensor.class_name()}; "
-                         "radiance times area is an intensity only where all rays are parallel")
-    ray, _ = sensor.sample_ray(0, 0, mi.Point2f([0, 1, 0], [0, 0, 1]), mi.Point2f(0.5))    # corners of the (cropped) film
-    origin = np.array(ray.o, dtype=np.float64)
-    return float(np.linalg.norm(np.cross(origin[:, 1] - origin[:, 0], origin[:, 2] - origin[:, 0])))

@@ -8,8 +8,8 @@ from mi_lcair import scenes
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.spectrum import spectrum
-from mi_lcair.products.signature import view_direction
 from mi_lcair.rendering.facet_table import FacetTable
+from mi_lcair.rendering.window import window
 from mi_lcair.scenes.build.__main__ import main
 
 
@@ -24,11 +24,11 @@ def test_models_are_as_built(tmp_path):
 @pytest.mark.parametrize("position, distance, sideways", [(1, 1119, 500), (2, 510, 500), (3, 1128, 500)])
 def test_positions(position, distance, sideways):
     """The observer at the thesis's ranges: 2 km out, 500 m to the side, below the aircraft by its height (3.8.3)."""
-    direction = view_direction(mi_lcair.load("a340_landing", position=position, resolution=4).sensor(0))
+    *_, view = window(mi_lcair.load("a340_landing", position=position, resolution=4).sensor(0))
     out, height = {1: (1000, 50), 2: (2000, 100), 3: (3000, 150)}[position]
     observer = np.array([out - 2000, sideways, -height])      # as seen from the aircraft, which heads for the threshold, +x
     assert np.linalg.norm(observer) == pytest.approx(distance, abs=0.5)
-    np.testing.assert_allclose(direction, observer / np.linalg.norm(observer), atol=1e-5)
+    np.testing.assert_allclose(-view, observer / np.linalg.norm(observer), atol=1e-5)
 
 
 def isothermal(scene, temperature):

@@ -5,8 +5,9 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from .problem import Problem
+from mi_lcair.rendering.window import window
 
+from .problem import Problem
 
 FINER = 4       # subdivision of a part by which its visible share is counted; the middle of one of the 16 is the part's own
 
@@ -77,14 +78,6 @@ def finer_middles(n: int) -> tuple[np.ndarray, np.ndarray]:
     part = part_index(mi.Point2f(weights[:, 1:].T), mi.UInt32(n)).numpy()
     order = np.argsort(np.linalg.norm(weights - barycentric_middles(n)[part], axis=1), kind="stable")
     return weights[order], part[order]
-
-
-def window(sensor) -> tuple[np.ndarray, ...]:
-    """An orthographic sensor's window: a corner, its two sides, and the direction of view; Float64."""
-    ray, _ = sensor.sample_ray(0, 0, mi.Point2f([0, 1, 0], [0, 0, 1]), mi.Point2f(0.5))
-    corner = np.array(ray.o, dtype=np.float64).T
-    direction = np.array(ray.d, dtype=np.float64).reshape(3, -1)[:, 0]
-    return corner[0], corner[1] - corner[0], corner[2] - corner[0], direction
 
 
 def cut(polygon) -> list:

@@ -8,9 +8,9 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.plugins.facets import Facets, is_faceted
-from mi_lcair.products.signature import window_area
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.window import window_area
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ import numpy as np
 import mi_lcair
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.rendering.facet_table import FacetTable
+from mi_lcair.rendering.window import window
 
 from . import exact, path_tracing
-from .primary import window
 from .problem import Problem
 
 RANGE_WALLS = 258.0             # K: between the upper half's 263 K and the lower half's 253 K
