@@ -7,6 +7,7 @@ import numpy as np
 
 from ..errors import InputError, unknown
 from ..physics.sandford_robertson import FORMS
+from ..progress import stepper
 from .data import Data, select, with_std
 from .loss import SCALES
 from .measurements import DirectionalData, Measurements
@@ -131,19 +132,6 @@ def warm_up(data: Data, models) -> float:
             for aperture in {False, bool(data.half_angle)}:
                 data.residuals(form, aperture)(starting_points(2, 0))
         return sum(kernel.get("codegen_time", 0) + kernel.get("backend_time", 0) for kernel in dr.kernel_history()) / 1000
-
-
-def stepper(progress, total: int):
-    """A function that reports one more step of `total` to progress(done, total)."""
-    done = 0
-
-    def step():
-        nonlocal done
-        done += 1
-        if progress:
-            progress(done, total)
-
-    return step
 
 
 def relieved(data: Data, best: Candidate, most: float) -> Data:
