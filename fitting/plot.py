@@ -3,6 +3,7 @@ from textwrap import wrap
 
 import numpy as np
 
+from ..drawing import drawing
 from .measurements import Measurements
 from .model import Hemispherical, Scatterometer
 from .parameters import NAMES, to_cube
@@ -17,14 +18,9 @@ LINE_POINTS = 300
 
 def save_plot(path, fits) -> None:
     """Write a PNG with a row of panels for each of `fits`: (Measurements, Fit, {quantity: DirectionalData})."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(11, 6.2 * len(fits)), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
-    for row, fitted in zip(np.atleast_1d(figure.subfigures(len(fits), 1)), fits):
-        draw_fit(row, *fitted)
-    figure.savefig(path, format="png")
+    with drawing(path, (11, 6.2 * len(fits)), layout="constrained") as figure:
+        for row, fitted in zip(np.atleast_1d(figure.subfigures(len(fits), 1)), fits):
+            draw_fit(row, *fitted)
 
 
 def draw_fit(figure, measurements: Measurements, fit, directional: dict) -> None:

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 import numpy as np
 from drjit.llvm.ad import Array3f64, Float64
 
+from mi_lcair.drawing import drawing
 from mi_lcair.errors import InputError
-from mi_lcair.files import replacing
 from mi_lcair.physics import hemispherical
 from mi_lcair.physics import sandford_robertson as sr
 from mi_lcair.physics.bands import Band, band as band_of
@@ -71,18 +71,12 @@ def crowded(lower: float, upper: float, step: float, peak: float, e: float) -> n
 
 def save_plot(path, view: BRDFView) -> None:
     """Write a PNG: log10 BRDF over the hemisphere, and its cut through the plane of incidence."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(11, 4.8), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
-    left, right = figure.subfigures(1, 2, width_ratios=(1, 1.15))
-    figure.suptitle(f"{view.material.name}, {view.band.label}, incidence {view.theta_i:g}°: DHR {view.dhr:.4f}, "
-                    f"emissivity at {view.theta_i:g}° {view.emissivity:.4f}", fontsize=11, parse_math=False)
-    draw_hemisphere(left, view, *scale(view))
-    draw_cut(right.subplots(), view, *scale(view))
-    with replacing(path) as partial:
-        figure.savefig(partial, format="png")
+    with drawing(path, (11, 4.8), layout="constrained") as figure:
+        left, right = figure.subfigures(1, 2, width_ratios=(1, 1.15))
+        figure.suptitle(f"{view.material.name}, {view.band.label}, incidence {view.theta_i:g}°: DHR {view.dhr:.4f}, "
+                        f"emissivity at {view.theta_i:g}° {view.emissivity:.4f}", fontsize=11, parse_math=False)
+        draw_hemisphere(left, view, *scale(view))
+        draw_cut(right.subplots(), view, *scale(view))
 
 
 def scale(view: BRDFView) -> tuple[float, float]:

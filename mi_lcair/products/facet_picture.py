@@ -51,12 +51,17 @@ def numbers(path, table: dict[str, list[str]], name: str) -> np.ndarray:
 
 def seen_facets(scene: Scene, facets: FacetTable, sensor: int = 0) -> np.ndarray:
     """The facet that each pixel of a sensor shows, (H, W), by the ray through the pixel's centre; -1: none."""
-    camera = scene.sensor(sensor)
+    ray, shape = pixel_rays(scene.sensor(sensor))
+    hit = scene.mi.ray_intersect_preliminary(ray, coherent=True)
+    return facets.number(hit.shape, hit.prim_index).numpy().astype(np.int32).reshape(shape)
+
+
+def pixel_rays(camera) -> tuple[mi.Ray3f, tuple[int, int]]:
+    """The rays through the pixels' centres, row by row, and (height, width)."""
     width, height = camera.film().crop_size()
     row, column = np.indices((height, width)).reshape(2, -1)
     ray, _ = camera.sample_ray(camera.shutter_open(), 0, mi.Point2f((column + 0.5) / width, (row + 0.5) / height), mi.Point2f(0.5))
-    hit = scene.mi.ray_intersect_preliminary(ray, coherent=True)
-    return facets.number(hit.shape, hit.prim_index).numpy().astype(np.int32).reshape(height, width)
+    return ray, (height, width)
 
 
 def facet_images(scene: Scene, path: str | Path, table: dict[str, list[str]], names, sensor: int = 0) -> dict[str, np.ndarray]:

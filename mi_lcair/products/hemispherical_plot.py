@@ -1,7 +1,7 @@
 """The hemispherical view of a facet as a picture: its neighbours over theta and phi (thesis Figures 3.12, 3.13)."""
 import numpy as np
 
-from mi_lcair.files import replacing
+from mi_lcair.drawing import drawing
 
 from .hemispherical_view import MAP_PHI, MAP_THETA, NOTHING, HemisphericalView
 
@@ -13,35 +13,30 @@ COARSE = 4                                  # pixels of the map in one that look
 
 def save_plot(path, view: HemisphericalView) -> None:
     """Write a PNG: theta against phi, each group of facets in a hue of its own, darker the higher a facet's number."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
     colours, groups = facet_colours(view)
-    figure = Figure(figsize=(11, 4), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots()
-    axes.imshow(edges_darkened(view.map, colours[view.map]), extent=(-180, 180, 90, 0), aspect="auto", interpolation="nearest")
-    for number, column, row in places(view.map):
-        dark = colours[number] @ (0.3, 0.6, 0.1) < 0.5
-        axes.text(column / MAP_PHI * 360 - 180, row / MAP_THETA * 90, number, ha="center", va="center", fontsize=7,
-                  color="white" if dark else "black")
-    axes.set_xticks(range(-180, 181, 45))
-    axes.set_yticks(range(0, 91, 15))
-    axes.set_xlabel("azimuth φ from the direction of the facet's second corner (degrees)", fontsize=9)
-    axes.set_ylabel("θ from the normal (degrees)", fontsize=9)
-    axes.tick_params(labelsize=8)
-    axes.set_title(f"{view.scene}: what facet {view.facet} sees (group {view.group(view.facet)}, "
-                   f"{view.facets.material[view.facet]})", fontsize=11, parse_math=False)
+    with drawing(path, (11, 4), layout="constrained") as figure:
+        axes = figure.subplots()
+        axes.imshow(edges_darkened(view.map, colours[view.map]), extent=(-180, 180, 90, 0), aspect="auto", interpolation="nearest")
+        for number, column, row in places(view.map):
+            dark = colours[number] @ (0.3, 0.6, 0.1) < 0.5
+            axes.text(column / MAP_PHI * 360 - 180, row / MAP_THETA * 90, number, ha="center", va="center", fontsize=7,
+                      color="white" if dark else "black")
+        axes.set_xticks(range(-180, 181, 45))
+        axes.set_yticks(range(0, 91, 15))
+        axes.set_xlabel("azimuth φ from the direction of the facet's second corner (degrees)", fontsize=9)
+        axes.set_ylabel("θ from the normal (degrees)", fontsize=9)
+        axes.tick_params(labelsize=8)
+        axes.set_title(f"{view.scene}: what facet {view.facet} sees (group {view.group(view.facet)}, "
+                       f"{view.facets.material[view.facet]})", fontsize=11, parse_math=False)
 
-    entries = [(colour, f"{name}: {share:.4f}") for name, (colour, share) in groups.items()]
-    if len(entries) > MOST_GROUPS:
-        entries = entries[:MOST_GROUPS] + [(None, f"and {len(entries) - MOST_GROUPS} more")]
-    figure.legend([Patch(facecolor=colour or "none", edgecolor="0.4" if colour else "none", lw=0.5) for colour, _ in entries],
-                  [text for _, text in entries], loc="outside right upper", fontsize=8, frameon=False,
-                  title="group: view factor", title_fontsize=8, alignment="left")
-    with replacing(path) as partial:
-        figure.savefig(partial, format="png")
+        entries = [(colour, f"{name}: {share:.4f}") for name, (colour, share) in groups.items()]
+        if len(entries) > MOST_GROUPS:
+            entries = entries[:MOST_GROUPS] + [(None, f"and {len(entries) - MOST_GROUPS} more")]
+        figure.legend([Patch(facecolor=colour or "none", edgecolor="0.4" if colour else "none", lw=0.5) for colour, _ in entries],
+                      [text for _, text in entries], loc="outside right upper", fontsize=8, frameon=False,
+                      title="group: view factor", title_fontsize=8, alignment="left")
 
 
 def facet_colours(view: HemisphericalView) -> tuple[np.ndarray, dict]:

@@ -14,9 +14,11 @@ import numpy as np
 from tqdm import tqdm
 
 import mi_lcair
+from mi_lcair.drawing import drawing
 from mi_lcair.files import replacing
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.products.facet_picture import pixel_rays
 from mi_lcair.rendering.facet_table import FacetTable
 
 BOUNCES, RESOLUTION, SPP, FACET_SPP = 10, 192, 128, 512
@@ -63,16 +65,14 @@ def load(finish, band, lobe, resolution):
 
 def first_and_second(scene) -> tuple[np.ndarray, np.ndarray]:
     """Masks (H, W): the middle of the pixel is on the model; and the mirror ray from there meets the model again."""
-    table, sensor = FacetTable(scene), scene.sensor(0)
+    table = FacetTable(scene)
     of_model = np.append(table.type == "model", False)
-    width, height = sensor.film().crop_size()
-    x, y = np.meshgrid((np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height)
-    ray, _ = sensor.sample_ray(0, 0, mi.Point2f(x.ravel(), y.ravel()), mi.Point2f(0.5))
+    ray, shape = pixel_rays(scene.sensor(0))
 
     def on_model(ray):
         si = scene.mi.ray_intersect(ray)
         facet = np.minimum(table.number(si.shape, si.prim_index, si.is_valid()).numpy(), table.count)
-        return si, of_model[facet].reshape(height, width)
+        return si, of_model[facet].reshape(shape)
 
     si, first = on_model(ray)
     _, second = on_model(si.spawn_ray(si.to_world(mi.reflect(si.wi))))
@@ -81,26 +81,20 @@ def first_and_second(scene) -> tuple[np.ndarray, np.ndarray]:
 
 def save_images(path, one: Case) -> None:
     """One mirror bounce, two, one integrated bounce, two, and the converged radiance, on one colour scale."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     panels = [("one mirror bounce", one.mirror, 1), ("two mirror bounces", one.mirror, 2), ("one integrated bounce", one.brdf, 1),
               ("two integrated bounces", one.brdf, 2), (f"{BOUNCES} integrated bounces", one.brdf, BOUNCES)]
     images = [(title, stack[:bounces + 1].sum(axis=0)) for title, stack, bounces in panels]
     low, high = min(image.min() for _, image in images), np.percentile(images[-1][1], 99.8)
-    figure = Figure(figsize=(15, 3.6), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots(1, len(images), sharey=True)
-    for panel, (title, image) in zip(axes, images):
-        picture = panel.imshow(image, vmin=low, vmax=high, cmap="inferno")
-        panel.set_title(title, fontsize=10)
-        panel.set_xlabel("column (pixel)", fontsize=8)
-        panel.tick_params(labelsize=8)
-    axes[0].set_ylabel("row (pixel)", fontsize=8)
-    figure.colorbar(picture, ax=axes, extend="max", pad=0.01).set_label(f"radiance ({UNIT})", fontsize=9)
-    figure.suptitle(f"{one.finish.replace('_', ' ')}, {band_of(one.band).label}", fontsize=11)
-    with replacing(path) as partial:
-        figure.savefig(partial, format="png")
+    with drawing(path, (15, 3.6), layout="constrained") as figure:
+        axes = figure.subplots(1, len(images), sharey=True)
+        for panel, (title, image) in zip(axes, images):
+            picture = panel.imshow(image, vmin=low, vmax=high, cmap="inferno")
+            panel.set_title(title, fontsize=10)
+            panel.set_xlabel("column (pixel)", fontsize=8)
+            panel.tick_params(labelsize=8)
+        axes[0].set_ylabel("row (pixel)", fontsize=8)
+        figure.colorbar(picture, ax=axes, extend="max", pad=0.01).set_label(f"radiance ({UNIT})", fontsize=9)
+        figure.suptitle(f"{one.finish.replace('_', ' ')}, {band_of(one.band).label}", fontsize=11)
 
 
 def wing_root(lobe: str) -> tuple[int, np.ndarray, float]:
@@ -120,27 +114,21 @@ def wing_root(lobe: str) -> tuple[int, np.ndarray, float]:
 
 def save_convergence(path, facet: int, brdf: np.ndarray, mirror: np.ndarray) -> None:
     """Radiance of the wing-root facet against the number of bounces."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(11, 4), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
-    left, right = figure.subplots(1, 2)
-    n = np.arange(BOUNCES + 1)
-    for name, values in (("integrated over the lobe", brdf), ("mirror", mirror)):
-        left.plot(n, values, marker="o", label=name)
-        rest = 1 - values / values[-1]
-        right.semilogy(n[rest > 1e-7], rest[rest > 1e-7], marker="o", label=name)
-    left.set_ylabel(f"radiance ({UNIT})")
-    right.set_ylabel(f"share still missing, against N = {BOUNCES}")
-    right.axhline(LEFT, color="0.5", linewidth=1, linestyle="--", label=f"{LEFT:.1%}")
-    for panel in (left, right):
-        panel.set_xlabel("reflections N")
-        panel.set_xticks(n)
-        panel.legend(frameon=False)
-    figure.suptitle(f"facet {facet} at the wing root, bare aluminium, {band_of('LWIR').label}", fontsize=11)
-    with replacing(path) as partial:
-        figure.savefig(partial, format="png")
+    with drawing(path, (11, 4), layout="constrained") as figure:
+        left, right = figure.subplots(1, 2)
+        n = np.arange(BOUNCES + 1)
+        for name, values in (("integrated over the lobe", brdf), ("mirror", mirror)):
+            left.plot(n, values, marker="o", label=name)
+            rest = 1 - values / values[-1]
+            right.semilogy(n[rest > 1e-7], rest[rest > 1e-7], marker="o", label=name)
+        left.set_ylabel(f"radiance ({UNIT})")
+        right.set_ylabel(f"share still missing, against N = {BOUNCES}")
+        right.axhline(LEFT, color="0.5", linewidth=1, linestyle="--", label=f"{LEFT:.1%}")
+        for panel in (left, right):
+            panel.set_xlabel("reflections N")
+            panel.set_xticks(n)
+            panel.legend(frameon=False)
+        figure.suptitle(f"facet {facet} at the wing root, bare aluminium, {band_of('LWIR').label}", fontsize=11)
 
 
 def converged(values: np.ndarray) -> int:

@@ -7,7 +7,9 @@ from pathlib import Path
 import drjit as dr
 import numpy as np
 
+from mi_lcair.drawing import drawing
 from mi_lcair.files import replacing
+from mi_lcair.progress import stepper
 from mi_lcair.methods.propagation import METHODS, exact, path_tracing, problems
 from mi_lcair.methods.propagation.problem import Method, Problem
 
@@ -57,14 +59,7 @@ def measure(quick: bool = False, progress=None) -> Chart:
     """All methods on all problems. progress: called with (steps done, total)."""
     effort = QUICK if quick else FULL
     total = 6 * len(METHODS) + len(exact.CAVITY_BLOCKS) + 3
-    done = 0
-
-    def step():
-        nonlocal done
-        done += 1
-        if progress:
-            progress(done, total)
-
+    step = stepper(progress, total)
     points, closures, cases = [], [], problems.all_problems(quick)
     for problem in cases:
         for method in METHODS:
@@ -144,34 +139,28 @@ def write_closures(path, closures, command: str) -> None:
 
 def draw_closures(path, closures) -> None:
     """Error of each closure against the size of the cavity's opening, and on the other scenes."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(11, 4.6), dpi=120, layout="constrained")
-    FigureCanvasAgg(figure)
-    left, right = figure.subplots(1, 2, sharey=True, width_ratios=(3, 2))
-    others = list(dict.fromkeys(c.case for c in closures if c.opening is None))
-    for k, (bounces, closure) in enumerate(CLOSURES):
-        chosen = [c for c in closures if (c.bounces, c.closure) == (bounces, closure)]
-        style = {"color": f"C{k}", "marker": chart.MARKERS[k], "markersize": 5, "label": label(bounces, closure),
-                 "linestyle": ":" if closure == "none" else "-"}
-        size = lambda kept: np.maximum([abs(c.error) for c in kept], 1e-5)
-        cavities = [c for c in chosen if c.opening is not None]
-        left.loglog([c.opening for c in cavities], size(cavities), **style)
-        rest = [c for c in chosen if c.opening is None]
-        right.semilogy([others.index(c.case) + (k - 3) * 0.08 for c in rest], size(rest), **style | {"linestyle": "none"})
-    noise = max(c.standard_error for c in closures if c.opening is not None)
-    left.axhspan(1e-5, noise, color="0.9", zorder=0, label="noise")
-    left.set_xlabel("opening (share of the sphere)")
-    left.set_ylabel("|error| of the intensity, relative")
-    left.set_title("cavity, emissivity 0.5", fontsize=10, loc="left")
-    right.set_title("other scenes", fontsize=10, loc="left")
-    right.set_xticks(range(len(others)), others)
-    right.set_xlim(-0.5, len(others) - 0.5)
-    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=8, fontsize=8, frameon=False)
-    figure.suptitle("Paths cut after N reflections, and what stands in for the rest", fontsize=11)
-    with replacing(path) as partial:
-        figure.savefig(partial, format="png")
+    with drawing(path, (11, 4.6), dpi=120, layout="constrained") as figure:
+        left, right = figure.subplots(1, 2, sharey=True, width_ratios=(3, 2))
+        others = list(dict.fromkeys(c.case for c in closures if c.opening is None))
+        for k, (bounces, closure) in enumerate(CLOSURES):
+            chosen = [c for c in closures if (c.bounces, c.closure) == (bounces, closure)]
+            style = {"color": f"C{k}", "marker": chart.MARKERS[k], "markersize": 5, "label": label(bounces, closure),
+                     "linestyle": ":" if closure == "none" else "-"}
+            size = lambda kept: np.maximum([abs(c.error) for c in kept], 1e-5)
+            cavities = [c for c in chosen if c.opening is not None]
+            left.loglog([c.opening for c in cavities], size(cavities), **style)
+            rest = [c for c in chosen if c.opening is None]
+            right.semilogy([others.index(c.case) + (k - 3) * 0.08 for c in rest], size(rest), **style | {"linestyle": "none"})
+        noise = max(c.standard_error for c in closures if c.opening is not None)
+        left.axhspan(1e-5, noise, color="0.9", zorder=0, label="noise")
+        left.set_xlabel("opening (share of the sphere)")
+        left.set_ylabel("|error| of the intensity, relative")
+        left.set_title("cavity, emissivity 0.5", fontsize=10, loc="left")
+        right.set_title("other scenes", fontsize=10, loc="left")
+        right.set_xticks(range(len(others)), others)
+        right.set_xlim(-0.5, len(others) - 0.5)
+        figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=8, fontsize=8, frameon=False)
+        figure.suptitle("Paths cut after N reflections, and what stands in for the rest", fontsize=11)
 
 
 # ---- the page

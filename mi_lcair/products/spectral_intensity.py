@@ -2,6 +2,7 @@
 import numpy as np
 
 import mi_lcair
+from mi_lcair.drawing import drawing
 from mi_lcair.files import replacing
 from mi_lcair.products.effective_areas import PARTS, EffectiveAreas
 
@@ -35,24 +36,18 @@ def write(path, areas: EffectiveAreas, scene: str) -> None:
 
 def save_plot(path, areas: EffectiveAreas, scene: str) -> None:
     """A PNG of the spectral intensity of target and scene, with the groups of each."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     wavelengths = areas.wavelengths_um()
     found = curves(areas, wavelengths)
-    figure = Figure(figsize=(11, 4.5), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
-    for panel, part in zip(figure.subplots(1, 2), PARTS):
-        panel.plot(wavelengths, found[part], color="black", linewidth=1.5, label="total")
-        for name, values in found.items():
-            if name.startswith(f"{part}.") and values.any():
-                panel.plot(wavelengths, values, linewidth=1, label=name.partition(".")[2])
-        panel.set_title(f"{part}: {np.trapezoid(found[part] * areas.band.response_at(wavelengths), wavelengths):.5g} W/sr in band", fontsize=10)
-        panel.set_xlabel("wavelength (µm)")
-        panel.set_ylabel(r"spectral intensity (W sr$^{-1}$ µm$^{-1}$)")
-        panel.set_xlim(areas.band.lower_um, areas.band.upper_um)
-        panel.set_ylim(0, 1.25 * max(found[part].max(), 1e-30))        # room for the legend
-        panel.legend(fontsize=8, frameon=False, ncols=3, loc="upper center")
-    figure.suptitle(f"{scene}, {areas.band.label}, by what emitted it", fontsize=11)
-    with replacing(path) as partial:
-        figure.savefig(partial, format="png")
+    with drawing(path, (11, 4.5), layout="constrained") as figure:
+        for panel, part in zip(figure.subplots(1, 2), PARTS):
+            panel.plot(wavelengths, found[part], color="black", linewidth=1.5, label="total")
+            for name, values in found.items():
+                if name.startswith(f"{part}.") and values.any():
+                    panel.plot(wavelengths, values, linewidth=1, label=name.partition(".")[2])
+            panel.set_title(f"{part}: {np.trapezoid(found[part] * areas.band.response_at(wavelengths), wavelengths):.5g} W/sr in band", fontsize=10)
+            panel.set_xlabel("wavelength (µm)")
+            panel.set_ylabel(r"spectral intensity (W sr$^{-1}$ µm$^{-1}$)")
+            panel.set_xlim(areas.band.lower_um, areas.band.upper_um)
+            panel.set_ylim(0, 1.25 * max(found[part].max(), 1e-30))        # room for the legend
+            panel.legend(fontsize=8, frameon=False, ncols=3, loc="upper center")
+        figure.suptitle(f"{scene}, {areas.band.label}, by what emitted it", fontsize=11)

@@ -1,7 +1,6 @@
 """Radiance images as OpenEXR files: named float32 channels and a header."""
 import io
 import os
-import os
 from contextlib import contextmanager, redirect_stdout
 from numbers import Integral, Real
 from pathlib import Path

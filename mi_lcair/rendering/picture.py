@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.files import replacing
+from mi_lcair.drawing import drawing
 
 RADIANCE = r"W m$^{-2}$ sr$^{-1}$"
 QUANTITIES = {"temperature": ("brightness temperature", "K"),
@@ -34,9 +34,6 @@ def save_picture(path: str | Path, channels: dict[str, np.ndarray], title: str =
     `log` makes the colours logarithmic, over six decades at most. Pixels without a value are grey: NaN, infinite, a range or a
     temperature of 0, and with `log` whatever is not positive. Raises InputError where the file cannot be written.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     single = len(channels) == 1
     height, width = next(iter(channels.values())).shape
     image = np.maximum(np.array([width, height]) / max(width, height), 1 / 30) * (6 if single else 3.6)
@@ -45,20 +42,16 @@ def save_picture(path: str | Path, channels: dict[str, np.ndarray], title: str =
     rows = ceil(len(channels) / columns)
     size = cell * (columns, rows) + (0, 0 if single else TOP)
 
-    figure = Figure(figsize=size, dpi=150)
-    FigureCanvasAgg(figure)
-    for index, (name, values) in enumerate(channels.items()):
-        left, bottom = cell * (index % columns, rows - 1 - index // columns) + (LEFT, BOTTOM)
-        panel = figure.add_axes((left / size[0], bottom / size[1], *image / size))
-        bar = figure.add_axes(((left + image[0] + BAR) / size[0], bottom / size[1], BAR / size[0], image[1] / size[1]))
-        _draw(panel, bar, name, values, log, *quantity(name))
-    if single:
-        panel.set_title(", ".join(filter(None, (title, name))), fontsize=11, parse_math=False)
-    else:
-        figure.text(0.5, 1 - 0.5 * TOP / size[1], title, fontsize=11, ha="center", va="center", parse_math=False)
-
-    with replacing(path) as partial:
-        figure.savefig(partial, format="png")
+    with drawing(path, size) as figure:
+        for index, (name, values) in enumerate(channels.items()):
+            left, bottom = cell * (index % columns, rows - 1 - index // columns) + (LEFT, BOTTOM)
+            panel = figure.add_axes((left / size[0], bottom / size[1], *image / size))
+            bar = figure.add_axes(((left + image[0] + BAR) / size[0], bottom / size[1], BAR / size[0], image[1] / size[1]))
+            _draw(panel, bar, name, values, log, *quantity(name))
+        if single:
+            panel.set_title(", ".join(filter(None, (title, name))), fontsize=11, parse_math=False)
+        else:
+            figure.text(0.5, 1 - 0.5 * TOP / size[1], title, fontsize=11, ha="center", va="center", parse_math=False)
 
 
 def _draw(panel, bar_axes, name: str, values: np.ndarray, log: bool, what: str, unit: str) -> None:

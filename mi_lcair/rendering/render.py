@@ -63,8 +63,7 @@ class Accumulator:
 
     def __init__(self, pixels: int, brightest: float = 0.0):
         self.brightest = brightest          # radiance of a source that paths may have missed so far
-        self.count, self.mean, self.squares, self.part_count = (np.zeros(pixels) for _ in range(4))
-        self.parts = np.zeros(pixels)
+        self.count, self.mean, self.squares, self.parts = (np.zeros(pixels) for _ in range(4))
         self.channels, self.scatter = {}, {}
         self.covariance = 0.0
         self.invalid = 0
@@ -72,15 +71,14 @@ class Accumulator:
     def add(self, first: int, part) -> None:
         """Adds the statistics of a run of pixels that starts at pixel `first`."""
         run = slice(first, first + len(part.count))
-        count = self.count[run] + part.count
+        before, count = self.count[run], self.count[run] + part.count
         share = part.count / np.maximum(count, 1)
         difference = part.mean - self.mean[run]
-        self.squares[run] += part.squares + difference**2 * self.count[run] * share
+        self.squares[run] += part.squares + difference**2 * before * share
         self.mean[run] += difference * share
-        self.count[run] = count
         self.invalid += part.invalid
         for k, part_count in enumerate(part.part_count):
-            before, after = self.part_count[run], self.part_count[run] + part_count
+            after = before + part_count
             share = part_count / np.maximum(after, 1)
             by_source = []
             for name, values in part.channels.items():
@@ -92,13 +90,14 @@ class Accumulator:
                     by_source.append(difference * np.sqrt(before * share))
             if by_source:
                 self.covariance += np.array(by_source) @ np.array(by_source).T
-            self.part_count[run] = after
+            before = after
             self.parts[run] += part_count > 0
+        self.count[run] = count
 
     def error_scale(self) -> float | None:
         """What turns scatter into the variance of a mean over all pixels; None where no pixel has two parts."""
         freedom = np.sum(np.maximum(self.parts - 1, 0))
-        return np.mean(1 / np.maximum(self.part_count, 1)) / freedom / len(self.count) if freedom > 0 else None
+        return np.mean(1 / np.maximum(self.count, 1)) / freedom / len(self.count) if freedom > 0 else None
 
     def means(self) -> dict[str, tuple[float, float | None]]:
         """Of each channel: its mean over the pixels, and the standard error of that."""

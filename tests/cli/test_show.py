@@ -2,16 +2,6 @@
 import json
 
 import pytest
-from matplotlib.figure import Figure
-
-
-@pytest.fixture
-def figures(monkeypatch):
-    """The figures that are saved, in order."""
-    saved = []
-    save = Figure.savefig
-    monkeypatch.setattr(Figure, "savefig", lambda self, *args, **kwargs: (saved.append(self), save(self, *args, **kwargs)))
-    return saved
 
 
 def written(folder):

@@ -11,15 +11,6 @@ from mi_lcair.rendering.picture import save_picture
 GREY = (0.6, 0.6, 0.6)
 
 
-@pytest.fixture
-def figures(monkeypatch):
-    """The figures that are saved, in order."""
-    saved = []
-    save = Figure.savefig
-    monkeypatch.setattr(Figure, "savefig", lambda self, *args, **kwargs: (saved.append(self), save(self, *args, **kwargs)))
-    return saved
-
-
 def colour_at(path, figure, row, column):
     """The colour in the PNG where the first panel shows the middle of a pixel of the image."""
     image = imread(path)
