@@ -12,6 +12,7 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.plugins.emissivity import emissivity_of
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.scene import Scene
 
@@ -76,9 +77,11 @@ def audit(scene: Scene, photons: int = 2**18, seed: int = 0, progress=None) -> A
     ends = {"escaped": np.zeros(BATCHES), "unfinished": np.zeros(BATCHES)}
     integrator = scene.mi.integrator()
     grazing = scaling_cosines(scene, table)
+    passive = [(shape, emissivity_of(shape.bsdf())) for shape in scene.mi.shapes() if shape.emitter() is None]
     with integrator.prepared(scene.mi), dr.suspend_grad():
         for number, emitter in enumerate(emitters):
-            follow(scene, integrator.emitters, emitters, emitter, photons, seed * len(emitters) + number, table, grazing, by_facet, ends)
+            follow(scene, integrator.emitters, emitters, emitter, passive, photons,
+                   seed * len(emitters) + number, table, grazing, by_facet, ends)
             if progress:
                 progress(number + 1, len(emitters))
     return account(scene, table, by_facet, ends, photons * len(emitters))
@@ -93,7 +96,7 @@ def scaling_cosines(scene: Scene, table: FacetTable) -> np.ndarray:
     return np.array([angles.get(material, 0.0) for material in table.material])
 
 
-def follow(scene, leaving, emitters, source, photons, seed, table, grazing, by_facet, ends) -> None:
+def follow(scene, leaving, emitters, source, passive, photons, seed, table, grazing, by_facet, ends) -> None:
     """Adds the fates of photons from one emitter to `by_facet` and `ends`."""
     sampler = mi.load_dict({"type": "independent"})
     draw = np.random.SeedSequence([seed, 1])
@@ -123,7 +126,7 @@ def follow(scene, leaving, emitters, source, photons, seed, table, grazing, by_f
         si = scene.mi.ray_intersect(ray)
         hit, lane = si.is_valid(), batch.numpy()
         start(len(kept))
-        absorbed = dr.select(hit, absorptance(emitters, si, hit), 0)
+        absorbed = dr.select(hit, absorptance(emitters, passive, si, hit), 0)
         ctx = mi.BSDFContext(mi.TransportMode.Importance)
         bs, weight = si.bsdf().sample(ctx, si, sampler.next_1d(), sampler.next_2d(), hit)
         reflected = dr.select(hit, weight[0], 0)
@@ -145,15 +148,17 @@ def follow(scene, leaving, emitters, source, photons, seed, table, grazing, by_f
     ends["unfinished"] += np.bincount(batch.numpy(), dr.select(active, flux, 0).numpy(), BATCHES)
 
 
-def absorptance(emitters, si, active):
-    """Kirchhoff's: the emissivity toward where the flux comes from. A surface without an emitter absorbs as its BSDF says."""
+def absorptance(emitters, passive, si, active):
+    """Kirchhoff's: the emissivity toward where the flux comes from. A surface without an emitter, one of the pairs (shape, emissivity)
+    of `passive`, absorbs what its BSDF does not reflect."""
     found = mi.Float(0)
-    without = mi.Bool(active)
     for emitter in emitters:
         mine = active & (si.shape == mi.ShapePtr(emitter.get_shape()))
         found = dr.select(mine, emitter.emissivity(si, mine), found)
-        without &= ~mine
-    return dr.select(without, si.bsdf().eval_attribute_1("emissivity", si, without), found)
+    for shape, emissivity in passive:
+        mine = active & (si.shape == mi.ShapePtr(shape))
+        found = dr.select(mine, emissivity.eval(shape.bsdf(), si, mine), found)
+    return found
 
 
 def account(scene: Scene, table: FacetTable, by_facet: Flux, ends: dict, photons: int) -> Audit:

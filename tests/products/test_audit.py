@@ -73,6 +73,16 @@ def test_emissivity_of_another_origin_creates_energy(plate):
     agree(result.total["balance"], 0, 5)
 
 
+def test_what_only_reflects_absorbs_the_rest(plate):
+    """A lid without an emitter, of a stock BSDF: what arrives is reflected or absorbed, none is lost."""
+    black = {"type": "sandford_robertson", "epsilon": 1.0, "rho_d": 0.0, "b": 0.0, "e": 1.0}
+    lid = plate("lid", LID, {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.5}}, 300.0)
+    del lid["emitter"]
+    result = audited(floor=plate("floor", SQUARE, black, 300.0), lid=lid)
+    grey = result.materials["SmoothDiffuse"]
+    assert result.remarks == [] and grey["absorbed"][0] == pytest.approx(0.5 * grey["incident"][0], rel=1e-5)
+
+
 def test_emissivity_of_the_model_loses_energy(plate):
     """emissivity = model with the thesis's form: d(theta_r) takes from the lobe what the emissivity does not give back."""
     glossy = {"type": "sandford_robertson", "epsilon": 0.2, "rho_d": 0.01, "b": 0.4, "e": 0.3, "emissivity": "model"}
