@@ -109,11 +109,19 @@ class BouncePath(RBIntegrator):
 
     def observe(self, scene, sensor, seed: int, spp: int, first: int, pixels: int, split: str | None = "image", facets=None,
                 stride: int = 1) -> Pixels:
+        """Statistics of the pixels of one pass, see `sampled`."""
+        L, samples = self.sampled(scene, sensor, seed, spp, first, pixels, split, facets, stride)
+        return pixel_statistics(L, samples, spp, split == "target")
+
+    def sampled(self, scene, sensor, seed: int, spp: int, first: int, pixels: int, split: str | None = "image", facets=None,
+                stride: int = 1) -> tuple[mi.Float, dict]:
         """One pass: `spp` paths through each of `pixels` pixels from number `first` on (row by row), every `stride`-th.
 
-        split: the channels recorded beside the radiance: None, "image", or "target": also what of each lies on the
-        model's facets. facets: a numbering with `number(shape, prim_index, active)` and `add(facet, L, channels,
-        spp, first)`, which receives the samples by the facet seen first. To be called within `prepared`.
+        split: the channels recorded beside the radiance: None, "image", "target": also what of each lies on the model's
+        facets, or "model": nothing but what lies there, and no other paths are followed. facets: a numbering with
+        `number(shape, prim_index, active)` and `add(facet, L, channels, spp, first)`, which receives the samples by the
+        facet seen first. To be called within `prepared`. Returns the radiance of each path and its channels by name,
+        `spp` consecutive ones per pixel, neither evaluated yet.
         """
         count = pixels * spp
         sampler = sensor.sampler().clone()
@@ -128,7 +136,7 @@ class BouncePath(RBIntegrator):
             ray, weight = sensor.sample_ray(sensor.shutter_open(), 0, position / mi.Vector2f(width, height), aperture)
             channels = None
             if split or facets or self.closure == "tail":
-                channels = Channels.empty(self.max_bounces, self.closure, self.emitters.sources if split else None)
+                channels = Channels.empty(self.max_bounces, self.closure, self.emitters.sources if split else None, split == "model")
             (L, _), _, channels = self.walk(dr.ADMode.Primal, scene, sampler, ray, None, None, mi.Bool(True), channels, facets)
             if self.closure == "tail":
                 dr.eval(L, channels)                    # add_tail sums, and would trace the paths for that alone
@@ -138,7 +146,7 @@ class BouncePath(RBIntegrator):
             if facets is not None:
                 dr.eval(L, channels, samples)           # one kernel for both uses
                 facets.add(channels.facet, L[0], channels, spp, first)
-            return pixel_statistics(L[0], samples, spp, split == "target")
+            return L[0], samples
 
     # ---------------------------------------------------------------- The loop
 
@@ -164,6 +172,8 @@ class BouncePath(RBIntegrator):
         if dr.hint(channels is not None, mode="scalar"):
             first = pi.compute_surface_interaction(ray, mi.RayFlags.Minimal, active)
             channels.meet(first, emitters, first.emitter(scene, active), facets)
+            if dr.hint(channels.model_only, mode="scalar"):
+                active &= channels.of_model > 0
 
         while dr.hint(active, max_iterations=limit + 1, label=f"bounce_path ({mode.name})"):
             si = pi.compute_surface_interaction(ray, mi.RayFlags.All, active)

@@ -17,7 +17,7 @@ class Channels:
     `by_wavelength`: what the blackbodies among them emit, at the nodes of `Sources` [W m^-2 sr^-1 um^-1], where they are
     too many to be told apart. `last`: the last three bounce counts, kept apart for the geometric tail. Of the first hit:
     `range`, its distance [m], 0 for an escape; `seen`, its label; `of_model`, 1 where it belongs to the model, not to
-    the background; `facet`, its number.
+    the background; `facet`, its number. `model_only`: whether nothing but paths that first meet the model counts.
     """
     by_bounce: list
     by_source: list
@@ -28,14 +28,15 @@ class Channels:
     seen: mi.UInt32 | None = None
     of_model: mi.Float | None = None
     facet: mi.UInt32 | None = None
+    model_only: bool = False
 
     @staticmethod
-    def empty(max_bounces: int, closure: str, sources: Sources | None) -> "Channels":
+    def empty(max_bounces: int, closure: str, sources: Sources | None, model_only: bool = False) -> "Channels":
         """sources: by what emission is told apart; None for the closure's needs alone."""
         zeros = lambda count: [mi.Float(0) for _ in range(count)]
         return Channels(zeros(min(max_bounces + 1, MAX_BOUNCE_CHANNELS)), zeros(len(sources.list) if sources else 0),
                         zeros(WAVELENGTHS if sources and sources.share is not None else 0),
-                        zeros(3 if closure == "tail" else 0), mi.Float(0), mi.Float(0), mi.UInt32(0), mi.Float(0), mi.UInt32(0))
+                        zeros(3 if closure == "tail" else 0), mi.Float(0), mi.Float(0), mi.UInt32(0), mi.Float(0), mi.UInt32(0), model_only)
 
     def meet(self, first, emitters, emitter, facets):
         """Notes what a ray meets first: a surface interaction and its emitter."""
@@ -70,7 +71,7 @@ class Channels:
         range and hit (1 or 0).
 
         of_model: also, under the same names after "target.", as much of each as lies on the model's facets, and
-        source.N and wavelength.N where these were told apart.
+        source.N and wavelength.N where these were told apart. With `model_only` all names mean what lies there.
         """
         groups = {label: mi.Float(0) for label in labels}
         for source, value in zip(sources.list, self.by_source):
@@ -83,8 +84,11 @@ class Channels:
             if sources.by_spectrum:
                 found |= {f"source.{k}": value for k, value in enumerate(self.by_source)}
             found |= {f"wavelength.{k}": value for k, value in enumerate(self.by_wavelength)}
-            found |= {f"target.{name}": value * self.of_model for name, value in found.items()}
-        return found | {"target": L * self.of_model, "range": self.range, "hit": dr.select(self.range > 0, mi.Float(1), 0)}
+        found |= {"range": self.range, "hit": dr.select(self.range > 0, mi.Float(1), 0)}
+        if self.model_only or of_model:
+            on_model = {name: value * self.of_model for name, value in found.items()}
+            found = on_model if self.model_only else found | {f"target.{name}": value for name, value in on_model.items()}
+        return found | {"target": L * self.of_model}
 
     def add_tail(self) -> tuple[mi.Float, float]:
         """Continues the last two bounce counts geometrically, with the ratio of their sums over all samples.

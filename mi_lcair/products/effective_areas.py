@@ -13,7 +13,7 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.plugins.sources import Source
-from mi_lcair.rendering.render import Render
+from mi_lcair.rendering.render import COVARYING, Render
 
 PARTS = ("target", "scene")
 SPECTRUM_ROWS = 801         # even steps: the trapezoid rule over Planck's law in MWIR at 250 K is right to 1e-6
@@ -23,7 +23,8 @@ SPECTRUM_ROWS = 801         # even steps: the trapezoid rule over Planck's law i
 class EffectiveAreas:
     """Effective areas W [m^2] of the sources, for the model's facets (target) and all in the window (scene).
 
-    area, error: (2, sources) in the order of PARTS; covariance: of area, (2, sources, sources); None for one sample.
+    area, error: (2, sources) in the order of PARTS; projected_area: of the model's facets, as seen; covariance: of the areas
+    and, last, of that, (2, sources + 1, sources + 1); None for one sample.
     by_wavelength: where blackbodies are too many to be told apart, the spectral intensity of them all
     [W sr^-1 um^-1] at `nodes_um`, (2, nodes); empty otherwise.
     """
@@ -31,6 +32,7 @@ class EffectiveAreas:
     sources: list[Source]
     area: np.ndarray
     error: np.ndarray | None
+    projected_area: float
     covariance: np.ndarray | None
     nodes_um: np.ndarray
     by_wavelength: np.ndarray
@@ -55,7 +57,7 @@ class EffectiveAreas:
         p = PARTS.index(part)
         radiance = np.array([in_band_radiance(wanted, T) if T is not None else source.spectrum.in_band_radiance(wanted)
                              for source, T in zip(self.sources, self.temperatures(temperatures or {}))])
-        error = None if self.covariance is None else float(np.sqrt(max(radiance @ self.covariance[p] @ radiance, 0)))
+        error = None if self.covariance is None else float(np.sqrt(max(radiance @ self.covariance[p, :-1, :-1] @ radiance, 0)))
         return float(self.area[p] @ radiance), error
 
     def spectrum(self, wavelengths_um, temperatures: dict | None = None) -> np.ndarray:
@@ -117,12 +119,14 @@ def effective_areas(image: Render, window_area: float) -> EffectiveAreas:
     scale = np.array([window_area / source.in_band if source.in_band > 0 else 0.0 for source in sources])
     prefixes = {"target": "target.", "scene": ""}
     mean = np.array([[image.parts[f"{prefixes[part]}source.{k}"][0] for k in told] for part in PARTS]).reshape(2, -1)
-    covariance = None
+    covariance, error = None, None
     if image.covariance is not None:
-        names = [name for name in image.parts if "source." in name]
-        rows = [[names.index(f"{prefixes[part]}source.{k}") for k in told] for part in PARTS]
-        covariance = np.array([image.covariance[np.ix_(row, row)] * np.outer(scale, scale) for row in rows])
-    error = None if covariance is None else np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        names = [name for name in image.parts if name.startswith(COVARYING)]
+        rows = [[names.index(f"{prefixes[part]}source.{k}") for k in told] + [names.index("target.hit")] for part in PARTS]
+        scales = np.append(scale, window_area)
+        covariance = np.array([image.covariance[np.ix_(row, row)] * np.outer(scales, scales) for row in rows])
+        error = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))[:, :-1]
     nodes = image.sources.wavelengths_um
     by_wavelength = [[image.parts[f"{prefixes[part]}wavelength.{k}"][0] for k in range(len(nodes))] for part in PARTS]
-    return EffectiveAreas(image.band, sources, mean * scale, error, covariance, nodes, np.array(by_wavelength) * window_area)
+    return EffectiveAreas(image.band, sources, mean * scale, error, image.parts["target.hit"][0] * window_area, covariance, nodes,
+                          np.array(by_wavelength) * window_area)

@@ -19,6 +19,7 @@ BOUNCE_CHANNELS = 17        # in the image; the last holds every bounce count fr
 PASS_SAMPLES = 2**20        # paths in flight at once: a pass takes seconds, and Ctrl-C waits for its end
 PILOT_SPP = 16
 DEFAULT_MAX_SPP = 2**16
+COVARYING = ("source.", "target.source.", "target.hit")     # beginnings of the names of what a sum may be made of
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class Render:
 
     channels: name -> float32 (H, W), the channels of the radiance EXR [W m^-2 sr^-1; temperature.Y K; range.Y m].
     parts: name -> (mean over the pixels, its standard error or None) of everything that was recorded, Float64, under
-    the names of `plugins.channels`; covariance: of the means of `source.N` and `target.source.N`, in that order, None
+    the names of `plugins.channels`; covariance: of the means of those in COVARYING, in their order in `parts`, None
     without them. sources: what `source.N` stand for. mean: mean radiance; rms_error: rms over the pixels of the standard
     error, with what a source that too few paths meet may add, as a fraction of the mean (None for one sample per
     pixel); reached: whether the tolerance was met (None without one); invalid: NaN or infinite samples,
@@ -86,7 +87,7 @@ class Accumulator:
                 difference = values[k] - mean[run]
                 mean[run] += difference * share
                 self.scatter[name] = self.scatter.get(name, 0.0) + np.sum(difference**2 * before * share)
-                if "source." in name:
+                if name.startswith(COVARYING):
                     by_source.append(difference * np.sqrt(before * share))
             if by_source:
                 self.covariance += np.array(by_source) @ np.array(by_source).T

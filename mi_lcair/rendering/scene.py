@@ -21,7 +21,7 @@ class Scene:
     """A loaded scene: `mi` is Mitsuba's own object, `band` and `groups` what its thermal emitters name.
 
     name: the bundled scene's name or the file's; parameters: the $-parameters that were given, as text; remarks: what a
-    user should know before trusting the picture, one line each.
+    user should know before trusting the picture, one line each; sensors: through which it may be seen.
     """
     mi: mi.Scene
     name: str
@@ -29,12 +29,12 @@ class Scene:
     groups: list[str]
     parameters: dict[str, str]
     remarks: list[str]
+    sensors: list
 
     def sensor(self, index: int):
-        sensors = self.mi.sensors()
-        if index >= len(sensors):
-            raise InputError(f"{self.name}: sensor {index} does not exist; the scene has {len(sensors)}, counted from 0")
-        return sensors[index]
+        if index >= len(self.sensors):
+            raise InputError(f"{self.name}: sensor {index} does not exist; the scene has {len(self.sensors)}, counted from 0")
+        return self.sensors[index]
 
     def surfaces(self) -> list:
         """The scene's Sandford-Robertson BSDFs."""
@@ -142,7 +142,7 @@ def checked(loaded, path: Path, parameters: dict[str, str]) -> Scene:
     if integrator.emitters.band is None:
         raise InputError(f"{path}: no thermal emitter names a band; add <emitter type=\"thermal\"> to what radiates")
     name = path.resolve().parent.name if path.stem == "scene" else path.stem      # as `import` names its files
-    return Scene(loaded, name, integrator.emitters.band, integrator.emitters.labels, parameters, remarks(loaded))
+    return Scene(loaded, name, integrator.emitters.band, integrator.emitters.labels, parameters, remarks(loaded), list(loaded.sensors()))
 
 
 def remarks(loaded) -> list[str]:

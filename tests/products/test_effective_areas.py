@@ -203,3 +203,14 @@ def test_sources_without_a_spectrum(plate, emitter, message):
 def test_total_has_no_spectrum(plate):
     with pytest.raises(InputError, match="band total has no wavelengths"):
         mi_lcair.signature(closed_cube(plate, "total"), spp=4, by_spectrum=True)
+
+
+def test_of_a_black_body_the_effective_area_is_the_projected_area(plate):
+    """Sample for sample: area, variances and covariance are one number each."""
+    black = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}
+    slab = plate("slab", [[-.3, -.2, 0], [.3, -.2, 0], [.3, .2, 0], [-.3, .2, 0]], black, 300.0)
+    scene = mi.load_dict({"type": "scene", "integrator": {"type": "bounce_path"}, "sensor": camera(size=9, height=1.5), "slab": slab}, optimize=False)
+    areas = mi_lcair.signature(checked(scene, Path("slab.xml"), {}), spp=64, by_spectrum=True).effective_areas
+    assert areas.projected_area == pytest.approx(areas.area[0, 0], rel=1e-6)
+    assert areas.covariance[0].ravel() == pytest.approx(np.full(4, areas.covariance[0, 0, 0]), rel=1e-4) and areas.covariance[0, 0, 0] > 0
+    assert abs(areas.projected_area - 0.24) < 4 * areas.error[0, 0]

@@ -1,0 +1,104 @@
+"""Views of a scene's model: where the cameras stand, and the intensities of many views rendered together."""
+import mitsuba as mi
+import numpy as np
+import pytest
+from pathlib import Path
+
+import mi_lcair
+from mi_lcair.errors import InputError
+from mi_lcair.physics.bands import band
+from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.rendering import many_views
+from mi_lcair.rendering.many_views import render_views
+from mi_lcair.rendering.scene import checked
+from mi_lcair.rendering.views import Target, View, seen_from
+from tests.plugins.conftest import plate  # noqa: F401, a fixture
+from tests.plugins.small_scenes import camera
+
+BLACK = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}
+L_300 = float(in_band_radiance(band("LWIR"), 300.0))
+SLAB = [[-.2, -.1, .3], [.2, -.1, .3], [.2, .1, .3], [-.2, .1, .3]]     # faces up
+
+
+def loaded(**shapes):
+    scene = mi.load_dict({"type": "scene", "integrator": {"type": "bounce_path"}, "sensor": camera(), **shapes}, optimize=False)
+    return checked(scene, Path("scene.xml"), {})
+
+
+@pytest.fixture(scope="module")
+def cylinder():
+    return mi_lcair.load("cylinder_ir_range")
+
+
+def test_target_holds_the_model_and_not_its_background(cylinder):
+    """The cylinder is 1.2 m long and lifts its nose by 45 degrees; the room is 3 m wide."""
+    target = Target.of(cylinder)
+    assert 0.6 <= target.radius < 0.75 and np.abs(target.centre).max() < 0.1
+
+
+def test_one_view_is_the_scenes_own_sensor(cylinder):
+    """The scene's camera at the tail and the view from there: other windows, the same intensity."""
+    own = mi_lcair.signature(cylinder, spp=16).target
+    view = mi_lcair.signature(seen_from(cylinder, View(180.0), 128), spp=16).target
+    assert view.intensity == pytest.approx(own.intensity, abs=4 * np.hypot(own.standard_error, view.standard_error))
+
+
+@pytest.mark.parametrize("view, area", [(View(0, 90), .08), (View(77, 90), .08), (View(0, 30), .04), (View(45, 60), .08 * np.sqrt(.75)),
+                                        (View(0, -30), 0.0)])
+def test_a_black_slab_is_seen_by_its_projected_area(plate, view, area):
+    found = render_views(loaded(slab=plate("slab", SLAB, BLACK, 300.0)), [view], 32, spp=64)
+    for name, expected in (("hit", 0.04 if view.elevation_deg < 0 else area), ("target", area * L_300), ("bounce.0", area * L_300)):
+        value, error = found.parts[name][:, 0]
+        assert abs(value - expected) <= 4 * error + 1e-5 * expected
+        assert error <= .01 * max(value, 1e-9)
+
+
+def test_views_together_are_the_views_apart(cylinder):
+    """Three views in one film against each alone: the pixels of one do not end up in another."""
+    views = [View(0, 0), View(90, 10), View(200, -20)]
+    together = render_views(cylinder, views, 32, spp=32, seed=1)
+    for k, view in enumerate(views):
+        alone = mi_lcair.signature(seen_from(cylinder, view, 32), spp=32, seed=5 + k).target
+        value, error = together.parts["target"][:, k]
+        assert abs(value - alone.intensity) <= 4 * np.hypot(error, alone.standard_error)
+        groups = [together.parts[name][0, k] for name in together.parts if name.startswith("group.")]
+        bounces = [together.parts[name][0, k] for name in together.parts if name.startswith("bounce.")]
+        assert sum(groups) == pytest.approx(value, rel=1e-5) and sum(bounces) == pytest.approx(value, rel=1e-5)
+
+
+def test_standard_errors_are_those_of_repetitions(cylinder):
+    """The scatter over 30 seeds against the errors stated: within the 99.9 % range of chi squared for 2 x 29."""
+    runs = [render_views(cylinder, [View(0, 20), View(120)], 16, spp=4, seed=seed) for seed in range(30)]
+    values, errors = np.moveaxis([run.parts["target"] for run in runs], 1, 0)
+    ratio = values.var(axis=0, ddof=1).sum() / np.mean(errors**2, axis=0).sum()
+    assert 0.5 < ratio < 1.7
+
+
+def test_a_seed_gives_its_numbers_and_a_tolerance_its_error(cylinder):
+    views = [View(10.0), View(170.0)]
+    first, again, other = (render_views(cylinder, views, 32, tolerance=.004, seed=seed) for seed in (3, 3, 4))
+    assert np.array_equal(first.parts["target"], again.parts["target"])
+    assert not np.array_equal(first.parts["target"], other.parts["target"])
+    assert first.reached(.004).all() and first.spp > many_views.PILOT_SPP
+    assert not render_views(cylinder, views, 32, tolerance=1e-5, max_spp=4).reached(1e-5).any()
+
+
+def test_a_hot_source_that_no_path_met_counts(plate):
+    """A speck at 3000 K, 4 mm wide, before a cold slab: two samples a pixel miss it, and the tolerance asks for more."""
+    speck = [[-.002, -.002, .31], [.002, -.002, .31], [.002, .002, .31], [-.002, .002, .31]]
+    scene = loaded(slab=plate("slab", SLAB, BLACK, 300.0), speck=plate("speck", speck, BLACK, 3000.0, group="speck"))
+    found = render_views(scene, [View(0, 90)], 16, tolerance=.02)
+    exact = (.08 - 1.6e-5) * L_300 + 1.6e-5 * float(in_band_radiance(band("LWIR"), 3000.0))
+    assert found.spp > many_views.PILOT_SPP and found.parts["target"][0, 0] == pytest.approx(exact, rel=.1)
+
+
+def test_bad_input(plate, cylinder):
+    for view in ((np.nan, 0), (0, 91)):
+        with pytest.raises(InputError, match="degrees must"):
+            View(*view)
+    with pytest.raises(InputError, match="even"):
+        render_views(cylinder, [View(0)], 16, spp=3)
+    slab = plate("slab", SLAB, BLACK, 300.0)
+    slab["emitter"]["facet_type"] = "sky"
+    with pytest.raises(InputError, match="no model to look at"):
+        Target.of(loaded(slab=slab))
