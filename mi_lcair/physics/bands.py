@@ -12,6 +12,7 @@ from ..errors import InputError, unknown
 LIMITS_UM = {"SWIR": (1.0, 3.0), "MWIR": (3.0, 5.0), "LWIR": (8.0, 12.0)}
 SHORTEST_UM, LONGEST_UM = 0.1, 1000.0
 CSV_HEADER = "wavelength_um,response"
+GAP_UM = 0.1        # rows of a table further apart than this leave out what lies between them
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,23 +40,37 @@ class Band:
         inside = (self.lower_um <= wavelengths_um) & (wavelengths_um <= self.upper_um)
         return inside * (1.0 if self.response is None else np.interp(wavelengths_um, *self.response))
 
-    def integral(self, wavelengths_um, values) -> np.ndarray:
-        """In-band value of a tabulated spectrum: straight lines between its rows, times the response, exactly.
+    def row_weights(self, wavelengths_um) -> np.ndarray:
+        """The weight (um) of each row of a tabulated spectrum in its in-band value: straight lines between rows, times the
+        response, exactly.
 
-        wavelengths_um: rising (n,); values: (..., n). The table must cover the band; `total` has no limits to cover.
+        wavelengths_um: rising (n,). The table must cover the band; `total` has no limits to cover.
         """
         breaks = [self.lower_um, self.upper_um, *([] if self.response is None else self.response[0])]
         inside = (self.lower_um < wavelengths_um) & (wavelengths_um < self.upper_um)
         nodes = np.unique(np.concatenate([breaks, wavelengths_um[inside]]))
-        middle = (nodes[:-1] + nodes[1:]) / 2
+        step, count = np.diff(nodes) / 6, len(wavelengths_um)
+        weights = np.zeros(count)
+        # between two nodes the product of two lines is a parabola: Simpson's rule is exact
+        for x, share_of_step in ((nodes[:-1], step), ((nodes[:-1] + nodes[1:]) / 2, 4 * step), (nodes[1:], step)):
+            index = np.clip(np.searchsorted(wavelengths_um, x, side="right"), 1, count - 1)
+            right = (x - wavelengths_um[index - 1]) / (wavelengths_um[index] - wavelengths_um[index - 1])
+            weight = share_of_step * self.response_at(x)
+            weights += np.bincount(index, weight * right, count) + np.bincount(index - 1, weight * (1 - right), count)
+        return weights
 
-        def integrand(x):
-            index = np.clip(np.searchsorted(wavelengths_um, x, side="right"), 1, len(wavelengths_um) - 1)
-            share = (x - wavelengths_um[index - 1]) / (wavelengths_um[index] - wavelengths_um[index - 1])
-            return (values[..., index - 1] * (1 - share) + values[..., index] * share) * self.response_at(x)
+    def integral(self, wavelengths_um, values) -> np.ndarray:
+        """In-band value of a tabulated spectrum (see row_weights); values: (..., n)."""
+        return values @ self.row_weights(wavelengths_um)
 
-        ends = integrand(nodes)         # between two nodes the product of two lines is a parabola: Simpson's rule is exact
-        return np.sum(np.diff(nodes) * (ends[..., :-1] + 4 * integrand(middle) + ends[..., 1:]) / 6, axis=-1)
+    def check_covered(self, wavelengths_um, what: str) -> None:
+        """Raises InputError, which begins with `what`, where a table with these rising rows (um) does not cover the band."""
+        x = wavelengths_um
+        first, last = np.searchsorted(x, self.lower_um, side="right") - 1, np.searchsorted(x, self.upper_um)
+        if first < 0 or last == len(x) or np.diff(x[first:last + 1]).max() > GAP_UM:
+            parts = np.split(x, np.flatnonzero(np.diff(x) > GAP_UM) + 1)
+            covered = ", ".join(f"{part[0]:.4g}-{part[-1]:.4g}" for part in parts)
+            raise InputError(f"{what}: does not cover band {self.label}; it has {covered} um")
 
     @property
     def label(self) -> str:

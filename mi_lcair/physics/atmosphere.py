@@ -1,0 +1,194 @@
+"""What the air between target and sensor lets through and adds, as functions of range and wavelength."""
+import warnings
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path as FilePath
+
+import numpy as np
+
+from ..errors import InputError, unknown
+from .bands import Band
+from .spectral_table import spectral_table
+from .spectrum import BUNDLED
+
+VACUUM = "vacuum"
+RANGE, TRANSMITTANCE, PATH_RADIANCE = "range_km", "transmittance", "path_radiance_W_m2_sr_um"
+SMALLEST_TRANSMITTANCE = 5e-7   # a 0 printed with six decimals is less than this
+SMALLEST_EMISSIVITY = 1e-4      # of a path that tells what it is like: with six decimals its source function is good to 1 %
+RANGES_AT_ONCE = 1024           # of a long list; bounds the memory
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """One line of sight between target and sensor, over rising wavelengths [um] (n,); empty arrays for vacuum.
+
+    transmittance: (n,), 0..1; radiance: what the path itself sends to the sensor [W m^-2 sr^-1 um^-1], (n,).
+    """
+
+    range_m: float
+    wavelengths_um: np.ndarray
+    transmittance: np.ndarray
+    radiance: np.ndarray
+
+    def at(self, wavelengths_um) -> tuple[np.ndarray, np.ndarray]:
+        """Transmittance and radiance at these wavelengths (um), on straight lines between the rows.
+
+        Raises InputError outside the rows; whether they have gaps in a band, Atmosphere.check_covers tells.
+        """
+        x = np.asarray(wavelengths_um, dtype=float)
+        if not self.wavelengths_um.size:
+            return np.ones(x.shape), np.zeros(x.shape)
+        first, last = self.wavelengths_um[[0, -1]]
+        if x.size and not (first <= x.min() and x.max() <= last):
+            raise InputError(f"atmosphere: wavelengths {x.min():g}-{x.max():g} um are outside its {first:.4g}-{last:.4g} um")
+        return tuple(np.interp(x, self.wavelengths_um, values) for values in (self.transmittance, self.radiance))
+
+
+@dataclass(frozen=True, eq=False)
+class Atmosphere:
+    """Transmittance and path radiance [W m^-2 sr^-1 um^-1], (n, k), at rising ranges [m] (n,) and wavelengths [um] (k,).
+
+    Between the ranges, and from the first down to 0, each wavelength has an optical depth that is linear in range, and a
+    path radiance of (1 - transmittance) times a source function (the Planck function of the air, where it only emits)
+    that is linear in range. Vacuum has empty arrays: it covers every band and range.
+    """
+
+    name: str
+    ranges_m: np.ndarray
+    wavelengths_um: np.ndarray
+    transmittance: np.ndarray
+    path_radiance: np.ndarray
+
+    @property
+    def is_vacuum(self) -> bool:
+        return self.wavelengths_um.size == 0
+
+    def path(self, range_m: float, extrapolate: bool = False) -> Path:
+        """The line of sight of this length [m].
+
+        Raises InputError for a range that is not positive, or beyond the last one of the table; with `extrapolate` the
+        optical depth goes on there with its last slope, and a Python warning says so.
+        """
+        ranges = self._checked([range_m], extrapolate)
+        transmittance, radiance = self._along(ranges, slice(None))
+        return Path(float(ranges[0]), self.wavelengths_um, transmittance[0], radiance[0])
+
+    def check_covers(self, band: Band) -> None:
+        """Raises InputError where the table does not cover the band, and for `total`, which has no wavelengths."""
+        if self.is_vacuum:
+            return
+        if band.is_total:
+            raise InputError(f"atmosphere '{self.name}': band total has no wavelengths that it could act on; "
+                             f"choose a band with limits, or atmosphere {VACUUM}")
+        band.check_covered(self.wavelengths_um, f"atmosphere '{self.name}'")
+
+    def transmittance_mean(self, band: Band, range_m: float, extrapolate: bool = False) -> float:
+        """Mean transmittance in the band, weighted by the detector's response alone."""
+        mean = self.band_transmittance(band, np.ones((1, len(self.wavelengths_um))), [range_m], extrapolate)
+        return float(mean[0, 0])
+
+    def band_transmittance(self, band: Band, spectra, ranges_m, extrapolate: bool = False) -> np.ndarray:
+        """Mean transmittance in the band, weighted by the response and each of `spectra`, at many ranges: (spectra, ranges).
+
+        spectra: (spectra, k), at the atmosphere's wavelengths_um, in any unit; one that is 0 in the band: weighted by
+        the response alone. ranges_m: (ranges,).
+        """
+        spectra = np.atleast_2d(np.asarray(spectra, dtype=float))
+        if self.is_vacuum:
+            return np.ones((len(spectra), len(self._checked(ranges_m, extrapolate))))
+        rows, weights = self._rows(band)
+        of_spectra = spectra[:, rows] * weights
+        of_spectra[of_spectra.sum(axis=1) == 0] = weights
+        of_spectra /= of_spectra.sum(axis=1, keepdims=True)
+        return self._in_pieces(ranges_m, extrapolate, lambda ranges: self._along(ranges, rows)[0] @ of_spectra.T).T
+
+    def band_path_radiance(self, band: Band, ranges_m, extrapolate: bool = False) -> np.ndarray:
+        """In-band radiance of the path, times the response [W m^-2 sr^-1], at many ranges: (ranges,)."""
+        if self.is_vacuum:
+            return np.zeros(len(self._checked(ranges_m, extrapolate)))
+        rows, weights = self._rows(band)
+        return self._in_pieces(ranges_m, extrapolate, lambda ranges: self._along(ranges, rows)[1] @ weights)
+
+    def _rows(self, band):
+        """The rows that count in the band, and their weights (um)."""
+        self.check_covers(band)
+        weights = band.row_weights(self.wavelengths_um)
+        rows = np.flatnonzero(weights)
+        return rows, weights[rows]
+
+    def _in_pieces(self, ranges_m, extrapolate, function):
+        ranges = self._checked(ranges_m, extrapolate)
+        return np.concatenate([function(ranges[start:start + RANGES_AT_ONCE])
+                               for start in range(0, max(len(ranges), 1), RANGES_AT_ONCE)])
+
+    def _checked(self, ranges_m, extrapolate) -> np.ndarray:
+        ranges = np.asarray(ranges_m, dtype=float)
+        usable = (ranges > 0) & np.isfinite(ranges)
+        if not usable.all():
+            wrong = ranges[~usable][0]
+            raise InputError(f"atmosphere '{self.name}': {'zero range' if wrong == 0 else f'range {wrong:g} m'}; "
+                             "the range to the target must be positive and finite, in metres")
+        if not self.is_vacuum and ranges.size and ranges.max() > (last := self.ranges_m[-1]):
+            beyond = f"atmosphere '{self.name}': range {ranges.max():g} m is beyond its last one, {last:g} m"
+            if not extrapolate:
+                raise InputError(f"{beyond}; choose a shorter one, or ask for extrapolation")
+            warnings.warn(f"{beyond}: its optical depth is extrapolated with its last slope", stacklevel=3)
+        return ranges
+
+    @cached_property
+    def _knots(self):
+        """Ranges [m] from 0 on, with the optical depths and source functions there, (n + 1, k)."""
+        positive = self.transmittance[self.transmittance > 0]
+        # An opaque row states only a bound of its optical depth; we take the bound, below every other row's transmittance.
+        smallest = min([SMALLEST_TRANSMITTANCE, *([positive.min() / 2] if positive.size else [])])
+        depths = -np.log(np.maximum(self.transmittance, smallest))
+        emissivity = 1 - self.transmittance
+        source = self.path_radiance / np.where(emissivity > 0, emissivity, np.inf)
+        for n in range(len(source) - 2, -1, -1):      # where a path is too clear to tell, the next longer one does
+            source[n] = np.where(emissivity[n] > SMALLEST_EMISSIVITY, source[n], source[n + 1])
+        return np.append(0, self.ranges_m), np.vstack([0 * depths[:1], depths]), np.vstack([source[:1], source])
+
+    def _along(self, ranges, rows):
+        """Transmittance and path radiance at ranges [m] and rows of the table, (ranges, rows)."""
+        if self.is_vacuum:
+            return np.ones((len(ranges), 0)), np.zeros((len(ranges), 0))
+        knots, depths, source = self._knots
+        low = np.clip(np.searchsorted(knots, ranges, side="right") - 1, 0, len(knots) - 2)
+        share = ((ranges - knots[low]) / (knots[low + 1] - knots[low]))[:, None]
+        depths, source = depths[:, rows], source[:, rows]
+        rise = depths[low + 1] - depths[low]
+        depth = depths[low] + np.minimum(share, 1) * rise + np.maximum(share - 1, 0) * np.maximum(rise, 0)
+        transmittance = np.exp(-depth)
+        return transmittance, (1 - transmittance) * (source[low] + np.minimum(share, 1) * (source[low + 1] - source[low]))
+
+
+def atmosphere_names() -> list[str]:
+    """The bundled atmospheres (LOWTRAN7, horizontal paths near the ground; their headers say how they were made), and vacuum."""
+    return [*sorted(file.stem.removeprefix("path_") for file in BUNDLED.glob("path_*.csv")), VACUUM]
+
+
+def atmosphere(source, ranges_m=None) -> Atmosphere:
+    """The atmosphere that `source` holds.
+
+    source: one of atmosphere_names(); or the path of a CSV with the columns range_km, wavelength_um, transmittance and
+    path_radiance_W_m2_sr_um, in any order, every range with the same wavelengths. Raises InputError for an unknown name
+    and for a file that holds no atmosphere.
+    """
+    if isinstance(source, Atmosphere):
+        return source
+    if str(source) == VACUUM:
+        return Atmosphere(VACUUM, *np.zeros((2, 0)), *np.zeros((2, 0, 0)))
+    path = FilePath(source)
+    if str(source) in atmosphere_names():
+        path = BUNDLED / f"path_{source}.csv"
+    elif not path.suffix and not path.exists():
+        raise unknown("atmosphere", str(source), [*atmosphere_names(), "a file"])
+    return _from_csv(str(source), path)
+
+
+def _from_csv(name, path) -> Atmosphere:
+    columns = (TRANSMITTANCE, 1.0), (PATH_RADIANCE, np.inf)
+    table = spectral_table(path, "atmosphere", columns, key=RANGE)
+    if table.keys[0] == 0:
+        raise InputError(f"atmosphere {path}: {RANGE} 0; ranges must be positive (at range 0 nothing is lost)")
+    return Atmosphere(name, 1000 * table.keys, table.wavelengths_um, *table.columns)
