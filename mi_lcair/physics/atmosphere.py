@@ -7,6 +7,7 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from ..errors import InputError, unknown
+from . import tape7
 from .bands import Band
 from .spectral_table import spectral_table
 from .spectrum import BUNDLED
@@ -171,18 +172,23 @@ def atmosphere(source, ranges_m=None) -> Atmosphere:
     """The atmosphere that `source` holds.
 
     source: one of atmosphere_names(); or the path of a CSV with the columns range_km, wavelength_um, transmittance and
-    path_radiance_W_m2_sr_um, in any order, every range with the same wavelengths. Raises InputError for an unknown name
-    and for a file that holds no atmosphere.
+    path_radiance_W_m2_sr_um, in any order, every range with the same wavelengths; or of a MODTRAN tape7 (physics/tape7.py)
+    whose blocks have the same wavelengths at each range (several blocks at one range are joined). ranges_m: of each block
+    of a tape7, in place of those in the file. Raises InputError for an unknown name, a file that holds no atmosphere.
     """
     if isinstance(source, Atmosphere):
         return source
-    if str(source) == VACUUM:
-        return Atmosphere(VACUUM, *np.zeros((2, 0)), *np.zeros((2, 0, 0)))
     path = FilePath(source)
     if str(source) in atmosphere_names():
         path = BUNDLED / f"path_{source}.csv"
     elif not path.suffix and not path.exists():
         raise unknown("atmosphere", str(source), [*atmosphere_names(), "a file"])
+    elif tape7.is_tape7(path):
+        return _from_tape7(str(source), path, ranges_m)
+    if ranges_m is not None:
+        raise InputError(f"atmosphere '{source}': ranges_m are for the blocks of a MODTRAN tape7 only; leave them out")
+    if str(source) == VACUUM:
+        return Atmosphere(VACUUM, *np.zeros((2, 0)), *np.zeros((2, 0, 0)))
     return _from_csv(str(source), path)
 
 
@@ -192,3 +198,26 @@ def _from_csv(name, path) -> Atmosphere:
     if table.keys[0] == 0:
         raise InputError(f"atmosphere {path}: {RANGE} 0; ranges must be positive (at range 0 nothing is lost)")
     return Atmosphere(name, 1000 * table.keys, table.wavelengths_um, *table.columns)
+
+
+def _from_tape7(name, path, ranges_m) -> Atmosphere:
+    blocks = tape7.blocks(path)
+    if ranges_m is None:
+        for block in blocks:
+            if block.to_space or block.range_m is None:
+                why = "is a path to space or the ground (ITYPE 3), to no target" if block.to_space else "states no range on card 3"
+                raise InputError(f"atmosphere {path}: the block with the header in line {block.line} {why}; "
+                                 "give ranges_m, one for each block")
+        ranges_m = [block.range_m for block in blocks]
+    ranges = np.asarray(ranges_m, dtype=float)
+    if ranges.shape != (len(blocks),) or not np.all((ranges > 0) & np.isfinite(ranges)):
+        raise InputError(f"atmosphere {path}: ranges_m = {ranges_m}; must be a positive number of metres for each of its {len(blocks)} blocks")
+    lines_of_sight = [tape7.joined(path, [block for block, length in zip(blocks, ranges) if length == distinct])
+                      for distinct in np.unique(ranges)]
+    first = lines_of_sight[0]
+    for other in lines_of_sight[1:]:
+        if not np.array_equal(other.wavelengths_um, first.wavelengths_um):
+            raise InputError(f"atmosphere {path}: the ranges of the blocks with headers in lines {first.line} and {other.line} have "
+                             "different wavelengths; run every range with the same ones")
+    return Atmosphere(name, np.unique(ranges), first.wavelengths_um, np.array([block.transmittance for block in lines_of_sight]),
+                      np.array([block.path_radiance for block in lines_of_sight]))

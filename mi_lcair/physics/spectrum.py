@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError, unknown
+from . import tape7
 from .bands import Band
 from .spectral_table import spectral_table
 
@@ -38,24 +39,32 @@ def sky_names() -> list[str]:
 def spectrum(source: str | Path, elevation_deg: float | None = None) -> Spectrum:
     """The spectrum that `source` holds.
 
-    source: a CSV with the columns wavelength_um and radiance_W_m2_sr_um, or the name of a bundled sky table. A table
-    with a column elevation_deg holds one spectrum for each elevation of the line of sight: `elevation_deg` chooses,
-    with straight lines between its elevations and the nearest one outside them. Raises InputError for an unknown
-    name, a file that holds no spectrum, an elevation that is missing or out of place.
+    source: a CSV with the columns wavelength_um and radiance_W_m2_sr_um, a MODTRAN tape7 of one line of sight (its
+    TOTAL_RAD), or the name of a bundled sky table. A table with a column elevation_deg holds one spectrum for each
+    elevation of the line of sight: `elevation_deg` chooses, with straight lines between its elevations and the nearest
+    one outside them. Raises InputError for an unknown name, a file that holds no spectrum, an elevation that is missing
+    or out of place.
     """
     path = Path(source)
-    if not path.suffix:
-        if str(source) not in sky_names():
-            raise unknown("sky table", str(source), sky_names())
+    if str(source) in sky_names():
         path = BUNDLED / f"sky_{source}.csv"
-    table = spectral_table(path, "spectrum", ((RADIANCE, np.inf),), key=ELEVATION, keyless=True)
-    radiance, = table.columns
-    if table.keys is None:
+    elif not path.suffix and not path.exists():
+        raise unknown("sky table", str(source), sky_names())
+    if tape7.is_tape7(path):
+        blocks = tape7.blocks(path)
+        if len({block.range_m for block in blocks}) > 1:
+            raise InputError(f"spectrum {path}: holds lines of sight of different ranges; keep the blocks of one")
+        block = tape7.joined(path, blocks)
+        keys, wavelengths, radiance = None, block.wavelengths_um, block.total_radiance
+    else:
+        table = spectral_table(path, "spectrum", ((RADIANCE, np.inf),), key=ELEVATION, keyless=True)
+        keys, wavelengths, (radiance,) = table.keys, table.wavelengths_um, table.columns
+    if keys is None:
         if elevation_deg is not None:
             raise InputError(f"spectrum {path}: has no column {ELEVATION}, so that an elevation cannot be chosen")
-        return Spectrum(str(source), table.wavelengths_um, radiance)
+        return Spectrum(str(source), wavelengths, radiance)
     if elevation_deg is None or not 0 <= elevation_deg <= 90:
         raise InputError(f"spectrum {path}: elevation_deg = {elevation_deg} must lie in 0..90, to choose one of its "
-                         f"{len(table.keys)} lines of sight")
-    values = [np.interp(elevation_deg, table.keys, column) for column in radiance.T]
-    return Spectrum(f"{source} {elevation_deg:g} deg", table.wavelengths_um, np.array(values))
+                         f"{len(keys)} lines of sight")
+    values = [np.interp(elevation_deg, keys, column) for column in radiance.T]
+    return Spectrum(f"{source} {elevation_deg:g} deg", wavelengths, np.array(values))
