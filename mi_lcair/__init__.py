@@ -19,6 +19,7 @@ _HOME = {  # public name: the module that it comes from, imported at the first u
     "signature": "products.signature",
     "plan": "products.plan",
     "audit": "products.audit",
+    "contrast": "products.contrast",
 }
 __all__ = ["__version__", *_HOME]
 
