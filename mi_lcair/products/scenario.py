@@ -155,15 +155,14 @@ class Scenario:
         changes: values by dotted keys ("sensor.band"); a text is taken as a TOML value where it is one. Files that the
         scenario names lie beside it, those of changes beside the caller. Raises InputError for whatever cannot be used.
         """
-        path = Path(source)
+        path, name = Path(source), Path(source).stem
         if not path.suffix and not path.is_file():
-            path = scenes.scenario_path(str(source))
+            path, name = scenes.scenario_path(str(source)), str(source)
         try:
             text = path.read_text(encoding="utf-8-sig")
             tree = tomllib.loads(text)
         except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
             raise InputError(f"scenario '{source}': {getattr(error, 'strerror', None) or error}") from None
-        name = path.stem if path.suffix else str(source)
         try:
             known = {entry.name: entry.type for entry in fields(Scenario) if is_dataclass(entry.type)}
             locate(tree, path.parent)
