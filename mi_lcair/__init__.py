@@ -20,6 +20,7 @@ _HOME = {  # public name: the module that it comes from, imported at the first u
     "trend": "products.trend",
     "plan": "products.plan",
     "audit": "products.audit",
+    "contrast": "products.contrast",
 }
 __all__ = ["__version__", *_HOME]
 

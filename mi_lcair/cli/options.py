@@ -47,23 +47,25 @@ class SceneOptions:
 
     def load(self):
         """The scene, with variant and threads set; remarks go to stderr."""
-        self._prepare_renderer()
+        prepare_renderer(self.variant, self.threads)
         scene = mi_lcair.load(self.scene, **self.parameters)
         for remark in scene.remarks:
             click.echo(f"mi-lcair: note: {remark}", err=True)
         return scene
 
-    def _prepare_renderer(self):
-        if self.variant:
-            import mitsuba
-            try:
-                mitsuba.set_variant(self.variant)
-            except ImportError as error:
-                raise InputError(f"variant '{self.variant}' cannot start on this machine (cuda_ad_mono needs an NVIDIA "
-                                 f"GPU and its driver); leave it out or use {VARIANTS[0]}") from error
-        if self.threads:
-            import drjit
-            drjit.set_thread_count(self.threads)
+
+def prepare_renderer(variant: str | None, threads: int | None) -> None:
+    """Sets Mitsuba's variant and the number of CPU threads, where asked for."""
+    if variant:
+        import mitsuba
+        try:
+            mitsuba.set_variant(variant)
+        except ImportError as error:
+            raise InputError(f"variant '{variant}' cannot start on this machine (cuda_ad_mono needs an NVIDIA "
+                             f"GPU and its driver); leave it out or use {VARIANTS[0]}") from error
+    if threads:
+        import drjit
+        drjit.set_thread_count(threads)
 
 
 @contextmanager
@@ -110,6 +112,12 @@ def json_option(command):
     return click.option("--json", is_flag=True, help="Print the results as JSON.")(command)
 
 
+def renderer_options(command):
+    """--variant and -t, for commands that render; see prepare_renderer."""
+    threads = click.option("-t", "--threads", type=POSITIVE, help="CPU threads (default: all).")
+    return click.option("--variant", type=click.Choice(VARIANTS), help=f"Mitsuba variant (default: {VARIANTS[0]}).")(threads(command))
+
+
 def sensor_option(command):
     """-s, for commands that look through a sensor."""
     return click.option("-s", "--sensor", type=click.IntRange(min=0), default=0, show_default=True,
@@ -147,8 +155,7 @@ def loading_options(command):
                   help="Set a $-parameter of the scene; may be repeated.")
     @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True,
                   help="Seed of the random numbers.")
-    @click.option("--variant", type=click.Choice(VARIANTS), help=f"Mitsuba variant (default: {VARIANTS[0]}).")
-    @click.option("-t", "--threads", type=POSITIVE, help="CPU threads (default: all).")
+    @renderer_options
     @json_option
     @wraps(command)
     def with_scene(scene, parameters, variant, threads, json, seed, **own):

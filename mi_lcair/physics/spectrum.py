@@ -45,6 +45,25 @@ def spectrum(source: str | Path, elevation_deg: float | None = None) -> Spectrum
     one outside them. Raises InputError for an unknown name, a file that holds no spectrum, an elevation that is missing
     or out of place.
     """
+    path, keys, wavelengths, radiance = _read(source)
+    if keys is None:
+        if elevation_deg is not None:
+            raise InputError(f"spectrum {path}: has no column {ELEVATION}, so that an elevation cannot be chosen")
+        return Spectrum(str(source), wavelengths, radiance)
+    if elevation_deg is None or not 0 <= elevation_deg <= 90:
+        raise InputError(f"spectrum {path}: elevation_deg = {elevation_deg} must lie in 0..90, to choose one of its "
+                         f"{len(keys)} lines of sight")
+    values = [np.interp(elevation_deg, keys, column) for column in radiance.T]
+    return Spectrum(f"{source} {elevation_deg:g} deg", wavelengths, np.array(values))
+
+
+def has_elevations(source: str | Path) -> bool:
+    """Whether `source` holds one spectrum for each elevation, so that `spectrum` needs one."""
+    return _read(source)[1] is not None
+
+
+def _read(source):
+    """Path, elevations (None where the file has none), wavelengths and radiances."""
     path = Path(source)
     if str(source) in sky_names():
         path = BUNDLED / f"sky_{source}.csv"
@@ -55,16 +74,6 @@ def spectrum(source: str | Path, elevation_deg: float | None = None) -> Spectrum
         if len({block.range_m for block in blocks}) > 1:
             raise InputError(f"spectrum {path}: holds lines of sight of different ranges; keep the blocks of one")
         block = tape7.joined(path, blocks)
-        keys, wavelengths, radiance = None, block.wavelengths_um, block.total_radiance
-    else:
-        table = spectral_table(path, "spectrum", ((RADIANCE, np.inf),), key=ELEVATION, keyless=True)
-        keys, wavelengths, (radiance,) = table.keys, table.wavelengths_um, table.columns
-    if keys is None:
-        if elevation_deg is not None:
-            raise InputError(f"spectrum {path}: has no column {ELEVATION}, so that an elevation cannot be chosen")
-        return Spectrum(str(source), wavelengths, radiance)
-    if elevation_deg is None or not 0 <= elevation_deg <= 90:
-        raise InputError(f"spectrum {path}: elevation_deg = {elevation_deg} must lie in 0..90, to choose one of its "
-                         f"{len(keys)} lines of sight")
-    values = [np.interp(elevation_deg, keys, column) for column in radiance.T]
-    return Spectrum(f"{source} {elevation_deg:g} deg", wavelengths, np.array(values))
+        return path, None, block.wavelengths_um, block.total_radiance
+    table = spectral_table(path, "spectrum", ((RADIANCE, np.inf),), key=ELEVATION, keyless=True)
+    return path, table.keys, table.wavelengths_um, table.columns[0]

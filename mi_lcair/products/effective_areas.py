@@ -71,13 +71,17 @@ class EffectiveAreas:
                              f"the material parameters of band {self.band.label} only")
         if temperatures:
             self.check_told_apart()
-        table = [source.spectrum.at(wavelengths_um) if T is None else spectral_radiance(wavelengths_um, T)
-                 for source, T in zip(self.sources, self.temperatures(temperatures or {}))]
-        found = self.area[:, :, None] * np.reshape(table, (len(self.sources), len(wavelengths_um)))
+        found = self.area[:, :, None] * self.radiance(wavelengths_um, temperatures)
         if not self.nodes_um.size:
             return found
         rest = BarycentricInterpolator(self.nodes_um, self.by_wavelength.T)(wavelengths_um).T
         return np.concatenate([found, rest[:, None]], axis=1)
+
+    def radiance(self, wavelengths_um, temperatures: dict | None = None) -> np.ndarray:
+        """Spectral radiance of each source before its emissivity [W m^-2 sr^-1 um^-1], (sources, n)."""
+        table = [source.spectrum.at(wavelengths_um) if T is None else spectral_radiance(wavelengths_um, T)
+                 for source, T in zip(self.sources, self.temperatures(temperatures or {}))]
+        return np.reshape(table, (len(self.sources), len(wavelengths_um)))
 
     def wavelengths_um(self) -> np.ndarray:
         """Even steps over the band, and every row of the tabulated spectra and of the response inside it."""

@@ -82,21 +82,24 @@ def bundled(monkeypatch):
     module.path = lambda name: Path("/scenes") / f"{name}.xml"
     module.parameters = lambda name: ({"opening": Parameter("8", "facets removed"), "band": Parameter("total", "or MWIR")}
                                       if name == "cavity" else {})
+    module.scenarios = lambda name: ["cavity/far"] if name == "cavity" else []
+    module.scenario_title = lambda name: "a cavity, far away"
     monkeypatch.setitem(sys.modules, "mi_lcair.scenes", module)
     monkeypatch.setitem(vars(mi_lcair), "scenes", module)
 
 
 def test_scenes(run, bundled):
-    assert run("scenes").stdout.splitlines()[:6] == [
-        "cavity: a cavity", "    opening=8   facets removed", "    band=total  or MWIR", "", "two_plates: a two_plates", ""]
+    assert run("scenes").stdout.splitlines()[:7] == [
+        "cavity: a cavity", "    opening=8   facets removed", "    band=total  or MWIR", "    scenario cavity/far: a cavity, far away", "", "two_plates: a two_plates", ""]
 
 
 def test_scenes_json(run, bundled):
     assert json.loads(run("scenes", "--json").stdout) == {
         "cavity": {"title": "a cavity", "path": "/scenes/cavity.xml", "parameters": {
             "opening": {"default": "8", "description": "facets removed"},
-            "band": {"default": "total", "description": "or MWIR"}}},
-        "two_plates": {"title": "a two_plates", "path": "/scenes/two_plates.xml", "parameters": {}}}
+            "band": {"default": "total", "description": "or MWIR"}},
+            "scenarios": {"cavity/far": "a cavity, far away"}},
+        "two_plates": {"title": "a two_plates", "path": "/scenes/two_plates.xml", "parameters": {}, "scenarios": {}}}
 
 
 @dataclass
