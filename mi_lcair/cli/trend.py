@@ -51,7 +51,7 @@ class Azimuths(Angles):
 @click.option("-o", "--output", type=click.Path(path_type=Path), required=True, help="Write a row for each view, FILE.csv.")
 @click.option("--plot", type=click.Path(path_type=Path), help="Draw polar curves, FILE.png.")
 @click.option("--resolution", type=POSITIVE, default=64, show_default=True, help="Pixels along each side of a view.")
-@click.option("--spp", type=POSITIVE, help="Samples per pixel, an even number, instead of --tolerance.")
+@click.option("--spp", type=POSITIVE, help="Samples per pixel, 1 or an even number, instead of --tolerance.")
 @click.option("--tolerance", type=Fraction(), help="Standard error of each intensity, as a fraction of it (default: 1%).")
 @click.option("--max-spp", type=POSITIVE, help="Where --tolerance gives up (default: 65536).")
 @click.option("--batch", type=POSITIVE, help="Views rendered together (default: as many as a pass holds).")

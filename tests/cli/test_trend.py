@@ -43,7 +43,7 @@ def test_a_tolerance_that_was_missed_is_told(run):
     (("--azimuth", "0:360", "-o", "t.csv"), "no START:STOP:STEP such as 0:360:2"), (("--azimuth", "0:10:-1", "-o", "t.csv"), "0:10:-1"),
     (("--azimuth", "nan", "-o", "t.csv"), "'nan' is no angle"), (("--azimuth", "0",), "Missing option '-o'"), (("-o", "t.csv"), "Missing option '--azimuth'"),
     (("--azimuth", "0", "-o", "t.txt"), "does not end in .csv"), (("--azimuth", "0", "-o", "no/t.csv"), "output folder 'no' does not exist"),
-    (("--azimuth", "0", "-o", "t.csv", "--spp", 3), "spp = 3 must be even"), (("--azimuth", "0", "--elevation", "95", "-o", "t.csv"), "-90..90"),
+    (("--azimuth", "0", "-o", "t.csv", "--spp", 3), "spp = 3 must be 1 or even"), (("--azimuth", "0", "--elevation", "95", "-o", "t.csv"), "-90..90"),
     (("--azimuth", "0", "--spp", 2, "--tolerance", "1%", "-o", "t.csv"), "give one of them")])
 def test_refused(refused, folder, args, message):
     assert message in refused("trend", "cylinder_ir_range", *args)
