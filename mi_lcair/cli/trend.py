@@ -84,6 +84,8 @@ def command(options, azimuth, elevation, output, plot, **settings):
                        *(summary(result.at_elevation(angle), angle) for angle in elevation)])
     if result.missed:
         click.echo(f"mi-lcair: note: {result.missed} of {len(result.columns['spp'])} views did not reach the tolerance; raise --max-spp", err=True)
+    if result.columns["invalid"].any():
+        click.echo("mi-lcair: note: some samples were NaN or infinite and count as 0; see column invalid", err=True)
     for path in filter(None, (output, plot)):
         click.echo(f"wrote {path}", err=True)
 

@@ -11,7 +11,7 @@ from mi_lcair.rendering.many_views import render_views, views_per_batch
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import View
 
-OWN_COLUMNS = ("azimuth_deg", "elevation_deg", "intensity_W_sr", "standard_error_W_sr", "projected_area_m2", "spp", "reached")
+OWN_COLUMNS = ("azimuth_deg", "elevation_deg", "intensity_W_sr", "standard_error_W_sr", "projected_area_m2", "spp", "reached", "invalid")
 
 
 @dataclass(frozen=True)
@@ -50,8 +50,8 @@ class Sweep:
 @dataclass(frozen=True)
 class Trend:
     """Rows by view, as columns: azimuth_deg, elevation_deg, intensity_W_sr of the model with its standard error, its projected area,
-    samples per pixel, whether the tolerance was reached (1 or 0; 1 for a fixed number), and the intensity's parts
-    group.LABEL_W_sr and bounce.N_W_sr [W/sr]."""
+    samples per pixel, whether the tolerance was reached (1 or 0; 1 for a fixed number), NaN or infinite samples of its batch, which
+    count as 0, and the intensity's parts group.LABEL_W_sr and bounce.N_W_sr [W/sr]."""
     columns: dict[str, np.ndarray]
     band: str
 
@@ -121,8 +121,8 @@ def render_batch(scene: Scene, sweep: Sweep, number: int, views) -> dict[View, d
     seed = np.random.SeedSequence(sweep.seed, spawn_key=(number,))
     found = render_views(scene, list(views), sweep.resolution, sweep.spp, sweep.tolerance, sweep.max_spp, seed)
     intensity, error = found.parts["target"]
-    reached = np.ones(len(views)) if sweep.spp else found.reached(sweep.tolerance)
+    reached = np.ones(len(views)) if sweep.spp else found.excess(sweep.tolerance) <= 1
     shown = {f"{name}_W_sr": found.parts[name][0] for name in found.parts if name.startswith(("group.", "bounce.", "closure"))}
     own = dict(zip(OWN_COLUMNS, ([view.azimuth_deg for view in views], [view.elevation_deg for view in views], intensity, error,
-                                 found.parts["hit"][0], np.full(len(views), found.spp), reached)))
+                                 found.parts["hit"][0], np.full(len(views), found.spp), reached, np.full(len(views), found.invalid))))
     return {view: {name: float(values[k]) for name, values in (own | shown).items()} for k, view in enumerate(views)}

@@ -11,6 +11,9 @@ from .render import DEFAULT_MAX_SPP, PASS_SAMPLES
 from .scene import Scene
 from .views import Target, View, cameras
 
+FAINT = 1e-3        # of the brightest view's intensity: a fainter view, from which nothing may be seen at all, need not be better known
+
+
 @dataclass(frozen=True)
 class ManyViews:
     """Of each view (V,): `parts`, by name the intensity [W/sr] and its standard error, (2, V).
@@ -24,8 +27,11 @@ class ManyViews:
     spp: int
     invalid: int
 
-    def reached(self, tolerance: float) -> np.ndarray:
-        return self.error <= tolerance * self.parts["target"][0]
+    def excess(self, tolerance: float) -> np.ndarray:
+        """Error over what the tolerance allows: that fraction of the view's intensity, or of FAINT of the brightest view's."""
+        intensity = self.parts["target"][0]
+        allowed = tolerance * np.maximum(intensity, FAINT * intensity.max())
+        return np.divide(self.error, allowed, out=np.where(self.error > 0, np.inf, 0), where=allowed > 0)
 
 
 def views_per_batch(resolution: int) -> int:
@@ -42,8 +48,8 @@ def render_views(scene: Scene, views: list[View], resolution: int, spp: int | No
                  max_spp: int | None = None, seed=0) -> ManyViews:
     """Renders what the model sends toward each view, of resolution x resolution pixels.
 
-    spp: samples per pixel, an even number (or 1 where resolution is even); without it as many (up to max_spp, 65536) as every view needs for a standard error
-    of its intensity below `tolerance` of it. seed: a number or a numpy SeedSequence; the same one gives the same numbers.
+    spp: samples per pixel, an even number (or 1 where resolution is even); without it as many (up to max_spp, 65536) as every
+    view needs for a standard error of its intensity below `tolerance` of it. closure = tail continues all views by one ratio. seed: a number or a numpy SeedSequence; the same one gives the same numbers.
     """
     least = fewest(resolution)
     if spp is not None and spp % 2 and spp != least:
@@ -69,12 +75,12 @@ def render_views(scene: Scene, views: list[View], resolution: int, spp: int | No
             done += step
             parts = {name: np.array([total / done, np.sqrt(squares) / done]) * area for name, (total, squares) in sums.items()}
             error = np.hypot(parts["target"][1], integrator.emitters.brightest * area / (done * paths))
+            found = ManyViews(parts, error, done, invalid)
             if spp is None:
-                with np.errstate(divide="ignore", invalid="ignore"):
-                    excess = np.nanmax(error / (tolerance * parts["target"][0]), initial=0)
+                excess = found.excess(tolerance).max()
                 more = 2 * int(np.ceil(done * min(3, 1.05 * excess**2 - 1) / 2))        # at most four times what is done
                 goal = done if excess <= 1 else min(limit, done + more)
-    return ManyViews(parts, error, done, invalid)
+    return found
 
 
 def in_halves(L, samples: dict, spp: int, views: int, resolution: int) -> tuple[int, dict]:
