@@ -125,7 +125,7 @@ def contrast(scenario, progress=None) -> Contrast:
     transmittance, radiance = path.at(seen.wavelengths_um)
     background_radiance = seen.in_band(seen.backdrop)
     no_target = None if detector.solid_angle is None else background_radiance * detector.solid_angle
-    return Contrast(scenario, detector, air, path, -observer.elevation_deg, behind.name, seen.in_band(transmittance) / float(seen.weights_um.sum()),
+    return Contrast(scenario, detector, air, path, 0.0 - observer.elevation_deg, behind.name, seen.in_band(transmittance) / float(seen.weights_um.sum()),
                     seen.in_band(radiance), background_radiance, no_target, target.radius, rows,
                     [*scene.remarks, *remarks(rows, detector, target, observer.range_m)], time.perf_counter() - start)
 
