@@ -13,7 +13,7 @@ from mi_lcair.products.contrast import contrast
 from mi_lcair.products.contrast_plot import save_plot
 from mi_lcair.products.irradiance import Estimate
 from mi_lcair.products.scenario import Scenario
-from mi_lcair.rendering.views import Target
+from mi_lcair.rendering.views import Target, View, seen_from
 from tests.products.disc_scenario import AREA, disc, triangles, write_disc
 
 LIMITS = {"MWIR": (3.0, 5.0), "LWIR": (8.0, 12.0)}
@@ -225,3 +225,15 @@ def test_plot(folder, figures, tmp_path):
     lines = {line.get_label(): line.get_ydata() for axes in (through, parts, beside) for line in axes.lines}
     np.testing.assert_allclose(lines["target"] + lines["path"] + lines["background, hidden"], lines["contrast"], atol=1e-15)
     assert lines["background, hidden"].max() < 0 and "W/sr in band" in intensity.get_title() and "MWIR 3-5 um" in figures[0].get_suptitle()
+
+
+def test_each_row_is_rendered_with_its_own_reflections():
+    """With the random numbers of every other row: the same as the cumulative intensities of one signature."""
+    changes = {"sensor.band": "LWIR", "render.resolution": 24, "render.spp": 4, "render.seed": 3, "render.lobe": "mirror"}
+    scenario = Scenario.read("a340_landing/position_3", **changes, **{"render.max_bounces": [2, 0, 1]})
+    scene = mi_lcair.load("a340_landing", band="LWIR", lobe="mirror", max_bounces=2)
+    seen = seen_from(scene, View(scenario.observer.azimuth_deg, scenario.observer.elevation_deg), 24)
+    by_bounce = mi_lcair.signature(seen, spp=4, seed=3).target.by_bounce
+    rows = contrast(scenario).rows
+    assert [row.intensity.value for row in rows] == pytest.approx([by_bounce[2], by_bounce[0], by_bounce[1]], rel=1e-4)
+    assert by_bounce[0] < 0.9 * by_bounce[1] < by_bounce[2]
