@@ -17,6 +17,7 @@ _HOME = {  # public name: the module that it comes from, imported at the first u
     "render": "rendering.render",
     "fit": "fitting.estimation",
     "signature": "products.signature",
+    "trend": "products.trend",
     "plan": "products.plan",
     "audit": "products.audit",
     "contrast": "products.contrast",

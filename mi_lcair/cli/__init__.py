@@ -11,7 +11,7 @@ import click
 import mi_lcair
 from mi_lcair.errors import InputError, mitsuba_error, unknown
 
-COMMANDS = {name: name for name in ("render", "show", "signature", "fit", "scenes", "chart", "plan", "audit", "contrast")}   # name: its module
+COMMANDS = {name: name for name in ("render", "show", "signature", "contrast", "trend", "fit", "scenes", "chart", "plan", "audit")}   # name: its module
 COMMANDS["import"] = "import_model"     # a file import.py could not be imported
 FAILED, UNUSABLE, INTERRUPTED = 1, 2, 130
 

@@ -26,7 +26,7 @@ class SceneOptions:
 
     def run(self, function, **own):
         """Load the scene and return function(scene, **sampling, **own, progress=...); remarks and progress go to stderr."""
-        scene = self._load()
+        scene = self.load()
         with progress_bar() as progress:
             return function(scene, **self.sampling, **own, progress=progress)
 
@@ -34,7 +34,7 @@ class SceneOptions:
         """As `run`, but where --plan was given find one first, keep it as `plan`, and follow it."""
         if self.plan is None:
             return self.run(function, **own)
-        scene, sampling = self._load(), dict(self.sampling)
+        scene, sampling = self.load(), dict(self.sampling)
         tolerance = sampling.pop("tolerance") or DEFAULT_TOLERANCE
         with progress_bar("probes") as progress:
             self.plan = mi_lcair.plan(scene, tolerance, each_pixel, sampling["seed"], sampling["sensor"], progress)
@@ -45,7 +45,8 @@ class SceneOptions:
         """The plan that was followed, for JSON: an entry `plan`, or none."""
         return {"plan": self.plan.as_dict()} if self.plan else {}
 
-    def _load(self):
+    def load(self):
+        """The scene, with variant and threads set; remarks go to stderr."""
         prepare_renderer(self.variant, self.threads)
         scene = mi_lcair.load(self.scene, **self.parameters)
         for remark in scene.remarks:

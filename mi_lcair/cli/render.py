@@ -13,7 +13,9 @@ from mi_lcair.errors import InputError
 @click.command("render")
 @scene_options
 @click.option("-o", "--output", type=click.Path(path_type=Path), required=True, help="The image to write, FILE.exr.")
-def command(options, output):
+@click.option("--atmosphere", help="Also what arrives through an atmosphere: a bundled name, a CSV, a MODTRAN tape7, vacuum.")
+@click.option("--range", "range_m", type=float, help="With --atmosphere: metres to all of the model (default: each pixel's own).")
+def command(options, output, atmosphere, range_m):
     """Render SCENE to a radiance image.
 
     SCENE is a Mitsuba XML file or the name of a bundled scene. The image is an OpenEXR file in W m^-2 sr^-1: channel Y
@@ -25,7 +27,14 @@ def command(options, output):
     if output.suffix.lower() != ".exr":
         raise InputError(f"output '{output}' does not end in .exr; render writes OpenEXR images, and show makes PNGs")
     check_writable(output)
-    result = options.run_planned(mi_lcair.render, each_pixel=True)
+    if range_m is not None and atmosphere is None:
+        raise InputError("--range is the length of the path through an --atmosphere; name one")
+    air = {}
+    if atmosphere is not None:
+        from mi_lcair.physics.atmosphere import atmosphere as read
+
+        air = {"atmosphere": read(atmosphere), "range_m": range_m}
+    result = options.run_planned(mi_lcair.render, each_pixel=True, **air)
     write_exr(output, result.channels, result.header)
 
     if options.json:

@@ -16,6 +16,7 @@ VACUUM = "vacuum"
 RANGE, TRANSMITTANCE, PATH_RADIANCE = "range_km", "transmittance", "path_radiance_W_m2_sr_um"
 SMALLEST_TRANSMITTANCE = 5e-7   # a 0 printed with six decimals is less than this
 SMALLEST_EMISSIVITY = 1e-4      # of a path that tells what it is like: with six decimals its source function is good to 1 %
+CLEAR = 1e-12                   # optical depth of a row without any, whose logarithm is finite
 RANGES_AT_ONCE = 1024           # of a long list; bounds the memory
 
 
@@ -49,9 +50,10 @@ class Path:
 class Atmosphere:
     """Transmittance and path radiance [W m^-2 sr^-1 um^-1], (n, k), at rising ranges [m] (n,) and wavelengths [um] (k,).
 
-    Between the ranges, and from the first down to 0, each wavelength has an optical depth that is linear in range, and a
-    path radiance of (1 - transmittance) times a source function (the Planck function of the air, where it only emits)
-    that is linear in range. Vacuum has empty arrays: it covers every band and range.
+    Between the ranges, and from the first down to 0, the optical depth of each wavelength is a power of range: Bouguer's law
+    where the power is 1; in a band of unresolved lines the strong ones saturate and it is less (down to 1/2, Goody and Yung
+    1989, 4.5). The path radiance is (1 - transmittance) times a source function (the Planck function of the air, where it
+    only emits) that is linear in range. Vacuum has empty arrays: it covers every band and range.
     """
 
     name: str
@@ -68,7 +70,7 @@ class Atmosphere:
         """The line of sight of this length [m].
 
         Raises InputError for a range that is not positive, or beyond the last one of the table; with `extrapolate` the
-        optical depth goes on there with its last slope, and a Python warning says so.
+        optical depth goes on there with its last power, and a Python warning says so.
         """
         ranges = self._checked([range_m], extrapolate)
         transmittance, radiance = self._along(ranges, slice(None))
@@ -133,34 +135,43 @@ class Atmosphere:
             beyond = f"atmosphere '{self.name}': range {ranges.max():g} m is beyond its last one, {last:g} m"
             if not extrapolate:
                 raise InputError(f"{beyond}; choose a shorter one, or ask for extrapolation")
-            warnings.warn(f"{beyond}: its optical depth is extrapolated with its last slope", stacklevel=3)
+            warnings.warn(f"{beyond}: its optical depth is extrapolated with its last power of range", stacklevel=3)
         return ranges
 
     @cached_property
     def _knots(self):
-        """Ranges [m] from 0 on, with the optical depths and source functions there, (n + 1, k)."""
+        """At the tabulated ranges: optical depths and source functions (n, k); and the powers (n + 1, k) of range with which the
+        optical depth rises to the first, between them, and from the last on."""
         positive = self.transmittance[self.transmittance > 0]
         # An opaque row states only a bound of its optical depth; we take the bound, below every other row's transmittance.
         smallest = min([SMALLEST_TRANSMITTANCE, *([positive.min() / 2] if positive.size else [])])
-        depths = -np.log(np.maximum(self.transmittance, smallest))
+        depths = -np.log(np.clip(self.transmittance, smallest, 1 - CLEAR))
+        powers = np.diff(np.log(depths), axis=0) / np.diff(np.log(self.ranges_m))[:, None]
+        if len(powers):
+            first, last = np.clip(powers[0], 0.5, 1), np.clip(powers[-1], 0, 1)
+            first[self.transmittance[0] <= smallest] = 1        # opaque before the table begins: its own power is unknown
+        else:
+            first = last = np.ones(depths.shape[1])
         emissivity = 1 - self.transmittance
         source = self.path_radiance / np.where(emissivity > 0, emissivity, np.inf)
         for n in range(len(source) - 2, -1, -1):      # where a path is too clear to tell, the next longer one does
             source[n] = np.where(emissivity[n] > SMALLEST_EMISSIVITY, source[n], source[n + 1])
-        return np.append(0, self.ranges_m), np.vstack([0 * depths[:1], depths]), np.vstack([source[:1], source])
+        return depths, source, np.vstack([first, powers, last])
 
     def _along(self, ranges, rows):
         """Transmittance and path radiance at ranges [m] and rows of the table, (ranges, rows)."""
         if self.is_vacuum:
             return np.ones((len(ranges), 0)), np.zeros((len(ranges), 0))
-        knots, depths, source = self._knots
-        low = np.clip(np.searchsorted(knots, ranges, side="right") - 1, 0, len(knots) - 2)
-        share = ((ranges - knots[low]) / (knots[low + 1] - knots[low]))[:, None]
-        depths, source = depths[:, rows], source[:, rows]
-        rise = depths[low + 1] - depths[low]
-        depth = depths[low] + np.minimum(share, 1) * rise + np.maximum(share - 1, 0) * np.maximum(rise, 0)
-        transmittance = np.exp(-depth)
-        return transmittance, (1 - transmittance) * (source[low] + np.minimum(share, 1) * (source[low + 1] - source[low]))
+        depths, source, powers = (values[:, rows] for values in self._knots)
+        knots = self.ranges_m
+        interval = np.searchsorted(knots, ranges)           # 0: before the first
+        before = np.maximum(interval - 1, 0)
+        beyond = np.minimum(interval, len(knots) - 1)
+        depth = depths[before] * (ranges / knots[before])[:, None] ** powers[interval]
+        transmittance = np.where(depth > 2 * CLEAR, np.exp(-depth), 1)
+        share = (ranges - knots[before]) / np.maximum(knots[beyond] - knots[before], 1e-300)
+        share = np.clip(share, 0, 1)[:, None]
+        return transmittance, (1 - transmittance) * (source[before] + share * (source[beyond] - source[before]))
 
 
 def atmosphere_names() -> list[str]:

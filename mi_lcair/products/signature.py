@@ -74,7 +74,7 @@ def signature(scene: Scene, spp: int | None = None, tolerance: float | None = No
         raise InputError(f"{scene.name}: band total has no wavelengths, so that its intensity has no spectrum; choose a band with limits")
     area = window_area(scene.sensor(sensor), scene.name)
     by_facet = FacetResults(FacetTable(scene)) if facets else None
-    image = render(scene, spp, tolerance, max_spp, seed, sensor, "target", by_spectrum, by_facet, progress)
+    image = render(scene, spp, tolerance, max_spp, seed, sensor, "target", by_spectrum, by_facet, progress=progress)
     if by_facet is not None:
         *_, direction = window(scene.sensor(sensor))
         by_facet.finish(area, -direction)

@@ -11,9 +11,6 @@ from .render import DEFAULT_MAX_SPP, PASS_SAMPLES
 from .scene import Scene
 from .views import Target, View, cameras
 
-PILOT_SPP = 2       # the fewest that tell an error
-
-
 @dataclass(frozen=True)
 class ManyViews:
     """Of each view (V,): `parts`, by name the intensity [W/sr] and its standard error, (2, V).
@@ -33,28 +30,36 @@ class ManyViews:
 
 def views_per_batch(resolution: int) -> int:
     """How many views one pass of the fewest samples holds."""
-    return max(1, PASS_SAMPLES // (PILOT_SPP * resolution**2))
+    return max(1, PASS_SAMPLES // (fewest(resolution) * resolution**2))
+
+
+def fewest(resolution: int) -> int:
+    """The least number of samples per pixel that tells an error: of one each, neighbouring pixels make a pair."""
+    return 1 if resolution % 2 == 0 else 2
 
 
 def render_views(scene: Scene, views: list[View], resolution: int, spp: int | None = None, tolerance: float = 0.01,
                  max_spp: int | None = None, seed=0) -> ManyViews:
     """Renders what the model sends toward each view, of resolution x resolution pixels.
 
-    spp: even number of samples per pixel; without it as many (up to max_spp, 65536) as every view needs for a standard error
+    spp: samples per pixel, an even number (or 1 where resolution is even); without it as many (up to max_spp, 65536) as every view needs for a standard error
     of its intensity below `tolerance` of it. seed: a number or a numpy SeedSequence; the same one gives the same numbers.
     """
-    if spp is not None and (spp < PILOT_SPP or spp % 2):
-        raise InputError(f"spp = {spp} must be even and 2 or more: the two halves tell the error")
+    least = fewest(resolution)
+    if spp is not None and spp % 2 and spp != least:
+        raise InputError(f"spp = {spp} must be {'1 or ' if least == 1 else ''}even: what is drawn twice tells the error")
     seeds = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
-    integrator, area = scene.mi.integrator(), Target.of(scene).window_area
-    sensor = cameras(scene, views, resolution)
+    integrator, target = scene.mi.integrator(), Target.of(scene)
+    area = np.array([target.window_area(view) for view in views])
+    sensor = cameras(scene, target, views, resolution)
     paths = resolution**2
-    most = max(PILOT_SPP, PASS_SAMPLES // (paths * len(views)) // 2 * 2)         # in one pass
-    limit = spp or max(PILOT_SPP, (max_spp or DEFAULT_MAX_SPP) // 2 * 2)
-    done, goal, invalid, sums = 0, spp or PILOT_SPP, 0, {}
+    most = max(least, PASS_SAMPLES // (paths * len(views)) // 2 * 2)         # in one pass
+    limit = spp or max(least, (max_spp or DEFAULT_MAX_SPP) // least * least)
+    done, goal, invalid, sums = 0, spp or least, 0, {}
     with integrator.prepared(scene.mi):
         while done < goal:
             step = min(goal - done, most)
+            step -= step % 2 if step > 1 else 0
             L, samples = integrator.sampled(scene.mi, sensor, int(seeds.spawn(1)[0].generate_state(1)[0]), step, 0,
                                             paths * len(views), "model")
             bad, halves = in_halves(L, samples, step, len(views), resolution)
@@ -67,14 +72,16 @@ def render_views(scene: Scene, views: list[View], resolution: int, spp: int | No
             if spp is None:
                 with np.errstate(divide="ignore", invalid="ignore"):
                     excess = np.nanmax(error / (tolerance * parts["target"][0]), initial=0)
-                goal = done if excess <= 1 else min(limit, 4 * done, done + 2 * int(np.ceil(done * (1.05 * excess**2 - 1) / 2)))
+                more = 2 * int(np.ceil(done * min(3, 1.05 * excess**2 - 1) / 2))        # at most four times what is done
+                goal = done if excess <= 1 else min(limit, done + more)
     return ManyViews(parts, error, done, invalid)
 
 
 def in_halves(L, samples: dict, spp: int, views: int, resolution: int) -> tuple[int, dict]:
     """Invalid samples, and by name the mean over each view's window and its variance, (2, V).
 
-    A pixel's samples come in two halves, whose scatter tells the variance; what differs from pixel to pixel does not add to it.
+    A pixel's samples come in two halves, whose scatter tells the variance; what differs from pixel to pixel does not add to it,
+    or, with one sample for each pixel, little: the halves are then neighbours.
     """
     finite = dr.isfinite(L)
     names = [name for name in samples if name.startswith(("target", "bounce.", "group.", "closure", "hit"))]
@@ -82,7 +89,7 @@ def in_halves(L, samples: dict, spp: int, views: int, resolution: int) -> tuple[
     dr.eval(finite, values)
 
     def statistics(value):
-        halves = dr.block_sum(value, spp // 2).numpy().astype(float).reshape(resolution, views, resolution, 2) / spp
+        halves = dr.block_sum(value, max(1, spp // 2)).numpy().astype(float).reshape(resolution, views, -1, 2) / spp
         return halves.sum(axis=(0, 2, 3)) / resolution**2, ((halves[..., 0] - halves[..., 1]) ** 2).sum(axis=(0, 2)) / resolution**4
 
     return int(dr.count(~finite)[0]), {name: np.array(statistics(value)) for name, value in values.items()}

@@ -9,10 +9,12 @@ import numpy as np
 
 import mi_lcair
 from mi_lcair.errors import InputError
+from mi_lcair.physics.atmosphere import Atmosphere
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import brightness_temperature
 from mi_lcair.plugins.sources import Sources
 
+from .apparent import apparent
 from .scene import Scene
 
 BOUNCE_CHANNELS = 17        # in the image; the last holds every bounce count from 16 on
@@ -125,17 +127,24 @@ class Accumulator:
 
 
 def render(scene: Scene, spp: int | None = None, tolerance: float | None = None, max_spp: int | None = None, seed: int = 0,
-           sensor: int = 0, split: str | None = "image", by_spectrum: bool = False, facets=None, progress=None) -> Render:
+           sensor: int = 0, split: str | None = "image", by_spectrum: bool = False, facets=None, atmosphere: Atmosphere | None = None,
+           range_m: float | None = None, progress=None) -> Render:
     """Renders a scene.
 
     spp: samples per pixel (the scene's own). tolerance: instead render until the rms standard error over the pixels is
     below this fraction of the mean radiance, or max_spp (65536) is reached. seed: the same seed gives the same image.
     sensor: which one, counted from 0. split, by_spectrum, facets: what is recorded beside the radiance, see `observe` of
-    bounce_path. progress: called with (samples per pixel done, total expected).
+    bounce_path. atmosphere: also what of the picture arrives through it, over range_m or else each pixel's own range
+    (`apparent.Y`, `path.Y`). progress: called with (samples per pixel done, total expected).
     """
     for name, value in (("spp", spp), ("max_spp", max_spp), ("tolerance", tolerance)):
         if value is not None and not value > 0:
             raise InputError(f"{name} = {value} must be positive")
+    if atmosphere is not None:
+        atmosphere.check_covers(scene.band)
+        if range_m is not None:
+            atmosphere.path(range_m)        # refused now, not after the work
+        split, by_spectrum = "target", True
     start = time.perf_counter()
     camera, integrator = scene.sensor(sensor), scene.mi.integrator()
     width, height = camera.film().crop_size()
@@ -164,8 +173,12 @@ def render(scene: Scene, spp: int | None = None, tolerance: float | None = None,
     closure_error = float(np.mean(tail_errors)) if integrator.closure == "tail" else None
     scale = total.error_scale()
     covariance = total.covariance * scale if by_spectrum and scale is not None else None
-    return Render(image_channels(total, (height, width), scene.band),
-                  header(scene, integrator, sensor, done, seed, total, closure_error), scene.band,
+    channels, air = image_channels(total, scene.band), {}
+    if atmosphere is not None:
+        air = {"atmosphere": atmosphere.name, "atmosphere_range_m": "range.Y" if range_m is None else f"{range_m:g}"}
+        channels |= apparent(total.mean, total.channels, integrator.emitters.sources, scene.band, atmosphere, range_m)
+    return Render({name: np.ascontiguousarray(values.reshape(height, width), dtype=np.float32) for name, values in channels.items()},
+                  header(scene, integrator, sensor, done, seed, total, closure_error) | air, scene.band,
                   total.means(), covariance, integrator.emitters.sources, done, float(total.mean.mean()), rms_error, reached,
                   total.invalid, done * width * height, closure_error, time.perf_counter() - start)
 
@@ -180,8 +193,8 @@ def samples_needed(total: Accumulator, done: int, tolerance: float) -> int:
     return min(4 * done, max(done + 1, int(1.05 * done * (error / tolerance) ** 2) + 1))
 
 
-def image_channels(total: Accumulator, shape, band: Band) -> dict[str, np.ndarray]:
-    """The channels of the radiance EXR, in the order of design."""
+def image_channels(total: Accumulator, band: Band) -> dict[str, np.ndarray]:
+    """The channels of the radiance EXR, in the order of design, one value per pixel."""
     channels = {"Y": total.mean, "temperature.Y": brightness_temperature(band, total.mean)}
     if total.count.min() > 1:
         channels["stderr.Y"] = total.standard_error()
@@ -194,7 +207,7 @@ def image_channels(total: Accumulator, shape, band: Band) -> dict[str, np.ndarra
         channels.update((f"{name}.Y", values) for name, values in parts.items() if name.startswith(("group.", "seen.")))
         channels["target.Y"] = parts["target"]
         channels["range.Y"] = parts["range"] / np.maximum(parts["hit"], 1e-30)        # over the hits alone
-    return {name: np.ascontiguousarray(values.reshape(shape), dtype=np.float32) for name, values in channels.items()}
+    return channels
 
 
 def header(scene: Scene, integrator, sensor: int, spp: int, seed: int, total: Accumulator, closure_error) -> dict:

@@ -21,7 +21,7 @@ class Scene:
     """A loaded scene: `mi` is Mitsuba's own object, `band` and `groups` what its thermal emitters name.
 
     name: the bundled scene's name or the file's; parameters: the $-parameters that were given, as text; remarks: what a
-    user should know before trusting the picture, one line each; sensors: through which it may be seen.
+    user should know before trusting the picture, one line each; sensors: through which it may be seen; path: its file.
     """
     mi: mi.Scene
     name: str
@@ -30,6 +30,12 @@ class Scene:
     parameters: dict[str, str]
     remarks: list[str]
     sensors: list
+    path: Path
+
+    @property
+    def source(self) -> str:
+        """What `load` takes for it in another process: a bundled scene's name, or the file's whole path."""
+        return self.name if self.path.parent == scenes.FOLDER else str(self.path.resolve())
 
     def sensor(self, index: int):
         if index >= len(self.sensors):
@@ -142,7 +148,7 @@ def checked(loaded, path: Path, parameters: dict[str, str]) -> Scene:
     if integrator.emitters.band is None:
         raise InputError(f"{path}: no thermal emitter names a band; add <emitter type=\"thermal\"> to what radiates")
     name = path.resolve().parent.name if path.stem == "scene" else path.stem      # as `import` names its files
-    return Scene(loaded, name, integrator.emitters.band, integrator.emitters.labels, parameters, remarks(loaded), list(loaded.sensors()))
+    return Scene(loaded, name, integrator.emitters.band, integrator.emitters.labels, parameters, remarks(loaded), list(loaded.sensors()), path)
 
 
 def remarks(loaded) -> list[str]:

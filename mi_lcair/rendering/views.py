@@ -3,6 +3,7 @@ from dataclasses import dataclass, replace
 
 import mitsuba as mi
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.derivatives import members
@@ -10,7 +11,9 @@ from mi_lcair.plugins.facets import is_faceted
 
 from .scene import Scene
 
-MARGIN = 1.01       # of the window over the model's sphere
+MARGIN = 1.01       # of the window over the model, and of the camera's distance over its radius
+THINNEST = 1e-3     # half a window's side over the model's radius, where the model is seen edge-on
+FEW_POINTS = 1000   # more of them are thinned to their convex hull
 UP, BESIDE = (0, 0, 1), (1, 0, 0)
 POLE_DEG = 89.999   # of elevation, beyond which z cannot be upright in the picture
 
@@ -37,7 +40,9 @@ class View:
 
 @dataclass(frozen=True)
 class Target:
-    """A sphere that holds all of a scene's model, what is neither sky nor terrain: centre (3,) and radius [m]."""
+    """Where a scene's model is, what is neither sky nor terrain: points (n, 3) whose hull holds it, and a sphere around them: its
+    centre (3,) and radius; m."""
+    points: np.ndarray
     centre: np.ndarray
     radius: float
 
@@ -47,20 +52,36 @@ class Target:
         if not points:
             raise InputError(f"{scene.name}: has no model to look at; all its surfaces are sky or terrain")
         points = np.concatenate(points)
+        if len(points) > FEW_POINTS:
+            points = points[ConvexHull(points, qhull_options="QJ").vertices]        # QJ: a flat model has no hull without
         centre = (points.min(axis=0) + points.max(axis=0)) / 2
-        return Target(centre, float(np.linalg.norm(points - centre, axis=1).max()))
+        return Target(points, centre, float(np.linalg.norm(points - centre, axis=1).max()))
 
-    @property
-    def window_area(self) -> float:
-        """Of each view's square window [m^2]."""
-        return (2 * MARGIN * self.radius) ** 2
+    def window(self, view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The rectangle that holds the model as seen from there: middle, and half its sides, to the right and upward [m], (3,) each."""
+        up = UP if abs(view.elevation_deg) < POLE_DEG else BESIDE
+        right = np.cross(up, view.direction)
+        right /= np.linalg.norm(right)
+        up = np.cross(view.direction, right)
+        middle, sides = self.centre, []
+        for axis in (right, up):
+            along = (self.points - self.centre) @ axis
+            middle = middle + axis * (along.min() + along.max()) / 2
+            sides.append(axis * MARGIN * max(np.ptp(along) / 2, THINNEST * self.radius))
+        return middle, *sides
+
+    def window_area(self, view: View) -> float:
+        """Of the window [m^2]."""
+        _, right, up = self.window(view)
+        return float(4 * np.linalg.norm(right) * np.linalg.norm(up))
 
     def camera(self, view: View, resolution: int, far: float) -> dict:
-        """Mitsuba's dictionary of a camera just outside the sphere, resolution x resolution pixels; it sees up to `far` metres."""
+        """Mitsuba's dictionary of a camera just outside the sphere with resolution x resolution pixels, not square ones, over the
+        window; it sees up to `far` metres."""
+        middle, right, up = self.window(view)
+        eye = middle + (self.centre - middle) @ view.direction * view.direction + MARGIN * self.radius * view.direction
         T = mi.ScalarTransform4f
-        distance, half = MARGIN * self.radius, MARGIN * self.radius
-        up = UP if abs(view.elevation_deg) < POLE_DEG else BESIDE
-        place = T().look_at(origin=self.centre + distance * view.direction, target=self.centre, up=up) @ T().scale([half, half, 1])
+        place = T().look_at(origin=eye, target=eye - view.direction, up=up) @ T().scale([np.linalg.norm(right), np.linalg.norm(up), 1])
         return {"type": "orthographic", "to_world": place, "near_clip": 1e-4 * self.radius, "far_clip": far, "film": film(resolution, resolution)}
 
 
@@ -77,9 +98,9 @@ def film(width: int, height: int) -> dict:
             "rfilter": {"type": "box"}}
 
 
-def cameras(scene: Scene, views: list[View], resolution: int):
+def cameras(scene: Scene, target: Target, views: list[View], resolution: int):
     """One sensor for all views, beside each other in its film: a kernel serves them all."""
-    target, far = Target.of(scene), depth(scene)
+    far = depth(scene)
     inner = {f"view{k}": target.camera(view, resolution, far) for k, view in enumerate(views)}
     return mi.load_dict({"type": "batch", **inner, "film": film(len(views) * resolution, resolution),
                          "sampler": {"type": "independent"}})

@@ -63,6 +63,18 @@ def test_render_defaults(run, renderer):
     assert renderer.sampling == {"sensor": 0, "spp": None, "tolerance": None, "max_spp": None, "seed": 0}
 
 
+def test_render_through_an_atmosphere(run, refused, folder):
+    result = run("render", "cylinder_ir_range", "-D", "resolution=8", "--spp", 2, "--atmosphere", "us_standard", "--range", 800, "-o", "out.exr")
+    assert result.exit_code == 0, result.output
+    channels, header = read_exr("out.exr")
+    assert {"apparent.Y", "path.Y"} < set(channels) and (header["atmosphere"], header["atmosphere_range_m"]) == ("us_standard", "800")
+    (folder / "out.exr").unlink()
+    assert "known: us_standard" in refused("render", "cylinder_ir_range", "--atmosphere", "us_standart", "-o", "out.exr")
+    assert "name one" in refused("render", "cylinder_ir_range", "--range", 800, "-o", "out.exr")
+    assert "zero range" in refused("render", "cylinder_ir_range", "--atmosphere", "us_standard", "--range", 0, "-o", "out.exr")
+    assert not list(folder.iterdir())
+
+
 def test_render_prints_what_it_made(run, renderer):
     result = run("render", "cavity", "-o", "out.exr")
     assert result.stdout == """\

@@ -3,6 +3,8 @@
 The room: a slab of some material in a black room, all at 300 K. What the slab lacks in emission it reflects after one bounce, so that
 it shows the blackbody's radiance, whatever the method, if the method integrates the whole of its lobe.
 """
+from pathlib import Path
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -59,7 +61,7 @@ def problem(shapes, origin, target, half_width, answer=1.0, bounces=1, points=16
     look = T().look_at(origin=origin, target=target, up=[0.3, 1, 0.2]) @ T().scale([half_width, half_width, 1])
     loaded = mi.load_dict({"type": "scene", "integrator": {"type": "bounce_path", "max_bounces": bounces},
                            "sensor": {"type": "orthographic", "to_world": look, "film": film}, **shapes}, optimize=False)
-    scene = Scene(loaded, "test", band("MWIR"), ["self"], {}, [], loaded.sensors())
+    scene = Scene(loaded, "test", band("MWIR"), ["self"], {}, [], loaded.sensors(), Path("test.xml"))
     return Problem("test", scene, answer, 0.0, "closed form", bounces, points, resolution_deg, 300.0, True)
 
 

@@ -98,7 +98,8 @@ def test_ranges_and_bands_make_one_atmosphere(file):
     air = atmosphere(file(*[block(x, tau, range_km=length) for x, tau, length in parts]))
     assert air.ranges_m.tolist() == [1000, 3000] and air.transmittance.shape == (2, len(MWIR) + len(LWIR))
     assert np.all(np.diff(air.wavelengths_um) > 0)
-    np.testing.assert_allclose(air.path(2000).at([4, 10])[0], np.sqrt([0.2 * 0.1, 0.6 * 0.3]), rtol=1e-6)
+    depths = np.sqrt(np.log([0.2, 0.6]) * np.log([0.1, 0.3]))
+    np.testing.assert_allclose(air.path(1000 * np.sqrt(3)).at([4, 10])[0], np.exp(-depths), rtol=1e-6)
     np.testing.assert_allclose(air.path(3000).at([1e4 / 2500, 1e4 / 1000])[1], np.array([0.9, 0.7]) * planck([2500, 1000], 280) * np.array([2500, 1000]) ** 2, rtol=1e-4)
 
 

@@ -1,0 +1,47 @@
+"""Batches of a trend on the workers of a Dask cluster (optional extra mi-lcair[dask])."""
+import threading
+from functools import lru_cache
+
+import mi_lcair
+from mi_lcair.errors import InputError
+
+RETRIES = 3             # of a batch that failed on a worker; one that died is Dask's own business
+TIMEOUT_S = 10          # to reach the scheduler
+_one_at_a_time = threading.Lock()       # Mitsuba renders with all of a worker's threads: its tasks must not meet
+
+
+def rendered(sweep, batches, address: str):
+    """Yields the rows of each batch as a worker has done it. InputError where no scheduler answers at `address`."""
+    try:
+        from dask.distributed import Client, as_completed
+    except ImportError:
+        raise InputError("rendering on a Dask cluster needs the package distributed; install mi-lcair[dask]") from None
+    try:
+        client = Client(address, timeout=TIMEOUT_S)
+    except (OSError, ValueError) as error:
+        raise InputError(f"no Dask scheduler answers at '{address}' ({error.__class__.__name__}); start one with `dask scheduler` and give its "
+                         "address, such as tcp://127.0.0.1:8786") from None
+    with client:
+        futures = [client.submit(render_here, sweep, number, views, pure=False, retries=RETRIES) for number, views in batches]
+        for future in as_completed(futures):
+            yield future.result()
+
+
+def render_here(sweep, number: int, views) -> dict:
+    """On a worker: the rows of one batch."""
+    import drjit
+    import mitsuba
+    from dask.distributed import get_worker
+
+    from mi_lcair.products.trend import render_batch
+
+    with _one_at_a_time:
+        mitsuba.set_variant(sweep.variant)
+        drjit.set_thread_count(get_worker().state.nthreads)
+        return render_batch(loaded(sweep.scene, tuple(sweep.parameters.items())), sweep, number, views)
+
+
+@lru_cache(maxsize=1)
+def loaded(scene: str, parameters: tuple):
+    """The scene, loaded once in a worker's life."""
+    return mi_lcair.load(scene, **dict(parameters))
