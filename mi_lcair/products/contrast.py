@@ -123,10 +123,9 @@ def contrast(scenario, progress=None) -> Contrast:
         rows.append(row(count, Irradiance(found.effective_areas, relative_error, detector.band, air, behind), path, detector))
     seen = rows[-1].irradiance
     transmittance, radiance = path.at(seen.wavelengths_um)
-    background_radiance = seen.in_band(seen.backdrop)
-    no_target = None if detector.solid_angle is None else background_radiance * detector.solid_angle
-    return Contrast(scenario, detector, air, path, -observer.elevation_deg, behind.name, seen.in_band(transmittance) / float(seen.weights_um.sum()),
-                    seen.in_band(radiance), background_radiance, no_target, target.radius, rows,
+    mean_transmittance = seen.in_band(transmittance) / float(seen.weights_um.sum())
+    return Contrast(scenario, detector, air, path, 0.0 - observer.elevation_deg, behind.name, mean_transmittance, seen.in_band(radiance),
+                    seen.in_band(seen.backdrop), no_target(seen, detector), target.radius, rows,
                     [*scene.remarks, *remarks(rows, detector, target, observer.range_m)], time.perf_counter() - start)
 
 
@@ -155,7 +154,7 @@ def target_scene(scenario: Scenario, detector: Detector) -> Scene:
         raise InputError(f"scenario '{scenario.name}': the sensor's band {wanted.label} is not within that of {scene.name}, {has.label}")
     if scenario.render.lobe is not None:
         if not scene.surfaces():
-            raise InputError(f"scenario '{scenario.name}': {scene.name} has no Sandford-Robertson material whose lobe could be set; leave lobe out")
+            raise InputError(f"scenario '{scenario.name}': {scene.name} has no Sandford-Robertson material to set a lobe of; leave lobe out")
         scene.set_lobe(scenario.render.lobe)
     return scene
 
@@ -164,10 +163,15 @@ def row(max_bounces: int, irradiance: Irradiance, path: Path, detector: Detector
     terms = irradiance.at(path)
     total, area = terms["total"], irradiance.projected_area
     nei_max = Estimate(*(float(detector.nei_max(value)) for value in total))
-    no_target = None if detector.solid_angle is None else irradiance.in_band(irradiance.backdrop) * detector.solid_angle
+    empty = no_target(irradiance, detector)
     return Row(max_bounces, **terms, nei_max=nei_max, projected_area=area, solid_angle=area.value / path.range_m**2,
-               observed=None if no_target is None else no_target + total.value,
+               observed=None if empty is None else empty + total.value,
                detected=None if detector.nei is None else bool(detector.detects(total.value)), irradiance=irradiance)
+
+
+def no_target(irradiance: Irradiance, detector: Detector) -> float | None:
+    """The background in the whole field of view [W m^-2] (3.15); None without one."""
+    return None if detector.solid_angle is None else irradiance.in_band(irradiance.backdrop) * detector.solid_angle
 
 
 def remarks(rows: list[Row], detector: Detector, target: Target, range_m: float) -> list[str]:
