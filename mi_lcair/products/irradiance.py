@@ -42,6 +42,7 @@ class Irradiance:
         middle, half = (rows[:-1] + rows[1:]) / 2, np.diff(rows) / 2
         self.wavelengths_um = np.column_stack([middle - half / np.sqrt(3), middle + half / np.sqrt(3)]).ravel()
         self.weights_um = np.repeat(half, 2) * band.response_at(self.wavelengths_um)
+        self.areas = areas
         self.backdrop = backdrop.at(self.wavelengths_um)
         self.projected_area = Estimate(areas.projected_area, float(np.sqrt(areas.covariance[0, -1, -1])))
         if areas.nodes_um.size:
