@@ -2,6 +2,7 @@
 import warnings
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from mi_lcair.products.contrast import contrast
 from mi_lcair.products.contrast_plot import save_plot
 from mi_lcair.products.irradiance import Estimate
 from mi_lcair.products.scenario import Scenario
-from mi_lcair.rendering.views import Target, View, seen_from
+from mi_lcair.rendering.views import View, seen_from
 from tests.products.disc_scenario import AREA, disc, triangles, write_disc
 
 LIMITS = {"MWIR": (3.0, 5.0), "LWIR": (8.0, 12.0)}
@@ -143,7 +144,7 @@ def test_detector(folder):
 
 def test_contrast_within_the_noise_is_remarked(folder):
     found = contrast(disc(folder, render__resolution=8))
-    row, target = found.rows[0], Target(np.zeros(3), 2.0)
+    row, target = found.rows[0], SimpleNamespace(radius=2.0)
     for total, count in ((Estimate(-2.9, 1.0), 1), (Estimate(-3.1, 1.0), 0)):
         said = module.remarks([replace(row, total=total)], found.detector, target, 1000)
         assert len(said) == count and all("with 1 reflections the contrast is less than 3" in remark for remark in said)
