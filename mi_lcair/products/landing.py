@@ -115,7 +115,7 @@ def save_variations(path, changes: dict) -> None:
         for panel, ((position, band), found) in zip(panels, changes.items()):
             values = 100 * np.array([found[name] for name in names])
             panel.barh(names, values, color=np.where(values < 0, "C0", "C3"))
-            panel.bar_label(panel.containers[0], fmt="%+.2g", fontsize=8, padding=2)
+            panel.bar_label(panel.containers[0], [signed(value) for value in values], fontsize=8, padding=2)
             panel.set_title(f"position {position}, {band}", fontsize=10)
             panel.set_xlabel("change of the contrast (%)", fontsize=9)
             panel.axvline(0, color="black", linewidth=0.8)
@@ -149,12 +149,12 @@ def radiance(position: int, band: str, bounces: int) -> dict:
 
 
 def show(path, images, title: str) -> None:
-    """Pictures beside each other, cut to the model, colours up to what 99 % of its pixels have; brighter ones as bright as that."""
+    """Pictures beside each other, cut to the model; colours between the 2nd and the 95th percentile, beyond them as there."""
     rows, columns = (np.flatnonzero(np.isfinite(images[0][1]).any(axis=axis)) for axis in (1, 0))
     cut = np.s_[max(rows[0] - 12, 0):rows[-1] + 12, max(columns[0] - 12, 0):columns[-1] + 12]
-    low, high = (np.nanpercentile(images[-1][1][cut], share) for share in (1, 99))
+    low, high = np.nanpercentile(images[0][1][cut], 2), np.nanpercentile(np.where(np.isfinite(images[0][1]), images[-1][1], np.nan)[cut], 95)
     height, width = images[0][1][cut].shape
-    with drawing(path, (12, 1.4 + 5.4 * height / width), layout="constrained") as figure:
+    with drawing(path, (12, 1.1 + 5.4 * height / width), layout="constrained") as figure:
         panels = figure.subplots(1, 2, sharey=True)
         for panel, (name, values) in zip(panels, images):
             panel.set_facecolor("0.6")
@@ -174,6 +174,11 @@ def number(value: float, digits: int = 3) -> str:
     return f"{mantissa}·10{str(int(exponent)).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))}"
 
 
+def signed(percent: float) -> str:
+    """Two digits, and no more behind the point than the noise lets stand."""
+    return f"{percent:+.0f}" if abs(percent) >= 10 else f"{percent:+.1f}"
+
+
 def with_error(estimate: Estimate) -> str:
     return f"{number(estimate.value)} ± {estimate.standard_error / abs(estimate.value):.1%}"
 
@@ -190,10 +195,23 @@ def table(position: int, cases: dict) -> str:
     return "\n".join(lines)
 
 
+def lost_jacobian(one: Contrast) -> float:
+    """By how much the background's in-band radiance falls where its density per wavenumber [W cm^-2 sr^-1 / cm^-1] is taken for one per
+    wavelength, but for the square centimetres: the mean of d(wavenumber) / d(wavelength) = 10^4 / wavelength^2 [cm^-1 / um]."""
+    seen = one.rows[-1].irradiance
+    return seen.in_band(seen.backdrop) / seen.in_band(seen.backdrop * seen.wavelengths_um**2 / 1e4)
+
+
 def growth(one: Contrast, first: int, last: int, term: str) -> float:
     """How much a term grows from `first` to `last` reflections, the random numbers being the same."""
     values = {row.max_bounces: getattr(row, term).value for row in one.rows}
     return values[last] / values[first] - 1
+
+
+def largest(found: dict[str, float]) -> str:
+    """The three assumptions that move a case most, no air at all left aside: nobody would assume it."""
+    order = sorted((name for name in found if name != "no air at all"), key=lambda name: -abs(found[name]))
+    return ", ".join(f"{name} ({signed(100 * found[name])} %)" for name in order[:3])
 
 
 def fields(cases: dict, changes: dict) -> dict[str, str]:
@@ -213,11 +231,15 @@ def fields(cases: dict, changes: dict) -> dict[str, str]:
         found |= {f"{key}_transmittance": f"{one.transmittance:.3f}", f"{key}_path": f"{one.path_radiance:.3g}",
                   f"{key}_behind": f"{one.background_radiance:.3g}", f"{key}_area": f"{row.projected_area.value:.1f}",
                   f"{key}_intensity": f"{row.intensity.value:.0f}", f"{key}_thesis_intensity": f"{thesis[0] * THESIS_RANGE[position]**2:.0f}",
-                  f"{key}_thesis_behind": f"{thesis[1] / row.solid_angle:.2g}", f"{key}_thesis_path": f"{thesis[2] / row.solid_angle:.2g}"}
+                  f"{key}_thesis_behind": f"{thesis[1] / row.solid_angle:.2g}", f"{key}_over_thesis": f"{row.background.value / thesis[1]:.0f}",
+                  f"{key}_path_over_thesis": f"{row.path.value / thesis[2]:.0f}", f"{key}_jacobian": f"{lost_jacobian(one):.0f}",
+                  f"{key}_thesis_mended": number(thesis[0] + lost_jacobian(one) * (thesis[2] - thesis[1]))}
         for first, to in ((1, 2), (1, 4), (4, 10)):
             for term in ("target", "total"):
                 found[f"{key}_{term}_{first}_{to}"] = percent(growth(one, first, to, term))
-    found["assumption_rows"] = "\n".join(f"| {name} | " + " | ".join(f"{100 * changes[key][name]:+.2g} %" for key in cases) + " |" for name in VARIATIONS)
+    found["bounces"] = str(BOUNCES[-1])
+    found["most_moving"] = "\n".join(f"- position {position}, {band}: {worst}." for (position, band) in cases for worst in [largest(changes[position, band])])
+    found["assumption_rows"] = "\n".join(f"| {name} | " + " | ".join(f"{signed(100 * changes[key][name])} %" for key in cases) + " |" for name in VARIATIONS)
     return found
 
 
