@@ -69,7 +69,7 @@ class Band:
         first, last = np.searchsorted(x, self.lower_um, side="right") - 1, np.searchsorted(x, self.upper_um)
         if first < 0 or last == len(x) or np.diff(x[first:last + 1]).max() > GAP_UM:
             parts = np.split(x, np.flatnonzero(np.diff(x) > GAP_UM) + 1)
-            covered = ", ".join(f"{part[0]:.4g}-{part[-1]:.4g}" for part in parts)
+            covered = ", ".join(f"{part[0]:.6g}-{part[-1]:.6g}" for part in parts)
             raise InputError(f"{what}: does not cover band {self.label}; it has {covered} um")
 
     @property

@@ -19,13 +19,18 @@ class SpectralTable:
     columns: tuple[np.ndarray, ...]
 
 
-@lru_cache(maxsize=8)
 def spectral_table(path: Path, kind: str, columns: tuple[tuple[str, float], ...], key: str, keyless: bool = False) -> SpectralTable:
     """Reads the wavelengths and `columns` (name, largest value; none may be negative), in whatever order the file has them.
 
     key: the column whose values, in rising order, stand for one spectrum each, all of the same wavelengths; keyless: the
     file may lack it. kind: what errors call the file. Raises InputError with the line that cannot be used.
     """
+    written = path.stat().st_mtime_ns if path.exists() else None        # a file that was edited is another one
+    return _read(path, written, kind, columns, key, keyless)
+
+
+@lru_cache(maxsize=8)
+def _read(path, written, kind, columns, key, keyless) -> SpectralTable:
     what = f"{kind} {path}"
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()

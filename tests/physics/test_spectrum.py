@@ -1,5 +1,6 @@
 """Tabulated spectra: the bundled sky tables against the in-band values that came with them, and files that hold none."""
 import csv
+import os
 
 import numpy as np
 import pytest
@@ -73,5 +74,13 @@ def test_an_elevation_where_there_is_none(tmp_path):
 
 @pytest.mark.parametrize("name", ["SWIR", "total", "4-9", "11-13"])
 def test_a_band_that_the_table_does_not_cover(name):
-    with pytest.raises(InputError, match="does not cover band .*; it has 2.998-5, 8-12.05 um"):
+    with pytest.raises(InputError, match="does not cover band .*; it has 2.9985-5, 8-12.0482 um"):
         spectrum("us_standard_clear", 5).in_band_radiance(band(name))
+
+
+def test_a_file_that_was_edited_is_read_again(tmp_path):
+    path = tmp_path / "sky.csv"
+    for value in (1, 2):
+        path.write_text(f"wavelength_um,radiance_W_m2_sr_um\n3,{value}\n5,{value}\n")
+        os.utime(path, ns=(value, value))
+        assert spectrum(path).at(4.0) == value
