@@ -129,17 +129,15 @@ def save_variations(path, changes: dict) -> None:
 
 def save_images(path, position: int, band: str) -> None:
     """The model alone and before its background (Figures 4.14, 4.18-4.22): radiance at the target, one colour scale."""
-    channels = radiance(position, band, BOUNCES[-1])
-    alone = np.where(channels["target.Y"] > 0, channels["target.Y"], np.nan)
-    show(path, [("without background", alone), ("with background", channels["Y"])], f"position {position}, {band}")
+    both = radiance(position, band, BOUNCES[-1])
+    show(path, [("without background", alone(both)), ("with background", both["Y"])], f"position {position}, {band}")
 
 
 def save_bounces(path) -> None:
     """Position 3 in LWIR with one reflection and with ten (Figure 4.23)."""
     images = []
     for bounces in (1, BOUNCES[-1]):
-        values = radiance(3, "LWIR", bounces)["target.Y"]
-        images.append((f"up to {bounces} reflection{'s' * (bounces > 1)}", np.where(values > 0, values, np.nan)))
+        images.append((f"up to {bounces} reflection{'s' * (bounces > 1)}", alone(radiance(3, "LWIR", bounces))))
     show(path, images, "position 3, LWIR")
 
 
@@ -148,11 +146,16 @@ def radiance(position: int, band: str, bounces: int) -> dict:
     return mi_lcair.render(scene, spp=IMAGE_SPP, seed=1, split="target").channels
 
 
+def alone(channels: dict) -> np.ndarray:
+    """Radiance of the pixels that show nothing but the model, NaN elsewhere."""
+    return np.where(channels["target.Y"] > 0.999 * channels["Y"], channels["Y"], np.nan)
+
+
 def show(path, images, title: str) -> None:
-    """Pictures beside each other, cut to the model; colours between the 2nd and the 95th percentile, beyond them as there."""
+    """Pictures beside each other, cut to the model; colours between the 2nd and the 95th percentile of the first, beyond them as there."""
     rows, columns = (np.flatnonzero(np.isfinite(images[0][1]).any(axis=axis)) for axis in (1, 0))
     cut = np.s_[max(rows[0] - 12, 0):rows[-1] + 12, max(columns[0] - 12, 0):columns[-1] + 12]
-    low, high = np.nanpercentile(images[0][1][cut], 2), np.nanpercentile(np.where(np.isfinite(images[0][1]), images[-1][1], np.nan)[cut], 95)
+    low, high = np.nanpercentile(images[0][1][cut], (2, 95))
     height, width = images[0][1][cut].shape
     with drawing(path, (12, 1.1 + 5.4 * height / width), layout="constrained") as figure:
         panels = figure.subplots(1, 2, sharey=True)
@@ -180,7 +183,7 @@ def signed(percent: float) -> str:
 
 
 def with_error(estimate: Estimate) -> str:
-    return f"{number(estimate.value)} ± {estimate.standard_error / abs(estimate.value):.1%}"
+    return f"{number(estimate.value)} ± {100 * estimate.standard_error / abs(estimate.value):.1g} %"
 
 
 def table(position: int, cases: dict) -> str:
