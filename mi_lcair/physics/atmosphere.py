@@ -2,7 +2,7 @@
 import warnings
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path as FilePath
+from pathlib import Path
 
 import numpy as np
 
@@ -17,11 +17,12 @@ RANGE, TRANSMITTANCE, PATH_RADIANCE = "range_km", "transmittance", "path_radianc
 SMALLEST_TRANSMITTANCE = 5e-7   # a 0 printed with six decimals is less than this
 SMALLEST_EMISSIVITY = 1e-4      # of a path that tells what it is like: with six decimals its source function is good to 1 %
 CLEAR = 1e-12                   # optical depth of a row without any, whose logarithm is finite
+ROUNDING = 1e-3                 # rise of transmittance, or share of the largest radiance, that a coarse table may have
 RANGES_AT_ONCE = 1024           # of a long list; bounds the memory
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
+class LineOfSight:
     """One line of sight between target and sensor, over rising wavelengths [um] (n,); empty arrays for vacuum.
 
     transmittance: (n,), 0..1; radiance: what the path itself sends to the sensor [W m^-2 sr^-1 um^-1], (n,).
@@ -66,7 +67,7 @@ class Atmosphere:
     def is_vacuum(self) -> bool:
         return self.wavelengths_um.size == 0
 
-    def path(self, range_m: float, extrapolate: bool = False) -> Path:
+    def path(self, range_m: float, extrapolate: bool = False) -> LineOfSight:
         """The line of sight of this length [m].
 
         Raises InputError for a range that is not positive, or beyond the last one of the table; with `extrapolate` the
@@ -74,7 +75,7 @@ class Atmosphere:
         """
         ranges = self._checked([range_m], extrapolate)
         transmittance, radiance = self._along(ranges, slice(None))
-        return Path(float(ranges[0]), self.wavelengths_um, transmittance[0], radiance[0])
+        return LineOfSight(float(ranges[0]), self.wavelengths_um, transmittance[0], radiance[0])
 
     def check_covers(self, band: Band) -> None:
         """Raises InputError where the table does not cover the band, and for `total`, which has no wavelengths."""
@@ -134,7 +135,7 @@ class Atmosphere:
         if not self.is_vacuum and ranges.size and ranges.max() > (last := self.ranges_m[-1]):
             beyond = f"atmosphere '{self.name}': range {ranges.max():g} m is beyond its last one, {last:g} m"
             if not extrapolate:
-                raise InputError(f"{beyond}; choose a shorter one, or ask for extrapolation")
+                raise InputError(f"{beyond}; choose a shorter one, or in a scenario set extrapolate = true of [atmosphere]")
             warnings.warn(f"{beyond}: its optical depth is extrapolated with its last power of range", stacklevel=3)
         return ranges
 
@@ -189,7 +190,7 @@ def atmosphere(source, ranges_m=None) -> Atmosphere:
     """
     if isinstance(source, Atmosphere):
         return source
-    path = FilePath(source)
+    path = Path(source)
     if str(source) in atmosphere_names():
         path = BUNDLED / f"path_{source}.csv"
     elif not path.suffix and not path.exists():
@@ -208,7 +209,22 @@ def _from_csv(name, path) -> Atmosphere:
     table = spectral_table(path, "atmosphere", columns, key=RANGE)
     if table.keys[0] == 0:
         raise InputError(f"atmosphere {path}: {RANGE} 0; ranges must be positive (at range 0 nothing is lost)")
-    return Atmosphere(name, 1000 * table.keys, table.wavelengths_um, *table.columns)
+    return plausible(Atmosphere(name, 1000 * table.keys, table.wavelengths_um, *table.columns))
+
+
+def plausible(air: Atmosphere) -> Atmosphere:
+    """Refuses air that clears with range, or that emits without absorbing, beyond the rounding of a printed table."""
+    rise = np.diff(air.transmittance, axis=0)
+    if rise.size and rise.max() > ROUNDING:
+        n, k = np.unravel_index(np.argmax(rise), rise.shape)
+        raise InputError(f"atmosphere '{air.name}': at {air.wavelengths_um[k]:.6g} um the transmittance rises from {air.transmittance[n, k]:g} at "
+                         f"{air.ranges_m[n]:g} m to {air.transmittance[n + 1, k]:g} at {air.ranges_m[n + 1]:g} m; it must fall with range")
+    glow = np.where(air.transmittance == 1, air.path_radiance, 0)
+    if glow.max() > ROUNDING * air.path_radiance.max():
+        n, k = np.unravel_index(np.argmax(glow), glow.shape)
+        raise InputError(f"atmosphere '{air.name}': at {air.wavelengths_um[k]:.6g} um and {air.ranges_m[n]:g} m the transmittance is 1 and the path radiance "
+                         f"{glow[n, k]:g}; air that absorbs nothing emits nothing")
+    return air
 
 
 def _from_tape7(name, path, ranges_m) -> Atmosphere:
@@ -218,7 +234,7 @@ def _from_tape7(name, path, ranges_m) -> Atmosphere:
             if block.to_space or block.range_m is None:
                 why = "is a path to space or the ground (ITYPE 3), to no target" if block.to_space else "states no range on card 3"
                 raise InputError(f"atmosphere {path}: the block with the header in line {block.line} {why}; "
-                                 "give ranges_m, one for each block")
+                                 "in a scenario give ranges_m of [atmosphere], one for each block")
         ranges_m = [block.range_m for block in blocks]
     ranges = np.asarray(ranges_m, dtype=float)
     if ranges.shape != (len(blocks),) or not np.all((ranges > 0) & np.isfinite(ranges)):
@@ -230,5 +246,5 @@ def _from_tape7(name, path, ranges_m) -> Atmosphere:
         if not np.array_equal(other.wavelengths_um, first.wavelengths_um):
             raise InputError(f"atmosphere {path}: the ranges of the blocks with headers in lines {first.line} and {other.line} have "
                              "different wavelengths; run every range with the same ones")
-    return Atmosphere(name, np.unique(ranges), first.wavelengths_um, np.array([block.transmittance for block in lines_of_sight]),
-                      np.array([block.path_radiance for block in lines_of_sight]))
+    return plausible(Atmosphere(name, np.unique(ranges), first.wavelengths_um, np.array([block.transmittance for block in lines_of_sight]),
+                                np.array([block.path_radiance for block in lines_of_sight])))

@@ -13,6 +13,7 @@ LIMITS_UM = {"SWIR": (1.0, 3.0), "MWIR": (3.0, 5.0), "LWIR": (8.0, 12.0)}
 SHORTEST_UM, LONGEST_UM = 0.1, 1000.0
 CSV_HEADER = "wavelength_um,response"
 GAP_UM = 0.1        # rows of a table further apart than this leave out what lies between them
+MOST_PARTS = 4      # of a table with gaps that a message lists
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,10 +68,11 @@ class Band:
         """Raises InputError, which begins with `what`, where a table with these rising rows (um) does not cover the band."""
         x = wavelengths_um
         first, last = np.searchsorted(x, self.lower_um, side="right") - 1, np.searchsorted(x, self.upper_um)
-        if first < 0 or last == len(x) or np.diff(x[first:last + 1]).max() > GAP_UM:
-            parts = np.split(x, np.flatnonzero(np.diff(x) > GAP_UM) + 1)
-            covered = ", ".join(f"{part[0]:.6g}-{part[-1]:.6g}" for part in parts)
-            raise InputError(f"{what}: does not cover band {self.label}; it has {covered} um")
+        if first >= 0 and last < len(x) and np.diff(x[first:last + 1]).max() <= GAP_UM:
+            return
+        parts = np.split(x, np.flatnonzero(np.diff(x) > GAP_UM) + 1)
+        covered = ", ".join(f"{part[0]:.6g}-{part[-1]:.6g}" for part in parts[:MOST_PARTS]) + (", ..." if len(parts) > MOST_PARTS else "")
+        raise InputError(f"{what}: does not cover band {self.label}; it has {covered} um" + (f", and gaps wider than {GAP_UM:g} um between" if len(parts) > 1 else ""))
 
     @property
     def label(self) -> str:

@@ -1,4 +1,5 @@
 """Batches of a trend on the workers of a Dask cluster (optional extra mi-lcair[dask])."""
+import socket
 import threading
 from functools import lru_cache
 
@@ -6,7 +7,7 @@ import mi_lcair
 from mi_lcair.errors import InputError
 
 RETRIES = 3             # of a batch that failed on a worker; one that died is Dask's own business
-TIMEOUT_S = 10          # to reach the scheduler
+TIMEOUT_S, WORKER_TIMEOUT_S = 10, 60      # to reach the scheduler, and for its first worker
 _one_at_a_time = threading.Lock()       # Mitsuba renders with all of a worker's threads: its tasks must not meet
 
 
@@ -22,6 +23,10 @@ def rendered(sweep, batches, address: str):
         raise InputError(f"no Dask scheduler answers at '{address}' ({error.__class__.__name__}); start one with `dask scheduler` and give its "
                          "address, such as tcp://127.0.0.1:8786") from None
     with client:
+        try:
+            client.wait_for_workers(1, timeout=WORKER_TIMEOUT_S)
+        except TimeoutError:
+            raise InputError(f"the Dask scheduler at '{address}' has no worker; start one with `dask worker {address}`") from None
         futures = [client.submit(render_here, sweep, number, views, pure=False, retries=RETRIES) for number, views in batches]
         for future in as_completed(futures):
             yield future.result()
@@ -38,10 +43,13 @@ def render_here(sweep, number: int, views) -> dict:
     with _one_at_a_time:
         mitsuba.set_variant(sweep.variant)
         drjit.set_thread_count(get_worker().state.nthreads)
-        return render_batch(loaded(sweep.scene, tuple(sweep.parameters.items())), sweep, number, views)
+        return render_batch(loaded(sweep.scene, tuple(sweep.parameters.items()), sweep.fingerprint), sweep, number, views)
 
 
 @lru_cache(maxsize=1)
-def loaded(scene: str, parameters: tuple):
-    """The scene, loaded once in a worker's life."""
-    return mi_lcair.load(scene, **dict(parameters))
+def loaded(source: str, parameters: tuple, fingerprint: str):
+    """The scene, loaded when a worker first meets it. InputError where this worker's files make another one."""
+    scene = mi_lcair.load(source, **dict(parameters))
+    if scene.fingerprint != fingerprint:
+        raise InputError(f"scene '{source}' is another one on the Dask worker at {socket.gethostname()}; its files, or its version of mi_lcair, differ")
+    return scene

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.physics.atmosphere import Atmosphere, Path, atmosphere
+from mi_lcair.physics.atmosphere import Atmosphere, LineOfSight, atmosphere
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.sensor import Detector
 from mi_lcair.physics.spectrum import has_elevations, spectrum
@@ -61,7 +61,7 @@ class Contrast:
     scenario: Scenario
     detector: Detector
     air: Atmosphere
-    path: Path
+    path: LineOfSight
     sight_elevation_deg: float
     background_name: str
     transmittance: float
@@ -159,7 +159,7 @@ def target_scene(scenario: Scenario, detector: Detector) -> Scene:
     return scene
 
 
-def row(max_bounces: int, irradiance: Irradiance, path: Path, detector: Detector) -> Row:
+def row(max_bounces: int, irradiance: Irradiance, path: LineOfSight, detector: Detector) -> Row:
     terms = irradiance.at(path)
     total, area = terms["total"], irradiance.projected_area
     nei_max = Estimate(*(float(detector.nei_max(value)) for value in total))

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mi_lcair.physics.atmosphere import Atmosphere, Path
+from mi_lcair.physics.atmosphere import Atmosphere, LineOfSight
 from mi_lcair.physics.bands import Band
 from mi_lcair.products.effective_areas import EffectiveAreas
 
@@ -57,7 +57,7 @@ class Irradiance:
         """W m^-2 sr^-1 of a spectrum at `wavelengths_um`, times the response."""
         return float(spectrum @ self.weights_um)
 
-    def at(self, path: Path) -> dict[str, Estimate]:
+    def at(self, path: LineOfSight) -> dict[str, Estimate]:
         """TERMS by name: the target's intensity before the air [W/sr] and, at the end of the path [W m^-2], its apparent
         irradiance (3.16), the path's, the hidden background's, and the contrast (3.19), which may be negative."""
         transmittance, radiance = path.at(self.wavelengths_um)
@@ -73,7 +73,7 @@ class Irradiance:
             errors = np.sqrt(np.maximum(np.einsum("ti,ij,tj->t", per_amount, self.covariance, per_amount), 0))
         return {name: Estimate(float(value), float(error)) for name, value, error in zip(TERMS, per_amount @ self.amounts, errors)}
 
-    def spectral(self, path: Path) -> dict[str, np.ndarray]:
+    def spectral(self, path: LineOfSight) -> dict[str, np.ndarray]:
         """The TERMS by wavelength: [W sr^-1 um^-1], then [W m^-2 um^-1], without the response."""
         transmittance, radiance = path.at(self.wavelengths_um)
         solid_angle = self.projected_area.value / path.range_m**2

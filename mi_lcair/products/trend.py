@@ -1,6 +1,8 @@
 """A trend: intensity of a scene's model against the aspect from which it is seen, batch by batch of views."""
 import json
 from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
 
 import numpy as np
 
@@ -9,8 +11,9 @@ from mi_lcair.errors import InputError
 from mi_lcair.products.trend_file import TrendFile
 from mi_lcair.rendering.many_views import render_views, views_per_batch
 from mi_lcair.rendering.scene import Scene
-from mi_lcair.rendering.views import View
+from mi_lcair.rendering.views import View, check_resolution
 
+MOST_PASSES = 16        # of the fewest samples, that one batch may fill at once: memory
 OWN_COLUMNS = ("azimuth_deg", "elevation_deg", "intensity_W_sr", "standard_error_W_sr", "projected_area_m2", "spp", "reached", "invalid")
 
 
@@ -18,12 +21,13 @@ OWN_COLUMNS = ("azimuth_deg", "elevation_deg", "intensity_W_sr", "standard_error
 class Sweep:
     """Which views of a scene, and how they are rendered: all that another process must know.
 
-    scene, parameters: as `load` takes them; views in their order; resolution: pixels along each side; spp: samples per pixel,
+    scene, parameters: as `load` takes them, fingerprint: of the scene that came of it; views in their order; resolution: pixels along each side; spp: samples per pixel,
     None for as many as `tolerance` asks for, up to max_spp; batch: views rendered together. The numbers of a view depend
     on all of these, and not on where or when its batch is rendered.
     """
     scene: str
     parameters: dict[str, str]
+    fingerprint: str
     views: tuple[View, ...]
     resolution: int
     spp: int | None
@@ -42,9 +46,10 @@ class Sweep:
     def header(self, band: str) -> dict[str, str]:
         """What a file must say about its rows, beside the views themselves."""
         samples = f"spp {self.spp}" if self.spp else f"tolerance {self.tolerance:g}, max_spp {self.max_spp or 'default'}"
-        return {"scene": self.scene, "parameters": json.dumps(self.parameters, sort_keys=True), "band": band, "resolution": str(self.resolution),
-                "samples": samples, "seed": str(self.seed), "batch": f"{self.batch} of {len(self.views)} views",
-                "mi_lcair": mi_lcair.__version__}
+        views = sha256(repr(self.views).encode()).hexdigest()[:16]
+        return {"scene": self.scene, "parameters": json.dumps(self.parameters, sort_keys=True), "fingerprint": self.fingerprint, "band": band,
+                "resolution": str(self.resolution), "samples": samples, "seed": str(self.seed), "views": f"{len(self.views)} ({views})",
+                "batch": str(self.batch), "mi_lcair": mi_lcair.__version__}
 
 
 @dataclass(frozen=True)
@@ -78,25 +83,31 @@ def trend(scene: Scene, azimuths_deg, elevations_deg=(0.0,), resolution: int = 6
     pass). path: a CSV, whole after each batch; resume: keep the views that it holds. dask: address of a scheduler whose workers
     render the batches (they load the scene from the same path); same numbers. progress: called with (views done, all).
     """
-    if spp and tolerance:
-        raise InputError("spp sets a fixed number of samples and tolerance finds one; give one of them")
+    if spp and (tolerance or max_spp):
+        raise InputError("spp sets a fixed number of samples; tolerance and max_spp find one, and do not go with it")
     views = tuple(View(float(azimuth), float(elevation)) for elevation in elevations_deg for azimuth in azimuths_deg)
     if len(set(views)) < len(views) or not views:
         raise InputError("a trend needs views, each once; an azimuth or elevation is missing or given twice")
-    for name, value in (("resolution", resolution), ("batch", batch)):
-        if value is not None and value < 1:
-            raise InputError(f"{name} = {value} must be positive")
-    sweep = Sweep(scene.source, scene.parameters, views, resolution, spp, tolerance or 0.01, max_spp, seed,
-                  batch or views_per_batch(resolution), variant())
-    file = TrendFile(path, sweep.header(scene.band.label), views)
+    check_resolution(resolution)
+    most = MOST_PASSES * views_per_batch(resolution)
+    if batch is not None and not 1 <= batch <= most:
+        raise InputError(f"batch = {batch} must lie in 1..{most} for {resolution} x {resolution} pixels")
+    sweep = Sweep(scene.source, {name: whole_path(value) for name, value in scene.parameters.items()}, scene.fingerprint, views, resolution, spp,
+                  tolerance or 0.01, max_spp, seed, min(batch or views_per_batch(resolution), len(views)), variant())
+    file = TrendFile(path, sweep.header(scene.band.label), views, OWN_COLUMNS)
     if resume:
         file.resume()
-    missing = [(number, left) for number, views in sweep.batches() if (left := tuple(view for view in views if view not in file.rows))]
+    missing = [(number, views) for number, views in sweep.batches() if not file.holds(views)]       # whole: its views share their fate
     for rows in results(scene, sweep, missing, dask):
         file.add(rows)
         if progress:
             progress(len(file.rows), len(views))
     return Trend(file.columns(), scene.band.label)
+
+
+def whole_path(value: str) -> str:
+    """A parameter that names a file from here, as other processes find it."""
+    return str(Path(value).resolve()) if Path(value).is_file() else value
 
 
 def variant() -> str:
@@ -117,7 +128,7 @@ def results(scene: Scene, sweep: Sweep, batches, dask: str | None):
 
 
 def render_batch(scene: Scene, sweep: Sweep, number: int, views) -> dict[View, dict[str, float]]:
-    """The rows of one batch of views; its number, not its views, seeds the random numbers."""
+    """The rows of one batch of views; its number seeds the random numbers."""
     seed = np.random.SeedSequence(sweep.seed, spawn_key=(number,))
     found = render_views(scene, list(views), sweep.resolution, sweep.spp, sweep.tolerance, sweep.max_spp, seed)
     intensity, error = found.parts["target"]

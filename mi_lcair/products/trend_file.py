@@ -11,11 +11,14 @@ from mi_lcair.rendering.views import View
 
 
 class TrendFile:
-    """Rows by view, and the file that holds them (path None: none). Lines before the columns, `# key: value`, say how they were made."""
+    """Rows by view, and the file that holds them (path None: none). Lines before the columns, `# key: value`, say how they were made.
 
-    def __init__(self, path, header: dict[str, str], views):
+    needed: columns without which a row is none.
+    """
+
+    def __init__(self, path, header: dict[str, str], views, needed):
         self.path = None if path is None else Path(path)
-        self.header, self.views, self.rows = header, views, {}
+        self.header, self.views, self.needed, self.rows = header, views, needed, {}
         if self.path:
             check_writable(self.path)
 
@@ -34,14 +37,20 @@ class TrendFile:
             if made.get(key) != value:
                 raise InputError(f"{self.path}: made with {key} = {made.get(key, 'nothing')}, and this trend has {value}; resume with the "
                                  "same, or write to another file")
+        wanted = set(self.views)
         for number, cells in enumerate(csv.DictReader(line for line in lines if not line.startswith("#")), 1):
             try:
                 row = {name: float(cell) for name, cell in cells.items()}
                 view = View(row["azimuth_deg"], row["elevation_deg"])
+                if view not in wanted or not set(self.needed) <= set(row):
+                    raise ValueError
             except (TypeError, ValueError, KeyError):
-                raise InputError(f"{self.path}: row {number} is not one of a trend; write to another file") from None
-            if view in self.views:
-                self.rows[view] = row
+                raise InputError(f"{self.path}: row {number} is not one of this trend; write to another file") from None
+            self.rows[view] = row
+
+    def holds(self, views) -> bool:
+        """Whether all of these are done."""
+        return all(view in self.rows for view in views)
 
     def add(self, rows: dict[View, dict[str, float]]) -> None:
         """Takes the rows of a batch, and replaces the file by one that holds them too."""
@@ -55,7 +64,7 @@ class TrendFile:
         writer = csv.writer(text, lineterminator="\n")
         ordered = self.ordered()
         writer.writerow(ordered[0])
-        writer.writerows([f"{value:.9g}" for value in row.values()] for row in ordered)
+        writer.writerows([f"{value:.{12 if name.endswith('_deg') else 9}g}" for name, value in row.items()] for row in ordered)
         with replacing(self.path) as partial:
             partial.write_text(text.getvalue(), encoding="utf-8")
 

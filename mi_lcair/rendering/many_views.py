@@ -9,28 +9,31 @@ from mi_lcair.errors import InputError
 
 from .render import DEFAULT_MAX_SPP, PASS_SAMPLES
 from .scene import Scene
-from .views import Target, View, cameras
+from .views import Target, View, cameras, check_resolution
 
 FAINT = 1e-3        # of the brightest view's intensity: a fainter view, from which nothing may be seen at all, need not be better known
 
 
 @dataclass(frozen=True)
 class ManyViews:
-    """Of each view (V,): `parts`, by name the intensity [W/sr] and its standard error, (2, V).
+    """Of each view (V,): `parts`, by name the intensity [W/sr] and its standard error, (2, V), and `brightest`, the intensity of a
+    window full of the brightest source [W/sr].
 
     Names: target (all that the model sends), bounce.N, closure, group.LABEL as in `plugins.channels`, and hit: the model's
     projected area [m^2]. spp: samples per pixel; error: standard error of the target's intensity with what a source met by one
     path of all may add [W/sr], (V,); invalid: NaN or infinite samples, which count as 0.
     """
     parts: dict[str, np.ndarray]
+    brightest: np.ndarray
     error: np.ndarray
     spp: int
     invalid: int
 
     def excess(self, tolerance: float) -> np.ndarray:
-        """Error over what the tolerance allows: that fraction of the view's intensity, or of FAINT of the brightest view's."""
+        """Error over what the tolerance allows: that fraction of the view's intensity, or of FAINT of the brightest view's; where
+        nothing is seen, of FAINT of what a window could send."""
         intensity = self.parts["target"][0]
-        allowed = tolerance * np.maximum(intensity, FAINT * intensity.max())
+        allowed = tolerance * np.where(intensity > 0, np.maximum(intensity, FAINT * intensity.max()), FAINT * self.brightest)
         return np.divide(self.error, allowed, out=np.where(self.error > 0, np.inf, 0), where=allowed > 0)
 
 
@@ -51,6 +54,7 @@ def render_views(scene: Scene, views: list[View], resolution: int, spp: int | No
     spp: samples per pixel, an even number (or 1 where resolution is even); without it as many (up to max_spp, 65536) as every
     view needs for a standard error of its intensity below `tolerance` of it. closure = tail continues all views by one ratio. seed: a number or a numpy SeedSequence; the same one gives the same numbers.
     """
+    check_resolution(resolution)
     least = fewest(resolution)
     if spp is not None and spp % 2 and spp != least:
         raise InputError(f"spp = {spp} must be {'1 or ' if least == 1 else ''}even: what is drawn twice tells the error")
@@ -74,8 +78,8 @@ def render_views(scene: Scene, views: list[View], resolution: int, spp: int | No
                 sums[name] = sums.get(name, 0.0) + statistics * [[step], [step**2]]
             done += step
             parts = {name: np.array([total / done, np.sqrt(squares) / done]) * area for name, (total, squares) in sums.items()}
-            error = np.hypot(parts["target"][1], integrator.emitters.brightest * area / (done * paths))
-            found = ManyViews(parts, error, done, invalid)
+            brightest = integrator.emitters.brightest * area
+            found = ManyViews(parts, brightest, np.hypot(parts["target"][1], brightest / (done * paths)), done, invalid)
             if spp is None:
                 excess = found.excess(tolerance).max()
                 more = 2 * int(np.ceil(done * min(3, 1.05 * excess**2 - 1) / 2))        # at most four times what is done

@@ -2,6 +2,7 @@
 import re
 from dataclasses import dataclass
 from difflib import get_close_matches
+from hashlib import sha256
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -14,6 +15,7 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.plugins.derivatives import deriving_plugins, members
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
+NO_ID = re.compile(r"object_\d+")       # what has no id is named by its address in memory
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,18 @@ class Scene:
     def source(self) -> str:
         """What `load` takes for it in another process: a bundled scene's name, or the file's whole path."""
         return self.name if self.path.parent == scenes.FOLDER else str(self.path.resolve())
+
+    @property
+    def fingerprint(self) -> str:
+        """16 hexadecimal digits that change with whatever the picture depends on: shapes, materials, emitters, integrator."""
+        said = [str(self.mi.integrator()), self.band.label]
+        said += [f"{surface.material} {surface.form} {surface.emissivity} {surface.lobe}" for surface in self.surfaces()]
+        said += [f"{getattr(shape.emitter(), 'group', '')} {getattr(shape.emitter(), 'facet_type', '')}" for shape in self.mi.shapes()]
+        digest = sha256()
+        for name, value in [*enumerate(said), *mi.traverse(self.mi)]:
+            exact = hasattr(value, "__array__") or isinstance(value, (int, float))
+            digest.update(NO_ID.sub("", str(name)).encode() + (np.ascontiguousarray(value).tobytes() if exact else NO_ID.sub("", str(value)).encode()))
+        return digest.hexdigest()[:16]
 
     def sensor(self, index: int):
         if index >= len(self.sensors):

@@ -15,17 +15,21 @@ MARGIN = 1.01       # of the window over the model, and of the camera's distance
 THINNEST = 1e-3     # half a window's side over the model's radius, where the model is seen edge-on
 FEW_POINTS = 1000   # more of them are thinned to their convex hull
 UP, BESIDE = (0, 0, 1), (1, 0, 0)
+DIGITS = 9
+MOST_PIXELS = 8192  # along a side
 POLE_DEG = 89.999   # of elevation, beyond which z cannot be upright in the picture
 
 
 @dataclass(frozen=True)
 class View:
-    """Where the observer stands as seen from the model: azimuth 0 sees its nose (+x), 90 its left side (+y); elevation above
-    the horizontal; degrees."""
+    """Where the observer stands as seen from the model, in the scene's axes: azimuth from +x (the nose of a model that is not turned)
+    toward +y (its left side), elevation above the x-y plane; degrees, to nine digits behind the point."""
     azimuth_deg: float
     elevation_deg: float = 0.0
 
     def __post_init__(self):
+        object.__setattr__(self, "azimuth_deg", round(self.azimuth_deg, DIGITS))
+        object.__setattr__(self, "elevation_deg", round(self.elevation_deg, DIGITS))
         if not np.isfinite(self.azimuth_deg):
             raise InputError(f"azimuth {self.azimuth_deg:g} degrees must be finite")
         if not -90 <= self.elevation_deg <= 90:
@@ -83,6 +87,11 @@ class Target:
         T = mi.ScalarTransform4f
         place = T().look_at(origin=eye, target=eye - view.direction, up=up) @ T().scale([np.linalg.norm(right), np.linalg.norm(up), 1])
         return {"type": "orthographic", "to_world": place, "near_clip": 1e-4 * self.radius, "far_clip": far, "film": film(resolution, resolution)}
+
+
+def check_resolution(resolution: int) -> None:
+    if not 1 <= resolution <= MOST_PIXELS:
+        raise InputError(f"resolution = {resolution} must lie in 1..{MOST_PIXELS}")
 
 
 def corners(shape) -> np.ndarray:

@@ -44,7 +44,7 @@ def test_a_tolerance_that_was_missed_is_told(run):
     (("--azimuth", "nan", "-o", "t.csv"), "'nan' is no angle"), (("--azimuth", "0",), "Missing option '-o'"), (("-o", "t.csv"), "Missing option '--azimuth'"),
     (("--azimuth", "0", "-o", "t.txt"), "does not end in .csv"), (("--azimuth", "0", "-o", "no/t.csv"), "output folder 'no' does not exist"),
     (("--azimuth", "0", "-o", "t.csv", "--spp", 3), "spp = 3 must be 1 or even"), (("--azimuth", "0", "--elevation", "95", "-o", "t.csv"), "-90..90"),
-    (("--azimuth", "0", "--spp", 2, "--tolerance", "1%", "-o", "t.csv"), "give one of them")])
+    (("--azimuth", "0", "--spp", 2, "--tolerance", "1%", "-o", "t.csv"), "do not go with it")])
 def test_refused(refused, folder, args, message):
     assert message in refused("trend", "cylinder_ir_range", *args)
     assert not list(folder.iterdir())

@@ -110,7 +110,7 @@ def test_blocks_that_share_a_wavelength_join(file):
 
 def test_ranges_that_the_file_does_not_state(file):
     for text in (block(MWIR, range_km=0), block(MWIR, itype=3), block(MWIR).replace("    0        0.00000", "")):
-        with pytest.raises(InputError, match="header in line 7 .*give ranges_m, one for each block"):
+        with pytest.raises(InputError, match="header in line 7 .*give ranges_m of .atmosphere., one for each block"):
             atmosphere(file(text))
         assert atmosphere(file(text), ranges_m=[500]).ranges_m.tolist() == [500]
     assert atmosphere(file(block(MWIR, range_km=7)), [500]).ranges_m.tolist() == [500]

@@ -99,6 +99,8 @@ def test_a_view_of_nothing_does_not_keep_the_others(plate):
     """A one-sided slab, from above and from below, where it sends nothing: no tolerance of nothing can be reached."""
     found = render_views(loaded(slab=plate("slab", SLAB, BLACK, 300.0)), [View(0, 90), View(0, -90)], 16, tolerance=.01)
     assert found.parts["target"][0, 1] == 0 and found.excess(.01).max() <= 1 and found.spp < 1000
+    alone = render_views(loaded(slab=plate("slab", SLAB, BLACK, 300.0)), [View(0, -90)], 16, tolerance=.01)
+    assert alone.excess(.01).max() <= 1 and 100 < alone.spp < 1000
 
 
 def test_bad_input(plate, cylinder):
