@@ -65,7 +65,7 @@ def _print_tables(result, found):
         ("scenario", f"{scenario.name}: {scenario.title}"),
         ("band", f"{detector.band.label}, optics transmit {detector.optics_transmittance:g}"),
         ("line of sight", f"{result.path.range_m:.6g} m, {abs(result.sight_elevation_deg):.4g} degrees {'up' if result.sight_elevation_deg >= 0 else 'down'}ward, "
-                          f"target seen from azimuth {scenario.observer.azimuth_deg:.6g}"),
+                          f"observer at azimuth {scenario.observer.azimuth_deg:.6g}"),
         ("atmosphere", f"{result.air.name}: mean transmittance {result.transmittance:.4f}, path {result.path_radiance:.5g} W m^-2 sr^-1"),
         ("background", f"{result.background_name}: {result.background_radiance:.5g} W m^-2 sr^-1"),
         ("target", f"projected area {_with_error(row.projected_area)} m^2, {row.solid_angle:.5g} sr"),

@@ -18,9 +18,10 @@ from mi_lcair.products.irradiance import Backdrop, Estimate, Irradiance
 from mi_lcair.products.scenario import Scenario
 from mi_lcair.products.signature import signature
 from mi_lcair.rendering.scene import Scene, declared_parameters, find, load
-from mi_lcair.rendering.views import Target, View, seen_from
+from mi_lcair.rendering.views import Target, View, hidden_share, seen_from
 
 SIGNIFICANT = 3     # standard errors
+NEAR = 10           # radii of the target, within which rays to the observer are not parallel
 
 
 @dataclass(frozen=True)
@@ -90,9 +91,16 @@ def contrast(scenario, progress=None) -> Contrast:
     scenario: a Scenario, or what Scenario.read takes. progress: called with (samples per pixel done, expected). Raises
     InputError; what only needs reading is refused before anything is rendered.
     """
-    start = time.perf_counter()
     if not isinstance(scenario, Scenario):
         scenario = Scenario.read(scenario)
+    try:
+        return measured(scenario, progress)
+    except InputError as error:
+        raise InputError(f"scenario '{scenario.name}': {error}") from None
+
+
+def measured(scenario: Scenario, progress) -> Contrast:
+    start = time.perf_counter()
     observer, sampling = scenario.observer, scenario.render
     detector = scenario.sensor.detector()
     air = atmosphere(scenario.atmosphere.table, scenario.atmosphere.ranges_m)
@@ -103,9 +111,10 @@ def contrast(scenario, progress=None) -> Contrast:
     scene = target_scene(scenario, detector)
     target = Target.of(scene)
     if observer.range_m <= target.radius:
-        raise InputError(f"scenario '{scenario.name}': the observer is inside the target: range {observer.range_m:g} m, but {scene.name} "
+        raise InputError(f"the observer is inside the target: range {observer.range_m:g} m, but {scene.name} "
                          f"reaches {target.radius:.4g} m from its middle")
-    view = seen_from(scene, View(observer.azimuth_deg, observer.elevation_deg), sampling.resolution)
+    direction = View(observer.azimuth_deg, observer.elevation_deg)
+    view = seen_from(scene, direction, sampling.resolution)
     bounces = sampling.max_bounces or (scene.mi.integrator().max_bounces,)
     rows = []
     for k, count in enumerate(bounces):
@@ -117,16 +126,16 @@ def contrast(scenario, progress=None) -> Contrast:
 
         found = signature(view, sampling.spp, seed=sampling.seed, by_spectrum=True, progress=step)
         if not found.effective_areas.projected_area > 0:
-            raise InputError(f"scenario '{scenario.name}': no ray met the target; raise resolution or spp of [render]")
+            raise InputError(f"no ray met the target; raise resolution or spp of [render]")
         seen = found.target
         relative_error = seen.standard_error / seen.intensity if seen.intensity > 0 else 0.0
-        rows.append(row(count, Irradiance(found.effective_areas, relative_error, detector.band, air, behind), path, detector))
+        rows.append(row(count, Irradiance(found.effective_areas, relative_error, detector.band, air, behind), path, detector, target))
     seen = rows[-1].irradiance
     transmittance, radiance = path.at(seen.wavelengths_um)
     mean_transmittance = seen.in_band(transmittance) / float(seen.weights_um.sum())
     return Contrast(scenario, detector, air, path, 0.0 - observer.elevation_deg, behind.name, mean_transmittance, seen.in_band(radiance),
                     seen.in_band(seen.backdrop), no_target(seen, detector), target.radius, rows,
-                    [*scene.remarks, *remarks(rows, detector, target, observer.range_m)], time.perf_counter() - start)
+                    [*scene.remarks, *remarks(rows, detector, target, observer.range_m, hidden_share(scene, direction, observer.range_m))], time.perf_counter() - start)
 
 
 def backdrop(scenario: Scenario, detector: Detector) -> Backdrop:
@@ -136,7 +145,7 @@ def backdrop(scenario: Scenario, detector: Detector) -> Backdrop:
         return Backdrop(f"blackbody at {temperature:g} K", partial(spectral_radiance, temperature=temperature), np.empty(0))
     elevation = -scenario.observer.elevation_deg if has_elevations(sky) else None
     if elevation is not None and elevation < 0:
-        raise InputError(f"scenario '{scenario.name}': the line of sight looks down, by {-elevation:g} degrees, where no sky is behind "
+        raise InputError(f"the line of sight looks down, by {-elevation:g} degrees, where no sky is behind "
                          "the target; give [background] a temperature")
     table = spectrum(sky, elevation)
     table.in_band_radiance(detector.band)           # refuses what does not cover the band
@@ -151,21 +160,21 @@ def target_scene(scenario: Scenario, detector: Detector) -> Scene:
     scene = load(source, **parameters)
     wanted, has = detector.band, scene.band
     if has.is_total or wanted.lower_um < has.lower_um or wanted.upper_um > has.upper_um:
-        raise InputError(f"scenario '{scenario.name}': the sensor's band {wanted.label} is not within that of {scene.name}, {has.label}")
+        raise InputError(f"the sensor's band {wanted.label} is not within that of {scene.name}, {has.label}")
     if scenario.render.lobe is not None:
         if not scene.surfaces():
-            raise InputError(f"scenario '{scenario.name}': {scene.name} has no Sandford-Robertson material to set a lobe of; leave lobe out")
+            raise InputError(f"{scene.name} has no Sandford-Robertson material to set a lobe of; leave lobe out")
         scene.set_lobe(scenario.render.lobe)
     return scene
 
 
-def row(max_bounces: int, irradiance: Irradiance, path: LineOfSight, detector: Detector) -> Row:
+def row(max_bounces: int, irradiance: Irradiance, path: LineOfSight, detector: Detector, target: Target) -> Row:
     terms = irradiance.at(path)
     total, area = terms["total"], irradiance.projected_area
     nei_max = Estimate(*(float(detector.nei_max(value)) for value in total))
     empty = no_target(irradiance, detector)
     return Row(max_bounces, **terms, nei_max=nei_max, projected_area=area, solid_angle=area.value / path.range_m**2,
-               observed=None if empty is None else empty + total.value,
+               observed=None if empty is None or overfills(target, path.range_m, detector) else empty + total.value,
                detected=None if detector.nei is None else bool(detector.detects(total.value)), irradiance=irradiance)
 
 
@@ -174,9 +183,18 @@ def no_target(irradiance: Irradiance, detector: Detector) -> float | None:
     return None if detector.solid_angle is None else irradiance.in_band(irradiance.backdrop) * detector.solid_angle
 
 
-def remarks(rows: list[Row], detector: Detector, target: Target, range_m: float) -> list[str]:
+def overfills(target: Target, range_m: float, detector: Detector) -> bool:
+    """Whether the target's sphere is wider than the field of view, so that the whole of it is not the signal (3.18)."""
+    return detector.field_of_view_deg is not None and np.degrees(2 * np.arcsin(target.radius / range_m)) > detector.field_of_view_deg
+
+
+def remarks(rows: list[Row], detector: Detector, target: Target, range_m: float, hidden: float) -> list[str]:
     found = [f"with {row.max_bounces} reflections the contrast is less than {SIGNIFICANT} of its standard errors: not told from zero; raise spp"
              for row in rows if abs(row.total.value) < SIGNIFICANT * row.total.standard_error]
-    if detector.field_of_view_deg is not None and np.degrees(2 * np.arcsin(target.radius / range_m)) > detector.field_of_view_deg:
+    if overfills(target, range_m, detector):
         found.append(f"the target's sphere, {target.radius:.4g} m in radius, is wider than the field of view: the signal may be less than stated")
+    if range_m < NEAR * target.radius:
+        found.append(f"the range is only {range_m / target.radius:.2g} radii of the target, which is seen by parallel rays: true far away only")
+    if hidden > 0:
+        found.append(f"{hidden:.0%} of the target has sky or terrain of the scene between it and the observer, which is not taken to hide it")
     return found

@@ -15,7 +15,8 @@ from mi_lcair.physics.sensor import LOCK_ON, Detector
 EXPECTED = {str: "a text", float: "a finite number", int: "a whole number", bool: "true or false", dict: "a table"}
 FILES = (("target", "scene"), ("atmosphere", "table"), ("background", "sky"), ("sensor", "response"))    # or bundled names
 POLAR = ("range_m", "azimuth_deg", "elevation_deg")
-REPLACES = {("background", "sky"): ("temperature",), ("background", "temperature"): ("sky",), ("observer", "position_m"): POLAR}
+REPLACES = {("background", "sky"): ("temperature",), ("background", "temperature"): ("sky",), ("observer", "position_m"): POLAR,
+            **{("observer", name): ("position_m",) for name in POLAR}}
 
 
 @dataclass(frozen=True)
@@ -46,8 +47,8 @@ POSE = tuple(entry.name for entry in fields(Pose))
 
 @dataclass(frozen=True)
 class Observer:
-    """[observer] Where the sensor is, as seen from the target: azimuth 0 sees its nose (+x), 90 its left side (+y); elevation
-    above the target's horizontal. Or position_m: x, y and z from the target."""
+    """[observer] Where the sensor is, as seen from the target, in the scene's axes: azimuth from +x (the nose of a target that [pose]
+    does not turn) toward +y (its left side), elevation above the x-y plane. Or position_m: x, y and z from the target."""
     range_m: float | None = None
     azimuth_deg: float | None = None
     elevation_deg: float | None = None
@@ -129,10 +130,10 @@ class Sampling:
     seed: int = 0
 
     def __post_init__(self):
-        for name, least in (("max_bounces", 0), ("resolution", 1), ("spp", 2), ("seed", 0)):
-            values = getattr(self, name)
-            if np.min(values, initial=least) < least:
-                raise InputError(f"[render]: {name} = {np.min(values)}; must be {least} or more")
+        for name, least, most in (("max_bounces", 0, 10_000), ("resolution", 1, 8192), ("spp", 2, 2**31), ("seed", 0, 2**32 - 1)):
+            for value in np.ravel(getattr(self, name)).tolist():
+                if not least <= value <= most:
+                    raise InputError(f"[render]: {name} = {value}; must lie in {least}..{most}")
 
 
 @dataclass(frozen=True)
@@ -197,6 +198,8 @@ def locate(tree: dict, folder: Path) -> None:
 def change(tree: dict, keys: list[str], value) -> None:
     """Sets one value of the tree, and takes away what it stands in place of."""
     *tables, key = keys
+    if not tables:
+        raise InputError(f"{key} is no entry; name TABLE.KEY, such as sensor.band")
     for table in tables:
         tree = tree.setdefault(table, {})
         if not isinstance(tree, dict):
@@ -223,7 +226,8 @@ def filled(kind, values, where: str):
             raise unknown(f"key of {where}", key, known)
     for key, entry in known.items():
         if key not in values and entry.default is MISSING and entry.default_factory is MISSING:
-            raise InputError(f"{where}: {key} is missing")
+            needed = [name for name, other in known.items() if other.default is MISSING and other.default_factory is MISSING]
+            raise InputError(f"{where}: {key} is missing; give {', '.join(needed)}")
     return kind(**{key: converted(value, known[key].type, f"{where}: {key}") for key, value in values.items()})
 
 

@@ -1,6 +1,7 @@
 """Views of a scene's model: orthographic cameras that see it whole from where an observer stands, far away."""
 from dataclasses import dataclass, replace
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 from scipy.spatial import ConvexHull
@@ -15,7 +16,7 @@ MARGIN = 1.01       # of the window over the model, and of the camera's distance
 THINNEST = 1e-3     # half a window's side over the model's radius, where the model is seen edge-on
 FEW_POINTS = 1000   # more of them are thinned to their convex hull
 UP, BESIDE = (0, 0, 1), (1, 0, 0)
-DIGITS = 9
+DIGITS, PROBES = 9, 64
 MOST_PIXELS = 8192  # along a side
 POLE_DEG = 89.999   # of elevation, beyond which z cannot be upright in the picture
 
@@ -119,6 +120,19 @@ def seen_from(scene: Scene, view: View, resolution: int) -> Scene:
     """The same scene with a single sensor, which sees the model from there."""
     camera = Target.of(scene).camera(view, resolution, depth(scene))
     return replace(scene, sensors=[mi.load_dict(camera)])
+
+
+def hidden_share(scene: Scene, view: View, range_m: float) -> float:
+    """Share of the model, as seen from there, before which something stands between its sphere and an observer at range_m; the
+    cameras, which stand just outside the sphere, do not see it."""
+    camera = seen_from(scene, view, PROBES).sensor(0)
+    index = dr.arange(mi.UInt32, PROBES**2)
+    position = (mi.Point2f(index % PROBES, index // PROBES) + 0.5) / PROBES
+    ray, _ = camera.sample_ray(0, 0, position, mi.Point2f(0.5))
+    first = scene.mi.ray_intersect(ray)
+    on_model = first.is_valid() & scene.mi.integrator().emitters.is_model(first.emitter(scene.mi))
+    outward = mi.Ray3f(ray.o, -ray.d, maxt=range_m, time=0, wavelengths=[])
+    return int(dr.count(on_model & scene.mi.ray_test(outward))[0]) / max(1, int(dr.count(on_model)[0]))
 
 
 def depth(scene: Scene) -> float:

@@ -139,14 +139,26 @@ def test_detector(folder):
     assert first.observed == pytest.approx(found.no_target + first.total.value)
     assert (first.max_bounces, last.max_bounces) == (0, 2) and first.target == last.target and not found.remarks
     dim = contrast(disc(folder, sensor__nei=1, sensor__field_of_view_deg=0.1, render__resolution=8))
-    assert not dim.rows[0].detected and "wider than the field of view" in dim.remarks[0]
+    assert not dim.rows[0].detected and "wider than the field of view" in dim.remarks[0] and dim.rows[0].observed is None
+
+
+@pytest.mark.parametrize("range_m, remark", [(50.0, None), (1000.0, "50% of the target has sky or terrain"), (10.0, "only 5 radii")])
+def test_what_stands_between_and_what_is_near_is_remarked(folder, range_m, remark):
+    """A wall at x = 100 m, before the half of the disc with y > 0: seen from beyond it, not from before it."""
+    wall = """<shape type="rectangle"> <transform name="to_world"> <scale x="5" y="5"/> <lookat origin="100, 5, 0" target="0, 5, 0" up="0, 0, 1"/> </transform>
+        <bsdf type="diffuse"/> <emitter type="thermal"> <string name="band" value="$band"/> <float name="temperature" value="280"/>
+        <string name="facet_type" value="terrain"/> </emitter> </shape> </scene>"""
+    xml = folder / "disc.xml"
+    xml.write_text(xml.read_text().replace("</scene>", wall))
+    said = contrast(disc(folder, observer__range_m=range_m, render__resolution=16)).remarks
+    assert len(said) == (remark is not None) and (remark is None or remark in said[0])
 
 
 def test_contrast_within_the_noise_is_remarked(folder):
     found = contrast(disc(folder, render__resolution=8))
     row, target = found.rows[0], SimpleNamespace(radius=2.0)
     for total, count in ((Estimate(-2.9, 1.0), 1), (Estimate(-3.1, 1.0), 0)):
-        said = module.remarks([replace(row, total=total)], found.detector, target, 1000)
+        said = module.remarks([replace(row, total=total)], found.detector, target, 1000, 0.0)
         assert len(said) == count and all("with 1 reflections the contrast is less than 3" in remark for remark in said)
 
 
@@ -155,7 +167,7 @@ def test_contrast_within_the_noise_is_remarked(folder):
     ({"background__sky": "us_standard_clear", "observer__elevation_deg": -5, "sensor__band": "4-6"}, "does not cover band 4-6"),
     ({"atmosphere__table": "midlat_summer", "observer__range_m": 6000}, "range 6000 m is beyond its last one, 5000 m"),
     ({"atmosphere__table": "midlat_sumer"}, "unknown atmosphere 'midlat_sumer'; known: midlat_summer"),
-    ({"background__sky": "midlat_summer_clear", "observer__elevation_deg": 5}, "looks down, by 5 degrees, .* give \\[background\\] a temperature"),
+    ({"background__sky": "midlat_summer_clear", "observer__elevation_deg": 5}, "scenario 'disc': the line of sight looks down, by 5 degrees, .* give \\[background\\] a temperature"),
     ({"background__sky": "midlat_summer"}, "unknown sky table 'midlat_summer'")])
 def test_refused_before_anything_is_loaded(folder, monkeypatch, changes, message):
     monkeypatch.setattr(module, "load", None)

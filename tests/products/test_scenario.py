@@ -53,7 +53,7 @@ def test_changes_are_toml_or_text(written):
 
 @pytest.mark.parametrize("changes, message", [
     ({"sensor.bnad": "LWIR"}, r"unknown key of \[sensor\] 'bnad'; known: band"), ({"senzor.band": "LWIR"}, "unknown table 'senzor'; known: sensor"),
-    ({"render": 3}, r"\[render\] must be a table"), ({"sensor.band.x": 3}, "'band' is not a table"),
+    ({"render": 3}, "render is no entry; name TABLE.KEY"), ({"sensor.band.x": 3}, "'band' is not a table"),
     ({"observer.range_m": 0}, r"\[observer\]: zero range"), ({"observer.range_m": -5}, "range_m = -5; must be positive"),
     ({"observer.range_m": "nan"}, r"\[observer\]: range_m = nan; must be a finite number"), ({"observer.range_m": "far"}, "range_m = 'far'; must be a finite number"),
     ({"observer.elevation_deg": 91}, "elevation_deg = 91; must lie in -90..90"), ({"observer.position_m": "[1, 2]"}, "give its three numbers alone"),
@@ -63,9 +63,10 @@ def test_changes_are_toml_or_text(written):
     ({"sensor.band": 4}, r"\[sensor\]: band = 4; must be a text"), ({"sensor.response": "one_row.csv"}, "needs two rows"),
     ({"sensor.response": "wide.csv"}, "response wide 2-9 um is not within band MWIR 3-5 um"), ({"sensor.response": "none.csv"}, "No such file"),
     ({"sensor.band": "wide.csv"}, "is a response; give it as response"), ({"background.temperature": 0}, "temperature = 0 K; must be positive"),
-    ({"atmosphere.extrapolate": 1}, "extrapolate = 1; must be true or false"), ({"render.spp": 1}, "spp = 1; must be 2 or more"),
-    ({"render.max_bounces": "[1, -1]"}, "max_bounces = -1; must be 0 or more"), ({"render.max_bounces": "[1, 2.5]"}, "max_bounces = 2.5; must be a whole number"),
-    ({"render.resolution": 0}, "resolution = 0"), ({"target.parameters.band": "LWIR"}, r"band is given in \[sensor\]"),
+    ({"atmosphere.extrapolate": 1}, "extrapolate = 1; must be true or false"), ({"render.spp": 1}, "spp = 1; must lie in 2.."),
+    ({"render.max_bounces": "[1, -1]"}, "max_bounces = -1; must lie in 0..10000"), ({"render.max_bounces": "[1, 2.5]"}, "max_bounces = 2.5; must be a whole number"),
+    ({"render.resolution": 0}, "resolution = 0"),
+    ({"render.resolution": 10**6}, "resolution = 1000000; must lie in 1..8192"), ({"render.seed": 2**32}, "seed = 4294967296"), ({"target.parameters.band": "LWIR"}, r"band is given in \[sensor\]"),
     ({"target.parameters.pitch_deg": 4}, r"pitch_deg is given in \[pose\]"), ({"target.parameters.size": "[1, 2]"}, "must be a text or a number")])
 def test_mistakes(written, tmp_path, monkeypatch, changes, message):
     monkeypatch.chdir(tmp_path)
@@ -90,6 +91,12 @@ def test_what_is_missing(written, left_out, message):
 def test_what_is_too_much(written, extra, message):
     with pytest.raises(InputError, match=message):
         Scenario.read(written(TOML.replace("temperature = 294", f'sky = "us_standard_clear"\n{extra}')))
+    placed = TOML.replace("range_m = 1000\nazimuth_deg = 0\nelevation_deg = 0\n", "position_m = [30, 40, 0]\n")
+    assert Scenario.read(written(placed)).observer.range_m == 50
+    polar = {"observer.range_m": 7, "observer.azimuth_deg": 1, "observer.elevation_deg": 2}
+    assert Scenario.read(written(placed), **polar).observer.range_m == 7
+    with pytest.raises(InputError, match="azimuth_deg is missing"):
+        Scenario.read(written(placed), **{"observer.range_m": 7})
     with pytest.raises(InputError, match=r"position_m is \[1.0, 2.0, 3.0\] beside range_m"):
         Scenario.read(written(TOML.replace("[atmosphere]", "position_m = [1, 2, 3]\n[atmosphere]")))
 
