@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 
+import mitsuba as mi
 import numpy as np
 
 import mi_lcair
@@ -93,7 +94,7 @@ def trend(scene: Scene, azimuths_deg, elevations_deg=(0.0,), resolution: int = 6
     if batch is not None and not 1 <= batch <= most:
         raise InputError(f"batch = {batch} must lie in 1..{most} for {resolution} x {resolution} pixels")
     sweep = Sweep(scene.source, {name: whole_path(value) for name, value in scene.parameters.items()}, scene.fingerprint, views, resolution, spp,
-                  tolerance or 0.01, max_spp, seed, min(batch or views_per_batch(resolution), len(views)), variant())
+                  tolerance or 0.01, max_spp, seed, min(batch or views_per_batch(resolution), len(views)), mi.variant())
     file = TrendFile(path, sweep.header(scene.band.label), views, OWN_COLUMNS)
     if resume:
         file.resume()
@@ -108,12 +109,6 @@ def trend(scene: Scene, azimuths_deg, elevations_deg=(0.0,), resolution: int = 6
 def whole_path(value: str) -> str:
     """A parameter that names a file from here, as other processes find it."""
     return str(Path(value).resolve()) if Path(value).is_file() else value
-
-
-def variant() -> str:
-    import mitsuba
-
-    return mitsuba.variant()
 
 
 def results(scene: Scene, sweep: Sweep, batches, dask: str | None):
