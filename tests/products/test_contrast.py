@@ -14,7 +14,7 @@ from mi_lcair.products.contrast import contrast
 from mi_lcair.products.contrast_plot import save_plot
 from mi_lcair.products.irradiance import Estimate
 from mi_lcair.products.scenario import Scenario
-from mi_lcair.rendering.views import View, seen_from
+from mi_lcair.rendering.views import Target, View, seen_from
 from tests.products.disc_scenario import AREA, disc, triangles, write_disc
 
 LIMITS = {"MWIR": (3.0, 5.0), "LWIR": (8.0, 12.0)}
@@ -250,3 +250,16 @@ def test_each_row_is_rendered_with_its_own_reflections():
     rows = contrast(scenario).rows
     assert [row.intensity.value for row in rows] == pytest.approx([by_bounce[2], by_bounce[0], by_bounce[1]], rel=1e-4)
     assert by_bounce[0] < 0.9 * by_bounce[1] < by_bounce[2]
+
+
+def test_the_pixels_of_the_picture_add_up_to_it():
+    """The airliner through the air, pixel by pixel with a mean transmittance for each spectrum, from the same paths."""
+    found = contrast(Scenario.read("a340_landing/position_3", **{"sensor.band": "LWIR", "render.max_bounces": 2, "render.resolution": 48, "render.spp": 8}))
+    observer, row = found.scenario.observer, found.rows[0]
+    view = View(observer.azimuth_deg, observer.elevation_deg)
+    scene = mi_lcair.load("a340_landing", band="LWIR", max_bounces=2, sky="midlat_summer_stratus")
+    image = mi_lcair.render(seen_from(scene, view, 48), spp=8, atmosphere=found.air, range_m=observer.range_m)
+    arrives = image.channels["apparent.Y"] - (image.channels["Y"] - image.channels["target.Y"])
+    solid_angle = Target.of(scene).window_area(view) / observer.range_m**2
+    assert arrives.mean(dtype=float) * solid_angle == pytest.approx(row.target.value + row.path.value, rel=2e-5)
+    assert image.channels["path.Y"].mean(dtype=float) * solid_angle == pytest.approx(row.path.value, rel=2e-5)
