@@ -91,7 +91,8 @@ class Channels:
         return found | {"target": L * self.of_model}
 
     def add_tail(self) -> tuple[mi.Float, float]:
-        """Continues the last two bounce counts geometrically, with the ratio of their sums over all samples.
+        """Continues the last two bounce counts geometrically, with the ratio of their sums over all samples; the model and its background,
+        which may lie in other surroundings, each with its own.
 
         Returns the tail per sample, and as its error what the ratio of the two counts before would have made of its mean.
         """
@@ -99,11 +100,15 @@ class Channels:
             ratio = b / a if a > 0 else 0.0
             return ratio / (1 - ratio) if ratio < 1 else 0.0
 
-        dr.eval(self.last)
-        before, last, newest = (float(dr.sum(channel)[0]) for channel in self.last)
-        factor = continuation(last, newest)
-        self.closure = self.last[2] * factor
-        return self.closure, abs(factor - continuation(before, last)) * newest / dr.width(self.closure)
+        dr.eval(self.last, self.of_model)
+        error = 0.0
+        self.closure = mi.Float(0)
+        for share in (self.of_model, 1 - self.of_model):
+            before, last, newest = (float(dr.sum(channel * share)[0]) for channel in self.last)
+            factor = continuation(last, newest)
+            self.closure += self.last[2] * share * factor
+            error += abs(factor - continuation(before, last)) * newest
+        return self.closure, error / dr.width(self.last[2])
 
 
 @dataclass

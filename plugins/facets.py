@@ -33,7 +33,8 @@ class Facets:
             vertices, faces = (buffers[name].numpy().reshape(-1, 3) for name in ("vertex_positions", "faces"))
             corners.append(tuple(vertices[faces[:, corner]] for corner in range(3)))
         p0, p1, p2 = (np.concatenate(points).astype(np.float64) for points in zip(*corners))
-        normal = np.cross(p1 - p0, p2 - p0)
+        flips = [np.full(len(p), -1.0 if mesh.has_flipped_normals() else 1.0) for mesh, (p, _, _) in zip(meshes, corners)]
+        normal = np.cross(p1 - p0, p2 - p0) * np.concatenate(flips)[:, None]
         area = 0.5 * np.linalg.norm(normal, axis=1)
         importance = area.copy()
         if weights is not None:

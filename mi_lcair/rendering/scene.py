@@ -157,6 +157,9 @@ def checked(loaded, path: Path, parameters: dict[str, str]) -> Scene:
         raise InputError(f"{path}: the integrator must be bounce_path: <integrator type=\"bounce_path\"/>")
     if not loaded.sensors():
         raise InputError(f"{path}: has no sensor")
+    for number, sensor in enumerate(loaded.sensors()):
+        if 0 in sensor.film().crop_size():
+            raise InputError(f"{path}: the film of sensor {number} has no pixels; width and height must be positive")
     with integrator.prepared(loaded):
         pass                            # whatever cannot be derived is refused here
     if integrator.emitters.band is None:
