@@ -19,18 +19,16 @@ def command(options, photons):
     if options.json:
         print_json(result.as_dict())
         return
-    emitted = result.total["emitted"][0]
+    def percent(name, key):
+        value, error = result.shares[name][key]
+        return f"{100 * value:.3f} +- {100 * error:.1g}"
 
-    def percent(figure, whole=emitted):
-        value, error = figure
-        return f"{100 * value / whole:.3f} +- {100 * error / whole:.1g}" if whole else "0"
-
-    print_columns([("band", result.band), ("emitted", f"{emitted:.6g} W +- {result.total['emitted'][1]:.2g}"),
-                   *((f"{name} %", percent(result.total[name])) for name in ("absorbed", "escaped", "behind", "created", "unfinished", "balance"))])
+    print_columns([("band", result.band), ("emitted", f"{result.total['emitted'][0]:.6g} W +- {result.total['emitted'][1]:.2g}"),
+                   *((f"{key} %", percent("scene", key)) for key in ("absorbed", "escaped", "behind", "created", "unfinished", "balance"))])
     click.echo()
     shares = ("absorbed", "reflected", "behind", "created", "scaled")
     print_columns([("material", "emitted W", "incident W", *(f"{key} % of incident" for key in shares)),
-                   *((name, f"{flux['emitted'][0]:.5g}", f"{flux['incident'][0]:.5g}", *(percent(flux[key], flux["incident"][0]) for key in shares))
+                   *((name, f"{flux['emitted'][0]:.5g}", f"{flux['incident'][0]:.5g}", *(percent(name, key) for key in shares))
                      for name, flux in result.materials.items())])
     click.echo()
     for remark in result.remarks or ["nothing to remark: energy is conserved within the errors above"]:

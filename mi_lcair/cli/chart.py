@@ -4,7 +4,7 @@ from dataclasses import asdict, fields
 import click
 
 from mi_lcair.cli import chart_propagation, chart_reflectance
-from mi_lcair.cli.options import json_option
+from mi_lcair.cli.options import json_option, progress_bar
 from mi_lcair.cli.output import print_columns, print_json
 
 
@@ -20,10 +20,11 @@ command.add_command(chart_propagation.command)
 @command.command("throughput")
 @json_option
 def throughput(json):
-    """Paths and rays per second, side by side with stock Mitsuba on the same scene."""
+    """Paths and rays per second, side by side with stock Mitsuba on the same scene; a minute."""
     from mi_lcair.products.throughput import measure
 
-    result = measure()
+    with progress_bar("runs") as progress:
+        result = measure(progress=progress)
     if json:
         print_json(asdict(result))
         return

@@ -65,3 +65,5 @@ def _remarks(options, result):
     if result.reached is not None:
         yield "tolerance", (f"{options.sampling['tolerance']:.3g} "
                             + ("reached" if result.reached else "NOT reached; raise --max-spp"))
+    elif options.plan and result.rms_error is not None and result.rms_error > options.plan.tolerance:
+        yield "tolerance", f"{options.plan.tolerance:.3g} NOT reached: more noise than the probes saw; use --tolerance without --plan"

@@ -12,7 +12,9 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.plugins.derivatives import children
 from mi_lcair.plugins.emissivity import emissivity_of
+from mi_lcair.plugins.facets import pointer_id
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.scene import Scene
 
@@ -45,22 +47,24 @@ class Flux:
 @dataclass(frozen=True)
 class Audit:
     """Fluxes [W] as {name: (value, standard error)}: of the scene (emitted, absorbed, escaped, behind, created, unfinished and the
-    balance, emitted + created less all others, 0 but for its error), and of each material. remarks: what is wrong, with the
-    facets responsible, one line each.
+    balance, emitted + created less all others, 0 but for its error), and of each material. shares: the same over what is emitted
+    (by "scene") or over what reaches the material. remarks: what is wrong, with the facets responsible, one line each.
     """
     scene: str
     band: str
     total: dict[str, tuple[float, float]]
     materials: dict[str, dict[str, tuple[float, float]]]
+    shares: dict[str, dict[str, tuple[float, float]]]
     remarks: list[str]
     photons: int
 
     def as_dict(self) -> dict:
-        def plain(flux):
-            return {name: {"W": value, "standard_error": error} for name, (value, error) in flux.items()}
+        def plain(flux, unit="W"):
+            return {name: {unit: value, "standard_error": error} for name, (value, error) in flux.items()}
 
         return {"scene": self.scene, "band": self.band, "total": plain(self.total), "photons": self.photons, "remarks": self.remarks,
-                "materials": {name: plain(flux) for name, flux in self.materials.items()}}
+                "materials": {name: plain(flux) for name, flux in self.materials.items()},
+                "shares": {name: plain(shares, "share") for name, shares in self.shares.items()}}
 
 
 def audit(scene: Scene, photons: int = 2**18, seed: int = 0, progress=None) -> Audit:
@@ -77,7 +81,7 @@ def audit(scene: Scene, photons: int = 2**18, seed: int = 0, progress=None) -> A
     ends = {"escaped": np.zeros(BATCHES), "unfinished": np.zeros(BATCHES)}
     integrator = scene.mi.integrator()
     grazing = scaling_cosines(scene, table)
-    passive = [(shape, emissivity_of(shape.bsdf())) for shape in scene.mi.shapes() if shape.emitter() is None]
+    passive = [(shape, passive_emissivity(index, shape)) for index, shape in enumerate(scene.mi.shapes()) if shape.emitter() is None]
     with integrator.prepared(scene.mi), dr.suspend_grad():
         for number, emitter in enumerate(emitters):
             follow(scene, integrator.emitters, emitters, emitter, passive, photons,
@@ -148,6 +152,14 @@ def follow(scene, leaving, emitters, source, passive, photons, seed, table, graz
     ends["unfinished"] += np.bincount(batch.numpy(), dr.select(active, flux, 0).numpy(), BATCHES)
 
 
+def passive_emissivity(index: int, shape):
+    """Of a shape without an emitter, number `index` of the scene: what it does not reflect."""
+    try:
+        return emissivity_of(shape.bsdf())
+    except InputError as error:
+        raise InputError(f"shape {shape.id() or index} has no emitter, and what it absorbs is not known ({error}); give it another BSDF") from None
+
+
 def absorptance(emitters, passive, si, active):
     """Kirchhoff's: the emissivity toward where the flux comes from. A surface without an emitter, one of the pairs (shape, emissivity)
     of `passive`, absorbs what its BSDF does not reflect."""
@@ -166,19 +178,45 @@ def account(scene: Scene, table: FacetTable, by_facet: Flux, ends: dict, photons
         batches = np.asarray(batches) * BATCHES
         return float(batches.mean()), float(batches.std(ddof=1) / np.sqrt(BATCHES))
 
+    def share(part, whole):
+        """Of sums by batch: their ratio, with the error of a ratio."""
+        ratio = part.sum() / whole.sum() if whole.any() else 0.0
+        return float(ratio), float((part - ratio * whole).std(ddof=1) / np.sqrt(BATCHES) / max(whole.mean(), 1e-300))
+
     names = [field.name for field in fields(Flux)] + ["created"]
-    total = {name: figure(getattr(by_facet, name).sum(axis=1)) for name in ("emitted", "absorbed", "behind", "created")}
-    total |= {name: figure(batches) for name, batches in ends.items()}
-    balance = (by_facet.emitted + by_facet.created - by_facet.absorbed - by_facet.behind).sum(axis=1)
-    total["balance"] = figure(balance - ends["escaped"] - ends["unfinished"])
-    materials = {}
-    for material in dict.fromkeys(table.material):
-        chosen = table.material == material
-        materials[material] = {name: figure(getattr(by_facet, name)[:, chosen].sum(axis=1)) for name in names}
-    return Audit(scene.name, scene.band.name, total, materials, remarks(table, by_facet, total, materials), photons)
+    total = {name: getattr(by_facet, name).sum(axis=1) for name in ("emitted", "absorbed", "behind", "created")} | ends
+    total["balance"] = sum(total[name] * sign for name, sign in (("emitted", 1), ("created", 1), ("absorbed", -1), ("behind", -1),
+                                                                 ("escaped", -1), ("unfinished", -1)))
+    kind = kinds(scene, table)
+    materials = {name: {flux: getattr(by_facet, flux)[:, kind == name].sum(axis=1) for flux in names} for name in dict.fromkeys(kind)}
+    shares = {"scene": {name: share(batches, total["emitted"]) for name, batches in total.items()},
+              **{name: {key: share(batches, flux["incident"]) for key, batches in flux.items()} for name, flux in materials.items()}}
+    total = {name: figure(batches) for name, batches in total.items()}
+    materials = {name: {key: figure(batches) for key, batches in flux.items()} for name, flux in materials.items()}
+    return Audit(scene.name, scene.band.name, total, materials, shares, remarks(kind, by_facet, total, materials), photons)
 
 
-def remarks(table: FacetTable, by_facet: Flux, total: dict, materials: dict) -> list[str]:
+def kinds(scene: Scene, table: FacetTable) -> np.ndarray:
+    """Of each facet the name of its material; unlike materials of one name, or of none, are told apart by the first shape that has them."""
+    shapes, kind, first = list(scene.mi.shapes()), table.material.copy(), {}
+    for index, shape in enumerate(shapes):
+        facets = table.shape_index == index
+        if facets.any():
+            name, bsdf = table.material[facets][0], shape.bsdf()
+            surface = next((layer for layer in (bsdf, *children(bsdf)) if hasattr(layer, "set_lobe")), None)
+            made = pointer_id(mi.BSDFPtr(bsdf)) if surface is None else (*(float(source[0]) for source in surface.sources()), surface.form,
+                                                                        surface.emissivity, surface.lobe)
+            given = getattr(shape.emitter(), "given_emissivity", None)
+            like = first.setdefault(name, {})
+            like.setdefault((made, None if given is None else float(given[0])), (shape.id() or f"shape {index}", []))[1].append(facets)
+    for name, likes in first.items():
+        for shape_id, masks in likes.values():
+            for facets in masks:
+                kind[facets] = name if len(likes) == 1 else f"{name} ({shape_id})"
+    return kind
+
+
+def remarks(kind: np.ndarray, by_facet: Flux, total: dict, materials: dict) -> list[str]:
     """What a user should look into, with the facets that contribute most."""
     def worst(values):
         order = np.argsort(-values)[:NAMED]
@@ -187,11 +225,11 @@ def remarks(table: FacetTable, by_facet: Flux, total: dict, materials: dict) -> 
     found, emitted = [], total["emitted"][0]
     for material, flux in materials.items():
         (created, error), incident = flux["created"], flux["incident"][0]
-        mine = table.material == material
+        mine = kind == material
         if abs(created) > max(4 * error, SIGNIFICANT * incident):
-            kind = "creates" if created > 0 else "loses"
+            verb = "creates" if created > 0 else "loses"
             share = np.sign(created) * by_facet.created.sum(axis=0) * mine
-            found.append(f"material {material} {kind} {abs(created) / incident:.2%} of what arrives: its emissivity and what it reflects do "
+            found.append(f"material {material} {verb} {abs(created) / incident:.2%} of what arrives: its emissivity and what it reflects do "
                          f"not add up to 1; most at facets {worst(share)}")
         if flux["scaled"][0] > SIGNIFICANT * incident > 0:
             found.append(f"material {material} has its BRDF scaled down at grazing angles, where {flux['scaled'][0] / incident:.2%} of its "

@@ -223,7 +223,8 @@ def fewest_bounces(by_bounce: np.ndarray, budget: float, each_pixel: bool) -> tu
 
     def tail(n):
         factor = counts[n] / (counts[n - 1] - counts[n]) if counts[n] < counts[n - 1] else 0.0
-        return factor * shown[n], looks[:, n] ** 2 / np.maximum(looks[:, n - 1] - looks[:, n], 1e-300)
+        falls = np.maximum(looks[:, n - 1] - looks[:, n], 1e-6 * looks[:, n - 1])       # a look whose counts do not fall has no tail
+        return factor * shown[n], np.divide(looks[:, n] ** 2, falls, out=np.zeros(BATCHES), where=falls > 0)
 
     best = (last, "none", bound(*missing(last)))
     for n in range(last, -1, -1):

@@ -1,12 +1,13 @@
 """How fast `bounce_path` with `sandford_robertson` is beside Mitsuba's own integrators, and beside bare ray intersection."""
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from statistics import median
 
 import drjit as dr
 import mitsuba as mi
 
 from mi_lcair import scenes
+from mi_lcair.progress import stepper
 from mi_lcair.physics.materials import material
 from mi_lcair.physics.bands import band
 
@@ -32,9 +33,6 @@ class Throughput:
     spp: int
     resolution: int
     repeats: int
-
-    def as_dict(self) -> dict:
-        return asdict(self)
 
 
 def measure(bounces: int = 5, spp: int = 64, resolution: int = 128, repeats: int = 7, progress=None) -> Throughput:
@@ -68,13 +66,13 @@ def measure(bounces: int = 5, spp: int = 64, resolution: int = 128, repeats: int
         "bounce_path, total only": (observes(whole, spp, None), bounces + 1, ""),
         "ray intersection alone": (lambda seed: intersect(bare, paths, bounces + 1, seed), bounces + 1, ""),
     }
-    first = {name: timed(run, 0) for name, (run, _, _) in contestants.items()}
+    step = stepper(progress, (repeats + 1) * len(contestants))
     times = {name: [] for name in contestants}
-    for repeat in range(repeats):
+    for repeat in range(repeats + 1):
         for name, (run, _, _) in contestants.items():
-            times[name].append(timed(run, repeat + 1))
-        if progress:
-            progress(repeat + 1, repeats)
+            times[name].append(timed(run, repeat))
+            step()
+    first = {name: values.pop(0) for name, values in times.items()}
     seconds = {name: median(values) for name, values in times.items()}
     rows = [Row(name, paths / seconds[name], paths * rays / seconds[name], against,
                 median(b / a for a, b in zip(times[name], times[against])) if against else None,

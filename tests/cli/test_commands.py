@@ -117,7 +117,7 @@ class Throughput:
 def test_chart_throughput(run, monkeypatch):
     """Any dataclass with rows becomes a table with their fields as its columns, or JSON."""
     module = ModuleType("mi_lcair.products.throughput")
-    module.measure = lambda: Throughput([Row("box", 1.25, None), Row("cavity", np.float64(2e7), 4)])
+    module.measure = lambda progress: Throughput([Row("box", 1.25, None), Row("cavity", np.float64(2e7), 4)])
     monkeypatch.setitem(sys.modules, "mi_lcair.products.throughput", module)
     lines = run("chart", "throughput").stdout.splitlines()
     assert lines == ["scene name  ratio  paths", "box         1.25", "cavity      2e+07  4"]

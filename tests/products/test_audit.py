@@ -55,8 +55,7 @@ def test_a_reflector_that_absorbs_nothing(plate):
     result = audited(floor=plate("floor", SQUARE, black, 300.0), lid=plate("lid", LID, white, 300.0))
     agree(result.total["emitted"], 100 * np.pi * L_300)
     agree(result.total["absorbed"], result.total["emitted"][0] - result.total["escaped"][0], 5)
-    names = list(result.materials)
-    assert len(names) == 1       # neither has a name: both are listed by their class
+    assert sorted(name.partition(" (")[2] for name in result.materials) == ["floor)", "lid)"]     # neither has a name: told apart by their shapes
     assert abs(result.total["created"][0]) < 1e-6 * result.total["emitted"][0]
 
 
@@ -80,7 +79,23 @@ def test_what_only_reflects_absorbs_the_rest(plate):
     del lid["emitter"]
     result = audited(floor=plate("floor", SQUARE, black, 300.0), lid=lid)
     grey = result.materials["SmoothDiffuse"]
+    assert result.shares["SmoothDiffuse"]["absorbed"] == pytest.approx((0.5, 0), abs=1e-5)
     assert result.remarks == [] and grey["absorbed"][0] == pytest.approx(0.5 * grey["incident"][0], rel=1e-5)
+
+
+def test_one_creates_what_another_loses(plate):
+    """Two grey plates of one class: one emits too much, one too little by as much; each is named, and the shares are exact."""
+    def grey(name, corners, emissivity):
+        shape = plate(name, corners, {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.5}}, 300.0)
+        shape["emitter"]["emissivity"] = emissivity
+        return shape
+
+    result = audited(floor=grey("floor", SQUARE, 0.7), lid=grey("lid", LID, 0.3))
+    assert [remark.split()[3] for remark in sorted(result.remarks)] == ["creates", "loses"]
+    assert [set(remark.rpartition("facets ")[2].split(", ")) for remark in sorted(result.remarks)] == [{"0", "1"}, {"2", "3"}]
+    for shape, created in (("floor", .2), ("lid", -.2)):
+        value, error = result.shares[f"SmoothDiffuse ({shape})"]["created"]
+        assert value == pytest.approx(created, abs=1e-5) and error < 1e-5
 
 
 def test_emissivity_of_the_model_loses_energy(plate):
