@@ -24,7 +24,8 @@ class BouncePath(RBIntegrator):
     closure             string  stands in for the reflections beyond max_bounces                     (none)
                                 none; ambient: one more reflection, and whatever surface that ray meets
                                 radiates as a blackbody at ambient_temperature, an escape adds nothing;
-                                tail: geometric continuation of the last two bounce counts of the image
+                                tail: geometric continuation of the last two bounce counts, of the
+                                model in the image and of its background apart
     ambient_temperature float   kelvin, for closure = ambient
     =================== ======= ============================================================================
 

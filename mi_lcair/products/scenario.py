@@ -130,10 +130,10 @@ class Sampling:
     seed: int = 0
 
     def __post_init__(self):
-        for name, least, most in (("max_bounces", 0, 10_000), ("resolution", 1, 8192), ("spp", 2, 2**31), ("seed", 0, 2**32 - 1)):
+        for name, least, most in (("max_bounces", 0, 10_000), ("resolution", 1, np.inf), ("spp", 2, 2**31), ("seed", 0, 2**32 - 1)):
             for value in np.ravel(getattr(self, name)).tolist():
                 if not least <= value <= most:
-                    raise InputError(f"[render]: {name} = {value}; must lie in {least}..{most}")
+                    raise InputError(f"[render]: {name} = {value}; must {f'lie in {least}..{most}' if most < np.inf else f'be {least} or more'}")
 
 
 @dataclass(frozen=True)

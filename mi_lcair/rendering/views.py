@@ -118,6 +118,7 @@ def cameras(scene: Scene, target: Target, views: list[View], resolution: int):
 
 def seen_from(scene: Scene, view: View, resolution: int) -> Scene:
     """The same scene with a single sensor, which sees the model from there."""
+    check_resolution(resolution)
     camera = Target.of(scene).camera(view, resolution, depth(scene))
     return replace(scene, sensors=[mi.load_dict(camera)])
 

@@ -66,7 +66,7 @@ def test_changes_are_toml_or_text(written):
     ({"atmosphere.extrapolate": 1}, "extrapolate = 1; must be true or false"), ({"render.spp": 1}, "spp = 1; must lie in 2.."),
     ({"render.max_bounces": "[1, -1]"}, "max_bounces = -1; must lie in 0..10000"), ({"render.max_bounces": "[1, 2.5]"}, "max_bounces = 2.5; must be a whole number"),
     ({"render.resolution": 0}, "resolution = 0"),
-    ({"render.resolution": 10**6}, "resolution = 1000000; must lie in 1..8192"), ({"render.seed": 2**32}, "seed = 4294967296"), ({"target.parameters.band": "LWIR"}, r"band is given in \[sensor\]"),
+    ({"render.seed": 2**32}, "seed = 4294967296"), ({"target.parameters.band": "LWIR"}, r"band is given in \[sensor\]"),
     ({"target.parameters.pitch_deg": 4}, r"pitch_deg is given in \[pose\]"), ({"target.parameters.size": "[1, 2]"}, "must be a text or a number")])
 def test_mistakes(written, tmp_path, monkeypatch, changes, message):
     monkeypatch.chdir(tmp_path)
