@@ -45,11 +45,11 @@ class SceneOptions:
         """The plan that was followed, for JSON: an entry `plan`, or none."""
         return {"plan": self.plan.as_dict()} if self.plan else {}
 
-    def load(self):
-        """The scene, with variant and threads set; remarks go to stderr."""
+    def load(self, own_sensors: bool = True):
+        """The scene, with variant and threads set; remarks go to stderr, those on its own sensors only if they will be used."""
         prepare_renderer(self.variant, self.threads)
         scene = mi_lcair.load(self.scene, **self.parameters)
-        for remark in scene.remarks:
+        for remark in scene.remarks if own_sensors else scene.notes:
             click.echo(f"mi-lcair: note: {remark}", err=True)
         return scene
 

@@ -70,7 +70,7 @@ def command(options, azimuth, elevation, output, plot, **settings):
             if path.suffix.lower() != suffix:
                 raise InputError(f"output '{path}' does not end in {suffix}")
             check_writable(path)
-    scene = options.load()
+    scene = options.load(own_sensors=False)
     with progress_bar("views") as progress:
         result = mi_lcair.trend(scene, azimuth, elevation, **options.sampling, **settings, path=output, progress=progress)
     if plot:

@@ -135,7 +135,7 @@ def measured(scenario: Scenario, progress) -> Contrast:
     mean_transmittance = seen.in_band(transmittance) / float(seen.weights_um.sum())
     return Contrast(scenario, detector, air, path, 0.0 - observer.elevation_deg, behind.name, mean_transmittance, seen.in_band(radiance),
                     seen.in_band(seen.backdrop), no_target(seen, detector), target.radius, rows,
-                    [*scene.remarks, *remarks(rows, detector, target, observer.range_m, hidden_share(scene, direction, observer.range_m))], time.perf_counter() - start)
+                    [*view.remarks, *remarks(rows, detector, target, observer.range_m, hidden_share(scene, direction, observer.range_m))], time.perf_counter() - start)
 
 
 def backdrop(scenario: Scenario, detector: Detector) -> Backdrop:

@@ -22,17 +22,22 @@ NO_ID = re.compile(r"object_\d+")       # what has no id is named by its address
 class Scene:
     """A loaded scene: `mi` is Mitsuba's own object, `band` and `groups` what its thermal emitters name.
 
-    name: the bundled scene's name or the file's; parameters: the $-parameters that were given, as text; remarks: what a
-    user should know before trusting the picture, one line each; sensors: through which it may be seen; path: its file.
+    name: the bundled scene's name or the file's; parameters: the $-parameters that were given, as text; notes: what a
+    user should know of its materials, one line each; sensors: through which it may be seen; path: its file.
     """
     mi: mi.Scene
     name: str
     band: Band
     groups: list[str]
     parameters: dict[str, str]
-    remarks: list[str]
+    notes: list[str]
     sensors: list
     path: Path
+
+    @property
+    def remarks(self) -> list[str]:
+        """What a user should know before trusting the picture: the notes, and what the sensors cannot see."""
+        return [*self.notes, *clipped(self.mi, self.sensors)]
 
     @property
     def source(self) -> str:
@@ -165,10 +170,10 @@ def checked(loaded, path: Path, parameters: dict[str, str]) -> Scene:
     if integrator.emitters.band is None:
         raise InputError(f"{path}: no thermal emitter names a band; add <emitter type=\"thermal\"> to what radiates")
     name = path.resolve().parent.name if path.stem == "scene" else path.stem      # as `import` names its files
-    return Scene(loaded, name, integrator.emitters.band, integrator.emitters.labels, parameters, remarks(loaded), list(loaded.sensors()), path)
+    return Scene(loaded, name, integrator.emitters.band, integrator.emitters.labels, parameters, notes(loaded), list(loaded.sensors()), path)
 
 
-def remarks(loaded) -> list[str]:
+def notes(loaded) -> list[str]:
     found = []
     for plugin in deriving_plugins(loaded):
         if hasattr(plugin, "set_lobe"):
@@ -179,15 +184,15 @@ def remarks(loaded) -> list[str]:
         elif plugin.material_emissivity is not None and plugin.material_emissivity.kind == "table":
             found.append(f"group {plugin.group}: emissivity tabulated by sampling the BSDF, "
                          f"standard error {plugin.material_emissivity.error:.1e}")
-    return [*dict.fromkeys(found), *clipped(loaded)]
+    return list(dict.fromkeys(found))
 
 
-def clipped(loaded) -> list[str]:
+def clipped(loaded, sensors) -> list[str]:
     """Remarks on sensors that may not see the scene whole: Mitsuba cuts each first ray at near_clip and far_clip, 0.01 m and
     10 km unless the scene says otherwise."""
     box, found = loaded.bbox(), []
     low, high = np.array(box.min), np.array(box.max)
-    for number, sensor in enumerate(loaded.sensors()):
+    for number, sensor in enumerate(sensors):
         clips, place = members(sensor), members(sensor).get("to_world")
         if place is None or "near_clip" not in clips:
             continue
