@@ -48,6 +48,22 @@ def test_closed_room_keeps_everything():
     agree(result.total["balance"], 0)
 
 
+def test_a_mesh_turned_inside_out_keeps_its_flux():
+    """A cube with flip_normals emits into its inside: nothing escapes, half of all that arrives is absorbed."""
+    grey = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.5}}
+    result = audited(room={"type": "cube", "flip_normals": True, "bsdf": grey, "emitter": {"type": "thermal", "band": "LWIR", "temperature": 300.0}})
+    assert result.shares["scene"]["escaped"][0] < 1e-4 and result.shares["SmoothDiffuse"]["absorbed"] == pytest.approx((0.5, 0), abs=1e-5)
+    agree(result.total["emitted"], 0.5 * 24 * np.pi * L_300)
+    agree(result.total["absorbed"], result.total["emitted"][0], 5)
+
+
+def test_a_surface_of_unknown_absorption_is_refused(plate):
+    black = {"type": "sandford_robertson", "epsilon": 1.0, "rho_d": 0.0, "b": 0.0, "e": 1.0}
+    lens = {**plate("lens", LID, {"type": "dielectric"})}
+    with pytest.raises(InputError, match="shape lens has no emitter, and what it absorbs is not known .*; give it another BSDF"):
+        audited(floor=plate("floor", SQUARE, black, 300.0), lens=lens)
+
+
 def test_a_reflector_that_absorbs_nothing(plate):
     """Between two plates of reflectance 1 nothing is absorbed, and nothing is emitted but by the third."""
     white = {"type": "sandford_robertson", "epsilon": 0.0, "rho_d": 1.0, "b": 0.0, "e": 1.0}

@@ -177,6 +177,10 @@ def test_surfaces_of_one_name_are_planned_together(plate):
     assert [surface.lobe for surface in scene.surfaces()] == ["mirror", "brdf"] and len(found.lobe) == 1
 
 
+def test_any_seed():
+    assert mi_lcair.plan(mi_lcair.load("open_box", resolution=8), 0.05, seed=2**32 - 1).spp >= 2
+
+
 def test_what_cannot_be_planned():
     with pytest.raises(InputError, match="needs an orthographic sensor"):
         scene = mi_lcair.load("two_plates", resolution=8)

@@ -59,6 +59,8 @@ def test_loads(tmp_path):
     ([PATH, SENSOR, shape('<bsdf type="dielectric"/>' + THERMAL)], {}, "transmits.*give the thermal emitter an `emissivity`"),
     ([SENSOR, shape(bsdf() + THERMAL)], {}, "integrator must be bounce_path"),
     ([PATH, shape(bsdf() + THERMAL)], {}, "has no sensor"),
+    ([PATH, '<sensor type="orthographic"><film type="hdrfilm"><integer name="width" value="0"/></film></sensor>', shape(bsdf() + THERMAL)], {},
+     "the film of sensor 0 has no pixels"),
     ([PATH, SENSOR, shape(bsdf())], {}, "no thermal emitter names a band"),
     ([PATH, SENSOR, shape(bsdf() + THERMAL), shape(THERMAL.replace("$band", "SWIR"))], {}, "mixes bands: LWIR, SWIR"),
     (['<integrator type="bounce_path"><integer name="max_bounces" value="-1"/></integrator>', SENSOR], {}, "max_bounces = -1"),
