@@ -19,6 +19,7 @@ def command(options, photons):
     if options.json:
         print_json(result.as_dict())
         return
+
     def percent(name, key):
         value, error = result.shares[name][key]
         return f"{100 * value:.3f} +- {100 * error:.1g}"

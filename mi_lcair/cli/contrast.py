@@ -6,7 +6,7 @@ import click
 
 import mi_lcair
 from mi_lcair.cli.options import Assignment, json_option, prepare_renderer, progress_bar, renderer_options
-from mi_lcair.cli.output import print_columns, print_json
+from mi_lcair.cli.output import check_outputs, print_columns, print_json, print_written
 from mi_lcair.errors import InputError
 
 TERMS = ("target", "background", "path", "total", "nei_max")
@@ -26,13 +26,9 @@ def command(scenario, changes, ranges, plot, variant, threads, json):
     SCENARIO is a TOML file or the name of a bundled scenario: which target, from where, through which atmosphere, before what
     and by which sensor. Printed are the irradiances at the sensor, the contrast, and the noise that it may have.
     """
-    from mi_lcair.files import check_writable
     from mi_lcair.products.scenario import Scenario
 
-    if plot:
-        if plot.suffix.lower() != ".png":
-            raise InputError(f"output '{plot}' does not end in .png")
-        check_writable(plot)
+    check_outputs((plot, ".png"))
     asked = Scenario.read(scenario, **dict(changes))
     if ranges and asked.sensor.nei is None:
         raise InputError(f"scenario '{scenario}': --range needs nei of [sensor], the noise-equivalent irradiance in W m^-2")
@@ -55,8 +51,7 @@ def command(scenario, changes, ranges, plot, variant, threads, json):
         print_json(data)
     else:
         _print_tables(result, found)
-    if plot:
-        click.echo(f"wrote {plot}", err=True)
+    print_written(plot)
 
 
 def _print_tables(result, found):

@@ -3,6 +3,9 @@ import json
 
 import click
 
+from mi_lcair.errors import InputError
+from mi_lcair.files import check_writable
+
 
 def print_columns(rows) -> None:
     """Print rows of strings, each column as wide as its widest cell."""
@@ -10,6 +13,21 @@ def print_columns(rows) -> None:
     widths = [max(map(len, column)) for column in zip(*rows)]
     for row in rows:
         click.echo("  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip())
+
+
+def check_outputs(*outputs) -> None:
+    """Refuse, before the work, files that cannot be written or are called wrongly. outputs: (path or None, suffix)."""
+    for path, suffix in outputs:
+        if path:
+            if path.suffix.lower() != suffix:
+                raise InputError(f"output '{path}' does not end in {suffix}")
+            check_writable(path)
+
+
+def print_written(*paths) -> None:
+    """Say on stderr which of these files there are now; None: not asked for."""
+    for path in filter(None, paths):
+        click.echo(f"wrote {path}", err=True)
 
 
 def print_json(data) -> None:

@@ -5,7 +5,7 @@ import click
 
 import mi_lcair
 from mi_lcair.cli.options import scene_options
-from mi_lcair.cli.output import print_columns, print_json
+from mi_lcair.cli.output import check_outputs, print_columns, print_json, print_written
 from mi_lcair.cli.plan import rows as plan_rows
 from mi_lcair.errors import InputError
 
@@ -22,17 +22,11 @@ def command(options, spectrum, plot, facets):
     target (the model's facets) and of all that the sensor sees is listed by number of reflections, by what emitted it
     and by what the sensor sees first.
     """
-    from mi_lcair.files import check_writable
-
     if plot and not spectrum:
         raise InputError("--plot draws the spectral intensity; give --spectrum FILE.csv too")
     if spectrum and spectrum == facets:
         raise InputError(f"--spectrum and --facets both name '{spectrum}'; give each its own file")
-    for path, suffix in ((spectrum, ".csv"), (plot, ".png"), (facets, ".csv")):
-        if path:
-            if path.suffix.lower() != suffix:
-                raise InputError(f"output '{path}' does not end in {suffix}")
-            check_writable(path)
+    check_outputs((spectrum, ".csv"), (plot, ".png"), (facets, ".csv"))
 
     result = options.run_planned(mi_lcair.signature, each_pixel=False, by_spectrum=bool(spectrum), facets=bool(facets))
     if spectrum:
@@ -50,8 +44,7 @@ def command(options, spectrum, plot, facets):
         if options.plan:
             click.echo()
             print_columns([("plan", ""), *plan_rows(options.plan)])
-    for path in filter(None, (spectrum, plot, facets)):
-        click.echo(f"wrote {path}", err=True)
+    print_written(spectrum, plot, facets)
 
 
 def _print_tables(result):

@@ -6,8 +6,7 @@ import click
 
 import mi_lcair
 from mi_lcair.cli.options import POSITIVE, Fraction, loading_options, progress_bar
-from mi_lcair.cli.output import print_columns, print_json
-from mi_lcair.errors import InputError
+from mi_lcair.cli.output import check_outputs, print_columns, print_json, print_written
 
 MOST_ANGLES = 100_000
 
@@ -63,13 +62,7 @@ def command(options, azimuth, elevation, output, plot, **settings):
     SCENE is a Mitsuba XML file or the name of a bundled scene. Each view is an orthographic window around the model (what is neither
     sky nor terrain), and all are rendered together. FILE.csv is whole after each batch: --resume goes on where a run was stopped.
     """
-    from mi_lcair.files import check_writable
-
-    for path, suffix in ((output, ".csv"), (plot, ".png")):
-        if path:
-            if path.suffix.lower() != suffix:
-                raise InputError(f"output '{path}' does not end in {suffix}")
-            check_writable(path)
+    check_outputs((output, ".csv"), (plot, ".png"))
     scene = options.load(own_sensors=False)
     with progress_bar("views") as progress:
         result = mi_lcair.trend(scene, azimuth, elevation, **options.sampling, **settings, path=output, progress=progress)
@@ -86,8 +79,7 @@ def command(options, azimuth, elevation, output, plot, **settings):
         click.echo(f"mi-lcair: note: {result.missed} of {len(result.columns['spp'])} views did not reach the tolerance; raise --max-spp", err=True)
     if result.columns["invalid"].any():
         click.echo("mi-lcair: note: some samples were NaN or infinite and count as 0; see column invalid", err=True)
-    for path in filter(None, (output, plot)):
-        click.echo(f"wrote {path}", err=True)
+    print_written(output, plot)
 
 
 def summary(at, elevation):
