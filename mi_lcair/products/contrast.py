@@ -113,8 +113,7 @@ def measured(scenario: Scenario, progress) -> Contrast:
     if observer.range_m <= target.radius:
         raise InputError(f"the observer is inside the target: range {observer.range_m:g} m, but {scene.name} "
                          f"reaches {target.radius:.4g} m from its middle")
-    direction = View(observer.azimuth_deg, observer.elevation_deg)
-    view = seen_from(scene, direction, sampling.resolution)
+    view = seen_from(scene, View(observer.azimuth_deg, observer.elevation_deg), sampling.resolution)
     bounces = sampling.max_bounces or (scene.mi.integrator().max_bounces,)
     rows = []
     for k, count in enumerate(bounces):
@@ -135,7 +134,7 @@ def measured(scenario: Scenario, progress) -> Contrast:
     mean_transmittance = seen.in_band(transmittance) / float(seen.weights_um.sum())
     return Contrast(scenario, detector, air, path, 0.0 - observer.elevation_deg, behind.name, mean_transmittance, seen.in_band(radiance),
                     seen.in_band(seen.backdrop), no_target(seen, detector), target.radius, rows,
-                    [*view.remarks, *remarks(rows, detector, target, observer.range_m, hidden_share(scene, direction, observer.range_m))], time.perf_counter() - start)
+                    [*view.remarks, *remarks(rows, detector, target, observer.range_m, hidden_share(view, observer.range_m))], time.perf_counter() - start)
 
 
 def backdrop(scenario: Scenario, detector: Detector) -> Backdrop:

@@ -7,9 +7,10 @@ import drjit as dr
 import mitsuba as mi
 
 from mi_lcair import scenes
-from mi_lcair.progress import stepper
-from mi_lcair.physics.materials import material
 from mi_lcair.physics.bands import band
+from mi_lcair.physics.materials import material
+from mi_lcair.progress import stepper
+from mi_lcair.rendering.views import film
 
 NEVER = 1000        # Russian roulette would shorten the stock integrators' paths
 
@@ -131,12 +132,10 @@ def furnace(integrator: dict, thermal: bool, resolution: int):
         return {"type": "ply", "filename": str(meshes / f"furnace_{name}.ply"), "face_normals": True, "to_world": to_world,
                 "bsdf": bsdf, "emitter": emitter}
 
-    film = {"type": "hdrfilm", "width": resolution, "height": resolution, "pixel_format": "luminance",
-            "component_format": "float32", "rfilter": {"type": "box"}}
     look = T().look_at(origin=[0, -0.75, 0.3], target=[0, 0, 0], up=[0, 0, 1]) @ T().scale([0.5, 0.5, 1])
     return mi.load_dict({
         "type": "scene", "integrator": integrator,
-        "sensor": {"type": "orthographic", "to_world": look, "film": film, "sampler": {"type": "independent"}},
+        "sensor": {"type": "orthographic", "to_world": look, "film": film(resolution, resolution), "sampler": {"type": "independent"}},
         "room": shape("room", grey), "sphere": shape("sphere", body),
         "slab_1": shape("slab", body, T().translate([-0.45, 0, 0]) @ T().rotate([0, 0, 1], 65)),
         "slab_2": shape("slab", body, T().translate([0.45, 0, 0]) @ T().rotate([0, 0, 1], -65)),

@@ -13,20 +13,19 @@ def save_plot(path, trend: Trend, scene: str) -> None:
     elevations = np.unique(trend.columns["elevation_deg"])
     level = elevations[np.argmin(np.abs(elevations))]
     one = trend.at_elevation(level)
-    bounces = one.parts("bounce")
     with drawing(path, (14, 5.6), layout="constrained") as figure:
         panels = figure.subplots(1, 3, subplot_kw={"projection": "polar"})
         draw(panels[0], "by elevation", {f"{elevation:g}°": (at, at.columns["intensity_W_sr"]) for elevation in elevations
                                          for at in [trend.at_elevation(elevation)]})
-        draw(panels[1], f"by what emitted it, at {level:g}°", {name: (one, values) for name, values in seen(one.parts("group"), one).items()})
-        draw(panels[2], f"by number of reflections, at {level:g}°", {name: (one, values) for name, values in seen(bounces, one).items()})
+        draw(panels[1], f"by what emitted it, at {level:g}°", seen("group", one))
+        draw(panels[2], f"by number of reflections, at {level:g}°", seen("bounce", one))
         figure.suptitle(f"{scene}, {trend.band}: intensity of the model by azimuth ({UNIT})", fontsize=12)
 
 
-def seen(parts: dict, one: Trend) -> dict:
-    """The parts that are large enough anywhere for a curve."""
+def seen(kind: str, one: Trend) -> dict:
+    """Curves of the parts that are large enough anywhere to be seen."""
     least = NEGLIGIBLE * one.columns["intensity_W_sr"].max()
-    return {name: values for name, values in parts.items() if values.max() > least}
+    return {name: (one, values) for name, values in one.parts(kind).items() if values.max() > least}
 
 
 def draw(panel, title: str, curves: dict) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 
-from .render import DEFAULT_MAX_SPP, PASS_SAMPLES
+from .render import DEFAULT_MAX_SPP, PASS_SAMPLES, growth
 from .scene import Scene
 from .views import Target, View, cameras, check_resolution
 
@@ -82,8 +82,7 @@ def render_views(scene: Scene, views: list[View], resolution: int, spp: int | No
             found = ManyViews(parts, brightest, np.hypot(parts["target"][1], brightest / (done * paths)), done, invalid)
             if spp is None:
                 excess = found.excess(tolerance).max()
-                more = 2 * int(np.ceil(done * min(3, 1.05 * excess**2 - 1) / 2))        # at most four times what is done
-                goal = done if excess <= 1 else min(limit, done + more)
+                goal = done if excess <= 1 else min(limit, done + 2 * int(np.ceil(done * (growth(excess) - 1) / 2)))
     return found
 
 

@@ -184,13 +184,18 @@ def render(scene: Scene, spp: int | None = None, tolerance: float | None = None,
 
 
 def samples_needed(total: Accumulator, done: int, tolerance: float) -> int:
-    """Samples per pixel that the error so far asks for; at most four times as many as are done, as it is itself an estimate."""
+    """Samples per pixel that the error so far asks for."""
     error = total.rms_error()
     if error is None:
         return done + 1
     if error <= tolerance:
         return done
-    return min(4 * done, max(done + 1, int(1.05 * done * (error / tolerance) ** 2) + 1))
+    return min(4 * done, int(done * growth(error / tolerance)) + 1)
+
+
+def growth(excess: float) -> float:
+    """By what factor more samples an error asks for that is `excess` (> 1) times too large; at most 4, as it is itself an estimate."""
+    return min(4.0, 1.05 * excess**2)
 
 
 def image_channels(total: Accumulator, band: Band) -> dict[str, np.ndarray]:

@@ -123,10 +123,10 @@ def seen_from(scene: Scene, view: View, resolution: int) -> Scene:
     return replace(scene, sensors=[mi.load_dict(camera)])
 
 
-def hidden_share(scene: Scene, view: View, range_m: float) -> float:
-    """Share of the model, as seen from there, before which something stands between its sphere and an observer at range_m; the
-    cameras, which stand just outside the sphere, do not see it."""
-    camera = seen_from(scene, view, PROBES).sensor(0)
+def hidden_share(scene: Scene, range_m: float) -> float:
+    """Share of the model of a scene from `seen_from` before which something stands between its sphere and an observer at range_m;
+    the camera, which stands just outside the sphere, does not see it."""
+    camera = scene.sensor(0)
     index = dr.arange(mi.UInt32, PROBES**2)
     position = (mi.Point2f(index % PROBES, index // PROBES) + 0.5) / PROBES
     ray, _ = camera.sample_ray(0, 0, position, mi.Point2f(0.5))
