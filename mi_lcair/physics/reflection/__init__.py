@@ -1,0 +1,1 @@
+"""Reflection models, one a file, and the interface that they share."""

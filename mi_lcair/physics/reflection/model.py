@@ -1,0 +1,201 @@
+"""What a reflection model is: the interface between one model's equations and everything that renders, plans or fits.
+
+A model is one object, an instance of a subclass of `ReflectionModel`. Its functions take a `Surface`: the parameters of
+one surface, or of many at once, with whatever the model derives from them. They accept Dr.Jit arrays of any float type and
+keep derivatives; none needs Mitsuba.
+
+Directions are unit 3-vectors in the surface's frame, z along its normal. `i` points to the source and `r` to the observer.
+A model need not be reciprocal, so the order matters.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, fields
+from typing import Any
+
+import drjit as dr
+import numpy as np
+
+from mi_lcair.errors import InputError
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of a model.
+
+    name: as in scene files, materials and reports; symbol: in TeX, for plots; meaning: one line; unit: "1" if it has none.
+    lower, upper: bounds of a fit, in the parameter's unit. precision: half the width of its 95 % interval, relative to its
+    value, up to which a fit calls it determined; absolute_precision: or this half width in its own unit.
+    """
+
+    name: str
+    symbol: str
+    meaning: str
+    lower: float
+    upper: float
+    unit: str = "1"
+    precision: float = 0.25
+    absolute_precision: float = 0.0
+
+
+@dataclass(frozen=True)
+class Restriction:
+    """A simpler case of a model, in which one coordinate of its cube is held: its name, the coordinate, the value."""
+
+    name: str
+    coordinate: int
+    value: float = 0.0
+
+
+@dataclass(frozen=True)
+class Rung:
+    """A simpler reflection that may stand for a surface: "mirror" or "diffuse"; exact: it is the same, not an estimate."""
+
+    lobe: str
+    exact: bool
+
+
+@dataclass
+class Surface:
+    """Parameters of a surface and what a model derives from them once; Dr.Jit floats of one type, or plain attributes.
+
+    A model subclasses it as a dataclass. Fields annotated `str` or `bool` are carried along unchanged.
+    """
+
+    def cast(self, Float) -> "Surface":
+        """The same surface in another float type; the derived numbers keep the digits of the wider one."""
+        return self._map(Float)
+
+    def repeat(self, count: int) -> "Surface":
+        """Each of many surfaces `count` times in a row; a single surface (width 1) fits any number of lanes as it is."""
+        return self._map(lambda x: dr.repeat(x, count) if dr.width(x) > 1 else x)
+
+    def _map(self, function) -> "Surface":
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return type(self)(
+            **{
+                name: value if isinstance(value, (str, bool)) else function(value)
+                for name, value in values.items()
+            }
+        )
+
+
+class ReflectionModel(ABC):
+    """A reflection model: all that scene loading, rendering, planning and fitting may know of it.
+
+    name: in scene files and materials; title: in words; parameters: in the order in which functions take them; forms:
+    variants of the equations, the default first; reciprocal: whether f(i, r) = f(r, i); restrictions: simpler cases that a
+    fit may choose.
+    """
+
+    name: str
+    title: str
+    parameters: tuple[Parameter, ...]
+    forms: tuple[str, ...] = ("standard",)
+    reciprocal: bool = True
+    restrictions: tuple[Restriction, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters, in their order."""
+        return tuple(parameter.name for parameter in self.parameters)
+
+    # ------------------------------------------------------------------ What a surface is
+
+    @abstractmethod
+    def surface(self, *values, form: str) -> Any:
+        """The `Surface` of parameter values, Dr.Jit Float64 arrays in the order of `parameters`."""
+
+    @abstractmethod
+    def check_feasible(self, *values: float, form: str) -> None:
+        """Raise InputError, naming parameter, value and bound, for numbers that no surface can have."""
+
+    def check_form(self, form: str) -> None:
+        """Raise InputError for a form that the model does not have."""
+        if form not in self.forms:
+            raise InputError(
+                f"{self.name}: form '{form}' is unknown; it must be one of {', '.join(self.forms)}"
+            )
+
+    # ------------------------------------------------------------------ Reflectance
+
+    @abstractmethod
+    def f(self, S, i, r):
+        """BRDF f_r(i, r) [1/sr]; 0 unless both directions lie above the surface."""
+
+    @abstractmethod
+    def HDR(self, S, theta_r):
+        """Hemispherical-directional reflectance at theta_r [rad], int f_r cos(theta_i) domega_i, in Float64."""
+
+    @abstractmethod
+    def DHR(self, S, theta_i):
+        """Directional-hemispherical reflectance at theta_i [rad], int f_r cos(theta_r) domega_r, in Float64."""
+
+    @abstractmethod
+    def floor_HDR(self, S, cos, sin2):
+        """The part of HDR that comes from the diffuse floor, in closed form, from cos(theta_r) and its squared sine."""
+
+    @abstractmethod
+    def lobe_HDR(self, S, theta_r):
+        """The rest of HDR, divided by `lobe_scale`: finite and smooth from 0 to 90 degrees. Float64; it is tabulated."""
+
+    def lobe_scale(self, S, cos, sin2):
+        """A closed form that carries what of the lobe's HDR varies too fast for a table over sqrt(cos theta_r)."""
+        return type(cos)(1)
+
+    def emissivity(self, S, cos, sin2):
+        """The model's own directional emissivity; None where it has none but 1 - HDR (Kirchhoff's law)."""
+        return None
+
+    # ------------------------------------------------------------------ Drawing directions
+
+    @abstractmethod
+    def sample_lobe(self, S, r, u1, u2):
+        """A direction i to the source drawn from the lobe, seen from r; it may lie below the surface. u1, u2 in 0..1."""
+
+    @abstractmethod
+    def lobe_pdf(self, S, i, r):
+        """Density of `sample_lobe` [1/sr]."""
+
+    @abstractmethod
+    def lobe_width(self, S):
+        """Width of the lobe: the tangent of the half-vector's angle at which it has fallen to a quarter."""
+
+    # ------------------------------------------------------------------ Planning and remarks
+
+    def lower_rung(self, *values: float, form: str) -> Rung | None:
+        """What may stand for a surface with these parameters in a cheaper render; None where nothing may."""
+        return None
+
+    def remarks(self, *values: float, form: str) -> list[str]:
+        """What a user should know when a scene with this surface is loaded, one line each."""
+        return []
+
+    # ------------------------------------------------------------------ Searching
+
+    @abstractmethod
+    def from_cube(self, u) -> tuple:
+        """Parameters from coordinates in the unit cube (Dr.Jit arrays, one per parameter), differentiable.
+
+        Every point of the cube is feasible, and each bound of the feasible set is a face of the cube.
+        """
+
+    @abstractmethod
+    def to_cube(self, values) -> np.ndarray:
+        """Coordinates (..., n) of parameters (..., n), clipped to the cube."""
+
+    @abstractmethod
+    def feasible_range(self, values) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest value (n,) of each parameter, given the others (n,)."""
+
+    @abstractmethod
+    def starting_points(self, count: int, seed: int) -> np.ndarray:
+        """(count, n) points of the cube, spread as real surfaces are; the same for the same seed."""
+
+    def bound_names(self, u) -> list[str | None]:
+        """For each parameter at coordinates u (n,) the name of the bound that it lies on, or None."""
+        lower, upper = self.feasible_range(self.values_at(u))
+        values = self.values_at(u)
+        return [
+            f"{low:g}" if value <= low else f"{high:g}" if value >= high else None
+            for value, low, high in zip(values, lower, upper)
+        ]
