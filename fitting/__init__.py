@@ -1,7 +1,13 @@
-"""Sandford-Robertson parameters from scatterometer measurements: `read` the files, `fit` the model, know how well."""
+"""Sandford-Robertson parameters from scatterometer measurements: `read` the files, `fit` the model,
+know how well.
+"""
+
 import importlib
 
-_HOME = {"fit": "estimation", "read": "reading"}  # public name: its module, imported at the first use (Dr.Jit is not cheap)
+_HOME = {
+    "fit": "estimation",
+    "read": "scatterometer.reading",
+}  # public name: its module, imported at the first use (Dr.Jit is not cheap)
 __all__ = [*_HOME]
 
 

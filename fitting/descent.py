@@ -1,8 +1,10 @@
 """Down to the minimum of a sum of squares over the cube, from many starts at once.
 
-`explore` walks by gradient descent to the bottom of a basin's slope, `levenberg_marquardt` goes on to the minimum itself.
-Both hand all starts to one call of the residuals; what remains per start is a system of four equations.
+`explore` walks by gradient descent to the bottom of a basin's slope, `levenberg_marquardt` goes on
+to the minimum itself. Both hand all starts to one call of the residuals; what remains per start is
+a system of four equations.
 """
+
 from dataclasses import dataclass
 
 import drjit as dr
@@ -10,17 +12,20 @@ import numpy as np
 from drjit.llvm.ad import Float64
 from drjit.opt import Adam
 
-STEPS, LEARNING_RATE = 5, 0.3       # of `explore`
-ROUND_OFF = 1e-12                   # gradient / (|column of the Jacobian| |rows|)
-FINEST = 1e-4                       # decades; rows count as at least this when the gradient is compared with them
-SNAP = 1e-6                         # a coordinate this close to its bound may step onto it
+STEPS, LEARNING_RATE = 5, 0.3  # of `explore`
+ROUND_OFF = 1e-12  # gradient / (|column of the Jacobian| |rows|)
+FINEST = 1e-4  # decades; rows count as at least this when the gradient is compared with them
+SNAP = 1e-6  # a coordinate this close to its bound may step onto it
 ALL = np.ones(4, dtype=bool)
 
 
 @dataclass
 class Minima:
-    """Where each start ended: u (n, 4), cost (n,) = half the sum of squares, gradient (n,): its largest component along
-    the coordinates that can move, relative to |column of the Jacobian| |rows|."""
+    """Where each start ended: u (n, 4), cost (n,) = half the sum of squares, gradient (n,): its
+    largest component along the coordinates that can move, relative to |column of the Jacobian|
+    |rows|.
+    """
+
     u: np.ndarray
     cost: np.ndarray
     gradient: np.ndarray
@@ -32,7 +37,9 @@ def explore(residuals, u: np.ndarray, free=ALL, steps: int = STEPS) -> np.ndarra
     free: which coordinates move.
     """
     inside = np.clip(u, 1e-4, 1 - 1e-4)
-    descent = Adam(lr=LEARNING_RATE, params={"logit": Float64(np.log(inside / (1 - inside)).ravel())})
+    descent = Adam(
+        lr=LEARNING_RATE, params={"logit": Float64(np.log(inside / (1 - inside)).ravel())}
+    )
     for _ in range(steps):
         here = 1 / (1 + dr.exp(-descent["logit"]))
         rows, slopes = residuals(np.where(free, here.numpy().reshape(u.shape), u))
@@ -43,25 +50,30 @@ def explore(residuals, u: np.ndarray, free=ALL, steps: int = STEPS) -> np.ndarra
     return np.where(free, here, u)
 
 
-def levenberg_marquardt(residuals, u: np.ndarray, free=ALL, iterations: int = 100,
-                        tolerance: float = ROUND_OFF) -> Minima:
-    """The minimum in the cube below each of the starts u (n, 4); a bound is reached exactly and left again if need be.
+def levenberg_marquardt(
+    residuals, u: np.ndarray, free=ALL, iterations: int = 100, tolerance: float = ROUND_OFF
+) -> Minima:
+    """The minimum in the cube below each of the starts u (n, 4); a bound is reached exactly and
+    left again if need be.
 
-    tolerance: a start is done when its relative gradient falls below it, when its cost stops falling (by less than
-    tolerance squared of itself), or when its rows are below it, in decades. Where costs differ by round-off
-    only, the gradient decides whether a step was good. Starts that are done are not evaluated any more.
+    tolerance: a start is done when its relative gradient falls below it, when its cost stops
+    falling (by less than tolerance squared of itself), or when its rows are below it, in decades.
+    Where costs differ by round-off only, the gradient decides whether a step was good. Starts that
+    are done are not evaluated any more.
     """
     u, free = u.copy(), np.broadcast_to(free, u.shape)
     rows, slopes = residuals(u, np.arange(len(u)))
     cost, normal, gradient = normal_equations(rows, slopes)
-    decades = 0.5 * rows.shape[1] * residuals.unit ** 2        # cost of one decade in each row
-    norm = relative_gradient(u, cost + FINEST ** 2 * decades, normal, gradient, free)
+    decades = 0.5 * rows.shape[1] * residuals.unit**2  # cost of one decade in each row
+    norm = relative_gradient(u, cost + FINEST**2 * decades, normal, gradient, free)
     damping, growth = np.full(len(u), 1e-3), np.full(len(u), 2.0)
     active = np.flatnonzero(norm > tolerance)
     for _ in range(iterations):
         if not len(active):
             break
-        damped = normal[active] + (damping[active, None] * diagonal(normal[active]))[..., None] * np.eye(4)
+        damped = normal[active] + (damping[active, None] * diagonal(normal[active]))[
+            ..., None
+        ] * np.eye(4)
         trial = box_step(damped, gradient[active], u[active], free[active])
         step = trial - u[active]
         model = gradient[active] + 0.5 * np.einsum("nij,nj->ni", normal[active], step)
@@ -69,19 +81,27 @@ def levenberg_marquardt(residuals, u: np.ndarray, free=ALL, iterations: int = 10
         rows, slopes = residuals(trial, active)
         new_cost, new_normal, new_gradient = normal_equations(rows, slopes)
         gain = np.clip((cost[active] - new_cost) / np.maximum(predicted, 1e-200), -1, 2)
-        new_norm = relative_gradient(trial, new_cost + FINEST ** 2 * decades, new_normal, new_gradient, free[active])
+        new_norm = relative_gradient(
+            trial, new_cost + FINEST**2 * decades, new_normal, new_gradient, free[active]
+        )
         level = np.abs(cost[active] - new_cost) <= 1e-12 * cost[active]
         better = np.where(level, new_norm < norm[active], new_cost < cost[active])
         took, kept = active[better], active[~better]
-        stalled = ~level & better & (cost[active] - new_cost <= tolerance ** 2 * cost[active])
+        stalled = ~level & better & (cost[active] - new_cost <= tolerance**2 * cost[active])
         u[took], cost[took], normal[took], gradient[took] = (
-            trial[better], new_cost[better], new_normal[better], new_gradient[better])
-        damping[took] *= np.where(level[better], 1 / 10, np.maximum(1 / 10, 1 - (2 * gain[better] - 1) ** 3))
+            trial[better],
+            new_cost[better],
+            new_normal[better],
+            new_gradient[better],
+        )
+        damping[took] *= np.where(
+            level[better], 1 / 10, np.maximum(1 / 10, 1 - (2 * gain[better] - 1) ** 3)
+        )
         growth[took] = 2
         damping[kept] *= growth[kept]
         growth[kept] *= 2
         norm[took] = new_norm[better]
-        done = (norm[active] < tolerance) | stalled | (cost[active] < tolerance ** 2 * decades)
+        done = (norm[active] < tolerance) | stalled | (cost[active] < tolerance**2 * decades)
         done |= (np.max(np.abs(step), axis=1) < 1e-15) | (damping[active] > 1e16)
         active = active[~done]
     return Minima(u, cost, norm)
@@ -90,7 +110,11 @@ def levenberg_marquardt(residuals, u: np.ndarray, free=ALL, iterations: int = 10
 def normal_equations(rows, slopes):
     """Half the sum of squares (n,), J^T J (n, 4, 4) and J^T r (n, 4)."""
     transposed = slopes.swapaxes(1, 2)
-    return 0.5 * np.einsum("nr,nr->n", rows, rows), transposed @ slopes, (transposed @ rows[..., None])[..., 0]
+    return (
+        0.5 * np.einsum("nr,nr->n", rows, rows),
+        transposed @ slopes,
+        (transposed @ rows[..., None])[..., 0],
+    )
 
 
 def diagonal(matrices):
@@ -104,25 +128,33 @@ def held(u, gradient, free):
 
 def relative_gradient(u, cost, normal, gradient, free):
     columns = np.einsum("nii->ni", normal)
-    columns = np.maximum(columns, 1e-16 * columns.max(axis=1, keepdims=True))    # a coordinate without effect is at rest
+    columns = np.maximum(
+        columns, 1e-16 * columns.max(axis=1, keepdims=True)
+    )  # a coordinate without effect is at rest
     size = np.sqrt(np.maximum(columns * 2 * cost[:, None], 1e-300))
     return np.max(np.where(held(u, gradient, free), 0, np.abs(gradient)) / size, axis=1)
 
 
 def box_step(matrix, gradient, u, free):
-    """u + step that minimizes gradient step + step matrix step / 2 without leaving the cube (active set).
+    """u + step that minimizes gradient step + step matrix step / 2 without leaving the cube (active
+    set).
 
-    A step takes at most nine tenths of the way to a bound: a straight leap to b = 0 often ends in a minimum on that face
-    which is not the one that a smaller step finds. Within SNAP of a bound the next step may reach it.
+    A step takes at most nine tenths of the way to a bound: a straight leap to b = 0 often ends in a
+    minimum on that face which is not the one that a smaller step finds. Within SNAP of a bound the
+    next step may reach it.
     """
     lowest = np.where(u > SNAP, 0.1 * u, 0)
     highest = np.where(u < 1 - SNAP, 1 - 0.1 * (1 - u), 1)
     fixed = held(u, gradient, free)
     step = np.zeros_like(u)
     for _ in range(5):
-        system = np.where(fixed[:, :, None] | fixed[:, None, :], 0, matrix) + fixed[:, :, None] * np.eye(4)
+        system = np.where(fixed[:, :, None] | fixed[:, None, :], 0, matrix) + fixed[
+            :, :, None
+        ] * np.eye(4)
         known = np.einsum("nij,nj->ni", matrix, np.where(fixed, step, 0))
-        step = np.where(fixed, step, np.linalg.solve(system, (-gradient - known)[..., None])[..., 0])
+        step = np.where(
+            fixed, step, np.linalg.solve(system, (-gradient - known)[..., None])[..., 0]
+        )
         beyond = ~fixed & ((u + step < lowest) | (u + step > highest))
         if not beyond.any():
             break

@@ -1,25 +1,26 @@
 """From measurements to parameters: `fit` and what it gives back."""
+
 from dataclasses import dataclass
 from time import perf_counter
 
 import drjit as dr
 import numpy as np
+from mi_lcair.fitting.data import Data, select, with_std
+from mi_lcair.fitting.loss import SCALES
+from mi_lcair.fitting.model import Hemispherical
+from mi_lcair.fitting.parameters import NAMES, parameters_at, starting_points
+from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
+from mi_lcair.fitting.search import COARSE, compare, descend
+from mi_lcair.fitting.selection import RESTRICTIONS, Candidate
+from mi_lcair.fitting.verdict import judge
 
-from ..errors import InputError, unknown
-from ..physics.sandford_robertson import FORMS
-from ..progress import stepper
-from .data import Data, select, with_std
-from .loss import SCALES
-from .measurements import DirectionalData, Measurements
-from .model import Hemispherical
-from .parameters import NAMES, parameters_at, starting_points
-from .search import COARSE, compare, descend
-from .selection import RESTRICTIONS, Candidate
-from .verdict import judge
+from mi_lcair.errors import InputError, unknown
+from mi_lcair.physics.reflection.sandford_robertson import FORMS
+from mi_lcair.progress import stepper
 
-CONVERGED = 1e-9                            # relative gradient
+CONVERGED = 1e-9  # relative gradient
 JOINT_STARTS = 16
-GIVE_WAY = 1.2                              # how much worse than alone a BRDF may fit beside an emissivity
+GIVE_WAY = 1.2  # how much worse than alone a BRDF may fit beside an emissivity
 EMISSIVITY_ANGLES = np.radians(np.arange(0.0, 86.0, 5.0))
 
 
@@ -27,14 +28,17 @@ EMISSIVITY_ANGLES = np.radians(np.arange(0.0, 86.0, 5.0))
 class Fit:
     """Parameters of a surface with all that is known about them.
 
-    parameters, standard_error, interval (95 %, low and high) and verdict by name; correlation (4, 4) in the order epsilon,
-    rho_d, b, e. form; restriction: None, "rho_d = 0" or "b = 0". rms_dex: root mean square of log10(data / model).
-    used_points: mask over the measurements, used their number, dropped the others by reason; effective_points: how many
-    independent ones they are worth; outliers: how many lie far from the model. gradient_norm: relative, at
-    round-off if converged. starts_in_basin: share of the starts that reached this minimum. candidates: the models
-    compared. emissivity: (theta [radians], predicted 1 - HDR); emissivity_rms: its error against the measured one up to
-    the largest angle that is fitted, None without one. seconds: all in all, compile_seconds: of these, for kernels.
+    parameters, standard_error, interval (95 %, low and high) and verdict by name; correlation (4,
+    4) in the order epsilon, rho_d, b, e. form; restriction: None, "rho_d = 0" or "b = 0". rms_dex:
+    root mean square of log10(data / model). used_points: mask over the measurements, used their
+    number, dropped the others by reason; effective_points: how many independent ones they are
+    worth; outliers: how many lie far from the model. gradient_norm: relative, at round-off if
+    converged. starts_in_basin: share of the starts that reached this minimum. candidates: the
+    models compared. emissivity: (theta [radians], predicted 1 - HDR); emissivity_rms: its error
+    against the measured one up to the largest angle that is fitted, None without one. seconds: all
+    in all, compile_seconds: of these, for kernels.
     """
+
     parameters: dict[str, float]
     standard_error: dict[str, float]
     interval: dict[str, tuple[float, float]]
@@ -59,34 +63,60 @@ class Fit:
     settings: dict
 
 
-def fit(measurements: Measurements, *, emissivity: DirectionalData | None = None, dhr: DirectionalData | None = None,
-        form: str = "auto", starts: int = 64, seed: int = 0, loss: str = "log", robust: bool = False,
-        max_angle_deg: float = 80, min_brdf: float = 1e-4, source_half_angle_deg: float | None = None,
-        progress=None) -> Fit:
-    """Fit the Sandford-Robertson model to measured BRDFs, jointly with an emissivity or DHR where one is given.
+def fit(
+    measurements: Measurements,
+    *,
+    emissivity: DirectionalData | None = None,
+    dhr: DirectionalData | None = None,
+    form: str = "auto",
+    starts: int = 64,
+    seed: int = 0,
+    loss: str = "log",
+    robust: bool = False,
+    max_angle_deg: float = 80,
+    min_brdf: float = 1e-4,
+    source_half_angle_deg: float | None = None,
+    progress=None,
+) -> Fit:
+    """Fit the Sandford-Robertson model to measured BRDFs, jointly with an emissivity or DHR where
+    one is given.
 
-    form: "thesis", "normalized", or "auto": both, and their restrictions rho_d = 0 and b = 0, of which the simplest that
-    is not significantly worse is taken. starts: descents at once, from points that `seed` sets. loss: scale on which
-    BRDFs are compared, "log", "cube_root" or "linear". robust: outliers get little weight. Points beyond max_angle_deg or
-    not above min_brdf [1/sr] are left out. source_half_angle_deg: as the measurements say if None, 0 for a point source.
-    progress: called as progress(done, total). InputError for settings out of range and for too few points.
+    form: "thesis", "normalized", or "auto": both, and their restrictions rho_d = 0 and b = 0, of
+    which the simplest that is not significantly worse is taken. starts: descents at once, from
+    points that `seed` sets. loss: scale on which BRDFs are compared, "log", "cube_root" or
+    "linear". robust: outliers get little weight. Points beyond max_angle_deg or not above min_brdf
+    [1/sr] are left out. source_half_angle_deg: as the measurements say if None, 0 for a point
+    source. progress: called as progress(done, total). InputError for settings out of range and for
+    too few points.
     """
     began, asked = perf_counter(), starts
-    half_angle = measurements.source_half_angle if source_half_angle_deg is None else np.radians(source_half_angle_deg)
+    half_angle = (
+        measurements.source_half_angle
+        if source_half_angle_deg is None
+        else np.radians(source_half_angle_deg)
+    )
     check_settings(form, starts, loss, max_angle_deg, min_brdf, half_angle)
     data, used, dropped = select(measurements, loss, float(half_angle), max_angle_deg, min_brdf)
-    tables = [with_std(table, quantity) for table, quantity in ((emissivity, "emissivity"), (dhr, "dhr")) if table]
+    tables = [
+        with_std(table, quantity)
+        for table, quantity in ((emissivity, "emissivity"), (dhr, "dhr"))
+        if table
+    ]
     full = [(one, None) for one in FORMS if form in ("auto", one)]
-    models = full + [(one, restriction) for one, _ in full for restriction in RESTRICTIONS if form == "auto"]
-    total = len(models) + (len(full) + len(models) if tables else 0) + 1     # at most: the last comparison may not be needed
+    models = full + [
+        (one, restriction) for one, _ in full for restriction in RESTRICTIONS if form == "auto"
+    ]
+    total = (
+        len(models) + (len(full) + len(models) if tables else 0) + 1
+    )  # at most: the last comparison may not be needed
     step = stepper(progress, total)
 
     compile_seconds, candidates = warm_up(data, full), []
-    if tables:      # the misfit of the BRDF alone says what a BRDF point weighs beside an emissivity
+    if tables:  # the misfit of the BRDF alone says what a BRDF point weighs beside an emissivity
         alone, candidates, noise = compare(data, full, starts, seed, robust, step)
         data, most = data.jointly(noise.variance, tables), GIVE_WAY * rms_dex(data, alone)
         compile_seconds += warm_up(data, full)
-        starts = min(starts, JOINT_STARTS)      # hemispherical integrals cost much more than BRDFs
+        starts = min(starts, JOINT_STARTS)  # hemispherical integrals cost much more than BRDFs
     best, candidates, noise = compare(data, models, starts, seed, robust, step, candidates)
     if tables and rms_dex(data, best) > most:
         data = relieved(data, best, most)
@@ -96,17 +126,39 @@ def fit(measurements: Measurements, *, emissivity: DirectionalData | None = None
         progress(total, total)
     theta = EMISSIVITY_ANGLES if emissivity is None else np.asarray(emissivity.theta, dtype=float)
     predicted = Hemispherical(theta, "emissivity", best.form)(best.u[None])[0][0]
-    return Fit(parameters=dict(zip(NAMES, parameters_at(best.u[None])[0][0].tolist())), **known, form=best.form,
-               restriction=best.restriction, rms_dex=rms_dex(data, best), used=data.points, used_points=used,
-               dropped=dropped, effective_points=noise.effective, outliers=noise.outliers,
-               converged=bool(best.gradient < CONVERGED), gradient_norm=best.gradient, starts_in_basin=best.share,
-               candidates=[as_row(one, data, one is best) for one in candidates], emissivity=(theta, predicted),
-               emissivity_rms=emissivity_error(emissivity, predicted, max_angle_deg),
-               seconds=perf_counter() - began, compile_seconds=compile_seconds,
-               settings={"form": form, "starts": asked, "seed": seed, "loss": loss, "robust": robust,
-                         "max_angle_deg": max_angle_deg, "min_brdf": min_brdf,
-                         "source_half_angle_deg": float(np.degrees(half_angle)),
-                         "joint": {table.quantity: {"std_factor": data.std_factor} for table in data.directional}})
+    return Fit(
+        parameters=dict(zip(NAMES, parameters_at(best.u[None])[0][0].tolist())),
+        **known,
+        form=best.form,
+        restriction=best.restriction,
+        rms_dex=rms_dex(data, best),
+        used=data.points,
+        used_points=used,
+        dropped=dropped,
+        effective_points=noise.effective,
+        outliers=noise.outliers,
+        converged=bool(best.gradient < CONVERGED),
+        gradient_norm=best.gradient,
+        starts_in_basin=best.share,
+        candidates=[as_row(one, data, one is best) for one in candidates],
+        emissivity=(theta, predicted),
+        emissivity_rms=emissivity_error(emissivity, predicted, max_angle_deg),
+        seconds=perf_counter() - began,
+        compile_seconds=compile_seconds,
+        settings={
+            "form": form,
+            "starts": asked,
+            "seed": seed,
+            "loss": loss,
+            "robust": robust,
+            "max_angle_deg": max_angle_deg,
+            "min_brdf": min_brdf,
+            "source_half_angle_deg": float(np.degrees(half_angle)),
+            "joint": {
+                table.quantity: {"std_factor": data.std_factor} for table in data.directional
+            },
+        },
+    )
 
 
 def check_settings(form, starts, loss, max_angle_deg, min_brdf, half_angle) -> None:
@@ -115,11 +167,17 @@ def check_settings(form, starts, loss, max_angle_deg, min_brdf, half_angle) -> N
         raise unknown("form", form, ["auto", *FORMS])
     if loss not in SCALES:
         raise unknown("loss", loss, list(SCALES))
-    for name, value, valid, right in (("starts", starts, starts >= 1, "at least 1"),
-                                      ("max_angle_deg", max_angle_deg, 0 < max_angle_deg <= 90, "in 0..90, 0 excluded"),
-                                      ("min_brdf", min_brdf, min_brdf >= 0, "at least 0"),
-                                      ("source_half_angle_deg", np.degrees(half_angle), 0 <= half_angle < 0.5 * np.pi,
-                                       "in 0..90, 90 excluded")):
+    for name, value, valid, right in (
+        ("starts", starts, starts >= 1, "at least 1"),
+        ("max_angle_deg", max_angle_deg, 0 < max_angle_deg <= 90, "in 0..90, 0 excluded"),
+        ("min_brdf", min_brdf, min_brdf >= 0, "at least 0"),
+        (
+            "source_half_angle_deg",
+            np.degrees(half_angle),
+            0 <= half_angle < 0.5 * np.pi,
+            "in 0..90, 90 excluded",
+        ),
+    ):
         if not valid:
             raise InputError(f"{name} = {value:g} is out of range; it must be {right}")
 
@@ -131,13 +189,21 @@ def warm_up(data: Data, models) -> float:
         for form, _ in models:
             for aperture in {False, bool(data.half_angle)}:
                 data.residuals(form, aperture)(starting_points(2, 0))
-        return sum(kernel.get("codegen_time", 0) + kernel.get("backend_time", 0) for kernel in dr.kernel_history()) / 1000
+        return (
+            sum(
+                kernel.get("codegen_time", 0) + kernel.get("backend_time", 0)
+                for kernel in dr.kernel_history()
+            )
+            / 1000
+        )
 
 
 def relieved(data: Data, best: Candidate, most: float) -> Data:
-    """The data with the tables' standard deviations raised until the BRDF's rms is no more than `most` [decades].
+    """The data with the tables' standard deviations raised until the BRDF's rms is no more than
+    `most` [decades].
 
-    Where the model cannot follow both, they share the misfit: a table may spoil the BRDF that far and no further.
+    Where the model cannot follow both, they share the misfit: a table may spoil the BRDF that far
+    and no further.
     """
     low, high = 1.0, 32.0
     for _ in range(7):
@@ -158,12 +224,20 @@ def rms_dex(data: Data, candidate: Candidate) -> float:
 
 def as_row(candidate: Candidate, data: Data, chosen: bool) -> dict:
     values = parameters_at(candidate.u[None])[0][0]
-    return {"form": candidate.form, "restriction": candidate.restriction, "free_parameters": candidate.size,
-            "rms_dex": rms_dex(data, candidate), "criterion": candidate.criterion,
-            "parameters": dict(zip(NAMES, values.tolist())), "chosen": chosen}
+    return {
+        "form": candidate.form,
+        "restriction": candidate.restriction,
+        "free_parameters": candidate.size,
+        "rms_dex": rms_dex(data, candidate),
+        "criterion": candidate.criterion,
+        "parameters": dict(zip(NAMES, values.tolist())),
+        "chosen": chosen,
+    }
 
 
-def emissivity_error(measured: DirectionalData | None, predicted, max_angle_deg: float) -> float | None:
+def emissivity_error(
+    measured: DirectionalData | None, predicted, max_angle_deg: float
+) -> float | None:
     if measured is None:
         return None
     inside = np.asarray(measured.theta) <= np.radians(max_angle_deg) + 1e-9

@@ -1,11 +1,13 @@
 """Scales on which model and data are compared.
 
-BRDFs of one surface span five decades and their errors are factors, so residuals are differences of log10 (in decades).
-The linear and the cube-root scale let the few points of the peak outweigh the rest; they are here for comparison.
+BRDFs of one surface span five decades and their errors are factors, so residuals are differences of
+log10 (in decades). The linear and the cube-root scale let the few points of the peak outweigh the
+rest; they are here for comparison.
 """
+
 import numpy as np
 
-DARKEST = 1e-30     # [1/sr]; a surface that reflects nothing stays comparable
+DARKEST = 1e-30  # [1/sr]; a surface that reflects nothing stays comparable
 
 
 def log10(f):
@@ -22,16 +24,23 @@ def linear(f):
     return f, np.ones_like(f)
 
 
-SCALES = {"log": log10, "cube_root": cube_root, "linear": linear}   # each: value, and derivative by the BRDF
+SCALES = {
+    "log": log10,
+    "cube_root": cube_root,
+    "linear": linear,
+}  # each: value, and derivative by the BRDF
 
 
 class Residuals:
-    """Rows in units of their own standard deviations: BRDF points on a scale, then emissivities or DHRs.
+    """Rows in units of their own standard deviations: BRDF points on a scale, then emissivities or
+    DHRs.
 
-    instrument: a `Scatterometer`; brdf [1/sr] what it measured; scale: key of SCALES; spread: standard deviation of a
-    row on that scale, a number or one per point. directional: (`Hemispherical`, value, std) triples. Calling with coordinates u
-    (n, 4) gives rows (n, rows) and their derivatives (n, rows, 4); `lanes` says which of its starts a descent asks for,
-    which only matters where starts have residuals of their own. unit: change of a typical row for a decade of the BRDF.
+    instrument: a `Scatterometer`; brdf [1/sr] what it measured; scale: key of SCALES; spread:
+    standard deviation of a row on that scale, a number or one per point. directional:
+    (`Hemispherical`, value, std) triples. Calling with coordinates u (n, 4) gives rows (n, rows)
+    and their derivatives (n, rows, 4); `lanes` says which of its starts a descent asks for, which
+    only matters where starts have residuals of their own. unit: change of a typical row for a
+    decade of the BRDF.
     """
 
     def __init__(self, instrument, brdf, scale: str = "log", spread=1.0, directional=()):
@@ -44,7 +53,10 @@ class Residuals:
     def __call__(self, u: np.ndarray, lanes=None) -> tuple[np.ndarray, np.ndarray]:
         f, df = self.instrument(u)
         value, slope = self.scale(f)
-        rows, slopes = [(value - self.measured) * self.weight], [df * (slope * self.weight)[..., None]]
+        rows, slopes = (
+            [(value - self.measured) * self.weight],
+            [df * (slope * self.weight)[..., None]],
+        )
         for model, measured, std in self.directional:
             value, slope = model(u)
             rows.append((value - measured) / std)
@@ -55,9 +67,11 @@ class Residuals:
 
 
 class Cauchy:
-    """The same rows with outliers pulled in: r becomes c sqrt(log(1 + (r/c)^2)), whose influence falls beyond c.
+    """The same rows with outliers pulled in: r becomes c sqrt(log(1 + (r/c)^2)), whose influence
+    falls beyond c.
 
-    Half its square is the Cauchy loss, so that everything that minimizes squares minimizes that instead.
+    Half its square is the Cauchy loss, so that everything that minimizes squares minimizes that
+    instead.
     """
 
     def __init__(self, residuals, c: float):

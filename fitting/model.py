@@ -1,17 +1,27 @@
-"""What the instruments would read from a surface, and the derivatives, at many parameter sets at once (Dr.Jit, Float64)."""
+"""What the instruments would read from a surface, and the derivatives, at many parameter sets at
+once (Dr.Jit, Float64).
+"""
+
 import drjit as dr
 import numpy as np
 from drjit.llvm.ad import Array3f64, Float64, UInt32
+from mi_lcair.fitting.aperture import Disc
+from mi_lcair.fitting.parameters import from_cube, with_tangents
 
-from ..physics import hemispherical, sandford_robertson as sr
-from .aperture import Disc
-from .parameters import from_cube, with_tangents
+from mi_lcair.physics.reflection import (
+    sandford_robertson as sr,
+)
+from mi_lcair.physics.reflection import (
+    sandford_robertson_hemispherical as hemispherical,
+)
 
 
 class Scatterometer:
-    """In-plane BRDF as measured: averaged over the disc of the source, weighted by the cosine that it irradiates with.
+    """In-plane BRDF as measured: averaged over the disc of the source, weighted by the cosine that
+    it irradiates with.
 
-    theta_i, theta_r [radians] as in `Measurements`; half_angle [radians] of the source, 0 for a point.
+    theta_i, theta_r [radians] as in `Measurements`; half_angle [radians] of the source, 0 for a
+    point.
     """
 
     def __init__(self, theta_i, theta_r, form: str, half_angle: float = 0.0):
@@ -19,15 +29,23 @@ class Scatterometer:
         self.disc = Disc(theta_i, theta_r, half_angle) if half_angle else None
         point = self.disc.point if half_angle else np.arange(len(theta_i))
         self.nodes = len(point)
-        self.theta_i, self.theta_r = Float64(np.asarray(theta_i)[point]), Float64(np.asarray(theta_r)[point])
+        self.theta_i, self.theta_r = (
+            Float64(np.asarray(theta_i)[point]),
+            Float64(np.asarray(theta_r)[point]),
+        )
         dr.eval(self.theta_i, self.theta_r)
 
     def __call__(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """BRDF (n, points) [1/sr] of the surfaces at u (n, 4), and its derivatives (n, points, 4) by u."""
+        """BRDF (n, points) [1/sr] of the surfaces at u (n, 4), and its derivatives (n, points, 4)
+        by u.
+        """
         surface, node = lanes(len(u), self.nodes)
-        theta_i, theta_r = dr.gather(Float64, self.theta_i, node), dr.gather(Float64, self.theta_r, node)
+        theta_i, theta_r = (
+            dr.gather(Float64, self.theta_i, node),
+            dr.gather(Float64, self.theta_r, node),
+        )
         sin_r, cos_r = dr.sincos(theta_r)
-        r = Array3f64(-sin_r, 0, cos_r)      # x points to the source, so the specular side has x < 0
+        r = Array3f64(-sin_r, 0, cos_r)  # x points to the source, so the specular side has x < 0
 
         def brdf(*u):
             S = sr.surface(*from_cube(u), form=self.form)
@@ -37,34 +55,54 @@ class Scatterometer:
             i, weight = self.disc.direction(theta_i, theta_r, dr.detach(S.e), node)
             return sr.f(S, i, r) * weight, weight
 
-        values, slopes = with_tangents(brdf, u, lambda coordinate: dr.gather(Float64, coordinate, surface))
+        values, slopes = with_tangents(
+            brdf, u, lambda coordinate: dr.gather(Float64, coordinate, surface)
+        )
         if self.disc is None:
             return values.reshape(len(u), -1), slopes.reshape(len(u), -1, 4)
-        return self.disc.average(values.reshape(len(u), self.nodes, 2), slopes[:, 0].reshape(len(u), self.nodes, 4))
+        return self.disc.average(
+            values.reshape(len(u), self.nodes, 2), slopes[:, 0].reshape(len(u), self.nodes, 4)
+        )
 
 
 class Hemispherical:
-    """A directional quantity at the angles theta [radians]: "emissivity" = 1 - HDR(theta_r), or "dhr" = DHR(theta_i)."""
+    """A directional quantity at the angles theta [radians]: "emissivity" = 1 - HDR(theta_r), or
+    "dhr" = DHR(theta_i).
+    """
 
     def __init__(self, theta, quantity: str, form: str):
-        self.theta, self.quantity, self.form = Float64(np.asarray(theta, dtype=float)), quantity, form
+        self.theta, self.quantity, self.form = (
+            Float64(np.asarray(theta, dtype=float)),
+            quantity,
+            form,
+        )
 
     def __call__(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Values (n, angles) of the surfaces at u (n, 4), and their derivatives (n, angles, 4) by u."""
+        """Values (n, angles) of the surfaces at u (n, 4), and their derivatives (n, angles, 4) by
+        u.
+        """
         count = dr.width(self.theta)
         surface, angle = lanes(len(u), count)
         theta = dr.gather(Float64, self.theta, angle)
 
         def directional(*u):
             S = sr.surface(*from_cube(u), form=self.form)
-            return hemispherical.DHR(S, theta) if self.quantity == "dhr" else 1 - hemispherical.HDR(S, theta)
+            return (
+                hemispherical.DHR(S, theta)
+                if self.quantity == "dhr"
+                else 1 - hemispherical.HDR(S, theta)
+            )
 
-        values, slopes = with_tangents(directional, u, lambda coordinate: dr.gather(Float64, coordinate, surface))
+        values, slopes = with_tangents(
+            directional, u, lambda coordinate: dr.gather(Float64, coordinate, surface)
+        )
         return values.reshape(len(u), count), slopes.reshape(len(u), count, 4)
 
 
 def lanes(surfaces: int, rows: int) -> tuple[UInt32, UInt32]:
-    """Surface and row of each of surfaces x rows lanes; the number of rows is opaque, so that one kernel serves all."""
+    """Surface and row of each of surfaces x rows lanes; the number of rows is opaque, so that one
+    kernel serves all.
+    """
     lane, rows = dr.arange(UInt32, surfaces * rows), dr.opaque(UInt32, rows)
     surface = lane // rows
     return surface, lane - surface * rows

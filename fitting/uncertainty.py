@@ -1,21 +1,27 @@
 """How well the data determine each parameter: covariance and profile intervals."""
+
 import numpy as np
+from mi_lcair.fitting.descent import levenberg_marquardt
+from mi_lcair.fitting.parameters import E_MIN, NAMES, feasible_range, parameters_at, to_cube
 from scipy import stats
 
-from .descent import levenberg_marquardt
-from .parameters import E_MIN, NAMES, feasible_range, parameters_at, to_cube
-
 CONFIDENCE = 0.95
-PROFILE_STEPS = np.array([0.5, 1, 1.5, 2, 2.5, 3, 4, 6, 10, 20, 50])     # standard errors from the minimum
+PROFILE_STEPS = np.array(
+    [0.5, 1, 1.5, 2, 2.5, 3, 4, 6, 10, 20, 50]
+)  # standard errors from the minimum
 
 
 def effective_count(rows, theta_i, theta_r) -> tuple[float, float]:
-    """How many independent residuals these are worth, and the correlation of neighbours along a scan, 0..1.
+    """How many independent residuals these are worth, and the correlation of neighbours along a
+    scan, 0..1.
 
-    A model that misses the data misses neighbouring points alike; n points then know no more than n (1 - r)/(1 + r)
-    independent ones (first-order autocorrelation). A correlation that white noise could show counts as none.
+    A model that misses the data misses neighbouring points alike; n points then know no more than n
+    (1 - r)/(1 + r) independent ones (first-order autocorrelation). A correlation that white noise
+    could show counts as none.
     """
-    scanned, fixed = sorted((theta_r, theta_i), key=lambda angle: -len(np.unique(np.round(angle, 9))))
+    scanned, fixed = sorted(
+        (theta_r, theta_i), key=lambda angle: -len(np.unique(np.round(angle, 9)))
+    )
     order = np.lexsort((scanned, np.round(fixed, 9)))
     same = np.diff(np.round(fixed, 9)[order]) == 0
     first, second = rows[order][:-1][same], rows[order][1:][same]
@@ -28,7 +34,9 @@ def effective_count(rows, theta_i, theta_r) -> tuple[float, float]:
 
 
 def cube_covariance(slopes, free, variance: float):
-    """Covariance (4, 4) of the coordinates; without data a coordinate is uniform in 0..1, so that all numbers are finite."""
+    """Covariance (4, 4) of the coordinates; without data a coordinate is uniform in 0..1, so that
+    all numbers are finite.
+    """
     slopes = slopes * free
     return np.linalg.inv(slopes.T @ slopes / variance + 12 * np.eye(4)) * np.outer(free, free)
 
@@ -36,8 +44,9 @@ def cube_covariance(slopes, free, variance: float):
 def covariance(slopes, u, free, variance: float, level) -> np.ndarray:
     """Covariance (4, 4) of the parameters at the minimum u (4,); zero for those that are not free.
 
-    slopes (rows, 4): Jacobian by u; variance: of a row. level (rows,): change of the rows for one standard deviation of
-    the scale of all BRDFs together, an error that no number of points averages out.
+    slopes (rows, 4): Jacobian by u; variance: of a row. level (rows,): change of the rows for one
+    standard deviation of the scale of all BRDFs together, an error that no number of points
+    averages out.
     """
     cube = cube_covariance(slopes, free, variance)
     shift = cube @ (slopes.T @ level) / variance
@@ -46,7 +55,8 @@ def covariance(slopes, u, free, variance: float, level) -> np.ndarray:
 
 
 def level_shift(slopes, u, free, variance: float, level) -> np.ndarray:
-    """How far the parameters (4,) move at most when the scale of all BRDFs is wrong by one standard deviation.
+    """How far the parameters (4,) move at most when the scale of all BRDFs is wrong by one standard
+    deviation.
 
     Finite steps, so that a parameter can leave its bound.
     """
@@ -56,7 +66,9 @@ def level_shift(slopes, u, free, variance: float, level) -> np.ndarray:
 
 
 def standard_errors(matrix) -> np.ndarray:
-    return np.minimum(np.sqrt(np.maximum(np.diag(matrix), 0)), 1)   # no parameter's range is wider than 1
+    return np.minimum(
+        np.sqrt(np.maximum(np.diag(matrix), 0)), 1
+    )  # no parameter's range is wider than 1
 
 
 def correlation(matrix) -> np.ndarray:
@@ -66,7 +78,9 @@ def correlation(matrix) -> np.ndarray:
 
 
 class Held:
-    """Residuals with one parameter held at a value of its own in each lane, by one more, very stiff row."""
+    """Residuals with one parameter held at a value of its own in each lane, by one more, very stiff
+    row.
+    """
 
     def __init__(self, residuals, which, value, stiffness):
         self.residuals, self.which, self.value, self.stiffness = residuals, which, value, stiffness
@@ -78,14 +92,19 @@ class Held:
         pick = np.arange(len(u)), self.which[lanes]
         row = (values[pick] - self.value[lanes]) * self.stiffness[lanes]
         slope = derivatives[pick] * self.stiffness[lanes, None]
-        return np.concatenate([rows, row[:, None]], axis=1), np.concatenate([slopes, slope[:, None]], axis=1)
+        return np.concatenate([rows, row[:, None]], axis=1), np.concatenate(
+            [slopes, slope[:, None]], axis=1
+        )
 
 
-def profile_intervals(residuals, u, cost: float, free, matrix, variance: float, dof: float, systematic) -> np.ndarray:
+def profile_intervals(
+    residuals, u, cost: float, free, matrix, variance: float, dof: float, systematic
+) -> np.ndarray:
     """Confidence intervals (4, 2): how far each parameter can move while the others are refitted.
 
-    u (4,), cost: the minimum; free (4,): coordinates that the chosen model lets move. The cost may rise by
-    variance t^2 / 2 with Student's t; systematic (4,): standard errors from the common scale, added in squares.
+    u (4,), cost: the minimum; free (4,): coordinates that the chosen model lets move. The cost may
+    rise by variance t^2 / 2 with Student's t; systematic (4,): standard errors from the common
+    scale, added in squares.
     """
     best, errors = parameters_at(u[None])[0][0], standard_errors(matrix)
     lower, upper = feasible_range(best[2])
@@ -96,7 +115,9 @@ def profile_intervals(residuals, u, cost: float, free, matrix, variance: float, 
             reach = side * (bound - best[k])
             if reach <= 1e-12:
                 continue
-            step = errors[k] if errors[k] > 0 else reach / 1000     # a parameter at its bound has no error yet
+            step = (
+                errors[k] if errors[k] > 0 else reach / 1000
+            )  # a parameter at its bound has no error yet
             steps = np.append(PROFILE_STEPS * step, reach * np.array([0.1, 0.3, 1]))
             lanes += [(k, side, distance) for distance in np.unique(steps[steps <= reach])]
     which, side, distance = (np.array(column) for column in zip(*lanes))
@@ -104,8 +125,13 @@ def profile_intervals(residuals, u, cost: float, free, matrix, variance: float, 
     start = np.stack([neighbour(best, matrix, k, target) for k, target in zip(which, value)])
     may_move = free | (np.arange(4) == which[:, None])
     stiffness = 1e4 * np.sqrt(variance) / distance
-    minima = levenberg_marquardt(Held(residuals, which, value, stiffness), to_cube(start), may_move,
-                                 iterations=30, tolerance=1e-5)
+    minima = levenberg_marquardt(
+        Held(residuals, which, value, stiffness),
+        to_cube(start),
+        may_move,
+        iterations=30,
+        tolerance=1e-5,
+    )
     rise = np.sqrt(np.maximum(2 * (minima.cost - cost) / variance, 0))
     intervals = np.column_stack([lower, upper])
     for k in range(4):
@@ -115,16 +141,20 @@ def profile_intervals(residuals, u, cost: float, free, matrix, variance: float, 
                 continue
             reached = np.flatnonzero(np.append(rise[chosen], np.inf) > t)[0]
             if reached == chosen.sum():
-                continue                                            # the bound itself still fits
+                continue  # the bound itself still fits
             x, y = np.append(0, distance[chosen]), np.append(0, rise[chosen])
-            width = x[reached] + (t - y[reached]) * (x[reached + 1] - x[reached]) / (y[reached + 1] - y[reached])
+            width = x[reached] + (t - y[reached]) * (x[reached + 1] - x[reached]) / (
+                y[reached + 1] - y[reached]
+            )
             far = best[k] + sign * np.hypot(width, t * systematic[k])
             intervals[k, column] = np.clip(far, lower[k], upper[k])
     return intervals
 
 
 def neighbour(best, matrix, k: int, target: float) -> np.ndarray:
-    """Feasible parameters with the k-th at `target` and the others moved along with it, as their covariance says."""
+    """Feasible parameters with the k-th at `target` and the others moved along with it, as their
+    covariance says.
+    """
     slope = matrix[:, k] / matrix[k, k] if matrix[k, k] > 0 else np.zeros(4)
     moved = best + slope * (target - best[k])
     moved[k] = target

@@ -1,13 +1,15 @@
 """Thermal-infrared radiance on Mitsuba 3: load a scene, render it, integrate it.
 
-`import mi_lcair` is cheap. It arranges that an LLVM which Dr.Jit can use is chosen before `drjit` is imported, and that
-the plugins are registered as soon as `mitsuba` is. Import it before either of them.
+`import mi_lcair` is cheap. It arranges that an LLVM which Dr.Jit can use is chosen before `drjit`
+is imported, and that the plugins are registered as soon as `mitsuba` is. Import it before either of
+them.
 """
+
 import importlib
 import os
 import sys
 
-from . import llvm
+from mi_lcair import llvm
 
 __version__ = "0.1.0"
 
@@ -16,16 +18,17 @@ _HOME = {  # public name: the module that it comes from, imported at the first u
     "load": "rendering.scene",
     "render": "rendering.render",
     "fit": "fitting.estimation",
-    "signature": "products.signature",
-    "trend": "products.trend",
-    "plan": "products.plan",
-    "audit": "products.audit",
-    "contrast": "products.contrast",
+    "signature": "signatures.signature",
+    "trend": "signatures.trend",
+    "plan": "planning.plan",
+    "audit": "planning.audit",
+    "contrast": "detection.contrast",
 }
 __all__ = ["__version__", *_HOME]
 
-# In a checkout plugins/, fitting/ and scenes/ lie beside this folder, in a wheel inside it. The parent is searched only
-# in a checkout: in site-packages a foreign top-level package of one of these names would pass for ours.
+# In a checkout plugins/, fitting/ and scenes/ lie beside this folder, in a wheel inside it. The
+# parent is searched only in a checkout: in site-packages a foreign top-level package of one of
+# these names would pass for ours.
 if not os.path.isdir(os.path.join(__path__[0], "plugins")):
     __path__.append(os.path.dirname(__path__[0]))
 
@@ -41,10 +44,11 @@ def __dir__():
 
 
 class _OnImport:
-    """Import hook: LLVM is chosen before drjit's code runs, the plugins are registered after mitsuba's has run.
+    """Import hook: LLVM is chosen before drjit's code runs, the plugins are registered after
+    mitsuba's has run.
 
-    A scene that is loaded with plain `mi.load_file` then finds the plugins, and whatever needs no renderer (the command
-    line's help, the radiometry) pays for neither Mitsuba nor LLVM.
+    A scene that is loaded with plain `mi.load_file` then finds the plugins, and whatever needs no
+    renderer (the command line's help, the radiometry) pays for neither Mitsuba nor LLVM.
     """
 
     @classmethod
@@ -53,7 +57,9 @@ class _OnImport:
             llvm.prepare()
         if name != "mitsuba":
             return None
-        others = (finder.find_spec(name, path, target) for finder in sys.meta_path if finder is not cls)
+        others = (
+            finder.find_spec(name, path, target) for finder in sys.meta_path if finder is not cls
+        )
         spec = next(filter(None, others), None)
         if spec is not None:
             run_mitsuba = spec.loader.exec_module

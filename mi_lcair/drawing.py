@@ -1,4 +1,5 @@
 """Pictures that appear complete or not at all."""
+
 from contextlib import contextmanager
 
 from mi_lcair.files import replacing
@@ -6,7 +7,8 @@ from mi_lcair.files import replacing
 
 @contextmanager
 def drawing(path, size, dpi: int = 150, **options):
-    """A Matplotlib figure of `size` (width, height) inches, to be drawn in the block; at its end it becomes the PNG `path`.
+    """A Matplotlib figure of `size` (width, height) inches, to be drawn in the block; at its end it
+    becomes the PNG `path`.
 
     options: of Figure. Raises InputError where `path` cannot be written. Needs no display.
     """

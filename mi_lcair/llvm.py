@@ -1,8 +1,10 @@
 """LLVM for Dr.Jit: found, tried and loaded before `drjit` is imported.
 
-Dr.Jit opens the one library that DRJIT_LIBLLVM_PATH names, at its own import. With LLVM 15 and 16 it aborts the process
-at the first render, so each candidate is loaded and asked for its version first.
+Dr.Jit opens the one library that DRJIT_LIBLLVM_PATH names, at its own import. With LLVM 15 and 16
+it aborts the process at the first render, so each candidate is loaded and asked for its version
+first.
 """
+
 import ctypes
 import glob
 import logging
@@ -32,10 +34,11 @@ INSTALL = {
 def prepare():
     """Load the first LLVM that is new enough and name it to Dr.Jit in DRJIT_LIBLLVM_PATH.
 
-    Candidates in order: the user's DRJIT_LIBLLVM_PATH, the wheel karellen-llvm-core, the system's libraries. A variable
-    that cannot be used is reported in one logged line and passed over.
+    Candidates in order: the user's DRJIT_LIBLLVM_PATH, the wheel karellen-llvm-core, the system's
+    libraries. A variable that cannot be used is reported in one logged line and passed over.
 
-    Raises ImportError, one line that says what to install, if there is no such LLVM or libatomic is missing.
+    Raises ImportError, one line that says what to install, if there is no such LLVM or libatomic is
+    missing.
     """
     if sys.platform == "linux":
         _require_libatomic()
@@ -49,11 +52,15 @@ def prepare():
         if path == os.environ.get(VARIABLE):
             logging.getLogger(__name__).warning("%s=%s is passed over: %s", VARIABLE, path, reason)
     tried = f" (tried {'; '.join(rejected)})" if rejected else ""
-    raise ImportError(f"no LLVM {OLDEST} or newer found{tried}; install one: {INSTALL.get(sys.platform, 'LLVM')}")
+    raise ImportError(
+        f"no LLVM {OLDEST} or newer found{tried}; install one: {INSTALL.get(sys.platform, 'LLVM')}"
+    )
 
 
 def check_loaded():
-    """Raise ImportError if Dr.Jit, imported before mi_lcair, has loaded no LLVM or one that is too old."""
+    """Raise ImportError if Dr.Jit, imported before mi_lcair, has loaded no LLVM or one that is too
+    old.
+    """
     import drjit
 
     version = drjit.detail.llvm_version()  # (-1, -1, -1) if it has none
@@ -75,12 +82,16 @@ def _require_libatomic():
 
 
 def _candidates():
-    """Paths of LLVM libraries, the preferred first, each produced only when those before it were refused."""
+    """Paths of LLVM libraries, the preferred first, each produced only when those before it were
+    refused.
+    """
     if os.environ.get(VARIABLE):
         yield os.environ[VARIABLE]
     yield from _in_wheel()
     found = {os.path.realpath(path) for pattern in SYSTEM for path in glob.glob(pattern)}
-    yield from sorted(found, key=lambda path: [int(digits) for digits in re.findall(r"\d+", path)], reverse=True)
+    yield from sorted(
+        found, key=lambda path: [int(digits) for digits in re.findall(r"\d+", path)], reverse=True
+    )
 
 
 def _in_wheel():
@@ -90,14 +101,16 @@ def _in_wheel():
         files = importlib.metadata.files(WHEEL) or ()
     except importlib.metadata.PackageNotFoundError:
         return set()
-    # Listed are one file and links to it; `pip install --target` leaves the file out, it is then refused like any other.
+    # Listed are one file and links to it; `pip install --target` leaves the file out, it is then
+    # refused like any other.
     return {os.path.realpath(file.locate()) for file in files if file.name.startswith("libLLVM")}
 
 
 def _rejection(path):
     """Why the library at `path` cannot serve, or None; then it stays loaded."""
-    # The wheel links its own C++ runtime only where its start-up hook may write, so that is loaded by its full name. Not
-    # with RTLD_GLOBAL: its libc++abi would then take Mitsuba's exceptions and end the process.
+    # The wheel links its own C++ runtime only where its start-up hook may write, so that is loaded
+    # by its full name. Not with RTLD_GLOBAL: its libc++abi would then take Mitsuba's exceptions and
+    # end the process.
     runtime = os.path.join(os.path.dirname(os.path.realpath(path)), "x86_64-unknown-linux-gnu")
     try:
         for name in ("libunwind", "libc++abi", "libc++"):

@@ -2,7 +2,9 @@
 
 
 def stepper(progress, total: int):
-    """A function that reports one more step of `total` to progress(done, total), if there is one to report to."""
+    """A function that reports one more step of `total` to progress(done, total), if there is one to
+    report to.
+    """
     done = 0
 
     def step():

@@ -1,19 +1,34 @@
-"""Mitsuba plugins, one file each: BSDF `sandford_robertson`, emitter `thermal`, integrator `bounce_path`.
+"""Mitsuba plugins, one file each: BSDF `sandford_robertson`, emitter `thermal`, integrator
+`bounce_path`.
 
-Mitsuba's base classes belong to the variant that is set while a class statement runs, so the modules are loaded again
-whenever the variant changes.
+Mitsuba's base classes belong to the variant that is set while a class statement runs, so the
+modules are loaded again whenever the variant changes.
 """
+
 import importlib
 import sys
 
 import mitsuba as mi
 
 DEFAULT_VARIANT = "llvm_ad_mono"
-MODULES = ("beside_scene", "derivatives", "facets", "emissivity", "sandford_robertson", "thermal", "sources", "emitter_table", "channels", "bounce_path")
+MODULES = (
+    "beside_scene",
+    "derivatives",
+    "triangles",
+    "emissivity",
+    "sandford_robertson_bsdf",
+    "thermal",
+    "sources",
+    "emitter_table",
+    "channels",
+    "bounce_path",
+)
 
 
 def register() -> None:
-    """Registers the plugins for the current variant (llvm_ad_mono if none is set) and for every later one."""
+    """Registers the plugins for the current variant (llvm_ad_mono if none is set) and for every
+    later one.
+    """
     if mi.variant() is None:
         mi.set_variant(DEFAULT_VARIANT)
     mi.detail.add_variant_callback(define)
@@ -21,7 +36,9 @@ def register() -> None:
 
 
 def define(old: str | None, new: str) -> None:
-    """Runs the plugins' class statements under the variant `new`; variants without derivatives get no plugins."""
+    """Runs the plugins' class statements under the variant `new`; variants without derivatives get
+    no plugins.
+    """
     if "_ad_" not in new:
         return
     for name in (f"{__name__}.{module}" for module in MODULES):

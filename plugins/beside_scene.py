@@ -1,4 +1,5 @@
 """Files that a scene names: found beside its XML, as Mitsuba finds meshes."""
+
 from pathlib import Path
 
 import mitsuba as mi

@@ -1,15 +1,18 @@
-r"""Integrator `bounce_path`: path tracing from the observer, cut after a number of reflections and counted by them."""
+r"""Integrator `bounce_path`: path tracing from the observer, cut after a number of reflections and
+counted by them.
+"""
+
 from contextlib import contextmanager
 
 import drjit as dr
 import mitsuba as mi
+from mi_lcair.plugins.channels import Channels, Pixels, pixel_statistics
+from mi_lcair.plugins.derivatives import deriving_plugins, leaves, tracing
+from mi_lcair.plugins.emitter_table import EmitterTable
 from mitsuba.python.ad.integrators.common import RBIntegrator, mis_weight
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.plugins.channels import Channels, Pixels, pixel_statistics
-from mi_lcair.plugins.derivatives import deriving_plugins, leaves, tracing
-from mi_lcair.plugins.emitter_table import EmitterTable
 
 CLOSURES = ("none", "ambient", "tail")
 
@@ -22,10 +25,10 @@ class BouncePath(RBIntegrator):
     emitter_sampling    boolean at each reflection also look at a point drawn from what emits, with multiple
                                 importance sampling                                                 (false)
     closure             string  stands in for the reflections beyond max_bounces                     (none)
-                                none; ambient: one more reflection, and whatever surface that ray meets
-                                radiates as a blackbody at ambient_temperature, an escape adds nothing;
-                                tail: geometric continuation of the last two bounce counts, of the
-                                model in the image and of its background apart
+                                none; ambient: one more reflection, and whatever surface that ray
+                                meets radiates as a blackbody at ambient_temperature, an escape adds
+                                nothing; tail: geometric continuation of the last two bounce counts,
+                                of the model in the image and of its background apart
     ambient_temperature float   kelvin, for closure = ambient
     =================== ======= ============================================================================
 
@@ -33,14 +36,16 @@ class BouncePath(RBIntegrator):
 
         <integrator type="bounce_path"> <integer name="max_bounces" value="3"/> </integrator>
 
-    emitter_sampling is off by default because it can lose far more than it can win. At equal time, variance falls 7 times
-    in two_plates and 1.5 times in open_box and in the widest cavity; it doubles in the cavity with the smallest opening,
-    and in the furnace it grows beyond a factor 100: there a path's emission and reflection add up to nearly the
-    same radiance whatever it meets, and drawing emitters apart from reflections destroys that.
+    emitter_sampling is off by default because it can lose far more than it can win. At equal time,
+    variance falls 7 times in two_plates and 1.5 times in open_box and in the widest cavity; it
+    doubles in the cavity with the smallest opening, and in the furnace it grows beyond a factor
+    100: there a path's emission and reflection add up to nearly the same radiance whatever it
+    meets, and drawing emitters apart from reflections destroys that.
 
-    Derivatives (forward and reverse, `mi.render(scene, params)`) cover parameters of BSDFs and emitters and facet
-    temperatures, not the geometry; memory does not grow with the number of bounces. `observe` gives, from the same
-    paths, the radiance by bounce count, by emitting group and by the group first seen.
+    Derivatives (forward and reverse, `mi.render(scene, params)`) cover parameters of BSDFs and
+    emitters and facet temperatures, not the geometry; memory does not grow with the number of
+    bounces. `observe` gives, from the same paths, the radiance by bounce count, by emitting group
+    and by the group first seen.
     """
 
     def __init__(self, props):
@@ -52,24 +57,33 @@ class BouncePath(RBIntegrator):
         self.tail_error = 0.0
         self.closure = props.get("closure", "none")
         if self.closure not in CLOSURES:
-            raise InputError(f"bounce_path: closure '{self.closure}' is unknown; it must be one of {', '.join(CLOSURES)}")
+            raise InputError(
+                f"bounce_path: closure '{self.closure}' is unknown; it must be one of {', '.join(CLOSURES)}"
+            )
         self.ambient_temperature = props.get("ambient_temperature", None)
         if (self.closure == "ambient") != (self.ambient_temperature is not None):
             raise InputError("bounce_path: closure = ambient and ambient_temperature go together")
         if self.ambient_temperature is not None and not self.ambient_temperature > 0:
-            raise InputError(f"bounce_path: ambient_temperature = {self.ambient_temperature:g} K must be positive")
+            raise InputError(
+                f"bounce_path: ambient_temperature = {self.ambient_temperature:g} K must be positive"
+            )
         if self.closure == "tail" and self.max_bounces < 2:
-            raise InputError(f"bounce_path: closure = tail continues the last two bounce counts; max_bounces = {self.max_bounces} must be >= 2")
+            raise InputError(
+                f"bounce_path: closure = tail continues the last two bounce counts; max_bounces = {self.max_bounces} must be >= 2"
+            )
 
     def to_string(self):
-        return (f"BouncePath[max_bounces = {self.max_bounces}, emitter_sampling = {self.emitter_sampling}, "
-                f"closure = {self.closure}]")
+        return (
+            f"BouncePath[max_bounces = {self.max_bounces}, emitter_sampling = {self.emitter_sampling}, "
+            f"closure = {self.closure}]"
+        )
 
     # ---------------------------------------------------------------- Around the loop
 
     @contextmanager
     def prepared(self, scene, by_spectrum: bool = False):
-        """Within: everything derived from the scene is up to date, and paths may be traced. Loops are recorded later.
+        """Within: everything derived from the scene is up to date, and paths may be traced. Loops
+        are recorded later.
 
         by_spectrum: tell emission apart by the spectra of its sources, not only by their groups.
         """
@@ -79,7 +93,9 @@ class BouncePath(RBIntegrator):
                 plugin.refresh()
         self.emitters = EmitterTable(scene, self.emitter_sampling, by_spectrum)
         if self.closure == "ambient":
-            self.ambient_radiance = mi.Float(in_band_radiance(self.emitters.band, self.ambient_temperature))
+            self.ambient_radiance = mi.Float(
+                in_band_radiance(self.emitters.band, self.ambient_temperature)
+            )
         with tracing(plugins):
             yield
 
@@ -102,27 +118,53 @@ class BouncePath(RBIntegrator):
             raise InputError("bounce_path: closure = tail has no derivatives; use none or ambient")
 
     def sample(self, mode, scene, sampler, ray, depth, δL, state_in, active, **kwargs):
-        channels = Channels.empty(self.max_bounces, self.closure, None) if self.closure == "tail" else None
-        (L, state), valid, channels = self.walk(mode, scene, sampler, ray, δL, state_in, active, channels)
+        channels = (
+            Channels.empty(self.max_bounces, self.closure, None) if self.closure == "tail" else None
+        )
+        (L, state), valid, channels = self.walk(
+            mode, scene, sampler, ray, δL, state_in, active, channels
+        )
         if channels is not None:
             L += channels.add_tail()[0]
         return L, valid, [], state
 
-    def observe(self, scene, sensor, seed: int, spp: int, first: int, pixels: int, split: str | None = "image", facets=None,
-                stride: int = 1) -> Pixels:
+    def observe(
+        self,
+        scene,
+        sensor,
+        seed: int,
+        spp: int,
+        first: int,
+        pixels: int,
+        split: str | None = "image",
+        facets=None,
+        stride: int = 1,
+    ) -> Pixels:
         """Statistics of the pixels of one pass, see `sampled`."""
         L, samples = self.sampled(scene, sensor, seed, spp, first, pixels, split, facets, stride)
         return pixel_statistics(L, samples, spp, split == "target")
 
-    def sampled(self, scene, sensor, seed: int, spp: int, first: int, pixels: int, split: str | None = "image", facets=None,
-                stride: int = 1) -> tuple[mi.Float, dict]:
-        """One pass: `spp` paths through each of `pixels` pixels from number `first` on (row by row), every `stride`-th.
+    def sampled(
+        self,
+        scene,
+        sensor,
+        seed: int,
+        spp: int,
+        first: int,
+        pixels: int,
+        split: str | None = "image",
+        facets=None,
+        stride: int = 1,
+    ) -> tuple[mi.Float, dict]:
+        """One pass: `spp` paths through each of `pixels` pixels from number `first` on (row by
+        row), every `stride`-th.
 
-        split: the channels recorded beside the radiance: None, "image", "target": also what of each lies on the model's
-        facets, or "model": nothing but what lies there, and no other paths are followed. facets: a numbering with
-        `number(shape, prim_index, active)` and `add(facet, L, channels, spp, first)`, which receives the samples by the
-        facet seen first. To be called within `prepared`. Returns the radiance of each path and its channels by name,
-        `spp` consecutive ones per pixel, neither evaluated yet.
+        split: the channels recorded beside the radiance: None, "image", "target": also what of each
+        lies on the model's facets, or "model": nothing but what lies there, and no other paths are
+        followed. facets: a numbering with `number(shape, prim_index, active)` and `add(facet, L,
+        channels, spp, first)`, which receives the samples by the facet seen first. To be called
+        within `prepared`. Returns the radiance of each path and its channels by name, `spp`
+        consecutive ones per pixel, neither evaluated yet.
         """
         count = pixels * spp
         sampler = sensor.sampler().clone()
@@ -130,22 +172,39 @@ class BouncePath(RBIntegrator):
         sampler.set_samples_per_wavefront(spp)
         sampler.seed(seed, count)
         width, height = sensor.film().crop_size()
-        index = dr.opaque(mi.UInt32, first) + dr.arange(mi.UInt32, count) // dr.opaque(mi.UInt32, spp) * dr.opaque(mi.UInt32, stride)
+        index = dr.opaque(mi.UInt32, first) + dr.arange(mi.UInt32, count) // dr.opaque(
+            mi.UInt32, spp
+        ) * dr.opaque(mi.UInt32, stride)
         position = mi.Point2f(index % width, index // width) + sampler.next_2d()
         with dr.suspend_grad():
             aperture = sampler.next_2d() if sensor.needs_aperture_sample() else mi.Point2f(0.5)
-            ray, weight = sensor.sample_ray(sensor.shutter_open(), 0, position / mi.Vector2f(width, height), aperture)
+            ray, weight = sensor.sample_ray(
+                sensor.shutter_open(), 0, position / mi.Vector2f(width, height), aperture
+            )
             channels = None
             if split or facets or self.closure == "tail":
-                channels = Channels.empty(self.max_bounces, self.closure, self.emitters.sources if split else None, split == "model")
-            (L, _), _, channels = self.walk(dr.ADMode.Primal, scene, sampler, ray, None, None, mi.Bool(True), channels, facets)
+                channels = Channels.empty(
+                    self.max_bounces,
+                    self.closure,
+                    self.emitters.sources if split else None,
+                    split == "model",
+                )
+            (L, _), _, channels = self.walk(
+                dr.ADMode.Primal, scene, sampler, ray, None, None, mi.Bool(True), channels, facets
+            )
             if self.closure == "tail":
-                dr.eval(L, channels)                    # add_tail sums, and would trace the paths for that alone
+                dr.eval(L, channels)  # add_tail sums, and would trace the paths for that alone
                 tail, self.tail_error = channels.add_tail()
                 L += tail
-            samples = channels.samples(L[0], self.emitters.labels, self.emitters.sources, split == "target") if split else {}
+            samples = (
+                channels.samples(
+                    L[0], self.emitters.labels, self.emitters.sources, split == "target"
+                )
+                if split
+                else {}
+            )
             if facets is not None:
-                dr.eval(L, channels, samples)           # one kernel for both uses
+                dr.eval(L, channels, samples)  # one kernel for both uses
                 facets.add(channels.facet, L[0], channels, spp, first)
             return L[0], samples
 
@@ -153,7 +212,9 @@ class BouncePath(RBIntegrator):
 
     @dr.syntax
     def walk(self, mode, scene, sampler, ray, δL, L, active, channels=None, facets=None):
-        """Follows paths from the observer. Returns ((radiance or its derivative, radiance), valid, channels)."""
+        """Follows paths from the observer. Returns ((radiance or its derivative, radiance), valid,
+        channels).
+        """
         primal = mode == dr.ADMode.Primal
         ctx = mi.BSDFContext()
         emitters = self.emitters
@@ -161,12 +222,12 @@ class BouncePath(RBIntegrator):
 
         ray = mi.Ray3f(ray)
         active = mi.Bool(active)
-        L = mi.Spectrum(0 if primal else L)                 # radiance: gathered, or what is left of it in a replay
+        L = mi.Spectrum(0 if primal else L)  # radiance: gathered, or what is left of it in a replay
         δL = mi.Spectrum(0 if δL is None else δL)
-        β = mi.Spectrum(1)                                  # throughput
-        bounce = mi.UInt32(0)                               # reflections so far
+        β = mi.Spectrum(1)  # throughput
+        bounce = mi.UInt32(0)  # reflections so far
         p_before = mi.Point3f(0)
-        pdf_before = mi.Float(0)                            # of the direction that led here
+        pdf_before = mi.Float(0)  # of the direction that led here
         delta_before = mi.Bool(True)
         pi = scene.ray_intersect_preliminary(ray, coherent=True, active=active)
         valid = pi.is_valid()
@@ -194,7 +255,9 @@ class BouncePath(RBIntegrator):
                 Le = dr.select(beyond, dr.select(si.is_valid(), β * self.ambient_radiance, 0), Le)
             L = L + Le if primal else L - Le
             if dr.hint(channels is not None, mode="scalar"):
-                channels.add(Le[0], bounce, emitters.sources, emitter, si.prim_index, self.max_bounces)
+                channels.add(
+                    Le[0], bounce, emitters.sources, emitter, si.prim_index, self.max_bounces
+                )
 
             active_next = active & si.is_valid() & (bounce < limit)
             bsdf = si.bsdf(ray)
@@ -203,15 +266,28 @@ class BouncePath(RBIntegrator):
 
             Lr = mi.Spectrum(0)
             if dr.hint(self.emitter_sampling, mode="scalar"):
-                active_em = active_next & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) & (bounce < self.max_bounces)
+                active_em = (
+                    active_next
+                    & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
+                    & (bounce < self.max_bounces)
+                )
                 drawn = emitters.sample(scene, si, sampler.next_1d(), sampler.next_2d(), active_em)
                 with dr.resume_grad(when=not primal):
                     f, pdf = bsdf.eval_pdf(ctx, si, si.to_local(drawn.ds.d), drawn.counts)
                     mis = dr.select(drawn.ds.delta, 1, mis_weight(drawn.ds.pdf, pdf))
-                    Lr = dr.select(drawn.counts, β * f * drawn.radiance(si) * (mis / drawn.ds.pdf), 0)
+                    Lr = dr.select(
+                        drawn.counts, β * f * drawn.radiance(si) * (mis / drawn.ds.pdf), 0
+                    )
                 L = L + Lr if primal else L - Lr
                 if dr.hint(channels is not None, mode="scalar"):
-                    channels.add(Lr[0], bounce + 1, emitters.sources, drawn.emitter, drawn.hit.prim_index, self.max_bounces)
+                    channels.add(
+                        Lr[0],
+                        bounce + 1,
+                        emitters.sources,
+                        drawn.emitter,
+                        drawn.hit.prim_index,
+                        self.max_bounces,
+                    )
 
             # ----------------------- Reflection -----------------------
 
@@ -222,11 +298,16 @@ class BouncePath(RBIntegrator):
 
             if dr.hint(not primal, mode="scalar"):
                 with dr.resume_grad():
-                    # L is what comes back along the sampled direction; its derivative enters through the BSDF's value, or
-                    # through the weight where a delta lobe has no value.
+                    # L is what comes back along the sampled direction; its derivative enters
+                    # through the BSDF's value, or through the weight where a delta lobe has no
+                    # value.
                     f = bsdf.eval(ctx, si, bs.wo, active_next & ~delta)
                     _, f_delta = bsdf.sample(ctx, si, sample1, sample2, active_next & delta)
-                    Lo = Le + Lr + L * dr.select(delta, dr.relative_grad(f_delta), dr.relative_grad(f))
+                    Lo = (
+                        Le
+                        + Lr
+                        + L * dr.select(delta, dr.relative_grad(f_delta), dr.relative_grad(f))
+                    )
                     if dr.hint(mode == dr.ADMode.Backward, mode="scalar"):
                         dr.backward_from(δL * Lo)
                     else:

@@ -1,24 +1,27 @@
 """What one pass of `bounce_path` records beside the radiance, and how samples become pixels."""
+
 from dataclasses import dataclass, field
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-
 from mi_lcair.plugins.sources import WAVELENGTHS, Sources
 
-MAX_BOUNCE_CHANNELS = 65        # the last one holds every bounce count from 64 on
+MAX_BOUNCE_CHANNELS = 65  # the last one holds every bounce count from 64 on
 
 
 @dataclass
 class Channels:
-    """Radiance per sample, split by bounce count, by emitting source and by the group first seen [W m^-2 sr^-1].
+    """Radiance per sample, split by bounce count, by emitting source and by the group first seen [W
+    m^-2 sr^-1].
 
-    `by_wavelength`: what the blackbodies among them emit, at the nodes of `Sources` [W m^-2 sr^-1 um^-1], where they are
-    too many to be told apart. `last`: the last three bounce counts, kept apart for the geometric tail. Of the first hit:
-    `range`, its distance [m], 0 for an escape; `seen`, its label; `of_model`, 1 where it belongs to the model, not to
-    the background; `facet`, its number. `model_only`: whether nothing but paths that first meet the model counts.
+    `by_wavelength`: what the blackbodies among them emit, at the nodes of `Sources` [W m^-2 sr^-1
+    um^-1], where they are too many to be told apart. `last`: the last three bounce counts, kept
+    apart for the geometric tail. Of the first hit: `range`, its distance [m], 0 for an escape;
+    `seen`, its label; `of_model`, 1 where it belongs to the model, not to the background; `facet`,
+    its number. `model_only`: whether nothing but paths that first meet the model counts.
     """
+
     by_bounce: list
     by_source: list
     by_wavelength: list
@@ -31,12 +34,23 @@ class Channels:
     model_only: bool = False
 
     @staticmethod
-    def empty(max_bounces: int, closure: str, sources: Sources | None, model_only: bool = False) -> "Channels":
+    def empty(
+        max_bounces: int, closure: str, sources: Sources | None, model_only: bool = False
+    ) -> "Channels":
         """sources: by what emission is told apart; None for the closure's needs alone."""
         zeros = lambda count: [mi.Float(0) for _ in range(count)]
-        return Channels(zeros(min(max_bounces + 1, MAX_BOUNCE_CHANNELS)), zeros(len(sources.list) if sources else 0),
-                        zeros(WAVELENGTHS if sources and sources.share is not None else 0),
-                        zeros(3 if closure == "tail" else 0), mi.Float(0), mi.Float(0), mi.UInt32(0), mi.Float(0), mi.UInt32(0), model_only)
+        return Channels(
+            zeros(min(max_bounces + 1, MAX_BOUNCE_CHANNELS)),
+            zeros(len(sources.list) if sources else 0),
+            zeros(WAVELENGTHS if sources and sources.share is not None else 0),
+            zeros(3 if closure == "tail" else 0),
+            mi.Float(0),
+            mi.Float(0),
+            mi.UInt32(0),
+            mi.Float(0),
+            mi.UInt32(0),
+            model_only,
+        )
 
     def meet(self, first, emitters, emitter, facets):
         """Notes what a ray meets first: a surface interaction and its emitter."""
@@ -48,7 +62,9 @@ class Channels:
             self.facet = facets.number(first.shape, first.prim_index, hit)
 
     def add(self, value, bounce, sources: Sources, emitter, prim_index, max_bounces: int):
-        """Adds radiance that was reflected `bounce` times and emitted by the primitive `prim_index` of an emitter."""
+        """Adds radiance that was reflected `bounce` times and emitted by the primitive `prim_index`
+        of an emitter.
+        """
         beyond = bounce > max_bounces
         self.closure += dr.select(beyond, value, 0)
         value = dr.select(beyond, 0, value)
@@ -67,11 +83,12 @@ class Channels:
             self.last[k] += dr.select(bounce == max_bounces - 2 + k, value, 0)
 
     def samples(self, L, labels: list[str], sources: Sources, of_model: bool) -> dict:
-        """Every channel by its name: bounce.N, closure, group.LABEL, seen.LABEL, target (what the model's facets send),
-        range and hit (1 or 0).
+        """Every channel by its name: bounce.N, closure, group.LABEL, seen.LABEL, target (what the
+        model's facets send), range and hit (1 or 0).
 
-        of_model: also, under the same names after "target.", as much of each as lies on the model's facets, and
-        source.N and wavelength.N where these were told apart. With `model_only` all names mean what lies there.
+        of_model: also, under the same names after "target.", as much of each as lies on the model's
+        facets, and source.N and wavelength.N where these were told apart. With `model_only` all
+        names mean what lies there.
         """
         groups = {label: mi.Float(0) for label in labels}
         for source, value in zip(sources.list, self.by_source):
@@ -79,7 +96,9 @@ class Channels:
         found = {f"bounce.{k}": value for k, value in enumerate(self.by_bounce)}
         found["closure"] = self.closure
         found |= {f"group.{label}": value for label, value in groups.items()}
-        found |= {f"seen.{label}": dr.select(self.seen == k, L, 0) for k, label in enumerate(labels)}
+        found |= {
+            f"seen.{label}": dr.select(self.seen == k, L, 0) for k, label in enumerate(labels)
+        }
         if of_model:
             if sources.by_spectrum:
                 found |= {f"source.{k}": value for k, value in enumerate(self.by_source)}
@@ -87,15 +106,22 @@ class Channels:
         found |= {"range": self.range, "hit": dr.select(self.range > 0, mi.Float(1), 0)}
         if self.model_only or of_model:
             on_model = {name: value * self.of_model for name, value in found.items()}
-            found = on_model if self.model_only else found | {f"target.{name}": value for name, value in on_model.items()}
+            found = (
+                on_model
+                if self.model_only
+                else found | {f"target.{name}": value for name, value in on_model.items()}
+            )
         return found | {"target": L * self.of_model}
 
     def add_tail(self) -> tuple[mi.Float, float]:
-        """Continues the last two bounce counts geometrically, with the ratio of their sums over all samples; the model and its background,
-        which may lie in other surroundings, each with its own.
+        """Continues the last two bounce counts geometrically, with the ratio of their sums over all
+        samples; the model and its background, which may lie in other surroundings, each with its
+        own.
 
-        Returns the tail per sample, and as its error what the ratio of the two counts before would have made of its mean.
+        Returns the tail per sample, and as its error what the ratio of the two counts before would
+        have made of its mean.
         """
+
         def continuation(a, b):
             ratio = b / a if a > 0 else 0.0
             return ratio / (1 - ratio) if ratio < 1 else 0.0
@@ -115,10 +141,11 @@ class Channels:
 class Pixels:
     """Statistics of one pass over a run of pixels; NumPy, Float64.
 
-    count: finite samples of each pixel; mean and squares (sum of squared deviations from the mean) of the radiance.
-    channels: by name, means of each pixel in equal parts of its samples, (parts, pixels), of part_count finite samples.
-    invalid: NaN or infinite samples, left out.
+    count: finite samples of each pixel; mean and squares (sum of squared deviations from the mean)
+    of the radiance. channels: by name, means of each pixel in equal parts of its samples, (parts,
+    pixels), of part_count finite samples. invalid: NaN or infinite samples, left out.
     """
+
     count: np.ndarray
     mean: np.ndarray
     squares: np.ndarray
@@ -130,13 +157,16 @@ class Pixels:
 def pixel_statistics(L, samples: dict, spp: int, in_parts: bool = False) -> Pixels:
     """Reduces samples (`spp` consecutive ones per pixel) to pixels.
 
-    Deviations are taken from the pixel's own mean: in Float32 the variance would drown in the square of the mean.
-    in_parts: the channels in two parts (where spp is even), so that their scatter tells their standard errors.
+    Deviations are taken from the pixel's own mean: in Float32 the variance would drown in the
+    square of the mean. in_parts: the channels in two parts (where spp is even), so that their
+    scatter tells their standard errors.
     """
     finite = dr.isfinite(L)
     samples = {name: dr.select(finite, value, 0) for name, value in samples.items()}
     L, valid = dr.select(finite, L, 0), dr.select(finite, mi.Float(1), 0)
-    dr.eval(finite, L, valid, samples)        # one kernel: each reduction would otherwise trace the paths again
+    dr.eval(
+        finite, L, valid, samples
+    )  # one kernel: each reduction would otherwise trace the paths again
     count, total = dr.block_sum(valid, spp), dr.block_sum(L, spp)
     mean = total / dr.maximum(count, 1)
     squares = dr.block_sum(dr.square(dr.select(finite, L - dr.repeat(mean, spp), 0)), spp)

@@ -1,10 +1,13 @@
-"""How derivatives pass through what plugins derive from their parameters (tables of HDR, facet radiances).
+"""How derivatives pass through what plugins derive from their parameters (tables of HDR, facet
+radiances).
 
-A plugin that derives something has `sources()`, the parameters it derives from; `derive()`, which computes `derived`, a
-PyTree of arrays, from them with derivatives attached; and `refresh()`, which derives again only where needed. While paths
-are replayed, `leaves` puts detached copies of `derived` in their place, so that the loops differentiate with respect to
-them alone and the chain rule to the parameters is applied once, outside.
+A plugin that derives something has `sources()`, the parameters it derives from; `derive()`, which
+computes `derived`, a PyTree of arrays, from them with derivatives attached; and `refresh()`, which
+derives again only where needed. While paths are replayed, `leaves` puts detached copies of
+`derived` in their place, so that the loops differentiate with respect to them alone and the chain
+rule to the parameters is applied once, outside.
 """
+
 from contextlib import contextmanager
 
 import drjit as dr
@@ -16,12 +19,16 @@ def attached(arrays) -> bool:
     return any(array.index_ad != 0 for array in arrays)
 
 
-_traced = None      # the plugins of the scene that `bounce_path` is tracing, None while it traces nothing
+_traced = (
+    None  # the plugins of the scene that `bounce_path` is tracing, None while it traces nothing
+)
 
 
 @contextmanager
 def tracing(plugins):
-    """Within: `is_traced` knows which plugins belong to the scene, and that what they derive is up to date."""
+    """Within: `is_traced` knows which plugins belong to the scene, and that what they derive is up
+    to date.
+    """
     global _traced
     before, _traced = _traced, set(plugins)
     try:
@@ -31,20 +38,30 @@ def tracing(plugins):
 
 
 def is_traced(plugin) -> bool | None:
-    """Whether the plugin belongs to the scene being traced; None while that is not known, under stock integrators.
+    """Whether the plugin belongs to the scene being traced; None while that is not known, under
+    stock integrators.
 
-    Dr.Jit's calls are recorded for every plugin that is alive, also for one that outlived its scene and its shape.
+    Dr.Jit's calls are recorded for every plugin that is alive, also for one that outlived its scene
+    and its shape.
     """
     return None if _traced is None else plugin in _traced
 
 
 def check_attached(plugin) -> None:
-    """An error for a parameter whose derivative would be lost on the way through what was derived from it earlier."""
+    """An error for a parameter whose derivative would be lost on the way through what was derived
+    from it earlier.
+    """
     if is_traced(plugin) is False:
         return
-    if plugin.derived is not None and attached(plugin.sources()) and not attached(flatten(plugin.derived)):
-        raise RuntimeError(f"{plugin.class_name()} '{plugin.id()}': a parameter has got gradients since the scene was last updated; "
-                           "call params.update() after dr.enable_grad()")
+    if (
+        plugin.derived is not None
+        and attached(plugin.sources())
+        and not attached(flatten(plugin.derived))
+    ):
+        raise RuntimeError(
+            f"{plugin.class_name()} '{plugin.id()}': a parameter has got gradients since the scene was last updated; "
+            "call params.update() after dr.enable_grad()"
+        )
 
 
 def flatten(tree) -> list:
@@ -57,8 +74,10 @@ def flatten(tree) -> list:
 
 
 class Members(mi.TraversalCallback):
-    """Collects what an object's `traverse` reports. (A class inside a function would keep dead scenes alive until the
-    garbage collector runs, and Dr.Jit's calls reach every emitter that is alive.)"""
+    """Collects what an object's `traverse` reports. (A class inside a function would keep dead
+    scenes alive until the garbage collector runs, and Dr.Jit's calls reach every emitter that is
+    alive.)
+    """
 
     def __init__(self, node):
         mi.TraversalCallback.__init__(self)
@@ -70,7 +89,9 @@ class Members(mi.TraversalCallback):
 
 
 def members(node) -> dict:
-    """Parameters and objects that a Mitsuba object holds, by name: a mesh's buffers and BSDF, what a BSDF wraps, ..."""
+    """Parameters and objects that a Mitsuba object holds, by name: a mesh's buffers and BSDF, what
+    a BSDF wraps, ...
+    """
     return Members(node).found
 
 
@@ -93,7 +114,8 @@ def deriving_plugins(scene) -> list:
 
 @contextmanager
 def leaves(scene, mode: dr.ADMode):
-    """Within: `derived` of plugins whose parameters have gradients are leaves; forward: they carry the parameters' tangents.
+    """Within: `derived` of plugins whose parameters have gradients are leaves; forward: they carry
+    the parameters' tangents.
 
     Afterwards, in backward mode, what the leaves have gathered is passed on to the parameters.
     """

@@ -1,20 +1,23 @@
-r"""Emitter `thermal`: the surface's own emission, emissivity(direction) times the blackbody's in-band radiance, facet by facet."""
+r"""Emitter `thermal`: the surface's own emission, emissivity(direction) times the blackbody's
+in-band radiance, facet by facet.
+"""
+
 import re
 
 import drjit as dr
 import mitsuba as mi
+from mi_lcair.plugins.beside_scene import beside_scene
+from mi_lcair.plugins.derivatives import check_attached, is_traced, members
+from mi_lcair.plugins.emissivity import emissivity_of, reflects
+from mi_lcair.plugins.triangles import Facets, is_faceted
 
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.spectrum import spectrum
-from mi_lcair.plugins.beside_scene import beside_scene
-from mi_lcair.plugins.derivatives import check_attached, is_traced, members
-from mi_lcair.plugins.emissivity import emissivity_of, reflects
-from mi_lcair.plugins.facets import Facets, is_faceted
 
 LABEL = re.compile(r"[A-Za-z0-9_-]+")
-FACET_TYPES = ("model", "sky", "terrain")       # thesis 3.2.1.5
+FACET_TYPES = ("model", "sky", "terrain")  # thesis 3.2.1.5
 
 
 class Thermal(mi.Emitter):
@@ -38,11 +41,12 @@ class Thermal(mi.Emitter):
             <string name="band" value="MWIR"/> <float name="temperature" value="300"/>
         </emitter>
 
-    The emissivity comes from the shape's BSDF (see `emissivity`), so a surface emits from the sides from which it
-    reflects. A source with `radiance` or `spectrum` emits it as it is, times `emissivity` if that is given. Facet temperatures are
-    the mesh's parameter (`SHAPE.face_temperature`); `bounce_path` turns them into radiance once per change, in Float64. A
-    texture that varies inside a facet, and facets under a stock integrator, which cannot tell when a mesh has changed, are
-    turned into radiance at every hit: right, but slower.
+    The emissivity comes from the shape's BSDF (see `emissivity`), so a surface emits from the sides
+    from which it reflects. A source with `radiance` or `spectrum` emits it as it is, times
+    `emissivity` if that is given. Facet temperatures are the mesh's parameter
+    (`SHAPE.face_temperature`); `bounce_path` turns them into radiance once per change, in Float64.
+    A texture that varies inside a facet, and facets under a stock integrator, which cannot tell
+    when a mesh has changed, are turned into radiance at every hit: right, but slower.
     """
 
     def __init__(self, props):
@@ -50,26 +54,34 @@ class Thermal(mi.Emitter):
         self.m_flags = mi.EmitterFlags.Surface | mi.EmitterFlags.SpatiallyVarying
         self.group = props.get("group", "self")
         if not LABEL.fullmatch(self.group):
-            raise InputError(f"thermal: group '{self.group}' must consist of letters, digits, '_' and '-'")
+            raise InputError(
+                f"thermal: group '{self.group}' must consist of letters, digits, '_' and '-'"
+            )
         self.band = band(beside_scene(props["band"])) if "band" in props else None
         self.facet_type = props.get("facet_type", "model")
         if self.facet_type not in FACET_TYPES:
             raise unknown("facet_type", self.facet_type, FACET_TYPES)
         given = [name for name in ("temperature", "radiance", "spectrum") if name in props]
         if len(given) != 1:
-            raise InputError(f"thermal: give one of `temperature`, `radiance` and `spectrum`; found {', '.join(given) or 'none'}")
+            raise InputError(
+                f"thermal: give one of `temperature`, `radiance` and `spectrum`; found {', '.join(given) or 'none'}"
+            )
         if self.band is None and given != ["radiance"]:
             raise InputError(f"thermal: `{given[0]}` needs a `band`")
         self.temperature = self.radiance = self.spectrum = self.texture = self.attribute = None
-        self.by_primitive = False                   # whether the temperature depends on the facet that was hit
-        self.derived = self.derived_from = None     # blackbody radiance, one value or one per facet, and of what
-        self.bsdf = self.facets = None              # of the shape
+        self.by_primitive = False  # whether the temperature depends on the facet that was hit
+        self.derived = self.derived_from = (
+            None  # blackbody radiance, one value or one per facet, and of what
+        )
+        self.bsdf = self.facets = None  # of the shape
         if "radiance" in props:
             self.radiance = mi.Float(props["radiance"])
             if not props["radiance"] >= 0:
                 raise InputError(f"thermal: radiance = {props['radiance']:g} must be >= 0")
         elif "spectrum" in props:
-            self.spectrum = spectrum(beside_scene(props["spectrum"]), props.get("elevation_deg", None))
+            self.spectrum = spectrum(
+                beside_scene(props["spectrum"]), props.get("elevation_deg", None)
+            )
             self.radiance = mi.Float(self.spectrum.in_band_radiance(self.band))
         elif isinstance(props["temperature"], mi.Texture):
             self.texture = props["temperature"]
@@ -79,7 +91,7 @@ class Thermal(mi.Emitter):
         else:
             self.temperature = mi.Float(props["temperature"])
 
-        self.given_emissivity = None    # None: the material's
+        self.given_emissivity = None  # None: the material's
         self.material_emissivity = None
         if "emissivity" in props or self.radiance is not None:
             value = props.get("emissivity", 1.0)
@@ -102,7 +114,7 @@ class Thermal(mi.Emitter):
             cb.put("emissivity", self.given_emissivity, mi.ParamFlags.Differentiable)
 
     def parameters_changed(self, keys=()):
-        self.facets = None                  # the shape may have moved
+        self.facets = None  # the shape may have moved
         if self.temperature is not None:
             self.derive()
         for parameter in (self.radiance, self.given_emissivity):
@@ -110,7 +122,9 @@ class Thermal(mi.Emitter):
                 dr.make_opaque(parameter)
 
     def sources(self) -> tuple:
-        """The temperatures that `derived` comes from: the parameter, or the mesh's buffer of facet temperatures."""
+        """The temperatures that `derived` comes from: the parameter, or the mesh's buffer of facet
+        temperatures.
+        """
         if self.temperature is not None:
             return (self.temperature,)
         buffer = members(self.get_shape()).get(self.attribute) if self.attribute else None
@@ -124,16 +138,23 @@ class Thermal(mi.Emitter):
             bad = ~((values > 0) & (values < float("inf")))
             if bad.any():
                 where = f" of facet {int(bad.argmax())}" if len(values) > 1 else ""
-                raise InputError(f"thermal: temperature{where} = {values[bad][0]:g} K; it must be positive and finite")
+                raise InputError(
+                    f"thermal: temperature{where} = {values[bad][0]:g} K; it must be positive and finite"
+                )
             Float64 = dr.float64_array_t(mi.Float)
             self.derived = mi.Float(in_band_radiance(self.band, Float64(temperature)))
             dr.make_opaque(self.derived)
             self.derived_from = temperature.index, temperature.index_ad
 
     def refresh(self) -> None:
-        """Brings up to date what no change of our own parameters announces: facet radiances, the material's emissivity."""
+        """Brings up to date what no change of our own parameters announces: facet radiances, the
+        material's emissivity.
+        """
         self.find_emissivity()
-        if any(self.derived_from != (temperature.index, temperature.index_ad) for temperature in self.sources()):
+        if any(
+            self.derived_from != (temperature.index, temperature.index_ad)
+            for temperature in self.sources()
+        ):
             self.derive()
 
     def find_emissivity(self) -> None:
@@ -165,15 +186,19 @@ class Thermal(mi.Emitter):
 
     def eval(self, si, active=True):
         if is_traced(self) is False:
-            return mi.Spectrum(0)           # of another scene, whose shape may be gone
-        return mi.Spectrum(dr.select(active, self.emissivity(si, active) * self.source_radiance(si, active), 0))
+            return mi.Spectrum(0)  # of another scene, whose shape may be gone
+        return mi.Spectrum(
+            dr.select(active, self.emissivity(si, active) * self.source_radiance(si, active), 0)
+        )
 
     # ---------------------------------------------------------------- Sampling, uniform over the shape's area
 
     def sample_surface(self, sample, active):
-        """A point of the shape, uniform over its area, as a surface interaction, and the density [1/m^2].
+        """A point of the shape, uniform over its area, as a surface interaction, and the density
+        [1/m^2].
 
-        Facets are drawn from a table of our own: Mitsuba's position samples do not tell which facet they lie on.
+        Facets are drawn from a table of our own: Mitsuba's position samples do not tell which facet
+        they lie on.
         """
         shape = self.get_shape()
         if not is_faceted(shape):
@@ -183,18 +208,30 @@ class Thermal(mi.Emitter):
         pi = dr.zeros(mi.PreliminaryIntersection3f, dr.width(sample))
         pi.prim_index, pi.prim_uv, p, n, density = self.facets.sample(sample, active)
         pi.shape = mi.ShapePtr(shape)
-        si = self.interaction(p, n, shape.compute_surface_interaction(dr.zeros(mi.Ray3f), pi, mi.RayFlags.All, active).uv)
+        si = self.interaction(
+            p,
+            n,
+            shape.compute_surface_interaction(dr.zeros(mi.Ray3f), pi, mi.RayFlags.All, active).uv,
+        )
         si.prim_index = pi.prim_index
         return si, density
 
     def interaction(self, p, n, uv):
         """A surface interaction of this shape, seen from nowhere yet."""
         si = dr.zeros(mi.SurfaceInteraction3f, dr.width(p))
-        si.p, si.n, si.uv, si.sh_frame, si.shape = p, n, uv, mi.Frame3f(n), mi.ShapePtr(self.get_shape())
+        si.p, si.n, si.uv, si.sh_frame, si.shape = (
+            p,
+            n,
+            uv,
+            mi.Frame3f(n),
+            mi.ShapePtr(self.get_shape()),
+        )
         return si
 
     def label_facet(self, si):
-        """What direction and position samples carry as their uv: the facet where the temperature asks for it."""
+        """What direction and position samples carry as their uv: the facet where the temperature
+        asks for it.
+        """
         return mi.Point2f(mi.Float(si.prim_index), 0) if self.by_primitive else si.uv
 
     def labelled(self, p, n, uv):
@@ -239,7 +276,14 @@ class Thermal(mi.Emitter):
     def sample_position(self, time, sample, active=True):
         si, density = self.sample_surface(sample, active)
         ps = dr.zeros(mi.PositionSample3f, dr.width(sample))
-        ps.p, ps.n, ps.uv, ps.time, ps.pdf, ps.delta = si.p, si.n, self.label_facet(si), time, density, False
+        ps.p, ps.n, ps.uv, ps.time, ps.pdf, ps.delta = (
+            si.p,
+            si.n,
+            self.label_facet(si),
+            time,
+            density,
+            False,
+        )
         return ps, dr.select(active, 1 / density, 0)
 
     def pdf_position(self, ps, active=True):
@@ -262,7 +306,11 @@ class Thermal(mi.Emitter):
         return self.get_shape().bbox()
 
     def to_string(self):
-        what = f"temperature = {self.texture or self.temperature}" if self.radiance is None else f"radiance = {self.radiance}"
+        what = (
+            f"temperature = {self.texture or self.temperature}"
+            if self.radiance is None
+            else f"radiance = {self.radiance}"
+        )
         return f"Thermal[group = {self.group}, band = {self.band and self.band.name}, {what}]"
 
 

@@ -1,10 +1,13 @@
 """The bundled scenes: their names, files, titles and parameters. Needs no Mitsuba.
 
-A scene is an XML file in this folder. Its first comment is its title and description; each <default> on the scene's first
-level is a parameter, and the comment that follows it says what it is, with its unit.
+A scene is an XML file in this folder. Its first comment is its title and description; each
+<default> on the scene's first level is a parameter, and the comment that follows it says what it
+is, with its unit.
 
-A scenario is a TOML file in the folder of its scene's name (products/scenario.py); its first comment is its title.
+A scenario is a TOML file in the folder of its scene's name (mi_lcair/detection/scenario.py); its first
+comment is its title.
 """
+
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
@@ -15,7 +18,9 @@ FOLDER = Path(__file__).parent
 
 
 class Parameter(NamedTuple):
-    """A scene's $-parameter: its default value as the XML has it, and one line that says what it is."""
+    """A scene's $-parameter: its default value as the XML has it, and one line that says what it
+    is.
+    """
 
     default: str
     description: str
@@ -44,13 +49,16 @@ def parameters(name: str) -> dict[str, Parameter]:
     elements = _elements(name)
     return {
         default.get("name"): Parameter(default.get("value"), comment.text.strip())
-        for default, comment in zip(elements, elements[1:]) if default.tag == "default"
+        for default, comment in zip(elements, elements[1:])
+        if default.tag == "default"
     }
 
 
 def scenarios(name: str | None = None) -> list[str]:
     """Names of the bundled scenarios, SCENE/FILE, in alphabetical order; of one scene or of all."""
-    return sorted(f"{file.parent.name}/{file.stem}" for file in FOLDER.glob(f"{name or '*'}/*.toml"))
+    return sorted(
+        f"{file.parent.name}/{file.stem}" for file in FOLDER.glob(f"{name or '*'}/*.toml")
+    )
 
 
 def scenario_path(name: str) -> Path:

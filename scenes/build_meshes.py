@@ -1,9 +1,11 @@
-"""Builds the meshes of the bundled scenes: `python -m mi_lcair.scenes.build_meshes` writes meshes/*.ply.
+"""Builds the meshes of the bundled scenes: `python -m mi_lcair.scenes.build_meshes` writes
+meshes/*.ply.
 
-Lengths are in metres. Corners run anticlockwise as seen from the side that emits and reflects: that is where the
-face normal points. Each triangle carries the number of the facet that it is part of. The bytes depend on nothing but this
-file.
+Lengths are in metres. Corners run anticlockwise as seen from the side that emits and reflects: that
+is where the face normal points. Each triangle carries the number of the facet that it is part of.
+The bytes depend on nothing but this file.
 """
+
 from pathlib import Path
 
 import numpy as np
@@ -13,14 +15,28 @@ FOLDER = Path(__file__).parent / "meshes"
 CAVITY_RADIUS = 0.5  # m, thesis 3.2.3.1
 ROWS = COLUMNS = 20  # facets of the latitude-longitude sphere from pole to pole, and around
 
-# Facets removed -> rows x columns of the block that they make, centred on the equator (thesis Table B.1).
-OPENINGS = {2: (2, 1), 4: (2, 2), 8: (4, 2), 16: (4, 4), 24: (6, 4), 36: (6, 6), 60: (10, 6), 80: (10, 8)}
+# Facets removed -> rows x columns of the block that they make, centred on the equator (thesis Table
+# B.1).
+OPENINGS = {
+    2: (2, 1),
+    4: (2, 2),
+    8: (4, 2),
+    16: (4, 4),
+    24: (6, 4),
+    36: (6, 6),
+    60: (10, 6),
+    80: (10, 8),
+}
 
 
 def rectangle(corner, along, across):
-    """Vertices (4, 3) and the one facet of a rectangle with the given corner and edges; normal along x across."""
+    """Vertices (4, 3) and the one facet of a rectangle with the given corner and edges; normal
+    along x across.
+    """
     corner, along, across = (np.array(vector, float) for vector in (corner, along, across))
-    return np.array([corner, corner + along, corner + along + across, corner + across]), [(0, 1, 2, 3)]
+    return np.array([corner, corner + along, corner + along + across, corner + across]), [
+        (0, 1, 2, 3)
+    ]
 
 
 def box(size, inward=False):
@@ -31,18 +47,24 @@ def box(size, inward=False):
 
 
 def sphere(radius, opening=(0, 0), inward=False):
-    """Vertices and facets of the latitude-longitude sphere of ROWS x COLUMNS facets, poles on the z axis.
+    """Vertices and facets of the latitude-longitude sphere of ROWS x COLUMNS facets, poles on the z
+    axis.
 
-    `opening` (rows, columns) is the block of facets that is left out. Its middle lies on the +x axis: the meridians
-    are counted from the block's edge, which is half a block before +x. Facets are plane trapezia; those at the poles are
-    triangles.
+    `opening` (rows, columns) is the block of facets that is left out. Its middle lies on the +x
+    axis: the meridians are counted from the block's edge, which is half a block before +x. Facets
+    are plane trapezia; those at the poles are triangles.
     """
     open_rows, open_columns = opening
     colatitudes = np.pi * np.arange(1, ROWS) / ROWS
     longitudes = 2 * np.pi * (np.arange(COLUMNS) - open_columns / 2) / COLUMNS
     rings = [
-        (np.sin(colatitude) * np.cos(longitude), np.sin(colatitude) * np.sin(longitude), np.cos(colatitude))
-        for colatitude in colatitudes for longitude in longitudes
+        (
+            np.sin(colatitude) * np.cos(longitude),
+            np.sin(colatitude) * np.sin(longitude),
+            np.cos(colatitude),
+        )
+        for colatitude in colatitudes
+        for longitude in longitudes
     ]
     vertices = radius * np.array([(0, 0, 1), *rings, (0, 0, -1)])
     top_pole, bottom_pole = 0, len(vertices) - 1
@@ -60,7 +82,14 @@ def sphere(radius, opening=(0, 0), inward=False):
             elif row == ROWS - 1:
                 facets.append((ring(row, column), bottom_pole, ring(row, column + 1)))
             else:
-                facets.append((ring(row, column), ring(row + 1, column), ring(row + 1, column + 1), ring(row, column + 1)))
+                facets.append(
+                    (
+                        ring(row, column),
+                        ring(row + 1, column),
+                        ring(row + 1, column + 1),
+                        ring(row, column + 1),
+                    )
+                )
     return vertices, facing(facets, inward)
 
 
@@ -70,9 +99,14 @@ def facing(facets, inward):
 
 
 def triangles(facets):
-    """Triangles (n, 3) of the facets, fanned out from their first corners, and the facet (n,) that each is part of."""
-    fans = [((facet[0], facet[k], facet[k + 1]), number)
-            for number, facet in enumerate(facets) for k in range(1, len(facet) - 1)]
+    """Triangles (n, 3) of the facets, fanned out from their first corners, and the facet (n,) that
+    each is part of.
+    """
+    fans = [
+        ((facet[0], facet[k], facet[k + 1]), number)
+        for number, facet in enumerate(facets)
+        for k in range(1, len(facet) - 1)
+    ]
     corners, numbers = zip(*fans)
     return np.array(corners), np.array(numbers)
 
@@ -86,7 +120,10 @@ def meshes():
         # The floor's long edge and the wall's foot share y = 0; they face +z and +y.
         "open_box_floor.ply": rectangle((-0.1, 0, 0), (0.2, 0, 0), (0, 0.1, 0)),
         "open_box_wall.ply": rectangle((-0.1, 0, 0), (0, 0, 0.1), (0.2, 0, 0)),
-        **{f"cavity_{facets}.ply": sphere(CAVITY_RADIUS, block, inward=True) for facets, block in OPENINGS.items()},
+        **{
+            f"cavity_{facets}.ply": sphere(CAVITY_RADIUS, block, inward=True)
+            for facets, block in OPENINGS.items()
+        },
         "furnace_room.ply": box((2, 2, 2), inward=True),
         "furnace_slab.ply": box((0.7, 0.04, 0.7)),
         "furnace_sphere.ply": sphere(0.2),
@@ -100,7 +137,8 @@ def ply(vertices, facets) -> bytes:
     """
     corners, numbers = triangles(facets)
     used, corners = np.unique(corners, return_inverse=True)
-    # Rounding to 1 nm hides the last bits of sine and cosine, which differ between processors; + 0.0 turns -0 into 0.
+    # Rounding to 1 nm hides the last bits of sine and cosine, which differ between processors; +
+    # 0.0 turns -0 into 0.
     points = (np.round(vertices[used], 9) + 0.0).astype("<f4")
     faces = np.empty(len(numbers), dtype=[("count", "u1"), ("corners", "<i4", 3), ("facet", "<f4")])
     faces["count"] = 3

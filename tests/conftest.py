@@ -1,5 +1,6 @@
-import mi_lcair  # noqa: F401  before any test file imports drjit or mitsuba, so that they find the right LLVM
 import pytest
+
+import mi_lcair  # noqa: F401  before any test file imports drjit or mitsuba, so that they find the right LLVM
 
 
 @pytest.fixture
@@ -9,5 +10,9 @@ def figures(monkeypatch):
 
     saved = []
     save = Figure.savefig
-    monkeypatch.setattr(Figure, "savefig", lambda self, *args, **kwargs: (saved.append(self), save(self, *args, **kwargs)))
+    monkeypatch.setattr(
+        Figure,
+        "savefig",
+        lambda self, *args, **kwargs: (saved.append(self), save(self, *args, **kwargs)),
+    )
     return saved

@@ -1,7 +1,10 @@
-"""Start-up: LLVM is chosen before drjit is imported, plugins are registered with mitsuba, and nothing aborts.
+"""Start-up: LLVM is chosen before drjit is imported, plugins are registered with mitsuba, and
+nothing aborts.
 
-Each test starts a Python of its own, because what is tried is what the first import in a process does.
+Each test starts a Python of its own, because what is tried is what the first import in a process
+does.
 """
+
 import os
 import shutil
 import subprocess
@@ -18,18 +21,33 @@ ROOT = Path(__file__).resolve().parents[1]
 LLVM_15 = Path("/usr/lib/x86_64-linux-gnu/libLLVM-15.so.1")
 needs_llvm_15 = pytest.mark.skipif(not LLVM_15.exists(), reason="no LLVM 15 on this machine")
 
-# LLVM 15 and 16 pass a plain sum and abort the process at `minimum`, so that is what shows that LLVM works.
+# LLVM 15 and 16 pass a plain sum and abort the process at `minimum`, so that is what shows that
+# LLVM works.
 COMPUTE = "import drjit as dr; assert dr.minimum(dr.llvm.Float([1, 2, 3]), 2).numpy().tolist() == [1, 2, 2]\n"
-SANDFORD_ROBERTSON = {"type": "sandford_robertson", "epsilon": 0.1, "rho_d": 0.2, "b": 0.3, "e": 0.2}
+SANDFORD_ROBERTSON = {
+    "type": "sandford_robertson",
+    "epsilon": 0.1,
+    "rho_d": 0.2,
+    "b": 0.3,
+    "e": 0.2,
+}
 
 
 def python(code, *path, variable=None):
-    """Run `code` in a fresh Python that searches the folders `path` (default: the checkout) before its own."""
+    """Run `code` in a fresh Python that searches the folders `path` (default: the checkout) before
+    its own.
+    """
     environment = {key: value for key, value in os.environ.items() if key != llvm.VARIABLE}
     environment["PYTHONPATH"] = os.pathsep.join(map(str, path or (ROOT,)))
     if variable is not None:
         environment[llvm.VARIABLE] = str(variable)
-    return subprocess.run([sys.executable, "-P", "-c", code], env=environment, capture_output=True, text=True, timeout=60)
+    return subprocess.run(
+        [sys.executable, "-P", "-c", code],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
 
 
 @pytest.fixture
@@ -40,7 +58,8 @@ def usable_llvm(monkeypatch):
     return os.environ[llvm.VARIABLE]
 
 
-# LLVM ---------------------------------------------------------------------------------------------------------------
+# LLVM
+# ---------------------------------------------------------------------------------------------------------------
 
 
 def test_finds_llvm_by_itself():
@@ -48,7 +67,9 @@ def test_finds_llvm_by_itself():
     assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.parametrize("variable", ["/nowhere/libLLVM.so", pytest.param(LLVM_15, marks=needs_llvm_15)])
+@pytest.mark.parametrize(
+    "variable", ["/nowhere/libLLVM.so", pytest.param(LLVM_15, marks=needs_llvm_15)]
+)
 def test_unusable_variable_is_passed_over_with_one_line(variable):
     done = python("import mi_lcair\n" + COMPUTE, variable=variable)
     assert done.returncode == 0, done.stderr
@@ -59,7 +80,9 @@ def test_unusable_variable_is_passed_over_with_one_line(variable):
 def test_usable_variable_comes_first(usable_llvm, tmp_path):
     link = tmp_path / "libLLVM.so"
     link.symlink_to(usable_llvm)
-    done = python(f"import mi_lcair, os\n{COMPUTE}print(os.environ['{llvm.VARIABLE}'])", variable=link)
+    done = python(
+        f"import mi_lcair, os\n{COMPUTE}print(os.environ['{llvm.VARIABLE}'])", variable=link
+    )
     assert (done.stdout.strip(), done.stderr) == (str(link), "")
 
 
@@ -81,7 +104,9 @@ def test_version_is_asked_of_the_library(usable_llvm, monkeypatch):
     """LLVM 16 answers with its version too; here what answers is too old because more is asked."""
     monkeypatch.setattr(llvm, "OLDEST", 99)
     monkeypatch.setattr(llvm, "SYSTEM", ())
-    with pytest.raises(ImportError, match=r"^no LLVM 99 or newer found \(tried .*: LLVM \d\d, older than 99"):
+    with pytest.raises(
+        ImportError, match=r"^no LLVM 99 or newer found \(tried .*: LLVM \d\d, older than 99"
+    ):
         llvm.prepare()
 
 
@@ -91,12 +116,15 @@ def test_missing_libatomic_is_one_line_that_says_what_to_install(monkeypatch):
 
     monkeypatch.setattr(llvm.sys, "platform", "linux")
     monkeypatch.setattr(llvm.ctypes, "CDLL", load)
-    with pytest.raises(ImportError, match=r"^libatomic.so.1 is missing.* apt-get install libatomic1$"):
+    with pytest.raises(
+        ImportError, match=r"^libatomic.so.1 is missing.* apt-get install libatomic1$"
+    ):
         llvm.prepare()
 
 
 @pytest.mark.parametrize(
-    "variable, found", [("/nowhere", "no LLVM"), pytest.param(LLVM_15, "LLVM 15", marks=needs_llvm_15)]
+    "variable, found",
+    [("/nowhere", "no LLVM"), pytest.param(LLVM_15, "LLVM 15", marks=needs_llvm_15)],
 )
 def test_drjit_imported_first_with_an_unusable_llvm(variable, found):
     done = python("import drjit, mi_lcair", variable=variable)
@@ -117,7 +145,11 @@ def test_mitsuba_imported_first_with_a_usable_llvm(usable_llvm):
 def test_read_only_site_packages(tmp_path):
     """The wheel as its files lie where the start-up hook that links libc++.so.1 could not write."""
     try:
-        installed = [file for file in files(llvm.WHEEL) if not file.locate().is_symlink() and file.locate().exists()]
+        installed = [
+            file
+            for file in files(llvm.WHEEL)
+            if not file.locate().is_symlink() and file.locate().exists()
+        ]
     except PackageNotFoundError:
         pytest.skip("the wheel with LLVM is not installed")
     site = tmp_path / "lib" / "python" / "site-packages"
@@ -141,7 +173,8 @@ def test_exceptions_of_mitsuba_are_still_caught():
     assert done.stdout == "caught\n", done.stderr
 
 
-# Plugins ------------------------------------------------------------------------------------------------------------
+# Plugins
+# ------------------------------------------------------------------------------------------------------------
 
 
 def test_plugins_follow_the_variant():
@@ -162,7 +195,9 @@ def test_plugins_imported_before_mitsuba():
 
 @pytest.mark.parametrize("layout", ["checkout", "installed"])
 def test_foreign_packages_stay_foreign(layout, tmp_path):
-    """Ours are mi_lcair.plugins and nothing else; whatever lies beside an installed mi_lcair is no part of it."""
+    """Ours are mi_lcair.plugins and nothing else; whatever lies beside an installed mi_lcair is no
+    part of it.
+    """
     for name in ("plugins", "photometry"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "__init__.py").write_text("FOREIGN = True\n")
@@ -195,7 +230,9 @@ def test_help_loads_no_renderer_and_no_charts():
         "except SystemExit as status: assert not status.code\n"
         "print({'mitsuba', 'drjit', 'matplotlib', 'colour'} & set(sys.modules))"
     )
-    assert done.stdout.startswith("Usage: mi-lcair") and done.stdout.endswith("set()\n"), done.stderr
+    assert done.stdout.startswith("Usage: mi-lcair") and done.stdout.endswith("set()\n"), (
+        done.stderr
+    )
 
 
 def test_public_names_resolve():

@@ -1,7 +1,10 @@
-"""The command `mi-lcair`: finds a command's module when it is called, and turns every error into one line.
+"""The command `mi-lcair`: finds a command's module when it is called, and turns every error into
+one line.
 
-Exit status: 0 done, 1 failed, 2 unusable arguments or input, 130 interrupted. MI_LCAIR_DEBUG=1 shows tracebacks.
+Exit status: 0 done, 1 failed, 2 unusable arguments or input, 130 interrupted. MI_LCAIR_DEBUG=1
+shows tracebacks.
 """
+
 import importlib
 import os
 import sys
@@ -11,8 +14,22 @@ import click
 import mi_lcair
 from mi_lcair.errors import InputError, mitsuba_error, unknown
 
-COMMANDS = {name: name for name in ("render", "show", "signature", "contrast", "trend", "fit", "scenes", "chart", "plan", "audit")}   # name: its module
-COMMANDS["import"] = "import_model"     # a file import.py could not be imported
+COMMANDS = {
+    name: name
+    for name in (
+        "render",
+        "show",
+        "signature",
+        "contrast",
+        "trend",
+        "fit",
+        "scenes",
+        "chart",
+        "plan",
+        "audit",
+    )
+}  # name: its module
+COMMANDS["import"] = "import_model"  # a file import.py could not be imported
 FAILED, UNUSABLE, INTERRUPTED = 1, 2, 130
 
 
@@ -28,9 +45,11 @@ class Main(click.Group):
         return importlib.import_module(f"{__name__}.{COMMANDS[name]}").command
 
     def main(self, args=None, prog_name="mi-lcair", **extra):
-        """Run the command line and exit with its status; the one place that decides what an error looks like.
+        """Run the command line and exit with its status; the one place that decides what an error
+        looks like.
 
-        (A reader of stdout that has gone is click's business: `echo` flushes, and a broken pipe ends quietly.)
+        (A reader of stdout that has gone is click's business: `echo` flushes, and a broken pipe
+        ends quietly.)
         """
         try:
             status = super().main(args, prog_name, standalone_mode=False, **extra) or 0
@@ -69,8 +88,14 @@ def _version(ctx, option, wanted):
 
 
 @click.group("mi-lcair", cls=Main, invoke_without_command=True)
-@click.option("--version", is_flag=True, is_eager=True, expose_value=False, callback=_version,
-              help="Show the version and exit.")
+@click.option(
+    "--version",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_version,
+    help="Show the version and exit.",
+)
 @click.pass_context
 def main(ctx):
     """Thermal-infrared radiance of Mitsuba 3 scenes, in W m^-2 sr^-1."""

@@ -1,4 +1,5 @@
 """mi-lcair audit: whether a scene conserves energy."""
+
 import click
 
 import mi_lcair
@@ -8,12 +9,18 @@ from mi_lcair.cli.output import print_columns, print_json
 
 @click.command("audit")
 @loading_options
-@click.option("--photons", type=click.IntRange(min=8), default=2**18, show_default=True, help="From each emitter.")
+@click.option(
+    "--photons",
+    type=click.IntRange(min=8),
+    default=2**18,
+    show_default=True,
+    help="From each emitter.",
+)
 def command(options, photons):
     """Follow the flux that SCENE emits.
 
-    SCENE is a Mitsuba XML file or the name of a bundled scene. What is emitted is followed forward until it is absorbed or
-    escapes, and listed by material.
+    SCENE is a Mitsuba XML file or the name of a bundled scene. What is emitted is followed forward
+    until it is absorbed or escapes, and listed by material.
     """
     result = options.run(mi_lcair.audit, photons=photons)
     if options.json:
@@ -24,13 +31,34 @@ def command(options, photons):
         value, error = result.shares[name][key]
         return f"{100 * value:.3f} +- {100 * error:.1g}"
 
-    print_columns([("band", result.band), ("emitted", f"{result.total['emitted'][0]:.6g} W +- {result.total['emitted'][1]:.2g}"),
-                   *((f"{key} %", percent("scene", key)) for key in ("absorbed", "escaped", "behind", "created", "unfinished", "balance"))])
+    print_columns(
+        [
+            ("band", result.band),
+            ("emitted", f"{result.total['emitted'][0]:.6g} W +- {result.total['emitted'][1]:.2g}"),
+            *(
+                (f"{key} %", percent("scene", key))
+                for key in ("absorbed", "escaped", "behind", "created", "unfinished", "balance")
+            ),
+        ]
+    )
     click.echo()
     shares = ("absorbed", "reflected", "behind", "created", "scaled")
-    print_columns([("material", "emitted W", "incident W", *(f"{key} % of incident" for key in shares)),
-                   *((name, f"{flux['emitted'][0]:.5g}", f"{flux['incident'][0]:.5g}", *(percent(name, key) for key in shares))
-                     for name, flux in result.materials.items())])
+    print_columns(
+        [
+            ("material", "emitted W", "incident W", *(f"{key} % of incident" for key in shares)),
+            *(
+                (
+                    name,
+                    f"{flux['emitted'][0]:.5g}",
+                    f"{flux['incident'][0]:.5g}",
+                    *(percent(name, key) for key in shares),
+                )
+                for name, flux in result.materials.items()
+            ),
+        ]
+    )
     click.echo()
-    for remark in result.remarks or ["nothing to remark: energy is conserved within the errors above"]:
+    for remark in result.remarks or [
+        "nothing to remark: energy is conserved within the errors above"
+    ]:
         click.echo(remark)

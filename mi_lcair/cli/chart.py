@@ -1,9 +1,11 @@
 """mi-lcair chart: measurements of the renderer itself, and of methods against each other."""
+
 from dataclasses import asdict, fields
 
 import click
 
-from mi_lcair.cli import chart_propagation, chart_reflectance
+from mi_lcair.cli.charts import propagation as chart_propagation
+from mi_lcair.cli.charts import reflectance as chart_reflectance
 from mi_lcair.cli.options import json_option, progress_bar
 from mi_lcair.cli.output import print_columns, print_json
 
@@ -21,7 +23,7 @@ command.add_command(chart_propagation.command)
 @json_option
 def throughput(json):
     """Paths and rays per second, side by side with stock Mitsuba on the same scene; a minute."""
-    from mi_lcair.products.throughput import measure
+    from mi_lcair.benchmark.throughput import measure
 
     with progress_bar("runs") as progress:
         result = measure(progress=progress)
@@ -29,8 +31,12 @@ def throughput(json):
         print_json(asdict(result))
         return
     columns = [field.name for field in fields(result.rows[0])]
-    print_columns([[name.replace("_", " ") for name in columns],
-                   *([_cell(getattr(row, name)) for name in columns] for row in result.rows)])
+    print_columns(
+        [
+            [name.replace("_", " ") for name in columns],
+            *([_cell(getattr(row, name)) for name in columns] for row in result.rows),
+        ]
+    )
 
 
 def _cell(value) -> str:

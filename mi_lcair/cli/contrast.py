@@ -1,11 +1,18 @@
 """mi-lcair contrast: a scenario's target as a sensor measures it."""
+
 import warnings
 from pathlib import Path
 
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import Assignment, json_option, prepare_renderer, progress_bar, renderer_options
+from mi_lcair.cli.options import (
+    Assignment,
+    json_option,
+    prepare_renderer,
+    progress_bar,
+    renderer_options,
+)
 from mi_lcair.cli.output import check_outputs, print_columns, print_json, print_written
 from mi_lcair.errors import InputError
 
@@ -14,24 +21,37 @@ TERMS = ("target", "background", "path", "total", "nei_max")
 
 @click.command("contrast")
 @click.argument("scenario")
-@click.option("-D", "changes", type=Assignment(), multiple=True,
-              help="Change an entry of the scenario, such as sensor.band=LWIR; may be repeated.")
-@click.option("--range", "ranges", is_flag=True, help="Find the ranges at which the target is detected; needs sensor.nei.")
+@click.option(
+    "-D",
+    "changes",
+    type=Assignment(),
+    multiple=True,
+    help="Change an entry of the scenario, such as sensor.band=LWIR; may be repeated.",
+)
+@click.option(
+    "--range",
+    "ranges",
+    is_flag=True,
+    help="Find the ranges at which the target is detected; needs sensor.nei.",
+)
 @click.option("--plot", type=click.Path(path_type=Path), help="Draw the spectra, FILE.png.")
 @renderer_options
 @json_option
 def command(scenario, changes, ranges, plot, variant, threads, json):
     """Measure a target against its background.
 
-    SCENARIO is a TOML file or the name of a bundled scenario: which target, from where, through which atmosphere, before what
-    and by which sensor. Printed are the irradiances at the sensor, the contrast, and the noise that it may have.
+    SCENARIO is a TOML file or the name of a bundled scenario: which target, from where, through
+    which atmosphere, before what and by which sensor. Printed are the irradiances at the sensor,
+    the contrast, and the noise that it may have.
     """
-    from mi_lcair.products.scenario import Scenario
+    from mi_lcair.detection.scenario import Scenario
 
     check_outputs((plot, ".png"))
     asked = Scenario.read(scenario, **dict(changes))
     if ranges and asked.sensor.nei is None:
-        raise InputError(f"scenario '{scenario}': --range needs nei of [sensor], the noise-equivalent irradiance in W m^-2")
+        raise InputError(
+            f"scenario '{scenario}': --range needs nei of [sensor], the noise-equivalent irradiance in W m^-2"
+        )
 
     prepare_renderer(variant, threads)
     with warnings.catch_warnings(record=True) as warned, progress_bar() as progress:
@@ -41,7 +61,7 @@ def command(scenario, changes, ranges, plot, variant, threads, json):
         click.echo(f"mi-lcair: note: {remark}", err=True)
     found = result.detection_ranges() if ranges else []
     if plot:
-        from mi_lcair.products.contrast_plot import save_plot
+        from mi_lcair.reports.contrast_plot import save_plot
 
         save_plot(plot, result)
     if json:
@@ -56,33 +76,86 @@ def command(scenario, changes, ranges, plot, variant, threads, json):
 
 def _print_tables(result, found):
     scenario, row, detector = result.scenario, result.rows[-1], result.detector
-    print_columns([
-        ("scenario", f"{scenario.name}: {scenario.title}"),
-        ("band", f"{detector.band.label}, optics transmit {detector.optics_transmittance:g}"),
-        ("line of sight", f"{result.path.range_m:.6g} m, {abs(result.sight_elevation_deg):.4g} degrees {'up' if result.sight_elevation_deg >= 0 else 'down'}ward, "
-                          f"observer at azimuth {scenario.observer.azimuth_deg:.6g}"),
-        ("atmosphere", f"{result.air.name}: mean transmittance {result.transmittance:.4f}, path {result.path_radiance:.5g} W m^-2 sr^-1"),
-        ("background", f"{result.background_name}: {result.background_radiance:.5g} W m^-2 sr^-1"),
-        ("target", f"projected area {_with_error(row.projected_area)} m^2, {row.solid_angle:.5g} sr"),
-        *([] if result.no_target is None else [("without target", f"{result.no_target:.5g} W/m^2 in the field of view")]),
-        ("time", f"{result.seconds:.2f} s")])
+    print_columns(
+        [
+            ("scenario", f"{scenario.name}: {scenario.title}"),
+            ("band", f"{detector.band.label}, optics transmit {detector.optics_transmittance:g}"),
+            (
+                "line of sight",
+                f"{result.path.range_m:.6g} m, {abs(result.sight_elevation_deg):.4g} degrees {'up' if result.sight_elevation_deg >= 0 else 'down'}ward, "
+                f"observer at azimuth {scenario.observer.azimuth_deg:.6g}",
+            ),
+            (
+                "atmosphere",
+                f"{result.air.name}: mean transmittance {result.transmittance:.4f}, path {result.path_radiance:.5g} W m^-2 sr^-1",
+            ),
+            (
+                "background",
+                f"{result.background_name}: {result.background_radiance:.5g} W m^-2 sr^-1",
+            ),
+            (
+                "target",
+                f"projected area {_with_error(row.projected_area)} m^2, {row.solid_angle:.5g} sr",
+            ),
+            *(
+                []
+                if result.no_target is None
+                else [("without target", f"{result.no_target:.5g} W/m^2 in the field of view")]
+            ),
+            ("time", f"{result.seconds:.2f} s"),
+        ]
+    )
     click.echo()
-    extra = [name for name, value in (("observed W/m^2", row.observed), ("detected", row.detected)) if value is not None]
-    print_columns([("reflections up to", "intensity W/sr", *(f"{name.replace('_', ' ')} W/m^2" for name in TERMS), *extra),
-                   *((row.max_bounces, _with_error(row.intensity), *(_with_error(getattr(row, name)) for name in TERMS),
-                      *([] if row.observed is None else [f"{row.observed:.5g}"]), *([] if row.detected is None else ["yes" if row.detected else "no"]))
-                     for row in result.rows)])
+    extra = [
+        name
+        for name, value in (("observed W/m^2", row.observed), ("detected", row.detected))
+        if value is not None
+    ]
+    print_columns(
+        [
+            (
+                "reflections up to",
+                "intensity W/sr",
+                *(f"{name.replace('_', ' ')} W/m^2" for name in TERMS),
+                *extra,
+            ),
+            *(
+                (
+                    row.max_bounces,
+                    _with_error(row.intensity),
+                    *(_with_error(getattr(row, name)) for name in TERMS),
+                    *([] if row.observed is None else [f"{row.observed:.5g}"]),
+                    *([] if row.detected is None else ["yes" if row.detected else "no"]),
+                )
+                for row in result.rows
+            ),
+        ]
+    )
     if found:
         click.echo()
-        print_columns([("reflections up to", f"detected at, for a nei of {detector.nei:g} W/m^2 and a signal-to-noise ratio of {detector.snr:g}"),
-                       *((row.max_bounces, _sentence(detection)) for row, detection in zip(result.rows, found))])
+        print_columns(
+            [
+                (
+                    "reflections up to",
+                    f"detected at, for a nei of {detector.nei:g} W/m^2 and a signal-to-noise ratio of {detector.snr:g}",
+                ),
+                *(
+                    (row.max_bounces, _sentence(detection))
+                    for row, detection in zip(result.rows, found)
+                ),
+            ]
+        )
 
 
 def _sentence(detection):
     if not detection.intervals_m:
         return "no range"
     ranges = ", ".join(f"{start:.5g}-{end:.5g} m" for start, end in detection.intervals_m)
-    end = "; at least: the atmosphere's table ends there" if detection.at_least else f" +- {detection.standard_error_m:.2g} m"
+    end = (
+        "; at least: the atmosphere's table ends there"
+        if detection.at_least
+        else f" +- {detection.standard_error_m:.2g} m"
+    )
     return ranges + end
 
 

@@ -1,4 +1,5 @@
 """mi-lcair fit: Sandford-Robertson parameters from scatterometer files."""
+
 from contextlib import ExitStack, contextmanager
 from itertools import zip_longest
 from pathlib import Path
@@ -16,54 +17,115 @@ FILE = click.Path(path_type=Path)
 @click.argument("files", nargs=-1, required=True, type=FILE, metavar="DATA...")
 @click.option("-o", "--output", type=FILE, help="The report and material to write, FILE.json.")
 @click.option("--plot", type=FILE, help="The picture to write, FILE.png.")
-@click.option("--emissivity", "emissivities", type=FILE, multiple=True,
-              help="Measured emissivity to fit with; one for each DATA.")
-@click.option("--dhr", "dhrs", type=FILE, multiple=True,
-              help="Measured directional-hemispherical reflectance, likewise.")
-@click.option("--quantity", type=click.Choice(["brdf", "brdf_cos"]),
-              help="What the values are, BRDF or BRDF x cos theta_r (default: as the file says).")
-@click.option("--theta-r-positive", type=click.Choice(["specular", "source"]),
-              help="The side on which theta_r is positive (default: as the file says).")
-@click.option("--form", type=click.Choice(["auto", "thesis", "normalized"]), default="auto", show_default=True,
-              help="Form of the model.")
-@click.option("--loss", type=click.Choice(["log", "cube_root", "linear"]), default="log", show_default=True,
-              help="Scale on which BRDFs are compared.")
+@click.option(
+    "--emissivity",
+    "emissivities",
+    type=FILE,
+    multiple=True,
+    help="Measured emissivity to fit with; one for each DATA.",
+)
+@click.option(
+    "--dhr",
+    "dhrs",
+    type=FILE,
+    multiple=True,
+    help="Measured directional-hemispherical reflectance, likewise.",
+)
+@click.option(
+    "--quantity",
+    type=click.Choice(["brdf", "brdf_cos"]),
+    help="What the values are, BRDF or BRDF x cos theta_r (default: as the file says).",
+)
+@click.option(
+    "--theta-r-positive",
+    type=click.Choice(["specular", "source"]),
+    help="The side on which theta_r is positive (default: as the file says).",
+)
+@click.option(
+    "--form",
+    type=click.Choice(["auto", "thesis", "normalized"]),
+    default="auto",
+    show_default=True,
+    help="Form of the model.",
+)
+@click.option(
+    "--loss",
+    type=click.Choice(["log", "cube_root", "linear"]),
+    default="log",
+    show_default=True,
+    help="Scale on which BRDFs are compared.",
+)
 @click.option("--robust", is_flag=True, help="Give outliers little weight.")
-@click.option("--starts", type=click.IntRange(min=1), default=64, show_default=True, help="Descents at once.")
-@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True, help="Seed of the starts.")
-@click.option("--max-angle-deg", type=click.FloatRange(0, 90, min_open=True), default=80, show_default=True,
-              help="Leave out points at larger angles.")
-@click.option("--min-brdf", type=click.FloatRange(0), default=1e-4, show_default=True,
-              help="Leave out smaller values, in 1/sr.")
-@click.option("--source-half-angle-deg", type=click.FloatRange(0, 90, max_open=True),
-              help="Of the source, seen from the sample; 0 for a point (default: as the file says).")
+@click.option(
+    "--starts", type=click.IntRange(min=1), default=64, show_default=True, help="Descents at once."
+)
+@click.option(
+    "--seed",
+    type=click.IntRange(0, 2**32 - 1),
+    default=0,
+    show_default=True,
+    help="Seed of the starts.",
+)
+@click.option(
+    "--max-angle-deg",
+    type=click.FloatRange(0, 90, min_open=True),
+    default=80,
+    show_default=True,
+    help="Leave out points at larger angles.",
+)
+@click.option(
+    "--min-brdf",
+    type=click.FloatRange(0),
+    default=1e-4,
+    show_default=True,
+    help="Leave out smaller values, in 1/sr.",
+)
+@click.option(
+    "--source-half-angle-deg",
+    type=click.FloatRange(0, 90, max_open=True),
+    help="Of the source, seen from the sample; 0 for a point (default: as the file says).",
+)
 @json_option
 def command(files, output, plot, emissivities, dhrs, quantity, theta_r_positive, json, **settings):
     """Fit the Sandford-Robertson model to measured BRDFs.
 
-    DATA are CSV or ASTM E1392/E2387 files with in-plane measurements of one surface, one file for each band. The output
-    is a material for scenes, and says how well each parameter is known.
+    DATA are CSV or ASTM E1392/E2387 files with in-plane measurements of one surface, one file for
+    each band. The output is a material for scenes, and says how well each parameter is known.
     """
     with ExitStack() as outputs:
-        output, plot = (path and outputs.enter_context(_written(option, path, suffix))
-                        for option, path, suffix in (("--output", output, ".json"), ("--plot", plot, ".png")))
+        output, plot = (
+            path and outputs.enter_context(_written(option, path, suffix))
+            for option, path, suffix in (("--output", output, ".json"), ("--plot", plot, ".png"))
+        )
 
-        from mi_lcair.fitting import reading, report
+        from mi_lcair.fitting import report
+        from mi_lcair.fitting.scatterometer import reading
+
         measurements = [reading.read(file, quantity, theta_r_positive) for file in files]
         report.check_bands(measurements)
-        joint = [{quantity: reading.read_directional(file, quantity) for quantity, file in beside.items() if file}
-                 for beside in _beside(files, emissivities, dhrs)]
+        joint = [
+            {
+                quantity: reading.read_directional(file, quantity)
+                for quantity, file in beside.items()
+                if file
+            }
+            for beside in _beside(files, emissivities, dhrs)
+        ]
 
         from mi_lcair.fitting.estimation import fit
+
         with _progress_bar() as progress:
-            fits = [fit(data, **directional, **settings, progress=progress)
-                    for data, directional in zip(measurements, joint)]
+            fits = [
+                fit(data, **directional, **settings, progress=progress)
+                for data, directional in zip(measurements, joint)
+            ]
         results = list(zip(measurements, fits, joint))
         result = report.as_dict(results)
         if output:
             output.write_text(report.to_json(result), encoding="utf-8")
         if plot:
-            from mi_lcair.fitting.plot import save_plot
+            from mi_lcair.reports.fit_plot import save_plot
+
             save_plot(plot, results)
 
     seconds = [{"seconds": one.seconds, "compile_seconds": one.compile_seconds} for one in fits]
@@ -88,9 +150,14 @@ def _beside(files, emissivities, dhrs):
     """The files of emissivity and DHR that belong to each of the data files."""
     for option, given in (("--emissivity", emissivities), ("--dhr", dhrs)):
         if len(given) not in (0, len(files)):
-            raise InputError(f"{option} is given {len(given)} times for {len(files)} data files; give it once for each, in "
-                             f"their order")
-    return [{"emissivity": emissivity, "dhr": dhr} for _, emissivity, dhr in zip_longest(files, emissivities, dhrs)]
+            raise InputError(
+                f"{option} is given {len(given)} times for {len(files)} data files; give it once for each, in "
+                f"their order"
+            )
+    return [
+        {"emissivity": emissivity, "dhr": dhr}
+        for _, emissivity, dhr in zip_longest(files, emissivities, dhrs)
+    ]
 
 
 @contextmanager
@@ -99,6 +166,7 @@ def _progress_bar():
     from tqdm import tqdm
 
     with tqdm(unit="step", disable=None, leave=False) as bar:
+
         def progress(done, total):
             bar.n, bar.total = done, total
             bar.refresh()
@@ -112,26 +180,50 @@ def _print_tables(measurements, fits):
     from mi_lcair.fitting.report import band_name
 
     bands = [band_name(data) for data in measurements]
-    summaries = [dict(_summary(data, fit, band)) for data, fit, band in zip(measurements, fits, bands)]
+    summaries = [
+        dict(_summary(data, fit, band)) for data, fit, band in zip(measurements, fits, bands)
+    ]
     print_columns([label, *(summary[label] for summary in summaries)] for label in summaries[0])
     click.echo()
     several = len(fits) > 1
-    rows = [(band, name, f"{fit.parameters[name]:.5g}", f"{fit.standard_error[name]:.2g}", fit.verdict[name])
-            for band, fit in zip(bands, fits) for name in NAMES]
+    rows = [
+        (
+            band,
+            name,
+            f"{fit.parameters[name]:.5g}",
+            f"{fit.standard_error[name]:.2g}",
+            fit.verdict[name],
+        )
+        for band, fit in zip(bands, fits)
+        for name in NAMES
+    ]
     rows.insert(0, ("band (um)", "parameter", "value", "standard error", "verdict"))
     print_columns(row if several else row[1:] for row in rows)
 
 
 def _summary(data, fit, band):
     """(label, text) of one fit, for a table with the labels first."""
-    dropped = "; ".join(f"{count} {reason}" for reason, count in (data.dropped | fit.dropped).items())
+    dropped = "; ".join(
+        f"{count} {reason}" for reason, count in (data.dropped | fit.dropped).items()
+    )
     yield "surface", f"{data.name} ({data.source[0]['file']})"
-    yield "band", f"{band} um" if band else "unknown: scenes need it, '# band_um: 3 5' in the data states it"
+    yield (
+        "band",
+        f"{band} um" if band else "unknown: scenes need it, '# band_um: 3 5' in the data states it",
+    )
     yield "model", f"{fit.form} form" + (f" with {fit.restriction}" if fit.restriction else "")
     yield "points used", str(fit.used)
     yield "left out", dropped or "none"
     yield "rms", f"{fit.rms_dex:.4f} decades"
-    yield "emissivity", "not given" if fit.emissivity_rms is None else f"rms error {fit.emissivity_rms:.3f}"
-    yield "minimum", (f"{'converged' if fit.converged else 'NOT converged'}, relative gradient {fit.gradient_norm:.1e}; "
-                      f"{fit.starts_in_basin:.0%} of the starts reached it")
+    yield (
+        "emissivity",
+        "not given" if fit.emissivity_rms is None else f"rms error {fit.emissivity_rms:.3f}",
+    )
+    yield (
+        "minimum",
+        (
+            f"{'converged' if fit.converged else 'NOT converged'}, relative gradient {fit.gradient_norm:.1e}; "
+            f"{fit.starts_in_basin:.0%} of the starts reached it"
+        ),
+    )
     yield "time", f"{fit.seconds:.2f} s, of which {fit.compile_seconds:.2f} s to compile"

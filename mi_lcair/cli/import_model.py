@@ -1,4 +1,5 @@
 """mi-lcair import: a labelled OBJ to meshes and a scene."""
+
 from pathlib import Path
 
 import click
@@ -7,36 +8,61 @@ from mi_lcair.cli.options import json_option
 from mi_lcair.cli.output import print_columns, print_json
 
 FILE = click.Path(path_type=Path)
-COLD = 200.0    # kelvin; rare enough on a surface to be worth a remark
+COLD = 200.0  # kelvin; rare enough on a surface to be worth a remark
 
 
 @click.command("import")
 @click.argument("file", type=FILE, metavar="MODEL.obj")
-@click.option("-o", "--output", type=FILE, metavar="FOLDER", help="Where to write meshes, model.xml and scene.xml.")
+@click.option(
+    "-o",
+    "--output",
+    type=FILE,
+    metavar="FOLDER",
+    help="Where to write meshes, model.xml and scene.xml.",
+)
 @click.option("--check", is_flag=True, help="Only report, write nothing.")
-@click.option("--temperatures", type=FILE, metavar="CSV",
-              help="Table facet,kelvin with each facet once, instead of the labels' temperatures.")
-@click.option("--material", metavar="KEY", help="Material of all model facets, instead of the labels'.")
-@click.option("--materials", type=FILE, metavar="TOML", help="Your own materials; copied to FOLDER.")
-@click.option("--scale", type=float, default=1, show_default=True, help="Metres in the file's unit of length.")
-@click.option("--sky", metavar="TABLE",
-              help="Spectra that sky facets with elevation_deg=... in their label emit: a bundled table or a CSV, copied to FOLDER.")
+@click.option(
+    "--temperatures",
+    type=FILE,
+    metavar="CSV",
+    help="Table facet,kelvin with each facet once, instead of the labels' temperatures.",
+)
+@click.option(
+    "--material", metavar="KEY", help="Material of all model facets, instead of the labels'."
+)
+@click.option(
+    "--materials", type=FILE, metavar="TOML", help="Your own materials; copied to FOLDER."
+)
+@click.option(
+    "--scale", type=float, default=1, show_default=True, help="Metres in the file's unit of length."
+)
+@click.option(
+    "--sky",
+    metavar="TABLE",
+    help="Spectra that sky facets with elevation_deg=... in their label emit: a bundled table or a CSV, copied to FOLDER.",
+)
 @json_option
 def command(file, output, check, temperatures, material, materials, scale, sky, json):
     """Import a facet model for rendering.
 
-    MODEL.obj is a Wavefront OBJ whose objects or groups are named {f|s|t}*{material}*{kelvin}*{anything}: model, sky or
-    terrain, such as f*bare_aluminum*300*. FOLDER/scene.xml is then ready for render and signature.
+    MODEL.obj is a Wavefront OBJ whose objects or groups are named
+    {f|s|t}*{material}*{kelvin}*{anything}: model, sky or terrain, such as f*bare_aluminum*300*.
+    FOLDER/scene.xml is then ready for render and signature.
     """
     if bool(output) == check:
         raise click.UsageError("give either -o FOLDER or --check", click.get_current_context())
     if check and sky:
-        raise click.UsageError("--sky goes into what -o FOLDER writes; --check writes nothing", click.get_current_context())
-    from mi_lcair import facets
+        raise click.UsageError(
+            "--sky goes into what -o FOLDER writes; --check writes nothing",
+            click.get_current_context(),
+        )
+    from mi_lcair import models3d as facets
 
     model = facets.read(file, temperatures, material, materials, scale)
     result = facets.report(model)
-    result["files"] = [str(path) for path in facets.export(model, output, materials, sky)] if output else []
+    result["files"] = (
+        [str(path) for path in facets.export(model, output, materials, sky)] if output else []
+    )
     for remark in _remarks(result):
         click.echo(f"mi-lcair: note: {remark}", err=True)
     if json:
@@ -49,23 +75,41 @@ def _remarks(result):
     if result["temperature_min"] < COLD:
         yield f"the lowest temperature is {result['temperature_min']:g} K"
     if result["inward"]:
-        yield (f"{result['inward']} model facet{'s face' if result['inward'] > 1 else ' faces'} inward; the back of a facet "
-               "neither emits nor reflects")
+        yield (
+            f"{result['inward']} model facet{'s face' if result['inward'] > 1 else ' faces'} inward; the back of a facet "
+            "neither emits nor reflects"
+        )
 
 
 def _print_table(result, output):
     lower, upper = result["bounding_box"]
-    print_columns([
-        ("facets", f"{result['facets']} ({result['triangles']} triangles)"),
-        ("bounding box", " x ".join(f"{length:.4g}" for length in upper - lower) + " m"),
-        ("volume", f"{result['volume']:.6g} m^3"),
-        *((f"area of {material}", f"{area:.6g} m^2") for material, area in result["area_by_material"].items()),
-        ("temperature", f"{result['temperature_min']:g} to {result['temperature_max']:g} K"),
-        ("open edges", result["open_edges"]),
-        ("facing inward", result["inward"]),
-        ("without area", result["degenerate"]),
-        ("duplicate", result["duplicate"]),
-        ("not planar", f"{result['non_planar']} (at most {result['non_planar_mm']:.3g} mm off)"),
-        *([("written to", f"{output}, {len(result['files'])} files; next: mi-lcair signature {output / 'scene.xml'}")]
-          if output else []),
-    ])
+    print_columns(
+        [
+            ("facets", f"{result['facets']} ({result['triangles']} triangles)"),
+            ("bounding box", " x ".join(f"{length:.4g}" for length in upper - lower) + " m"),
+            ("volume", f"{result['volume']:.6g} m^3"),
+            *(
+                (f"area of {material}", f"{area:.6g} m^2")
+                for material, area in result["area_by_material"].items()
+            ),
+            ("temperature", f"{result['temperature_min']:g} to {result['temperature_max']:g} K"),
+            ("open edges", result["open_edges"]),
+            ("facing inward", result["inward"]),
+            ("without area", result["degenerate"]),
+            ("duplicate", result["duplicate"]),
+            (
+                "not planar",
+                f"{result['non_planar']} (at most {result['non_planar_mm']:.3g} mm off)",
+            ),
+            *(
+                [
+                    (
+                        "written to",
+                        f"{output}, {len(result['files'])} files; next: mi-lcair signature {output / 'scene.xml'}",
+                    )
+                ]
+                if output
+                else []
+            ),
+        ]
+    )

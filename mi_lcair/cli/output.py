@@ -1,4 +1,5 @@
 """How commands print results on stdout: aligned columns for people, JSON for machines."""
+
 import json
 
 import click
@@ -16,7 +17,9 @@ def print_columns(rows) -> None:
 
 
 def check_outputs(*outputs) -> None:
-    """Refuse, before the work, files that cannot be written or are called wrongly. outputs: (path or None, suffix)."""
+    """Refuse, before the work, files that cannot be written or are called wrongly. outputs: (path
+    or None, suffix).
+    """
     for path, suffix in outputs:
         if path:
             if path.suffix.lower() != suffix:

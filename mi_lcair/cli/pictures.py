@@ -1,4 +1,5 @@
 """The kinds of pictures that `show` makes: each function draws one and prints what it made."""
+
 from fnmatch import fnmatchcase
 from pathlib import Path
 
@@ -9,13 +10,13 @@ from mi_lcair.cli.output import print_columns, print_json
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import check_writable
 
-MOST_NEIGHBOURS = 20        # in the table
+MOST_NEIGHBOURS = 20  # in the table
 
 
 def image(what, output, channels, log):
     """Channels of a radiance image."""
     from mi_lcair.rendering.image import read_exr
-    from mi_lcair.rendering.picture import save_picture
+    from mi_lcair.reports.image_picture import save_picture
 
     file = Path(what)
     output = output or file.with_suffix(".png")
@@ -28,8 +29,8 @@ def image(what, output, channels, log):
 
 def facet_columns(what, output, facets, channels, log, parameters, sensor):
     """A scene with its facets coloured by columns of a table."""
-    from mi_lcair.products.facet_picture import facet_images, read_table
-    from mi_lcair.rendering.picture import column_quantity, save_picture
+    from mi_lcair.reports.facet_picture import facet_images, read_table
+    from mi_lcair.reports.image_picture import column_quantity, save_picture
 
     table = read_table(facets)
     if not channels:
@@ -38,14 +39,16 @@ def facet_columns(what, output, facets, channels, log, parameters, sensor):
     output = output or facets.with_suffix(".png")
     check_writable(output)
     scene = mi_lcair.load(what, **dict(parameters))
-    save_picture(output, facet_images(scene, facets, table, chosen, sensor), scene.name, log, column_quantity)
+    save_picture(
+        output, facet_images(scene, facets, table, chosen, sensor), scene.name, log, column_quantity
+    )
     click.echo(output)
 
 
 def facet_view(what, output, facet, parameters, json):
     """What a facet of a scene sees: a map, and a table of its neighbours."""
-    from mi_lcair.products.hemispherical_plot import save_plot
-    from mi_lcair.products.hemispherical_view import hemispherical_view
+    from mi_lcair.reports.hemispherical_plot import save_plot
+    from mi_lcair.signatures.hemispherical_view import hemispherical_view
 
     output = output or Path(f"{Path(what).stem}_facet_{facet}.png")
     check_writable(output)
@@ -56,17 +59,40 @@ def facet_view(what, output, facet, parameters, json):
         print_json({"file": str(output), **found})
         return
     *neighbours, nothing = found["neighbours"]
-    print_columns([("picture", output),
-                   ("facet", f"{facet} of {found['scene']}: {found['type']}, group {found['group']}, {found['material']}, "
-                             f"{found['area_m2']:.6g} m^2")])
+    print_columns(
+        [
+            ("picture", output),
+            (
+                "facet",
+                f"{facet} of {found['scene']}: {found['type']}, group {found['group']}, {found['material']}, "
+                f"{found['area_m2']:.6g} m^2",
+            ),
+        ]
+    )
     click.echo()
-    rows = [(row["facet"], row["group"], row["material"], row) for row in neighbours[:MOST_NEIGHBOURS]]
+    rows = [
+        (row["facet"], row["group"], row["material"], row) for row in neighbours[:MOST_NEIGHBOURS]
+    ]
     rest = neighbours[MOST_NEIGHBOURS:]
     if rest:
-        rows.append((f"{len(rest)} more", "", "", {key: sum(row[key] for row in rest) for key in ("solid_angle_sr", "view_factor")}))
+        rows.append(
+            (
+                f"{len(rest)} more",
+                "",
+                "",
+                {key: sum(row[key] for row in rest) for key in ("solid_angle_sr", "view_factor")},
+            )
+        )
     rows += [("nothing", "", "", nothing), ("all", "", "", found)]
-    print_columns([("sees", "group", "material", "solid angle (sr)", "view factor"),
-                   *((*names, f"{row['solid_angle_sr']:.6f}", f"{row['view_factor']:.6f}") for *names, row in rows)])
+    print_columns(
+        [
+            ("sees", "group", "material", "solid angle (sr)", "view factor"),
+            *(
+                (*names, f"{row['solid_angle_sr']:.6f}", f"{row['view_factor']:.6f}")
+                for *names, row in rows
+            ),
+        ]
+    )
 
 
 def brdf(what, output, band, theta_deg):
@@ -75,11 +101,13 @@ def brdf(what, output, band, theta_deg):
     from mi_lcair.physics.materials import names
 
     if Path(what).suffix.lower() != ".json" and what not in names():
-        raise InputError(f"'{what}' is no image (.exr), no scene (.xml, {', '.join(scenes.names())}) and no material "
-                         f"(a fit's .json, {', '.join(names())})")
+        raise InputError(
+            f"'{what}' is no image (.exr), no scene (.xml, {', '.join(scenes.names())}) and no material "
+            f"(a fit's .json, {', '.join(names())})"
+        )
     if band is None:
         raise InputError(f"material '{what}': give its --band, such as MWIR")
-    from mi_lcair.products.brdf_view import brdf_view, save_plot
+    from mi_lcair.reports.brdf_view import brdf_view, save_plot
 
     view = brdf_view(what, band, theta_deg)
     output = output or Path(f"{Path(what).stem}_{view.band.name}_{theta_deg:g}deg.png")
@@ -91,7 +119,11 @@ def choose(kind: str, known, patterns) -> list[str]:
     """The known names that the patterns name, in the order of the patterns, each once."""
     chosen = {}
     for pattern in patterns:
-        found = [pattern] if pattern in known else [name for name in known if fnmatchcase(name, pattern)]
+        found = (
+            [pattern]
+            if pattern in known
+            else [name for name in known if fnmatchcase(name, pattern)]
+        )
         if not found:
             raise unknown(kind, pattern, known)
         chosen |= dict.fromkeys(found)

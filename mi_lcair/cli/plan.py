@@ -1,4 +1,5 @@
 """mi-lcair plan: the cheapest settings for a tolerance."""
+
 import click
 
 import mi_lcair
@@ -9,13 +10,24 @@ from mi_lcair.cli.output import print_columns, print_json
 @click.command("plan")
 @loading_options
 @sensor_option
-@click.option("--tolerance", type=Fraction(), default="1%", show_default=True, help="Error allowed, a fraction of the mean.")
-@click.option("--each-pixel", is_flag=True, help="Of each pixel (rms), as `render` needs it, not of the intensity.")
+@click.option(
+    "--tolerance",
+    type=Fraction(),
+    default="1%",
+    show_default=True,
+    help="Error allowed, a fraction of the mean.",
+)
+@click.option(
+    "--each-pixel",
+    is_flag=True,
+    help="Of each pixel (rms), as `render` needs it, not of the intensity.",
+)
 def command(options, sensor, tolerance, each_pixel):
     """Find how little model SCENE needs.
 
-    SCENE is a Mitsuba XML file or the name of a bundled scene. Cheap probes choose the lobe of each material, the number of
-    reflections, closure, emitter sampling and samples per pixel; `--plan auto` of render and signature uses them.
+    SCENE is a Mitsuba XML file or the name of a bundled scene. Cheap probes choose the lobe of each
+    material, the number of reflections, closure, emitter sampling and samples per pixel; `--plan
+    auto` of render and signature uses them.
     """
     found = options.run(mi_lcair.plan, sensor=sensor, tolerance=tolerance, each_pixel=each_pixel)
     if options.json:
@@ -26,12 +38,24 @@ def command(options, sensor, tolerance, each_pixel):
 
 def rows(found):
     """(label, text) rows of a plan."""
-    yield "lobes", ", ".join(f"{material or 'unnamed'}: {lobe}" for material, lobe in found.lobe.items()) or "no Sandford-Robertson material"
+    yield (
+        "lobes",
+        ", ".join(f"{material or 'unnamed'}: {lobe}" for material, lobe in found.lobe.items())
+        or "no Sandford-Robertson material",
+    )
     yield "reflections", f"{found.max_bounces}, closure {found.closure}"
     yield "emitter sampling", "on" if found.emitter_sampling else "off"
     yield "samples per pixel", found.spp
-    yield "predicted error", (f"{found.predicted_error:.2%} of the mean (95 %), "
-                              + ("rms over the pixels" if found.each_pixel else "of the target's intensity"))
-    yield "predicted time", f"{found.predicted_seconds:.2g} s, after {found.probe_seconds:.2g} s of probes"
+    yield (
+        "predicted error",
+        (
+            f"{found.predicted_error:.2%} of the mean (95 %), "
+            + ("rms over the pixels" if found.each_pixel else "of the target's intensity")
+        ),
+    )
+    yield (
+        "predicted time",
+        f"{found.predicted_seconds:.2g} s, after {found.probe_seconds:.2g} s of probes",
+    )
     for sentence in found.left_out or ["nothing"]:
         yield "left out", sentence

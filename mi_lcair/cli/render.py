@@ -1,4 +1,5 @@
 """mi-lcair render: a scene to a radiance image."""
+
 from pathlib import Path
 
 import click
@@ -12,20 +13,36 @@ from mi_lcair.errors import InputError
 
 @click.command("render")
 @scene_options
-@click.option("-o", "--output", type=click.Path(path_type=Path), required=True, help="The image to write, FILE.exr.")
-@click.option("--atmosphere", help="Also what arrives through an atmosphere: a bundled name, a CSV, a MODTRAN tape7, vacuum.")
-@click.option("--range", "range_m", type=float, help="With --atmosphere: metres to all of the model (default: each pixel's own).")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    required=True,
+    help="The image to write, FILE.exr.",
+)
+@click.option(
+    "--atmosphere",
+    help="Also what arrives through an atmosphere: a bundled name, a CSV, a MODTRAN tape7, vacuum.",
+)
+@click.option(
+    "--range",
+    "range_m",
+    type=float,
+    help="With --atmosphere: metres to all of the model (default: each pixel's own).",
+)
 def command(options, output, atmosphere, range_m):
     """Render SCENE to a radiance image.
 
-    SCENE is a Mitsuba XML file or the name of a bundled scene. The image is an OpenEXR file in W m^-2 sr^-1: channel Y
-    is the total radiance, the others are its parts.
+    SCENE is a Mitsuba XML file or the name of a bundled scene. The image is an OpenEXR file in W
+    m^-2 sr^-1: channel Y is the total radiance, the others are its parts.
     """
     from mi_lcair.files import check_writable
     from mi_lcair.rendering.image import write_exr
 
     if output.suffix.lower() != ".exr":
-        raise InputError(f"output '{output}' does not end in .exr; render writes OpenEXR images, and show makes PNGs")
+        raise InputError(
+            f"output '{output}' does not end in .exr; render writes OpenEXR images, and show makes PNGs"
+        )
     check_writable(output)
     if range_m is not None and atmosphere is None:
         raise InputError("--range is the length of the path through an --atmosphere; name one")
@@ -38,19 +55,38 @@ def command(options, output, atmosphere, range_m):
     write_exr(output, result.channels, result.header)
 
     if options.json:
-        print_json({"file": str(output), "band": result.band.name, "mean": result.mean, "rms_error": result.rms_error,
-                    "spp": result.spp, "reached": result.reached, "invalid": result.invalid,
-                    "closure_error": result.closure_error, "paths": result.paths, "seconds": result.seconds,
-                    **options.planned()})
+        print_json(
+            {
+                "file": str(output),
+                "band": result.band.name,
+                "mean": result.mean,
+                "rms_error": result.rms_error,
+                "spp": result.spp,
+                "reached": result.reached,
+                "invalid": result.invalid,
+                "closure_error": result.closure_error,
+                "paths": result.paths,
+                "seconds": result.seconds,
+                **options.planned(),
+            }
+        )
         return
     height, width = result.channels["Y"].shape
-    error = "unknown for one sample" if result.rms_error is None else f"{result.rms_error:.2%} of the mean"
-    print_columns([("image", f"{output}, {width} x {height} pixels, {result.band.label}"),
-                   ("mean radiance", f"{result.mean:.6g} W m^-2 sr^-1"),
-                   ("standard error", f"{error} (rms over the pixels)"),
-                   ("samples per pixel", result.spp),
-                   ("time", f"{result.seconds:.2f} s"),
-                   *_remarks(options, result)])
+    error = (
+        "unknown for one sample"
+        if result.rms_error is None
+        else f"{result.rms_error:.2%} of the mean"
+    )
+    print_columns(
+        [
+            ("image", f"{output}, {width} x {height} pixels, {result.band.label}"),
+            ("mean radiance", f"{result.mean:.6g} W m^-2 sr^-1"),
+            ("standard error", f"{error} (rms over the pixels)"),
+            ("samples per pixel", result.spp),
+            ("time", f"{result.seconds:.2f} s"),
+            *_remarks(options, result),
+        ]
+    )
 
 
 def _remarks(options, result):
@@ -63,7 +99,17 @@ def _remarks(options, result):
     if result.closure_error is not None:
         yield "closure error", f"{result.closure_error:.2g} W m^-2 sr^-1 (estimated)"
     if result.reached is not None:
-        yield "tolerance", (f"{options.sampling['tolerance']:.3g} "
-                            + ("reached" if result.reached else "NOT reached; raise --max-spp"))
-    elif options.plan and result.rms_error is not None and result.rms_error > options.plan.tolerance:
-        yield "tolerance", f"{options.plan.tolerance:.3g} NOT reached: more noise than the probes saw; use --tolerance without --plan"
+        yield (
+            "tolerance",
+            (
+                f"{options.sampling['tolerance']:.3g} "
+                + ("reached" if result.reached else "NOT reached; raise --max-spp")
+            ),
+        )
+    elif (
+        options.plan and result.rms_error is not None and result.rms_error > options.plan.tolerance
+    ):
+        yield (
+            "tolerance",
+            f"{options.plan.tolerance:.3g} NOT reached: more noise than the probes saw; use --tolerance without --plan",
+        )

@@ -1,4 +1,5 @@
 """mi-lcair scenes: what is bundled."""
+
 import click
 
 from mi_lcair.cli.options import json_option
@@ -15,17 +16,35 @@ def command(json):
     from mi_lcair import scenes
 
     if json:
-        print_json({name: {"title": scenes.title(name), "path": str(scenes.path(name)),
-                           "parameters": {key: parameter._asdict()
-                                          for key, parameter in scenes.parameters(name).items()},
-                           "scenarios": {scenario: scenes.scenario_title(scenario) for scenario in scenes.scenarios(name)}}
-                    for name in scenes.names()})
+        print_json(
+            {
+                name: {
+                    "title": scenes.title(name),
+                    "path": str(scenes.path(name)),
+                    "parameters": {
+                        key: parameter._asdict()
+                        for key, parameter in scenes.parameters(name).items()
+                    },
+                    "scenarios": {
+                        scenario: scenes.scenario_title(scenario)
+                        for scenario in scenes.scenarios(name)
+                    },
+                }
+                for name in scenes.names()
+            }
+        )
         return
     for name in scenes.names():
         click.echo(f"{name}: {scenes.title(name)}")
-        print_columns([(f"    {key}={parameter.default}", parameter.description)
-                       for key, parameter in scenes.parameters(name).items()])
+        print_columns(
+            [
+                (f"    {key}={parameter.default}", parameter.description)
+                for key, parameter in scenes.parameters(name).items()
+            ]
+        )
         for scenario in scenes.scenarios(name):
             click.echo(f"    scenario {scenario}: {scenes.scenario_title(scenario)}")
         click.echo()
-    click.echo("Set a parameter with -D: mi-lcair render SCENE -D key=value -o FILE.exr. Measure a scenario: mi-lcair contrast SCENARIO")
+    click.echo(
+        "Set a parameter with -D: mi-lcair render SCENE -D key=value -o FILE.exr. Measure a scenario: mi-lcair contrast SCENARIO"
+    )

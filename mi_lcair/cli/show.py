@@ -1,4 +1,7 @@
-"""mi-lcair show: pictures of a radiance image, of what a facet sees, of a scene's facets, of a material's BRDF."""
+"""mi-lcair show: pictures of a radiance image, of what a facet sees, of a scene's facets, of a
+material's BRDF.
+"""
+
 from pathlib import Path
 
 import click
@@ -8,7 +11,7 @@ from mi_lcair.cli.options import Assignment, json_option
 from mi_lcair.errors import InputError
 
 FILE = click.Path(path_type=Path)
-KINDS = {       # who draws it, and which options go with it beside --output
+KINDS = {  # who draws it, and which options go with it beside --output
     "an image": (pictures.image, ("channels", "log")),
     "--facet": (pictures.facet_view, ("facet", "parameters", "json")),
     "--facets": (pictures.facet_columns, ("facets", "channels", "log", "parameters", "sensor")),
@@ -18,18 +21,52 @@ KINDS = {       # who draws it, and which options go with it beside --output
 
 @click.command("show")
 @click.argument("what")
-@click.option("-o", "--output", type=FILE, help="The picture, FILE.png (default: named after what it shows).")
-@click.option("-c", "--channel", "channels", multiple=True,
-              help="Channel of FILE.exr (default: Y) or column of FILE.csv, or a pattern such as 'bounce*'; may be repeated.")
+@click.option(
+    "-o", "--output", type=FILE, help="The picture, FILE.png (default: named after what it shows)."
+)
+@click.option(
+    "-c",
+    "--channel",
+    "channels",
+    multiple=True,
+    help="Channel of FILE.exr (default: Y) or column of FILE.csv, or a pattern such as 'bounce*'; may be repeated.",
+)
 @click.option("--log", is_flag=True, help="Logarithmic colours.")
-@click.option("--facet", type=click.IntRange(min=0), metavar="N", help="The facet whose view is shown, counted from 0.")
-@click.option("--facets", type=FILE, metavar="FILE.csv", help="Table with a column `facet` and others to colour the facets by.")
-@click.option("-D", "parameters", type=Assignment(), multiple=True, help="Set a $-parameter of the scene; may be repeated.")
-@click.option("-s", "--sensor", type=click.IntRange(min=0), default=0, show_default=True,
-              help="Which of the scene's sensors, counted from 0.")
+@click.option(
+    "--facet",
+    type=click.IntRange(min=0),
+    metavar="N",
+    help="The facet whose view is shown, counted from 0.",
+)
+@click.option(
+    "--facets",
+    type=FILE,
+    metavar="FILE.csv",
+    help="Table with a column `facet` and others to colour the facets by.",
+)
+@click.option(
+    "-D",
+    "parameters",
+    type=Assignment(),
+    multiple=True,
+    help="Set a $-parameter of the scene; may be repeated.",
+)
+@click.option(
+    "-s",
+    "--sensor",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="Which of the scene's sensors, counted from 0.",
+)
 @click.option("--band", help="The material's band.")
-@click.option("--theta-deg", type=click.FloatRange(0, 90, max_open=True), default=30, show_default=True,
-              help="Angle of incidence in degrees.")
+@click.option(
+    "--theta-deg",
+    type=click.FloatRange(0, 90, max_open=True),
+    default=30,
+    show_default=True,
+    help="Angle of incidence in degrees.",
+)
 @json_option
 @click.pass_context
 def command(ctx, what, output, **options):
@@ -63,5 +100,8 @@ def kind_of(ctx, what: str, facet: int | None, facets: Path | None) -> str:
         return "--facets"
     suffix = Path(what).suffix.lower()
     if suffix == ".xml" or what in scenes.names():
-        raise click.UsageError(f"scene '{what}': give --facet N or --facets FILE.csv; `render` makes an image of it", ctx)
+        raise click.UsageError(
+            f"scene '{what}': give --facet N or --facets FILE.csv; `render` makes an image of it",
+            ctx,
+        )
     return "an image" if suffix == ".exr" else "a material"

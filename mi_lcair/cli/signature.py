@@ -1,4 +1,5 @@
 """mi-lcair signature: the intensity of a scene in W/sr."""
+
 from pathlib import Path
 
 import click
@@ -12,15 +13,23 @@ from mi_lcair.errors import InputError
 
 @click.command("signature")
 @scene_options
-@click.option("--spectrum", type=click.Path(path_type=Path), help="Write the spectral intensity, FILE.csv.")
-@click.option("--plot", type=click.Path(path_type=Path), help="With --spectrum: also draw it, FILE.png.")
-@click.option("--facets", type=click.Path(path_type=Path), help="Write what each facet of the model sends, FILE.csv.")
+@click.option(
+    "--spectrum", type=click.Path(path_type=Path), help="Write the spectral intensity, FILE.csv."
+)
+@click.option(
+    "--plot", type=click.Path(path_type=Path), help="With --spectrum: also draw it, FILE.png."
+)
+@click.option(
+    "--facets",
+    type=click.Path(path_type=Path),
+    help="Write what each facet of the model sends, FILE.csv.",
+)
 def command(options, spectrum, plot, facets):
     """Intensity of SCENE in W/sr.
 
-    SCENE is a Mitsuba XML file or the name of a bundled scene, seen by its orthographic sensor. The intensity of the
-    target (the model's facets) and of all that the sensor sees is listed by number of reflections, by what emitted it
-    and by what the sensor sees first.
+    SCENE is a Mitsuba XML file or the name of a bundled scene, seen by its orthographic sensor. The
+    intensity of the target (the model's facets) and of all that the sensor sees is listed by number
+    of reflections, by what emitted it and by what the sensor sees first.
     """
     if plot and not spectrum:
         raise InputError("--plot draws the spectral intensity; give --spectrum FILE.csv too")
@@ -28,9 +37,11 @@ def command(options, spectrum, plot, facets):
         raise InputError(f"--spectrum and --facets both name '{spectrum}'; give each its own file")
     check_outputs((spectrum, ".csv"), (plot, ".png"), (facets, ".csv"))
 
-    result = options.run_planned(mi_lcair.signature, each_pixel=False, by_spectrum=bool(spectrum), facets=bool(facets))
+    result = options.run_planned(
+        mi_lcair.signature, each_pixel=False, by_spectrum=bool(spectrum), facets=bool(facets)
+    )
     if spectrum:
-        from mi_lcair.products.spectral_intensity import save_plot, write
+        from mi_lcair.signatures.spectral_intensity import save_plot, write
 
         write(spectrum, result.effective_areas, options.scene)
         if plot:
@@ -49,21 +60,45 @@ def command(options, spectrum, plot, facets):
 
 def _print_tables(result):
     target, scene = result["target"], result["scene"]
-    print_columns([("band", result["band"]),
-                   ("target", _with_error(target["intensity"], target["standard_error"])),
-                   ("scene", _with_error(scene["intensity"], scene["standard_error"])),
-                   ("time", f"{result['seconds']:.2f} s"),
-                   ("paths", result["paths"])])
-    bounces = [(str(k), f"{a:.6g}", f"{b:.6g}") for k, (a, b) in enumerate(zip(target["by_bounce"], scene["by_bounce"]))]
+    print_columns(
+        [
+            ("band", result["band"]),
+            ("target", _with_error(target["intensity"], target["standard_error"])),
+            ("scene", _with_error(scene["intensity"], scene["standard_error"])),
+            ("time", f"{result['seconds']:.2f} s"),
+            ("paths", result["paths"]),
+        ]
+    )
+    bounces = [
+        (str(k), f"{a:.6g}", f"{b:.6g}")
+        for k, (a, b) in enumerate(zip(target["by_bounce"], scene["by_bounce"]))
+    ]
     click.echo()
     print_columns([("reflections up to", "target W/sr", "scene W/sr"), *bounces])
     for title, key in (("emitted by", "by_group"), ("seen first", "by_seen")):
         click.echo()
-        print_columns([(title, "target W/sr", "scene W/sr"),
-                       *((name, *(_with_error(part[key][name], part[f"{key}_error"][name], "") for part in (target, scene)))
-                         for name in scene[key])])
+        print_columns(
+            [
+                (title, "target W/sr", "scene W/sr"),
+                *(
+                    (
+                        name,
+                        *(
+                            _with_error(part[key][name], part[f"{key}_error"][name], "")
+                            for part in (target, scene)
+                        ),
+                    )
+                    for name in scene[key]
+                ),
+            ]
+        )
 
 
 def _with_error(value, error, unit=" W/sr"):
-    return f"{value:.6g}{unit}" + (" (standard error unknown for one sample)" if error is None and unit
-                                   else "" if error is None else f" +- {error:.2g}")
+    return f"{value:.6g}{unit}" + (
+        " (standard error unknown for one sample)"
+        if error is None and unit
+        else ""
+        if error is None
+        else f" +- {error:.2g}"
+    )

@@ -1,4 +1,5 @@
 """mi-lcair trend: intensity against aspect."""
+
 from math import isfinite
 from pathlib import Path
 
@@ -12,7 +13,10 @@ MOST_ANGLES = 100_000
 
 
 class Angles(click.ParamType):
-    """Degrees: one, several with commas between, or START:STOP:STEP with STOP included where a step ends on it."""
+    """Degrees: one, several with commas between, or START:STOP:STEP with STOP included where a step
+    ends on it.
+    """
+
     name = "degrees"
 
     def convert(self, value, param, ctx):
@@ -21,7 +25,11 @@ class Angles(click.ParamType):
         try:
             return [angle for part in value.split(",") for angle in self.run(part)]
         except ValueError:
-            self.fail(f"'{value}' is no angle, no list such as 0,45,90 and no START:STOP:STEP such as 0:360:2", param, ctx)
+            self.fail(
+                f"'{value}' is no angle, no list such as 0,45,90 and no START:STOP:STEP such as 0:360:2",
+                param,
+                ctx,
+            )
 
     @staticmethod
     def run(text) -> list[float]:
@@ -45,45 +53,117 @@ class Azimuths(Angles):
 
 @click.command("trend")
 @loading_options
-@click.option("--azimuth", type=Azimuths(), required=True, help="Of the observer: 0 sees the nose, 90 the left side; START:STOP:STEP, or a list.")
-@click.option("--elevation", type=Angles(), default="0", show_default=True, help="Of the observer above the horizontal; likewise.")
-@click.option("-o", "--output", type=click.Path(path_type=Path), required=True, help="Write a row for each view, FILE.csv.")
+@click.option(
+    "--azimuth",
+    type=Azimuths(),
+    required=True,
+    help="Of the observer: 0 sees the nose, 90 the left side; START:STOP:STEP, or a list.",
+)
+@click.option(
+    "--elevation",
+    type=Angles(),
+    default="0",
+    show_default=True,
+    help="Of the observer above the horizontal; likewise.",
+)
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    required=True,
+    help="Write a row for each view, FILE.csv.",
+)
 @click.option("--plot", type=click.Path(path_type=Path), help="Draw polar curves, FILE.png.")
-@click.option("--resolution", type=POSITIVE, default=64, show_default=True, help="Pixels along each side of a view.")
-@click.option("--spp", type=POSITIVE, help="Samples per pixel, 1 or an even number, instead of --tolerance.")
-@click.option("--tolerance", type=Fraction(), help="Standard error of each intensity, as a fraction of it (default: 1%).")
+@click.option(
+    "--resolution",
+    type=POSITIVE,
+    default=64,
+    show_default=True,
+    help="Pixels along each side of a view.",
+)
+@click.option(
+    "--spp", type=POSITIVE, help="Samples per pixel, 1 or an even number, instead of --tolerance."
+)
+@click.option(
+    "--tolerance",
+    type=Fraction(),
+    help="Standard error of each intensity, as a fraction of it (default: 1%).",
+)
 @click.option("--max-spp", type=POSITIVE, help="Where --tolerance gives up (default: 65536).")
-@click.option("--batch", type=POSITIVE, help="Views rendered together (default: as many as a pass holds).")
+@click.option(
+    "--batch", type=POSITIVE, help="Views rendered together (default: as many as a pass holds)."
+)
 @click.option("--resume", is_flag=True, help="Keep the views that FILE.csv holds already.")
-@click.option("--dask", metavar="ADDRESS", help="Render the batches on the workers of this Dask scheduler.")
+@click.option(
+    "--dask", metavar="ADDRESS", help="Render the batches on the workers of this Dask scheduler."
+)
 def command(options, azimuth, elevation, output, plot, **settings):
     """Intensity of SCENE's model toward observers all around it.
 
-    SCENE is a Mitsuba XML file or the name of a bundled scene. Each view is an orthographic window around the model (what is neither
-    sky nor terrain), and all are rendered together. FILE.csv is whole after each batch: --resume goes on where a run was stopped.
+    SCENE is a Mitsuba XML file or the name of a bundled scene. Each view is an orthographic window
+    around the model (what is neither sky nor terrain), and all are rendered together. FILE.csv is
+    whole after each batch: --resume goes on where a run was stopped.
     """
     check_outputs((output, ".csv"), (plot, ".png"))
     scene = options.load(own_sensors=False)
     with progress_bar("views") as progress:
-        result = mi_lcair.trend(scene, azimuth, elevation, **options.sampling, **settings, path=output, progress=progress)
+        result = mi_lcair.trend(
+            scene,
+            azimuth,
+            elevation,
+            **options.sampling,
+            **settings,
+            path=output,
+            progress=progress,
+        )
     if plot:
-        from mi_lcair.products.trend_plot import save_plot
+        from mi_lcair.reports.trend_plot import save_plot
 
         save_plot(plot, result, options.scene)
     if options.json:
-        print_json({"band": result.band, **{name: values.tolist() for name, values in result.columns.items()}})
+        print_json(
+            {
+                "band": result.band,
+                **{name: values.tolist() for name, values in result.columns.items()},
+            }
+        )
     else:
-        print_columns([("elevation", "views", "least W/sr", "at azimuth", "mean W/sr", "greatest W/sr", "at azimuth"),
-                       *(summary(result.at_elevation(angle), angle) for angle in elevation)])
+        print_columns(
+            [
+                (
+                    "elevation",
+                    "views",
+                    "least W/sr",
+                    "at azimuth",
+                    "mean W/sr",
+                    "greatest W/sr",
+                    "at azimuth",
+                ),
+                *(summary(result.at_elevation(angle), angle) for angle in elevation),
+            ]
+        )
     if result.missed:
-        click.echo(f"mi-lcair: note: {result.missed} of {len(result.columns['spp'])} views did not reach the tolerance; raise --max-spp", err=True)
+        click.echo(
+            f"mi-lcair: note: {result.missed} of {len(result.columns['spp'])} views did not reach the tolerance; raise --max-spp",
+            err=True,
+        )
     if result.columns["invalid"].any():
-        click.echo("mi-lcair: note: some samples were NaN or infinite and count as 0; see column invalid", err=True)
+        click.echo(
+            "mi-lcair: note: some samples were NaN or infinite and count as 0; see column invalid",
+            err=True,
+        )
     print_written(output, plot)
 
 
 def summary(at, elevation):
     azimuth, intensity = at.columns["azimuth_deg"], at.columns["intensity_W_sr"]
     low, high = intensity.argmin(), intensity.argmax()
-    return (f"{elevation:g}", len(azimuth), f"{intensity[low]:.5g}", f"{azimuth[low]:g}", f"{intensity.mean():.5g}", f"{intensity[high]:.5g}",
-            f"{azimuth[high]:g}")
+    return (
+        f"{elevation:g}",
+        len(azimuth),
+        f"{intensity[low]:.5g}",
+        f"{azimuth[low]:g}",
+        f"{intensity.mean():.5g}",
+        f"{intensity[high]:.5g}",
+        f"{azimuth[high]:g}",
+    )

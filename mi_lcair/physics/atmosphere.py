@@ -1,4 +1,7 @@
-"""What the air between target and sensor lets through and adds, as functions of range and wavelength."""
+"""What the air between target and sensor lets through and adds, as functions of range and
+wavelength.
+"""
+
 import warnings
 from dataclasses import dataclass
 from functools import cached_property
@@ -6,26 +9,31 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError, unknown
-from . import tape7
-from .bands import Band
-from .spectral_table import spectral_table
-from .spectrum import BUNDLED
+from mi_lcair.errors import InputError, unknown
+from mi_lcair.physics import tape7
+from mi_lcair.physics.bands import Band
+from mi_lcair.physics.spectral_table import spectral_table
+from mi_lcair.physics.spectrum import BUNDLED
 
 VACUUM = "vacuum"
 RANGE, TRANSMITTANCE, PATH_RADIANCE = "range_km", "transmittance", "path_radiance_W_m2_sr_um"
-SMALLEST_TRANSMITTANCE = 5e-7   # a 0 printed with six decimals is less than this
-SMALLEST_EMISSIVITY = 1e-4      # of a path that tells what it is like: with six decimals its source function is good to 1 %
-CLEAR = 1e-12                   # optical depth of a row without any, whose logarithm is finite
-ROUNDING = 1e-3                 # rise of transmittance, or share of the largest radiance, that a coarse table may have
-RANGES_AT_ONCE = 1024           # of a long list; bounds the memory
+SMALLEST_TRANSMITTANCE = 5e-7  # a 0 printed with six decimals is less than this
+# of a path that tells what it is like: with six decimals its source function is good to 1 %
+SMALLEST_EMISSIVITY = 1e-4
+CLEAR = 1e-12  # optical depth of a row without any, whose logarithm is finite
+ROUNDING = (
+    1e-3  # rise of transmittance, or share of the largest radiance, that a coarse table may have
+)
+RANGES_AT_ONCE = 1024  # of a long list; bounds the memory
 
 
 @dataclass(frozen=True, eq=False)
 class LineOfSight:
-    """One line of sight between target and sensor, over rising wavelengths [um] (n,); empty arrays for vacuum.
+    """One line of sight between target and sensor, over rising wavelengths [um] (n,); empty arrays
+    for vacuum.
 
-    transmittance: (n,), 0..1; radiance: what the path itself sends to the sensor [W m^-2 sr^-1 um^-1], (n,).
+    transmittance: (n,), 0..1; radiance: what the path itself sends to the sensor [W m^-2 sr^-1
+    um^-1], (n,).
     """
 
     range_m: float
@@ -36,25 +44,33 @@ class LineOfSight:
     def at(self, wavelengths_um) -> tuple[np.ndarray, np.ndarray]:
         """Transmittance and radiance at these wavelengths (um), on straight lines between the rows.
 
-        Raises InputError outside the rows; whether they have gaps in a band, Atmosphere.check_covers tells.
+        Raises InputError outside the rows; whether they have gaps in a band,
+        Atmosphere.check_covers tells.
         """
         x = np.asarray(wavelengths_um, dtype=float)
         if not self.wavelengths_um.size:
             return np.ones(x.shape), np.zeros(x.shape)
         first, last = self.wavelengths_um[[0, -1]]
         if x.size and not (first <= x.min() and x.max() <= last):
-            raise InputError(f"atmosphere: wavelengths {x.min():g}-{x.max():g} um are outside its {first:.4g}-{last:.4g} um")
-        return tuple(np.interp(x, self.wavelengths_um, values) for values in (self.transmittance, self.radiance))
+            raise InputError(
+                f"atmosphere: wavelengths {x.min():g}-{x.max():g} um are outside its {first:.4g}-{last:.4g} um"
+            )
+        return tuple(
+            np.interp(x, self.wavelengths_um, values)
+            for values in (self.transmittance, self.radiance)
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class Atmosphere:
-    """Transmittance and path radiance [W m^-2 sr^-1 um^-1], (n, k), at rising ranges [m] (n,) and wavelengths [um] (k,).
+    """Transmittance and path radiance [W m^-2 sr^-1 um^-1], (n, k), at rising ranges [m] (n,) and
+    wavelengths [um] (k,).
 
-    Between the ranges, and from the first down to 0, the optical depth of each wavelength is a power of range: Bouguer's law
-    where the power is 1; in a band of unresolved lines the strong ones saturate and it is less (down to 1/2, Goody and Yung
-    1989, 4.5). The path radiance is (1 - transmittance) times a source function (the Planck function of the air, where it
-    only emits) that is linear in range. Vacuum has empty arrays: it covers every band and range.
+    Between the ranges, and from the first down to 0, the optical depth of each wavelength is a
+    power of range: Bouguer's law where the power is 1; in a band of unresolved lines the strong
+    ones saturate and it is less (down to 1/2, Goody and Yung 1989, 4.5). The path radiance is (1 -
+    transmittance) times a source function (the Planck function of the air, where it only emits)
+    that is linear in range. Vacuum has empty arrays: it covers every band and range.
     """
 
     name: str
@@ -70,32 +86,42 @@ class Atmosphere:
     def path(self, range_m: float, extrapolate: bool = False) -> LineOfSight:
         """The line of sight of this length [m].
 
-        Raises InputError for a range that is not positive, or beyond the last one of the table; with `extrapolate` the
-        optical depth goes on there with its last power, and a Python warning says so.
+        Raises InputError for a range that is not positive, or beyond the last one of the table;
+        with `extrapolate` the optical depth goes on there with its last power, and a Python warning
+        says so.
         """
         ranges = self._checked([range_m], extrapolate)
         transmittance, radiance = self._along(ranges, slice(None))
         return LineOfSight(float(ranges[0]), self.wavelengths_um, transmittance[0], radiance[0])
 
     def check_covers(self, band: Band) -> None:
-        """Raises InputError where the table does not cover the band, and for `total`, which has no wavelengths."""
+        """Raises InputError where the table does not cover the band, and for `total`, which has no
+        wavelengths.
+        """
         if self.is_vacuum:
             return
         if band.is_total:
-            raise InputError(f"atmosphere '{self.name}': band total has no wavelengths that it could act on; "
-                             f"choose a band with limits, or atmosphere {VACUUM}")
+            raise InputError(
+                f"atmosphere '{self.name}': band total has no wavelengths that it could act on; "
+                f"choose a band with limits, or atmosphere {VACUUM}"
+            )
         band.check_covered(self.wavelengths_um, f"atmosphere '{self.name}'")
 
     def transmittance_mean(self, band: Band, range_m: float, extrapolate: bool = False) -> float:
         """Mean transmittance in the band, weighted by the detector's response alone."""
-        mean = self.band_transmittance(band, np.ones((1, len(self.wavelengths_um))), [range_m], extrapolate)
+        mean = self.band_transmittance(
+            band, np.ones((1, len(self.wavelengths_um))), [range_m], extrapolate
+        )
         return float(mean[0, 0])
 
-    def band_transmittance(self, band: Band, spectra, ranges_m, extrapolate: bool = False) -> np.ndarray:
-        """Mean transmittance in the band, weighted by the response and each of `spectra`, at many ranges: (spectra, ranges).
+    def band_transmittance(
+        self, band: Band, spectra, ranges_m, extrapolate: bool = False
+    ) -> np.ndarray:
+        """Mean transmittance in the band, weighted by the response and each of `spectra`, at many
+        ranges: (spectra, ranges).
 
-        spectra: (spectra, k), at the atmosphere's wavelengths_um, in any unit; one that is 0 in the band: weighted by
-        the response alone. ranges_m: (ranges,).
+        spectra: (spectra, k), at the atmosphere's wavelengths_um, in any unit; one that is 0 in the
+        band: weighted by the response alone. ranges_m: (ranges,).
         """
         spectra = np.atleast_2d(np.asarray(spectra, dtype=float))
         if self.is_vacuum:
@@ -104,14 +130,20 @@ class Atmosphere:
         of_spectra = spectra[:, rows] * weights
         of_spectra[of_spectra.sum(axis=1) == 0] = weights
         of_spectra /= of_spectra.sum(axis=1, keepdims=True)
-        return self._in_pieces(ranges_m, extrapolate, lambda ranges: self._along(ranges, rows)[0] @ of_spectra.T).T
+        return self._in_pieces(
+            ranges_m, extrapolate, lambda ranges: self._along(ranges, rows)[0] @ of_spectra.T
+        ).T
 
     def band_path_radiance(self, band: Band, ranges_m, extrapolate: bool = False) -> np.ndarray:
-        """In-band radiance of the path, times the response [W m^-2 sr^-1], at many ranges: (ranges,)."""
+        """In-band radiance of the path, times the response [W m^-2 sr^-1], at many ranges:
+        (ranges,).
+        """
         if self.is_vacuum:
             return np.zeros(len(self._checked(ranges_m, extrapolate)))
         rows, weights = self._rows(band)
-        return self._in_pieces(ranges_m, extrapolate, lambda ranges: self._along(ranges, rows)[1] @ weights)
+        return self._in_pieces(
+            ranges_m, extrapolate, lambda ranges: self._along(ranges, rows)[1] @ weights
+        )
 
     def _rows(self, band):
         """The rows that count in the band, and their weights (um)."""
@@ -122,40 +154,58 @@ class Atmosphere:
 
     def _in_pieces(self, ranges_m, extrapolate, function):
         ranges = self._checked(ranges_m, extrapolate)
-        return np.concatenate([function(ranges[start:start + RANGES_AT_ONCE])
-                               for start in range(0, max(len(ranges), 1), RANGES_AT_ONCE)])
+        return np.concatenate(
+            [
+                function(ranges[start : start + RANGES_AT_ONCE])
+                for start in range(0, max(len(ranges), 1), RANGES_AT_ONCE)
+            ]
+        )
 
     def _checked(self, ranges_m, extrapolate) -> np.ndarray:
         ranges = np.asarray(ranges_m, dtype=float)
         usable = (ranges > 0) & np.isfinite(ranges)
         if not usable.all():
             wrong = ranges[~usable][0]
-            raise InputError(f"atmosphere '{self.name}': {'zero range' if wrong == 0 else f'range {wrong:g} m'}; "
-                             "the range to the target must be positive and finite, in metres")
+            raise InputError(
+                f"atmosphere '{self.name}': {'zero range' if wrong == 0 else f'range {wrong:g} m'}; "
+                "the range to the target must be positive and finite, in metres"
+            )
         if not self.is_vacuum and ranges.size and ranges.max() > (last := self.ranges_m[-1]):
             beyond = f"atmosphere '{self.name}': range {ranges.max():g} m is beyond its last one, {last:g} m"
             if not extrapolate:
-                raise InputError(f"{beyond}; choose a shorter one, or in a scenario set extrapolate = true of [atmosphere]")
-            warnings.warn(f"{beyond}: its optical depth is extrapolated with its last power of range", stacklevel=3)
+                raise InputError(
+                    f"{beyond}; choose a shorter one, or in a scenario set extrapolate = true of [atmosphere]"
+                )
+            warnings.warn(
+                f"{beyond}: its optical depth is extrapolated with its last power of range",
+                stacklevel=3,
+            )
         return ranges
 
     @cached_property
     def _knots(self):
-        """At the tabulated ranges: optical depths and source functions (n, k); and the powers (n + 1, k) of range with which the
-        optical depth rises to the first, between them, and from the last on."""
+        """At the tabulated ranges: optical depths and source functions (n, k); and the powers (n +
+        1, k) of range with which the optical depth rises to the first, between them, and from the
+        last on.
+        """
         positive = self.transmittance[self.transmittance > 0]
-        # An opaque row states only a bound of its optical depth; we take the bound, below every other row's transmittance.
+        # An opaque row states only a bound of its optical depth; we take the bound, below every
+        # other row's transmittance.
         smallest = min([SMALLEST_TRANSMITTANCE, *([positive.min() / 2] if positive.size else [])])
         depths = -np.log(np.clip(self.transmittance, smallest, 1 - CLEAR))
         powers = np.diff(np.log(depths), axis=0) / np.diff(np.log(self.ranges_m))[:, None]
         if len(powers):
             first, last = np.clip(powers[0], 0.5, 1), np.clip(powers[-1], 0, 1)
-            first[self.transmittance[0] <= smallest] = 1        # opaque before the table begins: its own power is unknown
+            first[self.transmittance[0] <= smallest] = (
+                1  # opaque before the table begins: its own power is unknown
+            )
         else:
             first = last = np.ones(depths.shape[1])
         emissivity = 1 - self.transmittance
         source = self.path_radiance / np.where(emissivity > 0, emissivity, np.inf)
-        for n in range(len(source) - 2, -1, -1):      # where a path is too clear to tell, the next longer one does
+        for n in range(
+            len(source) - 2, -1, -1
+        ):  # where a path is too clear to tell, the next longer one does
             source[n] = np.where(emissivity[n] > SMALLEST_EMISSIVITY, source[n], source[n + 1])
         return depths, source, np.vstack([first, powers, last])
 
@@ -165,28 +215,34 @@ class Atmosphere:
             return np.ones((len(ranges), 0)), np.zeros((len(ranges), 0))
         depths, source, powers = (values[:, rows] for values in self._knots)
         knots = self.ranges_m
-        interval = np.searchsorted(knots, ranges)           # 0: before the first
+        interval = np.searchsorted(knots, ranges)  # 0: before the first
         before = np.maximum(interval - 1, 0)
         beyond = np.minimum(interval, len(knots) - 1)
         depth = depths[before] * (ranges / knots[before])[:, None] ** powers[interval]
         transmittance = np.where(depth > 2 * CLEAR, np.exp(-depth), 1)
         share = (ranges - knots[before]) / np.maximum(knots[beyond] - knots[before], 1e-300)
         share = np.clip(share, 0, 1)[:, None]
-        return transmittance, (1 - transmittance) * (source[before] + share * (source[beyond] - source[before]))
+        return transmittance, (1 - transmittance) * (
+            source[before] + share * (source[beyond] - source[before])
+        )
 
 
 def atmosphere_names() -> list[str]:
-    """The bundled atmospheres (LOWTRAN7, horizontal paths near the ground; their headers say how they were made), and vacuum."""
+    """The bundled atmospheres (LOWTRAN7, horizontal paths near the ground; their headers say how
+    they were made), and vacuum.
+    """
     return [*sorted(file.stem.removeprefix("path_") for file in BUNDLED.glob("path_*.csv")), VACUUM]
 
 
 def atmosphere(source, ranges_m=None) -> Atmosphere:
     """The atmosphere that `source` holds.
 
-    source: one of atmosphere_names(); or the path of a CSV with the columns range_km, wavelength_um, transmittance and
-    path_radiance_W_m2_sr_um, in any order, every range with the same wavelengths; or of a MODTRAN tape7 (physics/tape7.py)
-    whose blocks have the same wavelengths at each range (several blocks at one range are joined). ranges_m: of each block
-    of a tape7, in place of those in the file. Raises InputError for an unknown name, a file that holds no atmosphere.
+    source: one of atmosphere_names(); or the path of a CSV with the columns range_km,
+    wavelength_um, transmittance and path_radiance_W_m2_sr_um, in any order, every range with the
+    same wavelengths; or of a MODTRAN tape7 (physics/tape7.py) whose blocks have the same
+    wavelengths at each range (several blocks at one range are joined). ranges_m: of each block of a
+    tape7, in place of those in the file. Raises InputError for an unknown name, a file that holds
+    no atmosphere.
     """
     if isinstance(source, Atmosphere):
         return source
@@ -198,7 +254,9 @@ def atmosphere(source, ranges_m=None) -> Atmosphere:
     elif tape7.is_tape7(path):
         return _from_tape7(str(source), path, ranges_m)
     if ranges_m is not None:
-        raise InputError(f"atmosphere '{source}': ranges_m are for the blocks of a MODTRAN tape7 only; leave them out")
+        raise InputError(
+            f"atmosphere '{source}': ranges_m are for the blocks of a MODTRAN tape7 only; leave them out"
+        )
     if str(source) == VACUUM:
         return Atmosphere(VACUUM, *np.zeros((2, 0)), *np.zeros((2, 0, 0)))
     return _from_csv(str(source), path)
@@ -208,22 +266,30 @@ def _from_csv(name, path) -> Atmosphere:
     columns = (TRANSMITTANCE, 1.0), (PATH_RADIANCE, np.inf)
     table = spectral_table(path, "atmosphere", columns, key=RANGE)
     if table.keys[0] == 0:
-        raise InputError(f"atmosphere {path}: {RANGE} 0; ranges must be positive (at range 0 nothing is lost)")
+        raise InputError(
+            f"atmosphere {path}: {RANGE} 0; ranges must be positive (at range 0 nothing is lost)"
+        )
     return plausible(Atmosphere(name, 1000 * table.keys, table.wavelengths_um, *table.columns))
 
 
 def plausible(air: Atmosphere) -> Atmosphere:
-    """Refuses air that clears with range, or that emits without absorbing, beyond the rounding of a printed table."""
+    """Refuses air that clears with range, or that emits without absorbing, beyond the rounding of a
+    printed table.
+    """
     rise = np.diff(air.transmittance, axis=0)
     if rise.size and rise.max() > ROUNDING:
         n, k = np.unravel_index(np.argmax(rise), rise.shape)
-        raise InputError(f"atmosphere '{air.name}': at {air.wavelengths_um[k]:.6g} um the transmittance rises from {air.transmittance[n, k]:g} at "
-                         f"{air.ranges_m[n]:g} m to {air.transmittance[n + 1, k]:g} at {air.ranges_m[n + 1]:g} m; it must fall with range")
+        raise InputError(
+            f"atmosphere '{air.name}': at {air.wavelengths_um[k]:.6g} um the transmittance rises from {air.transmittance[n, k]:g} at "
+            f"{air.ranges_m[n]:g} m to {air.transmittance[n + 1, k]:g} at {air.ranges_m[n + 1]:g} m; it must fall with range"
+        )
     glow = np.where(air.transmittance == 1, air.path_radiance, 0)
     if glow.max() > ROUNDING * air.path_radiance.max():
         n, k = np.unravel_index(np.argmax(glow), glow.shape)
-        raise InputError(f"atmosphere '{air.name}': at {air.wavelengths_um[k]:.6g} um and {air.ranges_m[n]:g} m the transmittance is 1 and the path radiance "
-                         f"{glow[n, k]:g}; air that absorbs nothing emits nothing")
+        raise InputError(
+            f"atmosphere '{air.name}': at {air.wavelengths_um[k]:.6g} um and {air.ranges_m[n]:g} m the transmittance is 1 and the path radiance "
+            f"{glow[n, k]:g}; air that absorbs nothing emits nothing"
+        )
     return air
 
 
@@ -232,19 +298,38 @@ def _from_tape7(name, path, ranges_m) -> Atmosphere:
     if ranges_m is None:
         for block in blocks:
             if block.to_space or block.range_m is None:
-                why = "is a path to space or the ground (ITYPE 3), to no target" if block.to_space else "states no range on card 3"
-                raise InputError(f"atmosphere {path}: the block with the header in line {block.line} {why}; "
-                                 "in a scenario give ranges_m of [atmosphere], one for each block")
+                why = (
+                    "is a path to space or the ground (ITYPE 3), to no target"
+                    if block.to_space
+                    else "states no range on card 3"
+                )
+                raise InputError(
+                    f"atmosphere {path}: the block with the header in line {block.line} {why}; "
+                    "in a scenario give ranges_m of [atmosphere], one for each block"
+                )
         ranges_m = [block.range_m for block in blocks]
     ranges = np.asarray(ranges_m, dtype=float)
     if ranges.shape != (len(blocks),) or not np.all((ranges > 0) & np.isfinite(ranges)):
-        raise InputError(f"atmosphere {path}: ranges_m = {ranges_m}; must be a positive number of metres for each of its {len(blocks)} blocks")
-    lines_of_sight = [tape7.joined(path, [block for block, length in zip(blocks, ranges) if length == distinct])
-                      for distinct in np.unique(ranges)]
+        raise InputError(
+            f"atmosphere {path}: ranges_m = {ranges_m}; must be a positive number of metres for each of its {len(blocks)} blocks"
+        )
+    lines_of_sight = [
+        tape7.joined(path, [block for block, length in zip(blocks, ranges) if length == distinct])
+        for distinct in np.unique(ranges)
+    ]
     first = lines_of_sight[0]
     for other in lines_of_sight[1:]:
         if not np.array_equal(other.wavelengths_um, first.wavelengths_um):
-            raise InputError(f"atmosphere {path}: the ranges of the blocks with headers in lines {first.line} and {other.line} have "
-                             "different wavelengths; run every range with the same ones")
-    return plausible(Atmosphere(name, np.unique(ranges), first.wavelengths_um, np.array([block.transmittance for block in lines_of_sight]),
-                                np.array([block.path_radiance for block in lines_of_sight])))
+            raise InputError(
+                f"atmosphere {path}: the ranges of the blocks with headers in lines {first.line} and {other.line} have "
+                "different wavelengths; run every range with the same ones"
+            )
+    return plausible(
+        Atmosphere(
+            name,
+            np.unique(ranges),
+            first.wavelengths_um,
+            np.array([block.transmittance for block in lines_of_sight]),
+            np.array([block.path_radiance for block in lines_of_sight]),
+        )
+    )

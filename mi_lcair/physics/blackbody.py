@@ -1,12 +1,15 @@
-"""Planck's law: spectral and in-band radiance of a blackbody, and the temperature that an in-band radiance stands for.
+"""Planck's law: spectral and in-band radiance of a blackbody, and the temperature that an in-band
+radiance stands for.
 
-Temperatures are floats, NumPy arrays or Dr.Jit arrays of any float type; Dr.Jit is never imported here.
+Temperatures are floats, NumPy arrays or Dr.Jit arrays of any float type; Dr.Jit is never imported
+here.
 """
+
 import sys
 
 import numpy as np
 
-from .bands import Band
+from mi_lcair.physics.bands import Band
 
 # CODATA 2018 (exact)
 PLANCK, LIGHT_SPEED, BOLTZMANN = 6.62607015e-34, 299792458.0, 1.380649e-23  # J s, m/s, J/K
@@ -21,8 +24,9 @@ LARGEST_EXPONENT = 800.0  # there Planck's law is 0 in Float64, from 0.1 um up
 def spectral_radiance(wavelength_um, temperature):
     """Spectral radiance of a blackbody, W m^-2 sr^-1 um^-1 (Planck's law).
 
-    wavelength_um: um; temperature: K; floats, NumPy arrays or Dr.Jit arrays, broadcast against each other. At 0 K and
-    below it is 0. Dr.Jit: computed in Float64, given back in the type of the argument, differentiable.
+    wavelength_um: um; temperature: K; floats, NumPy arrays or Dr.Jit arrays, broadcast against each
+    other. At 0 K and below it is 0. Dr.Jit: computed in Float64, given back in the type of the
+    argument, differentiable.
     """
     like = next((a for a in (temperature, wavelength_um) if _drjit(a)), None)
     if like is None:
@@ -37,14 +41,17 @@ def spectral_radiance(wavelength_um, temperature):
 def in_band_radiance(band: Band, temperature):
     """Radiance of a blackbody within a band, weighted by its response, W m^-2 sr^-1.
 
-    temperature: K; a float or NumPy array (Float64 comes back) or a Dr.Jit array (computed in Float64, given back in
-    its own type, with the derivative attached, which is finite everywhere). At 0 K and below it is 0, NaN stays NaN.
-    Relative error under 1e-6 from 30 K to 6000 K, where Float64 does not underflow; `total` is sigma T^4 / pi.
+    temperature: K; a float or NumPy array (Float64 comes back) or a Dr.Jit array (computed in
+    Float64, given back in its own type, with the derivative attached, which is finite everywhere).
+    At 0 K and below it is 0, NaN stays NaN. Relative error under 1e-6 from 30 K to 6000 K, where
+    Float64 does not underflow; `total` is sigma T^4 / pi.
     """
     dr = _drjit(temperature)
     if dr is None:
         temperature = np.asarray(temperature, dtype=float)
-        return _total(np, temperature) if band.is_total else _radiance_and_slope(band, temperature)[0]
+        return (
+            _total(np, temperature) if band.is_total else _radiance_and_slope(band, temperature)[0]
+        )
     exact = dr.float64_array_t(type(temperature))(temperature)
     if band.is_total:
         return type(temperature)(_total(dr, exact))
@@ -53,10 +60,11 @@ def in_band_radiance(band: Band, temperature):
 
 
 def brightness_temperature(band: Band, radiance):
-    """The temperature of the blackbody that has this in-band radiance, K: the inverse of in_band_radiance.
+    """The temperature of the blackbody that has this in-band radiance, K: the inverse of
+    in_band_radiance.
 
-    radiance: W m^-2 sr^-1, a float or NumPy array of any shape; Float64 of that shape comes back. 0 gives 0 K, negative
-    or NaN gives NaN. Relative error about 1e-10 or less for 1e-40 and more.
+    radiance: W m^-2 sr^-1, a float or NumPy array of any shape; Float64 of that shape comes back. 0
+    gives 0 K, negative or NaN gives NaN. Relative error about 1e-10 or less for 1e-40 and more.
     """
     radiance = np.asarray(radiance, dtype=float)
     result = np.where(radiance >= 0, radiance, np.nan)  # 0 and infinity are their own answers
@@ -65,7 +73,9 @@ def brightness_temperature(band: Band, radiance):
     if band.is_total:
         result[solved] = (np.pi * values / STEFAN_BOLTZMANN) ** 0.25
     else:
-        result[solved] = _solve(band, values) if values.size <= KNOTS else _interpolate(band, values)
+        result[solved] = (
+            _solve(band, values) if values.size <= KNOTS else _interpolate(band, values)
+        )
     return result[()]
 
 
@@ -76,9 +86,11 @@ def _drjit(array):
 
 
 def _planck(m, wavelength, temperature):
-    """Spectral radiance and its derivative by the temperature, in the functions of module `m` (NumPy or Dr.Jit).
+    """Spectral radiance and its derivative by the temperature, in the functions of module `m`
+    (NumPy or Dr.Jit).
 
-    The exponent is capped through the temperature: nothing overflows and no derivative divides by 0.
+    The exponent is capped through the temperature: nothing overflows and no derivative divides by
+    0.
     """
     x = C2 / (wavelength * m.maximum(temperature, C2 / (LARGEST_EXPONENT * wavelength)))
     half = m.exp(-x / 2)
@@ -103,7 +115,9 @@ def _radiance_and_slope(band, temperature):
 
 
 def _traced_sum(dr, band, temperature):
-    """In-band radiance and its derivative by the temperature, Dr.Jit, detached: one loop, however many nodes."""
+    """In-band radiance and its derivative by the temperature, Dr.Jit, detached: one loop, however
+    many nodes.
+    """
     Float64 = type(dr.ravel(temperature))  # one-dimensional, also for a tensor or a nested array
     UInt32 = dr.uint32_array_t(Float64)
     wavelengths, weights = Float64(band.wavelengths_um), Float64(band.weights_um)
@@ -116,12 +130,18 @@ def _traced_sum(dr, band, temperature):
     zeros = dr.zeros(type(temperature), dr.shape(temperature))
     _, value, slope = dr.while_loop(
         state=(UInt32(0), zeros, zeros),
-        cond=lambda i, value, slope: i < band.wavelengths_um.size, body=add_node, label="in-band radiance")
-    return dr.select(dr.isnan(temperature), temperature, value), slope  # Dr.Jit's loop turns a literal NaN into 0
+        cond=lambda i, value, slope: i < band.wavelengths_um.size,
+        body=add_node,
+        label="in-band radiance",
+    )
+    return dr.select(
+        dr.isnan(temperature), temperature, value
+    ), slope  # Dr.Jit's loop turns a literal NaN into 0
 
 
 def _interpolate(band, radiance):
-    """As `_solve`, for an image's worth of radiances: a Hermite spline of ln T over ln L through exact knots.
+    """As `_solve`, for an image's worth of radiances: a Hermite spline of ln T over ln L through
+    exact knots.
 
     Relative error 2e-13 over 40 decades of SWIR, less over the range of an image.
     """
@@ -135,10 +155,12 @@ def _interpolate(band, radiance):
 
 
 def _solve(band, radiance):
-    """Newton's method for ln L(u) = ln radiance in u = 1/T, for positive radiances in one dimension.
+    """Newton's method for ln L(u) = ln radiance in u = 1/T, for positive radiances in one
+    dimension.
 
-    ln L is convex and falls in u, so the steps from a u that is too small rise to the root and never pass it. Such a u
-    is the smallest of the nodes' own brightness temperatures' inverses, for the mean spectral radiance.
+    ln L is convex and falls in u, so the steps from a u that is too small rise to the root and
+    never pass it. Such a u is the smallest of the nodes' own brightness temperatures' inverses, for
+    the mean spectral radiance.
     """
     target = np.log(radiance)
     mean = target - np.log(band.weights_um.sum())

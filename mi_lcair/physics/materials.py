@@ -1,4 +1,5 @@
 """Named materials: Sandford-Robertson parameters, band by band, with their source."""
+
 import json
 import tomllib
 from dataclasses import dataclass
@@ -6,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError, unknown
-from .bands import Band
-from .bands import band as band_of
+from mi_lcair.errors import InputError, unknown
+from mi_lcair.physics.bands import Band
+from mi_lcair.physics.bands import band as band_of
 
 BUILT_IN = Path(__file__).with_name("materials.toml")
 NUMBERS = ("epsilon", "rho_d", "b", "e")
@@ -17,7 +18,9 @@ EVERY_BAND = "any"
 
 @dataclass(frozen=True)
 class Material:
-    """Sandford-Robertson parameters of a surface (dimensionless; e is the lobe's width) in one band, "any" = all."""
+    """Sandford-Robertson parameters of a surface (dimensionless; e is the lobe's width) in one
+    band, "any" = all.
+    """
 
     name: str
     band: str
@@ -29,13 +32,16 @@ class Material:
     form: str = "thesis"
 
 
-def material(name: str, band: Band | None, file: str | Path | None = None, allow_band: bool = False) -> Material:
+def material(
+    name: str, band: Band | None, file: str | Path | None = None, allow_band: bool = False
+) -> Material:
     """The material `name` in a band.
 
-    name: a key of the user's TOML `file`, of the built-in materials, or the path of a fit's JSON file. band: where it
-    is to be used; the entry measured there, or in a wider band, is taken (None: only an entry for any band will do). With
-    allow_band the entry that overlaps most, or else lies nearest, is taken instead of refusing.
-    Raises InputError for an unknown name, a band that it was not measured for, and a file that cannot be used.
+    name: a key of the user's TOML `file`, of the built-in materials, or the path of a fit's JSON
+    file. band: where it is to be used; the entry measured there, or in a wider band, is taken
+    (None: only an entry for any band will do). With allow_band the entry that overlaps most, or
+    else lies nearest, is taken instead of refusing. Raises InputError for an unknown name, a band
+    that it was not measured for, and a file that cannot be used.
     """
     entries = _fits(name) if str(name).lower().endswith(".json") else _toml_entries(name, file)
     best = max(entries, key=lambda entry: _fitness(entry.band, band))
@@ -44,8 +50,10 @@ def material(name: str, band: Band | None, file: str | Path | None = None, allow
     known = ", ".join(entry.band for entry in entries)
     if band is None:
         raise InputError(f"material '{name}': needs a band; measured for {known}")
-    raise InputError(f"material '{name}': not measured for band {band.label}, only for {known}; "
-                     f"set allow_band to use it all the same")
+    raise InputError(
+        f"material '{name}': not measured for band {band.label}, only for {known}; "
+        f"set allow_band to use it all the same"
+    )
 
 
 def names(file: str | Path | None = None) -> list[str]:
@@ -54,14 +62,20 @@ def names(file: str | Path | None = None) -> list[str]:
 
 
 def _fitness(measured, wanted):
-    """How well parameters for the band named `measured` serve in `wanted`: (covers it, overlap in um, -width)."""
+    """How well parameters for the band named `measured` serve in `wanted`: (covers it, overlap in
+    um, -width).
+    """
     measured = None if measured == EVERY_BAND else band_of(measured)
     if measured is None or wanted is None:
         return measured is None, 0.0, -np.inf
     covers = measured.lower_um <= wanted.lower_um and wanted.upper_um <= measured.upper_um
     overlap = min(measured.upper_um, wanted.upper_um) - max(measured.lower_um, wanted.lower_um)
     # an average over the whole spectrum says nothing about a part of it
-    return covers and measured.is_total == wanted.is_total, overlap, measured.lower_um - measured.upper_um
+    return (
+        covers and measured.is_total == wanted.is_total,
+        overlap,
+        measured.lower_um - measured.upper_um,
+    )
 
 
 def _toml_entries(name, file):
@@ -70,34 +84,56 @@ def _toml_entries(name, file):
         if bands is None:
             continue
         where = f"{path}: material '{name}'"
-        if not isinstance(bands, dict) or not bands or not all(isinstance(entry, dict) for entry in bands.values()):
+        if (
+            not isinstance(bands, dict)
+            or not bands
+            or not all(isinstance(entry, dict) for entry in bands.values())
+        ):
             raise InputError(f"{where}: needs a table for each band, such as [{name}.MWIR]")
         return [_entry(where, name, band, dict(entry), str(path)) for band, entry in bands.items()]
     raise unknown("material", name, names(file))
 
 
 def _fits(name):
-    """The entries of a fit's JSON file: keys `parameters`, `form` and `band`, or one such report a band in `materials`."""
+    """The entries of a fit's JSON file: keys `parameters`, `form` and `band`, or one such report a
+    band in `materials`.
+    """
     name = str(name)
     file = _read(name, json.loads)
     reports = file.get("materials", {"": file})
-    if not isinstance(reports, dict) or not reports or not all(isinstance(report, dict) for report in reports.values()):
+    if (
+        not isinstance(reports, dict)
+        or not reports
+        or not all(isinstance(report, dict) for report in reports.values())
+    ):
         raise InputError(f"{name}: key 'materials' must be a table with a fit for each band")
     return [_fitted(name, report) for report in reports.values()]
 
 
 def _fitted(name, report):
     if report.get("band", "") is None:
-        raise InputError(f"{name}: the fitted data did not state their band; add '# band_um: 3 5' to their file and fit again")
+        raise InputError(
+            f"{name}: the fitted data did not state their band; add '# band_um: 3 5' to their file and fit again"
+        )
     for key, kind in (("parameters", dict), ("form", str), ("band", str)):
         if not isinstance(report.get(key), kind):
-            raise InputError(f"{name}: key '{key}' is missing or no {'table' if kind is dict else 'string'}; "
-                             f"a fit has parameters, form and band")
-    return _entry(f"{name}: parameters", name, report["band"], {**report["parameters"], "form": report["form"]}, name)
+            raise InputError(
+                f"{name}: key '{key}' is missing or no {'table' if kind is dict else 'string'}; "
+                f"a fit has parameters, form and band"
+            )
+    return _entry(
+        f"{name}: parameters",
+        name,
+        report["band"],
+        {**report["parameters"], "form": report["form"]},
+        name,
+    )
 
 
 def _entry(where, name, band, keys, file):
-    """A checked Material. Whether the numbers are possible together is for the reflection model to say."""
+    """A checked Material. Whether the numbers are possible together is for the reflection model to
+    say.
+    """
     where = f"{where}, band '{band}'"
     try:
         if band != EVERY_BAND:
@@ -116,7 +152,9 @@ def _entry(where, name, band, keys, file):
     if missing:
         raise InputError(f"{where}: lacks {', '.join(missing)}")
     numbers = {key: float(keys[key]) for key in NUMBERS}
-    return Material(name, band, source=keys.get("source", file), form=keys.get("form", "thesis"), **numbers)
+    return Material(
+        name, band, source=keys.get("source", file), form=keys.get("form", "thesis"), **numbers
+    )
 
 
 def _read(path, parse):

@@ -1,13 +1,16 @@
-"""Measured or computed spectra of sources that are no blackbodies, among them the bundled sky tables."""
+"""Measured or computed spectra of sources that are no blackbodies, among them the bundled sky
+tables.
+"""
+
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError, unknown
-from . import tape7
-from .bands import Band
-from .spectral_table import spectral_table
+from mi_lcair.errors import InputError, unknown
+from mi_lcair.physics import tape7
+from mi_lcair.physics.bands import Band
+from mi_lcair.physics.spectral_table import spectral_table
 
 BUNDLED = Path(__file__).with_name("lowtran7")
 RADIANCE, ELEVATION = "radiance_W_m2_sr_um", "elevation_deg"
@@ -15,7 +18,9 @@ RADIANCE, ELEVATION = "radiance_W_m2_sr_um", "elevation_deg"
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """Spectral radiance [W m^-2 sr^-1 um^-1] over rising wavelengths [um], straight lines between the rows."""
+    """Spectral radiance [W m^-2 sr^-1 um^-1] over rising wavelengths [um], straight lines between
+    the rows.
+    """
 
     name: str
     wavelengths_um: np.ndarray
@@ -32,27 +37,34 @@ class Spectrum:
 
 
 def sky_names() -> list[str]:
-    """Names of the bundled sky tables (LOWTRAN7; their headers say how they were made), without 'sky_' and '.csv'."""
+    """Names of the bundled sky tables (LOWTRAN7; their headers say how they were made), without
+    'sky_' and '.csv'.
+    """
     return sorted(file.stem.removeprefix("sky_") for file in BUNDLED.glob("sky_*.csv"))
 
 
 def spectrum(source: str | Path, elevation_deg: float | None = None) -> Spectrum:
     """The spectrum that `source` holds.
 
-    source: a CSV with the columns wavelength_um and radiance_W_m2_sr_um, a MODTRAN tape7 of one line of sight (its
-    TOTAL_RAD), or the name of a bundled sky table. A table with a column elevation_deg holds one spectrum for each
-    elevation of the line of sight: `elevation_deg` chooses, with straight lines between its elevations and the nearest
-    one outside them. Raises InputError for an unknown name, a file that holds no spectrum, an elevation that is missing
-    or out of place.
+    source: a CSV with the columns wavelength_um and radiance_W_m2_sr_um, a MODTRAN tape7 of one
+    line of sight (its TOTAL_RAD), or the name of a bundled sky table. A table with a column
+    elevation_deg holds one spectrum for each elevation of the line of sight: `elevation_deg`
+    chooses, with straight lines between its elevations and the nearest one outside them. Raises
+    InputError for an unknown name, a file that holds no spectrum, an elevation that is missing or
+    out of place.
     """
     path, keys, wavelengths, radiance = _read(source)
     if keys is None:
         if elevation_deg is not None:
-            raise InputError(f"spectrum {path}: has no column {ELEVATION}, so that an elevation cannot be chosen")
+            raise InputError(
+                f"spectrum {path}: has no column {ELEVATION}, so that an elevation cannot be chosen"
+            )
         return Spectrum(str(source), wavelengths, radiance)
     if elevation_deg is None or not 0 <= elevation_deg <= 90:
-        raise InputError(f"spectrum {path}: elevation_deg = {elevation_deg} must lie in 0..90, to choose one of its "
-                         f"{len(keys)} lines of sight")
+        raise InputError(
+            f"spectrum {path}: elevation_deg = {elevation_deg} must lie in 0..90, to choose one of its "
+            f"{len(keys)} lines of sight"
+        )
     values = [np.interp(elevation_deg, keys, column) for column in radiance.T]
     return Spectrum(f"{source} {elevation_deg:g} deg", wavelengths, np.array(values))
 
@@ -72,7 +84,9 @@ def _read(source):
     if tape7.is_tape7(path):
         blocks = tape7.blocks(path)
         if len({block.range_m for block in blocks}) > 1:
-            raise InputError(f"spectrum {path}: holds lines of sight of different ranges; keep the blocks of one")
+            raise InputError(
+                f"spectrum {path}: holds lines of sight of different ranges; keep the blocks of one"
+            )
         block = tape7.joined(path, blocks)
         return path, None, block.wavelengths_um, block.total_radiance
     table = spectral_table(path, "spectrum", ((RADIANCE, np.inf),), key=ELEVATION, keyless=True)

@@ -1,4 +1,5 @@
 """The facets of a scene, numbered through: what each is, and which one a ray has met."""
+
 from collections import defaultdict
 
 import drjit as dr
@@ -8,24 +9,25 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.derivatives import children, members
 from mi_lcair.plugins.emitter_table import OTHER
-from mi_lcair.plugins.facets import ABSENT, is_faceted, pointer_id
-
-from .scene import Scene
+from mi_lcair.plugins.triangles import ABSENT, is_faceted, pointer_id
+from mi_lcair.rendering.scene import Scene
 
 
 class FacetTable:
     """Facets of a loaded scene, from 0 to count - 1; NumPy arrays, one value per facet.
 
-    A facet is a polygon of the model: all triangles of a mesh with the same mesh attribute `face_facet`. In a mesh without
-    that attribute it is each triangle, and a shape that is no mesh is one facet. Shapes with `face_facet` whose ids begin
-    with the same `MODEL.` are parts of one model and share its numbers, which count from 0 within it; models and other
-    shapes follow each other as they appear in the scene. A number that no triangle of a model carries has no area.
+    A facet is a polygon of the model: all triangles of a mesh with the same mesh attribute
+    `face_facet`. In a mesh without that attribute it is each triangle, and a shape that is no mesh
+    is one facet. Shapes with `face_facet` whose ids begin with the same `MODEL.` are parts of one
+    model and share its numbers, which count from 0 within it; models and other shapes follow each
+    other as they appear in the scene. A number that no triangle of a model carries has no area.
 
-    shape_index: of the scene's shapes (-1: no triangle); type: "model", "sky" or "terrain"; group: the emitter's label, or
-    "other"; material: name of the Sandford-Robertson material, or else the BSDF's class; temperature [K], NaN if the facet
-    has none of its own; area [m^2]; normal and centre (of area) [m], (count, 3), NaN for what is no mesh.
-    triangles: corners of all triangles [m], (T, 3, 3), anticlockwise about the normal; triangle_facet (T,).
-    Raises InputError for facets that are not numbered soundly or that have several temperatures.
+    shape_index: of the scene's shapes (-1: no triangle); type: "model", "sky" or "terrain"; group:
+    the emitter's label, or "other"; material: name of the Sandford-Robertson material, or else the
+    BSDF's class; temperature [K], NaN if the facet has none of its own; area [m^2]; normal and
+    centre (of area) [m], (count, 3), NaN for what is no mesh. triangles: corners of all triangles
+    [m], (T, 3, 3), anticlockwise about the normal; triangle_facet (T,). Raises InputError for
+    facets that are not numbered soundly or that have several temperatures.
     """
 
     def __init__(self, scene: Scene):
@@ -41,14 +43,17 @@ class FacetTable:
         of_primitive = [numbers + offset for numbers, offset in zip(local, first)]
 
         self.triangles = np.concatenate(corners)
-        self.triangle_facet = np.concatenate([numbers[:len(points)] for numbers, points in zip(of_primitive, corners)])
+        self.triangle_facet = np.concatenate(
+            [numbers[: len(points)] for numbers, points in zip(of_primitive, corners)]
+        )
         self._describe(shapes, of_primitive)
         self._measure()
         for shape, points, facets in zip(shapes, corners, of_primitive):
             if not len(points):
                 self.area[facets] = area_of(shape)
 
-        # for number(): where each shape's primitives begin in one list of facets, and the last primitive that counts
+        # for number(): where each shape's primitives begin in one list of facets, and the last
+        # primitive that counts
         keys = [pointer_id(mi.ShapePtr(shape)) for shape in shapes]
         begin, last = np.full((2, max(keys) + 1), ABSENT, dtype=np.uint32)
         begin[keys] = np.cumsum([0, *(len(facets) for facets in of_primitive[:-1])])
@@ -58,7 +63,9 @@ class FacetTable:
         dr.make_opaque(self._begin, self._last, self._of_primitive)
 
     def number(self, shape, prim_index, active=True) -> mi.UInt32:
-        """The facet of a primitive of a shape (pointer), as a hit tells them; ABSENT, 2^32 - 1, for the null pointer."""
+        """The facet of a primitive of a shape (pointer), as a hit tells them; ABSENT, 2^32 - 1, for
+        the null pointer.
+        """
         key = dr.reinterpret_array(mi.UInt32, shape)
         known = mi.Bool(active) & (key < dr.width(self._begin))
         begin = dr.gather(mi.UInt32, self._begin, key, known)
@@ -71,7 +78,9 @@ class FacetTable:
         """What the scene says about each facet."""
         self.shape_index = np.full(self.count, -1)
         self.temperature = np.full(self.count, np.nan)
-        self.type, self.group, self.material = (np.full(self.count, text, dtype=object) for text in ("model", OTHER, ""))
+        self.type, self.group, self.material = (
+            np.full(self.count, text, dtype=object) for text in ("model", OTHER, "")
+        )
         for index, (shape, facets) in enumerate(zip(shapes, of_primitive)):
             self.shape_index[facets] = index
             self.material[facets] = material_of(shape.bsdf())
@@ -84,39 +93,59 @@ class FacetTable:
                 differs = (self.temperature[facets] != temperatures) & np.isfinite(temperatures)
                 if differs.any():
                     found = temperatures[facets == facets[differs.argmax()]]
-                    raise InputError(f"shape '{shape.id()}': the triangles of one facet have different temperatures, {found.min():g} "
-                                     f"to {found.max():g} K; triangles with the same face_facet must have the same face_temperature")
+                    raise InputError(
+                        f"shape '{shape.id()}': the triangles of one facet have different temperatures, {found.min():g} "
+                        f"to {found.max():g} K; triangles with the same face_facet must have the same face_temperature"
+                    )
 
     def _measure(self) -> None:
         """Area, normal and centre of each facet, from its triangles."""
+
         def total(vectors):
-            return np.stack([np.bincount(self.triangle_facet, axis, minlength=self.count) for axis in vectors.T], axis=-1)
+            return np.stack(
+                [
+                    np.bincount(self.triangle_facet, axis, minlength=self.count)
+                    for axis in vectors.T
+                ],
+                axis=-1,
+            )
 
         p0, p1, p2 = np.moveaxis(self.triangles, 1, 0)
         vector = 0.5 * np.cross(p1 - p0, p2 - p0)
         area = np.linalg.norm(vector, axis=1, keepdims=True)
-        normal, weighted, self.area = total(vector), total((p0 + p1 + p2) / 3 * area), total(area)[:, 0].astype(float)
+        normal, weighted, self.area = (
+            total(vector),
+            total((p0 + p1 + p2) / 3 * area),
+            total(area)[:, 0].astype(float),
+        )
         with np.errstate(invalid="ignore"):
             self.normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
             self.centre = weighted / self.area[:, None]
 
 
 def triangles(shape) -> tuple[np.ndarray, np.ndarray]:
-    """Corners (T, 3, 3) of a shape's triangles, in Float64, and the number of the facet (T,) that each is part of.
+    """Corners (T, 3, 3) of a shape's triangles, in Float64, and the number of the facet (T,) that
+    each is part of.
 
     No corners and the one facet 0 for a shape that is no mesh.
     """
     if not is_faceted(shape):
         return np.empty((0, 3, 3)), np.zeros(1, np.int64)
     buffers = members(shape)
-    vertices, faces = (buffers[name].numpy().reshape(-1, 3) for name in ("vertex_positions", "faces"))
-    corners = vertices[faces[:, [0, 2, 1]] if shape.has_flipped_normals() else faces].astype(np.float64)
+    vertices, faces = (
+        buffers[name].numpy().reshape(-1, 3) for name in ("vertex_positions", "faces")
+    )
+    corners = vertices[faces[:, [0, 2, 1]] if shape.has_flipped_normals() else faces].astype(
+        np.float64
+    )
     if "face_facet" not in buffers:
         return corners, np.arange(len(faces))
     number = buffers["face_facet"].numpy()
     bad = ~((number >= 0) & (number == np.round(number)))
     if bad.any():
-        raise InputError(f"shape '{shape.id()}': face_facet = {number[bad][0]:g} must be a whole number from 0 on")
+        raise InputError(
+            f"shape '{shape.id()}': face_facet = {number[bad][0]:g} must be a whole number from 0 on"
+        )
     return corners, number.astype(np.int64)
 
 
@@ -127,23 +156,31 @@ def block_of(index: int, shape):
 
 
 def check_apart(numbers: dict) -> None:
-    """Refuses a facet that lies in two shapes of one model; numbers: id of a shape -> facets of its triangles."""
+    """Refuses a facet that lies in two shapes of one model; numbers: id of a shape -> facets of its
+    triangles.
+    """
     owner = {}
     for name, facets in numbers.items():
         for number in np.unique(facets).tolist() if len(numbers) > 1 else ():
             if owner.setdefault(number, name) != name:
-                raise InputError(f"shapes '{owner[number]}' and '{name}' both have facet {number} of their model; "
-                                 "face_facet must be another number in each")
+                raise InputError(
+                    f"shapes '{owner[number]}' and '{name}' both have facet {number} of their model; "
+                    "face_facet must be another number in each"
+                )
 
 
 def material_of(bsdf) -> str:
     names = [layer.material for layer in (bsdf, *children(bsdf)) if getattr(layer, "material", "")]
     own = type(bsdf).__name__
-    return names[0] if names else bsdf.class_name() if own == "BSDF" else own    # Python's plugins are all "BSDF" to Mitsuba
+    return (
+        names[0] if names else bsdf.class_name() if own == "BSDF" else own
+    )  # Python's plugins are all "BSDF" to Mitsuba
 
 
 def area_of(shape):
-    """Surface area of a shape that is no mesh [m^2]; NaN for curves and the like, which do not know theirs."""
+    """Surface area of a shape that is no mesh [m^2]; NaN for curves and the like, which do not know
+    theirs.
+    """
     try:
         return np.ravel(shape.surface_area())
     except RuntimeError:
@@ -151,7 +188,8 @@ def area_of(shape):
 
 
 def temperature_of(emitter):
-    """Temperatures [K] of a thermal emitter, one or one per triangle; NaN for a given radiance and for a texture that varies
-    inside a triangle."""
+    """Temperatures [K] of a thermal emitter, one or one per triangle; NaN for a given radiance and
+    for a texture that varies inside a triangle.
+    """
     sources = emitter.sources()
     return dr.detach(sources[0]).numpy() if sources else np.array([np.nan])

@@ -1,4 +1,5 @@
 """Radiance images as OpenEXR files: named float32 channels and a header."""
+
 import io
 import os
 from contextlib import contextmanager, redirect_stdout
@@ -13,27 +14,49 @@ from mi_lcair.files import replacing
 MAGIC = b"\x76\x2f\x31\x01"
 
 # Attributes that describe the file itself: set by the format, not by the caller.
-STRUCTURE = {"channels", "chunkCount", "compression", "dataWindow", "displayWindow", "lineOrder", "pixelAspectRatio",
-             "screenWindowCenter", "screenWindowWidth", "tiles", "type", "version"}
+STRUCTURE = {
+    "channels",
+    "chunkCount",
+    "compression",
+    "dataWindow",
+    "displayWindow",
+    "lineOrder",
+    "pixelAspectRatio",
+    "screenWindowCenter",
+    "screenWindowWidth",
+    "tiles",
+    "type",
+    "version",
+}
 
 
-def write_exr(path: str | Path, channels: dict[str, np.ndarray], header: dict[str, str | int | float]) -> None:
-    """Write `channels` (name -> [H, W], stored as float32) and `header` to an OpenEXR file, complete or not at all.
+def write_exr(
+    path: str | Path, channels: dict[str, np.ndarray], header: dict[str, str | int | float]
+) -> None:
+    """Write `channels` (name -> [H, W], stored as float32) and `header` to an OpenEXR file,
+    complete or not at all.
 
-    Floats of the header keep 7 digits (the format's own type); whole numbers beyond 31 bits are written as strings.
-    Raises InputError where the file cannot be written; ValueError, a mistake of the caller, for values that are not
-    finite, channels that are not one 2D shape, and names that the format cannot hold.
+    Floats of the header keep 7 digits (the format's own type); whole numbers beyond 31 bits are
+    written as strings. Raises InputError where the file cannot be written; ValueError, a mistake of
+    the caller, for values that are not finite, channels that are not one 2D shape, and names that
+    the format cannot hold.
     """
     import OpenEXR
 
-    # The package writes non-contiguous arrays wrong without a word, and changes the dictionaries that it is given.
-    pixels = {_checked_name(name): np.ascontiguousarray(values, dtype=np.float32) for name, values in channels.items()}
+    # The package writes non-contiguous arrays wrong without a word, and changes the dictionaries
+    # that it is given.
+    pixels = {
+        _checked_name(name): np.ascontiguousarray(values, dtype=np.float32)
+        for name, values in channels.items()
+    }
     shapes = {values.shape for values in pixels.values()}
     if len(shapes) != 1 or any(len(shape) != 2 or 0 in shape for shape in shapes):
         raise ValueError(f"channels need one common shape (H, W), not {sorted(shapes)}")
     for name, values in pixels.items():
         if not np.isfinite(values).all():
-            raise ValueError(f"channel '{name}' holds {np.count_nonzero(~np.isfinite(values))} NaN or infinite values")
+            raise ValueError(
+                f"channel '{name}' holds {np.count_nonzero(~np.isfinite(values))} NaN or infinite values"
+            )
     attributes = {_checked_name(name): _attribute(name, value) for name, value in header.items()}
     attributes |= {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
 
@@ -48,21 +71,25 @@ def _checked_name(name: str) -> str:
 
 
 def _attribute(name: str, value: str | int | float) -> str | int | float:
-    """`value` as one of the three types that the package stores without loss (NumPy's scalars it refuses)."""
+    """`value` as one of the three types that the package stores without loss (NumPy's scalars it
+    refuses).
+    """
     if isinstance(value, str):
         return str(value)
     if isinstance(value, Integral):
-        return int(value) if -2**31 <= value < 2**31 else str(int(value))
+        return int(value) if -(2**31) <= value < 2**31 else str(int(value))
     if isinstance(value, Real) and abs(value) <= float(np.finfo(np.float32).max):
         return float(value)
     raise ValueError(f"header attribute '{name}' is not a string or a finite number: {value!r}")
 
 
 def read_exr(path: str | Path) -> tuple[dict[str, np.ndarray], dict[str, str | int | float]]:
-    """The channels (name -> float32 [H, W]) and the header (strings and numbers only) of an OpenEXR file.
+    """The channels (name -> float32 [H, W]) and the header (strings and numbers only) of an OpenEXR
+    file.
 
-    Reads the files of other programs too: any channel names, half floats and whole numbers, the first part of several.
-    Raises InputError for a file that is missing, damaged or not an OpenEXR image.
+    Reads the files of other programs too: any channel names, half floats and whole numbers, the
+    first part of several. Raises InputError for a file that is missing, damaged or not an OpenEXR
+    image.
     """
     import OpenEXR
 
@@ -81,14 +108,19 @@ def read_exr(path: str | Path) -> tuple[dict[str, np.ndarray], dict[str, str | i
     if part.type() not in (OpenEXR.scanlineimage, OpenEXR.tiledimage):
         raise InputError(f"'{path}' is a deep OpenEXR image; a flat one is needed")
     channels = {name: channel.pixels.astype(np.float32) for name, channel in part.channels.items()}
-    header = {name: value for name, value in part.header.items()
-              if name not in STRUCTURE and isinstance(value, (str, int, float))}
+    header = {
+        name: value
+        for name, value in part.header.items()
+        if name not in STRUCTURE and isinstance(value, (str, int, float))
+    }
     return channels, header
 
 
 @contextmanager
 def _silenced():
-    """Keep off the screen what OpenEXR prints about a damaged file, in Python on stdout and in C on stderr."""
+    """Keep off the screen what OpenEXR prints about a damaged file, in Python on stdout and in C on
+    stderr.
+    """
     kept = os.dup(2)
     with redirect_stdout(io.StringIO()), open(os.devnull, "w") as null:
         os.dup2(null.fileno(), 2)

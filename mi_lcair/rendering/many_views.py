@@ -1,28 +1,31 @@
 """Intensities of a scene's model toward many observers, rendered together."""
+
 from dataclasses import dataclass
 
 import drjit as dr
-import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.rendering.render import DEFAULT_MAX_SPP, PASS_SAMPLES, growth
+from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.views import Target, View, cameras, check_resolution
 
-from .render import DEFAULT_MAX_SPP, PASS_SAMPLES, growth
-from .scene import Scene
-from .views import Target, View, cameras, check_resolution
-
-FAINT = 1e-3        # of the brightest view's intensity: a fainter view, from which nothing may be seen at all, need not be better known
+# of the brightest view's intensity: a fainter view, from which nothing may be seen at all, need not
+# be better known
+FAINT = 1e-3
 
 
 @dataclass(frozen=True)
 class ManyViews:
-    """Of each view (V,): `parts`, by name the intensity [W/sr] and its standard error, (2, V), and `brightest`, the intensity of a
-    window full of the brightest source [W/sr].
+    """Of each view (V,): `parts`, by name the intensity [W/sr] and its standard error, (2, V), and
+    `brightest`, the intensity of a window full of the brightest source [W/sr].
 
-    Names: target (all that the model sends), bounce.N, closure, group.LABEL as in `plugins.channels`, and hit: the model's
-    projected area [m^2]. spp: samples per pixel; error: standard error of the target's intensity with what a source met by one
-    path of all may add [W/sr], (V,); invalid: NaN or infinite samples, which count as 0.
+    Names: target (all that the model sends), bounce.N, closure, group.LABEL as in
+    `plugins.channels`, and hit: the model's projected area [m^2]. spp: samples per pixel; error:
+    standard error of the target's intensity with what a source met by one path of all may add
+    [W/sr], (V,); invalid: NaN or infinite samples, which count as 0.
     """
+
     parts: dict[str, np.ndarray]
     brightest: np.ndarray
     error: np.ndarray
@@ -30,11 +33,16 @@ class ManyViews:
     invalid: int
 
     def excess(self, tolerance: float) -> np.ndarray:
-        """Error over what the tolerance allows: that fraction of the view's intensity, or of FAINT of the brightest view's; where
-        nothing is seen, of FAINT of what a window could send."""
+        """Error over what the tolerance allows: that fraction of the view's intensity, or of FAINT
+        of the brightest view's; where nothing is seen, of FAINT of what a window could send.
+        """
         intensity = self.parts["target"][0]
-        allowed = tolerance * np.where(intensity > 0, np.maximum(intensity, FAINT * intensity.max()), FAINT * self.brightest)
-        return np.divide(self.error, allowed, out=np.where(self.error > 0, np.inf, 0), where=allowed > 0)
+        allowed = tolerance * np.where(
+            intensity > 0, np.maximum(intensity, FAINT * intensity.max()), FAINT * self.brightest
+        )
+        return np.divide(
+            self.error, allowed, out=np.where(self.error > 0, np.inf, 0), where=allowed > 0
+        )
 
 
 def views_per_batch(resolution: int) -> int:
@@ -43,62 +51,110 @@ def views_per_batch(resolution: int) -> int:
 
 
 def fewest(resolution: int) -> int:
-    """The least number of samples per pixel that tells an error: of one each, neighbouring pixels make a pair."""
+    """The least number of samples per pixel that tells an error: of one each, neighbouring pixels
+    make a pair.
+    """
     return 1 if resolution % 2 == 0 else 2
 
 
-def render_views(scene: Scene, views: list[View], resolution: int, spp: int | None = None, tolerance: float = 0.01,
-                 max_spp: int | None = None, seed=0) -> ManyViews:
+def render_views(
+    scene: Scene,
+    views: list[View],
+    resolution: int,
+    spp: int | None = None,
+    tolerance: float = 0.01,
+    max_spp: int | None = None,
+    seed=0,
+) -> ManyViews:
     """Renders what the model sends toward each view, of resolution x resolution pixels.
 
-    spp: samples per pixel, an even number (or 1 where resolution is even); without it as many (up to max_spp, 65536) as every
-    view needs for a standard error of its intensity below `tolerance` of it. closure = tail continues all views by one ratio. seed: a number or a numpy SeedSequence; the same one gives the same numbers.
+    spp: samples per pixel, an even number (or 1 where resolution is even); without it as many (up
+    to max_spp, 65536) as every view needs for a standard error of its intensity below `tolerance`
+    of it. closure = tail continues all views by one ratio. seed: a number or a numpy SeedSequence;
+    the same one gives the same numbers.
     """
     check_resolution(resolution)
     least = fewest(resolution)
     if spp is not None and spp % 2 and spp != least:
-        raise InputError(f"spp = {spp} must be {'1 or ' if least == 1 else ''}even: what is drawn twice tells the error")
+        raise InputError(
+            f"spp = {spp} must be {'1 or ' if least == 1 else ''}even: what is drawn twice tells the error"
+        )
     seeds = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
     integrator, target = scene.mi.integrator(), Target.of(scene)
     area = np.array([target.window_area(view) for view in views])
     sensor = cameras(scene, target, views, resolution)
     paths = resolution**2
-    most = max(least, PASS_SAMPLES // (paths * len(views)) // 2 * 2)         # in one pass
+    most = max(least, PASS_SAMPLES // (paths * len(views)) // 2 * 2)  # in one pass
     limit = spp or max(least, (max_spp or DEFAULT_MAX_SPP) // least * least)
     done, goal, invalid, sums = 0, spp or least, 0, {}
     with integrator.prepared(scene.mi):
         while done < goal:
             step = min(goal - done, most)
             step -= step % 2 if step > 1 else 0
-            L, samples = integrator.sampled(scene.mi, sensor, int(seeds.spawn(1)[0].generate_state(1)[0]), step, 0,
-                                            paths * len(views), "model")
+            L, samples = integrator.sampled(
+                scene.mi,
+                sensor,
+                int(seeds.spawn(1)[0].generate_state(1)[0]),
+                step,
+                0,
+                paths * len(views),
+                "model",
+            )
             bad, halves = in_halves(L, samples, step, len(views), resolution)
             invalid += bad
             for name, statistics in halves.items():
                 sums[name] = sums.get(name, 0.0) + statistics * [[step], [step**2]]
             done += step
-            parts = {name: np.array([total / done, np.sqrt(squares) / done]) * area for name, (total, squares) in sums.items()}
+            parts = {
+                name: np.array([total / done, np.sqrt(squares) / done]) * area
+                for name, (total, squares) in sums.items()
+            }
             brightest = integrator.emitters.brightest * area
-            found = ManyViews(parts, brightest, np.hypot(parts["target"][1], brightest / (done * paths)), done, invalid)
+            found = ManyViews(
+                parts,
+                brightest,
+                np.hypot(parts["target"][1], brightest / (done * paths)),
+                done,
+                invalid,
+            )
             if spp is None:
                 excess = found.excess(tolerance).max()
-                goal = done if excess <= 1 else min(limit, done + 2 * int(np.ceil(done * (growth(excess) - 1) / 2)))
+                goal = (
+                    done
+                    if excess <= 1
+                    else min(limit, done + 2 * int(np.ceil(done * (growth(excess) - 1) / 2)))
+                )
     return found
 
 
 def in_halves(L, samples: dict, spp: int, views: int, resolution: int) -> tuple[int, dict]:
     """Invalid samples, and by name the mean over each view's window and its variance, (2, V).
 
-    A pixel's samples come in two halves, whose scatter tells the variance; what differs from pixel to pixel does not add to it,
-    or, with one sample for each pixel, little: the halves are then neighbours.
+    A pixel's samples come in two halves, whose scatter tells the variance; what differs from pixel
+    to pixel does not add to it, or, with one sample for each pixel, little: the halves are then
+    neighbours.
     """
     finite = dr.isfinite(L)
-    names = [name for name in samples if name.startswith(("target", "bounce.", "group.", "closure", "hit"))]
+    names = [
+        name
+        for name in samples
+        if name.startswith(("target", "bounce.", "group.", "closure", "hit"))
+    ]
     values = {name: dr.select(finite, samples[name], 0) for name in names}
     dr.eval(finite, values)
 
     def statistics(value):
-        halves = dr.block_sum(value, max(1, spp // 2)).numpy().astype(float).reshape(resolution, views, -1, 2) / spp
-        return halves.sum(axis=(0, 2, 3)) / resolution**2, ((halves[..., 0] - halves[..., 1]) ** 2).sum(axis=(0, 2)) / resolution**4
+        halves = (
+            dr.block_sum(value, max(1, spp // 2))
+            .numpy()
+            .astype(float)
+            .reshape(resolution, views, -1, 2)
+            / spp
+        )
+        return halves.sum(axis=(0, 2, 3)) / resolution**2, (
+            (halves[..., 0] - halves[..., 1]) ** 2
+        ).sum(axis=(0, 2)) / resolution**4
 
-    return int(dr.count(~finite)[0]), {name: np.array(statistics(value)) for name, value in values.items()}
+    return int(dr.count(~finite)[0]), {
+        name: np.array(statistics(value)) for name, value in values.items()
+    }

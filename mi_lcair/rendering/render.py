@@ -1,4 +1,7 @@
-"""Rendering in independent passes: radiance with its standard error, to a number of samples or to a tolerance."""
+"""Rendering in independent passes: radiance with its standard error, to a number of samples or to a
+tolerance.
+"""
+
 import json
 import time
 from dataclasses import dataclass
@@ -13,29 +16,35 @@ from mi_lcair.physics.atmosphere import Atmosphere
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import brightness_temperature
 from mi_lcair.plugins.sources import Sources
+from mi_lcair.rendering.apparent import apparent
+from mi_lcair.rendering.scene import Scene
 
-from .apparent import apparent
-from .scene import Scene
-
-BOUNCE_CHANNELS = 17        # in the image; the last holds every bounce count from 16 on
-PASS_SAMPLES = 2**20        # paths in flight at once: a pass takes seconds, and Ctrl-C waits for its end
+BOUNCE_CHANNELS = 17  # in the image; the last holds every bounce count from 16 on
+PASS_SAMPLES = 2**20  # paths in flight at once: a pass takes seconds, and Ctrl-C waits for its end
 PILOT_SPP = 16
 DEFAULT_MAX_SPP = 2**16
-COVARYING = ("source.", "target.source.", "target.hit")     # beginnings of the names of what a sum may be made of
+COVARYING = (
+    "source.",
+    "target.source.",
+    "target.hit",
+)  # beginnings of the names of what a sum may be made of
 
 
 @dataclass(frozen=True)
 class Render:
     """A rendered scene.
 
-    channels: name -> float32 (H, W), the channels of the radiance EXR [W m^-2 sr^-1; temperature.Y K; range.Y m].
-    parts: name -> (mean over the pixels, its standard error or None) of everything that was recorded, Float64, under
-    the names of `plugins.channels`; covariance: of the means of those in COVARYING, in their order in `parts`, None
-    without them. sources: what `source.N` stand for. mean: mean radiance; rms_error: rms over the pixels of the standard
-    error, with what a source that too few paths meet may add, as a fraction of the mean (None for one sample per
-    pixel); reached: whether the tolerance was met (None without one); invalid: NaN or infinite samples,
-    left out; closure_error: estimated error of closure = tail [W m^-2 sr^-1], None otherwise.
+    channels: name -> float32 (H, W), the channels of the radiance EXR [W m^-2 sr^-1; temperature.Y
+    K; range.Y m]. parts: name -> (mean over the pixels, its standard error or None) of everything
+    that was recorded, Float64, under the names of `plugins.channels`; covariance: of the means of
+    those in COVARYING, in their order in `parts`, None without them. sources: what `source.N` stand
+    for. mean: mean radiance; rms_error: rms over the pixels of the standard error, with what a
+    source that too few paths meet may add, as a fraction of the mean (None for one sample per
+    pixel); reached: whether the tolerance was met (None without one); invalid: NaN or infinite
+    samples, left out; closure_error: estimated error of closure = tail [W m^-2 sr^-1], None
+    otherwise.
     """
+
     channels: dict[str, np.ndarray]
     header: dict[str, str | int | float]
     band: Band
@@ -54,18 +63,21 @@ class Render:
     @property
     def by_bounce(self) -> np.ndarray:
         """Mean radiance over the pixels by number of reflections, all counts up to 64 apart."""
-        return np.array([mean for name, (mean, _) in self.parts.items() if name.startswith("bounce.")])
+        return np.array(
+            [mean for name, (mean, _) in self.parts.items() if name.startswith("bounce.")]
+        )
 
 
 class Accumulator:
-    """Running mean and variance per pixel, and mean channels, over passes (Chan, Golub and LeVeque 1983); Float64.
+    """Running mean and variance per pixel, and mean channels, over passes (Chan, Golub and LeVeque
+    1983); Float64.
 
-    A channel's variance is that of its sum over the pixels alone, from the scatter of the parts of each pixel's samples:
-    an image of variances for every channel would double the memory.
+    A channel's variance is that of its sum over the pixels alone, from the scatter of the parts of
+    each pixel's samples: an image of variances for every channel would double the memory.
     """
 
     def __init__(self, pixels: int, brightest: float = 0.0):
-        self.brightest = brightest          # radiance of a source that paths may have missed so far
+        self.brightest = brightest  # radiance of a source that paths may have missed so far
         self.count, self.mean, self.squares, self.parts = (np.zeros(pixels) for _ in range(4))
         self.channels, self.scatter = {}, {}
         self.covariance = 0.0
@@ -88,7 +100,9 @@ class Accumulator:
                 mean = self.channels.setdefault(name, np.zeros(len(self.count)))
                 difference = values[k] - mean[run]
                 mean[run] += difference * share
-                self.scatter[name] = self.scatter.get(name, 0.0) + np.sum(difference**2 * before * share)
+                self.scatter[name] = self.scatter.get(name, 0.0) + np.sum(
+                    difference**2 * before * share
+                )
                 if name.startswith(COVARYING):
                     by_source.append(difference * np.sqrt(before * share))
             if by_source:
@@ -98,26 +112,39 @@ class Accumulator:
         self.count[run] = count
 
     def error_scale(self) -> float | None:
-        """What turns scatter into the variance of a mean over all pixels; None where no pixel has two parts."""
+        """What turns scatter into the variance of a mean over all pixels; None where no pixel has
+        two parts.
+        """
         freedom = np.sum(np.maximum(self.parts - 1, 0))
-        return np.mean(1 / np.maximum(self.count, 1)) / freedom / len(self.count) if freedom > 0 else None
+        return (
+            np.mean(1 / np.maximum(self.count, 1)) / freedom / len(self.count)
+            if freedom > 0
+            else None
+        )
 
     def means(self) -> dict[str, tuple[float, float | None]]:
         """Of each channel: its mean over the pixels, and the standard error of that."""
         scale = self.error_scale()
-        return {name: (float(values.mean()), None if scale is None else float(np.sqrt(self.scatter[name] * scale)))
-                for name, values in self.channels.items()}
+        return {
+            name: (
+                float(values.mean()),
+                None if scale is None else float(np.sqrt(self.scatter[name] * scale)),
+            )
+            for name, values in self.channels.items()
+        }
 
     def standard_error(self) -> np.ndarray:
         """Standard error of each pixel's mean; infinite below two samples."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(self.count > 1, np.sqrt(self.squares / (self.count * (self.count - 1))), np.inf)
+            return np.where(
+                self.count > 1, np.sqrt(self.squares / (self.count * (self.count - 1))), np.inf
+            )
 
     def rms_error(self) -> float | None:
         """Rms standard error over the pixels as a fraction of the mean; None below two samples.
 
-        The scatter of n samples knows nothing of a source that fewer than one path in n meets: it is taken to be met by
-        one path of all.
+        The scatter of n samples knows nothing of a source that fewer than one path in n meets: it
+        is taken to be met by one path of all.
         """
         if self.count.min() < 2:
             return None
@@ -126,15 +153,27 @@ class Accumulator:
         return float(rms / mean) if mean > 0 else 0.0
 
 
-def render(scene: Scene, spp: int | None = None, tolerance: float | None = None, max_spp: int | None = None, seed: int = 0,
-           sensor: int = 0, split: str | None = "image", by_spectrum: bool = False, facets=None, atmosphere: Atmosphere | None = None,
-           range_m: float | None = None, progress=None) -> Render:
+def render(
+    scene: Scene,
+    spp: int | None = None,
+    tolerance: float | None = None,
+    max_spp: int | None = None,
+    seed: int = 0,
+    sensor: int = 0,
+    split: str | None = "image",
+    by_spectrum: bool = False,
+    facets=None,
+    atmosphere: Atmosphere | None = None,
+    range_m: float | None = None,
+    progress=None,
+) -> Render:
     """Renders a scene.
 
-    spp: samples per pixel (the scene's own). tolerance: instead render until the rms standard error over the pixels is
-    below this fraction of the mean radiance, or max_spp (65536) is reached. seed: the same seed gives the same image.
-    sensor: which one, counted from 0. split, by_spectrum, facets: what is recorded beside the radiance, see `observe` of
-    bounce_path. atmosphere: also what of the picture arrives through it, over range_m or else each pixel's own range
+    spp: samples per pixel (the scene's own). tolerance: instead render until the rms standard error
+    over the pixels is below this fraction of the mean radiance, or max_spp (65536) is reached.
+    seed: the same seed gives the same image. sensor: which one, counted from 0. split, by_spectrum,
+    facets: what is recorded beside the radiance, see `observe` of bounce_path. atmosphere: also
+    what of the picture arrives through it, over range_m or else each pixel's own range
     (`apparent.Y`, `path.Y`). progress: called with (samples per pixel done, total expected).
     """
     for name, value in (("spp", spp), ("max_spp", max_spp), ("tolerance", tolerance)):
@@ -143,7 +182,7 @@ def render(scene: Scene, spp: int | None = None, tolerance: float | None = None,
     if atmosphere is not None:
         atmosphere.check_covers(scene.band)
         if range_m is not None:
-            atmosphere.path(range_m)        # refused now, not after the work
+            atmosphere.path(range_m)  # refused now, not after the work
         split, by_spectrum = "target", True
     start = time.perf_counter()
     camera, integrator = scene.sensor(sensor), scene.mi.integrator()
@@ -156,12 +195,17 @@ def render(scene: Scene, spp: int | None = None, tolerance: float | None = None,
         total = Accumulator(width * height, integrator.emitters.brightest)
         while done < min(goal, limit):
             step = max(1, min(min(goal, limit) - done, PASS_SAMPLES // (width * height)))
-            step -= step % 2 if step > 1 else 0         # even: a pass can be told in two halves
+            step -= step % 2 if step > 1 else 0  # even: a pass can be told in two halves
             run = min(width * height, PASS_SAMPLES // step)
             for first in range(0, width * height, run):
                 pass_seed = int(seeds.spawn(1)[0].generate_state(1)[0])
                 pixels = min(run, width * height - first)
-                total.add(first, integrator.observe(scene.mi, camera, pass_seed, step, first, pixels, split, facets))
+                total.add(
+                    first,
+                    integrator.observe(
+                        scene.mi, camera, pass_seed, step, first, pixels, split, facets
+                    ),
+                )
                 tail_errors.append(integrator.tail_error)
             done += step
             if tolerance is not None and done >= goal:
@@ -175,12 +219,32 @@ def render(scene: Scene, spp: int | None = None, tolerance: float | None = None,
     covariance = total.covariance * scale if by_spectrum and scale is not None else None
     channels, air = image_channels(total, scene.band), {}
     if atmosphere is not None:
-        air = {"atmosphere": atmosphere.name, "atmosphere_range_m": "range.Y" if range_m is None else f"{range_m:g}"}
-        channels |= apparent(total.mean, total.channels, integrator.emitters.sources, scene.band, atmosphere, range_m)
-    return Render({name: np.ascontiguousarray(values.reshape(height, width), dtype=np.float32) for name, values in channels.items()},
-                  header(scene, integrator, sensor, done, seed, total, closure_error) | air, scene.band,
-                  total.means(), covariance, integrator.emitters.sources, done, float(total.mean.mean()), rms_error, reached,
-                  total.invalid, done * width * height, closure_error, time.perf_counter() - start)
+        air = {
+            "atmosphere": atmosphere.name,
+            "atmosphere_range_m": "range.Y" if range_m is None else f"{range_m:g}",
+        }
+        channels |= apparent(
+            total.mean, total.channels, integrator.emitters.sources, scene.band, atmosphere, range_m
+        )
+    return Render(
+        {
+            name: np.ascontiguousarray(values.reshape(height, width), dtype=np.float32)
+            for name, values in channels.items()
+        },
+        header(scene, integrator, sensor, done, seed, total, closure_error) | air,
+        scene.band,
+        total.means(),
+        covariance,
+        integrator.emitters.sources,
+        done,
+        float(total.mean.mean()),
+        rms_error,
+        reached,
+        total.invalid,
+        done * width * height,
+        closure_error,
+        time.perf_counter() - start,
+    )
 
 
 def samples_needed(total: Accumulator, done: int, tolerance: float) -> int:
@@ -194,7 +258,9 @@ def samples_needed(total: Accumulator, done: int, tolerance: float) -> int:
 
 
 def growth(excess: float) -> float:
-    """By what factor more samples an error asks for that is `excess` (> 1) times too large; at most 4, as it is itself an estimate."""
+    """By what factor more samples an error asks for that is `excess` (> 1) times too large; at most
+    4, as it is itself an estimate.
+    """
     return min(4.0, 1.05 * excess**2)
 
 
@@ -207,23 +273,43 @@ def image_channels(total: Accumulator, band: Band) -> dict[str, np.ndarray]:
     if parts:
         by_bounce = [values for name, values in parts.items() if name.startswith("bounce.")]
         for k in range(min(len(by_bounce), BOUNCE_CHANNELS)):
-            channels[f"bounce{k:02d}.Y"] = by_bounce[k] if k < BOUNCE_CHANNELS - 1 else sum(by_bounce[k:])
+            channels[f"bounce{k:02d}.Y"] = (
+                by_bounce[k] if k < BOUNCE_CHANNELS - 1 else sum(by_bounce[k:])
+            )
         channels["closure.Y"] = parts["closure"]
-        channels.update((f"{name}.Y", values) for name, values in parts.items() if name.startswith(("group.", "seen.")))
+        channels.update(
+            (f"{name}.Y", values)
+            for name, values in parts.items()
+            if name.startswith(("group.", "seen."))
+        )
         channels["target.Y"] = parts["target"]
-        channels["range.Y"] = parts["range"] / np.maximum(parts["hit"], 1e-30)        # over the hits alone
+        channels["range.Y"] = parts["range"] / np.maximum(
+            parts["hit"], 1e-30
+        )  # over the hits alone
     return channels
 
 
-def header(scene: Scene, integrator, sensor: int, spp: int, seed: int, total: Accumulator, closure_error) -> dict:
+def header(
+    scene: Scene, integrator, sensor: int, spp: int, seed: int, total: Accumulator, closure_error
+) -> dict:
     """What the image must say about itself."""
-    entries = {"scene": scene.name, "band": scene.band.name, "wavelengths_um": f"{scene.band.lower_um:g} {scene.band.upper_um:g}",
-               "units": "W m^-2 sr^-1 (temperature.Y: K, range.Y: m, 0 where nothing was hit)",
-               "parameters": json.dumps(scene.parameters), "sensor": sensor, "spp": spp, "seed": str(seed),
-               "paths": str(spp * len(total.mean)), "invalid_samples": str(total.invalid), "max_bounces": integrator.max_bounces,
-               "emitter_sampling": str(integrator.emitter_sampling), "closure": integrator.closure,
-               "lobes": json.dumps({surface.material: surface.lobe for surface in scene.surfaces()}),
-               "versions": f"mi_lcair {mi_lcair.__version__}, mitsuba {mi.__version__}, drjit {dr.__version__}, {mi.variant()}"}
+    entries = {
+        "scene": scene.name,
+        "band": scene.band.name,
+        "wavelengths_um": f"{scene.band.lower_um:g} {scene.band.upper_um:g}",
+        "units": "W m^-2 sr^-1 (temperature.Y: K, range.Y: m, 0 where nothing was hit)",
+        "parameters": json.dumps(scene.parameters),
+        "sensor": sensor,
+        "spp": spp,
+        "seed": str(seed),
+        "paths": str(spp * len(total.mean)),
+        "invalid_samples": str(total.invalid),
+        "max_bounces": integrator.max_bounces,
+        "emitter_sampling": str(integrator.emitter_sampling),
+        "closure": integrator.closure,
+        "lobes": json.dumps({surface.material: surface.lobe for surface in scene.surfaces()}),
+        "versions": f"mi_lcair {mi_lcair.__version__}, mitsuba {mi.__version__}, drjit {dr.__version__}, {mi.variant()}",
+    }
     if closure_error is not None:
         entries["closure_error"] = closure_error
     return entries

@@ -1,4 +1,5 @@
 """Loading a thermal scene and checking, before anything is rendered, that it can be."""
+
 import re
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -15,16 +16,19 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.plugins.derivatives import deriving_plugins, members
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
-NO_ID = re.compile(r"object_\d+")       # what has no id is named by its address in memory
+NO_ID = re.compile(r"object_\d+")  # what has no id is named by its address in memory
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A loaded scene: `mi` is Mitsuba's own object, `band` and `groups` what its thermal emitters name.
+    """A loaded scene: `mi` is Mitsuba's own object, `band` and `groups` what its thermal emitters
+    name.
 
-    name: the bundled scene's name or the file's; parameters: the $-parameters that were given, as text; notes: what a
-    user should know of its materials, one line each; sensors: through which it may be seen; path: its file.
+    name: the bundled scene's name or the file's; parameters: the $-parameters that were given, as
+    text; notes: what a user should know of its materials, one line each; sensors: through which it
+    may be seen; path: its file.
     """
+
     mi: mi.Scene
     name: str
     band: Band
@@ -36,29 +40,50 @@ class Scene:
 
     @property
     def remarks(self) -> list[str]:
-        """What a user should know before trusting the picture: the notes, and what the sensors cannot see."""
+        """What a user should know before trusting the picture: the notes, and what the sensors
+        cannot see.
+        """
         return [*self.notes, *clipped(self.mi, self.sensors)]
 
     @property
     def source(self) -> str:
-        """What `load` takes for it in another process: a bundled scene's name, or the file's whole path."""
+        """What `load` takes for it in another process: a bundled scene's name, or the file's whole
+        path.
+        """
         return self.name if self.path.parent == scenes.FOLDER else str(self.path.resolve())
 
     @property
     def fingerprint(self) -> str:
-        """16 hexadecimal digits that change with whatever the picture depends on: shapes, materials, emitters, integrator."""
+        """16 hexadecimal digits that change with whatever the picture depends on: shapes,
+        materials, emitters, integrator.
+        """
         said = [str(self.mi.integrator()), self.band.label]
-        said += [f"{surface.material} {surface.form} {surface.emissivity} {surface.lobe}" for surface in self.surfaces()]
-        said += [f"{getattr(shape.emitter(), 'group', '')} {getattr(shape.emitter(), 'facet_type', '')}" for shape in self.mi.shapes()]
+        said += [
+            f"{surface.material} {surface.form} {surface.emissivity} {surface.lobe}"
+            for surface in self.surfaces()
+        ]
+        said += [
+            f"{getattr(shape.emitter(), 'group', '')} {getattr(shape.emitter(), 'facet_type', '')}"
+            for shape in self.mi.shapes()
+        ]
         digest = sha256()
         for name, value in [*enumerate(said), *mi.traverse(self.mi)]:
             exact = hasattr(value, "__array__") or isinstance(value, (int, float))
-            digest.update(NO_ID.sub("", str(name)).encode() + (np.ascontiguousarray(value).tobytes() if exact else NO_ID.sub("", str(value)).encode()))
+            digest.update(
+                NO_ID.sub("", str(name)).encode()
+                + (
+                    np.ascontiguousarray(value).tobytes()
+                    if exact
+                    else NO_ID.sub("", str(value)).encode()
+                )
+            )
         return digest.hexdigest()[:16]
 
     def sensor(self, index: int):
         if index >= len(self.sensors):
-            raise InputError(f"{self.name}: sensor {index} does not exist; the scene has {len(self.sensors)}, counted from 0")
+            raise InputError(
+                f"{self.name}: sensor {index} does not exist; the scene has {len(self.sensors)}, counted from 0"
+            )
         return self.sensors[index]
 
     def surfaces(self) -> list:
@@ -66,7 +91,9 @@ class Scene:
         return [plugin for plugin in deriving_plugins(self.mi) if hasattr(plugin, "set_lobe")]
 
     def set_lobe(self, lobe: str, material: str | None = None) -> None:
-        """Sets the fidelity rung (brdf, mirror, diffuse) of one Sandford-Robertson material, or of all."""
+        """Sets the fidelity rung (brdf, mirror, diffuse) of one Sandford-Robertson material, or of
+        all.
+        """
         surfaces = self.surfaces()
         chosen = [surface for surface in surfaces if material in (None, surface.material)]
         if not chosen:
@@ -78,12 +105,15 @@ class Scene:
 def load(scene, /, **parameters) -> Scene:
     """Loads a scene XML or a bundled scene, with values for its $-parameters.
 
-    scene: a path, or a name that `mi-lcair scenes` lists. Raises InputError, one line, for whatever makes the scene
-    unusable: no such file, not XML, an unknown plugin, property or parameter, a bad value, an emitting surface whose
-    emissivity is not known, another integrator, no thermal emitter.
+    scene: a path, or a name that `mi-lcair scenes` lists. Raises InputError, one line, for whatever
+    makes the scene unusable: no such file, not XML, an unknown plugin, property or parameter, a bad
+    value, an emitting surface whose emissivity is not known, another integrator, no thermal
+    emitter.
     """
     if mi.variant() not in VARIANTS:
-        raise InputError(f"variant {mi.variant()} cannot render thermal scenes; set one of {', '.join(VARIANTS)}")
+        raise InputError(
+            f"variant {mi.variant()} cannot render thermal scenes; set one of {', '.join(VARIANTS)}"
+        )
     path = find(scene)
     texts = {name: str(value) for name, value in parameters.items()}
     known = declared_parameters(path, texts)
@@ -100,8 +130,9 @@ def load(scene, /, **parameters) -> Scene:
 
 
 def instantiated(path: Path, texts: dict[str, str]):
-    """What `mi.load_file` makes of a scene file, but with Embree's watertight intersections: without them one ray in 1e7
-    slips through the edge between two facets."""
+    """What `mi.load_file` makes of a scene file, but with Embree's watertight intersections:
+    without them one ray in 1e7 slips through the edge between two facets.
+    """
     config = mi.parser.ParserConfig(mi.variant())
     # Mitsuba would merge two equal thermal emitters, and one emitter cannot belong to two shapes
     config.merge_equivalent = config.merge_meshes = False
@@ -130,16 +161,25 @@ def find(scene) -> Path:
 
 
 def declared_parameters(path: Path, given: dict[str, str]) -> set[str]:
-    """Names of the $-parameters of a scene file and of what it includes, for the values `given` to some of them."""
+    """Names of the $-parameters of a scene file and of what it includes, for the values `given` to
+    some of them.
+    """
     try:
         root = ElementTree.parse(path).getroot()
     except (ElementTree.ParseError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: is not XML: {error}") from None
     values = {default.get("name"): default.get("value") for default in root.iter("default")} | given
     names = {default.get("name") for default in root.iter("default")}
-    names.update(name for element in root.iter() for value in element.attrib.values() for name in re.findall(r"\$(\w+)", value))
+    names.update(
+        name
+        for element in root.iter()
+        for value in element.attrib.values()
+        for name in re.findall(r"\$(\w+)", value)
+    )
     for include in root.iter("include"):
-        file = path.parent / re.sub(r"\$(\w+)", lambda name: str(values.get(name[1], name[0])), include.get("filename", ""))
+        file = path.parent / re.sub(
+            r"\$(\w+)", lambda name: str(values.get(name[1], name[0])), include.get("filename", "")
+        )
         if file.is_file():
             names |= declared_parameters(file, values)
     return names
@@ -151,7 +191,9 @@ def with_known_plugins(error: Exception) -> Exception:
     if not found:
         return error
     installed = [file.stem for file in (Path(mi.__file__).parent / "plugins").glob("*.*")]
-    nearest = get_close_matches(found[1], ["sandford_robertson", "thermal", "bounce_path", *installed], n=5, cutoff=0.4)
+    nearest = get_close_matches(
+        found[1], ["sandford_robertson", "thermal", "bounce_path", *installed], n=5, cutoff=0.4
+    )
     return InputError(f"{error}; the nearest known are: {', '.join(nearest) or 'none'}")
 
 
@@ -159,18 +201,35 @@ def checked(loaded, path: Path, parameters: dict[str, str]) -> Scene:
     """The Scene, with its derived quantities made; refuses what cannot be rendered."""
     integrator = loaded.integrator()
     if not hasattr(integrator, "observe"):
-        raise InputError(f"{path}: the integrator must be bounce_path: <integrator type=\"bounce_path\"/>")
+        raise InputError(
+            f'{path}: the integrator must be bounce_path: <integrator type="bounce_path"/>'
+        )
     if not loaded.sensors():
         raise InputError(f"{path}: has no sensor")
     for number, sensor in enumerate(loaded.sensors()):
         if 0 in sensor.film().crop_size():
-            raise InputError(f"{path}: the film of sensor {number} has no pixels; width and height must be positive")
+            raise InputError(
+                f"{path}: the film of sensor {number} has no pixels; width and height must be positive"
+            )
     with integrator.prepared(loaded):
-        pass                            # whatever cannot be derived is refused here
+        pass  # whatever cannot be derived is refused here
     if integrator.emitters.band is None:
-        raise InputError(f"{path}: no thermal emitter names a band; add <emitter type=\"thermal\"> to what radiates")
-    name = path.resolve().parent.name if path.stem == "scene" else path.stem      # as `import` names its files
-    return Scene(loaded, name, integrator.emitters.band, integrator.emitters.labels, parameters, notes(loaded), list(loaded.sensors()), path)
+        raise InputError(
+            f'{path}: no thermal emitter names a band; add <emitter type="thermal"> to what radiates'
+        )
+    name = (
+        path.resolve().parent.name if path.stem == "scene" else path.stem
+    )  # as `import` names its files
+    return Scene(
+        loaded,
+        name,
+        integrator.emitters.band,
+        integrator.emitters.labels,
+        parameters,
+        notes(loaded),
+        list(loaded.sensors()),
+        path,
+    )
 
 
 def notes(loaded) -> list[str]:
@@ -179,17 +238,22 @@ def notes(loaded) -> list[str]:
         if hasattr(plugin, "set_lobe"):
             angle = plugin.first_saturated_angle_deg()
             if angle is not None:
-                found.append(f"material {plugin.material}: the model would reflect more than arrives beyond {angle:.1f} degrees; "
-                             "its BRDF is scaled down to HDR = 1 there")
+                found.append(
+                    f"material {plugin.material}: the model would reflect more than arrives beyond {angle:.1f} degrees; "
+                    "its BRDF is scaled down to HDR = 1 there"
+                )
         elif plugin.material_emissivity is not None and plugin.material_emissivity.kind == "table":
-            found.append(f"group {plugin.group}: emissivity tabulated by sampling the BSDF, "
-                         f"standard error {plugin.material_emissivity.error:.1e}")
+            found.append(
+                f"group {plugin.group}: emissivity tabulated by sampling the BSDF, "
+                f"standard error {plugin.material_emissivity.error:.1e}"
+            )
     return list(dict.fromkeys(found))
 
 
 def clipped(loaded, sensors) -> list[str]:
-    """Remarks on sensors that may not see the scene whole: Mitsuba cuts each first ray at near_clip and far_clip, 0.01 m and
-    10 km unless the scene says otherwise."""
+    """Remarks on sensors that may not see the scene whole: Mitsuba cuts each first ray at near_clip
+    and far_clip, 0.01 m and 10 km unless the scene says otherwise.
+    """
     box, found = loaded.bbox(), []
     low, high = np.array(box.min), np.array(box.max)
     for number, sensor in enumerate(sensors):
@@ -200,7 +264,11 @@ def clipped(loaded, sensors) -> list[str]:
         nearest = np.linalg.norm(np.maximum(np.maximum(low - eye, eye - high), 0))
         farthest = np.linalg.norm(np.maximum(high - eye, eye - low))
         if nearest < clips["near_clip"] and clips["near_clip"] > 0.01 * np.linalg.norm(high - low):
-            found.append(f"sensor {number}: does not see what is nearer than its near_clip = {clips['near_clip']:g} m")
+            found.append(
+                f"sensor {number}: does not see what is nearer than its near_clip = {clips['near_clip']:g} m"
+            )
         if farthest > clips["far_clip"]:
-            found.append(f"sensor {number}: does not see what is farther than its far_clip = {clips['far_clip']:g} m")
+            found.append(
+                f"sensor {number}: does not see what is farther than its far_clip = {clips['far_clip']:g} m"
+            )
     return found

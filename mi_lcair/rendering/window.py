@@ -1,4 +1,5 @@
 """The window that an orthographic sensor sees: where an intensity is radiance times area."""
+
 import mitsuba as mi
 import numpy as np
 
@@ -6,7 +7,9 @@ from mi_lcair.errors import InputError
 
 
 def window(sensor) -> tuple[np.ndarray, ...]:
-    """An orthographic sensor's (cropped) window: a corner, its two sides [m], and the unit direction of view; Float64."""
+    """An orthographic sensor's (cropped) window: a corner, its two sides [m], and the unit
+    direction of view; Float64.
+    """
     ray, _ = sensor.sample_ray(0, 0, mi.Point2f([0, 1, 0], [0, 0, 1]), mi.Point2f(0.5))
     corner = np.array(ray.o, dtype=np.float64).T
     direction = np.array(ray.d, dtype=np.float64).reshape(3, -1)[:, 0]
@@ -16,7 +19,9 @@ def window(sensor) -> tuple[np.ndarray, ...]:
 def window_area(sensor, name: str) -> float:
     """Area of the window that an orthographic sensor sees [m^2]; InputError for any other sensor."""
     if sensor.class_name() != "OrthographicCamera":
-        raise InputError(f"{name}: signature needs an orthographic sensor, and this one is {sensor.class_name()}; "
-                         "radiance times area is an intensity only where all rays are parallel")
+        raise InputError(
+            f"{name}: signature needs an orthographic sensor, and this one is {sensor.class_name()}; "
+            "radiance times area is an intensity only where all rays are parallel"
+        )
     _, right, up, _ = window(sensor)
     return float(np.linalg.norm(np.cross(right, up)))

@@ -1,16 +1,19 @@
-"""`python -m mi_lcair.scenes.build FOLDER` writes every facet model into FOLDER: the labelled OBJ, and what `mi-lcair import`
-makes of it. The bundled scenes use those of scenes/models."""
+"""`python -m mi_lcair.scenes.build FOLDER` writes every facet model into FOLDER: the labelled OBJ,
+and what `mi-lcair import` makes of it. The bundled scenes use those of scenes/models.
+"""
+
 import sys
 from pathlib import Path
 
-from mi_lcair import facets
+from mi_lcair.scenes.build.airliner import airliner
+from mi_lcair.scenes.build.cylinder import cylinder
+from mi_lcair.scenes.build.surroundings import ir_range, world_sphere
+from mi_lcair.scenes.build.wavefront import wavefront
 
-from .airliner import airliner
-from .cylinder import cylinder
-from .surroundings import ir_range, world_sphere
-from .wavefront import wavefront
+from mi_lcair import models3d as facets
 
-SKY = "midlat_summer_stratus"       # an overcast summer day, nearest to the thesis's (3.4.2.2); scenes may name another
+# an overcast summer day, nearest to the thesis's (3.4.2.2); scenes may name another
+SKY = "midlat_summer_stratus"
 
 
 def models() -> dict[str, str]:

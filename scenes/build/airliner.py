@@ -1,20 +1,24 @@
-"""An airliner of the Airbus A340-300's public dimensions (thesis 3.2.3.3), all at 300 K but its exhausts.
+"""An airliner of the Airbus A340-300's public dimensions (thesis 3.2.3.3), all at 300 K but its
+exhausts.
 
-Public: length 63.69 m, span 60.30 m, fuselage 5.64 m, wing sweep 30 degrees at the quarter chord. Everything else is
-ASSUMED, after the look of the aircraft: where engines and tail sit and their sizes; profiles are symmetrical, wings have no
-twist, engine intakes are closed by a flat disc; flaps, gear, doors and windows are left out.
+Public: length 63.69 m, span 60.30 m, fuselage 5.64 m, wing sweep 30 degrees at the quarter chord.
+Everything else is ASSUMED, after the look of the aircraft: where engines and tail sit and their
+sizes; profiles are symmetrical, wings have no twist, engine intakes are closed by a flat disc;
+flaps, gear, doors and windows are left out.
 
-Bodies are closed and reach into each other where the aircraft's parts join. A nacelle, its turbine's annulus and its exhaust
-are one body, so that cowl, annulus and cone meet without a gap: the annulus is the flat end of the cowl, and faces aft.
+Bodies are closed and reach into each other where the aircraft's parts join. A nacelle, its
+turbine's annulus and its exhaust are one body, so that cowl, annulus and cone meet without a gap:
+the annulus is the flat end of the cowl, and faces aft.
 """
-import numpy as np
 
-from .bodies import Facet, cap, loft, mirrored, patch, revolve, ring
+import numpy as np
+from mi_lcair.scenes.build.bodies import Facet, cap, loft, mirrored, patch, revolve, ring
 
 LENGTH, SPAN, FUSELAGE_DIAMETER = 63.69, 60.30, 5.64  # m
-ENGINES = (19.25, 9.37, -9.37, -19.25)                # y (m), from left to right, assumed
-EXHAUST_LENGTH = 6.1                                  # m: 20 ft, thesis 3.2.3.3
-# m, assumed: a core nozzle, and the cone that leaves it, of the size that the intensities of thesis 4.3 ask for.
+ENGINES = (19.25, 9.37, -9.37, -19.25)  # y (m), from left to right, assumed
+EXHAUST_LENGTH = 6.1  # m: 20 ft, thesis 3.2.3.3
+# m, assumed: a core nozzle, and the cone that leaves it, of the size that the intensities of thesis
+# 4.3 ask for.
 NOZZLE_RADIUS, EXHAUST_RADIUS = 0.55, 0.30
 SKIN = "f*bareAl*300"
 HOT_PARTS = "f*blackbody*800*group=hot_parts"
@@ -23,8 +27,16 @@ NOSE = LENGTH / 2  # x of the nose; stations below count metres aft of it
 
 
 def airliner() -> dict[str, list[Facet]]:
-    """Closed bodies by name: fuselage, belly, wing, tailplane, fin, and for each engine (1 to 4) nacelle_1 and pylon_1, ..."""
-    parts = {"fuselage": fuselage(), "belly": belly(), "wing": wing(), "tailplane": tailplane(), "fin": fin()}
+    """Closed bodies by name: fuselage, belly, wing, tailplane, fin, and for each engine (1 to 4)
+    nacelle_1 and pylon_1, ...
+    """
+    parts = {
+        "fuselage": fuselage(),
+        "belly": belly(),
+        "wing": wing(),
+        "tailplane": tailplane(),
+        "fin": fin(),
+    }
     for number, lateral in enumerate(ENGINES, start=1):
         parts[f"nacelle_{number}"] = nacelle(lateral, number)
         parts[f"pylon_{number}"] = pylon(lateral, number)
@@ -33,8 +45,11 @@ def airliner() -> dict[str, list[Facet]]:
 
 # Fuselage and belly: circles and ellipses across the axis.
 
+
 def fuselage():
-    """Round throughout: the nose droops, the tail cone rises so that its upper line stays nearly straight."""
+    """Round throughout: the nose droops, the tail cone rises so that its upper line stays nearly
+    straight.
+    """
     radius, columns = FUSELAGE_DIAMETER / 2, 36
     nose_length, tail_station, tip_radius = 7.0, 43.0, 0.25
     rings = []
@@ -45,7 +60,10 @@ def fuselage():
     for t in np.linspace(0, 1, 16)[1:]:
         size = radius + (tip_radius - radius) * t**1.6
         rings.append((tail_station + (LENGTH - tail_station) * t, size, radius - 0.9 * t**2 - size))
-    return loft([ring(NOSE - s, r, columns, centre=(0, z)) for s, r, z in reversed(rings)], f"{SKIN}*fuselage")
+    return loft(
+        [ring(NOSE - s, r, columns, centre=(0, z)) for s, r, z in reversed(rings)],
+        f"{SKIN}*fuselage",
+    )
 
 
 def belly():
@@ -60,76 +78,126 @@ def belly():
 
 # Wings, tail and pylons: one profile, scaled.
 
-def profile(points=16):
-    """A closed symmetrical profile (points + 1, 2) of chord 1 and thickness 1, sharp trailing edge (-1, 0) first.
 
-    Columns are the distance ahead of the leading edge, and height. NACA four-digit thickness with a closed trailing edge.
+def profile(points=16):
+    """A closed symmetrical profile (points + 1, 2) of chord 1 and thickness 1, sharp trailing edge
+    (-1, 0) first.
+
+    Columns are the distance ahead of the leading edge, and height. NACA four-digit thickness with a
+    closed trailing edge.
     """
     angle = 2 * np.pi * (np.arange(points + 1) % points) / points
     aft = (1 + np.cos(angle)) / 2
-    height = 0.2969 * np.sqrt(aft) - 0.1260 * aft - 0.3516 * aft**2 + 0.2843 * aft**3 - 0.1036 * aft**4
+    height = (
+        0.2969 * np.sqrt(aft) - 0.1260 * aft - 0.3516 * aft**2 + 0.2843 * aft**3 - 0.1036 * aft**4
+    )
     height *= np.where(angle < np.pi, 1, -1)
     return np.stack([-aft, height / np.ptp(height)], axis=1)
 
 
 def section(leading_edge, chord, thickness, upper):
-    """A profile in space: `leading_edge` (station, y, z), chord and thickness in m, `upper` the direction of its upper side.
+    """A profile in space: `leading_edge` (station, y, z), chord and thickness in m, `upper` the
+    direction of its upper side.
 
     Its way is right-handed about upper x forward.
     """
     station, y, z = leading_edge
     ahead, height = profile().T
-    return [NOSE - station, y, z] + np.outer(chord * ahead, (1, 0, 0)) + np.outer(thickness * height, upper)
+    return (
+        [NOSE - station, y, z]
+        + np.outer(chord * ahead, (1, 0, 0))
+        + np.outer(thickness * height, upper)
+    )
 
 
 def tip_to_tip(stations, label):
-    """One body over both sides, from the left side's sections (n, points, 3): the root, at y = 0, is the first."""
+    """One body over both sides, from the left side's sections (n, points, 3): the root, at y = 0,
+    is the first.
+    """
     left = patch(stations, label) + cap(stations[-1][::-1], label)
     return left + mirrored(left)
 
 
 def between(stations, counts):
     """Stations (n, values) with `counts` - 1 more between each and the next, on straight lines."""
-    rows = [np.linspace(a, b, count, endpoint=False) for a, b, count in zip(stations, stations[1:], counts)]
+    rows = [
+        np.linspace(a, b, count, endpoint=False)
+        for a, b, count in zip(stations, stations[1:], counts)
+    ]
     return np.concatenate([*rows, stations[-1:]])
 
 
-WING_THICKNESS = 0.12                   # of the chord
-WING = np.array([                       # y, station of the leading edge, chord, z
-    (0.0, 20.2, 12.0, -1.65),           # inside the fuselage
-    (9.9, 26.5, 7.2, -0.78),            # the kink of the trailing edge
-    (29.0, 38.67, 2.55, 0.89),          # where the winglet begins
-])
+WING_THICKNESS = 0.12  # of the chord
+WING = np.array(
+    [  # y, station of the leading edge, chord, z
+        (0.0, 20.2, 12.0, -1.65),  # inside the fuselage
+        (9.9, 26.5, 7.2, -0.78),  # the kink of the trailing edge
+        (29.0, 38.67, 2.55, 0.89),  # where the winglet begins
+    ]
+)
 
 
 def wing():
-    """Both wings through the fuselage, 5 degrees of dihedral, and winglets that turn up from the tips."""
-    sections = [section((s, y, z), chord, WING_THICKNESS * chord, (0, 0, 1)) for y, s, chord, z in between(WING, (8, 14))]
+    """Both wings through the fuselage, 5 degrees of dihedral, and winglets that turn up from the
+    tips.
+    """
+    sections = [
+        section((s, y, z), chord, WING_THICKNESS * chord, (0, 0, 1))
+        for y, s, chord, z in between(WING, (8, 14))
+    ]
     tip_chord, tip_thickness = 0.75, 0.07
     tip_y = SPAN / 2 - tip_thickness / 2 * np.sin(np.radians(75))  # its outer side makes the span
     for y, s, chord, z, thickness, cant in (
-            (29.38, 38.98, 2.35, 1.00, 0.24, 30), (29.60, 39.25, 2.15, 1.22, 0.20, 60), (29.72, 39.62, 1.90, 1.60, 0.16, 75),
-            (tip_y, 41.2, tip_chord, 3.20, tip_thickness, 75)):
-        sections.append(section((s, y, z), chord, thickness, (0, -np.sin(np.radians(cant)), np.cos(np.radians(cant)))))
+        (29.38, 38.98, 2.35, 1.00, 0.24, 30),
+        (29.60, 39.25, 2.15, 1.22, 0.20, 60),
+        (29.72, 39.62, 1.90, 1.60, 0.16, 75),
+        (tip_y, 41.2, tip_chord, 3.20, tip_thickness, 75),
+    ):
+        sections.append(
+            section(
+                (s, y, z),
+                chord,
+                thickness,
+                (0, -np.sin(np.radians(cant)), np.cos(np.radians(cant))),
+            )
+        )
     return tip_to_tip(sections, f"{SKIN}*wing")
 
 
 def tailplane():
-    stations = np.array([(0.0, 53.2, 6.2, 1.15), (9.7, 59.6, 2.2, 2.15)])  # y, station, chord, z: 30 degrees, 6 of dihedral
-    sections = [section((s, y, z), chord, 0.1 * chord, (0, 0, 1)) for y, s, chord, z in between(stations, (10,))]
+    stations = np.array(
+        [(0.0, 53.2, 6.2, 1.15), (9.7, 59.6, 2.2, 2.15)]
+    )  # y, station, chord, z: 30 degrees, 6 of dihedral
+    sections = [
+        section((s, y, z), chord, 0.1 * chord, (0, 0, 1))
+        for y, s, chord, z in between(stations, (10,))
+    ]
     return tip_to_tip(sections, f"{SKIN}*tailplane")
 
 
 def fin():
-    stations = np.array([(1.8, 50.8, 9.0), (11.3, 59.3, 3.4)])  # z, station of the leading edge, chord
-    sections = [section((s, 0, z), chord, 0.1 * chord, (0, -1, 0)) for z, s, chord in between(stations, (12,))]
+    stations = np.array(
+        [(1.8, 50.8, 9.0), (11.3, 59.3, 3.4)]
+    )  # z, station of the leading edge, chord
+    sections = [
+        section((s, 0, z), chord, 0.1 * chord, (0, -1, 0))
+        for z, s, chord in between(stations, (12,))
+    ]
     return loft(sections, f"{SKIN}*fin")
 
 
 # Engines.
 
 COWL = [  # aft of the front, radius; the first is the rim of the disc that closes the intake
-    (0.0, 0.98), (0.08, 1.07), (0.3, 1.14), (0.8, 1.19), (1.6, 1.20), (2.4, 1.16), (3.1, 1.05), (3.8, 0.89), (4.5, 0.71),
+    (0.0, 0.98),
+    (0.08, 1.07),
+    (0.3, 1.14),
+    (0.8, 1.19),
+    (1.6, 1.20),
+    (2.4, 1.16),
+    (3.1, 1.05),
+    (3.8, 0.89),
+    (4.5, 0.71),
     (5.1, NOZZLE_RADIUS),
 ]
 
@@ -152,15 +220,22 @@ def nacelle(lateral, number):
         path = [(NOSE - station - aft, radius) for aft, radius in reversed(aft_and_radius)]
         return patch(revolve(path, columns, centre=(lateral, z)), label)
 
-    return (surface(disc + COWL[1:], f"{SKIN}*nacelle_{number}")
-            + surface([COWL[-1], cone[0]], f"{HOT_PARTS}*engine_{number}")
-            + surface(cone, f"{PLUME}*engine_{number}"))
+    return (
+        surface(disc + COWL[1:], f"{SKIN}*nacelle_{number}")
+        + surface([COWL[-1], cone[0]], f"{HOT_PARTS}*engine_{number}")
+        + surface(cone, f"{PLUME}*engine_{number}")
+    )
 
 
 def pylon(lateral, number):
     """From inside the nacelle up into the wing."""
     station, z = engine_front(lateral)
     nose, top = station + 4.7, z + 1.75  # the wing's leading edge
-    stations = np.array([(z + 0.6, station + 1.0, 3.6), (top, nose + 0.15, 3.2)])  # z, station of the leading edge, chord
-    sections = [section((s, lateral, z), chord, 0.11 * chord, (0, -1, 0)) for z, s, chord in between(stations, (4,))]
+    stations = np.array(
+        [(z + 0.6, station + 1.0, 3.6), (top, nose + 0.15, 3.2)]
+    )  # z, station of the leading edge, chord
+    sections = [
+        section((s, lateral, z), chord, 0.11 * chord, (0, -1, 0))
+        for z, s, chord in between(stations, (4,))
+    ]
     return loft(sections, f"{SKIN}*pylon_{number}")

@@ -1,45 +1,60 @@
 """The cylinder with wings and nose, a notional aircraft (thesis 3.2.3.2), as one closed skin.
 
-The text of the thesis lacks the drawing with its dimensions (Figure 3.6): those here are ASSUMED, so that the body fits
-the 3 m IR range. A cylinder with a tangent ogive as nose and a flat tail carries two plane rectangular wings. A wing
-takes the place of one column of the cylinder's facets: its faces meet the cylinder along a generator, in a sharp corner.
+The text of the thesis lacks the drawing with its dimensions (Figure 3.6): those here are ASSUMED,
+so that the body fits the 3 m IR range. A cylinder with a tangent ogive as nose and a flat tail
+carries two plane rectangular wings. A wing takes the place of one column of the cylinder's facets:
+its faces meet the cylinder along a generator, in a sharp corner.
 """
-import numpy as np
 
-from .bodies import mirrored, patch, revolve
+import numpy as np
+from mi_lcair.scenes.build.bodies import mirrored, patch, revolve
 
 LENGTH, NOSE_LENGTH, RADIUS = 1.2, 0.3, 0.15  # m, assumed; the length includes the nose
-SPAN = 1.0                                    # m, assumed; tip to tip
-COLUMNS = 40                                  # facets around
-ROWS = 24                                     # of equal length along the cylinder, without nose and tail
-WING_ROWS = slice(6, 18)                      # which of them carry the wings, in the middle of the cylinder
+SPAN = 1.0  # m, assumed; tip to tip
+COLUMNS = 40  # facets around
+ROWS = 24  # of equal length along the cylinder, without nose and tail
+WING_ROWS = slice(6, 18)  # which of them carry the wings, in the middle of the cylinder
 NOSE_ROWS = 6
-TAIL_RADII = (0, 0.05, 0.1)                   # m; inner radii of the rings of the flat tail
+TAIL_RADII = (0, 0.05, 0.1)  # m; inner radii of the rings of the flat tail
 # Span stations as fractions of a wing: facets grow from 2 cm at the root to 4 cm at the tip.
 WING_STATIONS = np.cumsum([0, *np.linspace(2, 4, 12)]) / np.linspace(2, 4, 12).sum()
 
 # Kelvin, thesis Table 3.2.
 TEMPERATURES = {
     "bareAl": {
-        "nose": 301.7, "front_fuselage": 302.1, "rear_fuselage": 303.2, "left_wing_front": 303.6,
-        "left_wing_rear": 303.6, "right_wing_front": 303.7, "right_wing_rear": 303.7,
+        "nose": 301.7,
+        "front_fuselage": 302.1,
+        "rear_fuselage": 303.2,
+        "left_wing_front": 303.6,
+        "left_wing_rear": 303.6,
+        "right_wing_front": 303.7,
+        "right_wing_rear": 303.7,
     },
     "gloss_black": {
-        "nose": 292.1, "front_fuselage": 293.1, "rear_fuselage": 294.2, "left_wing_front": 301.6,
-        "left_wing_rear": 298.2, "right_wing_front": 304.2, "right_wing_rear": 299.1,
+        "nose": 292.1,
+        "front_fuselage": 293.1,
+        "rear_fuselage": 294.2,
+        "left_wing_front": 301.6,
+        "left_wing_rear": 298.2,
+        "right_wing_front": 304.2,
+        "right_wing_rear": 299.1,
     },
 }
 
 
 def ogive_radius(distance):
-    """Radius (m) of the nose at a distance (m) ahead of its base: an arc that leaves the cylinder smoothly."""
+    """Radius (m) of the nose at a distance (m) ahead of its base: an arc that leaves the cylinder
+    smoothly.
+    """
     arc = (RADIUS**2 + NOSE_LENGTH**2) / (2 * RADIUS)
     return np.sqrt(arc**2 - distance**2) + RADIUS - arc
 
 
 def cylinder(finish):
     """Facets of the model in one of the two finishes of Table 3.2, "bareAl" or "gloss_black"."""
-    labels = {region: f"f*{finish}*{kelvin}*{region}" for region, kelvin in TEMPERATURES[finish].items()}
+    labels = {
+        region: f"f*{finish}*{kelvin}*{region}" for region, kelvin in TEMPERATURES[finish].items()
+    }
     tail, shoulder = -LENGTH / 2, LENGTH / 2 - NOSE_LENGTH
     rings = np.linspace(tail, shoulder, ROWS + 1)
     side = skin([(x, RADIUS) for x in rings])
@@ -48,31 +63,43 @@ def cylinder(finish):
     nose = np.linspace(0, NOSE_LENGTH, NOSE_ROWS + 1)
 
     facets = patch(skin(list(zip(shoulder + nose, ogive_radius(nose)))), labels["nose"])
-    facets += patch(side[WING_ROWS.stop:], labels["front_fuselage"]) + beside_wings(side, front, labels["front_fuselage"])
-    facets += beside_wings(side, rear, labels["rear_fuselage"]) + patch(side[:WING_ROWS.start + 1], labels["rear_fuselage"])
-    facets += patch(skin([(tail, radius) for radius in (*TAIL_RADII, RADIUS)]), labels["rear_fuselage"])
+    facets += patch(side[WING_ROWS.stop :], labels["front_fuselage"]) + beside_wings(
+        side, front, labels["front_fuselage"]
+    )
+    facets += beside_wings(side, rear, labels["rear_fuselage"]) + patch(
+        side[: WING_ROWS.start + 1], labels["rear_fuselage"]
+    )
+    facets += patch(
+        skin([(tail, radius) for radius in (*TAIL_RADII, RADIUS)]), labels["rear_fuselage"]
+    )
     for part, rows in (("front", front), ("rear", rear)):
-        chord = rings[rows.start:rows.stop + 1]
+        chord = rings[rows.start : rows.stop + 1]
         facets += wing(chord, labels[f"left_wing_{part}"], edge=part)
         facets += mirrored(wing(chord, labels[f"right_wing_{part}"], edge=part))
     return facets
 
 
 def skin(profile):
-    """Rings about the x axis, with column 0 centred on +y (left wing) and column COLUMNS / 2 on -y (right wing)."""
+    """Rings about the x axis, with column 0 centred on +y (left wing) and column COLUMNS / 2 on -y
+    (right wing).
+    """
     return revolve(profile, COLUMNS, turn=-0.5)
 
 
 def beside_wings(side, rows, label):
     """The cylinder's facets in `rows` above and below the wings."""
-    strip = side[rows.start:rows.stop + 1]
+    strip = side[rows.start : rows.stop + 1]
     half = COLUMNS // 2
-    return patch(strip[:, 1:half + 1], label) + patch(strip[:, half + 1:], label)
+    return patch(strip[:, 1 : half + 1], label) + patch(strip[:, half + 1 :], label)
 
 
 def wing(chord, label, edge):
-    """The front or rear half of the left wing, between the stations `chord` (x, ascending): faces, tip and outer edge."""
-    root = np.array([RADIUS * np.cos(np.pi / COLUMNS), RADIUS * np.sin(np.pi / COLUMNS)])  # (y, z) of the upper corner
+    """The front or rear half of the left wing, between the stations `chord` (x, ascending): faces,
+    tip and outer edge.
+    """
+    root = np.array(
+        [RADIUS * np.cos(np.pi / COLUMNS), RADIUS * np.sin(np.pi / COLUMNS)]
+    )  # (y, z) of the upper corner
     y, z = root[0] + (SPAN / 2 - root[0]) * WING_STATIONS, root[1]
 
     def points(xs, ys, zs):

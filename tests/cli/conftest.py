@@ -1,4 +1,5 @@
 """What the tests of the command line share: calls, and a stand-in for the renderer behind it."""
+
 from types import SimpleNamespace
 
 import numpy as np
@@ -26,9 +27,12 @@ def run():
 @pytest.fixture
 def refused(run):
     """The message of a call that must end with exit 2, one line on stderr and nothing on stdout."""
+
     def message(*args):
         result = run(*args)
-        assert (result.exit_code, result.stdout, result.stderr.count("\n")) == (2, "", 1), result.output
+        assert (result.exit_code, result.stdout, result.stderr.count("\n")) == (2, "", 1), (
+            result.output
+        )
         assert result.stderr.startswith("mi-lcair: ")
         return result.stderr
 
@@ -36,8 +40,10 @@ def refused(run):
 
 
 class Renderer:
-    """Stands for mi_lcair.load, render and signature: records what it is asked for, returns `results`, or
-    raises `error`."""
+    """Stands for mi_lcair.load, render and signature: records what it is asked for, returns
+    `results`, or raises `error`.
+    """
+
     error = None
     remarks = ()
     results = {}
@@ -48,17 +54,45 @@ class Renderer:
 
     def render(self, scene, **sampling):
         self.asked(scene, **sampling)
-        return SimpleNamespace(**{
-            "channels": {"Y": np.full((2, 3), 5, np.float32)}, "header": {"band": "MWIR", "spp": 16}, "spp": 16,
-            "band": SimpleNamespace(name="MWIR", label="MWIR 3-5 um"), "mean": np.float32(5.25), "rms_error": 0.0125,
-            "reached": None, "invalid": 0, "closure_error": None, "paths": 96, "seconds": 1.5, **self.results})
+        return SimpleNamespace(
+            **{
+                "channels": {"Y": np.full((2, 3), 5, np.float32)},
+                "header": {"band": "MWIR", "spp": 16},
+                "spp": 16,
+                "band": SimpleNamespace(name="MWIR", label="MWIR 3-5 um"),
+                "mean": np.float32(5.25),
+                "rms_error": 0.0125,
+                "reached": None,
+                "invalid": 0,
+                "closure_error": None,
+                "paths": 96,
+                "seconds": 1.5,
+                **self.results,
+            }
+        )
 
     def signature(self, scene, by_spectrum, facets, **sampling):
         self.asked(scene, **sampling)
-        scene = {"intensity": 22.0755, "standard_error": 0.0021, "by_bounce": [20.0, 22.0], "by_group": {"hot": 21.0, "self": 1.0755},
-                 "by_group_error": {"hot": 0.002, "self": None}, "by_seen": {"plate": 22.0755}, "by_seen_error": {"plate": 0.0021}}
+        scene = {
+            "intensity": 22.0755,
+            "standard_error": 0.0021,
+            "by_bounce": [20.0, 22.0],
+            "by_group": {"hot": 21.0, "self": 1.0755},
+            "by_group_error": {"hot": 0.002, "self": None},
+            "by_seen": {"plate": 22.0755},
+            "by_seen_error": {"plate": 0.0021},
+        }
         target = {**scene, "intensity": 11.5, "by_bounce": [10.0, 11.0], **self.results}
-        return SimpleNamespace(as_dict=lambda: {"band": "total", **scene, "target": target, "scene": scene, "seconds": 1.5, "paths": 2**32})
+        return SimpleNamespace(
+            as_dict=lambda: {
+                "band": "total",
+                **scene,
+                "target": target,
+                "scene": scene,
+                "seconds": 1.5,
+                "paths": 2**32,
+            }
+        )
 
     def asked(self, scene, progress, **sampling):
         assert scene.name == "the scene"

@@ -1,15 +1,16 @@
 """mi-lcair chart propagation, with a stand-in for the measurement."""
+
 import json
 
 import pytest
 
-from tests.products.test_propagation_chart import result
+from tests.benchmark.test_propagation_chart import result
 
 
 @pytest.fixture
 def measured(monkeypatch):
     calls = []
-    from mi_lcair.products import propagation_chart
+    from mi_lcair.benchmark import propagation_chart
 
     def measure(quick, progress):
         calls.append(quick)

@@ -1,13 +1,16 @@
 """mi-lcair chart reflectance: its files, and what it prints."""
+
 import json
 
 import pytest
 
-from mi_lcair.products import reflectance_chart
-from mi_lcair.products.chart import Point
+from mi_lcair.benchmark import reflectance_chart
+from mi_lcair.benchmark.chart import Point
 
-POINTS = [Point("aluminum MWIR", "ours", n, 10.0**n, 1e-6 * 10**n, 0.1, error, 0, 1, 0.9, error)
-          for n, error in ((1, 0.1), (2, 0.005))]
+POINTS = [
+    Point("aluminum MWIR", "ours", n, 10.0**n, 1e-6 * 10**n, 0.1, error, 0, 1, 0.9, error)
+    for n, error in ((1, 0.1), (2, 0.005))
+]
 
 
 @pytest.fixture
@@ -33,13 +36,23 @@ def test_writes_and_prints(run, measured, folder):
     result = run("chart", "reflectance", "-o", "charts", "--quick")
     assert measured["quick"] and (folder / "charts" / "reflectance.md").read_text() == "a page"
     lines = [line.split("  ") for line in result.stdout.splitlines()]
-    assert [cell.strip() for cell in lines[2] if cell] == ["aluminum MWIR", "1.0%", "ours", "100", "100 µs"]
+    assert [cell.strip() for cell in lines[2] if cell] == [
+        "aluminum MWIR",
+        "1.0%",
+        "ours",
+        "100",
+        "100 µs",
+    ]
     assert "none" in lines[3] and result.stdout.endswith("to charts\n")
 
 
 def test_json(run, measured):
     points = json.loads(run("chart", "reflectance", "--json").stdout)["points"]
-    assert not measured["quick"] and points[1]["error"] == pytest.approx(0.005) and points[0]["case"] == "aluminum MWIR"
+    assert (
+        not measured["quick"]
+        and points[1]["error"] == pytest.approx(0.005)
+        and points[0]["case"] == "aluminum MWIR"
+    )
 
 
 def test_folder_is_refused_before_the_work(refused, measured, folder):

@@ -1,4 +1,7 @@
-"""The command line itself and `render`: what it passes on and prints, what it refuses, how it exits."""
+"""The command line itself and `render`: what it passes on and prints, what it refuses, how it
+exits.
+"""
+
 import json
 import os
 import signal
@@ -21,8 +24,11 @@ HEAVY = ("mitsuba", "drjit", "matplotlib", "colour", "scipy", "OpenEXR", "numpy"
 
 # ---- start and help
 
+
 def test_help_loads_nothing_heavy():
-    """The help of the program and of every command answers before anything slow is imported; so does a bad option."""
+    """The help of the program and of every command answers before anything slow is imported; so
+    does a bad option.
+    """
     code = f"""
 import sys
 from mi_lcair.cli import COMMANDS, main
@@ -35,68 +41,136 @@ for args in calls:
 heavy = [name for name in {HEAVY} if name in sys.modules]
 assert not heavy, heavy
 """
-    subprocess.run([sys.executable, "-W", "error", "-c", code], check=True, capture_output=True, text=True,
-                   env={**os.environ, "PYTHONPATH": str(CHECKOUT)})
+    subprocess.run(
+        [sys.executable, "-W", "error", "-c", code],
+        check=True,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(CHECKOUT)},
+    )
 
 
 def test_help_and_version(run):
     for args in ([], ["--help"]):
         result = run(*args)
-        assert result.exit_code == 0 and "render" in result.stdout and "..." not in result.stdout.split("Commands:")[1]
+        assert (
+            result.exit_code == 0
+            and "render" in result.stdout
+            and "..." not in result.stdout.split("Commands:")[1]
+        )
     assert run("--version").stdout == f"mi-lcair {mi_lcair.__version__}\n"
 
 
 # ---- render
 
+
 def test_render_passes_on_every_option(run, renderer, folder):
-    result = run("render", "cavity", "-D", "opening=8", "-D", "text=a=b", "-s", 1, "--spp", 64, "--tolerance", "2.5%",
-                 "--max-spp", 4096, "--seed", 7, "-o", "out.exr")
+    result = run(
+        "render",
+        "cavity",
+        "-D",
+        "opening=8",
+        "-D",
+        "text=a=b",
+        "-s",
+        1,
+        "--spp",
+        64,
+        "--tolerance",
+        "2.5%",
+        "--max-spp",
+        4096,
+        "--seed",
+        7,
+        "-o",
+        "out.exr",
+    )
     assert result.exit_code == 0, result.output
     assert renderer.loaded == ("cavity", {"opening": "8", "text": "a=b"})
-    assert renderer.sampling == {"sensor": 1, "spp": 64, "tolerance": 0.025, "max_spp": 4096, "seed": 7}
+    assert renderer.sampling == {
+        "sensor": 1,
+        "spp": 64,
+        "tolerance": 0.025,
+        "max_spp": 4096,
+        "seed": 7,
+    }
     channels, header = read_exr("out.exr")
     assert (channels["Y"].shape, header) == ((2, 3), {"band": "MWIR", "spp": 16})
 
 
 def test_render_defaults(run, renderer):
     assert run("render", "cavity", "-o", "out.exr").exit_code == 0
-    assert renderer.sampling == {"sensor": 0, "spp": None, "tolerance": None, "max_spp": None, "seed": 0}
+    assert renderer.sampling == {
+        "sensor": 0,
+        "spp": None,
+        "tolerance": None,
+        "max_spp": None,
+        "seed": 0,
+    }
 
 
 def test_render_through_an_atmosphere(run, refused, folder):
-    result = run("render", "cylinder_ir_range", "-D", "resolution=8", "--spp", 2, "--atmosphere", "us_standard", "--range", 800, "-o", "out.exr")
+    result = run(
+        "render",
+        "cylinder_ir_range",
+        "-D",
+        "resolution=8",
+        "--spp",
+        2,
+        "--atmosphere",
+        "us_standard",
+        "--range",
+        800,
+        "-o",
+        "out.exr",
+    )
     assert result.exit_code == 0, result.output
     channels, header = read_exr("out.exr")
-    assert {"apparent.Y", "path.Y"} < set(channels) and (header["atmosphere"], header["atmosphere_range_m"]) == ("us_standard", "800")
+    assert {"apparent.Y", "path.Y"} < set(channels) and (
+        header["atmosphere"],
+        header["atmosphere_range_m"],
+    ) == ("us_standard", "800")
     (folder / "out.exr").unlink()
-    assert "known: us_standard" in refused("render", "cylinder_ir_range", "--atmosphere", "us_standart", "-o", "out.exr")
+    assert "known: us_standard" in refused(
+        "render", "cylinder_ir_range", "--atmosphere", "us_standart", "-o", "out.exr"
+    )
     assert "name one" in refused("render", "cylinder_ir_range", "--range", 800, "-o", "out.exr")
-    assert "zero range" in refused("render", "cylinder_ir_range", "--atmosphere", "us_standard", "--range", 0, "-o", "out.exr")
+    assert "zero range" in refused(
+        "render", "cylinder_ir_range", "--atmosphere", "us_standard", "--range", 0, "-o", "out.exr"
+    )
     assert not list(folder.iterdir())
 
 
 def test_render_prints_what_it_made(run, renderer):
     result = run("render", "cavity", "-o", "out.exr")
-    assert result.stdout == """\
+    assert (
+        result.stdout
+        == """\
 image              out.exr, 3 x 2 pixels, MWIR 3-5 um
 mean radiance      5.25 W m^-2 sr^-1
 standard error     1.25% of the mean (rms over the pixels)
 samples per pixel  16
 time               1.50 s
 """
+    )
     assert result.stderr == ""  # no progress bar where stderr is no terminal
 
 
-@pytest.mark.parametrize("results, row", [
-    ({"reached": True}, "tolerance          0.01 reached"),
-    ({"reached": False}, "tolerance          0.01 NOT reached; raise --max-spp"),
-    ({"invalid": 3}, "invalid samples    3 NaN or infinite, left out of the image"),
-    ({"closure_error": 0.0123}, "closure error      0.012 W m^-2 sr^-1 (estimated)"),
-    ({"rms_error": None}, "standard error     unknown for one sample (rms over the pixels)"),
-])
+@pytest.mark.parametrize(
+    "results, row",
+    [
+        ({"reached": True}, "tolerance          0.01 reached"),
+        ({"reached": False}, "tolerance          0.01 NOT reached; raise --max-spp"),
+        ({"invalid": 3}, "invalid samples    3 NaN or infinite, left out of the image"),
+        ({"closure_error": 0.0123}, "closure error      0.012 W m^-2 sr^-1 (estimated)"),
+        ({"rms_error": None}, "standard error     unknown for one sample (rms over the pixels)"),
+    ],
+)
 def test_render_says_what_went_short(run, renderer, results, row):
     renderer.results = results
-    assert row in run("render", "cavity", "--tolerance", "0.01", "-o", "out.exr").stdout.splitlines()
+    assert (
+        row in run("render", "cavity", "--tolerance", "0.01", "-o", "out.exr").stdout.splitlines()
+    )
 
 
 def test_remarks_on_the_scene_go_to_stderr(run, renderer):
@@ -108,33 +182,63 @@ def test_remarks_on_the_scene_go_to_stderr(run, renderer):
 
 def test_render_json(run, renderer):
     result = run("render", "cavity", "-o", "out.exr", "--json")
-    assert json.loads(result.stdout) == {"file": "out.exr", "band": "MWIR", "mean": 5.25, "rms_error": 0.0125, "spp": 16,
-                                         "reached": None, "invalid": 0, "closure_error": None, "paths": 96,
-                                         "seconds": 1.5}
+    assert json.loads(result.stdout) == {
+        "file": "out.exr",
+        "band": "MWIR",
+        "mean": 5.25,
+        "rms_error": 0.0125,
+        "spp": 16,
+        "reached": None,
+        "invalid": 0,
+        "closure_error": None,
+        "paths": 96,
+        "seconds": 1.5,
+    }
 
 
-@pytest.mark.parametrize("args, reason", [
-    (["--spp", "0"], "--spp"), (["--spp", "many"], "--spp"), (["--spp", "-4"], "--spp"),
-    (["--tolerance", "0"], "'0' is not a fraction"), (["--tolerance", "-1%"], "fraction"),
-    (["--tolerance", "nan"], "fraction"), (["--tolerance", "1%%"], "fraction"), (["--tolerance", "5"], "fraction"),
-    (["--tolerance", "%"], "fraction"), (["--tolerance", "100%"], "fraction"),
-    (["--tolerance", "1%", "--max-spp", "0"], "--max-spp"), (["--max-spp", "64"], "--max-spp needs --tolerance"),
-    (["-D", "opening"], "'opening' is not of the form key=value"), (["-D", "=8"], "key=value"),
-    (["-s", "-1"], "--sensor"), (["-s", "front"], "--sensor"), (["--seed", "-1"], "--seed"),
-    (["--seed", str(2**32)], "--seed"), (["-t", "0"], "--threads"),
-    (["--variant", "scalar_rgb"], "'llvm_ad_mono', 'cuda_ad_mono'"), (["--nonsense"], "--nonsense"),
-    (["second"], "second"),
-])
+@pytest.mark.parametrize(
+    "args, reason",
+    [
+        (["--spp", "0"], "--spp"),
+        (["--spp", "many"], "--spp"),
+        (["--spp", "-4"], "--spp"),
+        (["--tolerance", "0"], "'0' is not a fraction"),
+        (["--tolerance", "-1%"], "fraction"),
+        (["--tolerance", "nan"], "fraction"),
+        (["--tolerance", "1%%"], "fraction"),
+        (["--tolerance", "5"], "fraction"),
+        (["--tolerance", "%"], "fraction"),
+        (["--tolerance", "100%"], "fraction"),
+        (["--tolerance", "1%", "--max-spp", "0"], "--max-spp"),
+        (["--max-spp", "64"], "--max-spp needs --tolerance"),
+        (["-D", "opening"], "'opening' is not of the form key=value"),
+        (["-D", "=8"], "key=value"),
+        (["-s", "-1"], "--sensor"),
+        (["-s", "front"], "--sensor"),
+        (["--seed", "-1"], "--seed"),
+        (["--seed", str(2**32)], "--seed"),
+        (["-t", "0"], "--threads"),
+        (["--variant", "scalar_rgb"], "'llvm_ad_mono', 'cuda_ad_mono'"),
+        (["--nonsense"], "--nonsense"),
+        (["second"], "second"),
+    ],
+)
 def test_bad_options(refused, renderer, folder, args, reason):
     message = refused("render", "cavity", "-o", "out.exr", *args)
     assert reason in message and "mi-lcair render --help" in message
     assert not hasattr(renderer, "loaded") and list(folder.iterdir()) == []
 
 
-@pytest.mark.parametrize("args, reason", [
-    ([], "Missing argument 'SCENE'"), (["cavity"], "--output"), (["cavity", "-o", "nowhere/out.exr"], "does not exist"),
-    (["cavity", "-o", "out.png"], ".exr"), (["cavity", "-o", "/dev/null"], ".exr"),
-])
+@pytest.mark.parametrize(
+    "args, reason",
+    [
+        ([], "Missing argument 'SCENE'"),
+        (["cavity"], "--output"),
+        (["cavity", "-o", "nowhere/out.exr"], "does not exist"),
+        (["cavity", "-o", "out.png"], ".exr"),
+        (["cavity", "-o", "/dev/null"], ".exr"),
+    ],
+)
 def test_bad_output(refused, renderer, args, reason):
     """An output that cannot be written is refused before the scene is loaded."""
     assert reason in refused("render", *args)
@@ -159,30 +263,54 @@ def caused(error, cause):
     return error
 
 
-@pytest.mark.parametrize("error, status, message", [
-    (InputError("b is\n 2"), 2, "b is 2"),
-    (unknown("scene", "cavty", ["furnace", "cavity"]), 2, "unknown scene 'cavty'; known: cavity, furnace"),
-    (RuntimeError(IN_A_PLUGIN.format("InputError: b = 2: outside 0..1")), 2,
-     '"my scene.xml" (line 4, col 9): b = 2: outside 0..1'),
-    (RuntimeError(IN_A_PLUGIN.format("mi_lcair.errors.InputError: b")), 2, '"my scene.xml" (line 4, col 9): b'),
-    (RuntimeError(IN_A_PLUGIN.format("KeyError: 'x'")), 1,
-     "RuntimeError: KeyError: \"my scene.xml\" (line 4, col 9): 'x'"),
-    (RuntimeError(IN_A_PLUGIN.format("KeyboardInterrupt")), 130, "interrupted"),
-    (RuntimeError("Traceback (most recent call last):\n  File x\nInputError: b"), 2, "b"),
-    (caused(RuntimeError("dr.while_loop(): see above"), InputError("b = 2")), 2, "b = 2"),
-    (caused(RuntimeError("dr.while_loop(): see above"), KeyError("x")), 1,
-     "RuntimeError: dr.while_loop(): see above (KeyError: 'x')"),
-    (caused(InputError("not a number: 'x'"), ValueError("float")), 2, "not a number: 'x'"),
-    (ZeroDivisionError("division\nby zero"), 1, "ZeroDivisionError: division by zero"),
-    (MemoryError(), 1, "MemoryError:"),
-    (OSError(28, "No space left on device"), 1, "OSError: [Errno 28] No space left on device"),
-    (KeyboardInterrupt(), 130, "interrupted"),
-])
+@pytest.mark.parametrize(
+    "error, status, message",
+    [
+        (InputError("b is\n 2"), 2, "b is 2"),
+        (
+            unknown("scene", "cavty", ["furnace", "cavity"]),
+            2,
+            "unknown scene 'cavty'; known: cavity, furnace",
+        ),
+        (
+            RuntimeError(IN_A_PLUGIN.format("InputError: b = 2: outside 0..1")),
+            2,
+            '"my scene.xml" (line 4, col 9): b = 2: outside 0..1',
+        ),
+        (
+            RuntimeError(IN_A_PLUGIN.format("mi_lcair.errors.InputError: b")),
+            2,
+            '"my scene.xml" (line 4, col 9): b',
+        ),
+        (
+            RuntimeError(IN_A_PLUGIN.format("KeyError: 'x'")),
+            1,
+            "RuntimeError: KeyError: \"my scene.xml\" (line 4, col 9): 'x'",
+        ),
+        (RuntimeError(IN_A_PLUGIN.format("KeyboardInterrupt")), 130, "interrupted"),
+        (RuntimeError("Traceback (most recent call last):\n  File x\nInputError: b"), 2, "b"),
+        (caused(RuntimeError("dr.while_loop(): see above"), InputError("b = 2")), 2, "b = 2"),
+        (
+            caused(RuntimeError("dr.while_loop(): see above"), KeyError("x")),
+            1,
+            "RuntimeError: dr.while_loop(): see above (KeyError: 'x')",
+        ),
+        (caused(InputError("not a number: 'x'"), ValueError("float")), 2, "not a number: 'x'"),
+        (ZeroDivisionError("division\nby zero"), 1, "ZeroDivisionError: division by zero"),
+        (MemoryError(), 1, "MemoryError:"),
+        (OSError(28, "No space left on device"), 1, "OSError: [Errno 28] No space left on device"),
+        (KeyboardInterrupt(), 130, "interrupted"),
+    ],
+)
 def test_errors_are_one_line(run, renderer, folder, error, status, message):
     """Whatever ends a render, there is one line, the right status and no file."""
     renderer.error = error
     result = run("render", "cavity", "-o", "out.exr")
-    assert (result.exit_code, result.stdout, result.stderr.strip()) == (status, "", f"mi-lcair: {message}")
+    assert (result.exit_code, result.stdout, result.stderr.strip()) == (
+        status,
+        "",
+        f"mi-lcair: {message}",
+    )
     assert list(folder.iterdir()) == []
 
 
@@ -205,8 +333,13 @@ mi_lcair.render = render
 from mi_lcair.cli import main
 main(["render", "cavity", "-o", "out.exr"])
 """
-    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-                               env={**os.environ, "PYTHONPATH": str(CHECKOUT)})
+    process = subprocess.Popen(
+        [sys.executable, "-c", code],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(CHECKOUT)},
+    )
     assert process.stdout.readline() == "rendering\n"
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=30)
@@ -218,13 +351,18 @@ def test_a_reader_that_leaves_is_no_news():
     """`mi-lcair ... | head -0`: quiet."""
     reader, writer = os.pipe()
     os.close(reader)
-    process = subprocess.run([sys.executable, "-c", "from mi_lcair.cli import main; main()", "--help"], stdout=writer,
-                             stderr=subprocess.PIPE, env={**os.environ, "PYTHONPATH": str(CHECKOUT)})
+    process = subprocess.run(
+        [sys.executable, "-c", "from mi_lcair.cli import main; main()", "--help"],
+        stdout=writer,
+        stderr=subprocess.PIPE,
+        env={**os.environ, "PYTHONPATH": str(CHECKOUT)},
+    )
     os.close(writer)
     assert (process.returncode, process.stderr) == (1, b"")
 
 
 # ---- variant and threads
+
 
 @pytest.fixture
 def machine(monkeypatch):
@@ -244,16 +382,22 @@ def machine(monkeypatch):
 
 
 def test_variant_and_threads(run, renderer, machine):
-    assert run("render", "cavity", "-o", "out.exr", "--variant", "llvm_ad_mono", "-t", 2).exit_code == 0
+    assert (
+        run("render", "cavity", "-o", "out.exr", "--variant", "llvm_ad_mono", "-t", 2).exit_code
+        == 0
+    )
     assert machine.calls == ["llvm_ad_mono", 2]
 
 
 def test_a_variant_without_its_hardware(refused, renderer, machine):
-    assert "needs an NVIDIA GPU" in refused("render", "cavity", "-o", "out.exr", "--variant", "cuda_ad_mono")
+    assert "needs an NVIDIA GPU" in refused(
+        "render", "cavity", "-o", "out.exr", "--variant", "cuda_ad_mono"
+    )
     assert not hasattr(renderer, "loaded")
 
 
 # ---- progress
+
 
 def test_progress_is_drawn_on_a_terminal(monkeypatch):
     """Samples done of a total that may change on the way."""

@@ -1,4 +1,5 @@
 """The commands beside `render`: signature, scenes, chart and show."""
+
 import json
 import sys
 from dataclasses import dataclass
@@ -11,65 +12,140 @@ import pytest
 import mi_lcair
 from mi_lcair.rendering.image import write_exr
 
-
 # ---- signature, scenes, chart
+
 
 def test_signature_table(run, renderer):
     result = run("signature", "two_plates", "--spp", 4)
     assert renderer.sampling["spp"] == 4
     rows = [line.split() for line in result.stdout.splitlines()]
-    assert ["scene", "22.0755", "W/sr", "+-", "0.0021"] in rows and ["target", "11.5", "W/sr", "+-", "0.0021"] in rows
+    assert ["scene", "22.0755", "W/sr", "+-", "0.0021"] in rows and [
+        "target",
+        "11.5",
+        "W/sr",
+        "+-",
+        "0.0021",
+    ] in rows
     assert ["0", "10", "20"] in rows and ["1", "11", "22"] in rows
-    assert ["hot", "21", "+-", "0.002", "21", "+-", "0.002"] in rows and ["self", "1.0755", "1.0755"] in rows
+    assert ["hot", "21", "+-", "0.002", "21", "+-", "0.002"] in rows and [
+        "self",
+        "1.0755",
+        "1.0755",
+    ] in rows
     assert ["plate", "22.0755", "+-", "0.0021", "22.0755", "+-", "0.0021"] in rows
 
 
 def test_signature_of_one_sample(run, renderer):
     renderer.results = {"standard_error": None}
-    assert "target  11.5 W/sr (standard error unknown for one sample)" in run("signature", "two_plates").stdout.splitlines()
+    assert (
+        "target  11.5 W/sr (standard error unknown for one sample)"
+        in run("signature", "two_plates").stdout.splitlines()
+    )
 
 
 def test_signature_json(run, renderer):
     result = run("signature", "two_plates", "--json")
-    assert json.loads(result.stdout) == renderer.signature(renderer.load("two_plates"), False, False, progress=lambda *_: None).as_dict()
+    assert (
+        json.loads(result.stdout)
+        == renderer.signature(
+            renderer.load("two_plates"), False, False, progress=lambda *_: None
+        ).as_dict()
+    )
 
 
-@pytest.mark.parametrize("options, message", [
-    (["--plot", "s.png"], "give --spectrum"), (["--spectrum", "s.txt"], "does not end in .csv"), (["--facets", "f.exr"], "does not end in .csv"),
-    (["--spectrum", "s.csv", "--plot", "s.pdf"], "does not end in .png"), (["--facets", "missing/f.csv"], "does not exist"),
-    (["--facets", "s.csv", "--spectrum", "s.csv"], "both name 's.csv'")])
+@pytest.mark.parametrize(
+    "options, message",
+    [
+        (["--plot", "s.png"], "give --spectrum"),
+        (["--spectrum", "s.txt"], "does not end in .csv"),
+        (["--facets", "f.exr"], "does not end in .csv"),
+        (["--spectrum", "s.csv", "--plot", "s.pdf"], "does not end in .png"),
+        (["--facets", "missing/f.csv"], "does not exist"),
+        (["--facets", "s.csv", "--spectrum", "s.csv"], "both name 's.csv'"),
+    ],
+)
 def test_signature_outputs_that_cannot_be(refused, renderer, options, message):
     assert message in refused("signature", "two_plates", *options)
 
 
 @pytest.mark.parametrize("command", [["signature"], ["render", "-o", "out.exr"]])
 def test_a_plan_is_followed_and_reported(run, command):
-    result = run(command[0], "open_box", *command[1:], "-D", "resolution=8", "-D", "max_bounces=3", "--plan", "auto", "--tolerance", "5%", "--json")
+    result = run(
+        command[0],
+        "open_box",
+        *command[1:],
+        "-D",
+        "resolution=8",
+        "-D",
+        "max_bounces=3",
+        "--plan",
+        "auto",
+        "--tolerance",
+        "5%",
+        "--json",
+    )
     plan = json.loads(result.stdout)["plan"]
-    assert set(plan) >= {"lobe", "max_bounces", "emitter_sampling", "closure", "spp", "predicted_error", "predicted_seconds"}
-    assert plan["max_bounces"] == 1 and plan["tolerance"] == 0.05 and plan["each_pixel"] == (command[0] == "render")
+    assert set(plan) >= {
+        "lobe",
+        "max_bounces",
+        "emitter_sampling",
+        "closure",
+        "spp",
+        "predicted_error",
+        "predicted_seconds",
+    }
+    assert (
+        plan["max_bounces"] == 1
+        and plan["tolerance"] == 0.05
+        and plan["each_pixel"] == (command[0] == "render")
+    )
     assert json.loads(result.stdout)["paths"] == 64 * plan["spp"]
 
 
 def test_plan(run):
     text = run("plan", "open_box", "-D", "resolution=8").stdout
     assert "diffuse: diffuse" in text and "closure none" in text and "left out" in text
-    assert json.loads(run("plan", "open_box", "-D", "resolution=8", "--json").stdout)["tolerance"] == 0.01
+    assert (
+        json.loads(run("plan", "open_box", "-D", "resolution=8", "--json").stdout)["tolerance"]
+        == 0.01
+    )
 
 
 def test_a_plan_chooses_the_samples(refused, renderer):
-    assert "--plan chooses the samples" in refused("render", "cavity", "-o", "out.exr", "--plan", "auto", "--spp", 4)
+    assert "--plan chooses the samples" in refused(
+        "render", "cavity", "-o", "out.exr", "--plan", "auto", "--spp", 4
+    )
 
 
 def test_signature_files(run, folder):
-    """The real thing: the spectrum's CSV and plot and the facets' CSV appear, and add up to what is printed."""
-    result = run("signature", "open_box", "-D", "band=MWIR", "-D", "resolution=8", "--spp", 16, "--spectrum", "s.csv", "--plot", "s.png",
-                 "--facets", "f.csv", "--json")
+    """The real thing: the spectrum's CSV and plot and the facets' CSV appear, and add up to what is
+    printed.
+    """
+    result = run(
+        "signature",
+        "open_box",
+        "-D",
+        "band=MWIR",
+        "-D",
+        "resolution=8",
+        "--spp",
+        16,
+        "--spectrum",
+        "s.csv",
+        "--plot",
+        "s.png",
+        "--facets",
+        "f.csv",
+        "--json",
+    )
     target = json.loads(result.stdout)["target"]["intensity"]
     spectrum = np.loadtxt(folder / "s.csv", delimiter=",", skiprows=2)
     assert np.trapezoid(spectrum[:, 2], spectrum[:, 0]) == pytest.approx(target, rel=1e-5)
     assert len((folder / "f.csv").read_text().splitlines()) == 3 and (folder / "s.png").exists()
-    assert [entry["group"] for entry in json.loads(result.stdout)["effective_areas"]] == ["floor", "wall"]
+    assert [entry["group"] for entry in json.loads(result.stdout)["effective_areas"]] == [
+        "floor",
+        "wall",
+    ]
 
 
 @pytest.fixture
@@ -80,8 +156,11 @@ def bundled(monkeypatch):
     module.names = lambda: ["cavity", "two_plates"]
     module.title = lambda name: f"a {name}"
     module.path = lambda name: Path("/scenes") / f"{name}.xml"
-    module.parameters = lambda name: ({"opening": Parameter("8", "facets removed"), "band": Parameter("total", "or MWIR")}
-                                      if name == "cavity" else {})
+    module.parameters = lambda name: (
+        {"opening": Parameter("8", "facets removed"), "band": Parameter("total", "or MWIR")}
+        if name == "cavity"
+        else {}
+    )
     module.scenarios = lambda name: ["cavity/far"] if name == "cavity" else []
     module.scenario_title = lambda name: "a cavity, far away"
     monkeypatch.setitem(sys.modules, "mi_lcair.scenes", module)
@@ -90,16 +169,34 @@ def bundled(monkeypatch):
 
 def test_scenes(run, bundled):
     assert run("scenes").stdout.splitlines()[:7] == [
-        "cavity: a cavity", "    opening=8   facets removed", "    band=total  or MWIR", "    scenario cavity/far: a cavity, far away", "", "two_plates: a two_plates", ""]
+        "cavity: a cavity",
+        "    opening=8   facets removed",
+        "    band=total  or MWIR",
+        "    scenario cavity/far: a cavity, far away",
+        "",
+        "two_plates: a two_plates",
+        "",
+    ]
 
 
 def test_scenes_json(run, bundled):
     assert json.loads(run("scenes", "--json").stdout) == {
-        "cavity": {"title": "a cavity", "path": "/scenes/cavity.xml", "parameters": {
-            "opening": {"default": "8", "description": "facets removed"},
-            "band": {"default": "total", "description": "or MWIR"}},
-            "scenarios": {"cavity/far": "a cavity, far away"}},
-        "two_plates": {"title": "a two_plates", "path": "/scenes/two_plates.xml", "parameters": {}, "scenarios": {}}}
+        "cavity": {
+            "title": "a cavity",
+            "path": "/scenes/cavity.xml",
+            "parameters": {
+                "opening": {"default": "8", "description": "facets removed"},
+                "band": {"default": "total", "description": "or MWIR"},
+            },
+            "scenarios": {"cavity/far": "a cavity, far away"},
+        },
+        "two_plates": {
+            "title": "a two_plates",
+            "path": "/scenes/two_plates.xml",
+            "parameters": {},
+            "scenarios": {},
+        },
+    }
 
 
 @dataclass
@@ -116,16 +213,23 @@ class Throughput:
 
 def test_chart_throughput(run, monkeypatch):
     """Any dataclass with rows becomes a table with their fields as its columns, or JSON."""
-    module = ModuleType("mi_lcair.products.throughput")
-    module.measure = lambda progress: Throughput([Row("box", 1.25, None), Row("cavity", np.float64(2e7), 4)])
-    monkeypatch.setitem(sys.modules, "mi_lcair.products.throughput", module)
+    module = ModuleType("mi_lcair.benchmark.throughput")
+    module.measure = lambda progress: Throughput(
+        [Row("box", 1.25, None), Row("cavity", np.float64(2e7), 4)]
+    )
+    monkeypatch.setitem(sys.modules, "mi_lcair.benchmark.throughput", module)
     lines = run("chart", "throughput").stdout.splitlines()
     assert lines == ["scene name  ratio  paths", "box         1.25", "cavity      2e+07  4"]
     assert json.loads(run("chart", "throughput", "--json").stdout) == {
-        "rows": [{"scene_name": "box", "ratio": 1.25, "paths": None}, {"scene_name": "cavity", "ratio": 2e7, "paths": 4}]}
+        "rows": [
+            {"scene_name": "box", "ratio": 1.25, "paths": None},
+            {"scene_name": "cavity", "ratio": 2e7, "paths": 4},
+        ]
+    }
 
 
 # ---- show
+
 
 @pytest.fixture
 def image():
@@ -139,16 +243,32 @@ def image():
 def pictures(monkeypatch):
     """What show asks the picture module to draw."""
     drawn = []
-    monkeypatch.setattr("mi_lcair.rendering.picture.save_picture",
-                        lambda path, channels, title, log: drawn.append((str(path), list(channels), title, log)))
+    monkeypatch.setattr(
+        "mi_lcair.reports.image_picture.save_picture",
+        lambda path, channels, title, log: drawn.append((str(path), list(channels), title, log)),
+    )
     return drawn
 
 
-@pytest.mark.parametrize("args, expected", [
-    ([], ("image.png", ["Y"], "cavity, MWIR", False)),
-    (["-c", "temperature.Y", "-o", "t.PNG", "--log"], ("t.PNG", ["temperature.Y"], "cavity, MWIR", True)),
-    (["-c", "bounce*", "-c", "*"], ("image.png", ["bounce00.Y", "bounce01.Y", "Y", "temperature.Y"], "cavity, MWIR", False)),
-])
+@pytest.mark.parametrize(
+    "args, expected",
+    [
+        ([], ("image.png", ["Y"], "cavity, MWIR", False)),
+        (
+            ["-c", "temperature.Y", "-o", "t.PNG", "--log"],
+            ("t.PNG", ["temperature.Y"], "cavity, MWIR", True),
+        ),
+        (
+            ["-c", "bounce*", "-c", "*"],
+            (
+                "image.png",
+                ["bounce00.Y", "bounce01.Y", "Y", "temperature.Y"],
+                "cavity, MWIR",
+                False,
+            ),
+        ),
+    ],
+)
 def test_show(run, image, pictures, args, expected):
     result = run("show", "image.exr", *args)
     assert (result.exit_code, result.stdout, pictures) == (0, expected[0] + "\n", [expected])
@@ -167,11 +287,20 @@ def test_show_images_of_other_programs(run, refused, pictures):
     assert pictures == [("photo.png", ["R"], "photo", False)]
 
 
-@pytest.mark.parametrize("args, reason", [
-    (["missing.exr"], "No such file"), ([], "Missing argument 'WHAT'"), (["text.exr"], "not an OpenEXR image"),
-    (["image.exr", "-c", "tmperature.Y"], "unknown channel 'tmperature.Y'; known: temperature.Y,"),
-    (["image.exr", "-o", "nowhere/a.png"], "does not exist"), (["image.exr", "-o", "a.jpg"], ".png"),
-])
+@pytest.mark.parametrize(
+    "args, reason",
+    [
+        (["missing.exr"], "No such file"),
+        ([], "Missing argument 'WHAT'"),
+        (["text.exr"], "not an OpenEXR image"),
+        (
+            ["image.exr", "-c", "tmperature.Y"],
+            "unknown channel 'tmperature.Y'; known: temperature.Y,",
+        ),
+        (["image.exr", "-o", "nowhere/a.png"], "does not exist"),
+        (["image.exr", "-o", "a.jpg"], ".png"),
+    ],
+)
 def test_show_refuses(refused, image, folder, args, reason):
     (folder / "text.exr").write_text("no image")
     before = sorted(folder.iterdir())

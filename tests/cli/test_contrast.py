@@ -1,9 +1,10 @@
 """mi-lcair contrast: what it prints and draws, and that it refuses before it writes."""
+
 import json
 
 import pytest
 
-from tests.products.disc_scenario import write_disc
+from tests.detection.disc_scenario import write_disc
 
 
 @pytest.fixture(autouse=True)
@@ -12,53 +13,147 @@ def scenario(folder):
 
 
 def test_table(run, folder):
-    result = run("contrast", "disc.toml", "-D", "render.max_bounces=[0, 1]", "-D", "render.resolution=32", "-D", "sensor.nei=1e-7",
-                 "-D", "sensor.field_of_view_deg=2", "--range", "--plot", "disc.png")
+    result = run(
+        "contrast",
+        "disc.toml",
+        "-D",
+        "render.max_bounces=[0, 1]",
+        "-D",
+        "render.resolution=32",
+        "-D",
+        "sensor.nei=1e-7",
+        "-D",
+        "sensor.field_of_view_deg=2",
+        "--range",
+        "--plot",
+        "disc.png",
+    )
     assert result.exit_code == 0, result.output
     lines = result.stdout.splitlines()
-    assert lines[0].split() == ["scenario", "disc:", "A", "disc."] and "blackbody at 294 K: 1.4947 W" in result.stdout and "mean transmittance 1.0000" in result.stdout
-    head = next(k for k, line in enumerate(lines) if line.startswith("reflections up to  intensity W/sr"))
-    assert lines[head].split()[-5:] == ["max", "W/m^2", "observed", "W/m^2", "detected"] and lines[head + 2].startswith("1 ") and lines[head + 1].endswith("yes")
-    assert lines[head + 4].endswith("for a nei of 1e-07 W/m^2 and a signal-to-noise ratio of 10") and " m +- " in lines[head + 6]
+    assert (
+        lines[0].split() == ["scenario", "disc:", "A", "disc."]
+        and "blackbody at 294 K: 1.4947 W" in result.stdout
+        and "mean transmittance 1.0000" in result.stdout
+    )
+    head = next(
+        k for k, line in enumerate(lines) if line.startswith("reflections up to  intensity W/sr")
+    )
+    assert (
+        lines[head].split()[-5:] == ["max", "W/m^2", "observed", "W/m^2", "detected"]
+        and lines[head + 2].startswith("1 ")
+        and lines[head + 1].endswith("yes")
+    )
+    assert (
+        lines[head + 4].endswith("for a nei of 1e-07 W/m^2 and a signal-to-noise ratio of 10")
+        and " m +- " in lines[head + 6]
+    )
     assert (folder / "disc.png").stat().st_size > 10_000 and "wrote disc.png" in result.stderr
 
 
 def test_json(run):
-    plain = ["contrast", "disc.toml", "-D", "render.resolution=8", "-D", "target.parameters.temperature=250", "--json"]
+    plain = [
+        "contrast",
+        "disc.toml",
+        "-D",
+        "render.resolution=8",
+        "-D",
+        "target.parameters.temperature=250",
+        "--json",
+    ]
     found = json.loads(run(*plain, "-D", "sensor.nei=1e-9", "--range").stdout)
-    row, = found["rows"]
-    assert row["total"]["value"] < 0 < row["total"]["standard_error"] and row["detected"] and row["max_bounces"] == 1
-    assert row["detection_range"]["intervals_m"] == [[pytest.approx(2.0), row["detection_range"]["largest_m"]]] and found["scenario"]["sensor"]["nei"] == 1e-9
+    (row,) = found["rows"]
+    assert (
+        row["total"]["value"] < 0 < row["total"]["standard_error"]
+        and row["detected"]
+        and row["max_bounces"] == 1
+    )
+    assert (
+        row["detection_range"]["intervals_m"]
+        == [[pytest.approx(2.0), row["detection_range"]["largest_m"]]]
+        and found["scenario"]["sensor"]["nei"] == 1e-9
+    )
     without = json.loads(run(*plain).stdout)["rows"][0]
     assert without["detected"] is None and "detection_range" not in without
 
 
 def test_ranges_that_are_none_or_cut_short(run):
-    common = ["contrast", "disc.toml", "-D", "render.resolution=8", "-D", "atmosphere.table=midlat_summer", "--range"]
-    assert "at least: the atmosphere's table ends there" in run(*common, "-D", "sensor.nei=1e-15").stdout
-    assert run(*common, "-D", "sensor.nei=100").stdout.splitlines()[-1].split() == ["1", "no", "range"]
+    common = [
+        "contrast",
+        "disc.toml",
+        "-D",
+        "render.resolution=8",
+        "-D",
+        "atmosphere.table=midlat_summer",
+        "--range",
+    ]
+    assert (
+        "at least: the atmosphere's table ends there"
+        in run(*common, "-D", "sensor.nei=1e-15").stdout
+    )
+    assert run(*common, "-D", "sensor.nei=100").stdout.splitlines()[-1].split() == [
+        "1",
+        "no",
+        "range",
+    ]
 
 
 def test_notes_on_stderr(run):
-    result = run("contrast", "disc.toml", "-D", "render.resolution=8", "-D", "atmosphere.table=midlat_summer", "-D", "atmosphere.extrapolate=true",
-                 "-D", "observer.range_m=6000", "-D", "sensor.field_of_view_deg=0.01")
+    result = run(
+        "contrast",
+        "disc.toml",
+        "-D",
+        "render.resolution=8",
+        "-D",
+        "atmosphere.table=midlat_summer",
+        "-D",
+        "atmosphere.extrapolate=true",
+        "-D",
+        "observer.range_m=6000",
+        "-D",
+        "sensor.field_of_view_deg=0.01",
+    )
     notes = [line for line in result.stderr.splitlines() if line.startswith("mi-lcair: note: ")]
     assert len(notes) == 2 and "6000 m is beyond" in notes[0] and "field of view" in notes[1]
 
 
-@pytest.mark.parametrize("options, message", [
-    (["-D", "sensor.bnad=LWIR"], "unknown key of [sensor] 'bnad'"), (["-D", "observer.range_m=0"], "zero range"), (["-D", "observer.range_m=1"], "inside the target"),
-    (["-D", "sensor.band=total"], "band total"), (["-D", "background.sky=us_standard_clear", "-D", "sensor.band=SWIR"], "does not cover band SWIR"),
-    (["-D", "atmosphere.table=midlat_summer", "-D", "sensor.band=SWIR"], "does not cover band SWIR"),
-    (["-D", "atmosphere.table=midlat_summer", "-D", "observer.range_m=5001"], "range 5001 m is beyond"),
-    (["-D", "atmosphere.table=negative.csv"], "transmittance -0.1"), (["-D", "sensor.response=row.csv"], "needs two rows"),
-    (["--range"], "--range needs nei"), (["--plot", "x.pdf"], "does not end in .png"), (["--plot", "none/x.png"], "does not exist"), (["-D", "sensor"], "key=value")])
+@pytest.mark.parametrize(
+    "options, message",
+    [
+        (["-D", "sensor.bnad=LWIR"], "unknown key of [sensor] 'bnad'"),
+        (["-D", "observer.range_m=0"], "zero range"),
+        (["-D", "observer.range_m=1"], "inside the target"),
+        (["-D", "sensor.band=total"], "band total"),
+        (
+            ["-D", "background.sky=us_standard_clear", "-D", "sensor.band=SWIR"],
+            "does not cover band SWIR",
+        ),
+        (
+            ["-D", "atmosphere.table=midlat_summer", "-D", "sensor.band=SWIR"],
+            "does not cover band SWIR",
+        ),
+        (
+            ["-D", "atmosphere.table=midlat_summer", "-D", "observer.range_m=5001"],
+            "range 5001 m is beyond",
+        ),
+        (["-D", "atmosphere.table=negative.csv"], "transmittance -0.1"),
+        (["-D", "sensor.response=row.csv"], "needs two rows"),
+        (["--range"], "--range needs nei"),
+        (["--plot", "x.pdf"], "does not end in .png"),
+        (["--plot", "none/x.png"], "does not exist"),
+        (["-D", "sensor"], "key=value"),
+    ],
+)
 def test_refused(refused, folder, options, message):
     (folder / "row.csv").write_text("wavelength_um,response\n4,1\n")
-    (folder / "negative.csv").write_text("range_km,wavelength_um,transmittance,path_radiance_W_m2_sr_um\n1,2.9,0.5,0\n1,5.1,-0.1,0\n")
+    (folder / "negative.csv").write_text(
+        "range_km,wavelength_um,transmittance,path_radiance_W_m2_sr_um\n1,2.9,0.5,0\n1,5.1,-0.1,0\n"
+    )
     before = set(folder.iterdir())
     plot = [] if "--plot" in options else ["--plot", "out.png"]
-    assert message in refused("contrast", "disc.toml", *options, *plot) and set(folder.iterdir()) == before
+    assert (
+        message in refused("contrast", "disc.toml", *options, *plot)
+        and set(folder.iterdir()) == before
+    )
 
 
 def test_unknown_scenario(refused):

@@ -1,16 +1,21 @@
-"""mi-lcair fit: what it reads, prints, writes and refuses. The fit behind it is replaced by a stand-in, but for one test."""
+"""mi-lcair fit: what it reads, prints, writes and refuses. The fit behind it is replaced by a
+stand-in, but for one test.
+"""
+
 import json
 import math
 
 import numpy as np
 import pytest
+from mi_lcair.fitting import estimation
 
 from mi_lcair.errors import InputError
-from mi_lcair.fitting import estimation
 from tests.fitting.numpy_model import brdf
 from tests.fitting.results import fit_of
 
-SCAN = "# band_um: {band}\ntheta_i_deg,theta_r_deg,brdf_per_sr\n" + "\n".join(f"30,{r},{2 ** -abs(r - 30) + 0.01}" for r in range(-85, 86, 5))
+SCAN = "# band_um: {band}\ntheta_i_deg,theta_r_deg,brdf_per_sr\n" + "\n".join(
+    f"30,{r},{2 ** -abs(r - 30) + 0.01}" for r in range(-85, 86, 5)
+)
 EMISSIVITY = "theta_deg,emissivity,emissivity_std\n15,0.6,0.02\n60,0.5,0.03\n"
 
 
@@ -41,31 +46,76 @@ def asked(monkeypatch, files):
 
 # ------------------------------------------------------------------- what it does
 
+
 def test_defaults(run, asked):
     assert run("fit", "mwir.csv").exit_code == 0
-    (measurements, options), = asked.calls
+    ((measurements, options),) = asked.calls
     assert len(measurements.brdf) == 35 and callable(options.pop("progress"))
-    assert options == {"form": "auto", "loss": "log", "robust": False, "starts": 64, "seed": 0, "max_angle_deg": 80,
-                       "min_brdf": 1e-4, "source_half_angle_deg": None}
+    assert options == {
+        "form": "auto",
+        "loss": "log",
+        "robust": False,
+        "starts": 64,
+        "seed": 0,
+        "max_angle_deg": 80,
+        "min_brdf": 1e-4,
+        "source_half_angle_deg": None,
+    }
 
 
 def test_every_option_arrives(run, asked):
-    result = run("fit", "mwir.csv", "--emissivity", "emissivity.csv", "--dhr", "dhr.csv", "--quantity", "brdf_cos",
-                 "--theta-r-positive", "source", "--form", "thesis", "--loss", "cube_root", "--robust", "--starts", 8, "--seed", 7,
-                 "--max-angle-deg", 70, "--min-brdf", 0.01, "--source-half-angle-deg", 0.5)
+    result = run(
+        "fit",
+        "mwir.csv",
+        "--emissivity",
+        "emissivity.csv",
+        "--dhr",
+        "dhr.csv",
+        "--quantity",
+        "brdf_cos",
+        "--theta-r-positive",
+        "source",
+        "--form",
+        "thesis",
+        "--loss",
+        "cube_root",
+        "--robust",
+        "--starts",
+        8,
+        "--seed",
+        7,
+        "--max-angle-deg",
+        70,
+        "--min-brdf",
+        0.01,
+        "--source-half-angle-deg",
+        0.5,
+    )
     assert result.exit_code == 0, result.output
-    (measurements, options), = asked.calls
-    assert measurements.brdf[0] == pytest.approx((2 ** -115 + 0.01) / math.cos(math.radians(85)))
-    assert measurements.theta_r[0] == pytest.approx(math.radians(85))       # -85 in the file
-    assert options["emissivity"].value.tolist() == [0.6, 0.5] and options["dhr"].value.tolist() == [0.3]
+    ((measurements, options),) = asked.calls
+    assert measurements.brdf[0] == pytest.approx((2**-115 + 0.01) / math.cos(math.radians(85)))
+    assert measurements.theta_r[0] == pytest.approx(math.radians(85))  # -85 in the file
+    assert options["emissivity"].value.tolist() == [0.6, 0.5] and options["dhr"].value.tolist() == [
+        0.3
+    ]
     del options["emissivity"], options["dhr"], options["progress"]
-    assert options == {"form": "thesis", "loss": "cube_root", "robust": True, "starts": 8, "seed": 7, "max_angle_deg": 70,
-                       "min_brdf": 0.01, "source_half_angle_deg": 0.5}
+    assert options == {
+        "form": "thesis",
+        "loss": "cube_root",
+        "robust": True,
+        "starts": 8,
+        "seed": 7,
+        "max_angle_deg": 70,
+        "min_brdf": 0.01,
+        "source_half_angle_deg": 0.5,
+    }
 
 
 def test_table(run, asked):
     result = run("fit", "mwir.csv", "--emissivity", "emissivity.csv")
-    assert result.stdout == """\
+    assert (
+        result.stdout
+        == """\
 surface      a plate (mwir.csv)
 band         3-5 um
 model        normalized form with b = 0
@@ -82,19 +132,25 @@ rho_d      0.33333  0.01            determined
 b          0.05     0.01            at its bound 0: interval 0..0.1
 e          0.1      0.01            determined
 """.replace("a plate", "mwir")
-    assert result.stderr == ""      # no progress bar where stderr is no terminal
+    )
+    assert result.stderr == ""  # no progress bar where stderr is no terminal
 
 
 def test_table_of_several_files(run, asked):
     lines = run("fit", "mwir.csv", "lwir.csv").stdout.splitlines()
     assert lines[0].split() == ["surface", "mwir", "(mwir.csv)", "lwir", "(lwir.csv)"]
     assert lines[10].startswith("band (um)  parameter  value") and len(lines) == 19
-    assert lines[11].startswith("3-5        epsilon    0.3") and lines[18].startswith("8-12       e          0.1")
+    assert lines[11].startswith("3-5        epsilon    0.3") and lines[18].startswith(
+        "8-12       e          0.1"
+    )
 
 
 def test_an_unknown_band_is_mentioned(run, asked, folder):
     (folder / "plain.csv").write_text(SCAN.partition("\n")[2])
-    assert "band         unknown: scenes need it, '# band_um: 3 5' in the data states it" in run("fit", "plain.csv").stdout
+    assert (
+        "band         unknown: scenes need it, '# band_um: 3 5' in the data states it"
+        in run("fit", "plain.csv").stdout
+    )
 
 
 def test_json_on_stdout_and_in_the_file(run, asked, folder):
@@ -114,28 +170,45 @@ def test_files_are_written(run, asked, folder):
 
 # ------------------------------------------------------------------- what it refuses
 
-@pytest.mark.parametrize("args, reason", [
-    ([], "Missing argument 'DATA...'"), (["none.csv"], "none.csv: No such file"),
-    (["mwir.csv", "mwir.csv"], "have the same band, 3-5 um"),
-    (["mwir.csv", "--emissivity", "none.csv"], "none.csv: cannot be read"),
-    (["mwir.csv", "--emissivity", "dhr.csv"], "must name theta_deg and emissivity"),
-    (["mwir.csv", "--dhr", "emissivity.csv"], "must name theta_deg and dhr"),
-    (["mwir.csv", "lwir.csv", "--emissivity", "emissivity.csv"], "--emissivity is given 1 times for 2 data files"),
-    (["emissivity.csv"], "no column theta_i_deg and no theta_r_deg and no brdf_per_sr"),
-    (["mwir.csv", "--form", "phong"], "--form"), (["mwir.csv", "--loss", "l1"], "--loss"), (["mwir.csv", "--starts", "0"], "--starts"),
-    (["mwir.csv", "--max-angle-deg", "0"], "--max-angle-deg"), (["mwir.csv", "--max-angle-deg", "91"], "--max-angle-deg"),
-    (["mwir.csv", "--min-brdf", "-1"], "--min-brdf"), (["mwir.csv", "--source-half-angle-deg", "90"], "--source-half-angle-deg"),
-    (["mwir.csv", "--seed", "-1"], "--seed"), (["mwir.csv", "--quantity", "brf"], "--quantity"),
-    (["mwir.csv", "--plot", "nowhere/fit.png"], "does not exist"), (["mwir.csv", "--plot", "fit.jpg"], "--plot 'fit.jpg' does not end in .png"),
-    (["mwir.csv", "--output", "fit.xml"], "--output 'fit.xml' does not end in .json"),
-])
+
+@pytest.mark.parametrize(
+    "args, reason",
+    [
+        ([], "Missing argument 'DATA...'"),
+        (["none.csv"], "none.csv: No such file"),
+        (["mwir.csv", "mwir.csv"], "have the same band, 3-5 um"),
+        (["mwir.csv", "--emissivity", "none.csv"], "none.csv: cannot be read"),
+        (["mwir.csv", "--emissivity", "dhr.csv"], "must name theta_deg and emissivity"),
+        (["mwir.csv", "--dhr", "emissivity.csv"], "must name theta_deg and dhr"),
+        (
+            ["mwir.csv", "lwir.csv", "--emissivity", "emissivity.csv"],
+            "--emissivity is given 1 times for 2 data files",
+        ),
+        (["emissivity.csv"], "no column theta_i_deg and no theta_r_deg and no brdf_per_sr"),
+        (["mwir.csv", "--form", "phong"], "--form"),
+        (["mwir.csv", "--loss", "l1"], "--loss"),
+        (["mwir.csv", "--starts", "0"], "--starts"),
+        (["mwir.csv", "--max-angle-deg", "0"], "--max-angle-deg"),
+        (["mwir.csv", "--max-angle-deg", "91"], "--max-angle-deg"),
+        (["mwir.csv", "--min-brdf", "-1"], "--min-brdf"),
+        (["mwir.csv", "--source-half-angle-deg", "90"], "--source-half-angle-deg"),
+        (["mwir.csv", "--seed", "-1"], "--seed"),
+        (["mwir.csv", "--quantity", "brf"], "--quantity"),
+        (["mwir.csv", "--plot", "nowhere/fit.png"], "does not exist"),
+        (["mwir.csv", "--plot", "fit.jpg"], "--plot 'fit.jpg' does not end in .png"),
+        (["mwir.csv", "--output", "fit.xml"], "--output 'fit.xml' does not end in .json"),
+    ],
+)
 def test_refused(refused, asked, folder, args, reason):
     before = set(folder.iterdir())
     assert reason in refused("fit", *args, *([] if "--output" in args else ["-o", "fit.json"]))
     assert set(folder.iterdir()) == before and asked.calls == []
 
 
-@pytest.mark.parametrize("error, status", [(InputError("3 points to fit"), 2), (ZeroDivisionError(), 1), (KeyboardInterrupt(), 130)])
+@pytest.mark.parametrize(
+    "error, status",
+    [(InputError("3 points to fit"), 2), (ZeroDivisionError(), 1), (KeyboardInterrupt(), 130)],
+)
 def test_a_fit_that_fails_leaves_no_file_and_no_change(run, asked, folder, error, status):
     (folder / "fit.png").write_text("old")
     before = {path: path.read_bytes() for path in folder.iterdir()}
@@ -147,14 +220,23 @@ def test_a_fit_that_fails_leaves_no_file_and_no_change(run, asked, folder, error
 
 # ------------------------------------------------------------------- from file to material, nothing replaced
 
+
 def test_from_a_file_to_a_material(run, folder):
-    """Noise-free values of the independent model come back as its parameters, and serve as a material."""
+    """Noise-free values of the independent model come back as its parameters, and serve as a
+    material.
+    """
     from mi_lcair.physics.bands import band
     from mi_lcair.physics.materials import material
 
     true = {"epsilon": 0.3, "rho_d": 0.2, "b": 0.4, "e": 0.15}
-    rows = [f"{i};{r};{brdf(*np.radians([i, r]), **true)!r}" for i in (20, 60) for r in range(-75, 80, 5)]
-    text = "# band_um: 3 5\ntheta_i_deg;theta_r_deg;BRDF (1/sr)\n" + "\n".join(rows).replace(".", ",").replace("np,float64(", "").replace(")", "")
+    rows = [
+        f"{i};{r};{brdf(*np.radians([i, r]), **true)!r}"
+        for i in (20, 60)
+        for r in range(-75, 80, 5)
+    ]
+    text = "# band_um: 3 5\ntheta_i_deg;theta_r_deg;BRDF (1/sr)\n" + "\n".join(rows).replace(
+        ".", ","
+    ).replace("np,float64(", "").replace(")", "")
     (folder / "scan.csv").write_text(text)
     result = run("fit", "scan.csv", "-o", "fit.json", "--form", "thesis", "--starts", 8)
     assert result.exit_code == 0, result.output

@@ -1,4 +1,5 @@
 """mi-lcair import: what it prints, writes and refuses."""
+
 import importlib
 import json
 import os
@@ -9,17 +10,23 @@ from pathlib import Path
 import pytest
 
 import mi_lcair
-from tests.facets.shapes import SKY, cube
+from tests.models3d.shapes import SKY, cube
 
 CHECKOUT = Path(mi_lcair.__file__).parents[1]
-BOXES = cube(without=[4]) + cube(at=(3, 0, 0), size=2, label="f*glossBlack*310*") + cube(at=(-5, -5, -11), size=10, label="t*diffuse*290*")
+BOXES = (
+    cube(without=[4])
+    + cube(at=(3, 0, 0), size=2, label="f*glossBlack*310*")
+    + cube(at=(-5, -5, -11), size=10, label="t*diffuse*290*")
+)
 
 
 @pytest.fixture(autouse=True)
 def files(folder):
     (folder / "model.obj").write_text(BOXES)
     (folder / "plain.obj").write_text(cube(label=None))
-    (folder / "t.csv").write_text("facet,kelvin\n" + "".join(f"{facet},{301 + facet}\n" for facet in range(6)))
+    (folder / "t.csv").write_text(
+        "facet,kelvin\n" + "".join(f"{facet},{301 + facet}\n" for facet in range(6))
+    )
     (folder / "own.toml").write_text("[rust.any]\nepsilon = 0.8\nrho_d = 0.1\nb = 0.2\ne = 0.3\n")
     (folder / "sky.csv").write_text(SKY)
 
@@ -28,7 +35,9 @@ def test_table(run, folder):
     """A box that lacks its bottom has the volume that it would have with it."""
     result = run("import", "model.obj", "-o", "boxes")
     assert (result.exit_code, result.stderr) == (0, ""), result.output
-    assert result.stdout == """\
+    assert (
+        result.stdout
+        == """\
 facets                 17 (34 triangles)
 bounding box           10 x 10 x 13 m
 volume                 1009 m^3
@@ -43,6 +52,7 @@ duplicate              0
 not planar             0 (at most 0 mm off)
 written to             boxes, 5 files; next: mi-lcair signature boxes/scene.xml
 """
+    )
     assert len(list((folder / "boxes").iterdir())) == 5
 
 
@@ -50,9 +60,29 @@ def test_json(run, folder):
     result = json.loads(run("import", "model.obj", "-o", "boxes", "--json").stdout)
     files = result.pop("files")
     assert files == [str(path.relative_to(folder)) for path in sorted((folder / "boxes").iterdir())]
-    assert {key: result[key] for key in ("facets", "triangles", "open_edges", "inward", "degenerate", "duplicate", "non_planar")} == {
-        "facets": 17, "triangles": 34, "open_edges": 4, "inward": 0, "degenerate": 0, "duplicate": 0, "non_planar": 0}
-    assert result["area_by_material"] == pytest.approx({"bare_aluminum": 5, "gloss_black": 24, "diffuse": 600})
+    assert {
+        key: result[key]
+        for key in (
+            "facets",
+            "triangles",
+            "open_edges",
+            "inward",
+            "degenerate",
+            "duplicate",
+            "non_planar",
+        )
+    } == {
+        "facets": 17,
+        "triangles": 34,
+        "open_edges": 4,
+        "inward": 0,
+        "degenerate": 0,
+        "duplicate": 0,
+        "non_planar": 0,
+    }
+    assert result["area_by_material"] == pytest.approx(
+        {"bare_aluminum": 5, "gloss_black": 24, "diffuse": 600}
+    )
     assert result["bounding_box"] == [[-5, -5, -11], [5, 5, 2]] and result["non_planar_mm"] == 0
 
 
@@ -65,13 +95,33 @@ def test_check_only_reports(run, folder):
 
 
 def test_every_option_arrives(run, folder):
-    result = json.loads(run("import", "plain.obj", "-o", "out", "--temperatures", "t.csv", "--material", "rust", "--materials", "own.toml",
-                            "--scale", "0.1", "--json").stdout)
-    assert result["area_by_material"] == pytest.approx({"rust": 0.06}) and result["volume"] == pytest.approx(0.001)
+    result = json.loads(
+        run(
+            "import",
+            "plain.obj",
+            "-o",
+            "out",
+            "--temperatures",
+            "t.csv",
+            "--material",
+            "rust",
+            "--materials",
+            "own.toml",
+            "--scale",
+            "0.1",
+            "--json",
+        ).stdout
+    )
+    assert result["area_by_material"] == pytest.approx({"rust": 0.06}) and result[
+        "volume"
+    ] == pytest.approx(0.001)
     assert (result["temperature_min"], result["temperature_max"]) == (301, 306)
     assert (folder / "out" / "materials.toml").read_bytes() == (folder / "own.toml").read_bytes()
     (folder / "sky.obj").write_text(cube(label="s*blackbody*250*elevation_deg=5"))
-    assert run("import", "sky.obj", "-o", "sky", "--sky", "sky.csv").exit_code == 0 and (folder / "sky" / "sky.csv").is_file()
+    assert (
+        run("import", "sky.obj", "-o", "sky", "--sky", "sky.csv").exit_code == 0
+        and (folder / "sky" / "sky.csv").is_file()
+    )
 
 
 def test_remarks(run, folder):
@@ -79,7 +129,8 @@ def test_remarks(run, folder):
     result = run("import", "model.obj", "--check")
     assert result.stderr.splitlines() == [
         "mi-lcair: note: the lowest temperature is 150 K",
-        "mi-lcair: note: 1 model facet faces inward; the back of a facet neither emits nor reflects"]
+        "mi-lcair: note: 1 model facet faces inward; the back of a facet neither emits nor reflects",
+    ]
 
 
 def test_files_are_replaced_and_others_left_alone(run, folder):
@@ -87,25 +138,52 @@ def test_files_are_replaced_and_others_left_alone(run, folder):
     for name in ("scene.xml", "mine.txt"):
         (folder / "boxes" / name).write_text("old")
     assert run("import", "model.obj", "-o", "boxes").exit_code == 0
-    assert (folder / "boxes" / "mine.txt").read_text() == "old" and "old" not in (folder / "boxes" / "scene.xml").read_text()
+    assert (folder / "boxes" / "mine.txt").read_text() == "old" and "old" not in (
+        folder / "boxes" / "scene.xml"
+    ).read_text()
     assert len(list((folder / "boxes").iterdir())) == 6
     assert run("import", "model.obj", "-o", ".").exit_code == 0 and (folder / "scene.xml").is_file()
 
 
-@pytest.mark.parametrize("text, args, reason", [
-    (None, [], "Missing argument 'MODEL.obj'"), (BOXES, ["--scale", "mm"], "--scale"),
-    (BOXES, ["-o", "out", "--check"], "give either -o FOLDER or --check"), (BOXES, [], "give either -o FOLDER or --check"),
-    ("", ["-o", "out"], "model.obj: no faces"), ("v 0 0 x\n", ["-o", "out"], "model.obj, line 1: a vertex must be three numbers"),
-    (cube() + "f 1 2 99\n", ["-o", "out"], "model.obj, line 16: face index 99 is out of range"),
-    (cube(label="f*bareAl*20*"), ["-o", "out"], "line 1: object 'f*bareAl*20*': temperature '20' looks like degrees Celsius; give kelvin: 293.15"),
-    (cube(label="f*gold*300*"), ["-o", "out"], "object 'f*gold*300*': unknown material 'gold'; known:"),
-    (cube(label=None), ["-o", "out"], "line 10: the face has no label"), (BOXES, ["-o", "out", "--temperatures", "t.csv"], "6 temperatures for 17 facets"),
-    (BOXES, ["-o", "out", "--material", "gold"], "unknown material 'gold'"), (BOXES, ["-o", "out", "--materials", "none.toml"], "none.toml"),
-    (BOXES, ["-o", "out", "--scale", "-1"], "scale -1 must be positive"), (BOXES, ["-o", "out", "--sky", "sky.csv"], "no sky facet says"), (BOXES, ["--check", "--sky", "sky.csv"], "--check writes nothing"),
-    (cube(at=(5000, 0, 0)), ["-o", "out"], "the model, 1 m in size, lies 5001 m from the origin"),
-    (BOXES, ["-o", "out", "--sky", "none.csv"], "none.csv: cannot be read"), (BOXES, ["-o", "out", "--sky", "t.csv"], "spectrum t.csv: the header must name"), (BOXES, ["-o", "t.csv"], "output 't.csv' is not a folder"),
-    (BOXES, ["-o", "none/out"], "output folder 'none' does not exist"), (BOXES, ["-o", "busy"], "it is a folder; remove it"),
-])
+@pytest.mark.parametrize(
+    "text, args, reason",
+    [
+        (None, [], "Missing argument 'MODEL.obj'"),
+        (BOXES, ["--scale", "mm"], "--scale"),
+        (BOXES, ["-o", "out", "--check"], "give either -o FOLDER or --check"),
+        (BOXES, [], "give either -o FOLDER or --check"),
+        ("", ["-o", "out"], "model.obj: no faces"),
+        ("v 0 0 x\n", ["-o", "out"], "model.obj, line 1: a vertex must be three numbers"),
+        (cube() + "f 1 2 99\n", ["-o", "out"], "model.obj, line 16: face index 99 is out of range"),
+        (
+            cube(label="f*bareAl*20*"),
+            ["-o", "out"],
+            "line 1: object 'f*bareAl*20*': temperature '20' looks like degrees Celsius; give kelvin: 293.15",
+        ),
+        (
+            cube(label="f*gold*300*"),
+            ["-o", "out"],
+            "object 'f*gold*300*': unknown material 'gold'; known:",
+        ),
+        (cube(label=None), ["-o", "out"], "line 10: the face has no label"),
+        (BOXES, ["-o", "out", "--temperatures", "t.csv"], "6 temperatures for 17 facets"),
+        (BOXES, ["-o", "out", "--material", "gold"], "unknown material 'gold'"),
+        (BOXES, ["-o", "out", "--materials", "none.toml"], "none.toml"),
+        (BOXES, ["-o", "out", "--scale", "-1"], "scale -1 must be positive"),
+        (BOXES, ["-o", "out", "--sky", "sky.csv"], "no sky facet says"),
+        (BOXES, ["--check", "--sky", "sky.csv"], "--check writes nothing"),
+        (
+            cube(at=(5000, 0, 0)),
+            ["-o", "out"],
+            "the model, 1 m in size, lies 5001 m from the origin",
+        ),
+        (BOXES, ["-o", "out", "--sky", "none.csv"], "none.csv: cannot be read"),
+        (BOXES, ["-o", "out", "--sky", "t.csv"], "spectrum t.csv: the header must name"),
+        (BOXES, ["-o", "t.csv"], "output 't.csv' is not a folder"),
+        (BOXES, ["-o", "none/out"], "output folder 'none' does not exist"),
+        (BOXES, ["-o", "busy"], "it is a folder; remove it"),
+    ],
+)
 def test_refused(refused, folder, text, args, reason):
     (folder / "busy" / "scene.xml").mkdir(parents=True)
     if text is not None:
@@ -115,7 +193,9 @@ def test_refused(refused, folder, text, args, reason):
     assert {path: path.is_file() and path.read_bytes() for path in folder.rglob("*")} == before
 
 
-@pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="needs a folder in which not even root may write")
+@pytest.mark.skipif(
+    not Path("/proc/self").is_dir(), reason="needs a folder in which not even root may write"
+)
 def test_a_folder_that_cannot_be_written(refused):
     assert "cannot write '/proc/self/out'" in refused("import", "model.obj", "-o", "/proc/self/out")
 
@@ -124,7 +204,7 @@ def test_an_interrupt_leaves_nothing(run, folder, monkeypatch):
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(importlib.import_module("mi_lcair.facets.export"), "scene", interrupt)
+    monkeypatch.setattr(importlib.import_module("mi_lcair.models3d.export"), "scene", interrupt)
     (folder / "there").mkdir()
     before = set(folder.rglob("*"))
     for output in ("out", "there"):
@@ -134,6 +214,12 @@ def test_an_interrupt_leaves_nothing(run, folder, monkeypatch):
 
 def test_needs_no_renderer(folder):
     """The command is quick because it loads neither Mitsuba nor Dr.Jit."""
-    code = ("import sys\nfrom mi_lcair.cli import main\ntry:\n    main(['import', 'model.obj', '-o', 'out'])\nexcept SystemExit as end:\n"
-            "    assert not end.code\nassert not {'mitsuba', 'drjit', 'matplotlib', 'colour'} & set(sys.modules)\n")
-    subprocess.run([sys.executable, "-W", "error", "-c", code], check=True, env={**os.environ, "PYTHONPATH": str(CHECKOUT)})
+    code = (
+        "import sys\nfrom mi_lcair.cli import main\ntry:\n    main(['import', 'model.obj', '-o', 'out'])\nexcept SystemExit as end:\n"
+        "    assert not end.code\nassert not {'mitsuba', 'drjit', 'matplotlib', 'colour'} & set(sys.modules)\n"
+    )
+    subprocess.run(
+        [sys.executable, "-W", "error", "-c", code],
+        check=True,
+        env={**os.environ, "PYTHONPATH": str(CHECKOUT)},
+    )

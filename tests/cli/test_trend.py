@@ -1,4 +1,5 @@
 """mi-lcair trend: angles, outputs, and what it refuses."""
+
 import json
 
 import pytest
@@ -8,25 +9,53 @@ from mi_lcair.cli.trend import Angles, Azimuths
 FEW = ("--azimuth", "0:270:90", "--resolution", 8, "--spp", 2)
 
 
-@pytest.mark.parametrize("text, angles", [("30", [30]), ("0,45,90", [0, 45, 90]), ("-10:30:10", [-10, 0, 10, 20, 30]), ("0:1:0.1", [k / 10 for k in range(11)]),
-                                          ("0:50:20,90", [0, 20, 40, 90]), ("5:5:1", [5])])
+@pytest.mark.parametrize(
+    "text, angles",
+    [
+        ("30", [30]),
+        ("0,45,90", [0, 45, 90]),
+        ("-10:30:10", [-10, 0, 10, 20, 30]),
+        ("0:1:0.1", [k / 10 for k in range(11)]),
+        ("0:50:20,90", [0, 20, 40, 90]),
+        ("5:5:1", [5]),
+    ],
+)
 def test_angles(text, angles):
     assert Angles().convert(text, None, None) == pytest.approx(angles, abs=1e-9)
 
 
-@pytest.mark.parametrize("text, count, last", [("0:360:2", 180, 358), ("-180:180:90", 4, 90), ("0,360,720", 1, 0), ("350:370:10", 3, 370)])
+@pytest.mark.parametrize(
+    "text, count, last",
+    [("0:360:2", 180, 358), ("-180:180:90", 4, 90), ("0,360,720", 1, 0), ("350:370:10", 3, 370)],
+)
 def test_a_whole_turn_is_no_other_azimuth(text, count, last):
     angles = Azimuths().convert(text, None, None)
     assert len(angles) == count and angles[-1] == last
 
 
 def test_trend(run, folder):
-    result = run("trend", "cylinder_ir_range", *FEW, "--elevation", "0:20:20", "-o", "t.csv", "--plot", "t.png")
+    result = run(
+        "trend",
+        "cylinder_ir_range",
+        *FEW,
+        "--elevation",
+        "0:20:20",
+        "-o",
+        "t.csv",
+        "--plot",
+        "t.png",
+    )
     assert result.exit_code == 0, result.output
-    assert [line.split()[:2] for line in result.stdout.splitlines()] == [["elevation", "views"], ["0", "4"], ["20", "4"]]
+    assert [line.split()[:2] for line in result.stdout.splitlines()] == [
+        ["elevation", "views"],
+        ["0", "4"],
+        ["20", "4"],
+    ]
     assert sorted(file.name for file in folder.iterdir()) == ["t.csv", "t.png"]
     rows = [line for line in (folder / "t.csv").read_text().splitlines() if line[0] in "0123456789"]
-    assert [tuple(map(float, row.split(",")[:2])) for row in rows] == [(a, e) for e in (0, 20) for a in (0, 90, 180, 270)]
+    assert [tuple(map(float, row.split(",")[:2])) for row in rows] == [
+        (a, e) for e in (0, 20) for a in (0, 90, 180, 270)
+    ]
 
 
 def test_json(run):
@@ -35,16 +64,44 @@ def test_json(run):
 
 
 def test_a_tolerance_that_was_missed_is_told(run):
-    result = run("trend", "cylinder_ir_range", "--azimuth", "0", "--resolution", 8, "--tolerance", "0.1%", "--max-spp", 4, "-o", "t.csv")
+    result = run(
+        "trend",
+        "cylinder_ir_range",
+        "--azimuth",
+        "0",
+        "--resolution",
+        8,
+        "--tolerance",
+        "0.1%",
+        "--max-spp",
+        4,
+        "-o",
+        "t.csv",
+    )
     assert result.exit_code == 0 and "1 of 1 views did not reach the tolerance" in result.stderr
 
 
-@pytest.mark.parametrize("args, message", [
-    (("--azimuth", "0:360", "-o", "t.csv"), "no START:STOP:STEP such as 0:360:2"), (("--azimuth", "0:10:-1", "-o", "t.csv"), "0:10:-1"),
-    (("--azimuth", "nan", "-o", "t.csv"), "'nan' is no angle"), (("--azimuth", "0",), "Missing option '-o'"), (("-o", "t.csv"), "Missing option '--azimuth'"),
-    (("--azimuth", "0", "-o", "t.txt"), "does not end in .csv"), (("--azimuth", "0", "-o", "no/t.csv"), "output folder 'no' does not exist"),
-    (("--azimuth", "0", "-o", "t.csv", "--spp", 3), "spp = 3 must be 1 or even"), (("--azimuth", "0", "--elevation", "95", "-o", "t.csv"), "-90..90"),
-    (("--azimuth", "0", "--spp", 2, "--tolerance", "1%", "-o", "t.csv"), "do not go with it")])
+@pytest.mark.parametrize(
+    "args, message",
+    [
+        (("--azimuth", "0:360", "-o", "t.csv"), "no START:STOP:STEP such as 0:360:2"),
+        (("--azimuth", "0:10:-1", "-o", "t.csv"), "0:10:-1"),
+        (("--azimuth", "nan", "-o", "t.csv"), "'nan' is no angle"),
+        (
+            (
+                "--azimuth",
+                "0",
+            ),
+            "Missing option '-o'",
+        ),
+        (("-o", "t.csv"), "Missing option '--azimuth'"),
+        (("--azimuth", "0", "-o", "t.txt"), "does not end in .csv"),
+        (("--azimuth", "0", "-o", "no/t.csv"), "output folder 'no' does not exist"),
+        (("--azimuth", "0", "-o", "t.csv", "--spp", 3), "spp = 3 must be 1 or even"),
+        (("--azimuth", "0", "--elevation", "95", "-o", "t.csv"), "-90..90"),
+        (("--azimuth", "0", "--spp", 2, "--tolerance", "1%", "-o", "t.csv"), "do not go with it"),
+    ],
+)
 def test_refused(refused, folder, args, message):
     assert message in refused("trend", "cylinder_ir_range", *args)
     assert not list(folder.iterdir())

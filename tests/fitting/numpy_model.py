@@ -1,4 +1,7 @@
-"""Sandford-Robertson in plain NumPy, written from the thesis (Eqs 2.14-2.26): what tests compare with."""
+"""Sandford-Robertson in plain NumPy, written from the thesis (Eqs 2.14-2.26): what tests compare
+with.
+"""
+
 import numpy as np
 
 
@@ -8,7 +11,9 @@ def G(b):
 
 
 def brdf(theta_i, theta_r, epsilon, rho_d, b, e, form="thesis", azimuth=0.0):
-    """f_r [1/sr] for 0 < b < 1. azimuth [radians] from the plane of incidence; in it theta_r > 0 is the specular side."""
+    """f_r [1/sr] for 0 < b < 1. azimuth [radians] from the plane of incidence; in it theta_r > 0 is
+    the specular side.
+    """
     g_i, g_r = (1 / (1 + b * b * np.tan(theta) ** 2) for theta in (theta_i, theta_r))
     x = np.sin(theta_i) - np.sin(theta_r) * np.cos(azimuth)
     y, z = np.sin(theta_r) * np.sin(azimuth), np.cos(theta_i) + np.cos(theta_r)
@@ -18,4 +23,6 @@ def brdf(theta_i, theta_r, epsilon, rho_d, b, e, form="thesis", azimuth=0.0):
     H = (c + (2 * e * e + c * c) / np.sqrt(c * c + 4 * e * e)) / (2 * e * e)
     rho_s = 1 - (epsilon + rho_d) * g_i / G(b)
     d = g_r if form == "thesis" else 1
-    return g_i * g_r * rho_d / (np.pi * G(b) ** 2) + rho_s * h / H * d / (4 * np.pi * np.cos(theta_r))
+    return g_i * g_r * rho_d / (np.pi * G(b) ** 2) + rho_s * h / H * d / (
+        4 * np.pi * np.cos(theta_r)
+    )

@@ -1,23 +1,38 @@
 """A fit with made-up numbers, for the tests of what is done with one."""
+
 import numpy as np
-
 from mi_lcair.fitting.estimation import Fit
-from mi_lcair.fitting.measurements import DirectionalData, Measurements
 from mi_lcair.fitting.parameters import NAMES
+from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
 
-PARAMETERS = {"epsilon": 0.1 + 0.2, "rho_d": 1 / 3, "b": 0.05, "e": 0.1}    # two with 17 digits
+PARAMETERS = {"epsilon": 0.1 + 0.2, "rho_d": 1 / 3, "b": 0.05, "e": 0.1}  # two with 17 digits
 
 
 def measurements(theta_i=(20, 50), theta_r=range(-80, 86, 5), band_um=(3.0, 5.0), file="scan.csv"):
-    i, r = (angles.ravel() for angles in np.meshgrid(np.radians(theta_i), np.radians(theta_r), indexing="ij"))
-    return Measurements(i, r, brdf=0.01 + np.exp(-np.degrees(abs(r - i))), band_um=band_um, name="a plate",
-                        source=[{"file": file, "sha256": "00"}], dropped={"off the plane of incidence": 2},
-                        reading={"quantity": "brdf"})
+    i, r = (
+        angles.ravel()
+        for angles in np.meshgrid(np.radians(theta_i), np.radians(theta_r), indexing="ij")
+    )
+    return Measurements(
+        i,
+        r,
+        brdf=0.01 + np.exp(-np.degrees(abs(r - i))),
+        band_um=band_um,
+        name="a plate",
+        source=[{"file": file, "sha256": "00"}],
+        dropped={"off the plane of incidence": 2},
+        reading={"quantity": "brdf"},
+    )
 
 
 def emissivity():
-    return DirectionalData(np.radians([15.0, 60.0]), np.array([0.6, 0.5]), np.array([0.02, 0.03]), "emissivity",
-                           [{"file": "emissivity.csv", "sha256": "11"}])
+    return DirectionalData(
+        np.radians([15.0, 60.0]),
+        np.array([0.6, 0.5]),
+        np.array([0.02, 0.03]),
+        "emissivity",
+        [{"file": "emissivity.csv", "sha256": "11"}],
+    )
 
 
 def fit_of(data, *, emissivity=None, dhr=None, progress=None, seconds=1.25, **settings):
@@ -27,13 +42,32 @@ def fit_of(data, *, emissivity=None, dhr=None, progress=None, seconds=1.25, **se
         progress(2, 2)
     used = np.degrees(abs(data.theta_r)) < 80.1
     theta = np.radians([0.0, 30.0, 60.0]) if emissivity is None else emissivity.theta
-    return Fit(parameters=PARAMETERS, standard_error={name: 0.01 for name in NAMES},
-               interval={name: (0.0, 0.5) for name in NAMES},
-               verdict={"epsilon": "not determined by these data: anything in 0..0.5 fits; measure it and give --emissivity",
-                        "rho_d": "determined", "b": "at its bound 0: interval 0..0.1", "e": "determined"},
-               correlation=np.eye(4), form="normalized", restriction="b = 0", rms_dex=0.1234, used=int(used.sum()),
-               used_points=used, dropped={"theta_i or theta_r beyond 80 degrees": int((~used).sum())},
-               effective_points=20.5, outliers=0, converged=True, gradient_norm=1e-13, starts_in_basin=0.75,
-               candidates=[{"form": "normalized", "restriction": "b = 0", "chosen": True}],
-               emissivity=(theta, np.full(len(theta), 0.55)), emissivity_rms=None if emissivity is None else 0.05,
-               seconds=seconds, compile_seconds=0.5, settings={**settings, "source_half_angle_deg": 0.0})
+    return Fit(
+        parameters=PARAMETERS,
+        standard_error=dict.fromkeys(NAMES, 0.01),
+        interval=dict.fromkeys(NAMES, (0.0, 0.5)),
+        verdict={
+            "epsilon": "not determined by these data: anything in 0..0.5 fits; measure it and give --emissivity",
+            "rho_d": "determined",
+            "b": "at its bound 0: interval 0..0.1",
+            "e": "determined",
+        },
+        correlation=np.eye(4),
+        form="normalized",
+        restriction="b = 0",
+        rms_dex=0.1234,
+        used=int(used.sum()),
+        used_points=used,
+        dropped={"theta_i or theta_r beyond 80 degrees": int((~used).sum())},
+        effective_points=20.5,
+        outliers=0,
+        converged=True,
+        gradient_norm=1e-13,
+        starts_in_basin=0.75,
+        candidates=[{"form": "normalized", "restriction": "b = 0", "chosen": True}],
+        emissivity=(theta, np.full(len(theta), 0.55)),
+        emissivity_rms=None if emissivity is None else 0.05,
+        seconds=seconds,
+        compile_seconds=0.5,
+        settings={**settings, "source_half_angle_deg": 0.0},
+    )

@@ -1,8 +1,9 @@
 """Measurements with a known answer, made with the NumPy model."""
-import numpy as np
 
-from mi_lcair.fitting.measurements import Measurements
+import numpy as np
 from mi_lcair.fitting.parameters import NAMES
+from mi_lcair.fitting.scatterometer.measurements import Measurements
+
 from tests.fitting.numpy_model import brdf
 
 # Harkiss 2007, Tables 2.2 and 2.3
@@ -12,13 +13,21 @@ THESIS_SETS = {
     "gloss black MWIR": (0.890, 0.001, 0.160, 0.005),
     "gloss black LWIR": (0.880, 0.00075, 0.160, 0.005),
 }
-ROUGH = (0.30, 0.20, 0.40, 0.25)        # a broad lobe over a strong floor: all four parameters show
+ROUGH = (0.30, 0.20, 0.40, 0.25)  # a broad lobe over a strong floor: all four parameters show
 
 
-def scan(parameters, incidence=(20, 40, 60), step=0.5, form="thesis", noise=0.0, seed=0) -> Measurements:
-    """In-plane scans to +-80 degrees at each incidence [degrees]; noise: relative, one standard deviation."""
-    theta_i, theta_r = (np.radians(angles.ravel()) for angles in
-                        np.meshgrid(np.asarray(incidence, float), np.arange(-80, 80 + step / 2, step), indexing="ij"))
+def scan(
+    parameters, incidence=(20, 40, 60), step=0.5, form="thesis", noise=0.0, seed=0
+) -> Measurements:
+    """In-plane scans to +-80 degrees at each incidence [degrees]; noise: relative, one standard
+    deviation.
+    """
+    theta_i, theta_r = (
+        np.radians(angles.ravel())
+        for angles in np.meshgrid(
+            np.asarray(incidence, float), np.arange(-80, 80 + step / 2, step), indexing="ij"
+        )
+    )
     values = brdf(theta_i, theta_r, *parameters, form=form)
     values *= 1 + noise * np.random.default_rng(seed).standard_normal(len(values))
     return Measurements(theta_i, theta_r, values, name="synthetic")
@@ -26,7 +35,12 @@ def scan(parameters, incidence=(20, 40, 60), step=0.5, form="thesis", noise=0.0,
 
 def without(measurements: Measurements, gone) -> Measurements:
     """The measurements without the points of the mask `gone`."""
-    return Measurements(measurements.theta_i[~gone], measurements.theta_r[~gone], measurements.brdf[~gone], name="synthetic")
+    return Measurements(
+        measurements.theta_i[~gone],
+        measurements.theta_r[~gone],
+        measurements.brdf[~gone],
+        name="synthetic",
+    )
 
 
 def relative_errors(fit, parameters) -> np.ndarray:
@@ -34,7 +48,9 @@ def relative_errors(fit, parameters) -> np.ndarray:
 
 
 def disc_average(theta_i, theta_r, parameters, half_angle, cells=501) -> np.ndarray:
-    """The BRDF averaged over a source disc, weighted by its cosine, as a sum over small square cells."""
+    """The BRDF averaged over a source disc, weighted by its cosine, as a sum over small square
+    cells.
+    """
     edge = half_angle * (2 * (np.arange(cells) + 0.5) / cells - 1)
     x, y = (side.ravel() for side in np.meshgrid(edge, edge))
     x, y = x[np.hypot(x, y) < half_angle], y[np.hypot(x, y) < half_angle]

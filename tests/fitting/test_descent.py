@@ -1,15 +1,16 @@
 """The descent on problems whose minimum is known without it."""
+
 import numpy as np
 import pytest
-from scipy.optimize import lsq_linear
-
 from mi_lcair.fitting.descent import explore, levenberg_marquardt
+from scipy.optimize import lsq_linear
 
 STARTS = np.random.default_rng(1).uniform(0.05, 0.95, (16, 4))
 
 
 class Linear:
     """rows = A u - y."""
+
     unit = 1.0
 
     def __init__(self, A, y):
@@ -35,7 +36,9 @@ class Banana(Linear):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_minimum_in_the_cube_is_that_of_an_exact_solver(seed):
-    """Random least squares with a solution outside the cube: which faces it lies on must be found, from every start."""
+    """Random least squares with a solution outside the cube: which faces it lies on must be found,
+    from every start.
+    """
     rng = np.random.default_rng(seed)
     A = rng.standard_normal((12, 4))
     y = A @ rng.uniform(-1, 2, 4) + 0.3 * rng.standard_normal(12)
@@ -44,7 +47,7 @@ def test_minimum_in_the_cube_is_that_of_an_exact_solver(seed):
     np.testing.assert_allclose(minima.u, np.tile(expected.x, (16, 1)), atol=1e-9)
     np.testing.assert_allclose(minima.cost, expected.cost, rtol=1e-9)
     on_bound = np.isclose(expected.x, 0, atol=1e-12) | np.isclose(expected.x, 1, atol=1e-12)
-    assert np.all(np.isin(minima.u[:, on_bound], (0, 1)))        # a bound is reached exactly
+    assert np.all(np.isin(minima.u[:, on_bound], (0, 1)))  # a bound is reached exactly
 
 
 def test_a_start_on_a_bound_leaves_it():

@@ -1,16 +1,19 @@
-"""The fit as a whole: known answers, real surfaces, the choice of model, and settings that make no sense."""
+"""The fit as a whole: known answers, real surfaces, the choice of model, and settings that make no
+sense.
+"""
+
 from pathlib import Path
 
 import numpy as np
 import pytest
+from mi_lcair.fitting import fit, read
+from mi_lcair.fitting.model import Hemispherical
+from mi_lcair.fitting.parameters import to_cube
+from mi_lcair.fitting.scatterometer.measurements import DirectionalData
+from mi_lcair.fitting.scatterometer.reading import read_directional
 
 from mi_lcair.errors import InputError
-from mi_lcair.fitting import fit, read
-from mi_lcair.fitting.measurements import DirectionalData
-from mi_lcair.fitting.model import Hemispherical
-from mi_lcair.fitting.parameters import NAMES, to_cube
-from mi_lcair.fitting.reading import read_directional
-from mi_lcair.physics.sandford_robertson import check_feasible
+from mi_lcair.physics.reflection.sandford_robertson import check_feasible
 from tests.fitting.synthetic import ROUGH, THESIS_SETS, relative_errors, scan, without
 
 SURFACES = Path(__file__).parents[2].parent / "shared" / "data" / "mwir_brdf"
@@ -34,9 +37,17 @@ def test_the_same_seed_gives_the_same_bits():
 
 
 @real_data
-@pytest.mark.parametrize("name, thesis, normalized", [
-    ("aluminium", 0.3294, 0.3556), ("aluminium_sandblasted", 0.0764, 0.0703), ("copper", 0.7475, 0.7475),
-    ("paint_rough", 0.1947, 0.1844), ("paint_smooth", 0.2698, 0.2699), ("steel_sandblasted", 0.0918, 0.0874)])
+@pytest.mark.parametrize(
+    "name, thesis, normalized",
+    [
+        ("aluminium", 0.3294, 0.3556),
+        ("aluminium_sandblasted", 0.0764, 0.0703),
+        ("copper", 0.7475, 0.7475),
+        ("paint_rough", 0.1947, 0.1844),
+        ("paint_smooth", 0.2698, 0.2699),
+        ("steel_sandblasted", 0.0918, 0.0874),
+    ],
+)
 def test_real_surfaces_as_well_as_a_global_search(name, thesis, normalized):
     """The numbers are what an independent global optimization of the same residuals found."""
     data = read(SURFACES / f"{name}.csv")
@@ -51,26 +62,39 @@ def test_an_emissivity_beside_the_brdf_is_followed():
     """Sandblasted aluminium: its BRDF alone misses the measured emissivity, both together hold it."""
     data = read(SURFACES / "aluminium_sandblasted.csv")
     table = read_directional(SURFACES / "aluminium_sandblasted_emissivity.csv", "emissivity")
-    alone, both = (fit(data, form="normalized", starts=4, source_half_angle_deg=0, **joint)
-                   for joint in ({}, {"emissivity": table}))
+    alone, both = (
+        fit(data, form="normalized", starts=4, source_half_angle_deg=0, **joint)
+        for joint in ({}, {"emissivity": table})
+    )
     u = to_cube([list(alone.parameters.values())])
     inside = table.theta < np.radians(80.1)
     missed = (Hemispherical(table.theta, "emissivity", alone.form)(u)[0][0] - table.value)[inside]
-    assert both.emissivity_rms < 0.5 * np.sqrt(np.mean(missed ** 2))
+    assert both.emissivity_rms < 0.5 * np.sqrt(np.mean(missed**2))
     assert both.rms_dex < 1.2 * alone.rms_dex
-    assert "--emissivity" in alone.verdict["epsilon"] and "--emissivity" not in both.verdict["epsilon"]
+    assert (
+        "--emissivity" in alone.verdict["epsilon"] and "--emissivity" not in both.verdict["epsilon"]
+    )
 
 
 def test_a_dhr_is_fitted_at_the_sources_angle():
-    """Tables of emissivity and DHR of one surface hold different angles' worth: SR is not reciprocal."""
+    """Tables of emissivity and DHR of one surface hold different angles' worth: SR is not
+    reciprocal.
+    """
     theta, u = np.radians([20.0, 50.0, 70.0]), to_cube([ROUGH])
     data = scan(ROUGH, step=4, noise=0.05)
-    tables = {quantity: DirectionalData(theta, Hemispherical(theta, quantity, "thesis")(u)[0][0], np.full(3, 0.002), quantity)
-              for quantity in ("emissivity", "dhr")}
+    tables = {
+        quantity: DirectionalData(
+            theta, Hemispherical(theta, quantity, "thesis")(u)[0][0], np.full(3, 0.002), quantity
+        )
+        for quantity in ("emissivity", "dhr")
+    }
     assert np.max(np.abs(1 - tables["dhr"].value - tables["emissivity"].value)) > 0.01
     result = fit(data, dhr=tables["dhr"], starts=4, form="thesis")
     assert result.parameters["epsilon"] == pytest.approx(ROUGH[0], abs=0.01)
-    assert result.standard_error["epsilon"] < 0.7 * fit(data, starts=4, form="thesis").standard_error["epsilon"]
+    assert (
+        result.standard_error["epsilon"]
+        < 0.7 * fit(data, starts=4, form="thesis").standard_error["epsilon"]
+    )
     assert result.emissivity_rms is None and list(result.settings["joint"]) == ["dhr"]
 
 
@@ -81,18 +105,27 @@ def test_auto_takes_the_form_that_made_the_data(form):
 
 
 def test_auto_takes_no_more_than_the_data_need():
-    """No diffuse floor in the data: the model without it is chosen, and no other candidate is better by much."""
+    """No diffuse floor in the data: the model without it is chosen, and no other candidate is
+    better by much.
+    """
     result = fit(scan((0.3, 0.0, 0.4, 0.25), step=2, noise=0.05), starts=8)
     assert result.restriction == "rho_d = 0" and result.parameters["rho_d"] == 0
     assert result.verdict["rho_d"].startswith("at its bound 0: interval 0..")
     assert 0 < result.standard_error["rho_d"] < 0.05
     [chosen] = [row for row in result.candidates if row["chosen"]]
-    assert chosen["free_parameters"] == 3 and chosen["criterion"] <= 2 and len(result.candidates) == 6
+    assert (
+        chosen["free_parameters"] == 3 and chosen["criterion"] <= 2 and len(result.candidates) == 6
+    )
 
 
 def test_sigma_weighs_the_points():
-    """Two disagreeing scans of one surface: the one with the smaller standard deviation is followed."""
-    good, bad = scan(ROUGH, step=2, noise=0.02, seed=1), scan((0.6, 0.1, 0.3, 0.4), step=2, noise=0.02, seed=2)
+    """Two disagreeing scans of one surface: the one with the smaller standard deviation is
+    followed.
+    """
+    good, bad = (
+        scan(ROUGH, step=2, noise=0.02, seed=1),
+        scan((0.6, 0.1, 0.3, 0.4), step=2, noise=0.02, seed=2),
+    )
     for one, relative in ((good, 0.02), (bad, 2.0)):
         one.sigma = relative * one.brdf
     both = scan(ROUGH)
@@ -124,10 +157,17 @@ def test_too_few_points():
         fit(data, min_brdf=1000)
 
 
-@pytest.mark.parametrize("settings, words", [
-    ({"form": "thesys"}, "thesis"), ({"loss": "cube"}, "cube_root"), ({"starts": 0}, "starts = 0 .* at least 1"),
-    ({"max_angle_deg": 100}, "max_angle_deg = 100"), ({"min_brdf": -1}, "min_brdf = -1"),
-    ({"source_half_angle_deg": 90}, "source_half_angle_deg = 90")])
+@pytest.mark.parametrize(
+    "settings, words",
+    [
+        ({"form": "thesys"}, "thesis"),
+        ({"loss": "cube"}, "cube_root"),
+        ({"starts": 0}, "starts = 0 .* at least 1"),
+        ({"max_angle_deg": 100}, "max_angle_deg = 100"),
+        ({"min_brdf": -1}, "min_brdf = -1"),
+        ({"source_half_angle_deg": 90}, "source_half_angle_deg = 90"),
+    ],
+)
 def test_settings_out_of_range(settings, words):
     with pytest.raises(InputError, match=words):
         fit(scan(ROUGH, step=10), **settings)
@@ -136,7 +176,18 @@ def test_settings_out_of_range(settings, words):
 def test_progress_goes_on_to_its_total():
     data = scan(ROUGH, step=8, noise=0.05)
     table = DirectionalData(np.radians([30.0]), np.array([0.33]), np.array([0.02]))
-    for joint, total in (({}, 2), ({"emissivity": table}, 4)):      # models and error bars; twice with a table
+    for joint, total in (
+        ({}, 2),
+        ({"emissivity": table}, 4),
+    ):  # models and error bars; twice with a table
         calls = []
-        fit(data, **joint, form="thesis", starts=2, progress=lambda done, total: calls.append((done, total)))
-        assert calls[-1] == (total, total) and [done for done, _ in calls] == sorted({done for done, _ in calls})
+        fit(
+            data,
+            **joint,
+            form="thesis",
+            starts=2,
+            progress=lambda done, total: calls.append((done, total)),
+        )
+        assert calls[-1] == (total, total) and [done for done, _ in calls] == sorted(
+            {done for done, _ in calls}
+        )

@@ -1,15 +1,19 @@
 """The instruments' readings against plain NumPy, and their derivatives against differences."""
+
 import numpy as np
 import pytest
-
 from mi_lcair.fitting.model import Hemispherical, Scatterometer
 from mi_lcair.fitting.parameters import to_cube
+
 from tests.fitting import numpy_model
 from tests.fitting.synthetic import ROUGH, THESIS_SETS, disc_average
 
 FORMS = ("thesis", "normalized")
 SURFACES = np.array([*THESIS_SETS.values(), ROUGH, (0.05, 0.4, 0.9, 0.7)])
-THETA_I, THETA_R = np.radians([0, 20, 20, 20, 60, 60, 75]), np.radians([0.5, 20, 23, -60, 60, 10, 74])
+THETA_I, THETA_R = (
+    np.radians([0, 20, 20, 20, 60, 60, 75]),
+    np.radians([0.5, 20, 23, -60, 60, 10, 74]),
+)
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -25,10 +29,16 @@ def differences(model, u, step=1e-6):
     return np.stack([(high - low) / (2 * step) for high, low in ends], axis=-1)
 
 
-@pytest.mark.parametrize("model", [Scatterometer(THETA_I, THETA_R, "thesis"), Scatterometer(THETA_I, THETA_R, "normalized"),
-                                   Hemispherical(np.radians([10, 70]), "emissivity", "thesis"),
-                                   Hemispherical(np.radians([10, 70]), "dhr", "thesis")],
-                         ids=["thesis", "normalized", "emissivity", "dhr"])
+@pytest.mark.parametrize(
+    "model",
+    [
+        Scatterometer(THETA_I, THETA_R, "thesis"),
+        Scatterometer(THETA_I, THETA_R, "normalized"),
+        Hemispherical(np.radians([10, 70]), "emissivity", "thesis"),
+        Hemispherical(np.radians([10, 70]), "dhr", "thesis"),
+    ],
+    ids=["thesis", "normalized", "emissivity", "dhr"],
+)
 def test_derivatives_are_those_of_the_readings(model):
     u = to_cube(SURFACES[-2:])
     expected = differences(model, u)
@@ -36,7 +46,9 @@ def test_derivatives_are_those_of_the_readings(model):
 
 
 def test_emissivity_and_dhr_are_hemispherical_integrals():
-    """Both against a product rule over the hemisphere, for surfaces broad enough for it; they differ: SR is not reciprocal."""
+    """Both against a product rule over the hemisphere, for surfaces broad enough for it; they
+    differ: SR is not reciprocal.
+    """
     x, weights = np.polynomial.legendre.leggauss(200)
     theta, phi = np.pi / 4 * (x + 1), np.pi * (x + 1)
     T, P = np.meshgrid(theta, phi, indexing="ij")
@@ -62,13 +74,17 @@ def test_aperture_is_the_average_over_the_sources_disc(e):
     half_angle = np.radians(0.909)
     f, _ = Scatterometer(theta_i, theta_r, "thesis", half_angle)(to_cube([surface]))
     expected = disc_average(theta_i, theta_r, surface, half_angle)
-    np.testing.assert_allclose(f[0], expected, rtol=4e-3)       # the ragged rim of the reference costs half of it
+    np.testing.assert_allclose(
+        f[0], expected, rtol=4e-3
+    )  # the ragged rim of the reference costs half of it
     point = numpy_model.brdf(theta_i, theta_r, *surface)
     if e < 0.01:
-        assert np.max(np.abs(expected / point - 1)) > 0.5       # the aperture matters here
+        assert np.max(np.abs(expected / point - 1)) > 0.5  # the aperture matters here
 
 
 def test_an_aperture_of_nearly_nothing_changes_nothing():
     u = to_cube(SURFACES)
-    point, small = (Scatterometer(THETA_I, THETA_R, "thesis", half_angle)(u)[0] for half_angle in (0.0, 1e-6))
+    point, small = (
+        Scatterometer(THETA_I, THETA_R, "thesis", half_angle)(u)[0] for half_angle in (0.0, 1e-6)
+    )
     np.testing.assert_allclose(small, point, rtol=1e-4)

@@ -1,11 +1,21 @@
-"""The cube is the feasible set: every point of it is feasible, and every feasible surface is a point of it."""
+"""The cube is the feasible set: every point of it is feasible, and every feasible surface is a
+point of it.
+"""
+
 from itertools import product
 
 import numpy as np
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mi_lcair.fitting.parameters import (
+    E_MIN,
+    feasible_range,
+    parameters_at,
+    starting_points,
+    to_cube,
+)
 
-from mi_lcair.fitting.parameters import E_MIN, feasible_range, parameters_at, starting_points, to_cube
-from mi_lcair.physics.sandford_robertson import check_feasible
+from mi_lcair.physics.reflection.sandford_robertson import check_feasible
 from tests.fitting.numpy_model import G
 
 unit = st.floats(0, 1)
@@ -23,8 +33,10 @@ def test_the_corners_are_the_bounds():
         epsilon, rho_d, b, e = parameters_at(np.array([corner]))[0][0]
         check_feasible(epsilon, rho_d, b, e)
         assert b == corner[2] and np.isclose(e, 1 if corner[3] else E_MIN, rtol=1e-12)
-        bound = 0.5 if b else 1.0                               # G(1), G(0)
-        assert np.isclose(epsilon, bound * corner[0]) and np.isclose(rho_d, bound * (1 - corner[0]) * corner[1])
+        bound = 0.5 if b else 1.0  # G(1), G(0)
+        assert np.isclose(epsilon, bound * corner[0]) and np.isclose(
+            rho_d, bound * (1 - corner[0]) * corner[1]
+        )
 
 
 def test_there_and_back():
@@ -38,8 +50,13 @@ def test_there_and_back():
 
 def test_derivatives():
     u, step = np.array([[0.3, 0.4, 0.2, 0.7], [0.9, 0.05, 0.01, 0.5]]), 1e-6
-    expected = np.stack([(parameters_at(u + step * axis)[0] - parameters_at(u - step * axis)[0]) / (2 * step)
-                         for axis in np.eye(4)], axis=-1)
+    expected = np.stack(
+        [
+            (parameters_at(u + step * axis)[0] - parameters_at(u - step * axis)[0]) / (2 * step)
+            for axis in np.eye(4)
+        ],
+        axis=-1,
+    )
     np.testing.assert_allclose(parameters_at(u)[1], expected, rtol=1e-7, atol=1e-9)
 
 
@@ -54,4 +71,6 @@ def test_starts_are_spread_and_belong_to_their_seed():
     assert np.array_equal(first, again) and not np.array_equal(first, other)
     assert np.all((first > 0) & (first < 1))
     e = parameters_at(first)[0][:, 3]
-    assert np.all(np.histogram(np.log10(e), bins=3, range=(-3, 0))[0] >= 20)       # each decade has its third
+    assert np.all(
+        np.histogram(np.log10(e), bins=3, range=(-3, 0))[0] >= 20
+    )  # each decade has its third

@@ -1,17 +1,17 @@
 """What a fit leaves behind: a JSON file that is a material, and a picture."""
+
 import json
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from mi_lcair.fitting.report import as_dict, check_bands, to_json
+from mi_lcair.fitting.scatterometer.measurements import DirectionalData
 
 from mi_lcair.errors import InputError
-from mi_lcair.fitting.measurements import DirectionalData
-from mi_lcair.fitting.plot import draw_brdf, draw_directional, draw_fit, draw_table, save_plot
-from mi_lcair.fitting.report import as_dict, check_bands, to_json
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.materials import material
-
+from mi_lcair.reports.fit_plot import draw_brdf, draw_directional, draw_fit, draw_table, save_plot
 from tests.fitting.numpy_model import brdf as numpy_brdf
 from tests.fitting.results import PARAMETERS, emissivity, fit_of, measurements
 
@@ -27,25 +27,47 @@ def result(data, **directional):
 
 # ------------------------------------------------------------------- JSON
 
+
 def test_a_report_holds_what_is_known(tmp_path):
     report = written(tmp_path / "fit.json", result(measurements(), emissivity=emissivity()))
-    assert report["parameters"] == PARAMETERS        # to the last bit
-    assert (report["form"], report["restriction"], report["band"], report["name"]) == ("normalized", "b = 0", "3-5", "a plate")
+    assert report["parameters"] == PARAMETERS  # to the last bit
+    assert (report["form"], report["restriction"], report["band"], report["name"]) == (
+        "normalized",
+        "b = 0",
+        "3-5",
+        "a plate",
+    )
     for key in ("standard_error", "verdict", "interval"):
         assert list(report[key]) == ["epsilon", "rho_d", "b", "e"]
     assert report["correlation"] == np.eye(4).tolist()
     assert report["rms_dex"] == 0.1234 and report["used"] == 66
-    assert report["dropped"] == {"off the plane of incidence": 2, "theta_i or theta_r beyond 80 degrees": 2}
-    assert report["emissivity"] == {"theta_deg": pytest.approx([15, 60]), "predicted": [0.55, 0.55], "measured": [0.6, 0.5],
-                                    "rms_error": 0.05}
-    assert report["source"] == [{"file": "scan.csv", "sha256": "00"}, {"file": "emissivity.csv", "sha256": "11"}]
-    assert report["settings"]["source_half_angle_deg"] == 0 and report["reading"] == {"quantity": "brdf"}
+    assert report["dropped"] == {
+        "off the plane of incidence": 2,
+        "theta_i or theta_r beyond 80 degrees": 2,
+    }
+    assert report["emissivity"] == {
+        "theta_deg": pytest.approx([15, 60]),
+        "predicted": [0.55, 0.55],
+        "measured": [0.6, 0.5],
+        "rms_error": 0.05,
+    }
+    assert report["source"] == [
+        {"file": "scan.csv", "sha256": "00"},
+        {"file": "emissivity.csv", "sha256": "11"},
+    ]
+    assert report["settings"]["source_half_angle_deg"] == 0 and report["reading"] == {
+        "quantity": "brdf"
+    }
 
 
 def test_without_emissivity(tmp_path):
     report = written(tmp_path / "fit.json", result(measurements()))
-    assert report["emissivity"] == {"theta_deg": pytest.approx([0, 30, 60]), "predicted": [0.55] * 3, "measured": None,
-                                    "rms_error": None}
+    assert report["emissivity"] == {
+        "theta_deg": pytest.approx([0, 30, 60]),
+        "predicted": [0.55] * 3,
+        "measured": None,
+        "rms_error": None,
+    }
 
 
 def test_a_report_is_a_material(tmp_path):
@@ -58,9 +80,14 @@ def test_a_report_is_a_material(tmp_path):
 
 def test_several_bands_are_one_material(tmp_path):
     path = tmp_path / "fit.json"
-    report = written(path, result(measurements()), result(measurements(band_um=(8.0, 12.0), file="other.csv")))
+    report = written(
+        path, result(measurements()), result(measurements(band_um=(8.0, 12.0), file="other.csv"))
+    )
     assert list(report) == ["materials"] and list(report["materials"]) == ["3-5", "8-12"]
-    assert material(str(path), band("LWIR")).band == "8-12" and material(str(path), band("MWIR")).band == "3-5"
+    assert (
+        material(str(path), band("LWIR")).band == "8-12"
+        and material(str(path), band("MWIR")).band == "3-5"
+    )
 
 
 def test_an_unknown_band_is_said_where_the_material_is_used(tmp_path):
@@ -81,10 +108,13 @@ def test_several_files_must_have_bands_of_their_own():
 
 def test_the_same_fit_gives_the_same_report():
     data = measurements()
-    assert to_json(as_dict([result(data)])) == to_json(as_dict([(data, fit_of(data, seconds=9.0), {})]))
+    assert to_json(as_dict([result(data)])) == to_json(
+        as_dict([(data, fit_of(data, seconds=9.0), {})])
+    )
 
 
 # ------------------------------------------------------------------- picture
+
 
 @pytest.fixture
 def axes():
@@ -92,18 +122,34 @@ def axes():
 
 
 def test_lines_are_the_model_and_points_the_data(axes):
-    """The line at theta_i = 50 passes through the independent model's values; points left out are hollow."""
+    """The line at theta_i = 50 passes through the independent model's values; points left out are
+    hollow.
+    """
     data = measurements()
     draw_brdf(*axes, data, fit_of(data))
     lines = {line.get_label(): line for line in axes[0].lines}
     r, f = lines["50°"].get_data()
-    assert (r.min(), r.max(), axes[0].get_yscale()) == (pytest.approx(-80), pytest.approx(85), "log")
+    assert (r.min(), r.max(), axes[0].get_yscale()) == (
+        pytest.approx(-80),
+        pytest.approx(85),
+        "log",
+    )
     expected = numpy_brdf(np.radians(50), np.radians(r), **PARAMETERS, form="normalized")
     np.testing.assert_allclose(f, expected, rtol=1e-9)
-    solid, hollow = ([line for line in axes[0].lines if line.get_marker() == "o" and (str(line.get_markerfacecolor()) == "none") == is_hollow]
-                     for is_hollow in (False, True))
-    assert [len(line.get_xdata()) for line in solid] == [33, 33] and [len(line.get_xdata()) for line in hollow] == [1, 1]
-    np.testing.assert_allclose(np.concatenate([line.get_ydata() for line in solid]), data.brdf[fit_of(data).used_points])
+    solid, hollow = (
+        [
+            line
+            for line in axes[0].lines
+            if line.get_marker() == "o" and (str(line.get_markerfacecolor()) == "none") == is_hollow
+        ]
+        for is_hollow in (False, True)
+    )
+    assert [len(line.get_xdata()) for line in solid] == [33, 33] and [
+        len(line.get_xdata()) for line in hollow
+    ] == [1, 1]
+    np.testing.assert_allclose(
+        np.concatenate([line.get_ydata() for line in solid]), data.brdf[fit_of(data).used_points]
+    )
 
 
 def test_residuals_are_decades_of_the_points_used(axes):
@@ -112,7 +158,11 @@ def test_residuals_are_decades_of_the_points_used(axes):
     shown = [line for line in axes[1].lines if line.get_marker() == "o"]
     model = numpy_brdf(data.theta_i, data.theta_r, **PARAMETERS, form="normalized")
     used = fit_of(data).used_points
-    np.testing.assert_allclose(np.concatenate([line.get_ydata() for line in shown]), np.log10(data.brdf / model)[used], atol=1e-9)
+    np.testing.assert_allclose(
+        np.concatenate([line.get_ydata() for line in shown]),
+        np.log10(data.brdf / model)[used],
+        atol=1e-9,
+    )
 
 
 def test_the_angle_that_was_swept_is_the_axis(axes):
@@ -139,7 +189,7 @@ def test_measured_emissivity_has_its_error_bars(axes):
 def test_without_a_measured_emissivity_the_predicted_one_is_shown():
     figure = Figure()
     draw_fit(figure, *result(measurements()))
-    panel, = (axes for axes in figure.axes if axes.get_ylabel() == "emissivity")
+    (panel,) = (axes for axes in figure.axes if axes.get_ylabel() == "emissivity")
     theta, value = panel.lines[0].get_data()
     assert len(panel.lines) == 1 and (theta[0], theta[-1]) == (0, 89) and 0.2 < value[0] < 0.4
 
@@ -147,15 +197,33 @@ def test_without_a_measured_emissivity_the_predicted_one_is_shown():
 def test_the_table_says_what_the_fit_says(axes):
     draw_table(axes[0], fit_of(measurements(), emissivity=emissivity()))
     text = " ".join(text.get_text() for text in axes[0].texts)
-    for words in ("0.3333", "± 0.01", "at its bound 0", "0.1234 decades", "66 used, 2 left out", "0.050 in emissivity"):
+    for words in (
+        "0.3333",
+        "± 0.01",
+        "at its bound 0",
+        "0.1234 decades",
+        "66 used, 2 left out",
+        "0.050 in emissivity",
+    ):
         assert words in text
 
 
-@pytest.mark.parametrize("results", [
-    [result(measurements())], [result(measurements(theta_i=(30,)), emissivity=emissivity())],
-    [result(measurements(), emissivity=emissivity(), dhr=DirectionalData(np.radians([20.0]), np.array([0.3]), None, "dhr")),
-     result(measurements(band_um=None))],
-], ids=["BRDF alone", "one incidence, emissivity", "two files, emissivity and DHR"])
+@pytest.mark.parametrize(
+    "results",
+    [
+        [result(measurements())],
+        [result(measurements(theta_i=(30,)), emissivity=emissivity())],
+        [
+            result(
+                measurements(),
+                emissivity=emissivity(),
+                dhr=DirectionalData(np.radians([20.0]), np.array([0.3]), None, "dhr"),
+            ),
+            result(measurements(band_um=None)),
+        ],
+    ],
+    ids=["BRDF alone", "one incidence, emissivity", "two files, emissivity and DHR"],
+)
 def test_a_picture_is_written(tmp_path, results):
     save_plot(tmp_path / "fit.png", results)
     assert (tmp_path / "fit.png").read_bytes().startswith(b"\x89PNG")

@@ -1,11 +1,12 @@
 """Error bars against scipy, against repetition, and on residuals that follow each other."""
+
 import numpy as np
 import pytest
-from scipy.optimize import curve_fit
-
 from mi_lcair.fitting import fit
 from mi_lcair.fitting.parameters import NAMES
 from mi_lcair.fitting.uncertainty import effective_count
+from scipy.optimize import curve_fit
+
 from tests.fitting.numpy_model import brdf
 from tests.fitting.synthetic import ROUGH, scan
 
@@ -13,7 +14,9 @@ from tests.fitting.synthetic import ROUGH, scan
 def test_standard_errors_and_correlation_are_those_of_scipy():
     data = scan(ROUGH, step=1, noise=0.05, seed=5)
     log_model = lambda angles, *parameters: np.log10(brdf(*angles, *parameters))
-    expected, covariance = curve_fit(log_model, (data.theta_i, data.theta_r), np.log10(data.brdf), p0=ROUGH)
+    expected, covariance = curve_fit(
+        log_model, (data.theta_i, data.theta_r), np.log10(data.brdf), p0=ROUGH
+    )
     errors = np.sqrt(np.diag(covariance))
     result = fit(data, form="thesis", starts=4)
     np.testing.assert_allclose([result.parameters[name] for name in NAMES], expected, rtol=1e-5)
@@ -25,17 +28,23 @@ def test_intervals_of_a_nearly_linear_problem_are_two_standard_errors_wide():
     result = fit(scan(ROUGH, step=1, noise=0.05, seed=5), form="thesis", starts=4)
     for name in NAMES:
         low, high = result.interval[name]
-        assert (high - low) / 2 == pytest.approx(1.97 * result.standard_error[name], rel=0.05)     # Student's t
+        assert (high - low) / 2 == pytest.approx(
+            1.97 * result.standard_error[name], rel=0.05
+        )  # Student's t
 
 
 def test_true_values_lie_inside_two_standard_errors():
-    """20 repetitions x 4 parameters: 80 values, of which 95 % should; 99.9 % of binomial draws give 69 or more."""
+    """20 repetitions x 4 parameters: 80 values, of which 95 % should; 99.9 % of binomial draws give
+    69 or more.
+    """
     inside = 0
     for seed in range(20):
         result = fit(scan(ROUGH, step=4, noise=0.05, seed=seed), form="thesis", starts=2, seed=seed)
         assert set(result.verdict.values()) == {"determined"}
-        inside += sum(abs(result.parameters[name] - true) <= 2 * result.standard_error[name]
-                      for name, true in zip(NAMES, ROUGH))
+        inside += sum(
+            abs(result.parameters[name] - true) <= 2 * result.standard_error[name]
+            for name, true in zip(NAMES, ROUGH)
+        )
     assert 69 <= inside <= 79
 
 
@@ -43,7 +52,7 @@ def autocorrelated(correlation, scans=9, length=80, seed=0):
     rng = np.random.default_rng(seed)
     rows = rng.standard_normal((scans, length))
     for k in range(1, length):
-        rows[:, k] = correlation * rows[:, k - 1] + np.sqrt(1 - correlation ** 2) * rows[:, k]
+        rows[:, k] = correlation * rows[:, k - 1] + np.sqrt(1 - correlation**2) * rows[:, k]
     fixed, scanned = np.meshgrid(np.arange(scans), np.arange(length), indexing="ij")
     return rows.ravel(), fixed.ravel(), scanned.ravel()
 

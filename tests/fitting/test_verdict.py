@@ -1,11 +1,12 @@
 """Data that leave something open, and the verdict that the user then reads."""
+
 import numpy as np
 import pytest
-
 from mi_lcair.fitting import fit
-from mi_lcair.fitting.measurements import DirectionalData
 from mi_lcair.fitting.model import Scatterometer
 from mi_lcair.fitting.parameters import NAMES, to_cube
+from mi_lcair.fitting.scatterometer.measurements import DirectionalData
+
 from tests.fitting.synthetic import ROUGH, THESIS_SETS, disc_average, relative_errors, scan, without
 
 ALUMINUM = THESIS_SETS["bare aluminum MWIR"]
@@ -26,33 +27,65 @@ def test_good_data_determine_everything():
 
 
 def test_starts_far_away_are_brought_home():
-    """A lobe ten times narrower and wider than any start but few: the share that arrives is reported, the best is taken."""
-    for parameters in ((0.1, 0.02, 0.05, 0.0008), (0.02, 0.9, 0.1, 0.9), (0.97, 0.0001, 0.02, 0.02)):
+    """A lobe ten times narrower and wider than any start but few: the share that arrives is
+    reported, the best is taken.
+    """
+    for parameters in (
+        (0.1, 0.02, 0.05, 0.0008),
+        (0.02, 0.9, 0.1, 0.9),
+        (0.97, 0.0001, 0.02, 0.02),
+    ):
         result = fit(scan(parameters), form="thesis", starts=32, seed=2)
         assert relative_errors(result, parameters).max() < 1e-6 and result.starts_in_basin > 0.5
 
 
 def test_one_incidence_leaves_a_metals_emissivity_weak():
     result = fit(scan(ALUMINUM, incidence=(40,), noise=0.05), form="thesis", starts=8)
-    assert verdicts(result, *NAMES) == ["weakly determined", "determined", "determined", "determined"]
-    assert "give --emissivity" in result.verdict["epsilon"] and inside(result, "epsilon", ALUMINUM[0])
+    assert verdicts(result, *NAMES) == [
+        "weakly determined",
+        "determined",
+        "determined",
+        "determined",
+    ]
+    assert "give --emissivity" in result.verdict["epsilon"] and inside(
+        result, "epsilon", ALUMINUM[0]
+    )
 
 
 def test_without_the_peak_emissivity_is_not_known():
-    """The detector blocks the source within 4 degrees: of epsilon and e only a combination is left, the lobe's skirt."""
+    """The detector blocks the source within 4 degrees: of epsilon and e only a combination is left,
+    the lobe's skirt.
+    """
     data = scan(ALUMINUM, noise=0.05)
-    result = fit(without(data, np.abs(data.theta_r - data.theta_i) < np.radians(4)), form="thesis", starts=8)
+    result = fit(
+        without(data, np.abs(data.theta_r - data.theta_i) < np.radians(4)), form="thesis", starts=8
+    )
     assert "give --emissivity" in result.verdict["epsilon"]
-    assert verdicts(result, "epsilon")[0] in ("at its bound 0", "weakly determined", "not determined by these data")
+    assert verdicts(result, "epsilon")[0] in (
+        "at its bound 0",
+        "weakly determined",
+        "not determined by these data",
+    )
     low, high = result.interval["epsilon"]
-    assert high - low > 0.2 and inside(result, "epsilon", ALUMINUM[0]) and inside(result, "e", ALUMINUM[3])
+    assert (
+        high - low > 0.2
+        and inside(result, "epsilon", ALUMINUM[0])
+        and inside(result, "e", ALUMINUM[3])
+    )
     assert result.standard_error["epsilon"] > 0.1
 
 
 def test_a_measured_emissivity_replaces_the_peak():
     data = scan(ALUMINUM, noise=0.05)
-    table = DirectionalData(np.radians([20.0, 40.0]), np.array([0.112, 0.114]), np.array([0.005, 0.005]))
-    result = fit(without(data, np.abs(data.theta_r - data.theta_i) < np.radians(4)), emissivity=table, form="thesis", starts=4)
+    table = DirectionalData(
+        np.radians([20.0, 40.0]), np.array([0.112, 0.114]), np.array([0.005, 0.005])
+    )
+    result = fit(
+        without(data, np.abs(data.theta_r - data.theta_i) < np.radians(4)),
+        emissivity=table,
+        form="thesis",
+        starts=4,
+    )
     assert result.verdict["epsilon"] == "determined" and inside(result, "epsilon", ALUMINUM[0])
 
 
@@ -61,7 +94,9 @@ def test_a_saturated_peak_is_left_out_and_emissivity_is_weak():
     data.brdf = np.minimum(data.brdf, 50.0)
     result = fit(data, form="thesis", starts=8)
     assert result.dropped == {"at one largest value, as if the detector saturated": 19}
-    assert verdicts(result, "epsilon") == ["weakly determined"] and inside(result, "epsilon", ALUMINUM[0])
+    assert verdicts(result, "epsilon") == ["weakly determined"] and inside(
+        result, "epsilon", ALUMINUM[0]
+    )
     assert inside(result, "e", ALUMINUM[3])
 
 
@@ -70,7 +105,11 @@ def test_a_flat_surface_is_not_saturated():
     data = scan(ROUGH, step=4)
     data.brdf[:] = 0.5 / np.pi
     result = fit(data, starts=8)
-    assert not result.dropped and result.restriction == "b = 0" and result.verdict["b"].startswith("at its bound 0")
+    assert (
+        not result.dropped
+        and result.restriction == "b = 0"
+        and result.verdict["b"].startswith("at its bound 0")
+    )
     assert result.parameters["rho_d"] == pytest.approx(0.5, abs=0.01)
 
 
@@ -85,19 +124,26 @@ def test_zeros_and_negative_values_are_dropped_and_do_no_harm():
 
 def with_outliers():
     data = scan(ROUGH, noise=0.05)
-    data.brdf[np.random.default_rng(3).choice(len(data.brdf), len(data.brdf) // 10, replace=False)] *= 10
+    data.brdf[
+        np.random.default_rng(3).choice(len(data.brdf), len(data.brdf) // 10, replace=False)
+    ] *= 10
     return data
 
 
 def test_outliers_are_named_and_take_determined_away():
     result = fit(with_outliers(), form="thesis", starts=8)
     for name in NAMES:
-        assert result.verdict[name].startswith("weakly determined") and "outliers; try --robust" in result.verdict[name]
+        assert (
+            result.verdict[name].startswith("weakly determined")
+            and "outliers; try --robust" in result.verdict[name]
+        )
 
 
 def test_robust_makes_outliers_harmless():
     result = fit(with_outliers(), form="thesis", starts=8, robust=True)
-    assert verdicts(result, *NAMES) == ["determined"] * 4 and result.outliers == pytest.approx(96, abs=3)
+    assert verdicts(result, *NAMES) == ["determined"] * 4 and result.outliers == pytest.approx(
+        96, abs=3
+    )
     for name, true in zip(NAMES, ROUGH):
         assert abs(result.parameters[name] - true) < 3 * result.standard_error[name]
 
@@ -111,25 +157,37 @@ def test_robust_costs_little_on_clean_data():
 
 
 def test_twenty_points():
-    """Enough for the rough surface; of the metal, floor and lobe are found, emissivity and b are only bracketed."""
+    """Enough for the rough surface; of the metal, floor and lobe are found, emissivity and b are
+    only bracketed.
+    """
     chosen = np.ones(len(scan(ROUGH).brdf), bool)
     chosen[np.random.default_rng(0).choice(len(chosen), 20, replace=False)] = False
-    rough, metal = (fit(without(scan(surface, noise=0.05), chosen), form="thesis", starts=8) for surface in (ROUGH, ALUMINUM))
+    rough, metal = (
+        fit(without(scan(surface, noise=0.05), chosen), form="thesis", starts=8)
+        for surface in (ROUGH, ALUMINUM)
+    )
     assert rough.used == metal.used == 20
     for name, true in zip(NAMES, ROUGH):
         assert inside(rough, name, true)
-    assert "weakly determined" in metal.verdict["epsilon"] or "not determined" in metal.verdict["epsilon"]
+    assert (
+        "weakly determined" in metal.verdict["epsilon"]
+        or "not determined" in metal.verdict["epsilon"]
+    )
     assert "give --emissivity" in metal.verdict["epsilon"] and inside(metal, "epsilon", ALUMINUM[0])
 
 
 def test_a_lobe_far_below_the_instruments_resolution():
-    """A weak narrow lobe over a strong floor, seen through a source of 0.9 degrees: only an upper limit of e is left.
+    """A weak narrow lobe over a strong floor, seen through a source of 0.9 degrees: only an upper
+    limit of e is left.
 
-    The data are made by the fit's own aperture, which has its test, since no grid of cells resolves this lobe.
+    The data are made by the fit's own aperture, which has its test, since no grid of cells resolves
+    this lobe.
     """
     surface, half_angle = (0.1, 0.6, 0.3, 5e-5), np.radians(0.909)
     data = scan(surface, step=2)
-    data.brdf = Scatterometer(data.theta_i, data.theta_r, "thesis", half_angle)(to_cube([surface]))[0][0]
+    data.brdf = Scatterometer(data.theta_i, data.theta_r, "thesis", half_angle)(to_cube([surface]))[
+        0
+    ][0]
     data.brdf *= 1 + 0.05 * np.random.default_rng(0).standard_normal(len(data.brdf))
     data.source_half_angle = half_angle
     result = fit(data, form="thesis", starts=8)
@@ -139,23 +197,32 @@ def test_a_lobe_far_below_the_instruments_resolution():
 
 
 def test_a_peak_as_wide_as_the_source_is_deconvolved():
-    """Fitted as if the source were a point, the lobe is too wide by a third; with its size, e comes out right."""
+    """Fitted as if the source were a point, the lobe is too wide by a third; with its size, e comes
+    out right.
+    """
     half_angle = np.radians(0.909)
     data = scan(ALUMINUM, incidence=(30,), step=1)
     data.brdf = disc_average(data.theta_i, data.theta_r, ALUMINUM, half_angle, cells=301)
     data.source_half_angle = half_angle
     result = fit(data, form="thesis", starts=8)
     assert result.parameters["e"] == pytest.approx(ALUMINUM[3], rel=0.01)
-    assert fit(data, form="thesis", starts=8, source_half_angle_deg=0).parameters["e"] > 1.2 * ALUMINUM[3]
+    assert (
+        fit(data, form="thesis", starts=8, source_half_angle_deg=0).parameters["e"]
+        > 1.2 * ALUMINUM[3]
+    )
 
 
 def test_a_material_that_the_model_misses():
     """Ripples and a Gaussian lobe: nothing is determined, however small the formal error."""
     data = scan(ROUGH, noise=0.05)
-    data.brdf = 0.3 * np.exp(-((data.theta_r - data.theta_i) / 0.3) ** 2) + 0.01 * (1 + 0.8 * np.sin(8 * data.theta_r))
+    data.brdf = 0.3 * np.exp(-(((data.theta_r - data.theta_i) / 0.3) ** 2)) + 0.01 * (
+        1 + 0.8 * np.sin(8 * data.theta_r)
+    )
     result = fit(data, starts=8)
     for name in NAMES:
-        assert result.verdict[name].startswith("not determined by these data: the model misses whole scans")
+        assert result.verdict[name].startswith(
+            "not determined by these data: the model misses whole scans"
+        )
     assert all(np.isfinite(value) for value in result.standard_error.values())
 
 

@@ -1,4 +1,7 @@
-"""Atmospheres: the bundled tables against the values that came with them, and interpolation against closed forms."""
+"""Atmospheres: the bundled tables against the values that came with them, and interpolation against
+closed forms.
+"""
+
 import csv
 
 import numpy as np
@@ -12,12 +15,14 @@ from mi_lcair.physics.spectral_table import spectral_table
 from mi_lcair.physics.spectrum import BUNDLED, spectrum
 
 BANDS = {"3-5": "MWIR", "8-12": "LWIR"}
-AIR = {"midlat_summer": 293.975, "us_standard": 287.875}        # K, along the paths of the bundled tables
+AIR = {"midlat_summer": 293.975, "us_standard": 287.875}  # K, along the paths of the bundled tables
 HEADER = "range_km,wavelength_um,transmittance,path_radiance_W_m2_sr_um\n"
 
 
 def summary(kind):
-    lines = [line for line in (BUNDLED / "inband_summary.csv").read_text().splitlines() if line[0] != "#"]
+    lines = [
+        line for line in (BUNDLED / "inband_summary.csv").read_text().splitlines() if line[0] != "#"
+    ]
     return [row for row in csv.DictReader(lines) if row["kind"] == kind and row["imult"] == "0"]
 
 
@@ -25,17 +30,33 @@ def grey(ranges_m=(1000.0, 3000.0), per_m=(1e-3, 2e-4), temperature=290.0):
     """Homogeneous air of two extinctions, one for each of two wavelengths."""
     wavelengths = np.array([4.0, 4.05])
     transmittance = np.exp(-np.outer(ranges_m, per_m))
-    return Atmosphere("grey", np.array(ranges_m), wavelengths, transmittance, (1 - transmittance) * spectral_radiance(wavelengths, temperature))
+    return Atmosphere(
+        "grey",
+        np.array(ranges_m),
+        wavelengths,
+        transmittance,
+        (1 - transmittance) * spectral_radiance(wavelengths, temperature),
+    )
 
 
 def test_bundled_paths_have_their_stated_values():
     """To the digits that the summary prints: transmittance and radiance of every path."""
     rows = summary("path")
-    assert {row["atmosphere"] for row in rows} | {"vacuum"} == set(atmosphere_names()) and len(rows) == 2 * 5 * 2
+    assert {row["atmosphere"] for row in rows} | {"vacuum"} == set(atmosphere_names()) and len(
+        rows
+    ) == 2 * 5 * 2
     for row in rows:
-        air, window, length = atmosphere(row["atmosphere"]), band(BANDS[row["band_um"]]), 1000 * float(row["range_km"])
-        assert air.transmittance_mean(window, length) == pytest.approx(float(row["transmittance_mean"]), abs=6e-5), row
-        assert air.band_path_radiance(window, [length])[0] == pytest.approx(float(row["radiance_W_m2_sr"]), abs=6e-5), row
+        air, window, length = (
+            atmosphere(row["atmosphere"]),
+            band(BANDS[row["band_um"]]),
+            1000 * float(row["range_km"]),
+        )
+        assert air.transmittance_mean(window, length) == pytest.approx(
+            float(row["transmittance_mean"]), abs=6e-5
+        ), row
+        assert air.band_path_radiance(window, [length])[0] == pytest.approx(
+            float(row["radiance_W_m2_sr"]), abs=6e-5
+        ), row
 
 
 def test_bundled_skies_have_their_stated_transmittance():
@@ -44,20 +65,34 @@ def test_bundled_skies_have_their_stated_transmittance():
     for row in rows:
         path = BUNDLED / f"sky_{row['atmosphere']}_{row['sky']}.csv"
         table = spectral_table(path, "sky", (("transmittance", 1.0),), key="elevation_deg")
-        window, line = band(BANDS[row["band_um"]]), list(table.keys).index(float(row["elevation_deg"]))
-        mean = window.integral(table.wavelengths_um, table.columns[0][line]) / (window.upper_um - window.lower_um)
+        window, line = (
+            band(BANDS[row["band_um"]]),
+            list(table.keys).index(float(row["elevation_deg"])),
+        )
+        mean = window.integral(table.wavelengths_um, table.columns[0][line]) / (
+            window.upper_um - window.lower_um
+        )
         assert mean == pytest.approx(float(row["transmittance_mean"]), abs=6e-5), row
 
 
-@pytest.mark.parametrize("name, air, sea_level, clear, stratus", [
-    ("midlat_summer", 293.95, 294.2, (0.9992, 0.9896, 0.9920), (0.9806, 0.9903)),
-    ("us_standard", 287.87, 288.2, (0.9992, 0.9860, 0.9736), (0.9730, 0.9818))])
+@pytest.mark.parametrize(
+    "name, air, sea_level, clear, stratus",
+    [
+        ("midlat_summer", 293.95, 294.2, (0.9992, 0.9896, 0.9920), (0.9806, 0.9903)),
+        ("us_standard", 287.87, 288.2, (0.9992, 0.9860, 0.9736), (0.9730, 0.9818)),
+    ],
+)
 def test_the_checks_of_the_tables_readme(name, air, sea_level, clear, stratus):
-    """Sky at 0.5 degrees over the blackbody of the air at the observer and at sea level, at 4.301 um and in 8-12 um."""
+    """Sky at 0.5 degrees over the blackbody of the air at the observer and at sea level, at 4.301
+    um and in 8-12 um.
+    """
+
     def ratios(sky, temperatures):
         line = spectrum(f"{name}_{sky}", 0.5)
-        return (*[line.at(4.30108) / spectral_radiance(4.30108, T) for T in temperatures],
-                line.in_band_radiance(band("LWIR")) / in_band_radiance(band("LWIR"), sea_level))
+        return (
+            *[line.at(4.30108) / spectral_radiance(4.30108, T) for T in temperatures],
+            line.in_band_radiance(band("LWIR")) / in_band_radiance(band("LWIR"), sea_level),
+        )
 
     assert ratios("clear", (air, sea_level)) == pytest.approx(clear, abs=6e-5)
     assert ratios("stratus", (sea_level,)) == pytest.approx(stratus, abs=6e-5)
@@ -66,7 +101,9 @@ def test_the_checks_of_the_tables_readme(name, air, sea_level, clear, stratus):
 @pytest.mark.parametrize("name", AIR)
 @pytest.mark.parametrize("length", [3, 100, 250, 700, 4000])
 def test_bundled_air_is_a_blackbody_where_it_is_opaque(name, length):
-    """Path radiance (1 - transmittance) B(air) to the 0.03 % that the tables state, at tabulated ranges and between them."""
+    """Path radiance (1 - transmittance) B(air) to the 0.03 % that the tables state, at tabulated
+    ranges and between them.
+    """
     path = atmosphere(name).path(length)
     expected = (1 - path.transmittance) * spectral_radiance(path.wavelengths_um, AIR[name])
     np.testing.assert_allclose(path.radiance, expected, rtol=4e-4)
@@ -77,13 +114,25 @@ def test_homogeneous_air_is_exact_at_every_range(length):
     """Bouguer's law, from two tabulated ranges."""
     transmittance, radiance = grey().path(length).at([4.0, 4.05])
     np.testing.assert_allclose(transmittance, np.exp(-length * np.array([1e-3, 2e-4])), rtol=1e-12)
-    np.testing.assert_allclose(radiance, -np.expm1(-length * np.array([1e-3, 2e-4])) * spectral_radiance([4.0, 4.05], 290), rtol=1e-9)
+    np.testing.assert_allclose(
+        radiance,
+        -np.expm1(-length * np.array([1e-3, 2e-4])) * spectral_radiance([4.0, 4.05], 290),
+        rtol=1e-9,
+    )
 
 
 def test_between_ranges_optical_depth_is_a_power_and_source_linear():
-    """At the geometric middle of two ranges the geometric mean of the optical depths .3 and .9; the source by distance between 3 and 5."""
+    """At the geometric middle of two ranges the geometric mean of the optical depths .3 and .9; the
+    source by distance between 3 and 5.
+    """
     depths = np.array([[0.3] * 2, [0.9] * 2])
-    air = Atmosphere("slant", np.array([1e3, 4e3]), np.array([4.0, 4.1]), np.exp(-depths), -np.expm1(-depths) * [[3], [5]])
+    air = Atmosphere(
+        "slant",
+        np.array([1e3, 4e3]),
+        np.array([4.0, 4.1]),
+        np.exp(-depths),
+        -np.expm1(-depths) * [[3], [5]],
+    )
     path = air.path(2000)
     np.testing.assert_allclose(path.transmittance, np.exp(-np.sqrt(0.27)), rtol=1e-12)
     np.testing.assert_allclose(path.radiance, -np.expm1(-np.sqrt(0.27)) * (3 + 2 / 3), rtol=1e-12)
@@ -92,12 +141,19 @@ def test_between_ranges_optical_depth_is_a_power_and_source_linear():
 @pytest.mark.parametrize("name", AIR)
 @pytest.mark.parametrize("left_out", [1, 2, 3])
 def test_a_range_that_is_left_out_of_the_bundled_tables(name, left_out):
-    """Predicted from the ranges about it: in-band transmittance within .7 % of itself, and in MWIR half the
-    error of a depth linear in range."""
+    """Predicted from the ranges about it: in-band transmittance within .7 % of itself, and in MWIR
+    half the error of a depth linear in range.
+    """
     air = atmosphere(name)
     kept = np.arange(len(air.ranges_m)) != left_out
-    fewer = Atmosphere("fewer", air.ranges_m[kept], air.wavelengths_um, air.transmittance[kept], air.path_radiance[kept])
-    low, length, high = air.ranges_m[left_out - 1:left_out + 2]
+    fewer = Atmosphere(
+        "fewer",
+        air.ranges_m[kept],
+        air.wavelengths_um,
+        air.transmittance[kept],
+        air.path_radiance[kept],
+    )
+    low, length, high = air.ranges_m[left_out - 1 : left_out + 2]
     for window in (band("MWIR"), band("LWIR")):
         expected = air.transmittance_mean(window, length)
         assert fewer.transmittance_mean(window, length) == pytest.approx(expected, rel=7e-3)
@@ -105,16 +161,25 @@ def test_a_range_that_is_left_out_of_the_bundled_tables(name, left_out):
         linear = np.exp(-(depths[0] + (depths[1] - depths[0]) * (length - low) / (high - low)))
         if window.name == "MWIR":
             straight = window.row_weights(air.wavelengths_um) @ linear / 2
-            assert abs(fewer.transmittance_mean(window, length) - expected) < abs(straight - expected) / 2
+            assert (
+                abs(fewer.transmittance_mean(window, length) - expected)
+                < abs(straight - expected) / 2
+            )
 
 
 @pytest.mark.parametrize("name", AIR)
 def test_short_ranges_of_the_bundled_tables(name):
-    """A quarter of a kilometre predicted from the longer ranges alone, within 1 %; and nothing is lost at range 0."""
+    """A quarter of a kilometre predicted from the longer ranges alone, within 1 %; and nothing is
+    lost at range 0.
+    """
     air = atmosphere(name)
-    fewer = Atmosphere("fewer", air.ranges_m[1:], air.wavelengths_um, air.transmittance[1:], air.path_radiance[1:])
+    fewer = Atmosphere(
+        "fewer", air.ranges_m[1:], air.wavelengths_um, air.transmittance[1:], air.path_radiance[1:]
+    )
     for window in (band("MWIR"), band("LWIR")):
-        assert fewer.transmittance_mean(window, 250) == pytest.approx(air.transmittance_mean(window, 250), rel=1e-2)
+        assert fewer.transmittance_mean(window, 250) == pytest.approx(
+            air.transmittance_mean(window, 250), rel=1e-2
+        )
         assert air.transmittance_mean(window, 1e-6) == pytest.approx(1, abs=1e-3)
 
 
@@ -123,44 +188,82 @@ def test_a_tabulated_range_gives_the_table(name):
     air = atmosphere(name)
     for k, length in enumerate(air.ranges_m):
         path = air.path(length)
-        np.testing.assert_allclose(path.transmittance, air.transmittance[k], rtol=1e-12, atol=5.1e-7)      # opaque rows: below the last digit
+        np.testing.assert_allclose(
+            path.transmittance, air.transmittance[k], rtol=1e-12, atol=5.1e-7
+        )  # opaque rows: below the last digit
         np.testing.assert_allclose(path.radiance, air.path_radiance[k], rtol=1e-6)
 
 
 def test_opaque_rows_are_bounded_by_what_is_printed():
-    """0 stands for less than half the last of six digits, and for less than any transmittance that was printed."""
+    """0 stands for less than half the last of six digits, and for less than any transmittance that
+    was printed.
+    """
     table = np.array([[0.5, 0.0, 1.0], [0.0, 0.0, 1.0]])
     air = Atmosphere("opaque", np.array([1.0, 2.0]), np.array([4.0, 4.1, 4.2]), table, 1 - table)
     np.testing.assert_allclose(air.path(2).transmittance, [5e-7, 5e-7, 1], rtol=1e-9)
-    fine = Atmosphere("fine", air.ranges_m, air.wavelengths_um, np.array([[0.5, 1e-8, 1.0], [0.0, 0.0, 1.0]]), 1 - table)
+    fine = Atmosphere(
+        "fine",
+        air.ranges_m,
+        air.wavelengths_um,
+        np.array([[0.5, 1e-8, 1.0], [0.0, 0.0, 1.0]]),
+        1 - table,
+    )
     np.testing.assert_allclose(fine.path(2).transmittance, [5e-9, 5e-9, 1], rtol=1e-9)
-    assert np.all(np.diff([atmosphere("midlat_summer").path(R).transmittance for R in np.linspace(1, 5000, 60)], axis=0) <= 1e-6)
+    assert np.all(
+        np.diff(
+            [atmosphere("midlat_summer").path(R).transmittance for R in np.linspace(1, 5000, 60)],
+            axis=0,
+        )
+        <= 1e-6
+    )
 
 
 def test_a_path_too_clear_to_tell_has_the_source_of_the_next_one():
     """One digit of noise in 1 - transmittance would make the source 100 times too large."""
-    air = Atmosphere("clear", np.array([10.0, 1000.0]), np.array([4.0, 4.1, 4.2]), np.array([[1 - 1e-6, 1.0, 1.0], [0.9, 0.9, 1.0]]),
-                     np.array([[1e-4, 1e-4, 0.0], [0.1, 0.1, 0.0]]))
+    air = Atmosphere(
+        "clear",
+        np.array([10.0, 1000.0]),
+        np.array([4.0, 4.1, 4.2]),
+        np.array([[1 - 1e-6, 1.0, 1.0], [0.9, 0.9, 1.0]]),
+        np.array([[1e-4, 1e-4, 0.0], [0.1, 0.1, 0.0]]),
+    )
     path = air.path(500)
     np.testing.assert_allclose(path.radiance, 1 - path.transmittance, rtol=1e-9)
     assert path.transmittance[2] == 1 and path.radiance[2] == 0
 
 
 def test_beyond_the_last_range():
-    """Refused; when asked for, the last slope goes on, with a warning. A table that clears with range stops doing so."""
+    """Refused; when asked for, the last slope goes on, with a warning. A table that clears with
+    range stops doing so.
+    """
     with pytest.raises(InputError, match="range 4000 m is beyond its last one, 3000 m"):
         grey().path(4000)
-    with pytest.warns(UserWarning, match="range 4000 m is beyond its last one, 3000 m: .* extrapolated"):
+    with pytest.warns(
+        UserWarning, match="range 4000 m is beyond its last one, 3000 m: .* extrapolated"
+    ):
         path = grey().path(4000, extrapolate=True)
-    np.testing.assert_allclose(path.transmittance, np.exp(-4000 * np.array([1e-3, 2e-4])), rtol=1e-12)
-    np.testing.assert_allclose(path.radiance, (1 - path.transmittance) * spectral_radiance([4.0, 4.05], 290), rtol=1e-9)
-    odd = Atmosphere("odd", np.array([1.0, 2.0]), np.array([4.0, 4.1]), np.array([[0.5] * 2, [0.6] * 2]), np.zeros((2, 2)))
+    np.testing.assert_allclose(
+        path.transmittance, np.exp(-4000 * np.array([1e-3, 2e-4])), rtol=1e-12
+    )
+    np.testing.assert_allclose(
+        path.radiance, (1 - path.transmittance) * spectral_radiance([4.0, 4.05], 290), rtol=1e-9
+    )
+    odd = Atmosphere(
+        "odd",
+        np.array([1.0, 2.0]),
+        np.array([4.0, 4.1]),
+        np.array([[0.5] * 2, [0.6] * 2]),
+        np.zeros((2, 2)),
+    )
     with pytest.warns(UserWarning):
         np.testing.assert_allclose(odd.path(100, extrapolate=True).transmittance, 0.6)
 
 
 @pytest.mark.parametrize("name", ["us_standard", "vacuum"])
-@pytest.mark.parametrize("length, message", [(0, "zero range"), (-5, "range -5 m"), (np.nan, "range nan m"), (np.inf, "range inf m")])
+@pytest.mark.parametrize(
+    "length, message",
+    [(0, "zero range"), (-5, "range -5 m"), (np.nan, "range nan m"), (np.inf, "range inf m")],
+)
 def test_no_range(name, length, message):
     with pytest.raises(InputError, match=message):
         atmosphere(name).path(length)
@@ -179,7 +282,9 @@ def test_vacuum_changes_nothing():
 
 
 def test_bands_at_many_ranges(tmp_path):
-    """Against a fine trapezoid over each single path, with a response; more ranges than are treated at once."""
+    """Against a fine trapezoid over each single path, with a response; more ranges than are treated
+    at once.
+    """
     response = tmp_path / "response.csv"
     response.write_text("wavelength_um,response\n3.4,0\n4.1,1\n4.8,0.3\n")
     window, air, ranges = band(response), atmosphere("us_standard"), np.linspace(1, 5000, 2500)
@@ -190,18 +295,29 @@ def test_bands_at_many_ranges(tmp_path):
     x = np.linspace(3.4, 4.8, 40001)
     for k in (0, 1100, 2499):
         transmittance, of_path = air.path(ranges[k]).at(x)
-        for found, spectrum_of in zip(weighted[:, k], (spectral_radiance(x, 800), spectral_radiance(x, 250), np.ones_like(x))):
+        for found, spectrum_of in zip(
+            weighted[:, k], (spectral_radiance(x, 800), spectral_radiance(x, 250), np.ones_like(x))
+        ):
             weight = window.response_at(x) * spectrum_of
-            assert found == pytest.approx(np.trapezoid(transmittance * weight, x) / np.trapezoid(weight, x), rel=5e-4)
-        assert radiance[k] == pytest.approx(np.trapezoid(of_path * window.response_at(x), x), rel=1e-6)
-    assert air.transmittance_mean(window, ranges[1100]) == pytest.approx(weighted[2, 1100], rel=1e-12)
+            assert found == pytest.approx(
+                np.trapezoid(transmittance * weight, x) / np.trapezoid(weight, x), rel=5e-4
+            )
+        assert radiance[k] == pytest.approx(
+            np.trapezoid(of_path * window.response_at(x), x), rel=1e-6
+        )
+    assert air.transmittance_mean(window, ranges[1100]) == pytest.approx(
+        weighted[2, 1100], rel=1e-12
+    )
     assert not weighted[0, 1100] == pytest.approx(weighted[1, 1100], rel=0.05)
 
 
 def test_what_a_table_does_not_cover():
     air = atmosphere("us_standard")
     for name in ("SWIR", "4-9", "11-13"):
-        with pytest.raises(InputError, match="atmosphere 'us_standard': does not cover band .*; it has 2.9985-5, 8-12.0482 um"):
+        with pytest.raises(
+            InputError,
+            match="atmosphere 'us_standard': does not cover band .*; it has 2.9985-5, 8-12.0482 um",
+        ):
             air.transmittance_mean(band(name), 100)
     with pytest.raises(InputError, match="band total has no wavelengths"):
         air.check_covers(band("total"))
@@ -212,8 +328,10 @@ def test_what_a_table_does_not_cover():
 def test_a_file_of_ones_own(tmp_path):
     """Columns and ranges in any order."""
     path = tmp_path / "air"
-    path.write_text("# made by hand\ntransmittance,path_radiance_W_m2_sr_um,wavelength_um,humidity,range_km\n"
-                    "0.25,6,4,dry,2\n0.25,6,4.1,dry,2\n0.5,4,4,dry,1\n0.5,4,4.1,dry,1\n")
+    path.write_text(
+        "# made by hand\ntransmittance,path_radiance_W_m2_sr_um,wavelength_um,humidity,range_km\n"
+        "0.25,6,4,dry,2\n0.25,6,4.1,dry,2\n0.5,4,4,dry,1\n0.5,4,4.1,dry,1\n"
+    )
     air = atmosphere(path)
     assert air.ranges_m.tolist() == [1000, 2000] and air.name == str(path)
     np.testing.assert_allclose(air.path(500).transmittance, np.sqrt(0.5))
@@ -221,12 +339,24 @@ def test_a_file_of_ones_own(tmp_path):
     assert atmosphere(air) is air
 
 
-@pytest.mark.parametrize("rows, message", [
-    ("1,4,0.5,1\n1,4.1,-0.5,1\n", r"line 3: transmittance -0.5; must lie in 0..1"), ("1,4,1.01,1\n1,4.1,0.5,1\n", "line 2: transmittance 1.01"),
-    ("1,4,0.5,1\n1,4.1,0.5,-1\n", "line 3: path_radiance_W_m2_sr_um -1; must be 0 or more"), ("1,4,0.5,1\n1,4.1,nan,1\n", "line 3: transmittance nan"),
-    ("1,4,0.5,1\n1,4,0.5,1\n", "line 3: wavelength_um 4 after 4; must be rising"), ("1,4.1,0.5,1\n1,4,0.5,1\n", "line 3: wavelength_um 4 after 4.1"),
-    ("1,4,0.5,1\n1,4.1,0.5,1\n2,4,0.2,1\n", "line 4: every range_km must have the same wavelengths"), ("1,4,0.5\n", "line 2 is '1,4,0.5'"),
-    ("0,4,0.5,1\n0,4.1,0.5,1\n", "range_km 0"), ("1,4,0.5,1\n", "two rows")])
+@pytest.mark.parametrize(
+    "rows, message",
+    [
+        ("1,4,0.5,1\n1,4.1,-0.5,1\n", r"line 3: transmittance -0.5; must lie in 0..1"),
+        ("1,4,1.01,1\n1,4.1,0.5,1\n", "line 2: transmittance 1.01"),
+        ("1,4,0.5,1\n1,4.1,0.5,-1\n", "line 3: path_radiance_W_m2_sr_um -1; must be 0 or more"),
+        ("1,4,0.5,1\n1,4.1,nan,1\n", "line 3: transmittance nan"),
+        ("1,4,0.5,1\n1,4,0.5,1\n", "line 3: wavelength_um 4 after 4; must be rising"),
+        ("1,4.1,0.5,1\n1,4,0.5,1\n", "line 3: wavelength_um 4 after 4.1"),
+        (
+            "1,4,0.5,1\n1,4.1,0.5,1\n2,4,0.2,1\n",
+            "line 4: every range_km must have the same wavelengths",
+        ),
+        ("1,4,0.5\n", "line 2 is '1,4,0.5'"),
+        ("0,4,0.5,1\n0,4.1,0.5,1\n", "range_km 0"),
+        ("1,4,0.5,1\n", "two rows"),
+    ],
+)
 def test_unusable_file(tmp_path, rows, message):
     path = tmp_path / "air.csv"
     path.write_text(HEADER + rows)
@@ -242,5 +372,8 @@ def test_unusable_choice(tmp_path):
     with pytest.raises(InputError, match="ranges_m are for the blocks of a MODTRAN tape7 only"):
         atmosphere("us_standard", ranges_m=[1000])
     (tmp_path / "sky.csv").write_text("wavelength_um,radiance_W_m2_sr_um\n3,1\n4,1\n")
-    with pytest.raises(InputError, match="must name wavelength_um, range_km, transmittance and path_radiance_W_m2_sr_um"):
+    with pytest.raises(
+        InputError,
+        match="must name wavelength_um, range_km, transmittance and path_radiance_W_m2_sr_um",
+    ):
         atmosphere(tmp_path / "sky.csv")

@@ -1,4 +1,7 @@
-"""Bands: what a specification means, how exact the quadrature is, and which specifications are refused."""
+"""Bands: what a specification means, how exact the quadrature is, and which specifications are
+refused.
+"""
+
 from pathlib import Path
 
 import mpmath
@@ -14,9 +17,15 @@ C2 = 14387.768775039337  # um K, hc/k of CODATA 2018
 
 
 def planck_shape(m, wavelength, temperature, upper):
-    """Planck's law but for a constant factor that keeps it near 1 at `upper`, as mpmath's quad wants it. m: NumPy or mpmath."""
+    """Planck's law but for a constant factor that keeps it near 1 at `upper`, as mpmath's quad
+    wants it. m: NumPy or mpmath.
+    """
     exponent = C2 / temperature
-    return (wavelength / upper)**-5 * m.exp(exponent / upper - exponent / wavelength) / -m.expm1(-exponent / wavelength)
+    return (
+        (wavelength / upper) ** -5
+        * m.exp(exponent / upper - exponent / wavelength)
+        / -m.expm1(-exponent / wavelength)
+    )
 
 
 def by_rule(rule, temperature):
@@ -31,14 +40,17 @@ def csv(folder, wavelengths, response, name="detector.csv"):
     return path
 
 
-@pytest.mark.parametrize("spec, name, limits, label", [
-    ("MWIR", "MWIR", (3, 5), "MWIR 3-5 um"),
-    ("lwir", "LWIR", (8, 12), "LWIR 8-12 um"),
-    (" Swir ", "SWIR", (1, 3), "SWIR 1-3 um"),
-    ("3.5-4.2", "3.5-4.2", (3.5, 4.2), "3.5-4.2 um"),
-    ("1e0 - 3.", "1-3", (1, 3), "1-3 um"),
-    ("Total", "total", (0, np.inf), "total"),
-])
+@pytest.mark.parametrize(
+    "spec, name, limits, label",
+    [
+        ("MWIR", "MWIR", (3, 5), "MWIR 3-5 um"),
+        ("lwir", "LWIR", (8, 12), "LWIR 8-12 um"),
+        (" Swir ", "SWIR", (1, 3), "SWIR 1-3 um"),
+        ("3.5-4.2", "3.5-4.2", (3.5, 4.2), "3.5-4.2 um"),
+        ("1e0 - 3.", "1-3", (1, 3), "1-3 um"),
+        ("Total", "total", (0, np.inf), "total"),
+    ],
+)
 def test_a_specification_gives_name_limits_and_label(spec, name, limits, label):
     found = band(spec)
     assert (found.name, (found.lower_um, found.upper_um), found.label) == (name, limits, label)
@@ -71,8 +83,12 @@ def test_nodes_lie_within_the_limits_and_weights_add_up_to_the_width(lower, rati
 @pytest.mark.parametrize("temperature", [30, 6000])
 def test_limits_integrate_plancks_law(spec, temperature):
     rule = band(spec)
-    pieces = [mpmath.mpf(x) for x in np.geomspace(rule.lower_um, rule.upper_um, 20)]  # narrow enough for mpmath's rule
-    exact = mpmath.quad(lambda x: planck_shape(mpmath, x, temperature, rule.upper_um), pieces, maxdegree=5)
+    pieces = [
+        mpmath.mpf(x) for x in np.geomspace(rule.lower_um, rule.upper_um, 20)
+    ]  # narrow enough for mpmath's rule
+    exact = mpmath.quad(
+        lambda x: planck_shape(mpmath, x, temperature, rule.upper_um), pieces, maxdegree=5
+    )
     assert abs(by_rule(rule, temperature) / exact - 1) < 1e-10
 
 
@@ -84,8 +100,13 @@ def test_a_response_is_straight_between_its_rows(tmp_path, temperature):
     rule = band(csv(tmp_path, *JAGGED))
     exact = 0
     for x0, x1, r0, r1 in zip(JAGGED[0], JAGGED[0][1:], JAGGED[1], JAGGED[1][1:]):
-        exact += mpmath.quad(lambda x: (r0 + (r1 - r0) * (x - x0) / (x1 - x0))
-                             * planck_shape(mpmath, x, temperature, rule.upper_um), [x0, x1])
+        exact += mpmath.quad(
+            lambda x: (
+                (r0 + (r1 - r0) * (x - x0) / (x1 - x0))
+                * planck_shape(mpmath, x, temperature, rule.upper_um)
+            ),
+            [x0, x1],
+        )
     assert abs(by_rule(rule, temperature) / exact - 1) < 1e-9
     assert rule.label == "detector 2.9-5.6 um"
 
@@ -114,48 +135,59 @@ def test_rows_of_zeros_at_the_ends_are_outside_the_band(tmp_path):
 
 def test_comments_empty_lines_spaces_and_a_byte_order_mark_are_read_over(tmp_path):
     path = tmp_path / "response.txt"
-    path.write_bytes(b"\xef\xbb\xbf# InSb\r\nwavelength_um, response\r\n\r\n 3 , 1\r\n# middle\r\n5,1\r\n")
+    path.write_bytes(
+        b"\xef\xbb\xbf# InSb\r\nwavelength_um, response\r\n\r\n 3 , 1\r\n# middle\r\n5,1\r\n"
+    )
     for spec in (path, str(path)):
         np.testing.assert_allclose(band(spec).weights_um.sum(), 2.0, rtol=1e-12)
 
 
-@pytest.mark.parametrize("spec, message", [
-    ("5-3", "'5-3': the limits must rise, within 0.1 to 1000 um"),
-    ("4-4", "limits must rise"),
-    ("-3-5", "limits must rise, within 0.1"),
-    ("0.05-5", "within 0.1 to 1000 um"),
-    ("3-5000", "within 0.1 to 1000 um"),
-    ("nan-5", "unknown band 'nan-5'; known: .*MWIR"),
-    ("3-x", "unknown band '3-x'; known: .*limits in um such as 3.5-4.2"),
-    ("MWR", "unknown band 'MWR'; known: MWIR"),
-    ("", "unknown band ''"),
-    ("x" * 300, "unknown band"),
-    ("missing.csv", "band file missing.csv: No such file"),
-    (Path("missing"), "band file missing: No such file"),
-])
+@pytest.mark.parametrize(
+    "spec, message",
+    [
+        ("5-3", "'5-3': the limits must rise, within 0.1 to 1000 um"),
+        ("4-4", "limits must rise"),
+        ("-3-5", "limits must rise, within 0.1"),
+        ("0.05-5", "within 0.1 to 1000 um"),
+        ("3-5000", "within 0.1 to 1000 um"),
+        ("nan-5", "unknown band 'nan-5'; known: .*MWIR"),
+        ("3-x", "unknown band '3-x'; known: .*limits in um such as 3.5-4.2"),
+        ("MWR", "unknown band 'MWR'; known: MWIR"),
+        ("", "unknown band ''"),
+        ("x" * 300, "unknown band"),
+        ("missing.csv", "band file missing.csv: No such file"),
+        (Path("missing"), "band file missing: No such file"),
+    ],
+)
 def test_an_unusable_specification_is_one_line(spec, message):
     with pytest.raises(InputError, match=message) as error:
         band(spec)
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("text, message", [
-    ("", "it is empty; the header must be 'wavelength_um,response'"),
-    ("3,1\n5,1\n", "line 1 is '3,1'; the header must be"),
-    ("wavelength_um,response\n", "needs two rows or more"),
-    ("wavelength_um,response\n3,1\n", "needs two rows or more"),
-    ("wavelength_um,response\n3,0\n5,0\n", "a response above 0"),
-    ("wavelength_um,response\n3,1\n4,a\n", "line 3: '4,a'; must be two numbers"),
-    ("wavelength_um,response\n3,1\n4\n", "line 3: '4'; must be two numbers"),
-    ("wavelength_um,response\n\n3,1,2\n", "line 3: '3,1,2'; must be two numbers"),
-    ("wavelength_um,response\n3,1\n5,1\n4,1\n", "line 4: wavelength 4 after 5; must rise"),
-    ("wavelength_um,response\n3,1\n3,1\n", "line 3: wavelength 3 after 3; must rise"),
-    ("wavelength_um,response\n3,1\n5,-0.1\n", "line 3: response -0.1; must be 0 or more"),
-    ("wavelength_um,response\n3,1\n5,inf\n", "line 3: response inf; must be 0 or more"),
-    ("wavelength_um,response\n3,1\n5,nan\n", "line 3: response nan; must be 0 or more"),
-    ("wavelength_um,response\n3000,1\n5000,1\n", "line 2: wavelength 3000; must be within 0.1 to 1000 um"),
-    ("wavelength_um,response\n-3,1\n5,1\n", "line 2: wavelength -3; must be within"),
-])
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        ("", "it is empty; the header must be 'wavelength_um,response'"),
+        ("3,1\n5,1\n", "line 1 is '3,1'; the header must be"),
+        ("wavelength_um,response\n", "needs two rows or more"),
+        ("wavelength_um,response\n3,1\n", "needs two rows or more"),
+        ("wavelength_um,response\n3,0\n5,0\n", "a response above 0"),
+        ("wavelength_um,response\n3,1\n4,a\n", "line 3: '4,a'; must be two numbers"),
+        ("wavelength_um,response\n3,1\n4\n", "line 3: '4'; must be two numbers"),
+        ("wavelength_um,response\n\n3,1,2\n", "line 3: '3,1,2'; must be two numbers"),
+        ("wavelength_um,response\n3,1\n5,1\n4,1\n", "line 4: wavelength 4 after 5; must rise"),
+        ("wavelength_um,response\n3,1\n3,1\n", "line 3: wavelength 3 after 3; must rise"),
+        ("wavelength_um,response\n3,1\n5,-0.1\n", "line 3: response -0.1; must be 0 or more"),
+        ("wavelength_um,response\n3,1\n5,inf\n", "line 3: response inf; must be 0 or more"),
+        ("wavelength_um,response\n3,1\n5,nan\n", "line 3: response nan; must be 0 or more"),
+        (
+            "wavelength_um,response\n3000,1\n5000,1\n",
+            "line 2: wavelength 3000; must be within 0.1 to 1000 um",
+        ),
+        ("wavelength_um,response\n-3,1\n5,1\n", "line 2: wavelength -3; must be within"),
+    ],
+)
 def test_an_unusable_response_is_one_line_that_names_the_file_and_the_row(tmp_path, text, message):
     path = tmp_path / "bad.csv"
     path.write_text(text)

@@ -1,4 +1,7 @@
-"""Planck's law against independent sources: a table, mpmath, colour-science, and the law of Stefan and Boltzmann."""
+"""Planck's law against independent sources: a table, mpmath, colour-science, and the law of Stefan
+and Boltzmann.
+"""
+
 import json
 import subprocess
 import sys
@@ -18,23 +21,29 @@ from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance,
 
 TABLE = json.loads((Path(__file__).parents[1] / "data" / "in_band_radiance.json").read_text())
 NAMED = ["SWIR", "MWIR", "LWIR"]
-C1 = 2 * 6.62607015e-34 * 299792458**2 * 1e24      # W m^-2 sr^-1 um^4: 2 h c^2, CODATA 2018
+C1 = 2 * 6.62607015e-34 * 299792458**2 * 1e24  # W m^-2 sr^-1 um^4: 2 h c^2, CODATA 2018
 C2 = 6.62607015e-34 * 299792458 / 1.380649e-23 * 1e6  # um K: h c / k
-SIGMA = 5.670374419e-8                             # W m^-2 K^-4, CODATA 2018 as printed: 10 digits
+SIGMA = 5.670374419e-8  # W m^-2 K^-4, CODATA 2018 as printed: 10 digits
 
 
 def exact(limits, temperature):
-    """In-band radiance by the series of the integral of Planck's law (Widger and Woodall 1976), in mpmath: no quadrature.
+    """In-band radiance by the series of the integral of Planck's law (Widger and Woodall 1976), in
+    mpmath: no quadrature.
 
-    int_x^inf t^3 / (e^t - 1) dt = sum_n e^(-n x) (x^3/n + 3 x^2/n^2 + 6 x/n^3 + 6/n^4), here as polylogarithms.
+    int_x^inf t^3 / (e^t - 1) dt = sum_n e^(-n x) (x^3/n + 3 x^2/n^2 + 6 x/n^3 + 6/n^4), here as
+    polylogarithms.
     """
+
     def longer_x(wavelength):
         x = mpmath.mpf(C2) / (wavelength * temperature)
         z = mpmath.exp(-x)  # the first polylogarithm is -ln(1 - z)
-        return -x**3 * mpmath.log1p(-z) + sum(f * x**(4 - n) * mpmath.polylog(n, z) for n, f in ((2, 3), (3, 6), (4, 6)))
+        return -(x**3) * mpmath.log1p(-z) + sum(
+            f * x ** (4 - n) * mpmath.polylog(n, z) for n, f in ((2, 3), (3, 6), (4, 6))
+        )
+
     with mpmath.workdps(30):
         temperature = mpmath.mpf(temperature)
-        return C1 * (temperature / C2)**4 * (longer_x(limits[1]) - longer_x(limits[0]))
+        return C1 * (temperature / C2) ** 4 * (longer_x(limits[1]) - longer_x(limits[0]))
 
 
 @pytest.mark.parametrize("name", NAMED)
@@ -43,7 +52,9 @@ def test_in_band_radiance_agrees_with_the_table(name):
     temperatures = np.array([float(row[0]) for row in TABLE["rows"]])
     expected = np.array([float(row[column]) for row in TABLE["rows"]])
     np.testing.assert_allclose(in_band_radiance(band(name), temperatures), expected, rtol=1e-11)
-    np.testing.assert_allclose(in_band_radiance(band(name), Float64(temperatures)), expected, rtol=1e-11)
+    np.testing.assert_allclose(
+        in_band_radiance(band(name), Float64(temperatures)), expected, rtol=1e-11
+    )
 
 
 @pytest.mark.parametrize("limits", [(1, 3), (3, 5), (8, 12), (0.4, 0.7), (3.99, 4.01), (0.5, 500)])
@@ -56,28 +67,47 @@ def test_in_band_radiance_agrees_with_the_series(limits):
 
 
 def test_spectral_radiance_agrees_with_mpmath():
-    for wavelength, temperature in ((0.3, 300), (4, 30), (4, 300), (10, 6000), (1000, 6000), (1000, 1e6)):
-        value = C1 / mpmath.mpf(wavelength)**5 / mpmath.expm1(mpmath.mpf(C2) / wavelength / temperature)
+    for wavelength, temperature in (
+        (0.3, 300),
+        (4, 30),
+        (4, 300),
+        (10, 6000),
+        (1000, 6000),
+        (1000, 1e6),
+    ):
+        value = (
+            C1
+            / mpmath.mpf(wavelength) ** 5
+            / mpmath.expm1(mpmath.mpf(C2) / wavelength / temperature)
+        )
         assert abs(spectral_radiance(wavelength, temperature) / value - 1) < 1e-13
         assert abs(spectral_radiance(wavelength, Float64(temperature))[0] / value - 1) < 1e-13
 
 
 def test_spectral_radiance_agrees_with_colour_science():
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # colour warns of the optional packages that it does not find
+        warnings.simplefilter(
+            "ignore"
+        )  # colour warns of the optional packages that it does not find
         from colour.colorimetry import planck_law
     wavelengths = np.linspace(1, 14, 50)
     for temperature in (250, 300, 800):
         theirs = planck_law(wavelengths * 1e-6, temperature, c1=np.pi * C1 * 1e-24, c2=C2 * 1e-6)
-        np.testing.assert_allclose(spectral_radiance(wavelengths, temperature), theirs * 1e-6, rtol=1e-12)
+        np.testing.assert_allclose(
+            spectral_radiance(wavelengths, temperature), theirs * 1e-6, rtol=1e-12
+        )
 
 
 def test_total_is_the_law_of_stefan_and_boltzmann_and_the_limit_of_wide_bands():
     temperatures = np.array([500.0, 1000.0, 2000.0])
     total = in_band_radiance(band("total"), temperatures)
     np.testing.assert_allclose(total, SIGMA * temperatures**4 / np.pi, rtol=1e-10)
-    beyond = C1 / C2 * temperatures / (3 * 1000.0**3)  # Rayleigh and Jeans, from 1000 um on: 1e-6 and less of the whole
-    np.testing.assert_allclose(in_band_radiance(band("0.1-1000"), temperatures) + beyond, total, rtol=2e-8)
+    beyond = (
+        C1 / C2 * temperatures / (3 * 1000.0**3)
+    )  # Rayleigh and Jeans, from 1000 um on: 1e-6 and less of the whole
+    np.testing.assert_allclose(
+        in_band_radiance(band("0.1-1000"), temperatures) + beyond, total, rtol=2e-8
+    )
 
 
 @pytest.mark.parametrize("name", [*NAMED, "total"])
@@ -98,7 +128,9 @@ def test_derivatives_agree_with_mpmath(name, mode):
             expected = 4 * SIGMA * temperature**3 / np.pi
         else:
             rule = band(name)
-            expected = mpmath.diff(lambda x: exact((rule.lower_um, rule.upper_um), x), temperature, h=1e-8)
+            expected = mpmath.diff(
+                lambda x: exact((rule.lower_um, rule.upper_um), x), temperature, h=1e-8
+            )
         assert abs(derivative / expected - 1) < 1e-9
 
 
@@ -106,13 +138,15 @@ def test_spectral_radiance_has_a_derivative():
     t = Float64(300)
     dr.enable_grad(t)
     dr.backward(spectral_radiance(4.0, t))
-    expected = mpmath.diff(lambda x: C1 / mpmath.mpf(4)**5 / mpmath.expm1(C2 / 4 / x), 300)
+    expected = mpmath.diff(lambda x: C1 / mpmath.mpf(4) ** 5 / mpmath.expm1(C2 / 4 / x), 300)
     assert abs(dr.grad(t)[0] / expected - 1) < 1e-12
 
 
 @pytest.mark.parametrize("name", [*NAMED, "total", "0.1-1000"])
 def test_float32_is_computed_in_float64(name):
-    """Float32's own rounding is 6e-8; 1e-30 is the floor below which only the absolute error counts."""
+    """Float32's own rounding is 6e-8; 1e-30 is the floor below which only the absolute error
+    counts.
+    """
     temperatures = np.geomspace(30, 6000, 500).astype(np.float32)
     expected = in_band_radiance(band(name), temperatures.astype(float))
     found = in_band_radiance(band(name), Float(temperatures))
@@ -122,12 +156,15 @@ def test_float32_is_computed_in_float64(name):
 
 
 @pytest.mark.parametrize("Type", [Float, Float64])
-@pytest.mark.parametrize("function", [
-    lambda t: in_band_radiance(band("SWIR"), t),
-    lambda t: in_band_radiance(band("0.1-1000"), t),
-    lambda t: in_band_radiance(band("total"), t),
-    lambda t: spectral_radiance(0.1, t),
-])
+@pytest.mark.parametrize(
+    "function",
+    [
+        lambda t: in_band_radiance(band("SWIR"), t),
+        lambda t: in_band_radiance(band("0.1-1000"), t),
+        lambda t: in_band_radiance(band("total"), t),
+        lambda t: spectral_radiance(0.1, t),
+    ],
+)
 def test_value_and_derivative_are_finite_everywhere(Type, function):
     t = Type([-10, 0, 1e-30, 1e-3, 1, 5, 30, 6000, 1e6])
     dr.enable_grad(t)
@@ -141,7 +178,9 @@ def test_numpy_gives_the_same_and_no_warning_at_the_edges():
     temperatures = [-10, 0, 1e-300, 1e-3, 5, 30, 6000, 1e6]
     for name in (*NAMED, "total", "0.1-1000"):
         found = in_band_radiance(band(name), temperatures)
-        np.testing.assert_allclose(found, in_band_radiance(band(name), Float64(temperatures)), rtol=1e-12, atol=1e-300)
+        np.testing.assert_allclose(
+            found, in_band_radiance(band(name), Float64(temperatures)), rtol=1e-12, atol=1e-300
+        )
         assert np.all(found[:2] == 0)
         for nan in (np.nan, Float(np.nan), Float(300, np.nan)):
             assert np.isnan(np.atleast_1d(in_band_radiance(band(name), nan))[-1])
@@ -165,10 +204,15 @@ def test_shapes_and_types_are_kept():
 
 
 def test_traced_calls_carry_the_derivative():
-    """Emitters of different bands are dispatched within one kernel: dr.switch is what Mitsuba's calls come to."""
+    """Emitters of different bands are dispatched within one kernel: dr.switch is what Mitsuba's
+    calls come to.
+    """
     t = Float(300, 300)
     dr.enable_grad(t)
-    emitters = [lambda t: in_band_radiance(band("MWIR"), t), lambda t: in_band_radiance(band("LWIR"), t)]
+    emitters = [
+        lambda t: in_band_radiance(band("MWIR"), t),
+        lambda t: in_band_radiance(band("LWIR"), t),
+    ]
     value = dr.switch(UInt32(0, 1), emitters, t)
     dr.backward(value)
     for k, limits in enumerate(((3, 5), (8, 12))):
@@ -195,7 +239,9 @@ def test_the_inverse_of_the_table():
 
 def test_the_inverse_of_what_is_no_radiance():
     for name in ("MWIR", "total"):
-        found = brightness_temperature(band(name), np.array([[0, -1, np.nan, np.inf, 1e-320, 1e30]], dtype=float))
+        found = brightness_temperature(
+            band(name), np.array([[0, -1, np.nan, np.inf, 1e-320, 1e30]], dtype=float)
+        )
         assert found.shape == (1, 6) and found.dtype == np.float64
         np.testing.assert_array_equal(found[0, :4], [0, np.nan, np.nan, np.inf])
         assert np.all(found[0, 4:] > 0) and np.all(np.isfinite(found[0, 4:]))
@@ -210,15 +256,23 @@ def test_the_inverse_of_an_image_is_that_of_its_pixels():
 
 
 def test_numpy_suffices():
-    code = ("import sys; from mi_lcair.physics.bands import band; from mi_lcair.physics.blackbody import *; "
-            "in_band_radiance(band('MWIR'), 300); brightness_temperature(band('MWIR'), 1); sys.exit('drjit' in sys.modules)")
+    code = (
+        "import sys; from mi_lcair.physics.bands import band; from mi_lcair.physics.blackbody import *; "
+        "in_band_radiance(band('MWIR'), 300); brightness_temperature(band('MWIR'), 1); sys.exit('drjit' in sys.modules)"
+    )
     subprocess.run([sys.executable, "-c", code], check=True, cwd=Path(__file__).parents[2])
 
 
 @pytest.mark.parametrize("name", ["SWIR", "LWIR", "total"])
 def test_inverse_of_many(name):
-    """An image's worth of radiances, over 40 decades and over a few kelvin, gives what each alone gives."""
-    for radiance in (np.geomspace(1e-36, 1e4, 9000), np.linspace(30.0, 31.0, 9000), np.full(9000, 5.0)):
+    """An image's worth of radiances, over 40 decades and over a few kelvin, gives what each alone
+    gives.
+    """
+    for radiance in (
+        np.geomspace(1e-36, 1e4, 9000),
+        np.linspace(30.0, 31.0, 9000),
+        np.full(9000, 5.0),
+    ):
         many = brightness_temperature(band(name), radiance)
         alone = [brightness_temperature(band(name), value) for value in radiance[::751]]
         np.testing.assert_allclose(many[::751], alone, rtol=1e-9)

@@ -1,4 +1,5 @@
 """Materials: the numbers of the thesis, the band that they hold for, and files of the user's own."""
+
 import json
 import tomllib
 from pathlib import Path
@@ -10,7 +11,8 @@ from mi_lcair.physics import materials
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.materials import material, names
 
-# (name, band): epsilon, rho_d, b, e as printed in Harkiss 2007, Tables 2.2 and 2.3, and section 3.4.1 (emissivity 96 %)
+# (name, band): epsilon, rho_d, b, e as printed in Harkiss 2007, Tables 2.2 and 2.3, and section
+# 3.4.1 (emissivity 96 %)
 PRINTED = {
     ("bare_aluminum", "MWIR"): (0.110, 0.020, 0.050, 0.0042),
     ("bare_aluminum", "LWIR"): (0.080, 0.020, 0.050, 0.0042),
@@ -30,6 +32,7 @@ def user_file(tmp_path):
         path = tmp_path / name
         path.write_text(text)
         return path
+
     return write
 
 
@@ -41,8 +44,11 @@ def test_built_in_materials_have_the_printed_numbers(name, where):
 
 
 def test_every_built_in_entry_states_its_source_and_ideal_surfaces_alone_hold_in_every_band():
-    entries = [(name, where, entry) for name, bands in tomllib.loads(materials.BUILT_IN.read_text()).items()
-               for where, entry in bands.items()]
+    entries = [
+        (name, where, entry)
+        for name, bands in tomllib.loads(materials.BUILT_IN.read_text()).items()
+        for where, entry in bands.items()
+    ]
     assert all("Harkiss 2007" in entry["source"] for _, _, entry in entries)
     assert {name for name, where, _ in entries if where == "any"} == {"blackbody", "diffuse"}
     assert names() == list(dict.fromkeys(name for name, _, _ in entries))
@@ -53,12 +59,23 @@ def test_a_part_of_the_measured_band_will_do(wanted, taken):
     assert material("gloss_black", band(wanted)).band == taken
 
 
-@pytest.mark.parametrize("wanted, nearest", [
-    ("SWIR", "MWIR"), ("2.9-5", "MWIR"), ("4-9", "MWIR"), ("4.9-12", "LWIR"), ("5.5-6", "MWIR"), ("14-20", "LWIR"),
-    ("total", "LWIR"),  # the wider of the two
-])
+@pytest.mark.parametrize(
+    "wanted, nearest",
+    [
+        ("SWIR", "MWIR"),
+        ("2.9-5", "MWIR"),
+        ("4-9", "MWIR"),
+        ("4.9-12", "LWIR"),
+        ("5.5-6", "MWIR"),
+        ("14-20", "LWIR"),
+        ("total", "LWIR"),  # the wider of the two
+    ],
+)
 def test_another_band_is_refused_unless_allowed_and_then_the_nearest_is_taken(wanted, nearest):
-    with pytest.raises(InputError, match="'gloss_black': not measured for band .*, only for MWIR, LWIR; set allow_band"):
+    with pytest.raises(
+        InputError,
+        match="'gloss_black': not measured for band .*, only for MWIR, LWIR; set allow_band",
+    ):
         material("gloss_black", band(wanted))
     assert material("gloss_black", band(wanted), allow_band=True).band == nearest
 
@@ -77,8 +94,14 @@ def test_an_unknown_material_lists_the_known_nearest_first(user_file):
 
 
 def test_a_users_file_comes_first_and_the_built_in_materials_stay_known(user_file):
-    path = user_file(f"[gloss_black.MWIR]\n{NUMBERS}[steel.'2-5.7']\n{NUMBERS}form = 'normalized'\nsource = 'lab book 7'\n")
-    assert names(path)[:2] == ["gloss_black", "steel"] and "diffuse" in names(path) and len(names(path)) == 6
+    path = user_file(
+        f"[gloss_black.MWIR]\n{NUMBERS}[steel.'2-5.7']\n{NUMBERS}form = 'normalized'\nsource = 'lab book 7'\n"
+    )
+    assert (
+        names(path)[:2] == ["gloss_black", "steel"]
+        and "diffuse" in names(path)
+        and len(names(path)) == 6
+    )
     assert material("gloss_black", band("MWIR"), path).epsilon == 0.5
     assert material("gloss_black", band("MWIR"), str(path)).source == str(path)
     assert material("diffuse", band("MWIR"), path).rho_d == 1
@@ -87,8 +110,13 @@ def test_a_users_file_comes_first_and_the_built_in_materials_stay_known(user_fil
 
 
 def test_the_narrowest_entry_that_covers_the_band_is_taken(user_file):
-    path = user_file("".join(f"[paint.{key}]\n{NUMBERS}" for key in ("any", "total", "MWIR", "'3.5-4.5'")))
-    taken = {wanted: material("paint", band(wanted), path).band for wanted in ("4-4.2", "4-5", "LWIR", "total")}
+    path = user_file(
+        "".join(f"[paint.{key}]\n{NUMBERS}" for key in ("any", "total", "MWIR", "'3.5-4.5'"))
+    )
+    taken = {
+        wanted: material("paint", band(wanted), path).band
+        for wanted in ("4-4.2", "4-5", "LWIR", "total")
+    }
     assert taken == {"4-4.2": "3.5-4.5", "4-5": "MWIR", "LWIR": "any", "total": "total"}
 
 
@@ -98,39 +126,75 @@ def test_an_average_over_the_whole_spectrum_is_not_one_over_a_band(user_file):
 
 
 def test_a_fit_serves_as_a_material(user_file):
-    report = {"parameters": {"epsilon": 0.1, "rho_d": 0.2, "b": 0.3, "e": 0.04}, "form": "normalized", "band": "2-5.7",
-              "rms": 0.01}
+    report = {
+        "parameters": {"epsilon": 0.1, "rho_d": 0.2, "b": 0.3, "e": 0.04},
+        "form": "normalized",
+        "band": "2-5.7",
+        "rms": 0.01,
+    }
     path = user_file(json.dumps(report), "fit.json")
     found = material(str(path), band("MWIR"))
     assert (found.epsilon, found.rho_d, found.b, found.e) == (0.1, 0.2, 0.3, 0.04)
-    assert (found.name, found.band, found.form, found.source) == (str(path), "2-5.7", "normalized", str(path))
+    assert (found.name, found.band, found.form, found.source) == (
+        str(path),
+        "2-5.7",
+        "normalized",
+        str(path),
+    )
     with pytest.raises(InputError, match="not measured for band LWIR"):
         material(str(path), band("LWIR"))
 
 
 def test_a_fit_of_several_bands_serves_each(user_file):
     def report(epsilon, limits):
-        return {"parameters": {"epsilon": epsilon, "rho_d": 0.2, "b": 0.3, "e": 0.04}, "form": "thesis", "band": limits}
+        return {
+            "parameters": {"epsilon": epsilon, "rho_d": 0.2, "b": 0.3, "e": 0.04},
+            "form": "thesis",
+            "band": limits,
+        }
 
-    path = str(user_file(json.dumps({"materials": {"3-5": report(0.1, "3-5"), "8-12": report(0.3, "8-12")}}), "fit.json"))
+    path = str(
+        user_file(
+            json.dumps({"materials": {"3-5": report(0.1, "3-5"), "8-12": report(0.3, "8-12")}}),
+            "fit.json",
+        )
+    )
     assert [material(path, band(name)).epsilon for name in ("MWIR", "LWIR")] == [0.1, 0.3]
     with pytest.raises(InputError, match="not measured for band SWIR 1-3 um, only for 3-5, 8-12"):
         material(path, band("SWIR"))
 
 
-@pytest.mark.parametrize("text, message", [
-    ("[paint.MWIR]\nepsilon = 0.5\nb = 0.2\ne = 0.1\n", "material 'paint', band 'MWIR': lacks rho_d"),
-    (f"[paint.MWIR]\n{NUMBERS}rhod = 0.1\n", "material 'paint', band 'MWIR': unknown key 'rhod'; known: rho_d"),
-    (f"[paint.MWIR]\n{NUMBERS}".replace("0.2", "'0.2'"), "material 'paint', band 'MWIR': b = '0.2'; must be a number"),
-    (f"[paint.MWIR]\n{NUMBERS}".replace("0.2", "true"), "b = True; must be a number"),
-    (f"[paint.MWIR]\n{NUMBERS}".replace("0.2", "nan"), "b = nan; must be a number"),
-    (f"[paint.MWIR]\n{NUMBERS}source = 3\n", "source = 3; must be a string"),
-    (f"[paint.MIWR]\n{NUMBERS}", "material 'paint', band 'MIWR': unknown band 'MIWR'; known: MWIR"),
-    (f"[paint]\n{NUMBERS}", r"material 'paint': needs a table for each band, such as \[paint.MWIR\]"),
-    ("paint = 3", "material 'paint': needs a table for each band"),
-    ("[paint]", "material 'paint': needs a table for each band"),
-    ("[paint\n", "line 1"),
-])
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        (
+            "[paint.MWIR]\nepsilon = 0.5\nb = 0.2\ne = 0.1\n",
+            "material 'paint', band 'MWIR': lacks rho_d",
+        ),
+        (
+            f"[paint.MWIR]\n{NUMBERS}rhod = 0.1\n",
+            "material 'paint', band 'MWIR': unknown key 'rhod'; known: rho_d",
+        ),
+        (
+            f"[paint.MWIR]\n{NUMBERS}".replace("0.2", "'0.2'"),
+            "material 'paint', band 'MWIR': b = '0.2'; must be a number",
+        ),
+        (f"[paint.MWIR]\n{NUMBERS}".replace("0.2", "true"), "b = True; must be a number"),
+        (f"[paint.MWIR]\n{NUMBERS}".replace("0.2", "nan"), "b = nan; must be a number"),
+        (f"[paint.MWIR]\n{NUMBERS}source = 3\n", "source = 3; must be a string"),
+        (
+            f"[paint.MIWR]\n{NUMBERS}",
+            "material 'paint', band 'MIWR': unknown band 'MIWR'; known: MWIR",
+        ),
+        (
+            f"[paint]\n{NUMBERS}",
+            r"material 'paint': needs a table for each band, such as \[paint.MWIR\]",
+        ),
+        ("paint = 3", "material 'paint': needs a table for each band"),
+        ("[paint]", "material 'paint': needs a table for each band"),
+        ("[paint\n", "line 1"),
+    ],
+)
 def test_an_unusable_entry_is_one_line_that_names_file_material_and_key(user_file, text, message):
     path = user_file(text)
     with pytest.raises(InputError, match=message) as error:
@@ -138,18 +202,30 @@ def test_an_unusable_entry_is_one_line_that_names_file_material_and_key(user_fil
     assert "\n" not in str(error.value) and str(path) in str(error.value)
 
 
-@pytest.mark.parametrize("text, message", [
-    ("{", "line 1"),
-    ("[]", "must be a table"),
-    ('{"form": "thesis", "band": "MWIR"}', "key 'parameters' is missing or no table; a fit has parameters, form and band"),
-    ('{"parameters": {}, "form": "thesis"}', "key 'band' is missing or no string"),
-    ('{"parameters": {}, "form": "thesis", "band": null}', "the fitted data did not state their band; add '# band_um: 3 5'"),
-    ('{"materials": {}}', "'materials' must be a table with a fit for each band"),
-    ('{"materials": {"3-5": 1}}', "'materials' must be a table with a fit for each band"),
-    ('{"parameters": {}, "form": 1, "band": "MWIR"}', "key 'form' is missing or no string"),
-    ('{"parameters": {}, "form": "thesis", "band": "MWIR"}', "lacks epsilon, rho_d, b, e"),
-    ('{"parameters": {"epsilon": NaN}, "form": "thesis", "band": "MWIR"}', "epsilon = nan; must be a number"),
-])
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        ("{", "line 1"),
+        ("[]", "must be a table"),
+        (
+            '{"form": "thesis", "band": "MWIR"}',
+            "key 'parameters' is missing or no table; a fit has parameters, form and band",
+        ),
+        ('{"parameters": {}, "form": "thesis"}', "key 'band' is missing or no string"),
+        (
+            '{"parameters": {}, "form": "thesis", "band": null}',
+            "the fitted data did not state their band; add '# band_um: 3 5'",
+        ),
+        ('{"materials": {}}', "'materials' must be a table with a fit for each band"),
+        ('{"materials": {"3-5": 1}}', "'materials' must be a table with a fit for each band"),
+        ('{"parameters": {}, "form": 1, "band": "MWIR"}', "key 'form' is missing or no string"),
+        ('{"parameters": {}, "form": "thesis", "band": "MWIR"}', "lacks epsilon, rho_d, b, e"),
+        (
+            '{"parameters": {"epsilon": NaN}, "form": "thesis", "band": "MWIR"}',
+            "epsilon = nan; must be a number",
+        ),
+    ],
+)
 def test_an_unusable_fit_is_one_line_that_names_file_and_key(user_file, text, message):
     path = user_file(text, "fit.json")
     with pytest.raises(InputError, match=message) as error:
@@ -157,7 +233,9 @@ def test_an_unusable_fit_is_one_line_that_names_file_and_key(user_file, text, me
     assert "\n" not in str(error.value) and str(path) in str(error.value)
 
 
-@pytest.mark.parametrize("name, file", [("paint", "missing.toml"), ("missing.json", None), (Path("missing.json"), None)])
+@pytest.mark.parametrize(
+    "name, file", [("paint", "missing.toml"), ("missing.json", None), (Path("missing.json"), None)]
+)
 def test_a_missing_file_is_named(name, file):
     with pytest.raises(InputError, match="missing.*: No such file or directory"):
         material(name, band("MWIR"), file)

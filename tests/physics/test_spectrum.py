@@ -1,4 +1,7 @@
-"""Tabulated spectra: the bundled sky tables against the in-band values that came with them, and files that hold none."""
+"""Tabulated spectra: the bundled sky tables against the in-band values that came with them, and
+files that hold none.
+"""
+
 import csv
 import os
 
@@ -15,9 +18,21 @@ BANDS = {"3-5": "MWIR", "8-12": "LWIR"}
 
 def summary():
     """The sky rows of the tables' own summary: (name, elevation, band, radiance)."""
-    lines = [line for line in (module.BUNDLED / "inband_summary.csv").read_text().splitlines() if line[0] != "#"]
-    return [(f"{row['atmosphere']}_{row['sky']}", float(row["elevation_deg"]), BANDS[row["band_um"]], float(row["radiance_W_m2_sr"]))
-            for row in csv.DictReader(lines) if row["kind"] == "sky" and row["imult"] == "0"]
+    lines = [
+        line
+        for line in (module.BUNDLED / "inband_summary.csv").read_text().splitlines()
+        if line[0] != "#"
+    ]
+    return [
+        (
+            f"{row['atmosphere']}_{row['sky']}",
+            float(row["elevation_deg"]),
+            BANDS[row["band_um"]],
+            float(row["radiance_W_m2_sr"]),
+        )
+        for row in csv.DictReader(lines)
+        if row["kind"] == "sky" and row["imult"] == "0"
+    ]
 
 
 def test_every_sky_has_its_stated_radiance():
@@ -25,19 +40,28 @@ def test_every_sky_has_its_stated_radiance():
     rows = summary()
     assert {name for name, *_ in rows} == set(sky_names()) and len(rows) == 8 * 11 * 2
     for name, elevation, band_name, radiance in rows:
-        assert spectrum(name, elevation).in_band_radiance(band(band_name)) == pytest.approx(radiance, abs=6e-5), (name, elevation)
+        assert spectrum(name, elevation).in_band_radiance(band(band_name)) == pytest.approx(
+            radiance, abs=6e-5
+        ), (name, elevation)
 
 
 def test_between_elevations():
     low, high, middle = (spectrum("us_standard_clear", angle) for angle in (15, 25, 20))
     np.testing.assert_allclose(middle.radiance, (low.radiance + high.radiance) / 2, rtol=1e-12)
-    np.testing.assert_array_equal(spectrum("us_standard_clear", 0.1).radiance, spectrum("us_standard_clear", 0.5).radiance)
+    np.testing.assert_array_equal(
+        spectrum("us_standard_clear", 0.1).radiance, spectrum("us_standard_clear", 0.5).radiance
+    )
 
 
 def test_a_file_of_ones_own(tmp_path):
-    """A line from 0 at 3 um to 2 at 5 um: 2 W m^-2 sr^-1; with the response 0 at 4, 1 at 5: int (l - 3)(l - 4) = 5/6."""
+    """A line from 0 at 3 um to 2 at 5 um: 2 W m^-2 sr^-1; with the response 0 at 4, 1 at 5: int (l
+    - 3)(l - 4) = 5/6.
+    """
     path = tmp_path / "ramp.csv"
-    path.write_text("# made by hand\nwavelength_um,radiance_W_m2_sr_um\n" + "".join(f"{3 + k / 20},{k / 20}\n" for k in range(41)))
+    path.write_text(
+        "# made by hand\nwavelength_um,radiance_W_m2_sr_um\n"
+        + "".join(f"{3 + k / 20},{k / 20}\n" for k in range(41))
+    )
     assert spectrum(path).in_band_radiance(band("MWIR")) == pytest.approx(2, rel=1e-12)
     assert spectrum(path).at(3.51) == pytest.approx(0.51)
     response = tmp_path / "response.csv"
@@ -45,19 +69,36 @@ def test_a_file_of_ones_own(tmp_path):
     assert spectrum(path).in_band_radiance(band(response)) == pytest.approx(5 / 6, rel=1e-9)
 
 
-@pytest.mark.parametrize("name, elevation, message", [
-    ("us_standard_fog", 5, "unknown sky table 'us_standard_fog'; known: us_standard"), ("us_standard_clear", None, "elevation_deg = None"),
-    ("us_standard_clear", 91, "elevation_deg = 91"), ("missing.csv", None, "cannot be read")])
+@pytest.mark.parametrize(
+    "name, elevation, message",
+    [
+        ("us_standard_fog", 5, "unknown sky table 'us_standard_fog'; known: us_standard"),
+        ("us_standard_clear", None, "elevation_deg = None"),
+        ("us_standard_clear", 91, "elevation_deg = 91"),
+        ("missing.csv", None, "cannot be read"),
+    ],
+)
 def test_unusable_choice(name, elevation, message):
     with pytest.raises(InputError, match=message):
         spectrum(name, elevation)
 
 
-@pytest.mark.parametrize("text, message", [
-    ("", "found: nothing"), ("wavelength_um,radiance\n3,1\n", "must name wavelength_um and radiance_W_m2_sr_um"),
-    ("wavelength_um,radiance_W_m2_sr_um\n3,1\n4,x\n", "line 3 is '4,x'"), ("wavelength_um,radiance_W_m2_sr_um\n3,1\n4,-1\n", "line 3: .* must be 0 or more"),
-    ("wavelength_um,radiance_W_m2_sr_um\n3,1\n", "two rows"), ("elevation_deg,wavelength_um,radiance_W_m2_sr_um\n", "two rows"), ("wavelength_um,radiance_W_m2_sr_um\n4,1\n3,1\n", "rising"),
-    ("elevation_deg,wavelength_um,radiance_W_m2_sr_um\n0,3,1\n0,4,1\n5,3,1\n5,5,1\n", "same wavelengths")])
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        ("", "found: nothing"),
+        ("wavelength_um,radiance\n3,1\n", "must name wavelength_um and radiance_W_m2_sr_um"),
+        ("wavelength_um,radiance_W_m2_sr_um\n3,1\n4,x\n", "line 3 is '4,x'"),
+        ("wavelength_um,radiance_W_m2_sr_um\n3,1\n4,-1\n", "line 3: .* must be 0 or more"),
+        ("wavelength_um,radiance_W_m2_sr_um\n3,1\n", "two rows"),
+        ("elevation_deg,wavelength_um,radiance_W_m2_sr_um\n", "two rows"),
+        ("wavelength_um,radiance_W_m2_sr_um\n4,1\n3,1\n", "rising"),
+        (
+            "elevation_deg,wavelength_um,radiance_W_m2_sr_um\n0,3,1\n0,4,1\n5,3,1\n5,5,1\n",
+            "same wavelengths",
+        ),
+    ],
+)
 def test_unusable_file(tmp_path, text, message):
     path = tmp_path / "s.csv"
     path.write_text(text)

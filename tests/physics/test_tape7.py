@@ -1,4 +1,5 @@
 """tape7: files written here in MODTRAN's layout, and three real ones against their own columns."""
+
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,24 @@ from mi_lcair.physics.spectrum import spectrum
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "modtran"
 REAL_FILES = ("tape7-02", "tape7.LWIRSun", "tape7.MWIRSun")
-COLUMNS = {"FREQ": "8.2f", "TOT_TRANS": "11.8f", "PTH_THRML": "11.4E", "THRML_SCT": "11.4E", "SURF_EMIS": "11.4E", "SOL_SCAT": "11.4E",
-           "SING_SCAT": "11.4E", "GRND_RFLT": "11.4E", "DRCT_RFLT": "11.4E", "TOTAL_RAD": "11.4E", "REF_SOL": "9.2E", "SOL@OBS": "9.2E",
-           "DEPTH": "8.3f", "DIR_EM": "7.4f", "TOA_SUN": "11.4E", "BBODY_T[K]": "11.3f"}
+COLUMNS = {
+    "FREQ": "8.2f",
+    "TOT_TRANS": "11.8f",
+    "PTH_THRML": "11.4E",
+    "THRML_SCT": "11.4E",
+    "SURF_EMIS": "11.4E",
+    "SOL_SCAT": "11.4E",
+    "SING_SCAT": "11.4E",
+    "GRND_RFLT": "11.4E",
+    "DRCT_RFLT": "11.4E",
+    "TOTAL_RAD": "11.4E",
+    "REF_SOL": "9.2E",
+    "SOL@OBS": "9.2E",
+    "DEPTH": "8.3f",
+    "DIR_EM": "7.4f",
+    "TOA_SUN": "11.4E",
+    "BBODY_T[K]": "11.3f",
+}
 H, C, K = 6.62607015e-34, 299792458.0, 1.380649e-23
 
 
@@ -23,23 +39,54 @@ def planck(wavenumber, kelvin):
     return 2 * H * C**2 * per_m**3 / np.expm1(H * C * per_m / (K * kelvin)) * 100 * 1e-4
 
 
-def block(wavenumbers, transmittance=0.5, kelvin=280.0, range_km=2.0, itype=1, mode=1, header=None, **columns) -> str:
-    """Homogeneous air at some kelvin; other columns as given, a number for each row or one for all, None for blank."""
+def block(
+    wavenumbers,
+    transmittance=0.5,
+    kelvin=280.0,
+    range_km=2.0,
+    itype=1,
+    mode=1,
+    header=None,
+    **columns,
+) -> str:
+    """Homogeneous air at some kelvin; other columns as given, a number for each row or one for all,
+    None for blank.
+    """
     width = {name: int(form.split(".")[0]) for name, form in COLUMNS.items()}
     air = (1 - transmittance) * planck(wavenumbers, kelvin)
-    values = {name: None for name in COLUMNS} | {"FREQ": wavenumbers, "TOT_TRANS": transmittance, "PTH_THRML": air, "TOTAL_RAD": air} | columns
-    values = {name: None if value is None else np.broadcast_to(value, len(wavenumbers)) for name, value in values.items()}
-    rows = ["".join(" " * width[name] if value is None else f"{value[k]:{COLUMNS[name]}}" for name, value in values.items())
-            for k in range(len(wavenumbers))]
+    values = (
+        dict.fromkeys(COLUMNS)
+        | {"FREQ": wavenumbers, "TOT_TRANS": transmittance, "PTH_THRML": air, "TOTAL_RAD": air}
+        | columns
+    )
+    values = {
+        name: None if value is None else np.broadcast_to(value, len(wavenumbers))
+        for name, value in values.items()
+    }
+    rows = [
+        "".join(
+            " " * width[name] if value is None else f"{value[k]:{COLUMNS[name]}}"
+            for name, value in values.items()
+        )
+        for k in range(len(wavenumbers))
+    ]
     card_3 = (0.5, 10, 30, range_km, 0, 0)
-    return "\n".join([
-        f"T F 6{itype:5d}{mode:5d}    0    6    6    6    6    6    6    1    0    0   0.000   0.00",
-        "    1    1    1    0    0    0  23.00000   0.00000   0.00000   0.00000   0.00000",
-        " -99.00000 -99.00000 -99.00000  1.400000  0.000700 ! H2O & O3 COLUMNS [GM/CM2]",
-        "".join(f"{value:10.5f}" for value in card_3) + "    0        0.00000",
-        " -99.00000" * 4 + "  12.00000" + "   0.00000" * 3,
-        f"{wavenumbers[0]:10.1f}{wavenumbers[-1]:10.1f}       1.0       1.0NW",
-        header or "".join(f"{name:>{width[name]}}" for name in COLUMNS), *rows, " -9999."]) + "\n"
+    return (
+        "\n".join(
+            [
+                f"T F 6{itype:5d}{mode:5d}    0    6    6    6    6    6    6    1    0    0   0.000   0.00",
+                "    1    1    1    0    0    0  23.00000   0.00000   0.00000   0.00000   0.00000",
+                " -99.00000 -99.00000 -99.00000  1.400000  0.000700 ! H2O & O3 COLUMNS [GM/CM2]",
+                "".join(f"{value:10.5f}" for value in card_3) + "    0        0.00000",
+                " -99.00000" * 4 + "  12.00000" + "   0.00000" * 3,
+                f"{wavenumbers[0]:10.1f}{wavenumbers[-1]:10.1f}       1.0       1.0NW",
+                header or "".join(f"{name:>{width[name]}}" for name in COLUMNS),
+                *rows,
+                " -9999.",
+            ]
+        )
+        + "\n"
+    )
 
 
 MWIR, LWIR = np.arange(2000, 3340, 20.0), np.arange(830, 1255, 5.0)
@@ -48,17 +95,21 @@ MWIR, LWIR = np.arange(2000, 3340, 20.0), np.arange(830, 1255, 5.0)
 @pytest.fixture
 def file(tmp_path):
     """Writes blocks to a file without a suffix and gives its path."""
+
     def write(*blocks):
         path = tmp_path / "tape7"
         path.write_text("".join(blocks))
         return path
+
     return write
 
 
 def test_units(file):
-    """Wavenumbers to rising wavelengths; a blackbody's L = (1 - tau) B(280 K) by Planck's law over wavelength."""
+    """Wavenumbers to rising wavelengths; a blackbody's L = (1 - tau) B(280 K) by Planck's law over
+    wavelength.
+    """
     path = file(block(MWIR))
-    found, = tape7.blocks(path)
+    (found,) = tape7.blocks(path)
     x = found.wavelengths_um * 1e-6
     expected = 2 * H * C**2 / x**5 / np.expm1(H * C / (x * K * 280)) * 1e-6
     assert found.range_m == 2000 and not found.to_space and x[0] == pytest.approx(1e-2 / 3320)
@@ -69,8 +120,21 @@ def test_units(file):
 
 def test_path_radiance_holds_sunlight_but_neither_the_scattered_part_twice_nor_the_surface(file):
     part = planck(MWIR, 280)
-    found, = tape7.blocks(file(block(MWIR, mode=2, PTH_THRML=part, THRML_SCT=0.1 * part, SURF_EMIS=part, SOL_SCAT=0.5 * part, SING_SCAT=0.4 * part,
-                                     GRND_RFLT=0.2 * part, TOTAL_RAD=2.7 * part)))
+    (found,) = tape7.blocks(
+        file(
+            block(
+                MWIR,
+                mode=2,
+                PTH_THRML=part,
+                THRML_SCT=0.1 * part,
+                SURF_EMIS=part,
+                SOL_SCAT=0.5 * part,
+                SING_SCAT=0.4 * part,
+                GRND_RFLT=0.2 * part,
+                TOTAL_RAD=2.7 * part,
+            )
+        )
+    )
     np.testing.assert_allclose(found.total_radiance, found.path_radiance * 2.7 / 1.5, rtol=1e-4)
     assert found.total_radiance[-1] == pytest.approx(2.7 * planck(2000, 280) * 2000**2, rel=1e-4)
 
@@ -80,7 +144,7 @@ def test_columns_that_touch_and_exponents_of_three_digits(file):
     lines = block([12000.0, 12001.0], range_km=1296.0874).splitlines()
     assert lines[3][30:40] == "1296.08740" and lines[7].startswith("12000.00")
     lines[7] = lines[7].replace(lines[7][19:30], " 1.2345-103")
-    found, = tape7.blocks(file("\n".join(lines) + "\n"))
+    (found,) = tape7.blocks(file("\n".join(lines) + "\n"))
     assert found.range_m == 1296087.4
     assert found.path_radiance[-1] == pytest.approx(1.2345e-103 * 12000**2)
 
@@ -89,18 +153,29 @@ def test_names_of_two_words(file):
     text = block(MWIR)
     for name in ("TOT_TRANS", "PTH_THRML", "THRML_SCT", "SOL_SCAT", "TOTAL_RAD"):
         text = text.replace(name, name.replace("_", " "))
-    np.testing.assert_array_equal(tape7.blocks(file(text))[0].path_radiance, tape7.blocks(file(block(MWIR)))[0].path_radiance)
+    np.testing.assert_array_equal(
+        tape7.blocks(file(text))[0].path_radiance, tape7.blocks(file(block(MWIR)))[0].path_radiance
+    )
 
 
 def test_ranges_and_bands_make_one_atmosphere(file):
     """Two ranges and two bands, in any order of the blocks: as if each range had been one block."""
     parts = [(LWIR, 0.3, 3.0), (MWIR, 0.2, 1.0), (MWIR, 0.1, 3.0), (LWIR, 0.6, 1.0)]
     air = atmosphere(file(*[block(x, tau, range_km=length) for x, tau, length in parts]))
-    assert air.ranges_m.tolist() == [1000, 3000] and air.transmittance.shape == (2, len(MWIR) + len(LWIR))
+    assert air.ranges_m.tolist() == [1000, 3000] and air.transmittance.shape == (
+        2,
+        len(MWIR) + len(LWIR),
+    )
     assert np.all(np.diff(air.wavelengths_um) > 0)
     depths = np.sqrt(np.log([0.2, 0.6]) * np.log([0.1, 0.3]))
-    np.testing.assert_allclose(air.path(1000 * np.sqrt(3)).at([4, 10])[0], np.exp(-depths), rtol=1e-6)
-    np.testing.assert_allclose(air.path(3000).at([1e4 / 2500, 1e4 / 1000])[1], np.array([0.9, 0.7]) * planck([2500, 1000], 280) * np.array([2500, 1000]) ** 2, rtol=1e-4)
+    np.testing.assert_allclose(
+        air.path(1000 * np.sqrt(3)).at([4, 10])[0], np.exp(-depths), rtol=1e-6
+    )
+    np.testing.assert_allclose(
+        air.path(3000).at([1e4 / 2500, 1e4 / 1000])[1],
+        np.array([0.9, 0.7]) * planck([2500, 1000], 280) * np.array([2500, 1000]) ** 2,
+        rtol=1e-4,
+    )
 
 
 def test_blocks_that_share_a_wavelength_join(file):
@@ -109,8 +184,14 @@ def test_blocks_that_share_a_wavelength_join(file):
 
 
 def test_ranges_that_the_file_does_not_state(file):
-    for text in (block(MWIR, range_km=0), block(MWIR, itype=3), block(MWIR).replace("    0        0.00000", "")):
-        with pytest.raises(InputError, match="header in line 7 .*give ranges_m of .atmosphere., one for each block"):
+    for text in (
+        block(MWIR, range_km=0),
+        block(MWIR, itype=3),
+        block(MWIR).replace("    0        0.00000", ""),
+    ):
+        with pytest.raises(
+            InputError, match="header in line 7 .*give ranges_m of .atmosphere., one for each block"
+        ):
             atmosphere(file(text))
         assert atmosphere(file(text), ranges_m=[500]).ranges_m.tolist() == [500]
     assert atmosphere(file(block(MWIR, range_km=7)), [500]).ranges_m.tolist() == [500]
@@ -132,27 +213,46 @@ def test_a_sky(file):
         spectrum(file(block(MWIR), block(MWIR)))
 
 
-@pytest.mark.parametrize("mode, name", [(0, "transmittance"), (3, "solar irradiance"), (4, "no thermal radiance")])
+@pytest.mark.parametrize(
+    "mode, name", [(0, "transmittance"), (3, "solar irradiance"), (4, "no thermal radiance")]
+)
 def test_modes_without_thermal_radiance(file, mode, name):
     for read in (atmosphere, spectrum):
-        with pytest.raises(InputError, match=f"line 1: IEMSCT = {mode} .{name}.; run MODTRAN with IEMSCT = 1"):
+        with pytest.raises(
+            InputError, match=f"line 1: IEMSCT = {mode} .{name}.; run MODTRAN with IEMSCT = 1"
+        ):
             read(file(block(MWIR, mode=mode, header="    FREQ COMBIN    H2O")))
 
 
 def swapped(text, line, start, new):
     lines = text.splitlines(keepends=True)
-    lines[line - 1] = lines[line - 1][:start] + new + lines[line - 1][start + len(new):]
+    lines[line - 1] = lines[line - 1][:start] + new + lines[line - 1][start + len(new) :]
     return "".join(lines)
 
 
-@pytest.mark.parametrize("text, message", [
-    (block(MWIR).replace(" -9999.", ""), "from line 1 on has no end"), (block(MWIR) + block(LWIR)[:900], "line 76 on has no end"),
-    (block(MWIR, -0.5, TOTAL_RAD=0), "line 8: TOT_TRANS must lie in 0..1"), (block(MWIR, 1.5, PTH_THRML=0, TOTAL_RAD=0), "line 8: TOT_TRANS"),
-    (block(MWIR, SOL_SCAT=-1e-9), "line 8: SOL_SCAT must be 0 or more"), (block(MWIR, TOTAL_RAD=None), "line 8: PTH_THRML and TOTAL_RAD"),
-    (block(MWIR[::-1]), "line 9: FREQ must be positive and rising"), (block(MWIR - 2010, PTH_THRML=0, TOTAL_RAD=0), "line 8: FREQ must be positive"), (block(MWIR[:1]), "two rows"),
-    (swapped(block(MWIR), 10, 17, "  "), "line 10: '0.500000' below TOT_TRANS; each number must end where"), (swapped(block(MWIR), 10, 25, "xx"), "line 10: .* below PTH_THRML"),
-    (block(MWIR, header="    FREQ   TRANS"), "line 7: has no column TOT_TRANS"), ("FREQ TOT_TRANS\n -9999.\n", "must begin with card 1"),
-    (block(MWIR) + block(MWIR), "lines 7 and 82 cannot be joined"), (block(MWIR) + block(MWIR[10:], range_km=3), "lines 7 and 82 have different wavelengths")])
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        (block(MWIR).replace(" -9999.", ""), "from line 1 on has no end"),
+        (block(MWIR) + block(LWIR)[:900], "line 76 on has no end"),
+        (block(MWIR, -0.5, TOTAL_RAD=0), "line 8: TOT_TRANS must lie in 0..1"),
+        (block(MWIR, 1.5, PTH_THRML=0, TOTAL_RAD=0), "line 8: TOT_TRANS"),
+        (block(MWIR, SOL_SCAT=-1e-9), "line 8: SOL_SCAT must be 0 or more"),
+        (block(MWIR, TOTAL_RAD=None), "line 8: PTH_THRML and TOTAL_RAD"),
+        (block(MWIR[::-1]), "line 9: FREQ must be positive and rising"),
+        (block(MWIR - 2010, PTH_THRML=0, TOTAL_RAD=0), "line 8: FREQ must be positive"),
+        (block(MWIR[:1]), "two rows"),
+        (
+            swapped(block(MWIR), 10, 17, "  "),
+            "line 10: '0.500000' below TOT_TRANS; each number must end where",
+        ),
+        (swapped(block(MWIR), 10, 25, "xx"), "line 10: .* below PTH_THRML"),
+        (block(MWIR, header="    FREQ   TRANS"), "line 7: has no column TOT_TRANS"),
+        ("FREQ TOT_TRANS\n -9999.\n", "must begin with card 1"),
+        (block(MWIR) + block(MWIR), "lines 7 and 82 cannot be joined"),
+        (block(MWIR) + block(MWIR[10:], range_km=3), "lines 7 and 82 have different wavelengths"),
+    ],
+)
 def test_unusable_file(file, text, message):
     with pytest.raises(InputError, match=message):
         atmosphere(file(text))
@@ -167,16 +267,21 @@ def test_neither_csv_nor_tape7(tmp_path):
 @pytest.mark.skipif(not REAL.is_dir(), reason="the real MODTRAN files are not part of the project")
 @pytest.mark.parametrize("name", REAL_FILES)
 def test_real_file_has_its_own_brightness_temperatures(name):
-    """BBODY_T, from the wavenumber in column 1 and TOTAL_RAD converted, within 0.05 K in every row; and TOTAL_RAD as the sum
-    of path radiance, SURF_EMIS and GRND_RFLT: PTH_THRML holds THRML_SCT, SOL_SCAT holds SING_SCAT."""
+    """BBODY_T, from the wavenumber in column 1 and TOTAL_RAD converted, within 0.05 K in every row;
+    and TOTAL_RAD as the sum of path radiance, SURF_EMIS and GRND_RFLT: PTH_THRML holds THRML_SCT,
+    SOL_SCAT holds SING_SCAT.
+    """
     path = REAL / name
-    found, = tape7.blocks(path)
-    rows = path.read_text().splitlines()[found.line:-1][::-1]
+    (found,) = tape7.blocks(path)
+    rows = path.read_text().splitlines()[found.line : -1][::-1]
     assert len(rows) == len(found.wavelengths_um) > 50
     x = found.wavelengths_um * 1e-6
     kelvin = H * C / (K * x * np.log1p(2 * H * C**2 / (x**5 * found.total_radiance * 1e6)))
     np.testing.assert_allclose(kelvin, [float(row[151:162]) for row in rows], rtol=0, atol=0.01)
-    surface = np.array([float(row[41:52]) + float(row[74:85]) for row in rows]) * (1e4 / found.wavelengths_um) ** 2
+    surface = (
+        np.array([float(row[41:52]) + float(row[74:85]) for row in rows])
+        * (1e4 / found.wavelengths_um) ** 2
+    )
     np.testing.assert_allclose(found.path_radiance + surface, found.total_radiance, rtol=1e-4)
 
 

@@ -1,7 +1,10 @@
-"""The thesis's Eqs 2.14-2.26 as printed, angle by angle, for any module `m` with tan, cos, acos, ...: mpmath or numpy.
+"""The thesis's Eqs 2.14-2.26 as printed, angle by angle, for any module `m` with tan, cos, acos,
+...: mpmath or numpy.
 
-Slow or inexact where the renderer must not be (b = 0 and 1, narrow lobes in Float64); mpmath with 40 digits (EXACT).
+Slow or inexact where the renderer must not be (b = 0 and 1, narrow lobes in Float64); mpmath with
+40 digits (EXACT).
 """
+
 import mpmath
 import numpy as np
 
@@ -9,11 +12,11 @@ EXACT = mpmath.workdps(40)
 
 
 def g(m, theta, b):
-    return 1 / (1 + b**2 * m.tan(theta) ** 2)                                           # 2.16, 2.17; d is the same, 2.24
+    return 1 / (1 + b**2 * m.tan(theta) ** 2)  # 2.16, 2.17; d is the same, 2.24
 
 
 def G(m, b):
-    return 1 / (1 - b**2) * (1 - b**2 / (1 - b**2) * m.log(1 / b**2))                   # 2.18
+    return 1 / (1 - b**2) * (1 - b**2 / (1 - b**2) * m.log(1 / b**2))  # 2.18
 
 
 def glint_angle(m, theta_i, theta_r, dphi):
@@ -25,7 +28,7 @@ def glint_angle(m, theta_i, theta_r, dphi):
 
 
 def h(m, alpha, e):
-    return 1 / (e**2 * m.cos(alpha) ** 2 + m.sin(alpha) ** 2) ** 2                      # 2.22
+    return 1 / (e**2 * m.cos(alpha) ** 2 + m.sin(alpha) ** 2) ** 2  # 2.22
 
 
 def H(m, theta_i, e):
@@ -35,20 +38,23 @@ def H(m, theta_i, e):
 
 
 def rho_s(m, theta_i, epsilon, rho_d, b):
-    return 1 - rho_d * g(m, theta_i, b) / G(m, b) - epsilon * g(m, theta_i, b) / G(m, b)   # 2.20, 2.21
+    return (
+        1 - rho_d * g(m, theta_i, b) / G(m, b) - epsilon * g(m, theta_i, b) / G(m, b)
+    )  # 2.20, 2.21
 
 
 def brdf(m, theta_i, theta_r, dphi, epsilon, rho_d, b, e, form="thesis"):
-    f_d = 1 / m.pi * g(m, theta_r, b) * rho_d * g(m, theta_i, b) / G(m, b) ** 2         # 2.15
-    d = g(m, theta_r, b) if form == "thesis" else 1                                     # the factor that "normalized" drops
+    f_d = 1 / m.pi * g(m, theta_r, b) * rho_d * g(m, theta_i, b) / G(m, b) ** 2  # 2.15
+    d = g(m, theta_r, b) if form == "thesis" else 1  # the factor that "normalized" drops
     lobe = h(m, glint_angle(m, theta_i, theta_r, dphi), e) / H(m, theta_i, e)
     f_s = 1 / (4 * m.pi) * rho_s(m, theta_i, epsilon, rho_d, b) * lobe / m.cos(theta_r) * d  # 2.19
-    return f_d + f_s                                                                    # 2.14
+    return f_d + f_s  # 2.14
 
 
 def hemisphere(peak, width, nodes=120):
-    """Directions (theta, phi) and weights [sr] of a 2D quadrature of a function of theta and dphi = pi - phi that is even
-    in phi and peaks at theta = peak, phi = 0 with some width in theta; in phi a lobe is 1 / tan(peak) as wide.
+    """Directions (theta, phi) and weights [sr] of a 2D quadrature of a function of theta and dphi =
+    pi - phi that is even in phi and peaks at theta = peak, phi = 0 with some width in theta; in phi
+    a lobe is 1 / tan(peak) as wide.
 
     Gauss nodes on x = width sinh(t), which lie dense around the peak.
     """

@@ -1,4 +1,7 @@
-"""The reflection models that the battery tests: stock BSDFs, and every rung of `sandford_robertson`."""
+"""The reflection models that the battery tests: stock BSDFs, and every rung of
+`sandford_robertson`.
+"""
+
 from dataclasses import dataclass, field
 
 import drjit as dr
@@ -6,8 +9,8 @@ import mitsuba as mi
 import numpy as np
 from drjit.llvm.ad import Float64
 
-from mi_lcair.physics import hemispherical
-from tests.physics.surfaces import direction, surface
+from mi_lcair.physics.reflection import sandford_robertson_hemispherical as hemispherical
+from tests.physics.reflection.surfaces import direction, surface
 
 LOBES = ("brdf", "mirror", "diffuse")
 SURFACES = {
@@ -18,11 +21,26 @@ SURFACES = {
     "bare_aluminum-normalized": {"material": "bare_aluminum", "band": "MWIR", "form": "normalized"},
     "broad": {"epsilon": 0.2, "rho_d": 0.1, "b": 0.5, "e": 0.3},
     "broad-normalized": {"epsilon": 0.2, "rho_d": 0.1, "b": 0.5, "e": 0.3, "form": "normalized"},
-    "above-one": {"epsilon": 0.05, "rho_d": 0.02, "b": 0.05, "e": 0.3},     # raw HDR up to 1.59: divided by it
+    "above-one": {
+        "epsilon": 0.05,
+        "rho_d": 0.02,
+        "b": 0.05,
+        "e": 0.3,
+    },  # raw HDR up to 1.59: divided by it
     "b=0": {"epsilon": 0.3, "rho_d": 0.2, "b": 0.0, "e": 0.1},
     "b=1": {"epsilon": 0.2, "rho_d": 0.1, "b": 1.0, "e": 0.1},
-    "bound": {"epsilon": 0.2, "rho_d": 0.3 - 5e-7, "b": 1.0, "e": 0.02},    # epsilon + rho_d within 1e-6 of G
-    "over-the-bound": {"epsilon": 0.5 + 6e-8, "rho_d": 0.0, "b": 1.0, "e": 0.02},   # by the rounding of Float32
+    "bound": {
+        "epsilon": 0.2,
+        "rho_d": 0.3 - 5e-7,
+        "b": 1.0,
+        "e": 0.02,
+    },  # epsilon + rho_d within 1e-6 of G
+    "over-the-bound": {
+        "epsilon": 0.5 + 6e-8,
+        "rho_d": 0.0,
+        "b": 1.0,
+        "e": 0.02,
+    },  # by the rounding of Float32
     "perfect-diffuse": {"epsilon": 0.0, "rho_d": 1.0, "b": 0.0, "e": 1.0},
     "blackbody": {"epsilon": 1.0, "rho_d": 0.0, "b": 0.0, "e": 1.0},
 }
@@ -30,7 +48,10 @@ SURFACES = {
 
 @dataclass
 class Model:
-    """A reflection model. width: of its lobe, the alpha of Trowbridge and Reitz; plugin: what Mitsuba loads."""
+    """A reflection model. width: of its lobe, the alpha of Trowbridge and Reitz; plugin: what
+    Mitsuba loads.
+    """
+
     name: str
     width: float
     plugin: dict = field(repr=False)
@@ -47,7 +68,9 @@ class Model:
         return mi.load_dict(self.plugin)
 
     def HDR(self, bsdf, theta):
-        """Hemispherical-directional reflectance in Float64, as rendered: at most 1. None where no formula is known."""
+        """Hemispherical-directional reflectance in Float64, as rendered: at most 1. None where no
+        formula is known.
+        """
         if self.is_ours:
             return np.minimum(exact_HDR(bsdf, theta), 1)
         return np.full_like(theta, 0.7) if self.plugin["type"] == "diffuse" else None
@@ -61,15 +84,20 @@ def exact_HDR(bsdf, theta):
 
 def sandford_robertson(name, parameters, lobe):
     width = parameters.get("e", 0.0042 if "aluminum" in name else 0.005) if lobe == "brdf" else 1.0
-    return Model(f"{name}-{lobe}", width, {"type": "sandford_robertson", "lobe": lobe, **parameters})
+    return Model(
+        f"{name}-{lobe}", width, {"type": "sandford_robertson", "lobe": lobe, **parameters}
+    )
 
 
 MODELS = [
     Model("diffuse", 1.0, {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.7}}),
     Model("roughconductor", 0.1, {"type": "roughconductor", "distribution": "ggx", "alpha": 0.1}),
     *(sandford_robertson(name, parameters, "brdf") for name, parameters in SURFACES.items()),
-    *(sandford_robertson(name, SURFACES[name], lobe) for lobe in ("mirror", "diffuse")
-      for name in ("bare_aluminum-MWIR", "gloss_black-LWIR", "above-one", "b=1")),
+    *(
+        sandford_robertson(name, SURFACES[name], lobe)
+        for lobe in ("mirror", "diffuse")
+        for name in ("bare_aluminum-MWIR", "gloss_black-LWIR", "above-one", "b=1")
+    ),
 ]
 
 
@@ -92,9 +120,11 @@ def uniform(count, dimensions, seed=0):
 
 
 class HalfVectorDomain:
-    """Domain of a chi-square test: the microfacet normal that reflects wi into the sample, its slope divided by the lobe's width.
+    """Domain of a chi-square test: the microfacet normal that reflects wi into the sample, its
+    slope divided by the lobe's width.
 
-    Coordinates are atan |slope / width| and the azimuth, so that a lobe of any width fills the domain.
+    Coordinates are atan |slope / width| and the azimuth, so that a lobe of any width fills the
+    domain.
     """
 
     def __init__(self, wi, width):
@@ -109,16 +139,28 @@ class HalfVectorDomain:
     def map_forward(self, p):
         sin, cos = dr.sincos(p.x)
         sin_phi, cos_phi = dr.sincos(p.y)
-        half = dr.normalize(mi.Vector3f(self.width * sin * cos_phi, self.width * sin * sin_phi, cos))
+        half = dr.normalize(
+            mi.Vector3f(self.width * sin * cos_phi, self.width * sin * sin_phi, cos)
+        )
         return 2 * dr.dot(self.wi, half) * half - self.wi
 
     def map_backward(self, wo):
         half = self.wi + wo
-        return mi.Vector2f(dr.atan2(dr.hypot(half.x, half.y), self.width * half.z), dr.atan2(half.y, half.x))
+        return mi.Vector2f(
+            dr.atan2(dr.hypot(half.x, half.y), self.width * half.z), dr.atan2(half.y, half.x)
+        )
 
     def jacobian(self, wo):
         """domega / d(coordinates), by domega_o = 4 (w . half) domega_half; 0 below the horizon."""
         p = self.map_backward(wo)
         sin, cos = dr.sincos(p.x)
         stretch = dr.sqrt(dr.square(cos) + dr.square(self.width * sin))
-        return dr.select(wo.z > 0, 4 * dr.dot(self.wi, dr.normalize(self.wi + wo)) * dr.square(self.width) * sin / stretch**3, 0)
+        return dr.select(
+            wo.z > 0,
+            4
+            * dr.dot(self.wi, dr.normalize(self.wi + wo))
+            * dr.square(self.width)
+            * sin
+            / stretch**3,
+            0,
+        )

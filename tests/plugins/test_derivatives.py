@@ -1,17 +1,24 @@
 """Derivatives of the image by path replay against central differences of the rendered radiance.
 
-The floor emits and is hotter than what it reflects, so its parameters act through the emissivity table as well as through
-the reflection. Replay and differences must agree within 2 % or, where that is less, within 3 joint standard errors, which
-come from the scatter of every pixel over the seeds.
+The floor emits and is hotter than what it reflects, so its parameters act through the emissivity
+table as well as through the reflection. Replay and differences must agree within 2 % or, where that
+is less, within 3 joint standard errors, which come from the scatter of every pixel over the seeds.
 """
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
 
 SEEDS, SPP = 6, 256
-STEPS = {"floor.bsdf.epsilon": 0.02, "floor.bsdf.rho_d": 0.03, "floor.bsdf.b": 0.01, "floor.bsdf.e": 0.005,
-         "floor.emitter.temperature": 2.0, "left.emitter.temperature": 2.0}
+STEPS = {
+    "floor.bsdf.epsilon": 0.02,
+    "floor.bsdf.rho_d": 0.03,
+    "floor.bsdf.b": 0.01,
+    "floor.bsdf.e": 0.005,
+    "floor.emitter.temperature": 2.0,
+    "left.emitter.temperature": 2.0,
+}
 NARROW = {"epsilon": 0.11, "rho_d": 0.02, "b": 0.05, "e": 0.0042}
 
 
@@ -20,8 +27,12 @@ def mean_image(scene, seed, parameters=None):
 
 
 def mean_and_error(images):
-    """Mean over pixels and seeds of images (seeds, pixels), and its standard error; pixels are independent."""
-    return images.mean(), np.sqrt(np.sum(images.var(axis=0, ddof=1) / len(images))) / images.shape[1]
+    """Mean over pixels and seeds of images (seeds, pixels), and its standard error; pixels are
+    independent.
+    """
+    return images.mean(), np.sqrt(np.sum(images.var(axis=0, ddof=1) / len(images))) / images.shape[
+        1
+    ]
 
 
 def central_difference(make, key, step, index=0):
@@ -34,7 +45,12 @@ def central_difference(make, key, step, index=0):
         values[index] += sign * step
         parameters[key] = mi.Float(values)
         parameters.update()
-        sides.append(np.array([np.array(mi.render(scene, spp=SPP, seed=seed)).ravel() for seed in range(SEEDS)], dtype=np.float64))
+        sides.append(
+            np.array(
+                [np.array(mi.render(scene, spp=SPP, seed=seed)).ravel() for seed in range(SEEDS)],
+                dtype=np.float64,
+            )
+        )
     return mean_and_error((sides[0] - sides[1]) / (2 * step))
 
 
@@ -42,7 +58,7 @@ def prepared(make, keys, order):
     """Scene, its parameters, and the leaves that will carry the derivatives."""
     scene = make()
     parameters = mi.traverse(scene)
-    if order == "computed":                # the scene's parameters are themselves computed from the leaves
+    if order == "computed":  # the scene's parameters are themselves computed from the leaves
         leaves = {key: mi.Float(np.array(parameters[key])) for key in keys}
         dr.enable_grad(leaves)
         for key, leaf in leaves.items():
@@ -86,21 +102,27 @@ def forward(make, key, order, index=0):
 
 
 def assert_derivatives(make, key, step, order="enable, update", index=0, in_reverse=None):
-    """Forward and reverse derivative by `key` against the central difference; both estimate with the same error."""
+    """Forward and reverse derivative by `key` against the central difference; both estimate with
+    the same error.
+    """
     reference, reference_error = central_difference(make, key, step, index)
     value, error = forward(make, key, order, index)
     in_reverse = reverse(make, [key], order, index) if in_reverse is None else in_reverse
     allowed = max(0.02 * abs(reference), 3 * np.hypot(error, reference_error))
     for mode, found in (("forward", value), ("reverse", in_reverse[key])):
-        assert abs(found - reference) <= allowed, \
+        assert abs(found - reference) <= allowed, (
             f"{key}, {mode}: {found:.5g} +- {error:.2g}, central difference {reference:.5g} +- {reference_error:.2g}"
+        )
 
 
 @pytest.mark.parametrize("emitter_sampling", [False, True])
 @pytest.mark.parametrize("lobe", ["brdf", "mirror", "diffuse"])
 def test_forward_and_reverse(corner, lobe, emitter_sampling):
     def make():
-        return corner({"type": "bounce_path", "max_bounces": 3, "emitter_sampling": emitter_sampling}, {"lobe": lobe})
+        return corner(
+            {"type": "bounce_path", "max_bounces": 3, "emitter_sampling": emitter_sampling},
+            {"lobe": lobe},
+        )
 
     in_reverse = reverse(make, list(STEPS), "enable, update")
     for key, step in STEPS.items():
@@ -109,9 +131,13 @@ def test_forward_and_reverse(corner, lobe, emitter_sampling):
 
 @pytest.mark.parametrize("order", ["update, enable", "computed"])
 def test_order_of_enabling_and_updating(corner, order):
-    """Derived tables are attached whenever a derivative is asked for, not only if the scene was updated after enable_grad."""
+    """Derived tables are attached whenever a derivative is asked for, not only if the scene was
+    updated after enable_grad.
+    """
     key = "floor.bsdf.epsilon"
-    assert_derivatives(lambda: corner({"type": "bounce_path", "max_bounces": 2}), key, STEPS[key], order)
+    assert_derivatives(
+        lambda: corner({"type": "bounce_path", "max_bounces": 2}), key, STEPS[key], order
+    )
 
 
 @pytest.mark.parametrize("facet, order", [(0, "enable, update"), (1, "update, enable")])
@@ -123,16 +149,28 @@ def test_facet_temperatures(corner, facet, order):
 
 
 def test_narrow_lobe(corner):
-    """Bare aluminium, e = 0.0042: noisy in e, since the sampled directions do not move with it, but unbiased."""
-    for key, step in {"floor.bsdf.epsilon": 0.02, "floor.bsdf.b": 0.005, "floor.bsdf.e": 0.0004}.items():
-        assert_derivatives(lambda: corner({"type": "bounce_path", "max_bounces": 2}, NARROW), key, step)
+    """Bare aluminium, e = 0.0042: noisy in e, since the sampled directions do not move with it, but
+    unbiased.
+    """
+    for key, step in {
+        "floor.bsdf.epsilon": 0.02,
+        "floor.bsdf.b": 0.005,
+        "floor.bsdf.e": 0.0004,
+    }.items():
+        assert_derivatives(
+            lambda: corner({"type": "bounce_path", "max_bounces": 2}, NARROW), key, step
+        )
 
 
 def test_memory_does_not_grow_with_bounces(corner):
     """Path replay: the peak of a reverse pass with 64 reflections is that with 2."""
+
     def peak(bounces):
-        scene, parameters, _ = prepared(lambda: corner({"type": "bounce_path", "max_bounces": bounces}, resolution=64),
-                                        ["floor.bsdf.epsilon"], "enable, update")
+        scene, parameters, _ = prepared(
+            lambda: corner({"type": "bounce_path", "max_bounces": bounces}, resolution=64),
+            ["floor.bsdf.epsilon"],
+            "enable, update",
+        )
         dr.flush_malloc_cache()
         dr.detail.malloc_clear_statistics()
         dr.backward(mean_image(scene, 0, parameters))
@@ -149,27 +187,38 @@ def causes(error) -> str:
 
 def test_stock_integrator_refuses_a_lost_derivative(corner):
     """Under stock prb nobody can attach the table after enable_grad: an error, not a silent zero."""
-    scene, parameters, _ = prepared(lambda: corner({"type": "prb", "max_depth": 3}), ["floor.bsdf.epsilon"], "update, enable")
+    scene, parameters, _ = prepared(
+        lambda: corner({"type": "prb", "max_depth": 3}), ["floor.bsdf.epsilon"], "update, enable"
+    )
     with pytest.raises(RuntimeError) as caught:
         mean_image(scene, 0, parameters)
     assert "call params.update()" in causes(caught.value)
-    parameters.set_dirty("floor.bsdf.epsilon")      # Dr.Jit's calls reach every BSDF that is alive: leave a sound one
+    parameters.set_dirty(
+        "floor.bsdf.epsilon"
+    )  # Dr.Jit's calls reach every BSDF that is alive: leave a sound one
     parameters.update()
 
 
 def test_stock_prb_in_reverse(corner):
     """The stock integrator's reverse derivative through our plugins, in the order that it supports."""
+
     def make():
         return corner({"type": "prb", "max_depth": 4, "rr_depth": 100})
 
     key = "floor.bsdf.epsilon"
     reference, error = central_difference(make, key, STEPS[key])
-    assert abs(reverse(make, [key], "enable, update")[key] - reference) <= 0.02 * abs(reference) + 3 * error
+    assert (
+        abs(reverse(make, [key], "enable, update")[key] - reference)
+        <= 0.02 * abs(reference) + 3 * error
+    )
 
 
 def test_tail_has_no_derivatives(corner):
-    scene, parameters, _ = prepared(lambda: corner({"type": "bounce_path", "max_bounces": 3, "closure": "tail"}),
-                                    ["floor.bsdf.epsilon"], "enable, update")
+    scene, parameters, _ = prepared(
+        lambda: corner({"type": "bounce_path", "max_bounces": 3, "closure": "tail"}),
+        ["floor.bsdf.epsilon"],
+        "enable, update",
+    )
     with pytest.raises(Exception) as caught:
         dr.backward(mean_image(scene, 0, parameters))
     assert "closure = tail has no derivatives" in causes(caught.value)

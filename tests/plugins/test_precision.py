@@ -1,21 +1,26 @@
-"""How well the plugin, which computes in Float32, keeps the model: value, tabulated reflectance, scatter of samples."""
+"""How well the plugin, which computes in Float32, keeps the model: value, tabulated reflectance,
+scatter of samples.
+"""
+
 import mitsuba as mi
 import numpy as np
 import pytest
 from drjit.llvm.ad import Array3f64
 
-from mi_lcair.physics import sandford_robertson as sr
+from mi_lcair.physics.reflection import sandford_robertson as sr
 from tests.physics import thesis
-from tests.physics.surfaces import MATERIALS, direction, random_parameters, surface
+from tests.physics.reflection.surfaces import MATERIALS, direction, random_parameters, surface
 from tests.plugins.reflection_models import exact_HDR, interaction, seen_at
 
-PAIRS = 6000      # of directions, per surface
+PAIRS = 6000  # of directions, per surface
 NAMES = ("epsilon", "rho_d", "b", "e")
 LIMIT = np.radians(89.5)
 
 
 def load(parameters, form):
-    return mi.load_dict({"type": "sandford_robertson", "form": form, **dict(zip(NAMES, map(float, parameters)))})
+    return mi.load_dict(
+        {"type": "sandford_robertson", "form": form, **dict(zip(NAMES, map(float, parameters)))}
+    )
 
 
 def narrow_and_broad_lobes(count):
@@ -33,15 +38,22 @@ def narrow_and_broad_lobes(count):
 
 
 def pairs_of_directions(e, rng):
-    """(i, r) to 89.5 degrees in Float32: half of them anywhere, half on the flanks of the lobe around the mirror direction,
-    where the half-vector is 0.03 to 30 lobe widths off the normal."""
-    theta_r = np.where(rng.random(PAIRS) < 0.5, LIMIT * rng.random(PAIRS), np.arccos(rng.uniform(np.cos(LIMIT), 1, PAIRS)))
+    """(i, r) to 89.5 degrees in Float32: half of them anywhere, half on the flanks of the lobe
+    around the mirror direction, where the half-vector is 0.03 to 30 lobe widths off the normal.
+    """
+    theta_r = np.where(
+        rng.random(PAIRS) < 0.5,
+        LIMIT * rng.random(PAIRS),
+        np.arccos(rng.uniform(np.cos(LIMIT), 1, PAIRS)),
+    )
     r = direction(theta_r, 2 * np.pi * rng.random(PAIRS)).numpy()
     slope, azimuth = e * 10 ** rng.uniform(-1.5, 1.5, PAIRS), 2 * np.pi * rng.random(PAIRS)
     half = np.array([slope * np.cos(azimuth), slope * np.sin(azimuth), np.ones(PAIRS)])
     half /= np.linalg.norm(half, axis=0)
     flank = 2 * np.sum(r * half, axis=0) * half - r
-    anywhere = direction(np.arccos(rng.uniform(np.cos(LIMIT), 1, PAIRS)), 2 * np.pi * rng.random(PAIRS)).numpy()
+    anywhere = direction(
+        np.arccos(rng.uniform(np.cos(LIMIT), 1, PAIRS)), 2 * np.pi * rng.random(PAIRS)
+    ).numpy()
     i = np.where((rng.random(PAIRS) < 0.5) & (flank[2] > np.cos(LIMIT)), flank, anywhere)
     return i.astype(np.float32), r.astype(np.float32)
 
@@ -54,14 +66,24 @@ def theta_of(vectors):
 
 @pytest.mark.parametrize("form", sr.FORMS)
 def test_value_in_float32(form):
-    """Against Float64 at the identical Float32 vectors and parameters, the division by max(1, HDR) included."""
+    """Against Float64 at the identical Float32 vectors and parameters, the division by max(1, HDR)
+    included.
+    """
     rng, errors = np.random.default_rng(9), []
     for row in narrow_and_broad_lobes(40):
         bsdf = load(row, form)
         i, r = pairs_of_directions(row[3], rng)
-        found = (bsdf.eval(mi.BSDFContext(), interaction(mi.Vector3f(r)), mi.Vector3f(i))[0]).numpy().astype(float)
+        found = (
+            (bsdf.eval(mi.BSDFContext(), interaction(mi.Vector3f(r)), mi.Vector3f(i))[0])
+            .numpy()
+            .astype(float)
+        )
         S = surface(*(getattr(bsdf, name)[0] for name in NAMES), form)
-        exact = sr.f(S, Array3f64(i), Array3f64(r)).numpy() * i[2] / np.maximum(exact_HDR(bsdf, theta_of(r)), 1)
+        exact = (
+            sr.f(S, Array3f64(i), Array3f64(r)).numpy()
+            * i[2]
+            / np.maximum(exact_HDR(bsdf, theta_of(r)), 1)
+        )
         errors.append(np.abs(found - exact) / np.maximum(np.abs(exact), 1e-30))
     errors = np.concatenate(errors)
     print(form, "median, 99.9 % and largest relative error:", np.quantile(errors, [0.5, 0.999, 1]))
@@ -70,8 +92,14 @@ def test_value_in_float32(form):
 
 
 def largest_error_of_HDR(bsdf):
-    """Of the table after interpolation, in HDR as rendered: relative where the raw model exceeds 1 and is divided by it."""
-    si = seen_at(np.concatenate([np.linspace(0, np.radians(85), 1000), np.linspace(np.radians(85), LIMIT, 1000)]))
+    """Of the table after interpolation, in HDR as rendered: relative where the raw model exceeds 1
+    and is divided by it.
+    """
+    si = seen_at(
+        np.concatenate(
+            [np.linspace(0, np.radians(85), 1000), np.linspace(np.radians(85), LIMIT, 1000)]
+        )
+    )
     floor, lobe = bsdf.raw_HDR(sr.cos_theta(si.wi), sr.sin2_theta(si.wi))
     exact = exact_HDR(bsdf, theta_of(si.wi))
     return np.max(np.abs((floor + lobe).numpy() - exact) / np.maximum(exact, 1))
@@ -80,22 +108,39 @@ def largest_error_of_HDR(bsdf):
 @pytest.mark.parametrize("form", sr.FORMS)
 def test_tabulated_HDR(form):
     """To 89.5 degrees: 1e-5 over the whole box, and for the materials."""
-    errors = [largest_error_of_HDR(load(row, form)) for row in [*MATERIALS, *random_parameters(40, seed=11), *narrow_and_broad_lobes(20)]]
+    errors = [
+        largest_error_of_HDR(load(row, form))
+        for row in [*MATERIALS, *random_parameters(40, seed=11), *narrow_and_broad_lobes(20)]
+    ]
     print(form, f"materials {max(errors[:4]):.1e}, box {max(errors):.1e}")
     assert max(errors) <= 1e-5
 
 
-@pytest.mark.parametrize("material, angles_deg, bound", [("bare_aluminum", range(0, 61, 10), 0.01), ("gloss_black", range(0, 86, 5), 0.1)])
+@pytest.mark.parametrize(
+    "material, angles_deg, bound",
+    [("bare_aluminum", range(0, 61, 10), 0.01), ("gloss_black", range(0, 86, 5), 0.1)],
+)
 @pytest.mark.parametrize("band", ["MWIR", "LWIR"])
 def test_scatter_of_one_reflectance_sample(material, angles_deg, bound, band):
-    """Relative standard deviation of one sample's weight w = f cos / pdf, by quadrature over all samples: the rare ones (a
-    reflection below the horizon, w = 0, or the floor's into the lobe) make up half of it and hide from an estimate by sampling."""
+    """Relative standard deviation of one sample's weight w = f cos / pdf, by quadrature over all
+    samples: the rare ones (a reflection below the horizon, w = 0, or the floor's into the lobe)
+    make up half of it and hide from an estimate by sampling.
+    """
     bsdf = mi.load_dict({"type": "sandford_robertson", "material": material, "band": band})
     scatter = []
     for theta in np.radians(angles_deg):
-        theta_i, phi, solid_angle = (grid.ravel() for grid in thesis.hemisphere(theta, 2 * bsdf.e[0]))
-        value, density = bsdf.eval_pdf(mi.BSDFContext(), seen_at(np.full(len(phi), theta)), direction(theta_i, np.pi - phi, mi.Vector3f))
-        weight, probability = (value[0] / density).numpy().astype(float), density.numpy() * solid_angle
+        theta_i, phi, solid_angle = (
+            grid.ravel() for grid in thesis.hemisphere(theta, 2 * bsdf.e[0])
+        )
+        value, density = bsdf.eval_pdf(
+            mi.BSDFContext(),
+            seen_at(np.full(len(phi), theta)),
+            direction(theta_i, np.pi - phi, mi.Vector3f),
+        )
+        weight, probability = (
+            (value[0] / density).numpy().astype(float),
+            density.numpy() * solid_angle,
+        )
         mean, lost = np.sum(weight * probability), 1 - np.sum(probability)
         assert -1e-6 < lost < 1e-3
         scatter.append(np.sqrt(np.sum((weight - mean) ** 2 * probability) + lost * mean**2) / mean)

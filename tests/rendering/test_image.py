@@ -1,10 +1,12 @@
 """Radiance images survive the way to the disk and back, whole or not at all."""
+
 import os
 
 import numpy as np
 import OpenEXR
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from mi_lcair.errors import InputError
@@ -14,11 +16,18 @@ from mi_lcair.rendering.image import STRUCTURE, read_exr, write_exr
 ONE = {"Y": np.ones((2, 3), np.float32)}
 
 label = st.from_regex(r"[A-Za-z0-9_-]{1,40}", fullmatch=True)
-channel_name = st.one_of(st.just("Y"), st.builds("{}.{}.Y".format, st.sampled_from(["group", "seen"]), label))
+channel_name = st.one_of(
+    st.just("Y"), st.builds("{}.{}.Y".format, st.sampled_from(["group", "seen"]), label)
+)
 text = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=200)
-attribute_name = st.text(st.characters(codec="utf-8", exclude_characters="\0"), min_size=1, max_size=60).filter(
-    lambda name: name not in STRUCTURE)
-values = st.one_of(text, st.integers(-2**31, 2**31 - 1), st.floats(width=32, allow_nan=False, allow_infinity=False))
+attribute_name = st.text(
+    st.characters(codec="utf-8", exclude_characters="\0"), min_size=1, max_size=60
+).filter(lambda name: name not in STRUCTURE)
+values = st.one_of(
+    text,
+    st.integers(-(2**31), 2**31 - 1),
+    st.floats(width=32, allow_nan=False, allow_infinity=False),
+)
 
 
 @pytest.fixture(scope="module")
@@ -32,8 +41,11 @@ def test_round_trip(folder, data):
     """Every finite float32, every label and every header value comes back bit for bit."""
     shape = data.draw(hnp.array_shapes(min_dims=2, max_dims=2, max_side=7))
     finite = st.floats(width=32, allow_nan=False, allow_infinity=False)
-    channels = data.draw(st.dictionaries(channel_name, hnp.arrays(np.float32, shape, elements=finite), min_size=1,
-                                         max_size=4))
+    channels = data.draw(
+        st.dictionaries(
+            channel_name, hnp.arrays(np.float32, shape, elements=finite), min_size=1, max_size=4
+        )
+    )
     header = data.draw(st.dictionaries(attribute_name, values, max_size=4))
     write_exr(folder / "image.exr", channels, header)
     channels_back, header_back = read_exr(folder / "image.exr")
@@ -45,11 +57,17 @@ def test_round_trip(folder, data):
 
 
 def test_mitsuba_reads_the_same_pixels(tmp_path):
-    """An independent reader agrees, also for arrays that are not contiguous (which the OpenEXR package writes wrong)."""
+    """An independent reader agrees, also for arrays that are not contiguous (which the OpenEXR
+    package writes wrong).
+    """
     import mitsuba as mi
 
     film = np.arange(4 * 5 * 2, dtype=np.float32).reshape(4, 5, 2)
-    cases = {"slice": film[..., 1], "transposed": film[..., 0].T, "float64": np.arange(20.0).reshape(4, 5)}
+    cases = {
+        "slice": film[..., 1],
+        "transposed": film[..., 0].T,
+        "float64": np.arange(20.0).reshape(4, 5),
+    }
     for name, pixels in cases.items():
         write_exr(tmp_path / f"{name}.exr", {"Y": pixels}, {"band": "MWIR"})
         seen = np.array(mi.Bitmap(str(tmp_path / f"{name}.exr")))
@@ -57,31 +75,64 @@ def test_mitsuba_reads_the_same_pixels(tmp_path):
 
 
 def test_header_numbers(tmp_path):
-    """Counts beyond 31 bits become strings, where the format would store 0; NumPy scalars become numbers."""
-    header = {"paths": 2048**2 * 1024, "low": -2**31 - 1, "spp": np.int64(64), "mean": np.float32(0.5)}
+    """Counts beyond 31 bits become strings, where the format would store 0; NumPy scalars become
+    numbers.
+    """
+    header = {
+        "paths": 2048**2 * 1024,
+        "low": -(2**31) - 1,
+        "spp": np.int64(64),
+        "mean": np.float32(0.5),
+    }
     given_header, given_channels = dict(header), dict(ONE)
     write_exr(tmp_path / "image.exr", given_channels, given_header)
-    assert (given_header, given_channels) == (header, ONE)  # the package alone would add entries to both
-    assert read_exr(tmp_path / "image.exr")[1] == {"paths": "4294967296", "low": "-2147483649", "spp": 64, "mean": 0.5}
+    assert (given_header, given_channels) == (
+        header,
+        ONE,
+    )  # the package alone would add entries to both
+    assert read_exr(tmp_path / "image.exr")[1] == {
+        "paths": "4294967296",
+        "low": "-2147483649",
+        "spp": 64,
+        "mean": 0.5,
+    }
 
 
-@pytest.mark.parametrize("channels, header", [
-    ({"Y": np.array([[1, np.nan]])}, {}),
-    ({"Y": np.array([[1, -np.inf]])}, {}),
-    ({"Y": np.ones((2, 3)), "Z": np.ones((3, 2))}, {}),
-    ({"Y": np.ones((2, 3, 1))}, {}),
-    ({"Y": np.ones((0, 3))}, {}),
-    ({}, {}),
-    ({"": np.ones((2, 3))}, {}),
-    ({"x" * 256: np.ones((2, 3))}, {}),
-    (ONE, {"version": "1.0"}),
-    (ONE, {"mean": float("nan")}),
-    (ONE, {"mean": 1e39}),
-    (ONE, {"bands": [3, 5]}),
-], ids=["nan", "inf", "shapes", "3D", "empty", "none", "unnamed", "long name", "reserved", "nan header", "float64 header",
-        "list header"])
+@pytest.mark.parametrize(
+    "channels, header",
+    [
+        ({"Y": np.array([[1, np.nan]])}, {}),
+        ({"Y": np.array([[1, -np.inf]])}, {}),
+        ({"Y": np.ones((2, 3)), "Z": np.ones((3, 2))}, {}),
+        ({"Y": np.ones((2, 3, 1))}, {}),
+        ({"Y": np.ones((0, 3))}, {}),
+        ({}, {}),
+        ({"": np.ones((2, 3))}, {}),
+        ({"x" * 256: np.ones((2, 3))}, {}),
+        (ONE, {"version": "1.0"}),
+        (ONE, {"mean": float("nan")}),
+        (ONE, {"mean": 1e39}),
+        (ONE, {"bands": [3, 5]}),
+    ],
+    ids=[
+        "nan",
+        "inf",
+        "shapes",
+        "3D",
+        "empty",
+        "none",
+        "unnamed",
+        "long name",
+        "reserved",
+        "nan header",
+        "float64 header",
+        "list header",
+    ],
+)
 def test_mistakes_of_the_caller(tmp_path, channels, header):
-    """What the format would drop, damage or refuse is a ValueError (not an InputError), and nothing is written."""
+    """What the format would drop, damage or refuse is a ValueError (not an InputError), and nothing
+    is written.
+    """
     with pytest.raises(ValueError) as caught:
         write_exr(tmp_path / "image.exr", channels, header)
     assert not isinstance(caught.value, InputError)
@@ -120,16 +171,23 @@ def test_check_writable(tmp_path):
     check_writable(tmp_path / "new.exr")
     assert [path.name for path in tmp_path.iterdir()] == ["old.exr"]
     assert (tmp_path / "old.exr").read_bytes() == b"old"
-    for path, reason in [(tmp_path / "nowhere" / "a.exr", "does not exist"), (tmp_path, "not a file"),
-                         (tmp_path / "old.exr" / "a.exr", "does not exist"), ("/dev/null", "not a file"),
-                         (tmp_path / ("x" * 300 + ".exr"), "cannot write")]:
+    for path, reason in [
+        (tmp_path / "nowhere" / "a.exr", "does not exist"),
+        (tmp_path, "not a file"),
+        (tmp_path / "old.exr" / "a.exr", "does not exist"),
+        ("/dev/null", "not a file"),
+        (tmp_path / ("x" * 300 + ".exr"), "cannot write"),
+    ]:
         with pytest.raises(InputError, match=reason) as caught:
             check_writable(path)
         assert "\n" not in str(caught.value)
 
 
 def test_a_folder_without_permission(tmp_path, monkeypatch):
-    """A refusal of the system becomes an InputError (simulated: a test run by root may write anywhere)."""
+    """A refusal of the system becomes an InputError (simulated: a test run by root may write
+    anywhere).
+    """
+
     def refused(self, *args, **kwargs):
         raise PermissionError(13, "Permission denied")
 
@@ -140,13 +198,22 @@ def test_a_folder_without_permission(tmp_path, monkeypatch):
 
 
 def test_images_of_other_programs(tmp_path):
-    """Half floats, whole numbers, any names, attributes of other types, a window off the origin, several parts."""
+    """Half floats, whole numbers, any names, attributes of other types, a window off the origin,
+    several parts.
+    """
     half = np.array([[0.5, 1, 2]], np.float16)
     whole = np.array([[7, 8, 9]], np.uint32)
     window = (np.array([5, 6], np.int32), np.array([7, 6], np.int32))
-    OpenEXR.File({"type": OpenEXR.scanlineimage, "dataWindow": window, "owner": "me", "whiteLuminance": 2.0,
-                  "adoptedNeutral": np.array([0.3, 0.3], np.float32)},
-                 {"R": half, "G": half, "B": half, "A": half, "left eye.Z": whole}).write(str(tmp_path / "rgba.exr"))
+    OpenEXR.File(
+        {
+            "type": OpenEXR.scanlineimage,
+            "dataWindow": window,
+            "owner": "me",
+            "whiteLuminance": 2.0,
+            "adoptedNeutral": np.array([0.3, 0.3], np.float32),
+        },
+        {"R": half, "G": half, "B": half, "A": half, "left eye.Z": whole},
+    ).write(str(tmp_path / "rgba.exr"))
     channels, header = read_exr(tmp_path / "rgba.exr")
     assert channels.keys() == {"R", "G", "B", "A", "left eye.Z"}
     assert {pixels.dtype for pixels in channels.values()} == {np.dtype(np.float32)}
@@ -154,16 +221,28 @@ def test_images_of_other_programs(tmp_path):
     np.testing.assert_array_equal(channels["left eye.Z"], whole)
     assert header == {"owner": "me", "whiteLuminance": 2.0}
 
-    parts = [OpenEXR.Part({"type": OpenEXR.scanlineimage, "name": name}, {"Z": np.full((2, 2), value, np.float32)})
-             for name, value in (("first", 1), ("second", 2))]
+    parts = [
+        OpenEXR.Part(
+            {"type": OpenEXR.scanlineimage, "name": name}, {"Z": np.full((2, 2), value, np.float32)}
+        )
+        for name, value in (("first", 1), ("second", 2))
+    ]
     OpenEXR.File(parts).write(str(tmp_path / "parts.exr"))
     channels, header = read_exr(tmp_path / "parts.exr")
     np.testing.assert_array_equal(channels["Z"], np.ones((2, 2)))
     assert header == {"name": "first"}
 
 
-@pytest.mark.parametrize("content, reason", [(None, "No such file"), (b"", "not an OpenEXR"), (b"\x89PNG....", "not an"),
-                                             (b"\x76\x2f\x31\x01", "damaged")], ids=["missing", "empty", "png", "magic"])
+@pytest.mark.parametrize(
+    "content, reason",
+    [
+        (None, "No such file"),
+        (b"", "not an OpenEXR"),
+        (b"\x89PNG....", "not an"),
+        (b"\x76\x2f\x31\x01", "damaged"),
+    ],
+    ids=["missing", "empty", "png", "magic"],
+)
 def test_unreadable_images(tmp_path, content, reason):
     path = tmp_path / "image.exr"
     if content is not None:
@@ -175,25 +254,37 @@ def test_unreadable_images(tmp_path, content, reason):
 @given(st.data())
 @settings(max_examples=150, deadline=None)
 def test_damaged_images(folder, data):
-    """A file cut short or with bytes changed gives an image or an InputError, never another exception or a crash."""
+    """A file cut short or with bytes changed gives an image or an InputError, never another
+    exception or a crash.
+    """
     whole = _sample(folder)
-    damaged = bytearray(whole[:data.draw(st.one_of(st.just(len(whole)), st.integers(4, len(whole))))])
+    damaged = bytearray(
+        whole[: data.draw(st.one_of(st.just(len(whole)), st.integers(4, len(whole))))]
+    )
     for _ in range(data.draw(st.integers(0, 4))):
-        damaged[data.draw(st.integers(4, len(damaged) - 1)) if len(damaged) > 4 else 0] = data.draw(st.integers(0, 255))
+        damaged[data.draw(st.integers(4, len(damaged) - 1)) if len(damaged) > 4 else 0] = data.draw(
+            st.integers(0, 255)
+        )
     _read_or_refuse(folder, bytes(damaged))
 
 
 @given(st.binary(max_size=300), st.booleans())
 @settings(max_examples=150, deadline=None)
 def test_random_bytes(folder, content, as_exr):
-    """The same for bytes that never were an image, with and without OpenEXR's magic number and version."""
+    """The same for bytes that never were an image, with and without OpenEXR's magic number and
+    version.
+    """
     _read_or_refuse(folder, (b"\x76\x2f\x31\x01\x02\0\0\0" if as_exr else b"") + content)
 
 
 def _sample(folder):
     path = folder / "sample.exr"
     if not path.exists():
-        write_exr(path, {"Y": np.random.default_rng(0).random((13, 14)), "range.Y": np.ones((13, 14))}, {"band": "MWIR"})
+        write_exr(
+            path,
+            {"Y": np.random.default_rng(0).random((13, 14)), "range.Y": np.ones((13, 14))},
+            {"band": "MWIR"},
+        )
     return path.read_bytes()
 
 
@@ -208,7 +299,9 @@ def _read_or_refuse(folder, content):
 
 
 def test_damage_is_told_once(tmp_path, capfd):
-    """The library's own complaints, which it prints from Python and from C, do not reach the terminal."""
+    """The library's own complaints, which it prints from Python and from C, do not reach the
+    terminal.
+    """
     whole = _sample(tmp_path)
     path = tmp_path / "cut.exr"
     path.write_bytes(whole[:-100])

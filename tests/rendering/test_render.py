@@ -1,4 +1,7 @@
-"""Rendering in passes: channels, standard errors, tolerance, seeds, and what must never reach an image."""
+"""Rendering in passes: channels, standard errors, tolerance, seeds, and what must never reach an
+image.
+"""
+
 import json
 
 import drjit as dr
@@ -21,30 +24,44 @@ def image():
 
 
 def total(image, kind):
-    return sum(channel.astype(np.float64) for name, channel in image.channels.items() if name.startswith(kind))
+    return sum(
+        channel.astype(np.float64)
+        for name, channel in image.channels.items()
+        if name.startswith(kind)
+    )
 
 
 @pytest.mark.parametrize("kind", ["bounce", "group.", "seen."])
 def test_every_split_sums_to_the_radiance(image, kind):
-    np.testing.assert_allclose(total(image, kind), image.channels["Y"], rtol=1e-6, atol=1e-6 * image.mean)
+    np.testing.assert_allclose(
+        total(image, kind), image.channels["Y"], rtol=1e-6, atol=1e-6 * image.mean
+    )
 
 
 def test_splits_say_who(image):
     """The floor shows itself and reflects the wall; the sensor sees the wall edge-on."""
     floor, wall = image.channels["seen.floor.Y"], image.channels["seen.wall.Y"]
     assert floor.mean() > 0 and wall.mean() == 0
-    np.testing.assert_allclose(image.channels["group.floor.Y"].mean(), image.channels["bounce00.Y"].mean(), rtol=1e-5)
+    np.testing.assert_allclose(
+        image.channels["group.floor.Y"].mean(), image.channels["bounce00.Y"].mean(), rtol=1e-5
+    )
 
 
 def test_header(image):
-    assert image.header["band"] == "total" and image.header["spp"] == 64 and image.header["seed"] == "1"
+    assert (
+        image.header["band"] == "total"
+        and image.header["spp"] == 64
+        and image.header["seed"] == "1"
+    )
     assert json.loads(image.header["parameters"]) == {"resolution": "16", "max_bounces": "3"}
     assert image.header["paths"] == str(64 * 16 * 16) and image.header["max_bounces"] == 3
     assert "W m^-2 sr^-1" in image.header["units"] and mi.__version__ in image.header["versions"]
 
 
 def test_standard_error_is_the_scatter_of_seeds():
-    """Per pixel: the mean of the squared standard errors against the variance over 40 seeds (chi-square, 5 sigma)."""
+    """Per pixel: the mean of the squared standard errors against the variance over 40 seeds
+    (chi-square, 5 sigma).
+    """
     scene, seeds = load(), 40
     images = [mi_lcair.render(scene, spp=16, seed=seed) for seed in range(seeds)]
     means = np.array([image.channels["Y"] for image in images], dtype=np.float64)
@@ -55,15 +72,19 @@ def test_standard_error_is_the_scatter_of_seeds():
 
 
 def test_passes_do_not_change_the_statistics(monkeypatch):
-    """Many small passes, over runs of pixels that do not divide the image, agree with one large pass."""
+    """Many small passes, over runs of pixels that do not divide the image, agree with one large
+    pass.
+    """
     whole = mi_lcair.render(load(), spp=256, seed=1)
-    monkeypatch.setattr(passes, "PASS_SAMPLES", 100)        # less than one sample per pixel of the 256
+    monkeypatch.setattr(passes, "PASS_SAMPLES", 100)  # less than one sample per pixel of the 256
     parts = mi_lcair.render(load(), spp=256, seed=1)
     difference = (whole.channels["Y"] - parts.channels["Y"]).astype(np.float64)
     error = np.hypot(whole.channels["stderr.Y"], parts.channels["stderr.Y"]).astype(np.float64)
     lit = error > 0
     assert np.all(np.abs(difference) <= 5 * error + 1e-5 * whole.mean)
-    assert np.mean((difference[lit] / error[lit]) ** 2) == pytest.approx(1, abs=5 * np.sqrt(2 / lit.sum()))
+    assert np.mean((difference[lit] / error[lit]) ** 2) == pytest.approx(
+        1, abs=5 * np.sqrt(2 / lit.sum())
+    )
     # the distance to what is seen is no average over passes that saw nothing
     np.testing.assert_allclose(parts.channels["range.Y"], whole.channels["range.Y"], rtol=0.02)
 
@@ -77,11 +98,17 @@ def test_same_seed_same_image():
 def test_tolerance():
     """The rms standard error over the pixels ends below the tolerance, and not far below it."""
     steps = []
-    result = mi_lcair.render(load(), tolerance=0.02, progress=lambda done, goal: steps.append((done, goal)))
+    result = mi_lcair.render(
+        load(), tolerance=0.02, progress=lambda done, goal: steps.append((done, goal))
+    )
     errors = result.channels["stderr.Y"].astype(np.float64)
-    assert result.reached and result.rms_error == pytest.approx(np.sqrt(np.mean(errors**2)) / result.mean, rel=1e-5)
+    assert result.reached and result.rms_error == pytest.approx(
+        np.sqrt(np.mean(errors**2)) / result.mean, rel=1e-5
+    )
     assert 0.008 < result.rms_error <= 0.02
-    assert steps[-1][0] == result.spp and [done for done, _ in steps] == sorted({done for done, _ in steps})
+    assert steps[-1][0] == result.spp and [done for done, _ in steps] == sorted(
+        {done for done, _ in steps}
+    )
 
 
 def test_tolerance_not_reached():
@@ -95,7 +122,9 @@ def test_one_sample_has_no_standard_error():
 
 
 def test_invalid_samples_are_counted_and_left_out(monkeypatch):
-    """A NaN or infinity in one sample of a hundred: counted, reported, and the rest of the pixel stands."""
+    """A NaN or infinity in one sample of a hundred: counted, reported, and the rest of the pixel
+    stands.
+    """
     integrator_class = type(load().mi.integrator())
     walk = integrator_class.walk
 
@@ -113,7 +142,14 @@ def test_invalid_samples_are_counted_and_left_out(monkeypatch):
     assert result.mean == pytest.approx(clean.mean, rel=0.02)
 
 
-@pytest.mark.parametrize("keywords, name", [({"spp": 0}, "spp"), ({"tolerance": -1.0}, "tolerance"), ({"max_spp": 0, "tolerance": 0.1}, "max_spp")])
+@pytest.mark.parametrize(
+    "keywords, name",
+    [
+        ({"spp": 0}, "spp"),
+        ({"tolerance": -1.0}, "tolerance"),
+        ({"max_spp": 0, "tolerance": 0.1}, "max_spp"),
+    ],
+)
 def test_unusable_sampling(keywords, name):
     with pytest.raises(InputError, match=f"^{name} = "):
         mi_lcair.render(load(), **keywords)
@@ -122,7 +158,9 @@ def test_unusable_sampling(keywords, name):
 @pytest.mark.parametrize("closure", ["none", "tail"])
 @pytest.mark.parametrize("split", [None, "image", "target"])
 def test_paths_are_traced_once(closure, split):
-    """One kernel of a render is large, that of the paths; whatever is reduced from them must not trace them again."""
+    """One kernel of a render is large, that of the paths; whatever is reduced from them must not
+    trace them again.
+    """
     scene = load()
     scene.mi.integrator().closure = closure
     mi_lcair.render(scene, spp=4, split=split)

@@ -1,4 +1,7 @@
-"""Loading: whatever makes a scene unusable is one InputError that says what, where and what would be right."""
+"""Loading: whatever makes a scene unusable is one InputError that says what, where and what would
+be right.
+"""
+
 import subprocess
 import sys
 
@@ -15,7 +18,11 @@ THERMAL = '<emitter type="thermal"><string name="band" value="$band"/><float nam
 
 def write(tmp_path, *elements):
     path = tmp_path / "scene.xml"
-    path.write_text('<scene version="3.0.0"><default name="band" value="LWIR"/>' + "".join(elements) + "</scene>")
+    path.write_text(
+        '<scene version="3.0.0"><default name="band" value="LWIR"/>'
+        + "".join(elements)
+        + "</scene>"
+    )
     return path
 
 
@@ -24,7 +31,9 @@ def shape(inside, kind="rectangle"):
 
 
 def bsdf(material="gloss_black", **properties):
-    strings = "".join(f'<string name="{name}" value="{value}"/>' for name, value in properties.items())
+    strings = "".join(
+        f'<string name="{name}" value="{value}"/>' for name, value in properties.items()
+    )
     return f'<bsdf type="sandford_robertson"><string name="material" value="{material}"/><string name="band" value="$band"/>{strings}</bsdf>'
 
 
@@ -35,38 +44,141 @@ def parameters(**numbers):
 
 def test_loads(tmp_path):
     scene = mi_lcair.load(write(tmp_path, PATH, SENSOR, shape(bsdf() + THERMAL)), band="MWIR")
-    assert (scene.name, scene.band.name, scene.groups, scene.parameters) == (tmp_path.name, "MWIR", ["self"], {"band": "MWIR"})     # a file scene.xml is named after its folder
+    assert (scene.name, scene.band.name, scene.groups, scene.parameters) == (
+        tmp_path.name,
+        "MWIR",
+        ["self"],
+        {"band": "MWIR"},
+    )  # a file scene.xml is named after its folder
 
 
-@pytest.mark.parametrize("elements, given, message", [
-    ([PATH, SENSOR, shape(bsdf() + THERMAL)], {"bnad": "MWIR"}, "unknown parameter of scene.xml 'bnad'; known: band"),
-    (['<integrator type="bounce_pat"/>', SENSOR], {}, 'line 1.*"bounce_pat" not found.*nearest known are: bounce_path'),
-    ([PATH, SENSOR, shape(bsdf("gloss_blak") + THERMAL)], {}, "line 1.*unknown material 'gloss_blak'; known: gloss_black"),
-    ([PATH, SENSOR, shape(bsdf() + THERMAL)], {"band": "MWR"}, "unknown band 'MWR'; known: MWIR"),
-    ([PATH, SENSOR, shape(bsdf() + THERMAL)], {"band": "SWIR"}, "gloss_black.*not measured for band SWIR.*allow_band"),
-    ([PATH, SENSOR, shape(parameters(epsilon=0.9, rho_d=0.3, b=0.1, e=0.1) + THERMAL)], {},
-     r"epsilon \+ rho_d = 1.2 is outside its bounds; it must be <= G\(b\) = 0.96"),
-    ([PATH, SENSOR, shape(parameters(epsilon=-0.1, rho_d=0.3, b=0.1, e=0.1) + THERMAL)], {}, "epsilon = -0.1 is outside.*>= 0"),
-    ([PATH, SENSOR, shape(parameters(epsilon=0.1, rho_d=0.3, b=1.5, e=0.1) + THERMAL)], {}, "b = 1.5 is outside.*0..1"),
-    ([PATH, SENSOR, shape(parameters(epsilon=0.1, rho_d=0.3, b=0.5, e=0) + THERMAL)], {}, "e = 0 is outside.*0 excluded"),
-    ([PATH, SENSOR, shape(parameters(epsilon=0.1, rho_d=0.3, b=0.5) + THERMAL)], {}, "give `material` and `band`, or e"),
-    ([PATH, SENSOR, shape(bsdf(lobe="mirrored") + THERMAL)], {}, "lobe 'mirrored' is unknown; it must be one of brdf, mirror"),
-    ([PATH, SENSOR, shape(bsdf(emissivity="none.csv") + THERMAL)], {}, "none.csv.*cannot be read"),
-    ([PATH, SENSOR, shape(bsdf() + THERMAL.replace("300", "0"))], {}, "temperature = 0 K; it must be positive"),
-    ([PATH, SENSOR, shape(bsdf() + THERMAL.replace("300", "nan"))], {}, "nan"),
-    ([PATH, SENSOR, shape('<string name="filename" value="gone.ply"/>' + THERMAL, "ply")], {}, 'gone.ply": file not found'),
-    ([PATH, SENSOR, shape('<bsdf type="mask"><bsdf type="diffuse"/></bsdf>' + THERMAL)], {}, "MaskBSDF hides the emissivity"),
-    ([PATH, SENSOR, shape('<bsdf type="dielectric"/>' + THERMAL)], {}, "transmits.*give the thermal emitter an `emissivity`"),
-    ([SENSOR, shape(bsdf() + THERMAL)], {}, "integrator must be bounce_path"),
-    ([PATH, shape(bsdf() + THERMAL)], {}, "has no sensor"),
-    ([PATH, '<sensor type="orthographic"><film type="hdrfilm"><integer name="width" value="0"/></film></sensor>', shape(bsdf() + THERMAL)], {},
-     "the film of sensor 0 has no pixels"),
-    ([PATH, SENSOR, shape(bsdf())], {}, "no thermal emitter names a band"),
-    ([PATH, SENSOR, shape(bsdf() + THERMAL), shape(THERMAL.replace("$band", "SWIR"))], {}, "mixes bands: LWIR, SWIR"),
-    (['<integrator type="bounce_path"><integer name="max_bounces" value="-1"/></integrator>', SENSOR], {}, "max_bounces = -1"),
-    (['<integrator type="bounce_path"><string name="closure" value="tale"/></integrator>', SENSOR], {}, "closure 'tale' is unknown"),
-    (['<integrator type="bounce_path"><integer name="bounces" value="1"/></integrator>', SENSOR], {}, "unreferenced property.*bounces"),
-])
+@pytest.mark.parametrize(
+    "elements, given, message",
+    [
+        (
+            [PATH, SENSOR, shape(bsdf() + THERMAL)],
+            {"bnad": "MWIR"},
+            "unknown parameter of scene.xml 'bnad'; known: band",
+        ),
+        (
+            ['<integrator type="bounce_pat"/>', SENSOR],
+            {},
+            'line 1.*"bounce_pat" not found.*nearest known are: bounce_path',
+        ),
+        (
+            [PATH, SENSOR, shape(bsdf("gloss_blak") + THERMAL)],
+            {},
+            "line 1.*unknown material 'gloss_blak'; known: gloss_black",
+        ),
+        (
+            [PATH, SENSOR, shape(bsdf() + THERMAL)],
+            {"band": "MWR"},
+            "unknown band 'MWR'; known: MWIR",
+        ),
+        (
+            [PATH, SENSOR, shape(bsdf() + THERMAL)],
+            {"band": "SWIR"},
+            "gloss_black.*not measured for band SWIR.*allow_band",
+        ),
+        (
+            [PATH, SENSOR, shape(parameters(epsilon=0.9, rho_d=0.3, b=0.1, e=0.1) + THERMAL)],
+            {},
+            r"epsilon \+ rho_d = 1.2 is outside its bounds; it must be <= G\(b\) = 0.96",
+        ),
+        (
+            [PATH, SENSOR, shape(parameters(epsilon=-0.1, rho_d=0.3, b=0.1, e=0.1) + THERMAL)],
+            {},
+            "epsilon = -0.1 is outside.*>= 0",
+        ),
+        (
+            [PATH, SENSOR, shape(parameters(epsilon=0.1, rho_d=0.3, b=1.5, e=0.1) + THERMAL)],
+            {},
+            "b = 1.5 is outside.*0..1",
+        ),
+        (
+            [PATH, SENSOR, shape(parameters(epsilon=0.1, rho_d=0.3, b=0.5, e=0) + THERMAL)],
+            {},
+            "e = 0 is outside.*0 excluded",
+        ),
+        (
+            [PATH, SENSOR, shape(parameters(epsilon=0.1, rho_d=0.3, b=0.5) + THERMAL)],
+            {},
+            "give `material` and `band`, or e",
+        ),
+        (
+            [PATH, SENSOR, shape(bsdf(lobe="mirrored") + THERMAL)],
+            {},
+            "lobe 'mirrored' is unknown; it must be one of brdf, mirror",
+        ),
+        (
+            [PATH, SENSOR, shape(bsdf(emissivity="none.csv") + THERMAL)],
+            {},
+            "none.csv.*cannot be read",
+        ),
+        (
+            [PATH, SENSOR, shape(bsdf() + THERMAL.replace("300", "0"))],
+            {},
+            "temperature = 0 K; it must be positive",
+        ),
+        ([PATH, SENSOR, shape(bsdf() + THERMAL.replace("300", "nan"))], {}, "nan"),
+        (
+            [PATH, SENSOR, shape('<string name="filename" value="gone.ply"/>' + THERMAL, "ply")],
+            {},
+            'gone.ply": file not found',
+        ),
+        (
+            [PATH, SENSOR, shape('<bsdf type="mask"><bsdf type="diffuse"/></bsdf>' + THERMAL)],
+            {},
+            "MaskBSDF hides the emissivity",
+        ),
+        (
+            [PATH, SENSOR, shape('<bsdf type="dielectric"/>' + THERMAL)],
+            {},
+            "transmits.*give the thermal emitter an `emissivity`",
+        ),
+        ([SENSOR, shape(bsdf() + THERMAL)], {}, "integrator must be bounce_path"),
+        ([PATH, shape(bsdf() + THERMAL)], {}, "has no sensor"),
+        (
+            [
+                PATH,
+                '<sensor type="orthographic"><film type="hdrfilm"><integer name="width" value="0"/></film></sensor>',
+                shape(bsdf() + THERMAL),
+            ],
+            {},
+            "the film of sensor 0 has no pixels",
+        ),
+        ([PATH, SENSOR, shape(bsdf())], {}, "no thermal emitter names a band"),
+        (
+            [PATH, SENSOR, shape(bsdf() + THERMAL), shape(THERMAL.replace("$band", "SWIR"))],
+            {},
+            "mixes bands: LWIR, SWIR",
+        ),
+        (
+            [
+                '<integrator type="bounce_path"><integer name="max_bounces" value="-1"/></integrator>',
+                SENSOR,
+            ],
+            {},
+            "max_bounces = -1",
+        ),
+        (
+            [
+                '<integrator type="bounce_path"><string name="closure" value="tale"/></integrator>',
+                SENSOR,
+            ],
+            {},
+            "closure 'tale' is unknown",
+        ),
+        (
+            [
+                '<integrator type="bounce_path"><integer name="bounces" value="1"/></integrator>',
+                SENSOR,
+            ],
+            {},
+            "unreferenced property.*bounces",
+        ),
+    ],
+)
 def test_refuses(tmp_path, elements, given, message):
     path = write(tmp_path, *elements)
     with pytest.raises(InputError, match=message) as caught:
@@ -74,8 +186,13 @@ def test_refuses(tmp_path, elements, given, message):
     assert "\n" not in str(caught.value) and "Traceback" not in str(caught.value)
 
 
-@pytest.mark.parametrize("name, message", [
-    ("two_plate", "unknown bundled scene 'two_plate'; known: two_plates"), ("gone.xml", "scene 'gone.xml': no such file")])
+@pytest.mark.parametrize(
+    "name, message",
+    [
+        ("two_plate", "unknown bundled scene 'two_plate'; known: two_plates"),
+        ("gone.xml", "scene 'gone.xml': no such file"),
+    ],
+)
 def test_unknown_scene(name, message):
     with pytest.raises(InputError, match=message):
         mi_lcair.load(name)
@@ -93,28 +210,54 @@ def test_facet_without_temperature(tmp_path):
     mesh = mi.load_dict({"type": "rectangle"})
     flat = mi.Mesh("plate", 4, 2)
     values = mi.traverse(flat)
-    values["vertex_positions"], values["faces"] = [0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0], [0, 1, 2, 0, 2, 3]
+    values["vertex_positions"], values["faces"] = (
+        [0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0],
+        [0, 1, 2, 0, 2, 3],
+    )
     values.update()
     flat.add_attribute("face_temperature", 1, [300.0, -5.0])
     flat.write_ply(str(tmp_path / "plate.ply"))
     texture = '<texture type="mesh_attribute" name="temperature"><string name="name" value="face_temperature"/></texture>'
     emitter = f'<emitter type="thermal"><string name="band" value="$band"/>{texture}</emitter>'
-    path = write(tmp_path, PATH, SENSOR, shape('<string name="filename" value="plate.ply"/>' + emitter, "ply"))
+    path = write(
+        tmp_path,
+        PATH,
+        SENSOR,
+        shape('<string name="filename" value="plate.ply"/>' + emitter, "ply"),
+    )
     with pytest.raises(InputError, match="temperature of facet 1 = -5 K"):
         mi_lcair.load(path)
 
 
 def test_files_beside_the_scene(tmp_path):
-    """Materials, emissivities and bands named in a scene are found beside it, whatever the working folder."""
-    (tmp_path / "own.toml").write_text('[paint.LWIR]\nepsilon = 0.5\nrho_d = 0.1\nb = 0.2\ne = 0.3\nsource = "test"\n')
+    """Materials, emissivities and bands named in a scene are found beside it, whatever the working
+    folder.
+    """
+    (tmp_path / "own.toml").write_text(
+        '[paint.LWIR]\nepsilon = 0.5\nrho_d = 0.1\nb = 0.2\ne = 0.3\nsource = "test"\n'
+    )
     (tmp_path / "measured.csv").write_text("theta_deg,emissivity\n0,0.7\n80,0.6\n")
-    path = write(tmp_path, PATH, SENSOR, shape(bsdf("paint", materials="own.toml", emissivity="measured.csv") + THERMAL))
+    path = write(
+        tmp_path,
+        PATH,
+        SENSOR,
+        shape(bsdf("paint", materials="own.toml", emissivity="measured.csv") + THERMAL),
+    )
     assert mi_lcair.load(path).band.name == "LWIR"
 
 
 def test_saturation_is_remarked(tmp_path):
-    """Parameters with which the raw model reflects more than arrives near grazing: said when the scene loads."""
-    scene = mi_lcair.load(write(tmp_path, PATH, SENSOR, shape(parameters(epsilon=0.05, rho_d=0.02, b=0.05, e=0.3) + THERMAL)))
+    """Parameters with which the raw model reflects more than arrives near grazing: said when the
+    scene loads.
+    """
+    scene = mi_lcair.load(
+        write(
+            tmp_path,
+            PATH,
+            SENSOR,
+            shape(parameters(epsilon=0.05, rho_d=0.02, b=0.05, e=0.3) + THERMAL),
+        )
+    )
     assert any("would reflect more than arrives beyond" in remark for remark in scene.remarks)
     assert not mi_lcair.load("furnace").remarks
 
@@ -129,5 +272,10 @@ def test_set_lobe():
 
 def test_other_variants_are_refused():
     code = "import mitsuba as mi; mi.set_variant('scalar_rgb'); import mi_lcair; mi_lcair.load('two_plates')"
-    result = subprocess.run([sys.executable, "-c", "import mi_lcair; " + code], capture_output=True, text=True)
-    assert "variant scalar_rgb cannot render thermal scenes; set one of llvm_ad_mono, cuda_ad_mono" in result.stderr
+    result = subprocess.run(
+        [sys.executable, "-c", "import mi_lcair; " + code], capture_output=True, text=True
+    )
+    assert (
+        "variant scalar_rgb cannot render thermal scenes; set one of llvm_ad_mono, cuda_ad_mono"
+        in result.stderr
+    )

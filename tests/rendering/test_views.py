@@ -1,8 +1,12 @@
-"""Views of a scene's model: where the cameras stand, and the intensities of many views rendered together."""
+"""Views of a scene's model: where the cameras stand, and the intensities of many views rendered
+together.
+"""
+
+from pathlib import Path
+
 import mitsuba as mi
 import numpy as np
 import pytest
-from pathlib import Path
 
 import mi_lcair
 from mi_lcair.errors import InputError
@@ -17,11 +21,14 @@ from tests.plugins.small_scenes import camera
 
 BLACK = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}
 L_300 = float(in_band_radiance(band("LWIR"), 300.0))
-SLAB = [[-.2, -.1, .3], [.2, -.1, .3], [.2, .1, .3], [-.2, .1, .3]]     # faces up
+SLAB = [[-0.2, -0.1, 0.3], [0.2, -0.1, 0.3], [0.2, 0.1, 0.3], [-0.2, 0.1, 0.3]]  # faces up
 
 
 def loaded(**shapes):
-    scene = mi.load_dict({"type": "scene", "integrator": {"type": "bounce_path"}, "sensor": camera(), **shapes}, optimize=False)
+    scene = mi.load_dict(
+        {"type": "scene", "integrator": {"type": "bounce_path"}, "sensor": camera(), **shapes},
+        optimize=False,
+    )
     return checked(scene, Path("scene.xml"), {})
 
 
@@ -40,17 +47,31 @@ def test_one_view_is_the_scenes_own_sensor(cylinder):
     """The scene's camera at the tail and the view from there: other windows, the same intensity."""
     own = mi_lcair.signature(cylinder, spp=16).target
     view = mi_lcair.signature(seen_from(cylinder, View(180.0), 128), spp=16).target
-    assert view.intensity == pytest.approx(own.intensity, abs=4 * np.hypot(own.standard_error, view.standard_error))
+    assert view.intensity == pytest.approx(
+        own.intensity, abs=4 * np.hypot(own.standard_error, view.standard_error)
+    )
 
 
-@pytest.mark.parametrize("view, area", [(View(0, 90), .08), (View(77, 90), .08), (View(0, 30), .04), (View(45, 60), .08 * np.sqrt(.75)),
-                                        (View(0, -30), 0.0)])
+@pytest.mark.parametrize(
+    "view, area",
+    [
+        (View(0, 90), 0.08),
+        (View(77, 90), 0.08),
+        (View(0, 30), 0.04),
+        (View(45, 60), 0.08 * np.sqrt(0.75)),
+        (View(0, -30), 0.0),
+    ],
+)
 def test_a_black_slab_is_seen_by_its_projected_area(plate, view, area):
     found = render_views(loaded(slab=plate("slab", SLAB, BLACK, 300.0)), [view], 32, spp=64)
-    for name, expected in (("hit", 0.04 if view.elevation_deg < 0 else area), ("target", area * L_300), ("bounce.0", area * L_300)):
+    for name, expected in (
+        ("hit", 0.04 if view.elevation_deg < 0 else area),
+        ("target", area * L_300),
+        ("bounce.0", area * L_300),
+    ):
         value, error = found.parts[name][:, 0]
         assert abs(value - expected) <= 4 * error + 1e-5 * expected
-        assert error <= .01 * max(value, 1e-9)
+        assert error <= 0.01 * max(value, 1e-9)
 
 
 def test_views_together_are_the_views_apart(cylinder):
@@ -61,15 +82,26 @@ def test_views_together_are_the_views_apart(cylinder):
         alone = mi_lcair.signature(seen_from(cylinder, view, 32), spp=32, seed=5 + k).target
         value, error = together.parts["target"][:, k]
         assert abs(value - alone.intensity) <= 4 * np.hypot(error, alone.standard_error)
-        groups = [together.parts[name][0, k] for name in together.parts if name.startswith("group.")]
-        bounces = [together.parts[name][0, k] for name in together.parts if name.startswith("bounce.")]
-        assert sum(groups) == pytest.approx(value, rel=1e-5) and sum(bounces) == pytest.approx(value, rel=1e-5)
+        groups = [
+            together.parts[name][0, k] for name in together.parts if name.startswith("group.")
+        ]
+        bounces = [
+            together.parts[name][0, k] for name in together.parts if name.startswith("bounce.")
+        ]
+        assert sum(groups) == pytest.approx(value, rel=1e-5) and sum(bounces) == pytest.approx(
+            value, rel=1e-5
+        )
 
 
-@pytest.mark.parametrize("spp, resolution, low", [(4, 16, .5), (1, 32, .3)])
+@pytest.mark.parametrize("spp, resolution, low", [(4, 16, 0.5), (1, 32, 0.3)])
 def test_standard_errors_are_those_of_repetitions(cylinder, spp, resolution, low):
-    """The scatter over 30 seeds against the errors stated: within the 99.9 % range of chi squared for 2 x 29; from neighbours, smaller."""
-    runs = [render_views(cylinder, [View(0, 20), View(120)], resolution, spp=spp, seed=seed) for seed in range(30)]
+    """The scatter over 30 seeds against the errors stated: within the 99.9 % range of chi squared
+    for 2 x 29; from neighbours, smaller.
+    """
+    runs = [
+        render_views(cylinder, [View(0, 20), View(120)], resolution, spp=spp, seed=seed)
+        for seed in range(30)
+    ]
     values, errors = np.moveaxis([run.parts["target"] for run in runs], 1, 0)
     ratio = values.var(axis=0, ddof=1).sum() / np.mean(errors**2, axis=0).sum()
     assert low < ratio < 1.7
@@ -77,30 +109,53 @@ def test_standard_errors_are_those_of_repetitions(cylinder, spp, resolution, low
 
 def test_a_seed_gives_its_numbers_and_a_tolerance_its_error(cylinder):
     views = [View(10.0), View(170.0)]
-    first, again, other = (render_views(cylinder, views, 32, tolerance=.004, seed=seed) for seed in (3, 3, 4))
+    first, again, other = (
+        render_views(cylinder, views, 32, tolerance=0.004, seed=seed) for seed in (3, 3, 4)
+    )
     assert np.array_equal(first.parts["target"], again.parts["target"])
     assert not np.array_equal(first.parts["target"], other.parts["target"])
-    assert first.excess(.004).max() <= 1 and first.spp > many_views.fewest(16)
+    assert first.excess(0.004).max() <= 1 and first.spp > many_views.fewest(16)
     stopped = render_views(cylinder, views, 32, tolerance=1e-5, max_spp=4)
     assert stopped.spp == 4 and stopped.excess(1e-5).min() > 1
     assert render_views(cylinder, views, 31, tolerance=1e-5, max_spp=7).spp == 6
 
 
 def test_a_hot_source_that_no_path_met_counts(plate):
-    """A speck at 3000 K, 4 mm wide, before a cold slab: two samples a pixel miss it, and the tolerance asks for more."""
-    speck = [[-.002, -.002, .31], [.002, -.002, .31], [.002, .002, .31], [-.002, .002, .31]]
-    scene = loaded(slab=plate("slab", SLAB, BLACK, 300.0), speck=plate("speck", speck, BLACK, 3000.0, group="speck"))
-    found = render_views(scene, [View(0, 90)], 16, tolerance=.02)
-    exact = (.08 - 1.6e-5) * L_300 + 1.6e-5 * float(in_band_radiance(band("LWIR"), 3000.0))
-    assert found.spp > many_views.fewest(16) and found.parts["target"][0, 0] == pytest.approx(exact, rel=.1)
+    """A speck at 3000 K, 4 mm wide, before a cold slab: two samples a pixel miss it, and the
+    tolerance asks for more.
+    """
+    speck = [
+        [-0.002, -0.002, 0.31],
+        [0.002, -0.002, 0.31],
+        [0.002, 0.002, 0.31],
+        [-0.002, 0.002, 0.31],
+    ]
+    scene = loaded(
+        slab=plate("slab", SLAB, BLACK, 300.0),
+        speck=plate("speck", speck, BLACK, 3000.0, group="speck"),
+    )
+    found = render_views(scene, [View(0, 90)], 16, tolerance=0.02)
+    exact = (0.08 - 1.6e-5) * L_300 + 1.6e-5 * float(in_band_radiance(band("LWIR"), 3000.0))
+    assert found.spp > many_views.fewest(16) and found.parts["target"][0, 0] == pytest.approx(
+        exact, rel=0.1
+    )
 
 
 def test_a_view_of_nothing_does_not_keep_the_others(plate):
-    """A one-sided slab, from above and from below, where it sends nothing: no tolerance of nothing can be reached."""
-    found = render_views(loaded(slab=plate("slab", SLAB, BLACK, 300.0)), [View(0, 90), View(0, -90)], 16, tolerance=.01)
-    assert found.parts["target"][0, 1] == 0 and found.excess(.01).max() <= 1 and found.spp < 1000
-    alone = render_views(loaded(slab=plate("slab", SLAB, BLACK, 300.0)), [View(0, -90)], 16, tolerance=.01)
-    assert alone.excess(.01).max() <= 1 and 100 < alone.spp < 1000
+    """A one-sided slab, from above and from below, where it sends nothing: no tolerance of nothing
+    can be reached.
+    """
+    found = render_views(
+        loaded(slab=plate("slab", SLAB, BLACK, 300.0)),
+        [View(0, 90), View(0, -90)],
+        16,
+        tolerance=0.01,
+    )
+    assert found.parts["target"][0, 1] == 0 and found.excess(0.01).max() <= 1 and found.spp < 1000
+    alone = render_views(
+        loaded(slab=plate("slab", SLAB, BLACK, 300.0)), [View(0, -90)], 16, tolerance=0.01
+    )
+    assert alone.excess(0.01).max() <= 1 and 100 < alone.spp < 1000
 
 
 def test_bad_input(plate, cylinder):

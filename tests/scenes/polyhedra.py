@@ -1,13 +1,15 @@
-"""The facet models read back from the text of their OBJs, and the geometry of polyhedra. Lengths in metres.
+"""The facet models read back from the text of their OBJs, and the geometry of polyhedra. Lengths in
+metres.
 
-Volumes come from the shapes of cross sections, never from the order of the corners, which they test.
+Volumes come from the shapes of cross sections, never from the order of the corners, which they
+test.
 """
+
 from collections import defaultdict
 from math import pi, sqrt
 from types import SimpleNamespace
 
 import numpy as np
-
 from mi_lcair.scenes.build.__main__ import models
 
 PRINTED = 1e-6  # m, the last decimal of a coordinate
@@ -27,7 +29,9 @@ def read(text):
             faces.append([int(word) - 1 for word in rest[0].split()])
             labels.append(label)
     vertices = np.array(vertices)
-    return SimpleNamespace(vertices=vertices, faces=faces, labels=labels, corners=[vertices[face] for face in faces])
+    return SimpleNamespace(
+        vertices=vertices, faces=faces, labels=labels, corners=[vertices[face] for face in faces]
+    )
 
 
 MODELS = {name: read(text) for name, text in TEXTS.items()}
@@ -60,7 +64,8 @@ def bodies(model):
 
 
 def stacked_volume(polygons, axis):
-    """Volume (m^3) of a body whose vertices lie in parallel planes across `axis`, similar star-shaped polygons in each.
+    """Volume (m^3) of a body whose vertices lie in parallel planes across `axis`, similar
+    star-shaped polygons in each.
 
     Neighbours with areas A and B at a distance d enclose d / 3 (A + sqrt(A B) + B).
     """
@@ -73,12 +78,19 @@ def stacked_volume(polygons, axis):
         x, y = x[order], y[order]
         heights.append(height)
         areas.append(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2)
-    return sum((h - g) / 3 * (a + sqrt(a * b) + b) for g, h, a, b in zip(heights, heights[1:], areas, areas[1:]))
+    return sum(
+        (h - g) / 3 * (a + sqrt(a * b) + b)
+        for g, h, a, b in zip(heights, heights[1:], areas, areas[1:])
+    )
 
 
 def inside(points, polygons):
-    """Which points lie inside a closed body: those from which its facets fill the whole sphere of directions."""
-    triangles = np.array([corners[[0, k, k + 1]] for corners in polygons for k in range(1, len(corners) - 1)])
+    """Which points lie inside a closed body: those from which its facets fill the whole sphere of
+    directions.
+    """
+    triangles = np.array(
+        [corners[[0, k, k + 1]] for corners in polygons for k in range(1, len(corners) - 1)]
+    )
     a, b, c = np.moveaxis(triangles[None] - np.asarray(points)[:, None, None], 2, 0)
     la, lb, lc = (np.linalg.norm(side, axis=-1) for side in (a, b, c))
     # Van Oosterom and Strackee: tan(solid angle / 2) of a triangle seen from the origin.

@@ -1,14 +1,31 @@
-"""The airliner has the public dimensions, filled bodies that join without gaps, and exhausts that stand free."""
+"""The airliner has the public dimensions, filled bodies that join without gaps, and exhausts that
+stand free.
+"""
+
 from collections import Counter, defaultdict
 from math import pi, sin
 
 import numpy as np
 import pytest
 
-from .polyhedra import MODELS, PRINTED, area_vector, bodies, inside, stacked_volume, volume
+from tests.scenes.polyhedra import (
+    MODELS,
+    PRINTED,
+    area_vector,
+    bodies,
+    inside,
+    stacked_volume,
+    volume,
+)
 
-BODIES = {"fuselage", "belly", "wing", "tailplane", "fin",
-          *(f"{part}_{number}" for part in ("nacelle", "pylon") for number in (1, 2, 3, 4))}
+BODIES = {
+    "fuselage",
+    "belly",
+    "wing",
+    "tailplane",
+    "fin",
+    *(f"{part}_{number}" for part in ("nacelle", "pylon") for number in (1, 2, 3, 4)),
+}
 ENGINES = {1: 19.25, 2: 9.37, 3: -9.37, 4: -19.25}  # y in m
 
 
@@ -18,7 +35,9 @@ def parts():
     model = MODELS["a340"]
     named = {}
     for body in bodies(model):
-        name, = {model.labels[number][3] for number in body if model.labels[number][1] == "bareAl"}
+        (name,) = {
+            model.labels[number][3] for number in body if model.labels[number][1] == "bareAl"
+        }
         named[name] = [model.corners[number] for number in body]
     return named
 
@@ -26,14 +45,18 @@ def parts():
 def test_airliner_has_the_public_dimensions(parts):
     assert parts.keys() == BODIES
     lowest, highest = MODELS["a340"].vertices.min(axis=0), MODELS["a340"].vertices.max(axis=0)
-    assert np.allclose([lowest[:2], highest[:2]], [(-63.69 / 2, -60.30 / 2), (63.69 / 2, 60.30 / 2)], atol=PRINTED)
+    assert np.allclose(
+        [lowest[:2], highest[:2]], [(-63.69 / 2, -60.30 / 2), (63.69 / 2, 60.30 / 2)], atol=PRINTED
+    )
     fuselage = np.concatenate(parts["fuselage"])
     assert np.allclose([fuselage[:, 1].min(), fuselage[:, 1].max()], (-2.82, 2.82), atol=PRINTED)
     assert np.ptp(np.concatenate(parts["tailplane"])[:, 1]) == pytest.approx(19.4, abs=PRINTED)
     assert all(volume(polygons) > 0 for polygons in parts.values())
     for number, lateral in ENGINES.items():
         nacelle = np.concatenate(parts[f"nacelle_{number}"])
-        assert (nacelle[:, 1].min() + nacelle[:, 1].max()) / 2 == pytest.approx(lateral, abs=PRINTED)
+        assert (nacelle[:, 1].min() + nacelle[:, 1].max()) / 2 == pytest.approx(
+            lateral, abs=PRINTED
+        )
 
 
 def test_airliner_wing_sweeps_back_30_degrees(parts):
@@ -49,14 +72,24 @@ def test_airliner_wing_sweeps_back_30_degrees(parts):
     assert np.degrees(np.arctan2(z_tip - z_kink, 29.0 - 9.9)) == pytest.approx(5, abs=0.1)
 
 
-@pytest.mark.parametrize("name, axis", [
-    ("fuselage", 0), ("belly", 0), ("tailplane", 1), ("fin", 2), *((f"pylon_{number}", 2) for number in ENGINES)])
+@pytest.mark.parametrize(
+    "name, axis",
+    [
+        ("fuselage", 0),
+        ("belly", 0),
+        ("tailplane", 1),
+        ("fin", 2),
+        *((f"pylon_{number}", 2) for number in ENGINES),
+    ],
+)
 def test_airliner_bodies_are_filled(parts, name, axis):
     assert volume(parts[name]) == pytest.approx(stacked_volume(parts[name], axis), rel=1e-5)
 
 
 def test_airliner_wing_is_filled(parts):
-    """Both wings out to 29 m as stacks of profiles; what is left are two winglets of 3 m^2 and a few cm of thickness."""
+    """Both wings out to 29 m as stacks of profiles; what is left are two winglets of 3 m^2 and a
+    few cm of thickness.
+    """
     inner = [corners for corners in parts["wing"] if np.abs(corners[:, 1]).max() < 29 + PRINTED]
     winglets = volume(parts["wing"]) - stacked_volume(inner, axis=1)
     assert 2 * 0.1 < winglets < 2 * 0.7
@@ -64,7 +97,9 @@ def test_airliner_wing_is_filled(parts):
 
 @pytest.mark.parametrize("number", ENGINES)
 def test_airliner_engine_has_annulus_and_cone(parts, number):
-    """The annulus faces straight aft, fills the gap between cowl and cone, and the cone is 20 ft long: 6.1 m."""
+    """The annulus faces straight aft, fills the gap between cowl and cone, and the cone is 20 ft
+    long: 6.1 m.
+    """
     model = MODELS["a340"]
     by_label = defaultdict(list)
     for corners, label in zip(model.corners, model.labels):
@@ -88,11 +123,18 @@ def test_airliner_engine_has_annulus_and_cone(parts, number):
 
 def test_airliner_is_bare_aluminium_at_300_K_but_for_the_exhausts():
     labels = Counter(tuple(label[:3]) for label in MODELS["a340"].labels)
-    assert labels.keys() == {("f", "bareAl", "300"), ("f", "blackbody", "800"), ("f", "blackbody", "500")}
+    assert labels.keys() == {
+        ("f", "bareAl", "300"),
+        ("f", "blackbody", "800"),
+        ("f", "blackbody", "500"),
+    }
 
 
 def test_airliner_parts_reach_into_each_other(parts):
-    """No gap where parts join: the hidden end of each lies wholly inside its neighbour, or in the middle of the wing."""
+    """No gap where parts join: the hidden end of each lies wholly inside its neighbour, or in the
+    middle of the wing.
+    """
+
     def end(name, axis, side):
         points = np.unique(np.concatenate(parts[name]), axis=0)
         return points[np.abs(points[:, axis] - side(points[:, axis])) < PRINTED]
@@ -108,9 +150,13 @@ def test_airliner_parts_reach_into_each_other(parts):
 
 
 def test_airliner_exhausts_stand_free(parts):
-    """No corner of annulus or cone on the left side lies inside a pylon, the wing or any other body."""
+    """No corner of annulus or cone on the left side lies inside a pylon, the wing or any other
+    body.
+    """
     model = MODELS["a340"]
-    hot = np.concatenate([corners for corners, label in zip(model.corners, model.labels) if label[1] == "blackbody"])
+    hot = np.concatenate(
+        [corners for corners, label in zip(model.corners, model.labels) if label[1] == "blackbody"]
+    )
     hot = np.unique(hot[hot[:, 1] > 0], axis=0)
     for name, polygons in parts.items():
         if not name.startswith("nacelle"):

@@ -1,16 +1,16 @@
 """The bundled scenes rendered, against their exact answers.
 
-Standard errors come from the render itself; "inside 3 standard errors" has a significance of 0.27 % per comparison, and
-seeds are fixed.
+Standard errors come from the render itself; "inside 3 standard errors" has a significance of 0.27 %
+per comparison, and seeds are fixed.
 """
+
 import numpy as np
 import pytest
 
 import mi_lcair
+from mi_lcair.benchmark.propagation import exact
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
-
-from mi_lcair.methods.propagation import exact
 
 
 def radiance(name, temperature):
@@ -20,7 +20,9 @@ def radiance(name, temperature):
 @pytest.mark.parametrize("name", ["total", "MWIR", "LWIR"])
 def test_two_plates(name):
     """Within 0.2 % and 3 standard errors of L_bb A F (thesis A.1); all of it after one reflection."""
-    result = mi_lcair.signature(mi_lcair.load("two_plates", band=name, resolution=64), spp=4096, seed=1)
+    result = mi_lcair.signature(
+        mi_lcair.load("two_plates", band=name, resolution=64), spp=4096, seed=1
+    )
     expected = exact.two_plates_intensity(radiance(name, 800))
     assert result.intensity == pytest.approx(expected, rel=2e-3)
     assert abs(result.intensity - expected) < 3 * result.standard_error
@@ -30,7 +32,9 @@ def test_two_plates(name):
 
 @pytest.mark.parametrize("sampling", ["true", "false"])
 def test_open_box(sampling):
-    """Reflection and the floor's own emission together (thesis A.2), with emitter sampling on and off."""
+    """Reflection and the floor's own emission together (thesis A.2), with emitter sampling on and
+    off.
+    """
     scene = mi_lcair.load("open_box", resolution=64, emitter_sampling=sampling)
     result = mi_lcair.signature(scene, spp=4096, seed=2)
     expected = exact.open_box_intensity(radiance("total", 800), radiance("total", 300))
@@ -42,20 +46,28 @@ def test_open_box(sampling):
 
 @pytest.mark.parametrize("opening", list(exact.CAVITY_BLOCKS))
 def test_cavity(opening):
-    """After N = 0..4 reflections and in the limit, one render per opening, within 0.15 % of the sphere's formula."""
+    """After N = 0..4 reflections and in the limit, one render per opening, within 0.15 % of the
+    sphere's formula.
+    """
     scene = mi_lcair.load("cavity", opening=opening, resolution=32)
     result = mi_lcair.render(scene, spp=512, seed=3)
     measured = np.cumsum(result.by_bounce) / radiance("total", 800)
     for bounces in range(5):
-        assert measured[bounces] == pytest.approx(exact.cavity_emissivity(opening, bounces), rel=1.5e-3), f"N = {bounces}"
+        assert measured[bounces] == pytest.approx(
+            exact.cavity_emissivity(opening, bounces), rel=1.5e-3
+        ), f"N = {bounces}"
     assert measured[-1] == pytest.approx(exact.cavity_emissivity(opening), rel=1.5e-3)
 
 
 @pytest.mark.parametrize("name", ["MWIR", "LWIR"])
 @pytest.mark.parametrize("material", ["bare_aluminum", "gloss_black"])
 def test_furnace(material, name):
-    """Every pixel within 0.2 % or 4 standard errors of the blackbody, the mean within 0.02 %, whatever the material."""
-    result = mi_lcair.render(mi_lcair.load("furnace", material=material, band=name, resolution=48), spp=256, seed=4)
+    """Every pixel within 0.2 % or 4 standard errors of the blackbody, the mean within 0.02 %,
+    whatever the material.
+    """
+    result = mi_lcair.render(
+        mi_lcair.load("furnace", material=material, band=name, resolution=48), spp=256, seed=4
+    )
     expected = radiance(name, 300)
     allowed = np.maximum(2e-3 * expected, 4 * result.channels["stderr.Y"])
     assert np.all(np.abs(result.channels["Y"] - expected) <= allowed)

@@ -1,7 +1,11 @@
-"""The scenes made of imported models: as built, seen from where they say, closed, and with the spectra of their skies."""
+"""The scenes made of imported models: as built, seen from where they say, closed, and with the
+spectra of their skies.
+"""
+
 import mitsuba as mi
 import numpy as np
 import pytest
+from mi_lcair.scenes.build.__main__ import main
 
 import mi_lcair
 from mi_lcair import scenes
@@ -10,23 +14,36 @@ from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.spectrum import spectrum
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.window import window
-from mi_lcair.scenes.build.__main__ import main
 
 
 def test_models_are_as_built(tmp_path):
     """Every file in scenes/models is what `python -m mi_lcair.scenes.build` writes."""
     main(tmp_path)
-    built = {path.relative_to(tmp_path): path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    built = {
+        path.relative_to(tmp_path): path.read_bytes()
+        for path in tmp_path.rglob("*")
+        if path.is_file()
+    }
     bundled = scenes.FOLDER / "models"
-    assert built == {path.relative_to(bundled): path.read_bytes() for path in bundled.rglob("*") if path.is_file()}
+    assert built == {
+        path.relative_to(bundled): path.read_bytes()
+        for path in bundled.rglob("*")
+        if path.is_file()
+    }
 
 
-@pytest.mark.parametrize("position, distance, sideways", [(1, 1119, 500), (2, 510, 500), (3, 1128, 500)])
+@pytest.mark.parametrize(
+    "position, distance, sideways", [(1, 1119, 500), (2, 510, 500), (3, 1128, 500)]
+)
 def test_positions(position, distance, sideways):
-    """The observer at the thesis's ranges: 2 km out, 500 m to the side, below the aircraft by its height (3.8.3)."""
+    """The observer at the thesis's ranges: 2 km out, 500 m to the side, below the aircraft by its
+    height (3.8.3).
+    """
     *_, view = window(mi_lcair.load("a340_landing", position=position, resolution=4).sensor(0))
     out, height = {1: (1000, 50), 2: (2000, 100), 3: (3000, 150)}[position]
-    observer = np.array([out - 2000, sideways, -height])      # as seen from the aircraft, which heads for the threshold, +x
+    observer = np.array(
+        [out - 2000, sideways, -height]
+    )  # as seen from the aircraft, which heads for the threshold, +x
     assert np.linalg.norm(observer) == pytest.approx(distance, abs=0.5)
     np.testing.assert_allclose(-view, observer / np.linalg.norm(observer), atol=1e-5)
 
@@ -35,16 +52,28 @@ def isothermal(scene, temperature):
     """Sets every facet of the scene to one temperature."""
     parameters = mi.traverse(scene.mi)
     for key in parameters.keys():
-        if key[0].endswith("face_temperature") if isinstance(key, tuple) else key.endswith("face_temperature"):
+        if (
+            key[0].endswith("face_temperature")
+            if isinstance(key, tuple)
+            else key.endswith("face_temperature")
+        ):
             parameters[key] = np.full(len(parameters[key]), temperature, dtype=np.float32)
     parameters.update()
     return scene
 
 
-@pytest.mark.parametrize("finish, lobe", [("bare_aluminum", "brdf"), ("gloss_black", "brdf"), ("bare_aluminum", "mirror")])
+@pytest.mark.parametrize(
+    "finish, lobe",
+    [("bare_aluminum", "brdf"), ("gloss_black", "brdf"), ("bare_aluminum", "mirror")],
+)
 def test_isothermal_range_is_a_blackbody(finish, lobe):
-    """At one temperature model and walls show the blackbody's radiance, whatever reflects: nothing leaks, nothing is created."""
-    scene = isothermal(mi_lcair.load("cylinder_ir_range", finish=finish, lobe=lobe, max_bounces=32, resolution=32), 280.0)
+    """At one temperature model and walls show the blackbody's radiance, whatever reflects: nothing
+    leaks, nothing is created.
+    """
+    scene = isothermal(
+        mi_lcair.load("cylinder_ir_range", finish=finish, lobe=lobe, max_bounces=32, resolution=32),
+        280.0,
+    )
     image = mi_lcair.render(scene, spp=128).channels["Y"].astype(float)
     expected = in_band_radiance(band("LWIR"), 280.0)
     assert image.mean() == pytest.approx(expected, rel=5e-4)
@@ -54,36 +83,66 @@ def test_isothermal_range_is_a_blackbody(finish, lobe):
 @pytest.mark.parametrize("band_name", ["MWIR", "LWIR"])
 @pytest.mark.parametrize("sky", ["us_standard_clear", "midlat_summer_altostratus"])
 def test_the_sky_has_its_table_s_radiance(sky, band_name):
-    """Each ring, straight from the table, at the middle of its elevation; the terrain is a blackbody at 302.5 K."""
+    """Each ring, straight from the table, at the middle of its elevation; the terrain is a
+    blackbody at 302.5 K.
+    """
     scene = mi_lcair.load("a340_landing", sky=sky, band=band_name, resolution=4)
     with scene.mi.integrator().prepared(scene.mi, by_spectrum=True):
         sources = scene.mi.integrator().emitters.sources.list
     found = {source.name: source.in_band for source in sources if source.group == "sky"}
-    expected = {f"{sky} {k}.5 deg": spectrum(sky, k + 0.5).in_band_radiance(band(band_name)) for k in range(4, 90, 9)}
+    expected = {
+        f"{sky} {k}.5 deg": spectrum(sky, k + 0.5).in_band_radiance(band(band_name))
+        for k in range(4, 90, 9)
+    }
     assert found == pytest.approx(expected, rel=1e-6)
-    others = {source.group: (source.temperature, source.in_band) for source in sources if source.group != "sky"}
-    assert {group: T for group, (T, _) in others.items()} == {"self": 300, "plume": 500, "hot_parts": 800, "terrain": 302.5}
-    assert others["terrain"][1] == pytest.approx(float(in_band_radiance(band(band_name), 302.5)), rel=1e-6)
+    others = {
+        source.group: (source.temperature, source.in_band)
+        for source in sources
+        if source.group != "sky"
+    }
+    assert {group: T for group, (T, _) in others.items()} == {
+        "self": 300,
+        "plume": 500,
+        "hot_parts": 800,
+        "terrain": 302.5,
+    }
+    assert others["terrain"][1] == pytest.approx(
+        float(in_band_radiance(band(band_name), 302.5)), rel=1e-6
+    )
 
 
 def test_hot_parts_show_from_behind_only():
-    """Position 1 sees the turbine annuli, 3 does not; 2 sees them nearly edge-on: pitched by 10 degrees they face the
-    observer, 11.3 degrees below, at a cosine of sin(10) sin(11.3) = 0.034. All see plumes."""
-    seen = {position: mi_lcair.signature(mi_lcair.load("a340_landing", position=position, resolution=128), spp=16).target.by_seen
-            for position in (1, 2, 3)}
+    """Position 1 sees the turbine annuli, 3 does not; 2 sees them nearly edge-on: pitched by 10
+    degrees they face the observer, 11.3 degrees below, at a cosine of sin(10) sin(11.3) = 0.034.
+    All see plumes.
+    """
+    seen = {
+        position: mi_lcair.signature(
+            mi_lcair.load("a340_landing", position=position, resolution=128), spp=16
+        ).target.by_seen
+        for position in (1, 2, 3)
+    }
     assert seen[3]["hot_parts"] == 0 and 0 < seen[2]["hot_parts"] < 0.15 * seen[1]["hot_parts"]
-    assert all(part["plume"] > 100 and part["sky"] == part["terrain"] == 0 for part in seen.values())
+    assert all(
+        part["plume"] > 100 and part["sky"] == part["terrain"] == 0 for part in seen.values()
+    )
 
 
 def test_splits_of_the_range():
-    """First hits on the model make the target; group and seen each sum to both, after import, render and signature."""
-    result = mi_lcair.signature(mi_lcair.load("cylinder_ir_range", resolution=64), spp=64, by_spectrum=True, facets=True)
+    """First hits on the model make the target; group and seen each sum to both, after import,
+    render and signature.
+    """
+    result = mi_lcair.signature(
+        mi_lcair.load("cylinder_ir_range", resolution=64), spp=64, by_spectrum=True, facets=True
+    )
     assert set(result.scene.by_group) == set(result.scene.by_seen) == {"self", "walls"}
     for part in (result.target, result.scene):
         assert sum(part.by_group.values()) == pytest.approx(part.intensity, rel=1e-5)
         assert sum(part.by_seen.values()) == pytest.approx(part.intensity, rel=1e-5)
     assert len(result.facets.columns["facet"]) == 1944
-    assert result.facets.columns["intensity_W_sr"].sum() == pytest.approx(result.target.intensity, rel=1e-5)
+    assert result.facets.columns["intensity_W_sr"].sum() == pytest.approx(
+        result.target.intensity, rel=1e-5
+    )
     temperatures = sorted({source.temperature for source in result.effective_areas.sources})
     assert temperatures == pytest.approx([253, 263, 301.7, 302.1, 303.2, 303.6, 303.7], abs=1e-4)
 
@@ -92,4 +151,6 @@ def test_facets_of_the_range():
     """1944 facets of the model, then 160 of the room, in one numbering."""
     table = FacetTable(mi_lcair.load("cylinder_ir_range", resolution=4))
     assert table.count == 1944 + 160 and list(np.unique(table.type[:1944])) == ["model"]
-    assert sorted(np.unique(table.type[1944:])) == ["sky", "terrain"] and table.area[1944:].sum() == pytest.approx(54, rel=1e-6)
+    assert sorted(np.unique(table.type[1944:])) == ["sky", "terrain"] and table.area[
+        1944:
+    ].sum() == pytest.approx(54, rel=1e-6)

@@ -1,28 +1,41 @@
-"""The bundled meshes have the areas, openings and orientations that the thesis states, byte for byte from the script."""
+"""The bundled meshes have the areas, openings and orientations that the thesis states, byte for
+byte from the script.
+"""
+
 from collections import Counter
 from math import atan, pi, sin, tan
 
 import mitsuba as mi
 import numpy as np
 import pytest
-
-from mi_lcair import scenes
 from mi_lcair.scenes import build_meshes
 
-from mi_lcair.methods.propagation import exact
+from mi_lcair import scenes
+from mi_lcair.benchmark.propagation import exact
 
 MESHES = sorted(build_meshes.meshes())
 CAVITIES = sorted(exact.CAVITY_BLOCKS)
 
-# Of the 20 x 20 sphere, m^2, to four decimals. Thesis Table B.1 prints 0.0487, 0.1926, 0.2820, 0.4240, 0.6540, 0.8749 where
-# these differ.
-OPENING_AREAS = {2: 0.0244, 4: 0.0488, 8: 0.0963, 16: 0.1927, 24: 0.2830, 36: 0.4245, 60: 0.6603, 80: 0.8804}
+# Of the 20 x 20 sphere, m^2, to four decimals. Thesis Table B.1 prints 0.0487, 0.1926, 0.2820,
+# 0.4240, 0.6540, 0.8749 where these differ.
+OPENING_AREAS = {
+    2: 0.0244,
+    4: 0.0488,
+    8: 0.0963,
+    16: 0.1927,
+    24: 0.2830,
+    36: 0.4245,
+    60: 0.6603,
+    80: 0.8804,
+}
 SPHERE_AREA = 3.1062  # m^2; the thesis prints 3.106
 
 
 def read(name):
     """Corners (F, 3, 3) of the mesh as Mitsuba's `ply` loader sees it, and its triangles (F, 3)."""
-    mesh = mi.load_dict({"type": "ply", "filename": str(scenes.FOLDER / "meshes" / name), "face_normals": True})
+    mesh = mi.load_dict(
+        {"type": "ply", "filename": str(scenes.FOLDER / "meshes" / name), "face_normals": True}
+    )
     parameters = mi.traverse(mesh)
     vertices = parameters["vertex_positions"].numpy().reshape(-1, 3).astype(float)
     triangles = parameters["faces"].numpy().reshape(-1, 3).astype(int)
@@ -39,16 +52,24 @@ def area(corners):
 
 
 def boundary_edges(triangles):
-    """Edges (as vertex pairs, in their direction of travel) that no neighbour travels the other way."""
-    edges = Counter((triangle[i], triangle[i - 2]) for triangle in triangles.tolist() for i in range(3))
-    assert max(edges.values()) == 1, "two facets travel an edge in the same direction: their normals disagree"
+    """Edges (as vertex pairs, in their direction of travel) that no neighbour travels the other
+    way.
+    """
+    edges = Counter(
+        (triangle[i], triangle[i - 2]) for triangle in triangles.tolist() for i in range(3)
+    )
+    assert max(edges.values()) == 1, (
+        "two facets travel an edge in the same direction: their normals disagree"
+    )
     return [edge for edge in edges if edge[::-1] not in edges]
 
 
 def test_meshes_on_disk_are_what_the_script_builds():
-    assert MESHES == sorted(file.name for file in (scenes.FOLDER / "meshes").iterdir())
+    assert sorted(file.name for file in (scenes.FOLDER / "meshes").iterdir()) == MESHES
     for name, (vertices, facets) in build_meshes.meshes().items():
-        assert (scenes.FOLDER / "meshes" / name).read_bytes() == build_meshes.ply(vertices, facets), name
+        assert (scenes.FOLDER / "meshes" / name).read_bytes() == build_meshes.ply(
+            vertices, facets
+        ), name
 
 
 def test_script_writes_the_meshes(tmp_path, monkeypatch):
@@ -57,15 +78,20 @@ def test_script_writes_the_meshes(tmp_path, monkeypatch):
     assert sorted(file.name for file in (tmp_path / "meshes").iterdir()) == MESHES
 
 
-@pytest.mark.parametrize("name, normal, corner, opposite", [
-    ("two_plates_reflector.ply", (0, 0, 1), (0, -0.05, 0), (0.2, 0.05, 0)),
-    ("two_plates_emitter.ply", (1, 0, 0), (0, -0.05, 0), (0, 0.05, 0.2)),
-    ("open_box_floor.ply", (0, 0, 1), (-0.1, 0, 0), (0.1, 0.1, 0)),
-    ("open_box_wall.ply", (0, 1, 0), (-0.1, 0, 0), (0.1, 0, 0.1)),
-])
+@pytest.mark.parametrize(
+    "name, normal, corner, opposite",
+    [
+        ("two_plates_reflector.ply", (0, 0, 1), (0, -0.05, 0), (0.2, 0.05, 0)),
+        ("two_plates_emitter.ply", (1, 0, 0), (0, -0.05, 0), (0, 0.05, 0.2)),
+        ("open_box_floor.ply", (0, 0, 1), (-0.1, 0, 0), (0.1, 0.1, 0)),
+        ("open_box_wall.ply", (0, 1, 0), (-0.1, 0, 0), (0.1, 0, 0.1)),
+    ],
+)
 def test_plates_stand_where_the_thesis_puts_them(name, normal, corner, opposite):
     corners, _ = read(name)
-    assert np.allclose(area_vectors(corners), 0.01 * np.array(normal), atol=1e-9)  # two triangles of half a plate
+    assert np.allclose(
+        area_vectors(corners), 0.01 * np.array(normal), atol=1e-9
+    )  # two triangles of half a plate
     assert np.allclose(corners.min(axis=(0, 1)), corner, atol=1e-8)
     assert np.allclose(corners.max(axis=(0, 1)), opposite, atol=1e-8)
 
@@ -98,7 +124,8 @@ def test_cavity_is_tight_but_for_one_opening_centred_on_the_axis(opening):
     for _ in range(len(following)):
         vertex = following.pop(vertex)
     assert vertex == start, "the boundary is one closed loop"
-    # The opening's vector area closes the mesh's: along +x alone, so that the axis meets the opening's middle.
+    # The opening's vector area closes the mesh's: along +x alone, so that the axis meets the
+    # opening's middle.
     opening_vector = area_vectors(corners).sum(axis=0)
     assert opening_vector[0] > 0 and np.allclose(opening_vector[1:], 0, atol=1e-7)
 
@@ -107,9 +134,10 @@ def test_cavity_is_tight_but_for_one_opening_centred_on_the_axis(opening):
 def test_cavity_opening_covers_its_share_of_directions(opening):
     """The opening's solid angle, facet by facet, against spherical trigonometry.
 
-    It exceeds the fraction f of the sphere formula by slivers: upper and lower edges of facets are arcs of great
-    circles, which bulge beyond the parallels. A spherical strip of width w from the equator up to a great-circle arc
-    with both ends at latitude t has the excess 2 atan(sin t tan(w / 2)).
+    It exceeds the fraction f of the sphere formula by slivers: upper and lower edges of facets are
+    arcs of great circles, which bulge beyond the parallels. A spherical strip of width w from the
+    equator up to a great-circle arc with both ends at latitude t has the excess 2 atan(sin t tan(w
+    / 2)).
     """
     corners, _ = read(f"cavity_{opening}.ply")
     a, b, c = np.moveaxis(corners / np.linalg.norm(corners, axis=-1, keepdims=True), 1, 0)
@@ -123,11 +151,14 @@ def test_cavity_opening_covers_its_share_of_directions(opening):
     assert 1 < block / (4 * pi * exact.cavity_opening_fraction(opening)) < 1.01
 
 
-@pytest.mark.parametrize("name, inward, size, surface", [
-    ("furnace_room.ply", True, (2, 2, 2), 24),
-    ("furnace_slab.ply", False, (0.7, 0.04, 0.7), 1.092),
-    ("furnace_sphere.ply", False, (0.4, 0.4, 0.4), SPHERE_AREA * (0.2 / 0.5) ** 2),
-])
+@pytest.mark.parametrize(
+    "name, inward, size, surface",
+    [
+        ("furnace_room.ply", True, (2, 2, 2), 24),
+        ("furnace_slab.ply", False, (0.7, 0.04, 0.7), 1.092),
+        ("furnace_sphere.ply", False, (0.4, 0.4, 0.4), SPHERE_AREA * (0.2 / 0.5) ** 2),
+    ],
+)
 def test_furnace_bodies_are_closed(name, inward, size, surface):
     corners, triangles = read(name)
     assert not boundary_edges(triangles)
@@ -137,13 +168,22 @@ def test_furnace_bodies_are_closed(name, inward, size, surface):
     assert area(corners) == pytest.approx(surface, rel=2e-5)
 
 
-@pytest.mark.parametrize("name, facets", [
-    ("two_plates_emitter.ply", 1), ("open_box_floor.ply", 1), ("furnace_room.ply", 6), ("furnace_slab.ply", 6),
-    ("furnace_sphere.ply", 400), *((f"cavity_{opening}.ply", 400 - opening) for opening in CAVITIES),
-])
+@pytest.mark.parametrize(
+    "name, facets",
+    [
+        ("two_plates_emitter.ply", 1),
+        ("open_box_floor.ply", 1),
+        ("furnace_room.ply", 6),
+        ("furnace_slab.ply", 6),
+        ("furnace_sphere.ply", 400),
+        *((f"cavity_{opening}.ply", 400 - opening) for opening in CAVITIES),
+    ],
+)
 def test_facets_are_the_polygons_that_the_thesis_counts(name, facets):
     """Numbered from 0; the triangles of one lie in one plane, and share it with no other facet's."""
-    mesh = mi.load_dict({"type": "ply", "filename": str(scenes.FOLDER / "meshes" / name), "face_normals": True})
+    mesh = mi.load_dict(
+        {"type": "ply", "filename": str(scenes.FOLDER / "meshes" / name), "face_normals": True}
+    )
     number = mi.traverse(mesh)["face_facet"].numpy()
     assert np.array_equal(np.unique(number), np.arange(facets))
     corners, _ = read(name)

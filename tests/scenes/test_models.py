@@ -1,33 +1,57 @@
-"""The facet models are closed, face the right way, and have the dimensions, volumes and temperatures that they claim.
+"""The facet models are closed, face the right way, and have the dimensions, volumes and
+temperatures that they claim.
 
 Dimensions and temperatures are written out here once more.
 """
+
 from collections import Counter, defaultdict
 from math import asin, cos, pi, radians, sin
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
-
 from mi_lcair.scenes.build.__main__ import main
 from mi_lcair.scenes.build.bodies import patch
 from mi_lcair.scenes.build.wavefront import wavefront
+from scipy.spatial import cKDTree
 
-from .polyhedra import MODELS, PRINTED, TEXTS, area_vector, bodies, stacked_volume, volume
+from tests.scenes.polyhedra import (
+    MODELS,
+    PRINTED,
+    TEXTS,
+    area_vector,
+    bodies,
+    stacked_volume,
+    volume,
+)
 
 TABLE_3_2 = {  # thesis: position -> K, gloss black and bare aluminium
-    "nose": (292.1, 301.7), "front fuselage": (293.1, 302.1), "rear fuselage": (294.2, 303.2),
-    "left wing front": (301.6, 303.6), "left wing rear": (298.2, 303.6),
-    "right wing front": (304.2, 303.7), "right wing rear": (299.1, 303.7),
+    "nose": (292.1, 301.7),
+    "front fuselage": (293.1, 302.1),
+    "rear fuselage": (294.2, 303.2),
+    "left wing front": (301.6, 303.6),
+    "left wing rear": (298.2, 303.6),
+    "right wing front": (304.2, 303.7),
+    "right wing rear": (299.1, 303.7),
 }
 
 
 # Topology
 
-@pytest.mark.parametrize("name, count", [
-    ("cylinder_bare_aluminum", 1), ("cylinder_gloss_black", 1), ("ir_range", 1), ("world_sphere", 1), ("a340", 13)])
+
+@pytest.mark.parametrize(
+    "name, count",
+    [
+        ("cylinder_bare_aluminum", 1),
+        ("cylinder_gloss_black", 1),
+        ("ir_range", 1),
+        ("world_sphere", 1),
+        ("a340", 13),
+    ],
+)
 def test_every_body_is_closed(name, count):
-    """Each edge is travelled once in either direction, and each body is a sphere by Euler's formula: no gap, no handle."""
+    """Each edge is travelled once in either direction, and each body is a sphere by Euler's
+    formula: no gap, no handle.
+    """
     model = MODELS[name]
     found = bodies(model)
     assert len(found) == count
@@ -42,7 +66,9 @@ def test_every_body_is_closed(name, count):
 
 @pytest.mark.parametrize("name", MODELS)
 def test_facets_are_plane_and_not_degenerate(name):
-    """Plane but for the rounding of coordinates; sides longer than 1 mm, corners convex, so that a fan of triangles fits."""
+    """Plane but for the rounding of coordinates; sides longer than 1 mm, corners convex, so that a
+    fan of triangles fits.
+    """
     for corners in MODELS[name].corners:
         assert len(corners) in (3, 4)
         normal = area_vector(corners)
@@ -54,9 +80,16 @@ def test_facets_are_plane_and_not_degenerate(name):
         assert (np.cross(side, np.roll(side, -1, axis=0)) @ normal > 0).all()
 
 
-@pytest.mark.parametrize("name, fewest, most", [
-    ("cylinder_bare_aluminum", 1900, 2100), ("cylinder_gloss_black", 1900, 2100), ("ir_range", 160, 160),
-    ("world_sphere", 400, 400), ("a340", 4000, 10000)])
+@pytest.mark.parametrize(
+    "name, fewest, most",
+    [
+        ("cylinder_bare_aluminum", 1900, 2100),
+        ("cylinder_gloss_black", 1900, 2100),
+        ("ir_range", 160, 160),
+        ("world_sphere", 400, 400),
+        ("a340", 4000, 10000),
+    ],
+)
 def test_facet_counts(name, fewest, most):
     assert fewest <= len(MODELS[name].faces) <= most
 
@@ -72,14 +105,18 @@ def test_left_and_right_are_mirror_images(name):
 def test_files_depend_on_nothing_but_the_scripts(tmp_path):
     main(tmp_path / "new")
     assert {file.name: file.read_bytes() for file in (tmp_path / "new").glob("*.obj")} == {
-        f"{name}.obj": text.encode("ascii") for name, text in TEXTS.items()}
+        f"{name}.obj": text.encode("ascii") for name, text in TEXTS.items()
+    }
     assert not any("-0.000000" in text for text in TEXTS.values())
 
 
 def test_patch_cuts_what_is_not_plane_and_leaves_out_what_has_no_area():
     flat = [[(0, 0, 0), (1, 0, 0), (2, 0, 0)], [(0, 1, 0), (1, 1, 0), (1, 1, 0)]]
     assert [len(corners) for _, corners in patch(flat, "")] == [4, 3]
-    assert [tuple(area_vector(corners)) for _, corners in patch(flat, "")] == [(0, 0, 1), (0, 0, 0.5)]
+    assert [tuple(area_vector(corners)) for _, corners in patch(flat, "")] == [
+        (0, 0, 1),
+        (0, 0, 0.5),
+    ]
     bent = [[(0, 0, 0), (1, 0, 0)], [(0, 1, 0), (1, 1, 0.1)]]
     assert [len(corners) for _, corners in patch(bent, "")] == [3, 3]
     assert patch([flat[0], flat[0]], "") == []
@@ -100,7 +137,9 @@ FINISHES = [("cylinder_gloss_black", "gloss_black", 0), ("cylinder_bare_aluminum
 
 @pytest.mark.parametrize("name, finish, column", FINISHES)
 def test_cylinder_has_the_temperatures_of_table_3_2(name, finish, column):
-    """By where a facet lies: only wings reach beyond the radius; the nose begins 0.3 m behind the tip."""
+    """By where a facet lies: only wings reach beyond the radius; the nose begins 0.3 m behind the
+    tip.
+    """
     model = MODELS[name]
     seen = Counter()
     for corners, (kind, material, kelvin, region) in zip(model.corners, model.labels):
@@ -117,7 +156,9 @@ def test_cylinder_has_the_temperatures_of_table_3_2(name, finish, column):
 
 @pytest.mark.parametrize("name", ["cylinder_bare_aluminum", "cylinder_gloss_black"])
 def test_cylinder_has_its_dimensions(name):
-    """1.2 m long, 1 m span, corners on a radius of 0.15 m; the 40-gon stands on a side, so it is lower by its apothem."""
+    """1.2 m long, 1 m span, corners on a radius of 0.15 m; the 40-gon stands on a side, so it is
+    lower by its apothem.
+    """
     vertices = MODELS[name].vertices
     assert np.allclose(vertices.max(axis=0), (0.6, 0.5, 0.15 * cos(pi / 40)), atol=PRINTED)
     assert np.allclose(vertices.min(axis=0), (-0.6, -0.5, -0.15 * cos(pi / 40)), atol=PRINTED)
@@ -127,16 +168,19 @@ def test_cylinder_has_its_dimensions(name):
 
 @pytest.mark.parametrize("name", ["cylinder_bare_aluminum", "cylinder_gloss_black"])
 def test_cylinder_encloses_cylinder_nose_and_wings(name):
-    """Prism and two boxes exactly; the nose lies under the ogive of revolution, by less than its chords' sagitta.
+    """Prism and two boxes exactly; the nose lies under the ogive of revolution, by less than its
+    chords' sagitta.
 
-    Ogive: V = pi (L rho^2 - L^3 / 3 - (rho - R) rho^2 asin(L / rho)). Six chords of an arc of length s and radius rho
-    lie at most (s / 6)^2 / (8 rho) below it, over a lateral area below 2 pi R s.
+    Ogive: V = pi (L rho^2 - L^3 / 3 - (rho - R) rho^2 asin(L / rho)). Six chords of an arc of
+    length s and radius rho lie at most (s / 6)^2 / (8 rho) below it, over a lateral area below 2 pi
+    R s.
     """
     polygon = 20 * sin(pi / 20)  # area of the 40-gon of radius 1
     rho = (0.15**2 + 0.3**2) / 0.3
     ogive = 0.3 * rho**2 - 0.3**3 / 3 - (rho - 0.15) * rho**2 * asin(0.3 / rho)
     arc = rho * asin(0.3 / rho)
-    # Stations are even in x, so the steepest chord is longer than arc / 6: by 1 / cos of the slope, 53 degrees at the tip.
+    # Stations are even in x, so the steepest chord is longer than arc / 6: by 1 / cos of the slope,
+    # 53 degrees at the tip.
     sagitta = (0.05 / cos(asin(0.3 / rho))) ** 2 / (8 * rho)
     wings = 2 * (0.5 - 0.15 * cos(pi / 40)) * 0.45 * 0.3 * sin(pi / 40)
     most = polygon * (0.15**2 * 0.9 + ogive) + wings
@@ -145,16 +189,25 @@ def test_cylinder_encloses_cylinder_nose_and_wings(name):
 
 
 def test_wing_root_is_a_sharp_corner_of_small_facets():
-    """Along the root of the left wing's upper side a wing facet and a fuselage facet share each edge, within a few cm."""
+    """Along the root of the left wing's upper side a wing facet and a fuselage facet share each
+    edge, within a few cm.
+    """
     model = MODELS["cylinder_bare_aluminum"]
     owners = defaultdict(list)
     for number, face in enumerate(model.faces):
         for edge in zip(face, face[1:] + face[:1]):
             owners[frozenset(edge)].append(number)
     y, z = 0.15 * cos(pi / 40), 0.15 * sin(pi / 40)
-    on_root = {number for number, vertex in enumerate(model.vertices) if np.allclose(vertex[1:], (y, z), atol=PRINTED)}
-    pairs = [pair for edge, pair in owners.items()
-             if edge <= on_root and any("wing" in model.labels[number][3] for number in pair)]
+    on_root = {
+        number
+        for number, vertex in enumerate(model.vertices)
+        if np.allclose(vertex[1:], (y, z), atol=PRINTED)
+    }
+    pairs = [
+        pair
+        for edge, pair in owners.items()
+        if edge <= on_root and any("wing" in model.labels[number][3] for number in pair)
+    ]
     assert len(pairs) == 12
     for pair in pairs:
         pair = sorted(pair, key=lambda number: "wing" in model.labels[number][3])
@@ -162,20 +215,29 @@ def test_wing_root_is_a_sharp_corner_of_small_facets():
         fuselage, wing = (area_vector(model.corners[number]) for number in pair)
         assert np.allclose(wing / np.linalg.norm(wing), (0, 0, 1))
         tilt = radians(9)  # the middle of the next side of the 40-gon
-        assert np.allclose(fuselage / np.linalg.norm(fuselage), (0, cos(tilt), sin(tilt)), atol=1e-4)
+        assert np.allclose(
+            fuselage / np.linalg.norm(fuselage), (0, cos(tilt), sin(tilt)), atol=1e-4
+        )
         assert max(np.ptp(model.corners[number], axis=0).max() for number in pair) < 0.04
 
 
 # What surrounds the models
 
+
 def test_ir_range_is_a_room_of_3_m():
     model = MODELS["ir_range"]
-    assert np.array_equal(model.vertices.min(axis=0), (-1.5,) * 3) and np.array_equal(model.vertices.max(axis=0), (1.5,) * 3)
+    assert np.array_equal(model.vertices.min(axis=0), (-1.5,) * 3) and np.array_equal(
+        model.vertices.max(axis=0), (1.5,) * 3
+    )
     assert volume(model.corners) == pytest.approx(-27, rel=1e-12)
     for corners, label in zip(model.corners, model.labels):
         centre = corners.mean(axis=0)
         assert np.abs(centre).max() == 1.5 and area_vector(corners) @ centre < 0
-        expected = ("s", "ir_range_wall", "263", "group=walls") if centre[2] > 0 else ("t", "ir_range_wall", "253", "group=walls")
+        expected = (
+            ("s", "ir_range_wall", "263", "group=walls")
+            if centre[2] > 0
+            else ("t", "ir_range_wall", "253", "group=walls")
+        )
         assert tuple(label) == expected
         assert len(set(np.sign(corners[:, 2])) - {0}) == 1, "no facet crosses the middle"
     assert Counter(label[0] for label in model.labels) == {"s": 80, "t": 80}
@@ -188,12 +250,16 @@ def test_world_sphere_has_ten_rings_of_sky_and_a_terrain():
     for corners, (kind, material, kelvin, word) in zip(model.corners, model.labels):
         elevation = np.degrees(np.arcsin(corners[:, 2] / 10e3))
         middle = (elevation.min() + elevation.max()) / 2
-        assert np.ptp(elevation) == pytest.approx(9, abs=1e-5)  # a µm at the zenith is worth 1e-8 degrees, by arcsin 1e-5
+        assert np.ptp(elevation) == pytest.approx(
+            9, abs=1e-5
+        )  # a µm at the zenith is worth 1e-8 degrees, by arcsin 1e-5
         assert area_vector(corners) @ corners.mean(axis=0) < 0
         assert material == "blackbody"
         if middle > 0:
             key, degrees = word.split("=")
-            assert (kind, kelvin, key) == ("s", "288", "elevation_deg") and float(degrees) == pytest.approx(middle, abs=1e-5)
+            assert (kind, kelvin, key) == ("s", "288", "elevation_deg") and float(
+                degrees
+            ) == pytest.approx(middle, abs=1e-5)
             rings[degrees] += 1
         else:
             assert (kind, kelvin, word) == ("t", "302.5", "group=terrain")
@@ -201,7 +267,9 @@ def test_world_sphere_has_ten_rings_of_sky_and_a_terrain():
 
 
 def test_world_sphere_is_filled():
-    """Stacked 20-gons, against the ball: the polygons take 1.6 % away, the chords of 9 degrees less than 0.7 %."""
+    """Stacked 20-gons, against the ball: the polygons take 1.6 % away, the chords of 9 degrees less
+    than 0.7 %.
+    """
     model = MODELS["world_sphere"]
     assert -volume(model.corners) == pytest.approx(stacked_volume(model.corners, axis=2), rel=1e-9)
     ball = 4 / 3 * pi * 10e3**3 * 10 * sin(pi / 10) / pi

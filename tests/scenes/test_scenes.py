@@ -1,4 +1,7 @@
-"""The bundled scenes can be listed without Mitsuba, describe every parameter, and agree with their own headers."""
+"""The bundled scenes can be listed without Mitsuba, describe every parameter, and agree with their
+own headers.
+"""
+
 import re
 import subprocess
 import sys
@@ -6,9 +9,8 @@ import sys
 import pytest
 
 from mi_lcair import scenes
+from mi_lcair.benchmark.propagation import exact
 from mi_lcair.errors import InputError
-
-from mi_lcair.methods.propagation import exact
 
 NAMES = ["a340_landing", "cavity", "cylinder_ir_range", "furnace", "open_box", "two_plates"]
 
@@ -22,7 +24,10 @@ def used(name):
     for key, (default, _) in scenes.parameters(name).items():
         text = re.sub(rf'(<include filename="[^"]*)\${key}\b', rf"\g<1>{default}", text)
     included = re.findall(r'<include filename="([^"]+)"', text)
-    texts = [scenes.path(name).read_text(), *((scenes.FOLDER / file).read_text() for file in included)]
+    texts = [
+        scenes.path(name).read_text(),
+        *((scenes.FOLDER / file).read_text() for file in included),
+    ]
     return {key for text in texts for key in re.findall(r"\$(\w+)", text)}
 
 
@@ -38,8 +43,10 @@ def test_unknown_scene_names_the_nearest():
 
 
 def test_listing_needs_no_renderer():
-    code = ("import sys; from mi_lcair import scenes; [(scenes.title(n), scenes.parameters(n)) for n in scenes.names()];"
-            "sys.exit('mitsuba' in sys.modules or 'drjit' in sys.modules)")
+    code = (
+        "import sys; from mi_lcair import scenes; [(scenes.title(n), scenes.parameters(n)) for n in scenes.names()];"
+        "sys.exit('mitsuba' in sys.modules or 'drjit' in sys.modules)"
+    )
     assert subprocess.run([sys.executable, "-c", code], cwd=scenes.FOLDER.parent).returncode == 0
 
 
@@ -53,18 +60,27 @@ def test_title_and_parameters_are_one_line_each(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_parameter_is_used_and_declared(name):
-    poses = {"yaw_deg", "roll_deg"}         # of every imported model; a scene may leave them at 0
-    assert set(scenes.parameters(name)) <= used(name) and used(name) - set(scenes.parameters(name)) <= poses
+    poses = {"yaw_deg", "roll_deg"}  # of every imported model; a scene may leave them at 0
+    assert (
+        set(scenes.parameters(name)) <= used(name)
+        and used(name) - set(scenes.parameters(name)) <= poses
+    )
     declared = re.findall(r'<default name="(\w+)"', scenes.path(name).read_text())
     assert list(scenes.parameters(name)) == declared
 
 
-@pytest.mark.parametrize("name, expected", [
-    ("two_plates", {"band": "total", "lobe": "brdf"}),
-    ("open_box", {"reflector": "diffuse", "band": "total", "lobe": "brdf"}),
-    ("cavity", {"opening": "2", "band": "total"}),
-    ("furnace", {"material": "bare_aluminum", "band": "MWIR", "lobe": "brdf", "temperature": "300"}),
-])
+@pytest.mark.parametrize(
+    "name, expected",
+    [
+        ("two_plates", {"band": "total", "lobe": "brdf"}),
+        ("open_box", {"reflector": "diffuse", "band": "total", "lobe": "brdf"}),
+        ("cavity", {"opening": "2", "band": "total"}),
+        (
+            "furnace",
+            {"material": "bare_aluminum", "band": "MWIR", "lobe": "brdf", "temperature": "300"},
+        ),
+    ],
+)
 def test_parameters_that_the_scene_is_about(name, expected):
     found = {parameter: default for parameter, (default, _) in scenes.parameters(name).items()}
     assert expected.items() <= found.items()
@@ -73,23 +89,36 @@ def test_parameters_that_the_scene_is_about(name, expected):
 
 # -------------------------------------------------------------------- Exact answers
 
+
 def test_view_factors():
     """Against the numbers computed by quadrature elsewhere, and reciprocity for unequal plates."""
-    assert exact.perpendicular_view_factor(0.1, 0.2, 0.2) == pytest.approx(0.1492997958867619, rel=1e-12)
-    assert exact.perpendicular_view_factor(0.2, 0.1, 0.1) == pytest.approx(0.24063600617696168, rel=1e-12)
+    assert exact.perpendicular_view_factor(0.1, 0.2, 0.2) == pytest.approx(
+        0.1492997958867619, rel=1e-12
+    )
+    assert exact.perpendicular_view_factor(0.2, 0.1, 0.1) == pytest.approx(
+        0.24063600617696168, rel=1e-12
+    )
     forth, back = exact.perpendicular_view_factor(1, 2, 3), exact.perpendicular_view_factor(1, 3, 2)
     assert 2 * forth == pytest.approx(3 * back, rel=1e-12)
-    assert exact.perpendicular_view_factor(1e5, 1, 1) == pytest.approx(1 - 0.5**0.5, rel=1e-4)  # crossed strings
+    assert exact.perpendicular_view_factor(1e5, 1, 1) == pytest.approx(
+        1 - 0.5**0.5, rel=1e-4
+    )  # crossed strings
 
 
 def test_intensities_and_emissivities():
     assert exact.two_plates_intensity(L_800) == pytest.approx(22.07552402, rel=1e-9)
-    assert exact.open_box_intensity(L_800, L_300) == pytest.approx(12.57961718 + 1.03378895, rel=1e-9)
+    assert exact.open_box_intensity(L_800, L_300) == pytest.approx(
+        12.57961718 + 1.03378895, rel=1e-9
+    )
     for opening in exact.CAVITY_BLOCKS:
         f = exact.cavity_opening_fraction(opening)
         partial_sums = [0.5 * sum((0.5 * (1 - f)) ** k for k in range(N + 1)) for N in (0, 1, 4)]
-        assert [exact.cavity_emissivity(opening, N) for N in (0, 1, 4)] == pytest.approx(partial_sums, rel=1e-12)
-        assert exact.cavity_emissivity(opening) == pytest.approx(0.5 / (0.5 * (1 - f) + f), rel=1e-12)
+        assert [exact.cavity_emissivity(opening, N) for N in (0, 1, 4)] == pytest.approx(
+            partial_sums, rel=1e-12
+        )
+        assert exact.cavity_emissivity(opening) == pytest.approx(
+            0.5 / (0.5 * (1 - f) + f), rel=1e-12
+        )
 
 
 def test_headers_state_the_exact_answers():
@@ -98,5 +127,7 @@ def test_headers_state_the_exact_answers():
 
     assert f"{exact.two_plates_intensity(L_800):.5f} W/sr" in header("two_plates")
     assert f"{exact.open_box_intensity(L_800, L_300):.5f} W/sr" in header("open_box")
-    fractions = ", ".join(f"{exact.cavity_opening_fraction(opening):.6f}" for opening in exact.CAVITY_BLOCKS)
+    fractions = ", ".join(
+        f"{exact.cavity_opening_fraction(opening):.6f}" for opening in exact.CAVITY_BLOCKS
+    )
     assert fractions in header("cavity")

@@ -1,15 +1,17 @@
-"""Derivatives of the BRDF at the corners of the box: Float32 against Float64, and Float64 against finite differences.
+"""Derivatives of the BRDF at the corners of the box: Float32 against Float64, and Float64 against
+finite differences.
 
 Where a corner lies on a bound the difference is one-sided, taken into the feasible set.
 """
+
 import drjit as dr
 import numpy as np
 import pytest
 from drjit.llvm.ad import Array3f, Array3f64, Float, Float64
 
-from mi_lcair.physics import hemispherical
-from mi_lcair.physics import sandford_robertson as sr
-from tests.physics.surfaces import direction
+from mi_lcair.physics.reflection import sandford_robertson as sr
+from mi_lcair.physics.reflection import sandford_robertson_hemispherical as hemispherical
+from tests.physics.reflection.surfaces import direction
 
 G_05 = float(sr.G(Float64(0.05))[0])
 # epsilon, rho_d, b, e; the side of each difference: 0 central, +-1 one-sided, None not asked for
@@ -31,7 +33,13 @@ CORNERS = {
 def directions(e, count=2000):
     """(i, r) in Float32: r to 89.999 degrees, i from the lobe about its mirror direction."""
     rng = np.random.default_rng(0)
-    r = direction(np.radians(np.where(np.arange(count) % 2, 90 * rng.random(count), 90 - 10 ** rng.uniform(-3, 1, count))))
+    r = direction(
+        np.radians(
+            np.where(
+                np.arange(count) % 2, 90 * rng.random(count), 90 - 10 ** rng.uniform(-3, 1, count)
+            )
+        )
+    )
     half = sr.sample_half_vector(r, Float64(e), *(Float64(rng.random(count)) for _ in range(2)))
     i, r = (2 * dr.dot(r, half) * half - r).numpy(), r.numpy()
     above = i[2] > 1e-6
@@ -55,7 +63,7 @@ def derivative(parameters, k, i, r, form, Type, Vector):
 def difference(parameters, k, side, evaluate, relative_step=1e-5):
     """Second order, central or one-sided."""
     step = relative_step * max(parameters[k], 1e-3 if k < 3 else 0)
-    at = lambda n: evaluate((*parameters[:k], parameters[k] + n * step, *parameters[k + 1:]))
+    at = lambda n: evaluate((*parameters[:k], parameters[k] + n * step, *parameters[k + 1 :]))
     if side == 0:
         return (at(1) - at(-1)) / (2 * step)
     return side * (-3 * at(0) + 4 * at(side) - at(2 * side)) / (2 * step)
@@ -64,7 +72,9 @@ def difference(parameters, k, side, evaluate, relative_step=1e-5):
 @pytest.mark.parametrize("form", sr.FORMS)
 @pytest.mark.parametrize("corner", CORNERS)
 def test_of_the_brdf(corner, form):
-    """Scaled by |derivative| + 1e-3 of the value. At b = 0 the slope goes as b log b, and a difference finds some of that."""
+    """Scaled by |derivative| + 1e-3 of the value. At b = 0 the slope goes as b log b, and a
+    difference finds some of that.
+    """
     parameters, sides = CORNERS[corner]
     i, r = directions(parameters[3])
     f = value(parameters, i, r, form)
@@ -72,23 +82,35 @@ def test_of_the_brdf(corner, form):
         exact = derivative(parameters, k, i, r, form, Float64, Array3f64)
         scale = np.abs(exact) + 1e-3 * f + 1e-12
         found = derivative(parameters, k, i, r, form, Float, Array3f)
-        assert np.all(np.abs(found - exact) <= 5e-3 * scale), f"Float32, parameter {k}"      # false for NaN
+        assert np.all(np.abs(found - exact) <= 5e-3 * scale), (
+            f"Float32, parameter {k}"
+        )  # false for NaN
         if side is not None:
             expected = difference(parameters, k, side, lambda at: value(at, i, r, form))
-            assert np.quantile(np.abs(exact - expected) / scale, 0.99) <= (0.05 if parameters[2] == 0 and k == 2 else 2e-3), f"difference, parameter {k}"
+            assert np.quantile(np.abs(exact - expected) / scale, 0.99) <= (
+                0.05 if parameters[2] == 0 and k == 2 else 2e-3
+            ), f"difference, parameter {k}"
             large = np.abs(expected) > 0.01 * np.abs(expected).max()
-            assert np.all(np.sign(exact[large]) == np.sign(expected[large])) or k == 2 and parameters[2] == 0
+            assert (
+                np.all(np.sign(exact[large]) == np.sign(expected[large]))
+                or k == 2
+                and parameters[2] == 0
+            )
 
 
 @pytest.mark.parametrize("form", sr.FORMS)
 @pytest.mark.parametrize("corner", CORNERS)
 def test_of_the_emissivity(corner, form):
-    """1 - min(1, HDR), to 90 - 1e-6 degrees; 0 beyond the first saturated angle, where nothing is emitted."""
+    """1 - min(1, HDR), to 90 - 1e-6 degrees; 0 beyond the first saturated angle, where nothing is
+    emitted.
+    """
     parameters, sides = CORNERS[corner]
     theta = Float64(np.radians([0, 30, 80, 89, 89.9, 89.99, 90 - 1e-6]))
 
     def HDR(at):
-        return hemispherical.HDR(sr.surface(*(dr.opaque(Float64, float(number)) for number in at), form=form), theta).numpy()
+        return hemispherical.HDR(
+            sr.surface(*(dr.opaque(Float64, float(number)) for number in at), form=form), theta
+        ).numpy()
 
     for k, side in enumerate(sides):
         numbers = [dr.opaque(Float64, number) for number in parameters]
@@ -100,9 +122,19 @@ def test_of_the_emissivity(corner, form):
         assert np.all(np.isfinite(found))
         np.testing.assert_array_equal(found[HDR(parameters) > 1 + 1e-9], 0)
         if side is not None:
-            seen = []           # a difference must not reach across the kink where HDR passes 1
-            expected = difference(parameters, k, side, lambda at: seen.append(HDR(at)) or 1 - seen[-1], 1e-3 if k == 3 else 1e-5)
+            seen = []  # a difference must not reach across the kink where HDR passes 1
+            expected = difference(
+                parameters,
+                k,
+                side,
+                lambda at: seen.append(HDR(at)) or 1 - seen[-1],
+                1e-3 if k == 3 else 1e-5,
+            )
             smooth = np.max(seen, axis=0) < 1
-            noise = 1e-12 / (1e-3 * parameters[k]) if k == 3 else 0         # of the quadrature, over the step
+            noise = (
+                1e-12 / (1e-3 * parameters[k]) if k == 3 else 0
+            )  # of the quadrature, over the step
             scale = np.abs(expected[smooth]).max(initial=0) + 1e-3
-            np.testing.assert_allclose(found[smooth], expected[smooth], rtol=5e-3, atol=1e-3 * scale + noise)
+            np.testing.assert_allclose(
+                found[smooth], expected[smooth], rtol=5e-3, atol=1e-3 * scale + noise
+            )

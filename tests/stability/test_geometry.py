@@ -1,15 +1,18 @@
-"""Lengths from 1e-6 to 1e6 m, slivers, scenes far from their origin, coincident facets, narrow gaps; clipping planes."""
+"""Lengths from 1e-6 to 1e6 m, slivers, scenes far from their origin, coincident facets, narrow
+gaps; clipping planes.
+"""
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
+from mi_lcair.plugins.emitter_table import EmitterTable
 
 import mi_lcair
-from mi_lcair.methods.propagation.exact import perpendicular_view_factor
+from docs.studies.leaks import write_ply
+from mi_lcair.benchmark.propagation.exact import perpendicular_view_factor
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.plugins.emitter_table import EmitterTable
-from tests.stability.leaks import write_ply
 
 SCENE = """<scene version="3.0.0">
     <integrator type="bounce_path"> <integer name="max_bounces" value="1"/> <boolean name="emitter_sampling" value="{sampling}"/> </integrator>
@@ -40,25 +43,54 @@ def load(folder, meshes, window=0.12, x=0.1, z=1.0, sampling="true", clips=None)
         emitter = EMITTER.format(temperature=temperature) if temperature else ""
         shapes.append(SHAPE.format(name=name, reflectance=reflectance, emitter=emitter))
     file = folder / "scene.xml"
-    file.write_text(SCENE.format(sampling=sampling, clips=clipping(1e-3 * z, 10 * z) if clips is None else clips, window=window,
-                                 x=x, z=z, shapes=" ".join(shapes)))
+    file.write_text(
+        SCENE.format(
+            sampling=sampling,
+            clips=clipping(1e-3 * z, 10 * z) if clips is None else clips,
+            window=window,
+            x=x,
+            z=z,
+            shapes=" ".join(shapes),
+        )
+    )
     return mi_lcair.load(file)
 
 
 def two_plates(scale=1.0, strips=1, shift=0.0):
-    """The plates of thesis Appendix A.1, each cut into strips, in units of `scale` m and `shift` m off along x."""
+    """The plates of thesis Appendix A.1, each cut into strips, in units of `scale` m and `shift` m
+    off along x.
+    """
     x = np.linspace(0, 0.2, strips + 1)
-    row = lambda y, vertical: np.stack([0 * x, y + 0 * x, x] if vertical else [x, y + 0 * x, 0 * x], axis=1)
+    row = lambda y, vertical: np.stack(
+        [0 * x, y + 0 * x, x] if vertical else [x, y + 0 * x, 0 * x], axis=1
+    )
     facets = [(k, k + 1, strips + k + 2, strips + k + 1) for k in range(strips)]
     move = np.array([shift, 0, 0])
-    return {"reflector": (np.concatenate([row(-0.05, False), row(0.05, False)]) * scale + move, facets, 1, None),
-            "emitter": (np.concatenate([row(0.05, True), row(-0.05, True)]) * scale + move, facets, 0, 800)}
+    return {
+        "reflector": (
+            np.concatenate([row(-0.05, False), row(0.05, False)]) * scale + move,
+            facets,
+            1,
+            None,
+        ),
+        "emitter": (
+            np.concatenate([row(0.05, True), row(-0.05, True)]) * scale + move,
+            facets,
+            0,
+            800,
+        ),
+    }
 
 
 def assert_exact(scene, scale=1.0, allowed=0.0, spp=1024):
     """The mean radiance within 4 standard errors, and `allowed`, of L A F / (area of the window)."""
     result = mi_lcair.render(scene, spp=spp)
-    exact = float(in_band_radiance(band("total"), 800)) * 0.02 * perpendicular_view_factor(0.1, 0.2, 0.2) / 0.24**2
+    exact = (
+        float(in_band_radiance(band("total"), 800))
+        * 0.02
+        * perpendicular_view_factor(0.1, 0.2, 0.2)
+        / 0.24**2
+    )
     error = result.rms_error / 16
     assert result.invalid == 0 and error < 0.01
     assert abs(result.mean / exact - 1) <= 4 * error + allowed
@@ -67,9 +99,15 @@ def assert_exact(scene, scale=1.0, allowed=0.0, spp=1024):
 
 @pytest.mark.parametrize("sampling", ["true", "false"])
 def test_radiance_does_not_depend_on_scale(tmp_path, sampling):
-    """Plates of 0.2 um, 0.2 mm, 200 m and 200 km: the same paths, so that the mean is the same to 1e-6."""
-    means = [assert_exact(load(tmp_path, two_plates(scale), 0.12 * scale, 0.1 * scale, scale, sampling), scale)
-             for scale in (1e-6, 1e-3, 1, 1e3, 1e6)]
+    """Plates of 0.2 um, 0.2 mm, 200 m and 200 km: the same paths, so that the mean is the same to
+    1e-6.
+    """
+    means = [
+        assert_exact(
+            load(tmp_path, two_plates(scale), 0.12 * scale, 0.1 * scale, scale, sampling), scale
+        )
+        for scale in (1e-6, 1e-3, 1, 1e3, 1e6)
+    ]
     np.testing.assert_allclose(means, means[2], rtol=1e-6)
 
 
@@ -81,12 +119,16 @@ def test_slivers(tmp_path, strips):
 
 @pytest.mark.parametrize("shift, lost", [(10, 1e-3), (100, 2e-3), (1000, 0.015), (10_000, 0.16)])
 def test_far_from_the_origin(tmp_path, shift, lost):
-    """Rays start 4e-6 of the distance to the origin off a surface: of plates of 0.2 m, 1 % is lost at 1 km and 13 % at 10 km."""
+    """Rays start 4e-6 of the distance to the origin off a surface: of plates of 0.2 m, 1 % is lost
+    at 1 km and 13 % at 10 km.
+    """
     assert_exact(load(tmp_path, two_plates(shift=shift), x=shift + 0.1), allowed=lost)
 
 
 def test_a_large_ground_costs_nothing(tmp_path):
-    """2000 km of ground under plates of 0.2 m: the offset is held to Mitsuba's, which does not grow with the scene."""
+    """2000 km of ground under plates of 0.2 m: the offset is held to Mitsuba's, which does not grow
+    with the scene.
+    """
     ground = 1e6 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) - [0, 0, 1e-3]
     assert_exact(load(tmp_path, two_plates() | {"ground": (ground, [(0, 1, 2, 3)], 0, None)}))
 
@@ -96,9 +138,13 @@ SQUARE = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=float)
 
 @pytest.mark.parametrize("gap, parted", [(1e-3, True), (1e-6, True), (1e-8, False), (0, False)])
 def test_coincident_facets(tmp_path, gap, parted):
-    """A plate of 400 K above one of 300 K, of 2 m, seen from 1 m: told apart down to 0.1 um; below, the picture is one, the other or
-    both, as the order in the file has it, and nothing says so."""
-    plates = {"below": (SQUARE, [(0, 1, 2, 3)], 0, 300), "above": (SQUARE + [0, 0, gap], [(0, 1, 2, 3)], 0, 400)}
+    """A plate of 400 K above one of 300 K, of 2 m, seen from 1 m: told apart down to 0.1 um; below,
+    the picture is one, the other or both, as the order in the file has it, and nothing says so.
+    """
+    plates = {
+        "below": (SQUARE, [(0, 1, 2, 3)], 0, 300),
+        "above": (SQUARE + [0, 0, gap], [(0, 1, 2, 3)], 0, 400),
+    }
     seen = []
     for order in (plates, dict(reversed(plates.items()))):
         result = mi_lcair.render(load(tmp_path, order, x=0), spp=4)
@@ -109,20 +155,31 @@ def test_coincident_facets(tmp_path, gap, parted):
 
 @pytest.mark.parametrize("gap, crossed", [(1e-3, True), (2e-5, True), (5e-6, False), (1e-7, False)])
 def test_narrow_gaps(tmp_path, gap, crossed):
-    """Between parallel plates of 2 m: a ray that leaves one starts 8e-6 of the scene's extent off it, beyond a plate that is closer."""
-    plates = {"below": (SQUARE, [(0, 1, 2, 3)], 0.5, 300), "above": (SQUARE + [0, 0, gap], [(3, 2, 1, 0)], 0.5, 300)}
+    """Between parallel plates of 2 m: a ray that leaves one starts 8e-6 of the scene's extent off
+    it, beyond a plate that is closer.
+    """
+    plates = {
+        "below": (SQUARE, [(0, 1, 2, 3)], 0.5, 300),
+        "above": (SQUARE + [0, 0, gap], [(3, 2, 1, 0)], 0.5, 300),
+    }
     scene = load(tmp_path, plates).mi
     rng = np.random.default_rng(0)
     uniform = lambda: mi.Float(rng.random(1000))
-    si = scene.ray_intersect(mi.Ray3f(mi.Point3f(0.1 * uniform(), 0.1 * uniform(), 0.5 * gap), mi.Vector3f(0, 0, -1)))
+    si = scene.ray_intersect(
+        mi.Ray3f(mi.Point3f(0.1 * uniform(), 0.1 * uniform(), 0.5 * gap), mi.Vector3f(0, 0, -1))
+    )
     wo = mi.warp.square_to_cosine_hemisphere(mi.Point2f(uniform(), uniform()))
     following = scene.ray_intersect(EmitterTable(scene, False).spawn_ray(si, si.to_world(wo)))
     other = following.is_valid() & (following.shape != si.shape) & (following.wi.z > 0)
-    assert dr.mean(dr.select(other, mi.Float(1), 0))[0] == pytest.approx(1 if crossed else 0, abs=0.01)
+    assert dr.mean(dr.select(other, mi.Float(1), 0))[0] == pytest.approx(
+        1 if crossed else 0, abs=0.01
+    )
 
 
 def test_clipping_planes(tmp_path):
-    """Mitsuba's default planes, 0.01 m and 10 km, blacken what lies before and beyond: loading says so."""
+    """Mitsuba's default planes, 0.01 m and 10 km, blacken what lies before and beyond: loading says
+    so.
+    """
     small = load(tmp_path, two_plates(1e-3), 0.12e-3, 0.1e-3, 1e-3, clips="")
     assert mi_lcair.render(small, spp=4).mean == 0
     assert small.remarks == ["sensor 0: does not see what is nearer than its near_clip = 0.01 m"]

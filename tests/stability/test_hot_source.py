@@ -1,15 +1,17 @@
-"""A 3000 K source of 1 cm above a 300 K plate: one path in 30,000 meets it, with 100,000 times the radiance of all else.
+"""A 3000 K source of 1 cm above a 300 K plate: one path in 30,000 meets it, with 100,000 times the
+radiance of all else.
 
-In MWIR it brings 60 % of what the plate shows. Without emitter sampling a short render has not seen it, and its scatter
-cannot know.
+In MWIR it brings 60 % of what the plate shows. Without emitter sampling a short render has not seen
+it, and its scatter cannot know.
 """
+
 import numpy as np
 import pytest
 
 import mi_lcair
+from docs.studies.leaks import write_ply
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
-from tests.stability.leaks import write_ply
 
 SCENE = """<scene version="3.0.0">
     <integrator type="bounce_path"> <integer name="max_bounces" value="1"/> <boolean name="emitter_sampling" value="{sampling}"/> </integrator>
@@ -30,7 +32,7 @@ SCENE = """<scene version="3.0.0">
         <emitter type="thermal"> <string name="band" value="MWIR"/> <float name="temperature" value="3000"/> </emitter>
     </shape>
 </scene>"""
-HALF = 0.005        # m, of the source's edge; it hangs 1 m above the plate
+HALF = 0.005  # m, of the source's edge; it hangs 1 m above the plate
 
 
 @pytest.fixture
@@ -40,11 +42,14 @@ def scene(tmp_path):
         write_ply(tmp_path / "hot.ply", corners, [(0, 1, 2, 3)])
         (tmp_path / "hot.xml").write_text(SCENE.format(sampling=str(sampling).lower()))
         return mi_lcair.load(tmp_path / "hot.xml")
+
     return make
 
 
 def exact():
-    """Radiance of each of the 8 x 8 pixels [W m^-2 sr^-1], of a source so small that it is a point: 1e-4."""
+    """Radiance of each of the 8 x 8 pixels [W m^-2 sr^-1], of a source so small that it is a point:
+    1e-4.
+    """
     cold, hot = (float(in_band_radiance(band("MWIR"), temperature)) for temperature in (300, 3000))
     x = (np.arange(512) + 0.5) / 512 - 0.5
     d2 = 1 + x[:, None] ** 2 + x[None, :] ** 2
@@ -54,12 +59,16 @@ def exact():
 
 def images(scene, spp, seeds):
     results = [mi_lcair.render(scene, spp=spp, seed=seed, split=None) for seed in range(seeds)]
-    return (np.array([result.channels[name] for result in results], dtype=float) for name in ("Y", "stderr.Y"))
+    return (
+        np.array([result.channels[name] for result in results], dtype=float)
+        for name in ("Y", "stderr.Y")
+    )
 
 
 def test_emitter_sampling_bounds_and_reports(scene):
-    """The stated standard errors cover: 95.4 % of pixels inside two of them (64 x 40 pixels: +- 1.5 %), and the mean. No
-    sample is a firefly: the largest pixel of 16 samples lies within 8 of them."""
+    """The stated standard errors cover: 95.4 % of pixels inside two of them (64 x 40 pixels: +- 1.5
+    %), and the mean. No sample is a firefly: the largest pixel of 16 samples lies within 8 of them.
+    """
     Y, error = images(scene(True), 256, 40)
     inside = np.abs(Y - exact()) <= 2 * error
     assert inside.mean() == pytest.approx(0.954, abs=0.02)
@@ -70,15 +79,18 @@ def test_emitter_sampling_bounds_and_reports(scene):
 
 
 def test_without_it_the_scatter_misleads(scene):
-    """What `stderr.Y` is worth then: of 64-sample pixels 1 % show the source, 900 W m^-2 sr^-1 each, and of the rest
-    none is covered."""
+    """What `stderr.Y` is worth then: of 64-sample pixels 1 % show the source, 900 W m^-2 sr^-1
+    each, and of the rest none is covered.
+    """
     Y, error = images(scene(False), 64, 20)
     inside = np.abs(Y - exact()) <= 2 * error
     assert inside.mean() < 0.02 and Y.max() > 100 * exact().max()
 
 
 def test_a_tolerance_is_not_met_by_a_source_that_was_not_seen(scene):
-    """5 % asked for: the pilot's scatter is 0 and its mean 60 % too low. What a missed source could add keeps it from stopping."""
+    """5 % asked for: the pilot's scatter is 0 and its mean 60 % too low. What a missed source could
+    add keeps it from stopping.
+    """
     result = mi_lcair.render(scene(False), tolerance=0.05, max_spp=1024, seed=3)
     assert result.reached is False and result.spp == 1024
     assert abs(result.mean / exact().mean() - 1) <= 3 * result.rms_error / 8

@@ -1,52 +1,81 @@
-"""The reflection model at the ends of its box: lobes of width 1e-5 to 1, angles to 90 - 1e-6 degrees, b = 0 and 1, the bound.
+"""The reflection model at the ends of its box: lobes of width 1e-5 to 1, angles to 90 - 1e-6
+degrees, b = 0 and 1, the bound.
 
 tests/plugins/test_precision.py covers e >= 0.0015 to 89.5 degrees; this goes on from there.
 """
+
 import mitsuba as mi
 import numpy as np
 import pytest
 from drjit.llvm.ad import Float64
 
-from mi_lcair.physics import hemispherical
-from mi_lcair.physics import sandford_robertson as sr
-from tests.physics.surfaces import direction, surface
+from docs.studies.float32_map import errors, feasible, load
+from mi_lcair.physics.reflection import sandford_robertson as sr
+from mi_lcair.physics.reflection import sandford_robertson_hemispherical as hemispherical
+from tests.physics.reflection.surfaces import direction, surface
 from tests.plugins.reflection_models import exact_HDR, seen_at, uniform
 from tests.plugins.test_precision import theta_of
-from tests.stability.float32_map import errors, feasible, load
 
 WIDTHS = [1e-5, 1e-4, 1e-3, 4.2e-3, 0.1, 1]
 ANGLES_DEG = np.array([0, 1e-3, 30, 60, 80, 85, 89, 89.9, 89.99, 89.999, 90 - 1e-6])
-CORNERS = [(0.3, 0.1, 0), (0.3, 0.1, 1e-4), (0.3, 0.1, 0.05), (0.3, 0.7, 0.05), (0.3, 0.7, 1), (0, 0, 1)]   # shares of G(b); b
+CORNERS = [
+    (0.3, 0.1, 0),
+    (0.3, 0.1, 1e-4),
+    (0.3, 0.1, 0.05),
+    (0.3, 0.7, 0.05),
+    (0.3, 0.7, 1),
+    (0, 0, 1),
+]  # shares of G(b); b
 SAMPLES = 20_000
 
 
 @pytest.mark.parametrize("form", sr.FORMS)
 @pytest.mark.parametrize("e", WIDTHS)
 def test_mean_weight_of_a_sample_is_HDR(e, form):
-    """Within 5 standard errors, and 2e-4 of HDR for the rounding of the half-vector's slope. Every weight is finite; of
-    these surfaces none exceeds 10."""
+    """Within 5 standard errors, and 2e-4 of HDR for the rounding of the half-vector's slope. Every
+    weight is finite; of these surfaces none exceeds 10.
+    """
     for corner in CORNERS:
         bsdf = load(feasible(*corner, e), form)
         si = seen_at(np.repeat(np.radians(ANGLES_DEG), SAMPLES))
-        _, weight = bsdf.sample(mi.BSDFContext(), si, *uniform(len(ANGLES_DEG) * SAMPLES, 1),
-                                mi.Point2f(*uniform(len(ANGLES_DEG) * SAMPLES, 2, seed=3)))
+        _, weight = bsdf.sample(
+            mi.BSDFContext(),
+            si,
+            *uniform(len(ANGLES_DEG) * SAMPLES, 1),
+            mi.Point2f(*uniform(len(ANGLES_DEG) * SAMPLES, 2, seed=3)),
+        )
         weight = weight[0].numpy().astype(float).reshape(-1, SAMPLES)
         HDR = np.minimum(exact_HDR(bsdf, theta_of(seen_at(np.radians(ANGLES_DEG)).wi)), 1)
-        assert np.all((weight >= 0) & (weight <= 10))        # false for NaN
-        assert np.all(np.abs(weight.mean(axis=1) - HDR) <= 5 * weight.std(axis=1) / np.sqrt(SAMPLES) + 2e-4 * HDR + 1e-9)
+        assert np.all((weight >= 0) & (weight <= 10))  # false for NaN
+        assert np.all(
+            np.abs(weight.mean(axis=1) - HDR)
+            <= 5 * weight.std(axis=1) / np.sqrt(SAMPLES) + 2e-4 * HDR + 1e-9
+        )
 
 
-@pytest.mark.parametrize("parameters, bound", [((0.11, 0.02, 0.05, 0.0042), 1), ((0.89, 0.001, 0.16, 0.005), 1),
-                                               (feasible(0.3, 0.7, 0.001, 0.03), 250)])
+@pytest.mark.parametrize(
+    "parameters, bound",
+    [
+        ((0.11, 0.02, 0.05, 0.0042), 1),
+        ((0.89, 0.001, 0.16, 0.005), 1),
+        (feasible(0.3, 0.7, 0.001, 0.03), 250),
+    ],
+)
 def test_largest_weight_of_a_sample(parameters, bound):
-    """At most 1 for the thesis's materials; up to 216 on the bound epsilon + rho_d = G with a small b, where rho_s grows from
-    nothing at the observer's angle to 1 at the horizon, and the lobe is drawn as if it did not."""
+    """At most 1 for the thesis's materials; up to 216 on the bound epsilon + rho_d = G with a small
+    b, where rho_s grows from nothing at the observer's angle to 1 at the horizon, and the lobe is
+    drawn as if it did not.
+    """
     bsdf = load(parameters)
-    theta = np.concatenate([np.linspace(0, np.pi / 2, 360), np.pi / 2 - np.radians(np.geomspace(1e-4, 1, 60))])
+    theta = np.concatenate(
+        [np.linspace(0, np.pi / 2, 360), np.pi / 2 - np.radians(np.geomspace(1e-4, 1, 60))]
+    )
     theta, phi = (grid.ravel() for grid in np.meshgrid(theta, np.linspace(0, np.pi, 37)))
     largest = 0
     for view in np.radians([0, 30, 60, 80]):
-        value, density = bsdf.eval_pdf(mi.BSDFContext(), seen_at(np.full(len(theta), view)), direction(theta, phi, mi.Vector3f))
+        value, density = bsdf.eval_pdf(
+            mi.BSDFContext(), seen_at(np.full(len(theta), view)), direction(theta, phi, mi.Vector3f)
+        )
         weight = value[0].numpy() / np.maximum(density.numpy(), 1e-30)
         largest = max(largest, weight.max())
     assert bound / 4 <= largest <= bound
@@ -69,20 +98,29 @@ def test_quadrature_to_the_horizon(monkeypatch, quantity, form):
 
 
 @pytest.mark.parametrize("form", sr.FORMS)
-@pytest.mark.parametrize("e, bound", [(1e-5, 5e-3), (1e-4, 1e-3), (1e-3, 1e-3), (4.2e-3, 2e-4), (0.1, 2e-5), (1, 2e-5)])
+@pytest.mark.parametrize(
+    "e, bound", [(1e-5, 5e-3), (1e-4, 1e-3), (1e-3, 1e-3), (4.2e-3, 2e-4), (0.1, 2e-5), (1, 2e-5)]
+)
 def test_tabulated_HDR_beyond_89_degrees(e, bound, form):
-    """Absolute; the table's nodes, uniform in sqrt(cos theta), no longer resolve a knee that lies below cos = 1e-3."""
+    """Absolute; the table's nodes, uniform in sqrt(cos theta), no longer resolve a knee that lies
+    below cos = 1e-3.
+    """
     theta = np.pi / 2 - np.radians(np.geomspace(1e-6, 1, 300))
     for corner in CORNERS:
         bsdf = load(feasible(*corner, e), form)
         wi = seen_at(theta).wi
-        assert np.max(np.abs(bsdf.HDR(wi).numpy() - np.minimum(exact_HDR(bsdf, theta_of(wi)), 1))) <= bound
+        assert (
+            np.max(np.abs(bsdf.HDR(wi).numpy() - np.minimum(exact_HDR(bsdf, theta_of(wi)), 1)))
+            <= bound
+        )
 
 
 @pytest.mark.parametrize("form", sr.FORMS)
 @pytest.mark.parametrize("e", WIDTHS)
 def test_float32_at_the_edges(e, form):
-    """A cut through the map of docs/stability: the value and the weight of a sample to 1e-4 up to 89.9 degrees, 3e-3 beyond."""
+    """A cut through the map of docs/stability: the value and the weight of a sample to 1e-4 up to
+    89.9 degrees, 3e-3 beyond.
+    """
     from_horizon = 90 - ANGLES_DEG
     for corner in CORNERS:
         value, weight, _ = errors(feasible(*corner, e), from_horizon, form, 400)
@@ -90,18 +128,26 @@ def test_float32_at_the_edges(e, form):
             assert error[ANGLES_DEG <= 89.9].max() <= 1e-4 and error.max() <= 3e-3, corner
 
 
-# The first angle, in degrees, at which HDR exceeds 1 for epsilon = rho_d = 0, as docs/stability.md prints it. None: nowhere.
+# The first angle, in degrees, at which HDR exceeds 1 for epsilon = rho_d = 0, as docs/stability.md
+# prints it. None: nowhere.
 SATURATED = {
-    "thesis": {0.0: (89.6, 87.4, 81.6, 69.3, 60.1), 0.05: (None, None, None, 71.0, 60.4), 0.16: (None, None, None, None, 62.9),
-               0.3: (None,) * 5, 1.0: (None,) * 5},
-    "normalized": {b: (89.6, 87.4, 81.6, 69.3, 60.1) for b in (0.0, 0.05, 0.16, 0.3, 1.0)},
+    "thesis": {
+        0.0: (89.6, 87.4, 81.6, 69.3, 60.1),
+        0.05: (None, None, None, 71.0, 60.4),
+        0.16: (None, None, None, None, 62.9),
+        0.3: (None,) * 5,
+        1.0: (None,) * 5,
+    },
+    "normalized": dict.fromkeys((0.0, 0.05, 0.16, 0.3, 1.0), (89.6, 87.4, 81.6, 69.3, 60.1)),
 }
 SATURATED_WIDTHS = (0.0042, 0.03, 0.1, 0.3, 1.0)
 
 
 @pytest.mark.parametrize("form", sr.FORMS)
 def test_where_HDR_exceeds_one(form):
-    """What the plugin reports when the scene loads is what Float64 finds, and beyond that angle nothing is emitted."""
+    """What the plugin reports when the scene loads is what Float64 finds, and beyond that angle
+    nothing is emitted.
+    """
     for b, row in SATURATED[form].items():
         for e, expected in zip(SATURATED_WIDTHS, row):
             bsdf = load((0, 0, b, e), form)
@@ -110,4 +156,6 @@ def test_where_HDR_exceeds_one(form):
                 assert found is None, (b, e)
             else:
                 assert found == pytest.approx(expected, abs=0.1), (b, e)
-                assert bsdf.eval_attribute_1("emissivity", seen_at(np.radians(found + 0.1)))[0] <= 1e-5
+                assert (
+                    bsdf.eval_attribute_1("emissivity", seen_at(np.radians(found + 0.1)))[0] <= 1e-5
+                )

@@ -1,7 +1,9 @@
-"""Planck's law at 3 K and 30,000 K, at 0.1 and 1000 um: radiance, in-band radiance, its inverse and derivatives.
+"""Planck's law at 3 K and 30,000 K, at 0.1 and 1000 um: radiance, in-band radiance, its inverse and
+derivatives.
 
 tests/physics/test_blackbody.py covers the bands and temperatures of thermal scenes.
 """
+
 import drjit as dr
 import mpmath
 import numpy as np
@@ -22,15 +24,17 @@ def planck(wavelength, temperature):
 
 
 def below(wavelength, temperature):
-    """Radiance below a wavelength in um, from x = c2 / (wavelength T) on, by the series in exp(-x) or in x; mpmath."""
+    """Radiance below a wavelength in um, from x = c2 / (wavelength T) on, by the series in exp(-x)
+    or in x; mpmath.
+    """
     x = blackbody.C2 / (mpmath.mpf(wavelength) * temperature)
-    if x < 1:       # int_0^x t^3 / (e^t - 1) dt by the Bernoulli numbers
+    if x < 1:  # int_0^x t^3 / (e^t - 1) dt by the Bernoulli numbers
         terms = (mpmath.bernoulli(n) * x**n / ((n + 3) * mpmath.factorial(n)) for n in range(60))
         value = mpmath.pi**4 / 15 - x**3 * sum(terms)
     else:
         term = lambda n: mpmath.exp(-n * x) * (x**3 / n + 3 * x**2 / n**2 + 6 * x / n**3 + 6 / n**4)
         value = sum(term(mpmath.mpf(n)) for n in range(1, 90))
-    return blackbody.C1 / mpmath.mpf(blackbody.C2)**4 * mpmath.mpf(temperature)**4 * value
+    return blackbody.C1 / mpmath.mpf(blackbody.C2) ** 4 * mpmath.mpf(temperature) ** 4 * value
 
 
 def in_band(limits, temperature):
@@ -41,19 +45,23 @@ def with_derivative(function, Type, temperature):
     temperature = Type(temperature)
     dr.enable_grad(temperature)
     value = function(temperature)
-    dr.backward(value, flags=dr.ADFlag.AllowNoGrad)         # where the value is a literal 0
+    dr.backward(value, flags=dr.ADFlag.AllowNoGrad)  # where the value is a literal 0
     return value[0], dr.grad(temperature)[0]
 
 
 @pytest.mark.parametrize("wavelength", [0.1, 1, 10, 1000])
 @pytest.mark.parametrize("temperature", TEMPERATURES)
 def test_spectral_radiance(wavelength, temperature):
-    """1e-12 in Float64, of value and derivative; exactly 0 where Float64 underflows (30 K at 0.1 um: 1.7e-2070)."""
+    """1e-12 in Float64, of value and derivative; exactly 0 where Float64 underflows (30 K at 0.1
+    um: 1.7e-2070).
+    """
     with mpmath.workdps(30):
         exact = planck(wavelength, temperature)
         slope = mpmath.diff(lambda T: planck(wavelength, T), temperature)
     for Type, bound, smallest in ((Float64, 1e-12, 1e-290), (Float, 2e-7, 1e-37)):
-        value, derivative = with_derivative(lambda T: blackbody.spectral_radiance(wavelength, T), Type, temperature)
+        value, derivative = with_derivative(
+            lambda T: blackbody.spectral_radiance(wavelength, T), Type, temperature
+        )
         assert value == pytest.approx(float(exact), rel=bound, abs=smallest)
         assert derivative == pytest.approx(float(slope), rel=bound, abs=smallest)
 
@@ -61,24 +69,37 @@ def test_spectral_radiance(wavelength, temperature):
 @pytest.mark.parametrize("name", BANDS)
 @pytest.mark.parametrize("temperature", TEMPERATURES)
 def test_in_band_radiance_and_its_inverse(name, temperature):
-    """Value and inverse: 1e-11, of one value and of an image's worth; the derivative: 1e-6 against a difference of the exact value."""
+    """Value and inverse: 1e-11, of one value and of an image's worth; the derivative: 1e-6 against
+    a difference of the exact value.
+    """
     limits = band(name)
     with mpmath.workdps(60):
         exact = in_band(limits, mpmath.mpf(temperature))
         step = mpmath.mpf(temperature) / 10**6
-        slope = (in_band(limits, temperature + step) - in_band(limits, temperature - step)) / (2 * step)
-    value, derivative = with_derivative(lambda T: blackbody.in_band_radiance(limits, T), Float64, temperature)
+        slope = (in_band(limits, temperature + step) - in_band(limits, temperature - step)) / (
+            2 * step
+        )
+    value, derivative = with_derivative(
+        lambda T: blackbody.in_band_radiance(limits, T), Float64, temperature
+    )
     assert value == pytest.approx(float(exact), rel=1e-11, abs=1e-290)
     assert derivative == pytest.approx(float(slope), rel=1e-6, abs=1e-290)
-    value32, derivative32 = with_derivative(lambda T: blackbody.in_band_radiance(limits, T), Float, temperature)
-    assert value32 == pytest.approx(float(exact), rel=1e-6, abs=1e-37) and derivative32 == pytest.approx(float(slope), rel=1e-6, abs=1e-37)
+    value32, derivative32 = with_derivative(
+        lambda T: blackbody.in_band_radiance(limits, T), Float, temperature
+    )
+    assert value32 == pytest.approx(
+        float(exact), rel=1e-6, abs=1e-37
+    ) and derivative32 == pytest.approx(float(slope), rel=1e-6, abs=1e-37)
     if value > 1e-290:
-        assert blackbody.brightness_temperature(limits, value) == pytest.approx(temperature, rel=1e-11)
+        assert blackbody.brightness_temperature(limits, value) == pytest.approx(
+            temperature, rel=1e-11
+        )
         image = blackbody.brightness_temperature(limits, value * np.linspace(1, 1.01, 5000))
         assert image[0] == pytest.approx(temperature, rel=1e-10) and np.all(np.diff(image) > 0)
 
 
-# The coldest temperature, in K, whose radiance Float32 tells from 0: an image shows 0 K for all that is colder.
+# The coldest temperature, in K, whose radiance Float32 tells from 0: an image shows 0 K for all
+# that is colder.
 COLDEST = {"SWIR": 49.5, "MWIR": 30.3, "LWIR": 13.2}
 
 

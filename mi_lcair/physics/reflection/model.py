@@ -1,11 +1,12 @@
-"""What a reflection model is: the interface between one model's equations and everything that renders, plans or fits.
+"""What a reflection model is: the interface between one model's equations and everything that
+renders, plans or fits.
 
-A model is one object, an instance of a subclass of `ReflectionModel`. Its functions take a `Surface`: the parameters of
-one surface, or of many at once, with whatever the model derives from them. They accept Dr.Jit arrays of any float type and
-keep derivatives; none needs Mitsuba.
+A model is one object, an instance of a subclass of `ReflectionModel`. Its functions take a
+`Surface`: the parameters of one surface, or of many at once, with whatever the model derives from
+them. They accept Dr.Jit arrays of any float type and keep derivatives; none needs Mitsuba.
 
-Directions are unit 3-vectors in the surface's frame, z along its normal. `i` points to the source and `r` to the observer.
-A model need not be reciprocal, so the order matters.
+Directions are unit 3-vectors in the surface's frame, z along its normal. `i` points to the source
+and `r` to the observer. A model need not be reciprocal, so the order matters.
 """
 
 from abc import ABC, abstractmethod
@@ -22,9 +23,10 @@ from mi_lcair.errors import InputError
 class Parameter:
     """One parameter of a model.
 
-    name: as in scene files, materials and reports; symbol: in TeX, for plots; meaning: one line; unit: "1" if it has none.
-    lower, upper: bounds of a fit, in the parameter's unit. precision: half the width of its 95 % interval, relative to its
-    value, up to which a fit calls it determined; absolute_precision: or this half width in its own unit.
+    name: as in scene files, materials and reports; symbol: in TeX, for plots; meaning: one line;
+    unit: "1" if it has none. lower, upper: bounds of a fit, in the parameter's unit. precision:
+    half the width of its 95 % interval, relative to its value, up to which a fit calls it
+    determined; absolute_precision: or this half width in its own unit.
     """
 
     name: str
@@ -39,7 +41,9 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Restriction:
-    """A simpler case of a model, in which one coordinate of its cube is held: its name, the coordinate, the value."""
+    """A simpler case of a model, in which one coordinate of its cube is held: its name, the
+    coordinate, the value.
+    """
 
     name: str
     coordinate: int
@@ -48,7 +52,9 @@ class Restriction:
 
 @dataclass(frozen=True)
 class Rung:
-    """A simpler reflection that may stand for a surface: "mirror" or "diffuse"; exact: it is the same, not an estimate."""
+    """A simpler reflection that may stand for a surface: "mirror" or "diffuse"; exact: it is the
+    same, not an estimate.
+    """
 
     lobe: str
     exact: bool
@@ -56,17 +62,23 @@ class Rung:
 
 @dataclass
 class Surface:
-    """Parameters of a surface and what a model derives from them once; Dr.Jit floats of one type, or plain attributes.
+    """Parameters of a surface and what a model derives from them once; Dr.Jit floats of one type,
+    or plain attributes.
 
-    A model subclasses it as a dataclass. Fields annotated `str` or `bool` are carried along unchanged.
+    A model subclasses it as a dataclass. Fields annotated `str` or `bool` are carried along
+    unchanged.
     """
 
     def cast(self, Float) -> "Surface":
-        """The same surface in another float type; the derived numbers keep the digits of the wider one."""
+        """The same surface in another float type; the derived numbers keep the digits of the wider
+        one.
+        """
         return self._map(Float)
 
     def repeat(self, count: int) -> "Surface":
-        """Each of many surfaces `count` times in a row; a single surface (width 1) fits any number of lanes as it is."""
+        """Each of many surfaces `count` times in a row; a single surface (width 1) fits any number
+        of lanes as it is.
+        """
         return self._map(lambda x: dr.repeat(x, count) if dr.width(x) > 1 else x)
 
     def _map(self, function) -> "Surface":
@@ -82,9 +94,9 @@ class Surface:
 class ReflectionModel(ABC):
     """A reflection model: all that scene loading, rendering, planning and fitting may know of it.
 
-    name: in scene files and materials; title: in words; parameters: in the order in which functions take them; forms:
-    variants of the equations, the default first; reciprocal: whether f(i, r) = f(r, i); restrictions: simpler cases that a
-    fit may choose.
+    name: in scene files and materials; title: in words; parameters: in the order in which functions
+    take them; forms: variants of the equations, the default first; reciprocal: whether f(i, r) =
+    f(r, i); restrictions: simpler cases that a fit may choose.
     """
 
     name: str
@@ -107,7 +119,9 @@ class ReflectionModel(ABC):
 
     @abstractmethod
     def check_feasible(self, *values: float, form: str) -> None:
-        """Raise InputError, naming parameter, value and bound, for numbers that no surface can have."""
+        """Raise InputError, naming parameter, value and bound, for numbers that no surface can
+        have.
+        """
 
     def check_form(self, form: str) -> None:
         """Raise InputError for a form that the model does not have."""
@@ -124,33 +138,47 @@ class ReflectionModel(ABC):
 
     @abstractmethod
     def HDR(self, S, theta_r):
-        """Hemispherical-directional reflectance at theta_r [rad], int f_r cos(theta_i) domega_i, in Float64."""
+        """Hemispherical-directional reflectance at theta_r [rad], int f_r cos(theta_i) domega_i, in
+        Float64.
+        """
 
     @abstractmethod
     def DHR(self, S, theta_i):
-        """Directional-hemispherical reflectance at theta_i [rad], int f_r cos(theta_r) domega_r, in Float64."""
+        """Directional-hemispherical reflectance at theta_i [rad], int f_r cos(theta_r) domega_r, in
+        Float64.
+        """
 
     @abstractmethod
     def floor_HDR(self, S, cos, sin2):
-        """The part of HDR that comes from the diffuse floor, in closed form, from cos(theta_r) and its squared sine."""
+        """The part of HDR that comes from the diffuse floor, in closed form, from cos(theta_r) and
+        its squared sine.
+        """
 
     @abstractmethod
     def lobe_HDR(self, S, theta_r):
-        """The rest of HDR, divided by `lobe_scale`: finite and smooth from 0 to 90 degrees. Float64; it is tabulated."""
+        """The rest of HDR, divided by `lobe_scale`: finite and smooth from 0 to 90 degrees.
+        Float64; it is tabulated.
+        """
 
     def lobe_scale(self, S, cos, sin2):
-        """A closed form that carries what of the lobe's HDR varies too fast for a table over sqrt(cos theta_r)."""
+        """A closed form that carries what of the lobe's HDR varies too fast for a table over
+        sqrt(cos theta_r).
+        """
         return type(cos)(1)
 
     def emissivity(self, S, cos, sin2):
-        """The model's own directional emissivity; None where it has none but 1 - HDR (Kirchhoff's law)."""
-        return None
+        """The model's own directional emissivity; None where it has none but 1 - HDR (Kirchhoff's
+        law).
+        """
+        return
 
     # ------------------------------------------------------------------ Drawing directions
 
     @abstractmethod
     def sample_lobe(self, S, r, u1, u2):
-        """A direction i to the source drawn from the lobe, seen from r; it may lie below the surface. u1, u2 in 0..1."""
+        """A direction i to the source drawn from the lobe, seen from r; it may lie below the
+        surface. u1, u2 in 0..1.
+        """
 
     @abstractmethod
     def lobe_pdf(self, S, i, r):
@@ -158,12 +186,16 @@ class ReflectionModel(ABC):
 
     @abstractmethod
     def lobe_width(self, S):
-        """Width of the lobe: the tangent of the half-vector's angle at which it has fallen to a quarter."""
+        """Width of the lobe: the tangent of the half-vector's angle at which it has fallen to a
+        quarter.
+        """
 
     # ------------------------------------------------------------------ Planning and remarks
 
     def lower_rung(self, *values: float, form: str) -> Rung | None:
-        """What may stand for a surface with these parameters in a cheaper render; None where nothing may."""
+        """What may stand for a surface with these parameters in a cheaper render; None where
+        nothing may.
+        """
         return None
 
     def remarks(self, *values: float, form: str) -> list[str]:
@@ -174,9 +206,11 @@ class ReflectionModel(ABC):
 
     @abstractmethod
     def from_cube(self, u) -> tuple:
-        """Parameters from coordinates in the unit cube (Dr.Jit arrays, one per parameter), differentiable.
+        """Parameters from coordinates in the unit cube (Dr.Jit arrays, one per parameter),
+        differentiable.
 
-        Every point of the cube is feasible, and each bound of the feasible set is a face of the cube.
+        Every point of the cube is feasible, and each bound of the feasible set is a face of the
+        cube.
         """
 
     @abstractmethod

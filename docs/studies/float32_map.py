@@ -1,0 +1,133 @@
+"""Float32 against Float64 over the whole parameter box, as a picture: python -m
+docs.studies.float32_map [FILE.png]
+
+The plugin computes in Float32; the exact answer is Float64 at the identical Float32 vectors and
+parameters.
+"""
+
+import sys
+from pathlib import Path
+
+import mitsuba as mi
+import numpy as np
+from drjit.llvm.ad import Array3f64, Float64
+
+import mi_lcair  # noqa: F401  before Dr.Jit: it chooses the LLVM
+from mi_lcair.physics.reflection import sandford_robertson as sr
+from tests.physics.reflection.surfaces import direction, surface
+from tests.plugins.reflection_models import exact_HDR, interaction, uniform
+from tests.plugins.test_precision import theta_of
+
+NAMES = ("epsilon", "rho_d", "b", "e")
+E = np.geomspace(1e-5, 1, 26)
+B = np.array([0, 1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.2, 0.4, 0.6, 0.8, 0.95, 1])
+SHARES = ((0.0, 0.0), (0.5, 0.2), (0.5, 0.5), (0.0, 1.0))  # of epsilon and rho_d in G(b)
+FROM_HORIZON_DEG = np.array([90, 60, 30, 10, 5, 2, 1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 1e-3, 1e-4])
+PER_ANGLE = 200
+PICTURE = Path(__file__).parents[2] / "docs" / "stability" / "float32.png"
+
+
+def load(parameters, form="thesis"):
+    return mi.load_dict(
+        {"type": "sandford_robertson", "form": form, **dict(zip(NAMES, map(float, parameters)))}
+    )
+
+
+def errors(parameters, from_horizon_deg=FROM_HORIZON_DEG, form="thesis", per_angle=PER_ANGLE):
+    """Worst errors of one surface, by viewing angle: of the BRDF's value and of a sample's weight
+    (relative), of HDR (absolute).
+
+    The value is compared at the directions that the plugin draws: seven in eight from the lobe,
+    where it has one.
+    """
+    bsdf, count = load(parameters, form), per_angle * len(from_horizon_deg)
+    S = surface(*(getattr(bsdf, name)[0] for name in NAMES), form)
+    r = direction(np.radians(90 - np.repeat(from_horizon_deg, per_angle)), Vector=mi.Vector3f)
+    bs, weight = bsdf.sample(
+        mi.BSDFContext(), interaction(r), *uniform(count, 1), mi.Point2f(*uniform(count, 2, seed=3))
+    )
+    value = bsdf.eval(mi.BSDFContext(), interaction(r), bs.wo)[0]
+    HDR = bsdf.HDR(r)
+    i, r = (np.array(vector, dtype=float) for vector in (bs.wo, r))
+    used = (i[2] > 0) & (weight[0].numpy() > 0)
+    raw = exact_HDR(bsdf, theta_of(r))
+    exact = sr.f(S, Array3f64(i), Array3f64(r)).numpy() * i[2] / np.maximum(raw, 1)
+    lobe, floor = (
+        part.numpy().astype(float)
+        for part in (bsdf.lobe_probability(mi.Vector3f(r)), mi.Float(i[2] / np.pi))
+    )
+    density = lobe * sr.lobe_pdf(Array3f64(i), Array3f64(r), S.e).numpy() + (1 - lobe) * floor
+    relative = lambda found, exact: (
+        np.abs(found.numpy() - exact) / np.maximum(np.abs(exact), 1e-30) * used
+    )
+    by_angle = lambda error: error.reshape(-1, per_angle).max(axis=1)
+    return (
+        by_angle(relative(value, exact)),
+        by_angle(relative(weight[0], exact / np.where(used, density, 1))),
+        by_angle(np.abs(HDR.numpy() - np.minimum(raw, 1))),
+    )
+
+
+def feasible(share_epsilon, share_rho_d, b, e):
+    """epsilon, rho_d, b, e from shares of the bound G(b), which Float32 must not push beyond it."""
+    G = sr.G(Float64(b))[0] * (1 - 1e-7)
+    return share_epsilon * G, share_rho_d * G, b, e
+
+
+def study():
+    """Worst errors over the rest of the box: value (e, b) to 89.9 degrees; value, weight and HDR
+    (e, angle).
+    """
+    by_b, by_angle = np.zeros((len(B), len(E))), np.zeros((3, len(FROM_HORIZON_DEG), len(E)))
+    for column, e in enumerate(E):
+        for row, b in enumerate(B):
+            for shares in SHARES:
+                value, weight, HDR = errors(feasible(*shares, b, e))
+                by_b[row, column] = max(by_b[row, column], value[FROM_HORIZON_DEG >= 0.1].max())
+                by_angle[:, :, column] = np.maximum(by_angle[:, :, column], [value, weight, HDR])
+    return by_b, *by_angle
+
+
+def draw(path, by_b, value, weight, HDR):
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12, 8), layout="constrained")
+    axes = figure.subplots(2, 2)
+    panels = [
+        ("BRDF value, relative, to 89.9 degrees", by_b, B, "b"),
+        ("BRDF value, relative", value, FROM_HORIZON_DEG, "view"),
+        ("weight of a sample, relative", weight, FROM_HORIZON_DEG, "view"),
+        ("HDR and emissivity, absolute", HDR, FROM_HORIZON_DEG, "view"),
+    ]
+    for axis, (title, error, labels, what) in zip(axes.flat, panels):
+        image = axis.imshow(
+            np.log10(np.maximum(error, 1e-8)),
+            origin="lower",
+            aspect="auto",
+            vmin=-7,
+            vmax=-1,
+            cmap="viridis",
+        )
+        axis.set_title(f"{title}: worst {error.max():.0e}")
+        axis.set_yticks(
+            range(len(labels)),
+            [f"{label:g}" if what == "b" else f"{90 - label:.8g}" for label in labels],
+        )
+        axis.set_ylabel("grazing-angle parameter b" if what == "b" else "angle of view [deg]")
+        axis.set_xticks(range(0, len(E), 5), [f"1e{round(np.log10(e))}" for e in E[::5]])
+        axis.set_xlabel("lobe width e")
+    bar = figure.colorbar(image, ax=axes, ticks=range(-7, 0), shrink=0.8)
+    bar.ax.set_yticklabels([f"1e{k}" for k in range(-7, 0)])
+    bar.set_label("worst error over the rest of the parameter box and all source directions")
+    figure.suptitle("sandford_robertson in Float32 against Float64, thesis form")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=100)
+
+
+if __name__ == "__main__":
+    worst = study()
+    draw(Path(sys.argv[1]) if len(sys.argv) > 1 else PICTURE, *worst)
+    print(
+        "worst: value to 89.9 degrees, value, weight, HDR:",
+        *(f"{error.max():.1e}" for error in worst),
+    )

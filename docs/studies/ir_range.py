@@ -1,0 +1,274 @@
+"""The page docs/ir_range.md: the cylinder in its infrared range, the thesis's section 4.2 rendered
+again and measured.
+
+    python -m docs.studies.ir_range [PAGE]
+
+PAGE (default docs/ir_range.md) is written, with its pictures in a folder of its name beside it. The
+text is ir_range.template.md, whose {fields} are filled in; every number on the page is computed
+here. Takes a few minutes.
+"""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import mitsuba as mi
+import numpy as np
+from tqdm import tqdm
+
+import mi_lcair
+from mi_lcair.drawing import drawing
+from mi_lcair.files import replacing
+from mi_lcair.physics.bands import band as band_of
+from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.rendering.facet_table import FacetTable
+from mi_lcair.reports.facet_picture import pixel_rays
+
+BOUNCES, RESOLUTION, SPP, FACET_SPP = 10, 192, 128, 512
+CASES = [
+    ("bare_aluminum", "LWIR"),
+    ("bare_aluminum", "MWIR"),
+    ("gloss_black", "LWIR"),
+    ("gloss_black", "MWIR"),
+]
+LEFT = 0.005  # a sum over bounces has converged where less than this is left
+UNIT = r"W m$^{-2}$ sr$^{-1}$"
+
+
+@dataclass(frozen=True)
+class Case:
+    """One finish in one band: radiance by bounce count with each lobe, (bounces + 1, H, W), and
+    where the pixels look.
+
+    target: on the model. met: on the model, and the mirror ray of the pixel's middle meets the
+    model again.
+    """
+
+    finish: str
+    band: str
+    mirror: np.ndarray
+    brdf: np.ndarray
+    target: np.ndarray
+    met: np.ndarray
+
+    def mean(self, lobe: str, bounces: int, where) -> float:
+        """Mean radiance over some pixels, with at most so many reflections."""
+        return float(getattr(self, lobe)[: bounces + 1].sum(axis=0)[where].mean())
+
+    def missed(self, lobe: str, bounces: int, where, reflected=False) -> float:
+        """Share by which a bounce limit falls short of the converged radiance of `brdf`, or of its
+        reflected part.
+        """
+        emitted = self.mean("brdf", 0, where) if reflected else 0.0
+        return 1 - (self.mean(lobe, bounces, where) - emitted) / (
+            self.mean("brdf", BOUNCES, where) - emitted
+        )
+
+
+def case(finish: str, band: str) -> Case:
+    stacks = {}
+    for lobe in ("mirror", "brdf"):
+        scene = load(finish, band, lobe, RESOLUTION)
+        channels = mi_lcair.render(scene, spp=SPP, seed=1).channels
+        stacks[lobe] = np.array(
+            [channels[f"bounce{k:02d}.Y"] for k in range(BOUNCES + 1)], dtype=float
+        )
+    return Case(finish, band, stacks["mirror"], stacks["brdf"], *first_and_second(scene))
+
+
+def load(finish, band, lobe, resolution):
+    return mi_lcair.load(
+        "cylinder_ir_range",
+        finish=finish,
+        band=band,
+        lobe=lobe,
+        max_bounces=BOUNCES,
+        resolution=resolution,
+    )
+
+
+def first_and_second(scene) -> tuple[np.ndarray, np.ndarray]:
+    """Masks (H, W): the middle of the pixel is on the model; and the mirror ray from there meets
+    the model again.
+    """
+    table = FacetTable(scene)
+    of_model = np.append(table.type == "model", False)
+    ray, shape = pixel_rays(scene.sensor(0))
+
+    def on_model(ray):
+        si = scene.mi.ray_intersect(ray)
+        facet = np.minimum(
+            table.number(si.shape, si.prim_index, si.is_valid()).numpy(), table.count
+        )
+        return si, of_model[facet].reshape(shape)
+
+    si, first = on_model(ray)
+    _, second = on_model(si.spawn_ray(si.to_world(mi.reflect(si.wi))))
+    return first, first & second
+
+
+def save_images(path, one: Case) -> None:
+    """One mirror bounce, two, one integrated bounce, two, and the converged radiance, on one colour
+    scale.
+    """
+    panels = [
+        ("one mirror bounce", one.mirror, 1),
+        ("two mirror bounces", one.mirror, 2),
+        ("one integrated bounce", one.brdf, 1),
+        ("two integrated bounces", one.brdf, 2),
+        (f"{BOUNCES} integrated bounces", one.brdf, BOUNCES),
+    ]
+    images = [(title, stack[: bounces + 1].sum(axis=0)) for title, stack, bounces in panels]
+    low, high = min(image.min() for _, image in images), np.percentile(images[-1][1], 99.8)
+    with drawing(path, (15, 3.6), layout="constrained") as figure:
+        axes = figure.subplots(1, len(images), sharey=True)
+        for panel, (title, image) in zip(axes, images):
+            picture = panel.imshow(image, vmin=low, vmax=high, cmap="inferno")
+            panel.set_title(title, fontsize=10)
+            panel.set_xlabel("column (pixel)", fontsize=8)
+            panel.tick_params(labelsize=8)
+        axes[0].set_ylabel("row (pixel)", fontsize=8)
+        figure.colorbar(picture, ax=axes, extend="max", pad=0.01).set_label(
+            f"radiance ({UNIT})", fontsize=9
+        )
+        figure.suptitle(f"{one.finish.replace('_', ' ')}, {band_of(one.band).label}", fontsize=11)
+
+
+def wing_root(lobe: str) -> tuple[int, np.ndarray, float]:
+    """The facet in plain sight whose radiance owes most to two reflections and more, bare
+    aluminium, LWIR.
+
+    Returns its number, its radiance with up to 0, 1, ... reflections, and the standard error of the
+    last.
+    """
+    found = mi_lcair.signature(
+        load("bare_aluminum", "LWIR", "brdf", 256), spp=FACET_SPP, seed=2, facets=True
+    ).facets.columns
+    late = (
+        sum(found[f"bounce{k:02d}_W_m2_sr"] for k in range(2, BOUNCES + 1))
+        / found["radiance_W_m2_sr"]
+    )
+    facet = int(np.nanargmax(np.where((found["visible_fraction"] > 0.9), late, 0)))
+    if lobe != "brdf":
+        found = mi_lcair.signature(
+            load("bare_aluminum", "LWIR", lobe, 256), spp=FACET_SPP, seed=2, facets=True
+        ).facets.columns
+    by_bounce = [found["emitted_W_m2_sr"][facet]] + [
+        found[f"bounce{k:02d}_W_m2_sr"][facet] for k in range(1, BOUNCES + 1)
+    ]
+    relative = found["standard_error_W_sr"][facet] / found["intensity_W_sr"][facet]
+    return facet, np.cumsum(by_bounce), float(relative * np.sum(by_bounce))
+
+
+def save_convergence(path, facet: int, brdf: np.ndarray, mirror: np.ndarray) -> None:
+    """Radiance of the wing-root facet against the number of bounces."""
+    with drawing(path, (11, 4), layout="constrained") as figure:
+        left, right = figure.subplots(1, 2)
+        n = np.arange(BOUNCES + 1)
+        for name, values in (("integrated over the lobe", brdf), ("mirror", mirror)):
+            left.plot(n, values, marker="o", label=name)
+            rest = 1 - values / values[-1]
+            right.semilogy(n[rest > 1e-7], rest[rest > 1e-7], marker="o", label=name)
+        left.set_ylabel(f"radiance ({UNIT})")
+        right.set_ylabel(f"share still missing, against N = {BOUNCES}")
+        right.axhline(LEFT, color="0.5", linewidth=1, linestyle="--", label=f"{LEFT:.1%}")
+        for panel in (left, right):
+            panel.set_xlabel("reflections N")
+            panel.set_xticks(n)
+            panel.legend(frameon=False)
+        figure.suptitle(
+            f"facet {facet} at the wing root, bare aluminium, {band_of('LWIR').label}", fontsize=11
+        )
+
+
+def converged(values: np.ndarray) -> int:
+    """The smallest number of reflections after which less than LEFT of the last value is missing."""
+    return int(np.argmax(values / values[-1] > 1 - LEFT))
+
+
+def fields(
+    cases: dict, facet: int, brdf: np.ndarray, mirror: np.ndarray, error: float
+) -> dict[str, str]:
+    """Every number on the page, as text."""
+    percent = lambda value: f"{100 * value:.1f} %"
+    found = {
+        "facet": str(facet),
+        "spp": str(SPP),
+        "resolution": str(RESOLUTION),
+        "bounces": str(BOUNCES),
+        "converged": str(converged(brdf)),
+        "converged_mirror": str(converged(mirror)),
+        "facet_error": f"{error:.2g}",
+        "facet_rows": "\n".join(
+            f"| {k} | {a:.3f} | {percent(1 - a / brdf[-1])} | {b:.3f} | {percent(1 - b / mirror[-1])} |"
+            for k, (a, b) in enumerate(zip(brdf, mirror))
+        ),
+    }
+    for T in (260, 300):
+        found[f"blackbody_{T}"] = f"{in_band_radiance(band_of('MWIR'), T):.3f}"
+    rows = []
+    for (finish, band), one in cases.items():
+        key = f"{finish}_{band}"
+        beside = one.target & ~one.met
+        found |= {
+            f"{key}_missed": percent(one.missed("mirror", 1, one.met)),
+            f"{key}_missed_reflected": percent(one.missed("mirror", 1, one.met, reflected=True)),
+            f"{key}_missed_second": percent(one.missed("mirror", 2, one.met)),
+            f"{key}_missed_integrated": percent(one.missed("brdf", 1, one.met)),
+            f"{key}_missed_integrated_second": percent(one.missed("brdf", 2, one.met)),
+            f"{key}_missed_target": percent(one.missed("mirror", 1, one.target)),
+            f"{key}_missed_elsewhere": percent(one.missed("mirror", 1, beside)),
+            f"{key}_met": percent(one.met.sum() / one.target.sum()),
+            f"{key}_emitted": f"{one.mean('brdf', 0, one.target):.3f}",
+            f"{key}_reflected": f"{one.mean('brdf', BOUNCES, one.target) - one.mean('brdf', 0, one.target):.3f}",
+            f"{key}_emitted_share": percent(
+                one.mean("brdf", 0, one.target) / one.mean("brdf", BOUNCES, one.target)
+            ),
+            f"{key}_third": percent(
+                one.mirror[3:].sum(axis=0)[one.target].mean()
+                / one.mean("mirror", BOUNCES, one.target)
+            ),
+            f"{key}_contrast_one": percent(
+                one.mean("mirror", 1, one.met) / one.mean("mirror", 1, beside) - 1
+            ),
+            f"{key}_contrast_two": percent(
+                one.mean("mirror", 2, one.met) / one.mean("mirror", 2, beside) - 1
+            ),
+        }
+        worst = np.abs(1 - one.mirror[:2].sum(axis=0) / one.brdf.sum(axis=0))[one.target]
+        found[f"{key}_within"] = percent(np.mean(worst < 0.1))
+        rows.append(
+            f"| {finish.replace('_', ' ')} | {band} | "
+            + " | ".join(
+                percent(one.missed(lobe, n, where))
+                for where in (one.target, one.met)
+                for lobe, n in (("mirror", 1), ("mirror", 2), ("brdf", 1), ("brdf", 2))
+            )
+            + " |"
+        )
+    return found | {"rows": "\n".join(rows)}
+
+
+def main(page: Path) -> None:
+    folder = page.with_suffix("")
+    folder.mkdir(parents=True, exist_ok=True)
+    steps = tqdm(total=len(CASES) + 2, disable=None, leave=False)
+    cases = {}
+    for key in CASES:
+        cases[key] = case(*key)
+        save_images(folder / f"{key[0]}_{key[1]}.png", cases[key])
+        steps.update()
+    facet, brdf, error = wing_root("brdf")
+    steps.update()
+    _, mirror, _ = wing_root("mirror")
+    steps.close()
+    save_convergence(folder / "wing_root.png", facet, brdf, mirror)
+    template = Path(__file__).with_name("ir_range.template.md").read_text(encoding="utf-8")
+    with replacing(page) as partial:
+        partial.write_text(
+            template.format(**fields(cases, facet, brdf, mirror, error)), encoding="utf-8"
+        )
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/ir_range.md"))

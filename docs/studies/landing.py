@@ -1,0 +1,376 @@
+"""The page docs/landing.md: the airliner on its approach, the thesis's section 4.3 computed again
+beside its own values.
+
+    python -m docs.studies.landing [PAGE]
+
+PAGE (default docs/landing.md) is written, with its pictures in a folder of its name beside it. The
+text is landing.template.md, whose {fields} are filled in; every number on the page but the thesis's
+is computed here. Takes about a quarter of an hour on two cores.
+"""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+import mi_lcair
+from mi_lcair.detection.contrast import Contrast, backdrop
+from mi_lcair.detection.irradiance import Estimate, Irradiance
+from mi_lcair.detection.scenario import Scenario
+from mi_lcair.drawing import drawing
+from mi_lcair.files import replacing
+from mi_lcair.physics.atmosphere import atmosphere
+from mi_lcair.physics.spectrum import spectrum
+from mi_lcair.reports import contrast_plot
+
+BOUNCES, SPP, IMAGE_SPP, VARIED_SPP = (1, 2, 3, 4, 10), 256, 128, 64
+CASES = [(position, band) for position in (1, 2, 3) for band in ("MWIR", "LWIR")]
+# (position, band, N): Tables 4.1-4.3, irradiance of target, background, path and in total, W/m^2
+THESIS = {
+    **dict.fromkeys([(1, "MWIR", n) for n in (1, 2, 3, 10)], (3.03e-3, 5.64e-7, 3.23e-7, 3.03e-3)),
+    (1, "LWIR", 10): (3.61e-3, 6.55e-5, 2.23e-5, 3.56e-3),
+    (2, "MWIR", 10): (7.13e-3, 5.08e-6, 2.19e-6, 7.12e-3),
+    (2, "LWIR", 10): (4.18e-2, 5.90e-4, 1.09e-4, 4.13e-2),
+    (3, "MWIR", 10): (5.73e-4, 7.09e-7, 4.03e-7, 5.72e-4),
+    (3, "LWIR", 1): (4.89e-3, 8.25e-5, 2.77e-5, 4.83e-3),
+    (3, "LWIR", 2): (5.27e-3, 8.25e-5, 2.77e-5, 5.22e-3),
+    (3, "LWIR", 3): (5.38e-3, 8.25e-5, 2.77e-5, 5.33e-3),
+    **dict.fromkeys([(3, "LWIR", n) for n in (4, 10)], (5.43e-3, 8.25e-5, 2.77e-5, 5.38e-3)),
+}
+THESIS_RANGE = {1: 1119.0, 2: 509.0, 3: 1128.05}  # m; the third from its positions (3.8.3)
+THESIS_NEI = 5e-5  # W/m^2, thesis 4.3.5
+SIZE_FACTOR = 1.44  # of the exhausts' areas: radii larger by a fifth
+
+
+def scenario(position: int, band: str, **changes) -> Scenario:
+    return Scenario.read(
+        f"a340_landing/position_{position}",
+        **{"sensor.band": band, "render.spp": SPP, "render.max_bounces": list(BOUNCES), **changes},
+    )
+
+
+# What the answer owes to its assumptions
+
+
+def from_areas(one: Contrast, change) -> float:
+    """The total contrast with as many reflections as all, where `change` alters (effective areas,
+    air, backdrop) and nothing is rendered.
+    """
+    seen = one.rows[-1].irradiance
+    areas, air, behind = change(seen.areas, one.air, backdrop(one.scenario, one.detector))
+    return (
+        Irradiance(areas, 0.0, one.detector.band, air, behind)
+        .at(air.path(one.path.range_m))["total"]
+        .value
+    )
+
+
+def heated(group: str, kelvin: float):
+    """Other temperatures of a group."""
+
+    def change(areas, air, behind):
+        sources = [
+            replace(source, temperature=source.temperature + kelvin)
+            if source.group == group
+            else source
+            for source in areas.sources
+        ]
+        return replace(areas, sources=sources), air, behind
+
+    return change
+
+
+def larger_exhausts(areas, air, behind):
+    factor = np.array(
+        [SIZE_FACTOR if source.group in ("hot_parts", "plume") else 1.0 for source in areas.sources]
+    )
+    return replace(areas, area=areas.area * factor), air, behind
+
+
+def under(sky: str):
+    """Another sky, reflected; what lies behind the target stays."""
+
+    def change(areas, air, behind):
+        def above(source):
+            return (
+                source
+                if source.spectrum is None
+                else replace(source, spectrum=spectrum(sky, float(source.name.split()[1])))
+            )
+
+        return replace(areas, sources=[above(source) for source in areas.sources]), air, behind
+
+    return change
+
+
+def through(name: str):
+    return lambda areas, air, behind: (areas, atmosphere(name), behind)
+
+
+# what is assumed -> what is assumed instead: a change of effective areas, air and backdrop, or of
+# the scenario
+VARIATIONS = {
+    "skin 310 K instead of 300 K": heated("self", 10.0),
+    "exhaust plumes 550 K instead of 500 K": heated("plume", 50.0),
+    "turbines 850 K instead of 800 K": heated("hot_parts", 50.0),
+    "radii of the exhausts a fifth larger": larger_exhausts,
+    "terrain 292.5 K instead of 302.5 K": heated("terrain", -10.0),
+    "clear sky reflected, stratus behind": under("midlat_summer_clear"),
+    "clear sky behind, stratus reflected": {"background.sky": "midlat_summer_clear"},
+    "air of us_standard": through("us_standard"),
+    "no air at all": through("vacuum"),
+    "gloss black paint instead of bare aluminium": {"target.parameters.finish": "gloss_black"},
+    "all reflection diffuse": {"render.lobe": "diffuse"},
+    "all reflection in the mirror direction": {"render.lobe": "mirror"},
+    "nose 5 degrees lower": {"pose.pitch_deg": 5},
+}
+
+
+def varied(position: int, band: str, base: Contrast, progress) -> dict[str, float]:
+    """By variation: its total contrast over that of the scenario, less 1."""
+    few = {"render.spp": VARIED_SPP, "render.max_bounces": 4}
+    reference = mi_lcair.contrast(scenario(position, band, **few)).rows[-1].total.value
+    found = {}
+    for name, change in VARIATIONS.items():
+        if callable(change):
+            found[name] = from_areas(base, change) / base.rows[-1].total.value - 1
+        else:
+            found[name] = (
+                mi_lcair.contrast(scenario(position, band, **few, **change)).rows[-1].total.value
+                / reference
+                - 1
+            )
+        progress()
+    return found
+
+
+def save_variations(path, changes: dict) -> None:
+    """Bars of each variation for each case; changes: case -> {variation: relative change}."""
+    names = list(VARIATIONS)
+    with drawing(path, (13, 9), layout="constrained") as figure:
+        panels = figure.subplots(2, 3, sharey=True).T.ravel()
+        for panel, ((position, band), found) in zip(panels, changes.items()):
+            values = 100 * np.array([found[name] for name in names])
+            panel.barh(names, values, color=np.where(values < 0, "C0", "C3"))
+            panel.bar_label(
+                panel.containers[0], [signed(value) for value in values], fontsize=8, padding=2
+            )
+            panel.set_title(f"position {position}, {band}", fontsize=10)
+            panel.set_xlabel("change of the contrast (%)", fontsize=9)
+            panel.axvline(0, color="black", linewidth=0.8)
+            panel.margins(x=0.25)
+            panel.tick_params(labelsize=8)
+        panels[0].invert_yaxis()
+        figure.suptitle("What moves the contrast of the landing airliner", fontsize=12)
+
+
+# Pictures
+
+
+def save_images(path, position: int, band: str) -> None:
+    """The model alone and before its background (Figures 4.14, 4.18-4.22): radiance at the target,
+    one colour scale.
+    """
+    both = radiance(position, band, BOUNCES[-1])
+    show(
+        path,
+        [("without background", alone(both)), ("with background", both["Y"])],
+        f"position {position}, {band}",
+    )
+
+
+def save_bounces(path) -> None:
+    """Position 3 in LWIR with one reflection and with ten (Figure 4.23)."""
+    images = []
+    for bounces in (1, BOUNCES[-1]):
+        images.append(
+            (
+                f"up to {bounces} reflection{'s' * (bounces > 1)}",
+                alone(radiance(3, "LWIR", bounces)),
+            )
+        )
+    show(path, images, "position 3, LWIR")
+
+
+def radiance(position: int, band: str, bounces: int) -> dict:
+    scene = mi_lcair.load(
+        "a340_landing", position=position, band=band, max_bounces=bounces, resolution=384
+    )
+    return mi_lcair.render(scene, spp=IMAGE_SPP, seed=1, split="target").channels
+
+
+def alone(channels: dict) -> np.ndarray:
+    """Radiance of the pixels that show nothing but the model, NaN elsewhere."""
+    return np.where(channels["target.Y"] > 0.999 * channels["Y"], channels["Y"], np.nan)
+
+
+def show(path, images, title: str) -> None:
+    """Pictures beside each other, cut to the model; colours between the 2nd and the 95th percentile
+    of the first, beyond them as there.
+    """
+    rows, columns = (np.flatnonzero(np.isfinite(images[0][1]).any(axis=axis)) for axis in (1, 0))
+    cut = np.s_[max(rows[0] - 12, 0) : rows[-1] + 12, max(columns[0] - 12, 0) : columns[-1] + 12]
+    low, high = np.nanpercentile(images[0][1][cut], (2, 95))
+    height, width = images[0][1][cut].shape
+    with drawing(path, (12, 1.1 + 5.4 * height / width), layout="constrained") as figure:
+        panels = figure.subplots(1, 2, sharey=True)
+        for panel, (name, values) in zip(panels, images):
+            panel.set_facecolor("0.6")
+            picture = panel.imshow(values[cut], vmin=low, vmax=high, cmap="inferno")
+            panel.set_title(name, fontsize=10)
+            panel.set_xlabel("column (pixel)", fontsize=8)
+            panel.tick_params(labelsize=8)
+        panels[0].set_ylabel("row (pixel)", fontsize=8)
+        figure.colorbar(picture, ax=panels, extend="both", pad=0.01).set_label(
+            r"radiance (W m$^{-2}$ sr$^{-1}$)", fontsize=9
+        )
+        figure.suptitle(title, fontsize=11)
+
+
+# The page
+
+
+def number(value: float, digits: int = 3) -> str:
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    return (
+        f"{mantissa}·10{str(int(exponent)).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))}"
+    )
+
+
+def signed(percent: float) -> str:
+    """Two digits, and no more behind the point than the noise lets stand."""
+    return f"{percent:+.0f}" if abs(percent) >= 10 else f"{percent:+.1f}"
+
+
+def with_error(estimate: Estimate) -> str:
+    return f"{number(estimate.value)} ± {100 * estimate.standard_error / abs(estimate.value):.1g} %"
+
+
+def table(position: int, cases: dict) -> str:
+    """Rows of Tables 4.1-4.3: ours, and the thesis's where it has one."""
+    lines = []
+    for band in ("MWIR", "LWIR"):
+        for row in cases[position, band].rows:
+            thesis = THESIS.get((position, band, row.max_bounces))
+            terms = [
+                with_error(row.target),
+                number(row.background.value),
+                number(row.path.value),
+                with_error(row.total),
+            ]
+            cells = (
+                [f"{own} ({number(value)})" for own, value in zip(terms, thesis)]
+                if thesis
+                else terms
+            )
+            lines.append(
+                f"| {band} | {row.max_bounces} | {row.intensity.value:.0f} ± {row.intensity.standard_error:.0f} | {' | '.join(cells)} | {number(row.nei_max.value)} |"
+            )
+    return "\n".join(lines)
+
+
+def lost_jacobian(one: Contrast) -> float:
+    """By how much the background's in-band radiance falls where its density per wavenumber [W cm^-2
+    sr^-1 / cm^-1] is taken for one per wavelength, but for the square centimetres: the mean of
+    d(wavenumber) / d(wavelength) = 10^4 / wavelength^2 [cm^-1 / um].
+    """
+    seen = one.rows[-1].irradiance
+    return seen.in_band(seen.backdrop) / seen.in_band(seen.backdrop * seen.wavelengths_um**2 / 1e4)
+
+
+def growth(one: Contrast, first: int, last: int, term: str) -> float:
+    """How much a term grows from `first` to `last` reflections, the random numbers being the same."""
+    values = {row.max_bounces: getattr(row, term).value for row in one.rows}
+    return values[last] / values[first] - 1
+
+
+def largest(found: dict[str, float]) -> str:
+    """The three assumptions that move a case most, no air at all left aside: nobody would assume
+    it.
+    """
+    order = sorted(
+        (name for name in found if name != "no air at all"), key=lambda name: -abs(found[name])
+    )
+    return ", ".join(f"{name} ({signed(100 * found[name])} %)" for name in order[:3])
+
+
+def fields(cases: dict, changes: dict) -> dict[str, str]:
+    """Every number on the page, as text."""
+    percent = lambda value: f"{100 * value:.3g} %"
+    last = {key: one.rows[-1] for key, one in cases.items()}
+    weakest = min(last, key=lambda key: abs(last[key].total.value))
+    found = {
+        "spp": str(SPP),
+        "nei_thesis": number(THESIS_NEI, 1),
+        "weakest": "position {}, {}".format(*weakest),
+        "weakest_total": with_error(last[weakest].total),
+        "weakest_nei": number(last[weakest].nei_max.value),
+        "detected_all": "all six"
+        if all(row.nei_max.value >= THESIS_NEI for row in last.values())
+        else ", ".join(
+            "position {}, {}".format(*key)
+            for key, row in last.items()
+            if row.nei_max.value >= THESIS_NEI
+        ),
+    }
+    for position in (1, 2, 3):
+        found[f"table_{position}"] = table(position, cases)
+    for (position, band), one in cases.items():
+        key, row = f"p{position}_{band}", last[position, band]
+        thesis = THESIS[position, band, 10]
+        found |= {
+            f"{key}_transmittance": f"{one.transmittance:.3f}",
+            f"{key}_path": f"{one.path_radiance:.3g}",
+            f"{key}_behind": f"{one.background_radiance:.3g}",
+            f"{key}_area": f"{row.projected_area.value:.1f}",
+            f"{key}_intensity": f"{row.intensity.value:.0f}",
+            f"{key}_thesis_intensity": f"{thesis[0] * THESIS_RANGE[position] ** 2:.0f}",
+            f"{key}_thesis_behind": f"{thesis[1] / row.solid_angle:.2g}",
+            f"{key}_over_thesis": f"{row.background.value / thesis[1]:.0f}",
+            f"{key}_path_over_thesis": f"{row.path.value / thesis[2]:.0f}",
+            f"{key}_jacobian": f"{lost_jacobian(one):.0f}",
+            f"{key}_thesis_mended": number(
+                thesis[0] + lost_jacobian(one) * (thesis[2] - thesis[1])
+            ),
+        }
+        for first, to in ((1, 2), (1, 4), (4, 10)):
+            for term in ("target", "total"):
+                found[f"{key}_{term}_{first}_{to}"] = percent(growth(one, first, to, term))
+    found["bounces"] = str(BOUNCES[-1])
+    found["most_moving"] = "\n".join(
+        f"- position {position}, {band}: {worst}."
+        for (position, band) in cases
+        for worst in [largest(changes[position, band])]
+    )
+    found["assumption_rows"] = "\n".join(
+        f"| {name} | " + " | ".join(f"{signed(100 * changes[key][name])} %" for key in cases) + " |"
+        for name in VARIATIONS
+    )
+    return found
+
+
+def main(page: Path) -> None:
+    folder = page.with_suffix("")
+    folder.mkdir(parents=True, exist_ok=True)
+    steps = tqdm(total=len(CASES) * (2 + len(VARIATIONS)) + 1, disable=None, leave=False)
+    cases, changes = {}, {}
+    for position, band in CASES:
+        cases[position, band] = mi_lcair.contrast(scenario(position, band))
+        steps.update()
+        changes[position, band] = varied(position, band, cases[position, band], steps.update)
+        save_images(folder / f"position_{position}_{band}.png", position, band)
+        steps.update()
+    for band in ("MWIR", "LWIR"):
+        contrast_plot.save_plot(folder / f"spectra_{band}.png", cases[1, band])
+    save_bounces(folder / "bounces.png")
+    save_variations(folder / "assumptions.png", changes)
+    steps.close()
+    template = Path(__file__).with_name("landing.template.md").read_text(encoding="utf-8")
+    with replacing(page) as partial:
+        partial.write_text(template.format(**fields(cases, changes)), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/landing.md"))

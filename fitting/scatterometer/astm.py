@@ -1,0 +1,42 @@
+"""ASTM E1392 and E2387 text files: `KEY value` lines, NUM_POINTS, a VARS line that names the
+columns, comma rows.
+"""
+
+import re
+
+from mi_lcair.fitting.scatterometer.table import Table, lines_of, set_key, shown, split
+
+from mi_lcair.errors import InputError
+
+VARS = re.compile(r"^VARS\b", re.MULTILINE)
+
+
+def is_astm(text: str) -> bool:
+    """Whether a text is in this format: it has a VARS line."""
+    return VARS.search(text) is not None
+
+
+def parse_astm(file: str, text: str) -> Table:
+    """The table in an ASTM file, its header's keys in lower case. InputError if NUM_POINTS and the
+    rows disagree.
+    """
+    header, rows, columns = {}, [], None
+    for number, line in lines_of(text):
+        if line.startswith("#"):
+            continue
+        if columns is not None:
+            rows.append((number, split(file, number, line, ",")))
+        elif VARS.match(line):
+            columns = split(file, number, line.removeprefix("VARS").strip().strip('"'), ",")
+        else:
+            key, _, value = line.strip().partition(" ")
+            set_key(file, header, key, value.strip().strip('"'), number)
+    if twice := {column for column in columns if columns.count(column) > 1}:
+        raise InputError(f"{file}: VARS names {shown(min(twice))} twice; which one is meant?")
+    points, number = header.get("num_points", (str(len(rows)), 0))
+    if points != str(len(rows)):
+        raise InputError(
+            f"{file}, line {number}: NUM_POINTS is {shown(points)}, but {len(rows)} rows follow VARS; is the "
+            f"file complete?"
+        )
+    return Table(file, columns, rows, header, is_astm=True)

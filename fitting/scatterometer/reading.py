@@ -1,0 +1,363 @@
+"""Scatterometer files to `Measurements`: what the columns mean, units, signs, BRDF or BRDF x cos,
+repeated scans.
+
+Whatever a file leaves open is asked, not guessed. How it was understood is kept in
+`Measurements.reading`.
+"""
+
+import re
+from difflib import get_close_matches
+from pathlib import Path
+
+import numpy as np
+from mi_lcair.fitting.scatterometer.astm import is_astm, parse_astm
+from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
+from mi_lcair.fitting.scatterometer.table import SEPARATORS, Table, parse_csv, read_text, shown
+
+from mi_lcair.errors import InputError, unknown
+from mi_lcair.physics.directional_table import read_directional_table
+
+# what an angle is: the names that files have for it, without unit; this project's own comes first
+ANGLES = {
+    "theta_i": ("theta_i", "theta_in", "theta_inc", "theta_incident", "aoi"),
+    "theta_r": ("theta_r", "theta_s", "theta_o", "theta_v", "theta_out", "theta_scatter"),
+    "phi_i": ("phi_i", "phi_in", "phi_inc"),
+    "phi_r": ("phi_r", "phi_s", "phi_o", "phi_v", "phi_out"),
+    "phi": ("phi",),
+}
+VALUES = {
+    "brdf": ("brdf", "bsdf", "f_r"),
+    "brdf_cos": ("brdf_cos", "brdf_x_cos", "brdfcos", "ccbrdf", "ccbsdf"),
+    "sigma": ("sigma", "brdf_std", "std"),
+}
+QUANTITIES = ("brdf", "brdf_cos")
+SIDES = ("specular", "source")
+KEYS = (
+    "band_um",
+    "source_half_angle_deg",
+    "theta_r_positive",
+    "quantity",
+)  # the header's, those that change numbers
+
+IN_PLANE = np.sin(np.radians(0.05))
+HORIZON = np.pi / 2 - 1e-4
+SIDE_RATIO = 2.0  # how much brighter the specular side must be to be known by it
+PRIOR_SCANS = 4  # weight of all points' common scatter beside a point's own, in degrees of freedom
+
+
+def read(path, quantity: str | None = None, theta_r_positive: str | None = None) -> Measurements:
+    """The in-plane measurements in a CSV or ASTM E1392/E2387 file.
+
+    quantity: "brdf" or "brdf_cos" (BRDF times cos theta_r), what the value column holds, if its
+    name does not say it. theta_r_positive: "specular" or "source", the side on which theta_r is
+    positive while theta_i is, if the file does not say it. Both overrule the file's own header keys
+    of the same names. Raises InputError, one line, for a file that cannot be read or that leaves a
+    question open.
+    """
+    path = Path(path)
+    for option, value, known in (
+        ("quantity", quantity, QUANTITIES),
+        ("theta_r_positive", theta_r_positive, SIDES),
+    ):
+        if value is not None and value not in known:
+            raise unknown(option, value, known)
+    text, sha256 = read_text(path)
+    table = (parse_astm if is_astm(text) else parse_csv)(str(path), text)
+    for key, (_, line) in table.header.items():
+        if key not in KEYS and (near := get_close_matches(key, KEYS, 1, 0.7)):
+            raise InputError(f"{path}, line {line}: unknown key {shown(key)}; is {near[0]} meant?")
+
+    columns = _columns(table, quantity or _choice(table, "quantity", QUANTITIES))
+    numbers = table.numbers([column for column, _ in columns.values()])
+    data = {role: numbers[column] for role, (column, _) in columns.items()}
+    for role in [role for role in ANGLES if role in columns]:
+        data[role] = _radians(table, role, *columns[role], data[role])
+    sigma = data.get("sigma")
+    if sigma is not None and not (sigma > 0).all():
+        raise InputError(
+            f"{path}, line {table.rows[np.argmin(sigma > 0)][0]}: sigma must be positive"
+        )
+
+    in_plane, theta_i, theta_r, side = _in_plane(table, columns, data, theta_r_positive)
+    upright = np.maximum(theta_i, abs(theta_r)) < HORIZON
+    dropped = {
+        "off the plane of incidence": np.count_nonzero(~in_plane),
+        "at 90 degrees": np.count_nonzero(in_plane & ~upright),
+    }
+    kept = in_plane & upright
+    if not kept.any():
+        raise InputError(
+            f"{path}: all {len(kept)} rows lie off the plane of incidence or at 90 degrees"
+        )
+    quantity = "brdf" if "brdf" in columns else "brdf_cos"
+    value, cos_r = data[quantity][kept], 1.0 if quantity == "brdf" else np.cos(theta_r[kept])
+    points = pool(
+        theta_i[kept], theta_r[kept], value / cos_r, None if sigma is None else sigma[kept] / cos_r
+    )
+    return Measurements(
+        *points,
+        band_um=_band(table),
+        source_half_angle=np.radians(_half_angle_deg(table)),
+        source=[{"file": path.name, "sha256": sha256}],
+        dropped={why: n for why, n in dropped.items() if n},
+        name=table.header.get("sample", table.header.get("sample_name", (path.stem, 0)))[0],
+        reading={
+            "format": "ASTM" if table.is_astm else f"CSV, {SEPARATORS[table.separator]}",
+            "columns": {role: column for role, (column, _) in columns.items()},
+            "quantity": quantity,
+            "theta_r_positive": side,
+            "rows": len(table.rows),
+            "points": len(points[0]),
+        },
+    )
+
+
+def read_directional(path, quantity: str) -> DirectionalData:
+    """A measured table of "emissivity" or "dhr" against angle
+    (`theta_deg,emissivity[,emissivity_std]`).
+    """
+    path = Path(path)
+    table = read_directional_table(path, quantity)
+    return DirectionalData(*table, quantity, [{"file": path.name, "sha256": read_text(path)[1]}])
+
+
+def pool(theta_i, theta_r, brdf, sigma=None):
+    """Repeated points (the same two angles, to 1e-6 degrees) as one each: theta_i, theta_r, mean
+    brdf, its sigma.
+
+    A stated sigma is averaged (sigma / sqrt(n) if all are alike). Otherwise the scans' scatter
+    becomes it: relative to the mean, each point's own variance moderated by the mean variance of
+    all points, which alone serves for a point that was measured once (two or three scans say little
+    by themselves). None without repeats or scatter.
+    """
+    angles = np.round(np.degrees(np.stack([theta_i, theta_r], axis=1)), 6)
+    _, first, which, count = np.unique(
+        angles, axis=0, return_index=True, return_inverse=True, return_counts=True
+    )
+    which = which.reshape(-1)
+
+    def total(values):
+        return np.bincount(which, values, len(first))
+
+    mean = total(brdf) / count
+    if sigma is not None:
+        sigma = np.sqrt(total(sigma**2)) / count
+    elif len(brdf) > len(mean):
+        scale = np.where(mean == 0, 1, abs(mean))
+        squares, freedom = total(((brdf - mean[which]) / scale[which]) ** 2), count - 1
+        common = squares.sum() / freedom.sum()
+        if common > 0:
+            sigma = scale * np.sqrt(
+                (squares + PRIOR_SCANS * common) / (freedom + PRIOR_SCANS) / count
+            )
+    order = np.argsort(first)  # as in the file
+    return (
+        theta_i[first][order],
+        theta_r[first][order],
+        mean[order],
+        None if sigma is None else sigma[order],
+    )
+
+
+def _columns(table: Table, quantity: str | None) -> dict[str, tuple[str, str]]:
+    """Role -> (column, unit) for every column that is understood; exactly one of the roles "brdf"
+    and "brdf_cos".
+    """
+    found, others = {}, []
+    for column in table.columns:
+        role, unit = _meaning(column)
+        if role is None:
+            others.append(column)
+        elif role in found:
+            raise InputError(
+                f"{table.file}: columns {shown(found[role][0])} and {shown(column)} both read as {role}; "
+                f"which one is meant?"
+            )
+        else:
+            found[role] = column, unit
+    if table.is_astm and len(others) == 1 and not found.keys() & set(QUANTITIES):
+        found["brdf"] = others[0], ""  # the format's only other variable
+    present = [name for name in QUANTITIES if name in found]
+    if present == ["brdf"] and quantity == "brdf_cos":
+        found["brdf_cos"] = found["brdf"]
+    chosen = quantity or (present + ["brdf"])[0]
+    missing = [f"{ANGLES[role][0]}_deg" for role in ("theta_i", "theta_r") if role not in found]
+    if missing or chosen not in found:
+        missing += [] if chosen in found else [f"{chosen}_per_sr"]
+        raise InputError(
+            f"{table.file}: no column {' and no '.join(missing)}; found: "
+            f"{', '.join(map(shown, table.columns[:12])) or 'nothing'}"
+        )
+    return {
+        role: column for role, column in found.items() if role not in QUANTITIES or role == chosen
+    }
+
+
+def _meaning(column: str) -> tuple[str | None, str]:
+    """(role, unit) of a column's name, such as ("theta_i", "deg") for "Theta_i (deg)"; None if it
+    has none.
+    """
+    name = re.sub(r"[^a-z0-9]+", "_", column.lower()).strip("_")
+    unit = re.search(r"_(deg|rad)(rees?|ians?)?$", name)
+    angle = name[: unit.start()] if unit else name
+    value = re.sub(r"_(per_sr|1_sr|sr_1|sr)$", "", name)
+    for names, meant in ((ANGLES, angle), (VALUES, value)):
+        for role, synonyms in names.items():
+            if meant in synonyms:
+                return role, unit[1] if unit else ""
+    return None, ""
+
+
+def _radians(table: Table, role: str, column: str, unit: str, values: np.ndarray) -> np.ndarray:
+    """Angles in radians; elevations within -90..90 degrees, azimuths within -360..360."""
+    unit = unit or ("rad" if table.is_astm else "")
+    if not unit:
+        raise InputError(
+            f"{table.file}: is column {shown(column)} in degrees or radians? name it {column}_deg or "
+            f"{column}_rad"
+        )
+    angles = np.radians(values) if unit == "deg" else values
+    limit = 90 if role.startswith("theta") else 360
+    outside = abs(angles) > np.radians(limit) + (
+        1e-4 if unit == "rad" else 0
+    )  # radians come rounded: 1.5708
+    if outside.any():
+        row = np.argmax(outside)
+        bounds = (
+            f"-{limit}..{limit} degrees"
+            if unit == "deg"
+            else f"-{np.radians(limit):.4f}..{np.radians(limit):.4f} rad"
+        )
+        raise InputError(
+            f"{table.file}, line {table.rows[row][0]}: {column} = {values[row]:g} lies outside {bounds}"
+        )
+    return angles
+
+
+def _in_plane(table, columns, data, stated):
+    """Which rows lie in the plane, theta_i >= 0, theta_r positive on the specular side, and how
+    that side is known.
+    """
+    theta_i, theta_r = data["theta_i"], data["theta_r"]
+    rows = np.ones(len(theta_i), dtype=bool)
+    theta_r = np.where(
+        theta_i < 0, -theta_r, theta_r
+    )  # in the plane, (-i, r) is the mirror image of (i, -r)
+    own_name = columns["theta_r"][0].lower().startswith("theta_r") and not (theta_i < 0).any()
+    theta_i = abs(theta_i)
+    by_azimuth = same_azimuth = False
+    if "phi_r" in data:
+        between = data["phi_r"] - data.get("phi_i", 0)
+        rows = abs(np.sin(between)) <= IN_PLANE
+        by_azimuth = (
+            rows & (np.cos(between) < 0)
+        ).any()  # the specular half-plane is pi away from the source's
+        same_azimuth = not by_azimuth
+        theta_r = -theta_r * np.sign(np.cos(between)) if by_azimuth else theta_r
+    elif "phi" in data:
+        rows = abs(np.sin(data["phi"])) <= IN_PLANE
+        opposite = np.cos(data["phi"]) < 0
+        own_name = own_name and not (rows & opposite).any()
+        theta_r = np.where(opposite, -theta_r, theta_r)
+
+    stated = stated or _choice(table, "theta_r_positive", SIDES)
+    seen = _seen_side(theta_i[rows], theta_r[rows], data.get("brdf", data.get("brdf_cos"))[rows])
+    signed = (theta_r[rows] < 0).any()
+    ask = (
+        f"{table.file}: on which side is theta_r positive? {{}}; say it in the header, '# theta_r_positive: specular' "
+        f"(or source; THETA_R_POSITIVE in ASTM files), or with --theta-r-positive"
+    )
+    if by_azimuth:
+        if stated == "source" or seen == "source":
+            raise InputError(
+                ask.format(
+                    "the azimuths say specular, the "
+                    + ("statement" if stated else "brighter side")
+                    + " says source"
+                )
+            )
+        return rows, theta_i, theta_r, "specular (by azimuth)"
+    if stated:
+        return rows, theta_i, theta_r if stated == "specular" else -theta_r, f"{stated} (stated)"
+    if own_name and not same_azimuth:
+        if seen == "source":
+            raise InputError(
+                ask.format(
+                    f"the name {columns['theta_r'][0]} says specular, but the peaks lie at -theta_i"
+                )
+            )
+        return rows, theta_i, theta_r, "specular (by the column's name)"
+    if not signed and not same_azimuth:
+        return rows, theta_i, theta_r, "specular (theta_r has no sign)"
+    if seen is None:
+        raise InputError(
+            ask.format(
+                "the data do not show it: neither side holds the specular peaks alone"
+                if signed
+                else "all azimuths are alike, which would put every observer on the source's side"
+            )
+        )
+    return (
+        rows,
+        theta_i,
+        theta_r if seen == "specular" else -theta_r,
+        f"{seen} (by the specular peaks)",
+    )
+
+
+def _seen_side(theta_i, theta_r, brdf) -> str | None:
+    """The side of positive theta_r as the data show it: the brighter one, over the range that both
+    sides cover.
+    """
+    votes = []
+    for incidence in np.unique(theta_i[theta_i >= np.radians(5)]):
+        r, f = theta_r[theta_i == incidence], brdf[theta_i == incidence]
+        reach = min(r.max(), -r.min()) + 1e-9
+        ahead, behind = f[(r > 0) & (r <= reach)], f[(r < 0) & (r >= -reach)]
+        if len(ahead) and len(behind):
+            votes.append(
+                int(ahead.max() > SIDE_RATIO * behind.max())
+                - int(behind.max() > SIDE_RATIO * ahead.max())
+            )
+    verdict = np.mean(votes) if votes else 0
+    return "specular" if verdict > 0.5 else "source" if verdict < -0.5 else None
+
+
+def _choice(table: Table, key: str, known: tuple[str, ...]) -> str | None:
+    """The value of a key in the header that allows a few words, or None."""
+    value, line = table.header.get(key, (None, 0))
+    if value is not None and value not in known:
+        raise InputError(f"{table.file}, line {line}: {unknown(key, value[:30], known)}")
+    return value
+
+
+def _band(table: Table) -> tuple[float, float] | None:
+    """The bounds in um of `# band_um: 3 5`, or None."""
+    value, line = table.header.get("band_um", ("", 0))
+    if not value:
+        return None
+    cells = re.split(r"[\s,;-]+", value)
+    try:
+        lower, upper = map(float, cells)
+    except ValueError:
+        lower = upper = np.nan
+    if not 0.1 <= lower < upper <= 1000:
+        raise InputError(
+            f"{table.file}, line {line}: band_um is {shown(value)}; expected two wavelengths such as 3 5"
+        )
+    return lower, upper
+
+
+def _half_angle_deg(table: Table) -> float:
+    """The value of `# source_half_angle_deg: 0.9`, 0 without the key."""
+    value, line = table.header.get("source_half_angle_deg", ("0", 0))
+    try:
+        half_angle = float(value)
+    except ValueError:
+        half_angle = np.nan
+    if not 0 <= half_angle < 90:
+        raise InputError(
+            f"{table.file}, line {line}: source_half_angle_deg is {shown(value)}; expected a number from 0, "
+            f"below 90"
+        )
+    return half_angle

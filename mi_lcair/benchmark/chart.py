@@ -1,0 +1,233 @@
+"""Error against cost: what every chart of methods shares, from points to picture, CSV and tables."""
+
+import csv
+import math
+from dataclasses import astuple, dataclass, fields
+from itertools import cycle
+
+import numpy as np
+
+from mi_lcair.drawing import drawing
+from mi_lcair.files import replacing
+
+TOLERANCES = (0.05, 0.01, 0.001)
+MARKERS = "osD^v<>PX*hp"
+
+
+@dataclass(frozen=True)
+class Point:
+    """One method at one effort on one case.
+
+    effort: what the method is asked for, in its own words (samples per dimension, rays, ...),
+    rising. samples: evaluations of the BRDF, or rays. seconds: median of one run after the compile,
+    which is apart in compile_seconds. error: median over repetitions of |value - exact| / exact,
+    with its quartiles error_low and error_high. value: median. rms: root mean square of the
+    relative error, which rare outliers raise and the median hides.
+    """
+
+    case: str
+    method: str
+    effort: float
+    samples: float
+    seconds: float
+    compile_seconds: float
+    error: float
+    error_low: float
+    error_high: float
+    value: float
+    rms: float
+
+
+def point(case, method, effort, samples, seconds, compile_seconds, values, exact) -> Point:
+    """The Point of repeated `values` (array, one per repetition) of a quantity whose exact value is
+    `exact`.
+    """
+    errors = np.abs(np.asarray(values) - exact) / abs(exact)
+    low, middle, high = np.quantile(errors, (0.25, 0.5, 0.75))
+    return Point(
+        case,
+        method,
+        effort,
+        float(np.median(samples)),
+        float(np.median(seconds)),
+        float(compile_seconds),
+        float(middle),
+        float(low),
+        float(high),
+        float(np.median(values)),
+        float(np.sqrt(np.mean(errors**2))),
+    )
+
+
+def curve(points, case: str, method: str) -> list[Point]:
+    """The points of one method on one case, the least effort first."""
+    return sorted(
+        (p for p in points if (p.case, p.method) == (case, method)), key=lambda p: p.effort
+    )
+
+
+def names(points, field: str) -> list[str]:
+    """The different values of "case" or "method", in order of appearance."""
+    return list(dict.fromkeys(getattr(p, field) for p in points))
+
+
+def reach(points, case: str, method: str, tolerance: float, by="error") -> Point | None:
+    """The least effort from which on the error stays at or below `tolerance`, by its median or by
+    "rms"; None if there is none.
+    """
+    reached = None
+    for p in reversed(curve(points, case, method)):
+        if not getattr(p, by) <= tolerance:
+            break
+        reached = p
+    return reached
+
+
+def cheapest(points, case: str, tolerance: float) -> Point | None:
+    """Of all methods that `reach` the tolerance, the one that takes least time; None if there is
+    none.
+    """
+    reached = filter(
+        None, (reach(points, case, method, tolerance) for method in names(points, "method"))
+    )
+    return min(reached, key=lambda p: p.seconds, default=None)
+
+
+# ---- files
+
+
+def write_csv(path, points, remark: str) -> None:
+    """A row for each point, columns as in `Point`, under a comment line."""
+    with replacing(path) as partial, open(partial, "w", newline="") as file:
+        file.write(f"# {remark}\n")
+        rows = csv.writer(file, lineterminator="\n")
+        rows.writerow(field.name for field in fields(Point))
+        rows.writerows(
+            [cell if isinstance(cell, str) else f"{cell:.6g}" for cell in astuple(p)]
+            for p in points
+        )
+
+
+def draw(path, points, title: str, cases=None, samples="samples", floor=1e-7) -> None:
+    """A PNG with a row for each case: error against time and against samples, log-log, one colour
+    and marker a method.
+
+    The line is the median, the band its quartiles, the dashed line the rms. Errors below `floor`
+    lie on it; a method of one effort is one marker.
+    """
+    cases = cases or names(points, "case")
+    with drawing(path, (11, 1.2 + 3.1 * len(cases)), dpi=120, layout="constrained") as figure:
+        styles = {
+            method: {"color": f"C{k % 10}", "marker": marker}
+            for k, (method, marker) in enumerate(zip(names(points, "method"), cycle(MARKERS)))
+        }
+        rows = figure.subplots(len(cases), 2, sharey="row", squeeze=False)
+        lines = {}
+        for row, case in zip(rows, cases):
+            for panel, field, label in zip(
+                row, ("seconds", "samples"), ("time after the compile (s)", samples)
+            ):
+                lines |= draw_curves(panel, points, case, field, styles, floor)
+                panel.set_xlabel(label, fontsize=9)
+            row[0].set_ylabel("relative error")
+            row[0].set_title(case, fontsize=10, loc="left")
+        figure.suptitle(title, fontsize=11)
+        figure.legend(
+            lines.values(),
+            lines.keys(),
+            loc="outside lower center",
+            ncols=3,
+            fontsize=8,
+            frameon=False,
+        )
+
+
+def draw_curves(panel, points, case: str, field: str, styles: dict, floor: float) -> dict:
+    """Error against a field of the points, "seconds" or "samples", of one case in a panel; the line
+    of each method drawn.
+    """
+    from matplotlib.ticker import LogLocator
+
+    lines = {}
+    for method, style in styles.items():
+        found = curve(points, case, method)
+        if not found:
+            continue
+        x = [getattr(p, field) for p in found]
+        low, error, high, rms = (
+            np.maximum([getattr(p, name) for p in found], floor)
+            for name in ("error_low", "error", "error_high", "rms")
+        )
+        (lines[method],) = panel.plot(x, error, linewidth=1.2, markersize=4, label=method, **style)
+        if len(found) > 1:
+            panel.fill_between(x, low, high, color=style["color"], alpha=0.13, linewidth=0)
+            panel.plot(x, rms, color=style["color"], linewidth=0.8, linestyle="--")
+        else:
+            panel.vlines(x, low, high, color=style["color"], alpha=0.5)
+    for tolerance in TOLERANCES:
+        panel.axhline(tolerance, color="0.6", linewidth=0.6, linestyle=":")
+    panel.set_xscale("log")
+    panel.set_yscale("log")
+    panel.minorticks_off()  # they take more time to draw than all the rest
+    panel.yaxis.set_major_locator(LogLocator(numticks=12))
+    return lines
+
+
+# ---- Markdown
+
+
+def table(points, case: str, choice: str | None) -> str:
+    """A Markdown table for one case: the cheapest method per tolerance, its factor over `choice`
+    (the thesis's method), and the methods that never get there.
+    """
+    lines = [
+        "| to reach | cheapest | samples | time | the thesis's choice takes | factor in time | in samples | never get there |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for tolerance in TOLERANCES:
+        best, usual = (
+            cheapest(points, case, tolerance),
+            choice and reach(points, case, choice, tolerance),
+        )
+        missed = [
+            method
+            for method in names(points, "method")
+            if curve(points, case, method) and not reach(points, case, method, tolerance)
+        ]
+        cells = [
+            f"{tolerance:.1%}".replace(".0%", "%"),
+            best.method if best else "none",
+            *costs(best),
+            ", ".join(costs(usual)) if usual else "never reaches it" if choice else "",
+            *(factors(best, usual) if best and usual else ("", "")),
+            "; ".join(missed),
+        ]
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def costs(p: Point | None) -> tuple[str, str]:
+    """Samples and time of a point, as text."""
+    return (digits(p.samples), duration(p.seconds)) if p else ("", "")
+
+
+def factors(best: Point, usual: Point) -> tuple[str, str]:
+    """How many times the time and the samples of `best` the point `usual` takes, as text."""
+    return digits(usual.seconds / best.seconds), digits(usual.samples / best.samples)
+
+
+def digits(number: float) -> str:
+    """Two significant digits and no exponent: 0.52, 3.1, 12, 8 900, 250 000."""
+    if number == 0 or not math.isfinite(number):
+        return str(number)
+    decimals = 1 - math.floor(math.log10(abs(number)))
+    text = f"{round(number, decimals):,.{max(decimals, 0)}f}".replace(",", " ")
+    return text.rstrip("0").rstrip(".") if "." in text else text
+
+
+def duration(seconds: float) -> str:
+    """A time with its unit, two digits."""
+    for unit, size in (("s", 1), ("ms", 1e-3), ("µs", 1e-6)):
+        if seconds >= size:
+            return f"{digits(seconds / size)} {unit}"
+    return f"{digits(seconds / 1e-9)} ns"

@@ -1,0 +1,195 @@
+"""The problems of the chart of propagation methods: bundled scenes with a closed form, or with a
+far more precise reference.
+"""
+
+from dataclasses import replace
+
+import mitsuba as mi
+import numpy as np
+
+import mi_lcair
+from mi_lcair.benchmark.propagation import exact, path_tracing
+from mi_lcair.benchmark.propagation.problem import Problem
+from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.rendering.facet_table import FacetTable
+from mi_lcair.rendering.window import window
+
+RANGE_WALLS = 258.0  # K: between the upper half's 263 K and the lower half's 253 K
+WING_ROOT_FACET = (
+    515  # of the cylinder: the one that owes most to two and more reflections, seen from the tail
+)
+BOUNCES = 10  # of the references
+DIFFUSE, LOBE = (
+    22.5,
+    0.25,
+)  # degrees: a coarse grid; the thesis's for bare aluminium, 80 cells over 20 degrees (Figure 3.19)
+
+
+def two_plates() -> Problem:
+    scene = mi_lcair.load("two_plates", resolution=64)
+    return Problem(
+        "two_plates",
+        scene,
+        exact.two_plates_intensity(blackbody(scene, 800)),
+        0.0,
+        "view factor in closed form",
+        bounces=1,
+        points=32,
+        resolution_deg=DIFFUSE,
+        ambient=None,
+        diffuse=True,
+    )
+
+
+def open_box() -> Problem:
+    scene = mi_lcair.load("open_box", resolution=64)
+    answer = exact.open_box_intensity(blackbody(scene, 800), blackbody(scene, 300))
+    return Problem(
+        "open_box",
+        scene,
+        answer,
+        0.0,
+        "view factor in closed form",
+        bounces=1,
+        points=32,
+        resolution_deg=DIFFUSE,
+        ambient=None,
+        diffuse=True,
+    )
+
+
+def cavity(opening: int = 8) -> Problem:
+    """The limit of many reflections in the true sphere; the facetted one comes within 0.02 % of it."""
+    scene = mi_lcair.load("cavity", opening=opening, resolution=64)
+    answer = exact.cavity_emissivity(opening) * blackbody(scene, 800) * 0.06**2
+    return Problem(
+        "cavity",
+        scene,
+        answer,
+        0.0,
+        f"sphere with {opening} of 400 facets removed, closed form",
+        bounces=24,
+        points=4,
+        resolution_deg=DIFFUSE,
+        ambient=800.0,
+        diffuse=True,
+    )
+
+
+def furnace() -> Problem:
+    scene = mi_lcair.load("furnace", resolution=64)
+    return Problem(
+        "furnace",
+        scene,
+        blackbody(scene, 300),
+        0.0,
+        "isothermal: the blackbody's radiance everywhere",
+        bounces=32,
+        points=512,
+        resolution_deg=LOBE,
+        ambient=300.0,
+        diffuse=False,
+    )
+
+
+def all_problems(quick: bool) -> list[Problem]:
+    """The problems of the chart; quick: with references of less precision."""
+    return [
+        two_plates(),
+        open_box(),
+        cavity(),
+        furnace(),
+        wing_root(16 if quick else 128),
+        cylinder(64 if quick else 1024),
+    ]
+
+
+def cylinder(spp: int) -> Problem:
+    """The whole model, bare aluminium in LWIR, seen from the tail; spp: of the reference."""
+    scene = mi_lcair.load("cylinder_ir_range", resolution=64)
+    return referred(
+        Problem(
+            "cylinder",
+            scene,
+            0.0,
+            0.0,
+            "",
+            BOUNCES,
+            points=1024,
+            resolution_deg=LOBE,
+            ambient=RANGE_WALLS,
+            diffuse=False,
+        ),
+        spp,
+    )
+
+
+def wing_root(spp: int) -> Problem:
+    """A small window inside the facet at the wing root, as seen in `cylinder`."""
+    scene = mi_lcair.load("cylinder_ir_range", resolution=64)
+    look_at_facet(scene, WING_ROOT_FACET)
+    return referred(
+        Problem(
+            "wing root",
+            scene,
+            0.0,
+            0.0,
+            "",
+            BOUNCES,
+            points=4,
+            resolution_deg=LOBE,
+            ambient=RANGE_WALLS,
+            diffuse=False,
+        ),
+        spp,
+    )
+
+
+def blackbody(scene, temperature: float) -> float:
+    return float(in_band_radiance(scene.band, temperature))
+
+
+def referred(problem: Problem, spp: int) -> Problem:
+    """The problem with path tracing's own answer, from independent seeds whose scatter tells its
+    error.
+    """
+    seeds = 8
+    values = [
+        path_tracing.intensity(problem, spp // seeds, 1_000_000 + seed)[0] for seed in range(seeds)
+    ]
+    error = float(np.std(values, ddof=1) / np.sqrt(seeds))
+    return replace(
+        problem,
+        answer=float(np.mean(values)),
+        standard_error=error,
+        source=f"path tracing, N = {problem.bounces}, {spp} paths a pixel",
+    )
+
+
+def look_at_facet(scene, facet: int) -> None:
+    """Moves the window of the scene's sensor, without turning it, to a square inside a facet that
+    it sees.
+    """
+    table = FacetTable(scene)
+    origin, right, up, direction = window(scene.sensor(0))
+    triangles = table.triangles[table.triangle_facet == facet]
+    corners, centre = triangles.reshape(-1, 3), table.centre[facet]
+    axes = np.stack([right / np.linalg.norm(right), up / np.linalg.norm(up)])
+    edges = [(triangle[k], triangle[k - 1]) for triangle in triangles for k in range(3)]
+    outer = [
+        (a, b)
+        for a, b in edges
+        if not any(np.array_equal(a, d) and np.array_equal(b, c) for c, d in edges)
+    ]
+    distance = min(
+        abs(np.linalg.det([axes @ (b - a), axes @ (centre - a)])) / np.linalg.norm(axes @ (b - a))
+        for a, b in outer
+    )
+    start = centre - direction * ((centre - origin) @ direction)
+    T = mi.ScalarTransform4f
+    parameters = mi.traverse(scene.sensor(0))
+    parameters["to_world"] = mi.Transform4f(
+        T().look_at(origin=list(start), target=list(centre), up=list(axes[1]))
+        @ T().scale([distance / 2, distance / 2, 1])
+    )
+    parameters.update()

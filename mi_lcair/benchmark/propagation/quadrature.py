@@ -1,0 +1,132 @@
+"""Point-of-view hemispherical quadrature (thesis 3.5.3 and 3.5.5): a ray through each cell of a
+grid over the hemisphere, and so on from whatever these rays meet, bounce after bounce (Eqs 3.6 and
+3.7).
+
+With M cells and N bounces M^N rays leave each point. `hemisphere` lays an even grid; `stratified`,
+the thesis's method of choice, a fine one about the mirror direction and a coarse one over the rest,
+in shares of 80^2 : 50^2; `peak` keeps the fine one alone.
+"""
+
+from math import log, sqrt
+
+import drjit as dr
+import mitsuba as mi
+
+from mi_lcair.benchmark.propagation.hemisphere_grid import Hemisphere, Peak, Stratified
+from mi_lcair.benchmark.propagation.primary import visible_points
+from mi_lcair.benchmark.propagation.problem import Method, Problem, emitted
+
+LANES = 2**20  # rays in flight at once
+COARSEST_REST = 32  # cells of `stratified` outside the peak: 22.5 degrees wide
+BUDGETS = [4**k for k in range(5, 13)]  # rays
+PEAK_SHARE = 80**2 / (80**2 + 50**2)  # of the cells of `stratified`, thesis 3.3.3
+
+
+def intensity(problem: Problem, grid, bounces: int, points: int) -> tuple[float, int]:
+    """Intensity [W/sr] after so many bounces, looked at from about `points` points, and the rays
+    that it took.
+    """
+    seen = visible_points(problem, points)
+    with problem.prepared() as (scene, emitters):
+        si = scene.ray_intersect(seen.ray)
+        emission = summed(seen.area * emitted(si, scene))
+        reflection, rays = reflected(scene, emitters, grid, si, seen.area, bounces)
+    return emission + reflection, rays + seen.cast
+
+
+def reflected(scene, emitters, grid, si, beta, bounces: int) -> tuple[float, int]:
+    """What the surfaces at `si` reflect, each times its `beta`, summed; and the rays that it took."""
+    total, rays = 0.0, 0
+    if bounces == 0:
+        return total, rays
+    reflects = dr.compress(si.is_valid() & (beta > 0))
+    at_once = max(1, LANES // grid.cells)
+    for first in range(0, dr.width(reflects), at_once):
+        count = min(at_once, dr.width(reflects) - first) * grid.cells
+        index = dr.arange(mi.UInt32, count)
+        parent = dr.gather(
+            mi.UInt32,
+            reflects,
+            index // dr.opaque(mi.UInt32, grid.cells) + dr.opaque(mi.UInt32, first),
+        )
+        here, beta_here = (
+            dr.gather(mi.SurfaceInteraction3f, si, parent),
+            dr.gather(mi.Float, beta, parent),
+        )
+        wo, solid_angle = grid.direction(index % dr.opaque(mi.UInt32, grid.cells), here.wi)
+        beta_there = beta_here * solid_angle * here.bsdf().eval(mi.BSDFContext(), here, wo)[0]
+        active = beta_there > 0
+        there = scene.ray_intersect(emitters.spawn_ray(here, here.to_world(wo)), active)
+        radiance = mi.Float64(beta_there * emitted(there, scene, active))
+        if bounces > 1:
+            dr.eval(there, beta_there, radiance)
+        total += float(dr.sum(radiance)[0])
+        deeper, more = reflected(scene, emitters, grid, there, beta_there, bounces - 1)
+        total, rays = total + deeper, rays + count + more
+    return total, rays
+
+
+def summed(values) -> float:
+    return float(dr.sum(mi.Float64(values))[0])
+
+
+def plan(problem: Problem, budget: int, least: float) -> tuple[int, int, float]:
+    """Bounces, points and cells that spend a budget of rays.
+
+    As many bounces as leave `least` cells, below which a grid does not resolve the reflection; then
+    points and cells alike.
+    """
+    bounces = min(
+        problem.bounces, max(1, int(log(max(budget / problem.points, 1)) / log(least) + 1e-9))
+    )
+    points = max(problem.points, min(budget ** (1 / (bounces + 1)), budget / least**bounces))
+    return bounces, round(points), max(budget / points, 1) ** (1 / bounces)
+
+
+def method(name: str, section: str, grid, least) -> Method:
+    """grid(cells): a grid of about so many cells; least(degrees): how many cells it has when its
+    cells are so wide.
+    """
+
+    def cells_needed(problem):
+        return least(problem.resolution_deg)
+
+    def run(problem, effort, seed):
+        bounces, points, cells = plan(problem, effort, cells_needed(problem))
+        return intensity(problem, grid(cells), bounces, points)
+
+    return Method(
+        name,
+        section,
+        run,
+        lambda problem: [
+            budget for budget in BUDGETS if budget >= cells_needed(problem) * problem.points
+        ],
+        is_random=False,
+    )
+
+
+def stratified(cells: float) -> Stratified:
+    return Stratified(
+        round(sqrt(cells * PEAK_SHARE)), max(3, round(sqrt(cells * (1 - PEAK_SHARE) / 2)))
+    )
+
+
+HEMISPHERE = method(
+    "quadrature, hemisphere",
+    "3.5.3",
+    lambda cells: Hemisphere(round(sqrt(cells / 2))),
+    lambda degrees: 2 * (90 / degrees) ** 2,
+)
+STRATIFIED = method(
+    "quadrature, stratified",
+    "3.5.5",
+    stratified,
+    lambda degrees: max((20 / degrees) ** 2 / PEAK_SHARE, COARSEST_REST / (1 - PEAK_SHARE)),
+)
+PEAK = method(
+    "quadrature, peak only",
+    "3.5.5",
+    lambda cells: Peak(round(sqrt(cells))),
+    lambda degrees: max((20 / degrees) ** 2, 16),
+)

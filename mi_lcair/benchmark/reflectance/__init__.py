@@ -1,0 +1,26 @@
+"""Ways to integrate a BRDF over the hemisphere (thesis 3.3), one a file; `METHODS` lists them all."""
+
+from mi_lcair.benchmark.reflectance import (
+    half_vector,
+    normal_importance,
+    rejection,
+    sobol,
+    stratified_monte_carlo,
+    stratified_quadrature,
+    uniform_quadrature,
+)
+from mi_lcair.benchmark.reflectance.method import Method
+from mi_lcair.benchmark.reflectance.problem import Problem, problem
+
+METHODS: tuple[Method, ...] = tuple(
+    module.method
+    for module in (
+        uniform_quadrature,
+        normal_importance,
+        stratified_monte_carlo,
+        stratified_quadrature,
+        rejection,
+        half_vector,
+        sobol,
+    )
+)

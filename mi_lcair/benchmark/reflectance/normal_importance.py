@@ -1,0 +1,112 @@
+"""Monte Carlo with normally distributed angles about the specular direction (thesis 3.3.2.1, Figure
+3.17).
+
+The thesis states neither the widths of its two normal distributions nor what becomes of samples
+beyond the hemisphere. Here the best case: both are cut off at the hemisphere's edge, so that no
+sample is lost, and the widths in elevation and azimuth are those of least variance for the surface
+and angle at hand. Finding them is not counted as time.
+"""
+
+from functools import cache
+
+import drjit as dr
+import numpy as np
+from drjit.llvm import Float64
+from scipy.optimize import minimize
+from scipy.special import erf
+
+from mi_lcair.benchmark.reflectance.method import Method, mean
+from mi_lcair.benchmark.reflectance.problem import direction
+
+NODES = 400  # per angle, of the quadrature for the variance; crowded toward the peak
+
+
+def run(problem, samples, repetitions, seed):
+    width_theta, width_phi = (dr.opaque(Float64, width) for width in best_widths(problem))
+    rng = dr.rng(seed)
+    theta, p_theta = truncated_normal(
+        rng.random(Float64, samples * repetitions), problem.theta_i, width_theta, 0, 0.5 * dr.pi
+    )
+    phi, p_phi = truncated_normal(
+        rng.random(Float64, samples * repetitions), dr.pi, width_phi, 0, dr.two_pi
+    )
+    f_cos = problem.integrand(problem.incident(), direction(theta, phi))
+    return mean(f_cos * dr.sin(theta) / (p_theta * p_phi), samples)
+
+
+def truncated_normal(u, center, width, low, high):
+    """A normal variate cut off at `low` and `high`, by its inverse CDF, and its density."""
+    scale = 1 / (dr.sqrt(2) * width)
+    cdf_low, cdf_high = dr.erf((low - center) * scale), dr.erf((high - center) * scale)
+    x = center + dr.erfinv(dr.lerp(cdf_low, cdf_high, u)) / scale
+    density = (
+        2
+        * scale
+        * dr.rsqrt(dr.pi)
+        * dr.exp(-dr.square((x - center) * scale))
+        / (cdf_high - cdf_low)
+    )
+    return dr.clip(x, low, high), density
+
+
+@cache
+def best_widths(problem) -> tuple[float, float]:
+    """Standard deviations in elevation and azimuth [rad] at which one sample has least variance
+    (thesis Eq 2.32).
+    """
+    center, crowding = problem.theta_i[0], 2 * problem.surface.e[0]
+    theta, w_theta = crowded(center, crowding, 0, 0.5 * np.pi)
+    phi, w_phi = crowded(np.pi, crowding, 0, 2 * np.pi)
+    r = direction(Float64(np.repeat(theta, NODES)), Float64(np.tile(phi, NODES)))
+    f_cos = problem.integrand(problem.incident(), r).numpy().reshape(NODES, NODES)
+    squares = (f_cos * np.sin(theta)[:, None]) ** 2 * w_theta[:, None] * w_phi
+
+    def log_second_moment(log_widths):
+        width_theta, width_phi = np.exp(log_widths)
+        return np.log(
+            inverse_density(theta, center, width_theta, 0, 0.5 * np.pi)
+            @ squares
+            @ inverse_density(phi, np.pi, width_phi, 0, 2 * np.pi)
+        )
+
+    bounds = [(np.log(1e-3), np.log(10))] * 2
+    starts = [np.log([width, width]) for width in (0.01, 0.1, 1)]
+    best = min(
+        (
+            minimize(log_second_moment, start, method="Nelder-Mead", bounds=bounds)
+            for start in starts
+        ),
+        key=lambda found: found.fun,
+    )
+    return tuple(float(width) for width in np.exp(best.x))
+
+
+def inverse_density(x, center, width, low, high):
+    """1 / density of `truncated_normal`, NumPy; where the density underflows, large instead of
+    infinite.
+    """
+    mass = 0.5 * (
+        erf((high - center) / (np.sqrt(2) * width)) - erf((low - center) / (np.sqrt(2) * width))
+    )
+    return (
+        mass
+        * width
+        * np.sqrt(2 * np.pi)
+        * np.exp(np.minimum(0.5 * ((x - center) / width) ** 2, 300))
+    )
+
+
+def crowded(center, width, low, high):
+    """Nodes and weights of a midpoint rule over low..high, in x = center + width sinh(w)."""
+    ends = np.arcsinh((np.array([low, high]) - center) / width)
+    w = ends[0] + (ends[1] - ends[0]) * (np.arange(NODES) + 0.5) / NODES
+    return center + width * np.sinh(w), width * np.cosh(w) * (ends[1] - ends[0]) / NODES
+
+
+method = Method(
+    "Monte Carlo, normal importance",
+    "3.3.2.1",
+    (250, 1000, 4000, 16000, 64000, 250000, 1000000),
+    lambda n: n,
+    run,
+)

@@ -1,0 +1,44 @@
+"""Rejection sampling under a bound on the BRDF (thesis 3.3.2, described there and not chosen).
+
+Directions uniform over the hemisphere, each with a height uniform below the bound; those under f_r
+cos(theta_r) are accepted. Their share is the integral, relative to the volume under the bound: few,
+since the peak is tall and narrow.
+"""
+
+import drjit as dr
+from drjit.llvm import Array3f64, Float64
+
+from mi_lcair.benchmark.reflectance.method import Method, mean
+from mi_lcair.physics.reflection import sandford_robertson as sr
+
+
+def run(problem, samples, repetitions, seed):
+    rng = dr.rng(seed)
+    u_z, u_phi, u_height = (rng.random(Float64, samples * repetitions) for _ in range(3))
+    sin_phi, cos_phi = dr.sincos(dr.two_pi * u_phi)
+    radius = dr.safe_sqrt(1 - dr.square(u_z))
+    r = Array3f64(radius * cos_phi, radius * sin_phi, u_z)
+    top = bound(problem)
+    accepted = u_height * top < problem.integrand(problem.incident(), r)
+    return dr.two_pi * top * mean(dr.select(accepted, Float64(1), 0), samples)
+
+
+def bound(problem):
+    """f_r cos(theta_r) is nowhere larger [1/sr]: g <= 1, d(theta_r) <= 1, h(alpha) <= h(0),
+    cos(theta_r) <= 1.
+    """
+    S, i = problem.surface, problem.incident()
+    cos, sin2 = sr.cos_theta(i), sr.sin2_theta(i)
+    floor = S.floor * sr.g(cos, sin2, S.b) * dr.inv_pi
+    return floor + 0.25 * dr.inv_pi * sr.rho_s(S, cos, sin2) * dr.square(S.e) * sr.h(
+        Float64(0), S.e
+    ) / sr.e2_H(cos, S.e)
+
+
+method = Method(
+    "rejection sampling",
+    "3.3.2",
+    (250, 1000, 4000, 16000, 64000, 250000, 1000000),
+    lambda n: n,
+    run,
+)

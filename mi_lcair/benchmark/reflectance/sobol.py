@@ -1,0 +1,50 @@
+"""Ours: `half_vector` with Sobol points in place of random numbers, scrambled anew in each
+repetition.
+
+Scrambling is Owen's, by hash: Burley, Practical Hash-based Owen Scrambling, JCGT 9(4), 2020.
+"""
+
+from functools import cache
+
+import drjit as dr
+import numpy as np
+from drjit.llvm import Float64, UInt32
+from scipy.stats import qmc
+
+from mi_lcair.benchmark.reflectance.half_vector import EFFORTS, weights
+from mi_lcair.benchmark.reflectance.method import Method, lanes, mean
+
+DIMENSIONS, BITS = 3, 32
+
+
+def run(problem, samples, repetitions, seed):
+    rng = dr.rng(seed)
+    repetition, sample = lanes(samples, repetitions)
+    numbers = []
+    for digits in reversed_digits():
+        key = UInt32(rng.random(Float64, repetitions) * 2.0**BITS)
+        scrambled = dr.brev(
+            laine_karras(dr.gather(UInt32, digits, sample), dr.gather(UInt32, key, repetition))
+        )
+        numbers.append((Float64(scrambled) + 0.5) * 2.0**-BITS)
+    return mean(weights(problem, *numbers), samples)
+
+
+@cache
+def reversed_digits() -> list[UInt32]:
+    """The first Sobol points, an array for each dimension, their binary digits in reverse."""
+    points = qmc.Sobol(DIMENSIONS, scramble=False, bits=BITS).random(max(EFFORTS))
+    return [dr.brev(UInt32(np.ldexp(column, BITS).astype(np.uint32))) for column in points.T]
+
+
+def laine_karras(x, key):
+    """A hash in which each digit depends on the key and the digits below it only: in reverse,
+    Owen's scrambling.
+    """
+    x = x + key
+    for multiplier in (0x6C50B47C, 0xB82F1E52, 0xC7AFE638, 0x8D22F6E6):
+        x = x ^ (x * multiplier)
+    return x
+
+
+method = Method("half-vector sampling, Sobol (ours)", "", EFFORTS, lambda n: n, run)

@@ -1,0 +1,43 @@
+"""Uniform Monte Carlo, stratified in the peak region and the rest (thesis 3.3.2.2, Figure 3.18).
+
+Samples are shared between the two as in the stratified quadrature, 80^2 to 50^2.
+"""
+
+import drjit as dr
+from drjit.llvm import Float64
+
+from mi_lcair.benchmark.reflectance.method import Method, mean
+from mi_lcair.benchmark.reflectance.regions import (
+    PEAK_SHARE,
+    REST_PER_PEAK,
+    in_peak,
+    in_rest,
+    strip_share,
+)
+
+
+def counts(samples):
+    peak = round(samples / (1 + REST_PER_PEAK**2))
+    return peak, samples - peak
+
+
+def run(problem, samples, repetitions, seed):
+    rng = dr.rng(seed)
+    i = problem.incident()
+    total = 0
+    for count, region, shares in zip(
+        counts(samples), (in_peak, in_rest), ((), (PEAK_SHARE, strip_share(problem)))
+    ):
+        u_theta, u_phi = (rng.random(Float64, count * repetitions) for _ in range(2))
+        r, weight = region(problem, u_theta, u_phi, *shares)
+        total += mean(problem.integrand(i, r) * weight, count)
+    return total
+
+
+method = Method(
+    "Monte Carlo, stratified",
+    "3.3.2.2",
+    (250, 1000, 4000, 16000, 64000, 250000, 1000000),
+    lambda n: n,
+    run,
+)

@@ -1,0 +1,30 @@
+"""Numerical quadrature with the same number of samples in elevation and azimuth (thesis 2.5.1, 3.3,
+Figure 3.15).
+
+Rectangles in theta_r and phi_r, each evaluated at its middle (the corner would converge one order
+slower).
+"""
+
+import drjit as dr
+from drjit.llvm import Float64
+
+from mi_lcair.benchmark.reflectance.method import Method, grid, lanes, mean
+from mi_lcair.benchmark.reflectance.problem import direction
+
+
+def run(problem, N, repetitions, seed):
+    """N x N samples. Repetitions turn the plane of incidence: where the peak falls between the
+    samples is chance.
+    """
+    repetition, sample = lanes(N * N, repetitions)
+    azimuth = dr.two_pi * dr.rng(seed).random(Float64, repetitions)
+    u_theta, u_phi = grid(sample, N, N)
+    theta = 0.5 * dr.pi * u_theta
+    r = direction(theta, dr.two_pi * u_phi)
+    f_cos = problem.integrand(problem.incident(dr.gather(Float64, azimuth, repetition)), r)
+    return dr.square(dr.pi) * mean(f_cos * dr.sin(theta), N * N)
+
+
+method = Method(
+    "uniform quadrature", "3.3", (25, 50, 100, 200, 300, 400, 500, 700, 1000), lambda N: N * N, run
+)

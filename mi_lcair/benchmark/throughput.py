@@ -1,0 +1,215 @@
+"""How fast `bounce_path` with `sandford_robertson` is beside Mitsuba's own integrators, and beside
+bare ray intersection.
+"""
+
+import time
+from dataclasses import dataclass
+from statistics import median
+
+import drjit as dr
+import mitsuba as mi
+
+from mi_lcair import scenes
+from mi_lcair.physics.bands import band
+from mi_lcair.physics.materials import material
+from mi_lcair.progress import stepper
+from mi_lcair.rendering.views import film
+
+NEVER = 1000  # Russian roulette would shorten the stock integrators' paths
+
+
+@dataclass(frozen=True)
+class Row:
+    """One contestant: medians of paths/s and rays/s, the ratio to what it is measured against, and
+    the compile time.
+    """
+
+    name: str
+    paths_per_second: float
+    rays_per_second: float
+    against: str
+    ratio: float | None
+    compile_seconds: float
+
+
+@dataclass(frozen=True)
+class Throughput:
+    """The table, and the conditions it was measured under."""
+
+    rows: list[Row]
+    bounces: int
+    spp: int
+    resolution: int
+    repeats: int
+
+
+def measure(
+    bounces: int = 5, spp: int = 64, resolution: int = 128, repeats: int = 7, progress=None
+) -> Throughput:
+    """Renders the furnace's geometry with ours and with stock Mitsuba, in turn in one process;
+    medians after the compile.
+
+    Ours and stock trace the same geometry, bounces and samples: `sandford_robertson` (bare
+    aluminum, MWIR) and `thermal` against `roughconductor` (GGX, alpha = e) and `area`. Ratios are
+    speeds, ours / theirs; the last row is the rate at which the same scene answers random rays when
+    nothing else is computed.
+    """
+
+    def ours(**options):
+        return scene({"type": "bounce_path", "max_bounces": bounces, **options}, thermal=True)
+
+    def stock(kind):
+        return scene({"type": kind, "max_depth": bounces + 1, "rr_depth": NEVER}, thermal=False)
+
+    def renders(loaded):
+        return lambda seed: loaded.integrator().render(loaded, seed=seed, spp=spp)
+
+    def scene(integrator, thermal):
+        return furnace(integrator, thermal, resolution)
+
+    bare = ours()
+    split, whole = ours(), ours()
+    paths = resolution**2 * spp
+    contestants = {  # name: (run(seed), rays per path, name of what it is measured against)
+        "bounce_path": (renders(bare), bounces + 1, "prb_basic"),
+        "prb_basic": (renders(stock("prb_basic")), bounces + 1, ""),
+        "bounce_path, emitter sampling": (
+            renders(ours(emitter_sampling=True)),
+            2 * bounces + 1,
+            "path",
+        ),
+        "path": (renders(stock("path")), 2 * bounces + 1, ""),
+        "bounce_path, split into channels": (
+            observes(split, spp, "image"),
+            bounces + 1,
+            "bounce_path, total only",
+        ),
+        "bounce_path, total only": (observes(whole, spp, None), bounces + 1, ""),
+        "ray intersection alone": (
+            lambda seed: intersect(bare, paths, bounces + 1, seed),
+            bounces + 1,
+            "",
+        ),
+    }
+    step = stepper(progress, (repeats + 1) * len(contestants))
+    times = {name: [] for name in contestants}
+    for repeat in range(repeats + 1):
+        for name, (run, _, _) in contestants.items():
+            times[name].append(timed(run, repeat))
+            step()
+    first = {name: values.pop(0) for name, values in times.items()}
+    seconds = {name: median(values) for name, values in times.items()}
+    rows = [
+        Row(
+            name,
+            paths / seconds[name],
+            paths * rays / seconds[name],
+            against,
+            median(b / a for a, b in zip(times[name], times[against])) if against else None,
+            max(0.0, first[name] - seconds[name]),
+        )
+        for name, (_, rays, against) in contestants.items()
+    ]
+    bare_row, raw_row = rows[0], rows[-1]
+    rows.append(
+        Row(
+            "bounce_path",
+            bare_row.paths_per_second,
+            bare_row.rays_per_second,
+            raw_row.name,
+            bare_row.rays_per_second / raw_row.rays_per_second,
+            bare_row.compile_seconds,
+        )
+    )
+    return Throughput(rows, bounces, spp, resolution, repeats)
+
+
+def timed(run, seed: int) -> float:
+    """Seconds of one run, until its result is there."""
+    dr.sync_thread()
+    start = time.perf_counter()
+    dr.eval(run(seed))
+    dr.sync_thread()
+    return time.perf_counter() - start
+
+
+def observes(loaded, spp: int, split: str | None):
+    integrator, sensor = loaded.integrator(), loaded.sensors()[0]
+    width, height = sensor.film().crop_size()
+
+    def run(seed):
+        with integrator.prepared(loaded):
+            return integrator.observe(loaded, sensor, seed, spp, 0, width * height, split).invalid
+
+    return run
+
+
+@dr.syntax
+def intersect(loaded, paths: int, rays: int, seed: int):
+    """Closest hits of random rays from random points of the room: `rays` in turn for each of
+    `paths` lanes.
+    """
+    random = mi.PCG32(size=paths, initstate=seed)
+    hits, k = mi.UInt32(0), mi.UInt32(0)
+    while k < rays:
+        origin = (
+            mi.Point3f(random.next_float32(), random.next_float32(), random.next_float32()) * 1.8
+            - 0.9
+        )
+        direction = mi.warp.square_to_uniform_sphere(
+            mi.Point2f(random.next_float32(), random.next_float32())
+        )
+        hits += dr.select(
+            loaded.ray_intersect_preliminary(mi.Ray3f(origin, direction)).is_valid(), 1, 0
+        )
+        k += 1
+    return hits
+
+
+def furnace(integrator: dict, thermal: bool, resolution: int):
+    """The furnace's geometry and camera with our plugins or with Mitsuba's."""
+    T = mi.ScalarTransform4f
+    metal = material("bare_aluminum", band("MWIR"))
+    grey = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.2}}
+    body = (
+        {"type": "sandford_robertson", "material": "bare_aluminum", "band": "MWIR"}
+        if thermal
+        else {"type": "roughconductor", "distribution": "ggx", "alpha": metal.e}
+    )
+    emitter = (
+        {"type": "thermal", "band": "MWIR", "temperature": 300.0}
+        if thermal
+        else {"type": "area", "radiance": {"type": "uniform", "value": 1.87}}
+    )
+    meshes = scenes.FOLDER / "meshes"
+
+    def shape(name, bsdf, to_world=T()):
+        return {
+            "type": "ply",
+            "filename": str(meshes / f"furnace_{name}.ply"),
+            "face_normals": True,
+            "to_world": to_world,
+            "bsdf": bsdf,
+            "emitter": emitter,
+        }
+
+    look = T().look_at(origin=[0, -0.75, 0.3], target=[0, 0, 0], up=[0, 0, 1]) @ T().scale(
+        [0.5, 0.5, 1]
+    )
+    return mi.load_dict(
+        {
+            "type": "scene",
+            "integrator": integrator,
+            "sensor": {
+                "type": "orthographic",
+                "to_world": look,
+                "film": film(resolution, resolution),
+                "sampler": {"type": "independent"},
+            },
+            "room": shape("room", grey),
+            "sphere": shape("sphere", body),
+            "slab_1": shape("slab", body, T().translate([-0.45, 0, 0]) @ T().rotate([0, 0, 1], 65)),
+            "slab_2": shape("slab", body, T().translate([0.45, 0, 0]) @ T().rotate([0, 0, 1], -65)),
+        },
+        optimize=False,
+    )

@@ -1,0 +1,346 @@
+"""A scenario: which target is seen from where, through which air, before what and by which sensor;
+a TOML file, read and checked.
+"""
+
+import tomllib
+from dataclasses import MISSING, asdict, dataclass, field, fields, is_dataclass
+from pathlib import Path
+from types import UnionType
+from typing import get_args, get_origin
+
+import numpy as np
+
+from mi_lcair import scenes
+from mi_lcair.errors import InputError, unknown
+from mi_lcair.physics.bands import band as band_of
+from mi_lcair.physics.detector import LOCK_ON, Detector
+
+EXPECTED = {
+    str: "a text",
+    float: "a finite number",
+    int: "a whole number",
+    bool: "true or false",
+    dict: "a table",
+}
+FILES = (
+    ("target", "scene"),
+    ("atmosphere", "table"),
+    ("background", "sky"),
+    ("sensor", "response"),
+)  # or bundled names
+POLAR = ("range_m", "azimuth_deg", "elevation_deg")
+REPLACES = {
+    ("background", "sky"): ("temperature",),
+    ("background", "temperature"): ("sky",),
+    ("observer", "position_m"): POLAR,
+    **{("observer", name): ("position_m",) for name in POLAR},
+}
+
+
+@dataclass(frozen=True)
+class Model:
+    """[target] scene: a bundled one or an XML; parameters: its $-parameters."""
+
+    scene: str
+    parameters: dict = field(default_factory=dict)
+
+    def __post_init__(self):
+        for name, table in {"band": "[sensor]", **dict.fromkeys(POSE, "[pose]")}.items():
+            if name in self.parameters:
+                raise InputError(f"[target.parameters]: {name} is given in {table}")
+        for name, value in self.parameters.items():
+            if type(value) not in (str, int, float, bool):
+                raise InputError(
+                    f"[target.parameters]: {name} = {value}; must be a text or a number"
+                )
+
+
+@dataclass(frozen=True)
+class Pose:
+    """[pose] of the target, for the scene's parameters of these names."""
+
+    yaw_deg: float | None = None
+    pitch_deg: float | None = None
+    roll_deg: float | None = None
+
+
+POSE = tuple(entry.name for entry in fields(Pose))
+
+
+@dataclass(frozen=True)
+class Observer:
+    """[observer] Where the sensor is, as seen from the target, in the scene's axes: azimuth from +x
+    (the nose of a target that [pose] does not turn) toward +y (its left side), elevation above the
+    x-y plane. Or position_m: x, y and z from the target.
+    """
+
+    range_m: float | None = None
+    azimuth_deg: float | None = None
+    elevation_deg: float | None = None
+    position_m: tuple[float, ...] | None = None
+
+    def __post_init__(self):
+        given = [name for name in POLAR if getattr(self, name) is not None]
+        if self.position_m is None:
+            if missing := [name for name in POLAR if name not in given]:
+                raise InputError(
+                    f"[observer]: {missing[0]} is missing; give {', '.join(POLAR)}, or position_m = [x, y, z]"
+                )
+        elif given or len(self.position_m) != 3:
+            raise InputError(
+                f"[observer]: position_m is {list(self.position_m)}{f' beside {given[0]}' if given else ''}; "
+                "give its three numbers alone"
+            )
+        else:
+            x, y, z = self.position_m
+            for name, value in zip(
+                POLAR,
+                (
+                    np.hypot(np.hypot(x, y), z),
+                    np.degrees(np.arctan2(y, x)),
+                    np.degrees(np.arctan2(z, np.hypot(x, y))),
+                ),
+            ):
+                object.__setattr__(self, name, float(value))
+        if not self.range_m > 0:
+            raise InputError(
+                f"[observer]: {'zero range' if self.range_m == 0 else f'range_m = {self.range_m:g}'}; must be positive"
+            )
+        if not -90 <= self.elevation_deg <= 90:
+            raise InputError(
+                f"[observer]: elevation_deg = {self.elevation_deg:g}; must lie in -90..90"
+            )
+
+
+@dataclass(frozen=True)
+class Air:
+    """[atmosphere] table: as physics.atmosphere.atmosphere takes it; ranges_m: of the blocks of a
+    tape7 that states none.
+    """
+
+    table: str
+    extrapolate: bool = False
+    ranges_m: tuple[float, ...] | None = None
+
+
+@dataclass(frozen=True)
+class Background:
+    """[background] What the sensor sees where the target is not: a sky table, or a blackbody [K] as
+    it appears there.
+    """
+
+    sky: str | None = None
+    temperature: float | None = None
+
+    def __post_init__(self):
+        if (self.sky is None) == (self.temperature is None):
+            raise InputError(
+                f"[background]: {'sky and temperature are missing' if self.sky is None else 'has sky and temperature'}; "
+                "give one of them"
+            )
+        if self.temperature is not None and not self.temperature > 0:
+            raise InputError(
+                f"[background]: temperature = {self.temperature:g} K; must be positive"
+            )
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """[sensor] band: in which the scene is rendered; response: of the detector, a CSV within that;
+    the rest as Detector.
+    """
+
+    band: str
+    response: str | None = None
+    optics_transmittance: float = 1.0
+    field_of_view_deg: float | None = None
+    nei: float | None = None
+    snr: float = LOCK_ON
+
+    def __post_init__(self):
+        rendered = band_of(self.band)
+        if rendered.is_total:
+            raise InputError(
+                "[sensor]: band total has no wavelengths, as air and background need them; choose a band with limits"
+            )
+        if rendered.response is not None:
+            raise InputError(
+                f"[sensor]: band = '{self.band}' is a response; give it as response, and as band a name or limits that hold it"
+            )
+        detector = self.detector().band
+        if not rendered.lower_um <= detector.lower_um < detector.upper_um <= rendered.upper_um:
+            raise InputError(
+                f"[sensor]: response {detector.label} is not within band {rendered.label}; choose a band that holds it"
+            )
+
+    def detector(self) -> Detector:
+        return Detector(
+            band_of(Path(self.response) if self.response else self.band),
+            self.optics_transmittance,
+            self.field_of_view_deg,
+            self.nei,
+            self.snr,
+        )
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """[render] A render for each of max_bounces, with the same random numbers; where absent, the
+    scene's own. The same for lobe, the fidelity of reflections: brdf, mirror or diffuse. spp: of
+    each pixel.
+    """
+
+    max_bounces: tuple[int, ...] = ()
+    lobe: str | None = None
+    resolution: int = 256
+    spp: int = 64
+    seed: int = 0
+
+    def __post_init__(self):
+        for name, least, most in (
+            ("max_bounces", 0, 10_000),
+            ("resolution", 1, np.inf),
+            ("spp", 2, 2**31),
+            ("seed", 0, 2**32 - 1),
+        ):
+            for value in np.ravel(getattr(self, name)).tolist():
+                if not least <= value <= most:
+                    raise InputError(
+                        f"[render]: {name} = {value}; must {f'lie in {least}..{most}' if most < np.inf else f'be {least} or more'}"
+                    )
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """The tables of a scenario; name and title (its first comment) as the file has them."""
+
+    name: str
+    title: str
+    target: Model
+    observer: Observer
+    atmosphere: Air
+    background: Background
+    sensor: Sensor
+    pose: Pose = field(default_factory=Pose)
+    render: Sampling = field(default_factory=Sampling)
+
+    @staticmethod
+    def read(source, **changes) -> "Scenario":
+        """From a TOML file or the name of a bundled scenario (scenes.scenarios).
+
+        changes: values by dotted keys ("sensor.band"); a text is taken as a TOML value where it is
+        one. Files that the scenario names lie beside it, those of changes beside the caller. Raises
+        InputError for whatever cannot be used.
+        """
+        path, name = Path(source), Path(source).stem
+        if not path.suffix and not path.is_file():
+            path, name = scenes.scenario_path(str(source)), str(source)
+        try:
+            text = path.read_text(encoding="utf-8-sig")
+            tree = tomllib.loads(text)
+        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+            raise InputError(
+                f"scenario '{source}': {getattr(error, 'strerror', None) or error}"
+            ) from None
+        try:
+            known = {
+                entry.name: entry.type for entry in fields(Scenario) if is_dataclass(entry.type)
+            }
+            locate(tree, path.parent)
+            for key, value in changes.items():
+                change(tree, key.split("."), value)
+            for table in tree:
+                if table not in known:
+                    raise unknown("table", table, known)
+            parts = {
+                table: filled(kind, tree.get(table, {}), f"[{table}]")
+                for table, kind in known.items()
+            }
+        except InputError as error:
+            raise InputError(f"scenario '{source}': {error}") from None
+        return Scenario(name, scenes.first_comment(text), **parts)
+
+    def scene_parameters(self) -> dict[str, str]:
+        """The scene's $-parameters, without the band, as an XML writes them."""
+        pose = {name: value for name, value in asdict(self.pose).items() if value is not None}
+        return {
+            name: str(value).lower() if isinstance(value, bool) else str(value)
+            for name, value in (self.target.parameters | pose).items()
+        }
+
+
+def locate(tree: dict, folder: Path) -> None:
+    """Files become paths from here; what has no suffix and is no file is a bundled name."""
+    for table, key in FILES:
+        part = tree.get(table)
+        if (
+            isinstance(part, dict)
+            and isinstance(value := part.get(key), str)
+            and (Path(value).suffix or (folder / value).is_file())
+        ):
+            part[key] = str(folder / value)
+    parameters = tree["target"].get("parameters") if isinstance(tree.get("target"), dict) else None
+    for key, value in parameters.items() if isinstance(parameters, dict) else ():
+        if isinstance(value, str) and (folder / value).is_file():
+            parameters[key] = str(folder / value)
+
+
+def change(tree: dict, keys: list[str], value) -> None:
+    """Sets one value of the tree, and takes away what it stands in place of."""
+    *tables, key = keys
+    if not tables:
+        raise InputError(f"{key} is no entry; name TABLE.KEY, such as sensor.band")
+    for table in tables:
+        tree = tree.setdefault(table, {})
+        if not isinstance(tree, dict):
+            raise InputError(f"{'.'.join(keys)}: '{table}' is not a table")
+    for other in REPLACES.get(tuple(keys), ()):
+        tree.pop(other, None)
+    tree[key] = parsed(value) if isinstance(value, str) else value
+
+
+def parsed(text: str):
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def filled(kind, values, where: str):
+    """A dataclass from the table of its fields' values; its own checks come last."""
+    if not isinstance(values, dict):
+        raise InputError(f"{where} must be a table")
+    known = {entry.name: entry for entry in fields(kind)}
+    for key in values:
+        if key not in known:
+            raise unknown(f"key of {where}", key, known)
+    for key, entry in known.items():
+        if key not in values and entry.default is MISSING and entry.default_factory is MISSING:
+            needed = [
+                name
+                for name, other in known.items()
+                if other.default is MISSING and other.default_factory is MISSING
+            ]
+            raise InputError(f"{where}: {key} is missing; give {', '.join(needed)}")
+    return kind(
+        **{
+            key: converted(value, known[key].type, f"{where}: {key}")
+            for key, value in values.items()
+        }
+    )
+
+
+def converted(value, kind, where: str):
+    """A TOML value as a field of this type holds it; a number alone may stand for a list of one."""
+    if isinstance(kind, UnionType):
+        kind = get_args(kind)[0]  # X of X | None
+    if get_origin(kind) is tuple:
+        return tuple(
+            converted(item, get_args(kind)[0], where)
+            for item in (value if isinstance(value, list) else [value])
+        )
+    if kind is float and type(value) is int:
+        value = float(value)
+    if type(value) is not kind or kind is float and not np.isfinite(value):
+        raise InputError(f"{where} = {value!r}; must be {EXPECTED[kind]}")
+    return value

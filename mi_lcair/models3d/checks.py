@@ -1,0 +1,161 @@
+"""What can be wrong with a facet model: gaps, facets that face inward, facets that exist twice."""
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from mi_lcair.models3d.model import Model
+from mi_lcair.models3d.welding import TOLERANCE, unique_rows
+
+# distance from its mean plane beyond which a facet counts as not planar, as a fraction of its size
+NON_PLANAR = 1e-4
+
+
+def triangle_areas(model: Model) -> np.ndarray:
+    """Area (T,) of each triangle [m^2]."""
+    a, b, c = _corners(model)
+    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+
+
+def signed_volumes(model: Model, edges: "Edges") -> np.ndarray:
+    """Volume (F,) between each facet and the middle of the model [m^3]; positive where the facet
+    faces away from there.
+
+    Over surfaces that face outward they add up to the volume inside. Openings count as closed: a
+    facet beside one also has the volume behind the triangle from its open edge to the middle of the
+    opening's rim.
+    """
+    a, b, c = _corners(model)
+    volumes = np.bincount(
+        model.triangle_facet, np.einsum("tk,tk->t", a, np.cross(b, c)) / 6, model.count
+    )
+    start, end, facet = edges.rims()
+    if len(start):
+        rim, number = np.unique(np.concatenate([start, end]), return_inverse=True)
+        start, end = number.reshape(2, -1)
+        links = coo_array((np.ones(len(start), bool), (start, end)), shape=(len(rim), len(rim)))
+        openings, opening = connected_components(links, directed=False)
+        points = model.vertices[rim] - model.box.mean(axis=0)
+        middle = (
+            np.stack([np.bincount(opening, axis) for axis in points.T], axis=-1)
+            / np.bincount(opening)[:, None]
+        )
+        lids = (
+            np.einsum("ek,ek->e", points[end], np.cross(points[start], middle[opening[start]])) / 6
+        )
+        volumes += np.bincount(facet, lids, model.count)
+    return volumes
+
+
+def degenerate(model: Model) -> np.ndarray:
+    """Mask (F,) of the facets without area: their corners coincide or lie on a line."""
+    return np.bincount(model.triangle_facet, minlength=model.count) == 0
+
+
+def non_planar(model: Model) -> np.ndarray:
+    """Mask (F,) of the facets that are farther from planar than NON_PLANAR of their size, and than
+    welding moves corners.
+    """
+    suspects = model.off_plane > TOLERANCE * np.ptp(model.box, axis=0).max()
+    if suspects.any():
+        points = model.vertices[model.corners]
+        spans = np.maximum.reduceat(points, model.first[:-1]) - np.minimum.reduceat(
+            points, model.first[:-1]
+        )
+        suspects &= model.off_plane > NON_PLANAR * np.linalg.norm(spans, axis=1)
+    return suspects
+
+
+def repeated(model: Model) -> tuple[np.ndarray, np.ndarray]:
+    """Masks (F,) of the facets with the same corners as an earlier one: whichever way they face,
+    and facing the same way.
+    """
+    same_corners, same_facet = np.zeros(model.count, bool), np.zeros(model.count, bool)
+    sizes = np.diff(model.first)
+    for size in np.unique(sizes):
+        facets = np.flatnonzero(sizes == size)
+        polygons = model.corners[model.first[facets, None] + np.arange(size)]
+        from_lowest = (np.argmin(polygons, axis=1)[:, None] + np.arange(size)) % size
+        for mask, rows in (
+            (same_corners, np.sort(polygons, axis=1)),
+            (same_facet, np.take_along_axis(polygons, from_lowest, axis=1)),
+        ):
+            mask[facets] = True
+            mask[facets[unique_rows(rows)[0]]] = False
+    return same_corners, same_facet
+
+
+class Edges:
+    """The edges of some facets.
+
+    start, end (H,): corners of each side of a facet; edge (H,): which edge it lies on; facet (H,):
+    whose side it is; forward (H,): whether it runs along that edge or against it; uses (E,): how
+    many sides lie on each edge.
+    """
+
+    def __init__(self, model: Model, facets: np.ndarray):
+        owner = np.repeat(np.arange(model.count), np.diff(model.first))
+        following = np.arange(1, len(model.corners) + 1)
+        following[model.first[1:] - 1] = model.first[:-1]
+        start, end = model.corners, model.corners[following]
+        chosen = facets[owner] & (start != end)
+        self.start, self.end, self.facet = start[chosen], end[chosen], owner[chosen]
+        self.forward = self.start < self.end
+        key = np.minimum(self.start, self.end) * len(model.vertices) + np.maximum(
+            self.start, self.end
+        )
+        _, self.edge, self.uses = np.unique(key, return_inverse=True, return_counts=True)
+
+    def rims(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of the sides where a facet has no neighbour: start, end and facet."""
+        open_side = self.uses[self.edge] == 1
+        return self.start[open_side], self.end[open_side], self.facet[open_side]
+
+    def open(self) -> int:
+        """Number of edges where a facet has no neighbour."""
+        return int(np.count_nonzero(self.uses == 1))
+
+    def neighbours(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Facets a and b that share an edge with each other alone, and whether they run along it in
+        opposite ways, as facets that face the same way do.
+        """
+        sides = np.argsort(self.edge, kind="stable")
+        first, second = sides[self.uses[self.edge[sides]] == 2].reshape(-1, 2).T
+        return self.facet[first], self.facet[second], self.forward[first] != self.forward[second]
+
+
+def inward(model: Model, volumes: np.ndarray, facets: np.ndarray) -> np.ndarray:
+    """Mask (F,) of those among `facets` (F,) that face the wrong way.
+
+    In a closed surface these are the facets that face inward; in an open one, which has no inside,
+    the minority that disagrees with its neighbours. Facets are taken together across edges that two
+    of them share. A Moebius strip has none.
+    """
+    edges = Edges(model, facets)
+    a, b, agree = edges.neighbours()
+    # Each facet f has a node f for "as it is" and a node f + F for "turned over". Whoever agrees is
+    # linked as is and turned over alike, whoever disagrees crosswise. A surface then has two
+    # components, one the other's mirror image.
+    count = model.count
+    other = np.where(agree, b, b + count)
+    links = (np.concatenate([a, a + count]), np.concatenate([other, (other + count) % (2 * count)]))
+    nodes = coo_array((np.ones(2 * len(a), bool), links), shape=(2 * count, 2 * count))
+    number, component = connected_components(nodes, directed=False)
+    as_is, turned = component[:count], component[count:]
+    surface = np.minimum(as_is, turned)
+    side = np.where(as_is < turned, 1, -1)
+
+    closed = np.ones(number, bool)
+    unpaired = np.flatnonzero(edges.uses[edges.edge] != 2)
+    surface_of_side = surface[edges.facet[unpaired]]
+    _, edge_of_surface = unique_rows(np.stack([edges.edge[unpaired], surface_of_side], axis=1))
+    closed[surface_of_side[np.bincount(edge_of_surface)[edge_of_surface] % 2 == 1]] = False
+    volume = np.bincount(surface, side * volumes * facets, number)
+    majority = np.bincount(surface, side * facets, number)
+    right = np.where(closed, np.sign(volume), np.where(majority == 0, 1, np.sign(majority)))
+    return side == -right[surface]
+
+
+def _corners(model):
+    """Corners (3, T, 3) of the triangles, as seen from the middle of the model."""
+    return np.moveaxis(model.vertices[model.triangles] - model.box.mean(axis=0), 1, 0)

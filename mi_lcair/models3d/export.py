@@ -1,0 +1,125 @@
+"""What a facet model becomes on disk: meshes, model.xml for other scenes to include, scene.xml
+ready to render.
+"""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from mi_lcair.errors import InputError
+from mi_lcair.files import filling
+from mi_lcair.models3d.label import GROUPS
+from mi_lcair.models3d.model import Model
+from mi_lcair.models3d.scene_xml import fragment, scene
+from mi_lcair.physics.spectrum import sky_names, spectrum
+
+
+def export(
+    model: Model,
+    folder: str | Path,
+    materials: str | Path | None = None,
+    sky: str | Path | None = None,
+) -> list[Path]:
+    """Writes a model into a folder and returns the files.
+
+    One binary PLY for each facet type and material (and group and elevation, where labels give
+    them) with the face attributes `temperature` (K) and `facet` (number in the model); model.xml,
+    which places them in a scene; scene.xml, which looks at them; copies of materials (TOML) and of
+    sky, the table whose spectra sky facets with an elevation_deg emit, unless that is the name of a
+    bundled one. The folder is made if it is absent; other files in it are left alone. Raises
+    InputError; nothing is written then.
+    """
+    folder = Path(folder)
+    name = (
+        re.sub("--+", "-", _plain(folder.resolve().name)) or "model"
+    )  # no comment of an XML may hold two hyphens
+    copies = {"materials.toml": _content(materials)} if materials else {}
+    if sky:
+        spectrum(sky, 45.0)  # refuses what holds no spectra by elevation
+        sky = str(sky)
+        if sky not in sky_names():
+            copies[Path(sky).name] = _content(sky)
+            sky = Path(sky).name
+        if not any(label.elevation_deg is not None for label in model.labels):
+            raise InputError(
+                f"sky {sky}: no sky facet says at which elevation it lies; label them such as "
+                "s*blackbody*288*elevation_deg=4.5*"
+            )
+    parts = _parts(model)
+    with filling(folder) as partial:
+        for stem, (_, facets) in parts.items():
+            (partial / f"{name}_{stem}.ply").write_bytes(_ply(model, facets))
+        for copy, content in copies.items():
+            (partial / copy).write_bytes(content)
+        labels = {stem: label for stem, (label, _) in parts.items()}
+        (partial / "model.xml").write_text(
+            fragment(name, labels, bool(materials), sky), encoding="utf-8"
+        )
+        (partial / "scene.xml").write_text(scene(name, *_bounds(model), sky), encoding="utf-8")
+        files = sorted(file.name for file in partial.iterdir())
+    return [folder / file for file in files]
+
+
+def _parts(model):
+    """The meshes: stem of the file's name -> (label without a temperature, mask (F,) of its
+    facets).
+    """
+    shared = [replace(label, temperature=None) for label in model.labels]
+    parts = {}
+    for label in dict.fromkeys(shared):
+        stem = f"{label.type}_{_plain(label.material)}"
+        if label.group != GROUPS[label.type]:
+            stem += f"_{label.group}"
+        if label.elevation_deg is not None:
+            stem += f"_{label.elevation_deg:g}deg"
+        while stem in parts:  # such as material a_b beside material a of group b
+            stem += "_"
+        parts[stem] = label, np.array([other == label for other in shared])[model.label]
+    return parts
+
+
+def _ply(model, facets):
+    """The binary PLY of the facets in a mask (F,), with the face attributes temperature and facet."""
+    mine = facets[model.triangle_facet]
+    owner = model.triangle_facet[mine]
+    triangles = model.triangles[mine]
+    used = np.zeros(len(model.vertices), bool)
+    used[triangles] = True
+    number = np.cumsum(used) - 1
+    faces = np.empty(
+        len(owner),
+        [("count", "u1"), ("corners", "<i4", 3), ("temperature", "<f4"), ("facet", "<f4")],
+    )
+    faces["count"] = 3
+    faces["corners"] = number[triangles]
+    faces["temperature"], faces["facet"] = model.temperature[owner], owner
+    header = (
+        "ply\nformat binary_little_endian 1.0\ncomment metres, kelvin\n"
+        f"element vertex {np.count_nonzero(used)}\nproperty float x\nproperty float y\nproperty float z\n"
+        f"element face {len(faces)}\nproperty list uchar int vertex_indices\n"
+        "property float temperature_0\nproperty float facet_0\nend_header\n"
+    )
+    return header.encode() + model.vertices[used].astype("<f4").tobytes() + faces.tobytes()
+
+
+def _bounds(model):
+    """Centre (3,) and radius [m] of a sphere around the model facets; around all, where there are
+    none.
+    """
+    chosen = model.facets_of("f")[model.triangle_facet]
+    points = model.vertices[np.unique(model.triangles[chosen] if chosen.any() else model.triangles)]
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2
+    return centre, np.linalg.norm(points - centre, axis=1).max()
+
+
+def _content(path):
+    try:
+        return Path(path).read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def _plain(name):
+    return re.sub(r"[^A-Za-z0-9_-]", "_", name)

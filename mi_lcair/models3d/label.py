@@ -1,0 +1,139 @@
+"""Facet labels: `{f|s|t}*{material}*{kelvin}*{anything}`, the names of objects or groups (Harkiss
+2007, Figure 3.3).
+
+The fourth field may hold words `group=NAME` (label of what emits) and `elevation_deg=NUMBER` (of a
+sky facet whose spectrum comes from a table of the sky), separated by `*`. The rest of it is the
+modelling program's own.
+"""
+
+import math
+import re
+from dataclasses import dataclass
+
+from mi_lcair.errors import InputError, unknown
+
+TYPES = {"f": "model", "s": "sky", "t": "terrain"}
+GROUPS = {"f": "self", "s": "sky", "t": "terrain"}  # what emits, where a label does not say
+LOWEST, HIGHEST = 60.0, 10000.0  # kelvin, exclusive and inclusive; less looks like Celsius
+ICE_POINT = 273.15  # kelvin
+
+# Names that other programs and the thesis's own models use. Case, '_', '-' and blanks make no
+# difference.
+ALIASES = {
+    "bareal": "bare_aluminum",
+    "barealuminium": "bare_aluminum",
+    "glossblk": "gloss_black",
+    "glossbl": "gloss_black",
+    "irwall": "ir_range_wall",
+    "bb": "blackbody",
+    "perfectdiffuse": "diffuse",
+    "perfectlydiffuse": "diffuse",
+}
+
+
+@dataclass(frozen=True)
+class Label:
+    """What a label says of its facets; the temperature is in kelvin, None where it comes from
+    elsewhere.
+    """
+
+    type: str
+    material: str
+    temperature: float | None
+    group: str
+    elevation_deg: float | None = None
+
+
+def parse(
+    text: str, materials, material: str | None = None, has_temperatures: bool = False
+) -> Label:
+    """The Label of a text, such as `f*bareAl*300*`.
+
+    materials: the names that are known. material: takes the place of the label's own on model
+    facets (f); with has_temperatures the label's own is not read. Raises InputError that names the
+    field.
+    """
+    fields = [field.strip() for field in text.split("*")]
+    if len(fields) < 3:
+        raise InputError(
+            f"{len(fields)} field{'s' * (len(fields) > 1)} where 3 are needed; a label is "
+            "{f|s|t}*{material}*{kelvin}*, such as f*bare_aluminum*300*"
+        )
+    kind = fields[0]
+    if kind not in TYPES:
+        raise InputError(f"facet type '{kind}' must be f (model), s (sky) or t (terrain)")
+    own_material = material if material and kind == "f" else find_material(fields[1], materials)
+    temperature = None if has_temperatures else kelvin(fields[2])
+    words = dict(field.split("=", 1) for field in fields[3:] if "=" in field)
+    return Label(kind, own_material, temperature, _group(words, kind), _elevation(words, kind))
+
+
+def unlabelled(material: str) -> Label:
+    """The Label of a model facet that has none."""
+    return Label("f", material, None, GROUPS["f"])
+
+
+def find_material(name: str, materials) -> str:
+    """The known material that a label means. Raises InputError, listing the known, nearest first."""
+    if name in materials:
+        return name
+    meant = _plain(ALIASES.get(_plain(name), name))
+    for known in materials:
+        if _plain(known) == meant:
+            return known
+    raise unknown("material", name, materials)
+
+
+def kelvin(text: str) -> float:
+    """A temperature [K] that a facet can have. Raises InputError, above all for degrees Celsius."""
+    text = re.sub(r"\s*K$", "", text)
+    celsius = re.fullmatch(r"(.*?)\s*(?:°|deg)?\s*C", text)
+    try:
+        value = float(celsius[1] if celsius else text)
+    except ValueError:
+        raise InputError(
+            f"temperature '{text}' is not a number; give kelvin, such as 300"
+        ) from None
+    if not math.isfinite(value):
+        raise InputError(f"temperature '{text}' is not finite; give kelvin, such as 300")
+    if celsius or -ICE_POINT < value <= LOWEST:
+        raise InputError(
+            f"temperature '{text}' looks like degrees Celsius; give kelvin: {value + ICE_POINT:g}"
+        )
+    if not LOWEST < value <= HIGHEST:
+        raise InputError(
+            f"temperature '{text}' is out of range; give kelvin, more than {LOWEST:g} and at most {HIGHEST:g}"
+        )
+    return value
+
+
+def _plain(name):
+    return re.sub(r"[\s_-]", "", name).casefold()
+
+
+def _group(words, kind):
+    group = words.get("group", GROUPS[kind])
+    if not re.fullmatch(r"[A-Za-z0-9_-]+", group):
+        raise InputError(
+            f"group '{group}' must consist of letters, digits, '_' and '-'; end it with '*' if the modelling "
+            "program adds to names"
+        )
+    return group
+
+
+def _elevation(words, kind):
+    if "elevation_deg" not in words:
+        return None
+    text = words["elevation_deg"]
+    if kind != "s":
+        raise InputError(f"elevation_deg={text} belongs to sky facets (s) only")
+    try:
+        elevation = float(text)
+    except ValueError:
+        elevation = math.nan
+    if not 0 <= elevation <= 90:
+        raise InputError(
+            f"elevation_deg '{text}' must be a number from 0 to 90; end it with '*' if the modelling program "
+            "adds to names"
+        )
+    return elevation

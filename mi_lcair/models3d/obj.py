@@ -1,0 +1,233 @@
+"""Wavefront OBJ files, as far as facets need them: vertices, faces and the labelled names of
+objects and groups.
+"""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mi_lcair.errors import InputError
+
+KINDS = {
+    b"v": "vertex",
+    b"f": "face",
+    b"o": "object",
+    b"g": "group",
+}  # the statements that matter, by keyword
+VERTEX = "a vertex must be three numbers"
+FACE = "a face must be indices of three vertices or more, such as f 1 2 3 or f 1/1/1 2/2/1 3/3/1"
+AT_ONCE = 20_000  # lines; more would not be faster, only need more memory
+NEWLINE, BLANK, SLASH = b"\n /"
+JOINED = b"\v"  # blank that stands for a line's end inside a continued statement
+
+
+@dataclass(frozen=True)
+class Obj:
+    """The content of an OBJ file.
+
+    vertices (V, 3); corners (N,): indices of vertices from 0, face after face; first (F + 1,):
+    where in `corners` each face begins, and where the last ends; lines (F,): where each face stands
+    in the file; names: (line, "object" or "group", label) of what carries a label; name (F,): which
+    of them holds for each face, -1 for none.
+    """
+
+    path: Path
+    vertices: np.ndarray
+    corners: np.ndarray
+    first: np.ndarray
+    lines: np.ndarray
+    names: list[tuple[int, str, str]]
+    name: np.ndarray
+
+
+def read_obj(path: str | Path) -> Obj:
+    """Reads an OBJ file.
+
+    Understands v, f (v, v/vt, v//vn, v/vt/vn, negative indices), o, g, comments and continued
+    lines; all else is passed over. A face takes the label of its group if that has one ('*' makes a
+    label), else of its object. Raises InputError, with the line, for a vertex that is not three
+    finite numbers, and for a face that has fewer than three corners, an index that is not a number,
+    or one that names no vertex.
+    """
+    path = Path(path)
+    vertices, corners, sizes, lines, name = (
+        [np.empty((0, 3))],
+        *([np.empty(0, int)] for _ in range(4)),
+    )
+    vertex_count, names, label_of = 0, [], {"object": -1, "group": -1}
+    try:
+        text = Text(path.read_bytes())
+        for kind, begin, end in text.runs():
+            if kind == "vertex":
+                vertices.append(text.parsed(_parse_vertices, begin, end, VERTEX))
+                vertex_count += end - begin
+            elif kind == "face":
+                indices, size = text.parsed(_parse_faces, begin, end, FACE)
+                corners.append(np.where(indices < 0, indices + vertex_count, indices - 1))
+                if corners[-1].min() < 0:
+                    bad = corners[-1].argmin()
+                    line = text.line(begin + np.searchsorted(np.cumsum(size), bad, side="right"))
+                    raise InputError(
+                        f"line {line}: face index {indices[bad]} is out of range; indices count from 1, or back "
+                        f"from -1, and {_count(vertex_count)} before this line"
+                    )
+                sizes.append(size)
+                lines.append(text.line(np.arange(begin, end)))
+                label = label_of["group"] if label_of["group"] >= 0 else label_of["object"]
+                name.append(np.full(end - begin, label))
+            else:
+                for statement in range(begin, end):
+                    label_of["group"] = label_of[kind] = -1  # an object starts afresh
+                    if label := _label(text.rest(statement)):
+                        label_of[kind] = len(names)
+                        names.append((text.line(statement), kind, label))
+    except InputError as error:
+        raise InputError(f"{path}, {error}") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    first = np.concatenate([[0], *sizes]).cumsum()
+    if len(first) == 1:
+        raise InputError(f"{path}: no faces; a Wavefront OBJ has lines such as f 1 2 3")
+    obj = Obj(
+        path,
+        *map(np.concatenate, (vertices, corners)),
+        first,
+        np.concatenate(lines),
+        names,
+        np.concatenate(name),
+    )
+    if (
+        obj.corners.max() >= vertex_count
+    ):  # only now, because a face may name a vertex that follows it
+        line = obj.lines[np.searchsorted(first, obj.corners.argmax(), side="right") - 1]
+        raise InputError(
+            f"{path}, line {line}: face index {obj.corners.max() + 1} is out of range; {_count(vertex_count)} in "
+            "the file"
+        )
+    return obj
+
+
+class Text:
+    """The statements of an OBJ file: as many bytes as lines that NumPy can read at once, which
+    Python would read one by one.
+    """
+
+    def __init__(self, content: bytes):
+        content = content.removeprefix(b"\xef\xbb\xbf").lstrip(b" \t")
+        if b"\n" not in content:
+            content = content.replace(b"\r", b"\n")
+        if b"#" in content:
+            content = re.sub(rb"#[^\n]*", b"", content)
+        content = re.sub(rb"\\\r?\n", JOINED, content)
+        content = (
+            re.sub(rb"\n[ \t]+", rb"\n", content) + b"\n\n"
+        )  # so that every keyword has two bytes
+        self.content = np.frombuffer(content, np.uint8)
+        self.begins = np.append(0, np.flatnonzero(self.content == NEWLINE) + 1)
+        self.joined = np.flatnonzero(self.content == ord(JOINED))
+
+    def runs(self):
+        """(kind, begin, end) of statements of one kind that follow each other, no more than
+        AT_ONCE.
+        """
+        begins = self.begins[:-2]
+        keyword, next_byte = self.content[begins], self.content[begins + 1]
+        keyword = np.where(next_byte <= BLANK, keyword, 0)
+        limits = np.concatenate([[0], np.flatnonzero(np.diff(keyword)) + 1, [len(keyword)]])
+        for begin, end in zip(limits[:-1], limits[1:]):
+            kind = KINDS.get(keyword[begin : begin + 1].tobytes())
+            for at in range(begin, end, AT_ONCE) if kind else ():
+                yield kind, at, min(at + AT_ONCE, end)
+
+    def line(self, statement):
+        """The number, from 1, of the line on which a statement begins; also for an array of them."""
+        return statement + 1 + np.searchsorted(self.joined, self.begins[statement])
+
+    def rest(self, statement) -> str:
+        """A statement without its keyword."""
+        return (
+            self.content[self.begins[statement] + 1 : self.begins[statement + 1]]
+            .tobytes()
+            .decode(errors="replace")
+        )
+
+    def parsed(self, parse, begin, end, rule):
+        """parse(bytes, begins) of statements, their keywords blank; InputError for the first that
+        it refuses.
+        """
+        try:
+            begins = self.begins[begin:end] - self.begins[begin]
+            content = self.content[self.begins[begin] : self.begins[end]].copy()
+            content[begins] = BLANK
+            return parse(content, begins)
+        except ValueError:
+            if end - begin == 1:
+                shown = " ".join(self.rest(begin).split())
+                raise InputError(
+                    f"line {self.line(begin)}: {rule}, not '{shown[:37] + '...' * (len(shown) > 37)}'"
+                ) from None
+        middle = (begin + end) // 2
+        self.parsed(parse, begin, middle, rule)
+        self.parsed(parse, middle, end, rule)
+
+
+def _parse_vertices(content, begins):
+    """Coordinates (n, 3); what follows them (a weight, a colour) is left."""
+    values, sizes = _numbers(content, begins, float)
+    if sizes.min() < 3 or not np.isfinite(values).all():
+        raise ValueError
+    return values[(np.cumsum(sizes) - sizes)[:, None] + np.arange(3)]
+
+
+def _parse_faces(content, begins):
+    """Indices as they are written, without those of texture and normal, and the number of corners
+    (n,) of each face.
+    """
+    # Whatever lies between a slash and the next blank goes: where the last mark so far is a
+    # slash's, which are odd.
+    position = 2 * np.arange(len(content), dtype=np.int32)
+    marks = np.where(content <= BLANK, position, np.where(content == SLASH, position + 1, 0))
+    is_kept = np.maximum.accumulate(marks) % 2 == 0
+    indices, sizes = _numbers(np.where(is_kept, content, np.uint8(BLANK)), begins, int)
+    if sizes.min() < 3 or len(indices) != np.count_nonzero(_word_starts(content)):
+        raise ValueError
+    return indices, sizes
+
+
+def _numbers(content, begins, kind):
+    """All numbers in some lines, and how many (n,) there are in each. Raises ValueError for a word
+    that is none.
+    """
+    words = np.flatnonzero(_word_starts(content))
+    sizes = np.diff(np.searchsorted(words, begins), append=len(words))
+    # The zero at the end, because NumPy takes a last word that is no number, such as '-', for one.
+    numbers = np.fromstring(content.tobytes() + b" 0", kind, sep=" ")[:-1]
+    if len(numbers) != len(words):
+        raise ValueError
+    return numbers, sizes
+
+
+def _word_starts(content):
+    """Mask of the bytes at which a word begins; the first byte is blank."""
+    is_blank = content <= BLANK
+    return np.append(False, is_blank[:-1] & ~is_blank[1:])
+
+
+def _label(text):
+    """The label among the names that an o or g statement gives: from the first word with '*' on.
+    Empty if there is none.
+    """
+    words = text.split()
+    labelled = [position for position, word in enumerate(words) if "*" in word]
+    if not labelled:
+        return ""
+    first = labelled[0]
+    return " ".join(
+        words[first - (first > 0 and words[first].startswith("*")) :]
+    )  # f * bareAl * 300 *
+
+
+def _count(vertices):
+    return f"there {'is 1 vertex' if vertices == 1 else f'are {vertices} vertices'}"

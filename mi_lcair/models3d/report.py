@@ -1,0 +1,45 @@
+"""What a facet model holds and what is wrong with it, as numbers."""
+
+import numpy as np
+
+from mi_lcair.models3d import checks
+from mi_lcair.models3d.label import TYPES
+from mi_lcair.models3d.model import Model
+
+
+def report(model: Model) -> dict:
+    """Figures of a model; a facet is one face of the OBJ.
+
+    Counts of facets: facets, degenerate (no area), duplicate (the corners of an earlier one,
+    whichever way it faces), inward (model facets that face the wrong way), non_planar (farther from
+    their mean plane than 1e-4 of their size). Others: triangles; volume, signed, and volume_by_type
+    [m^3] (openings count as closed, exact copies once); open_edges, where a facet has no neighbour;
+    area_by_material [m^2]; non_planar_mm, the greatest distance of a corner from its facet's mean
+    plane; bounding_box [m]; temperature_min and temperature_max [K].
+    """
+    areas = np.bincount(model.triangle_facet, checks.triangle_areas(model), model.count)
+    duplicate, copy = checks.repeated(model)
+    edges = checks.Edges(model, ~copy)
+    volumes = np.where(copy, 0, checks.signed_volumes(model, edges))
+    facets = {TYPES[kind]: model.facets_of(kind) for kind in TYPES}
+    material = np.array([label.material for label in model.labels])[model.label]
+    return {
+        "facets": model.count,
+        "triangles": len(model.triangles),
+        "volume": volumes.sum(),
+        "volume_by_type": {
+            kind: volumes[mask].sum() for kind, mask in facets.items() if mask.any()
+        },
+        "open_edges": edges.open(),
+        "area_by_material": {
+            str(name): areas[material == name].sum() for name in np.unique(material)
+        },
+        "inward": np.count_nonzero(checks.inward(model, volumes, facets["model"] & ~copy)),
+        "degenerate": np.count_nonzero(checks.degenerate(model)),
+        "duplicate": np.count_nonzero(duplicate),
+        "non_planar": np.count_nonzero(checks.non_planar(model)),
+        "non_planar_mm": 1e3 * model.off_plane.max(),
+        "bounding_box": model.box,
+        "temperature_min": model.temperature.min(),
+        "temperature_max": model.temperature.max(),
+    }

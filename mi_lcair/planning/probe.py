@@ -1,0 +1,131 @@
+"""Cheap looks at a scene under some settings: what it shows by bounce count, how it scatters, how
+long a path takes.
+"""
+
+import time
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+
+from mi_lcair.rendering.scene import Scene
+
+# independent looks, with the same seeds under all settings: differences between settings scatter
+# little
+BATCHES = 8
+PATHS = 2**13  # of one look
+PIXELS = 2**11  # at most, spread over the image
+T_95 = 2.365  # Student's factor for 95 % and BATCHES - 1 degrees of freedom
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a plan may change: the lobe of each Sandford-Robertson material, and how paths are
+    followed.
+    """
+
+    lobe: dict[str, str]
+    max_bounces: int
+    emitter_sampling: bool
+    closure: str = "none"
+
+    @staticmethod
+    def of(scene: Scene) -> "Settings":
+        integrator = scene.mi.integrator()
+        return Settings(
+            {surface.material: surface.lobe for surface in scene.surfaces()},
+            integrator.max_bounces,
+            integrator.emitter_sampling,
+            integrator.closure,
+        )
+
+    def apply(self, scene: Scene) -> None:
+        integrator = scene.mi.integrator()
+        for material, lobe in self.lobe.items():
+            scene.set_lobe(lobe, material)
+        integrator.max_bounces, integrator.emitter_sampling, integrator.closure = (
+            self.max_bounces,
+            self.emitter_sampling,
+            self.closure,
+        )
+
+
+@contextmanager
+def applied(scene: Scene, settings: Settings):
+    """Within: the scene has these settings; afterwards its own again."""
+    own, lobes = Settings.of(scene), [(surface, surface.lobe) for surface in scene.surfaces()]
+    settings.apply(scene)
+    try:
+        yield
+    finally:
+        own.apply(scene)
+        for surface, lobe in lobes:  # two surfaces of one name may differ
+            surface.set_lobe(lobe)
+
+
+@dataclass(frozen=True)
+class Probe:
+    """Radiance [W m^-2 sr^-1] of some pixels, spread over the image, under one of the settings.
+
+    by_bounce: (BATCHES, bounces, pixels), of what is looked at: the model's facets, or all
+    (`each_pixel`). deviation: of one sample, rms over the pixels, by batch. between: the same from
+    the scatter of the batches' means, which also shows the noise that all samples of a batch share,
+    that of the tail's ratio. seconds: per path, after the compile. brightest: radiance of a source
+    that paths may have missed; 0 where emitters are drawn.
+    """
+
+    by_bounce: np.ndarray
+    deviation: np.ndarray
+    between: float
+    seconds: float
+    paths: int
+    brightest: float
+
+    @property
+    def value(self) -> np.ndarray:
+        """(BATCHES, pixels), all bounces."""
+        return self.by_bounce.sum(axis=1)
+
+
+def probe(
+    scene: Scene, settings: Settings, each_pixel: bool, seed: int = 0, sensor: int = 0
+) -> Probe:
+    integrator, camera = scene.mi.integrator(), scene.sensor(sensor)
+    width, height = camera.film().crop_size()
+    stride = max(1, width * height // PIXELS)
+    stride += stride > 1 and width % stride == 0  # otherwise all pixels would lie in a few columns
+    pixels = -(-width * height // stride)
+    spp = max(2, PATHS // pixels // 2 * 2)  # even: in two halves
+    seeds = np.random.SeedSequence(seed).generate_state(BATCHES).tolist()
+    prefix = "" if each_pixel else "target."
+    looks, deviation, means, times = [], [], [], []
+    with applied(scene, settings), integrator.prepared(scene.mi):
+        for batch in range(BATCHES):
+            start = time.perf_counter()
+            part = integrator.observe(
+                scene.mi, camera, seeds[batch], spp, 0, pixels, "target", stride=stride
+            )
+            times.append(time.perf_counter() - start)
+            names = [name for name in part.channels if name.startswith(f"{prefix}bounce.")]
+            looks.append([part.channels[name].mean(axis=0) for name in names])
+            deviation.append(scatter(part, each_pixel, spp))
+            means.append(part.channels["target"].mean())
+        brightest = integrator.emitters.brightest
+    return Probe(
+        np.array(looks),
+        np.array(deviation),
+        float(np.std(means, ddof=1) * np.sqrt(pixels * spp)),
+        float(np.median(times[1:])) / (pixels * spp),
+        BATCHES * pixels * spp,
+        brightest,
+    )
+
+
+def scatter(part, each_pixel: bool, spp: int) -> float:
+    """Standard deviation of one sample, rms over the pixels: from samples, or from the halves of
+    the target's.
+    """
+    if each_pixel:
+        return float(np.sqrt(part.squares.sum() / (part.count - 1).clip(1).sum()))
+    first, second = part.channels["target"]
+    return float(np.sqrt(np.mean((first - second) ** 2) * spp / 4))

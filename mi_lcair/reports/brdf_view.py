@@ -1,0 +1,205 @@
+"""The BRDF of a material over the hemisphere of reflection (thesis Figures 2.9, 3.14), as numbers
+and as a picture.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from drjit.llvm.ad import Array3f64, Float64
+
+from mi_lcair.drawing import drawing
+from mi_lcair.errors import InputError
+from mi_lcair.physics.bands import Band
+from mi_lcair.physics.bands import band as band_of
+from mi_lcair.physics.materials import Material, material
+from mi_lcair.physics.reflection import sandford_robertson as sr
+from mi_lcair.physics.reflection import sandford_robertson_hemispherical as hemispherical
+from mi_lcair.reports.image_picture import log_ticks
+
+HORIZON = 89.9  # degrees; the last theta_r
+GRAZING = 80.0  # degrees; what is darker only beyond them does not stretch the scale
+PALE = "0.45"
+
+
+@dataclass(frozen=True)
+class BRDFView:
+    """The raw model, f_r [1/sr], of light that comes in at theta_i. theta_r (m,), azimuth (n,),
+    both in degrees: the azimuth is 0 in the mirror direction's half of the plane of incidence and
+    180 in the source's. brdf (m, n); cut: in-plane, f_r at the signed angles cut_theta_r, positive
+    on the mirror direction's side. dhr at theta_i; emissivity: 1 - HDR (Kirchhoff), at theta_i too,
+    but as seen by an observer.
+    """
+
+    material: Material
+    band: Band
+    theta_i: float
+    theta_r: np.ndarray
+    azimuth: np.ndarray
+    brdf: np.ndarray
+    cut_theta_r: np.ndarray
+    cut: np.ndarray
+    dhr: float
+    emissivity: float
+
+
+def brdf_view(name: str, band: str, theta_i_deg: float = 30.0) -> BRDFView:
+    """The BRDF of a material (a name or a fit's JSON file) in a band, for incidence at theta_i_deg
+    degrees.
+    """
+    if not 0 <= theta_i_deg < 90:
+        raise InputError(f"theta = {theta_i_deg:g} degrees must lie in 0..90, 90 excluded")
+    band = band_of(band)
+    found = material(name, band)
+    sr.check_feasible(found.epsilon, found.rho_d, found.b, found.e, found.form)
+    S = sr.surface(
+        *(Float64(number) for number in (found.epsilon, found.rho_d, found.b, found.e)),
+        form=found.form,
+    )
+    theta_r = crowded(0, HORIZON, 2, theta_i_deg, found.e)
+    azimuth = crowded(-180, 180, 2, 0, found.e)
+    cut_theta_r = crowded(-HORIZON, HORIZON, 0.2, theta_i_deg, found.e)
+    grid = np.meshgrid(theta_r, azimuth, indexing="ij")
+    theta_i = Float64(np.radians(theta_i_deg))
+    return BRDFView(
+        found,
+        band,
+        theta_i_deg,
+        theta_r,
+        azimuth,
+        f(S, theta_i_deg, *grid),
+        cut_theta_r,
+        f(S, theta_i_deg, cut_theta_r, np.zeros_like(cut_theta_r)),
+        float(hemispherical.DHR(S, theta_i)[0]),
+        1 - min(1.0, float(hemispherical.HDR(S, theta_i)[0])),
+    )
+
+
+def f(S, theta_i, theta_r, azimuth) -> np.ndarray:
+    """f_r [1/sr] at angles in degrees, azimuth from the mirror direction; shape of theta_r."""
+    theta_i, theta, phi = (np.radians(angle) for angle in (theta_i, theta_r, azimuth))
+    r = Array3f64(
+        np.array(
+            [-np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)]
+        ).reshape(3, -1)
+    )
+    return (
+        sr.f(S, Array3f64(float(np.sin(theta_i)), 0, float(np.cos(theta_i))), r)
+        .numpy()
+        .reshape(np.shape(theta_r))
+    )
+
+
+def crowded(lower: float, upper: float, step: float, peak: float, e: float) -> np.ndarray:
+    """Angles over a range, about a step apart but crowded around a peak of width e [degrees]."""
+    width = np.degrees(e)
+    reach = np.arcsinh(180 / width)
+    around = peak + width * np.sinh(np.linspace(-reach, reach, 121))
+    inside = (around > lower + 1e-6) & (around < upper - 1e-6)
+    return np.unique(
+        np.concatenate(
+            [np.linspace(lower, upper, round((upper - lower) / step) + 1), around[inside]]
+        )
+    )
+
+
+def save_plot(path, view: BRDFView) -> None:
+    """Write a PNG: log10 BRDF over the hemisphere, and its cut through the plane of incidence."""
+    with drawing(path, (11, 4.8), layout="constrained") as figure:
+        left, right = figure.subfigures(1, 2, width_ratios=(1, 1.15))
+        figure.suptitle(
+            f"{view.material.name}, {view.band.label}, incidence {view.theta_i:g}°: DHR {view.dhr:.4f}, "
+            f"emissivity at {view.theta_i:g}° {view.emissivity:.4f}",
+            fontsize=11,
+            parse_math=False,
+        )
+        draw_hemisphere(left, view, *scale(view))
+        draw_cut(right.subplots(), view, *scale(view))
+
+
+def scale(view: BRDFView) -> tuple[float, float]:
+    """Ends of the logarithmic scale: the values up to GRAZING, and a decade at least."""
+    shown = view.brdf[view.theta_r <= GRAZING]
+    shown = shown[shown > 0]
+    lower, upper = (shown.min(), view.brdf.max()) if shown.size else (1, 1)
+    widen = max(1.0, (10 * lower / upper) ** 0.5)
+    return lower / widen, upper * widen
+
+
+def draw_hemisphere(figure, view: BRDFView, lower: float, upper: float) -> None:
+    """The hemisphere from above: the normal in the middle, the horizon around it, the mirror
+    direction's side to the right.
+    """
+    from matplotlib.colors import LogNorm
+
+    axes = figure.subplots(subplot_kw={"projection": "polar"})
+    axes.grid(False)
+    picture = axes.pcolormesh(
+        np.radians(view.azimuth),
+        view.theta_r,
+        np.ma.masked_less_equal(view.brdf, 0),
+        norm=LogNorm(lower, upper),
+        cmap="viridis",
+        shading="gouraud",
+        rasterized=True,
+    )
+    axes.set_facecolor("0.6")
+    for azimuth, marker, size, label in (
+        (np.pi, "x", 6, "source"),
+        (0, "o", 9, "mirror direction"),
+    ):
+        axes.plot(azimuth, view.theta_i, marker, ms=size, mew=2, mfc="none", color="white")
+        axes.plot(
+            azimuth, view.theta_i, marker, ms=size, mew=0.8, mfc="none", color="black", label=label
+        )
+    axes.set_ylim(0, 90)
+    axes.set_rgrids([30, 60], ["30°", "60°"], angle=90, fontsize=7, color="0.85")
+    axes.yaxis.grid(color="0.85", lw=0.5, alpha=0.6)
+    axes.set_thetagrids(
+        range(0, 360, 45),
+        [f"{angle}°" for angle in (0, 45, 90, 135, 180, -135, -90, -45)],
+        fontsize=8,
+    )
+    axes.xaxis.grid(False)
+    axes.set_title(r"$\theta_r$ from the middle, azimuth from the mirror side", fontsize=8, pad=14)
+    axes.legend(fontsize=7, frameon=False, loc="lower left", bbox_to_anchor=(-0.22, -0.1))
+    bar = figure.colorbar(
+        picture,
+        ax=axes,
+        shrink=0.8,
+        pad=0.1,
+        extend="min" if view.brdf.min() < lower else "neither",
+    )
+    bar.set_label("BRDF (1/sr)", fontsize=8)
+    bar.ax.tick_params(labelsize=8)
+    log_ticks(bar, lower, upper)
+
+
+def draw_cut(axes, view: BRDFView, lower: float, upper: float) -> None:
+    """The BRDF in the plane of incidence, on a log axis."""
+    axes.plot(view.cut_theta_r, np.ma.masked_less_equal(view.cut, 0), color="C3", lw=1.4)
+    axes.axvline(-view.theta_i, color=PALE, lw=0.8, ls=":")
+    axes.text(
+        -view.theta_i,
+        1.0,
+        "source ",
+        color=PALE,
+        fontsize=8,
+        ha="right",
+        va="top",
+        rotation=90,
+        transform=axes.get_xaxis_transform(),
+    )
+    axes.set_yscale("log")
+    axes.set_ylim(lower / 1.5, upper * 2)
+    axes.set_xlim(-90, 90)
+    axes.set_xticks(range(-90, 91, 30))
+    axes.set_xlabel(
+        r"$\theta_r$ in the plane of incidence (degrees, positive on the mirror direction's side)",
+        fontsize=8,
+    )
+    axes.set_ylabel("BRDF (1/sr)", fontsize=8)
+    axes.tick_params(labelsize=8)
+    axes.grid(color="0.9", lw=0.6)
+    axes.set_axisbelow(True)
+    if not view.cut.any():
+        axes.text(0.5, 0.5, "reflects nothing", transform=axes.transAxes, ha="center", color=PALE)

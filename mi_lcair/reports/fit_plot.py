@@ -1,0 +1,198 @@
+"""A fit as a picture: measured and fitted BRDF, residuals, emissivity, and the table of parameters."""
+
+from textwrap import wrap
+
+import numpy as np
+
+from mi_lcair.drawing import drawing
+from mi_lcair.fitting.model import Hemispherical, Scatterometer
+from mi_lcair.fitting.parameters import NAMES, to_cube
+from mi_lcair.fitting.scatterometer.measurements import Measurements
+
+SYMBOLS = {
+    "epsilon": r"$\varepsilon$",
+    "rho_d": r"$\rho_d$",
+    "b": r"$b$",
+    "e": r"$e$",
+    "theta_i": r"$\theta_i$",
+    "theta_r": r"$\theta_r$",
+}
+TITLES = {
+    "emissivity": ("emissivity", "theta_r"),
+    "dhr": ("directional-hemispherical reflectance", "theta_i"),
+}
+INK, PALE = "0.15", "0.45"
+MOST_CURVES = 12  # of more settings, this many are shown, evenly chosen
+LINE_POINTS = 300
+
+
+def save_plot(path, fits) -> None:
+    """Write a PNG with a row of panels for each of `fits`: (Measurements, Fit, {quantity:
+    DirectionalData}).
+    """
+    with drawing(path, (11, 6.2 * len(fits)), layout="constrained") as figure:
+        for row, fitted in zip(np.atleast_1d(figure.subfigures(len(fits), 1)), fits):
+            draw_fit(row, *fitted)
+
+
+def draw_fit(figure, measurements: Measurements, fit, directional: dict) -> None:
+    """The panels of one fit in a (sub)figure."""
+    band = ", {:g}-{:g} um".format(*measurements.band_um) if measurements.band_um else ""
+    figure.suptitle(
+        f"{measurements.name}{band}: Sandford-Robertson, {fit.form} form"
+        + (f", {fit.restriction}" if fit.restriction else ""),
+        fontsize=12,
+        parse_math=False,
+    )
+    left, right = figure.subfigures(1, 2, width_ratios=(1.8, 1))
+    draw_brdf(*left.subplots(2, 1, sharex=True, height_ratios=(3, 1)), measurements, fit)
+    table, *panels = right.subplots(
+        1 + max(len(directional), 1), 1, height_ratios=[1.25] + [1] * max(len(directional), 1)
+    )
+    draw_table(table, fit)
+    for panel, (quantity, data) in zip(panels, (directional or {"emissivity": None}).items()):
+        draw_directional(panel, fit, quantity, data)
+
+
+def draw_brdf(axes, below, measurements: Measurements, fit) -> None:
+    """Points and fitted lines on a log axis, one colour for each setting of the angle that was
+    changed less often, and their residuals below. Points that the fit left out are hollow.
+    """
+    angles = {
+        "theta_r": np.degrees(measurements.theta_r),
+        "theta_i": np.degrees(measurements.theta_i),
+    }
+    swept, fixed = sorted(angles, key=lambda name: -len(np.unique(angles[name])))
+    settings = np.unique(angles[fixed])
+    settings = settings[
+        np.unique(np.linspace(0, len(settings) - 1, MOST_CURVES).round().astype(int))
+    ]
+    brdf, used = measurements.brdf, fit.used_points
+    residual = np.log10(
+        np.where(used, brdf, 1)
+        / np.where(used, predicted(fit, measurements.theta_i, measurements.theta_r), 1)
+    )
+    lowest = []
+    for setting, color in zip(settings, shades(len(settings))):
+        chosen = angles[fixed] == setting
+        x = np.linspace(angles[swept][chosen].min(), angles[swept][chosen].max(), LINE_POINTS)
+        line = predicted(
+            fit, **{swept: np.radians(x), fixed: np.full(LINE_POINTS, np.radians(setting))}
+        )
+        axes.plot(x, line, color=color, lw=1.2, label=f"{setting:g}°")
+        for shown, face in ((chosen & used, color), (chosen & ~used, "none")):
+            axes.plot(
+                angles[swept][shown], brdf[shown], "o", ms=2.6, mew=0.5, color=color, mfc=face
+            )
+        below.plot(
+            angles[swept][chosen & used], residual[chosen & used], "o", ms=2.2, mew=0, color=color
+        )
+        lowest.append(line.min())
+    axes.set_yscale("log")
+    axes.set_ylim(
+        max(min(lowest + [brdf[used].min()]), 0.03 * brdf[used].min()) / 2, 4 * brdf[brdf > 0].max()
+    )
+    axes.set_ylabel("BRDF (1/sr)")
+    axes.legend(
+        title=f"{SYMBOLS[fixed]}: dots measured\n(hollow: left out), lines fitted",
+        fontsize=8,
+        title_fontsize=8,
+        ncols=2,
+        loc="upper left",
+        frameon=False,
+        handlelength=1.2,
+        columnspacing=1,
+        labelspacing=0.3,
+        alignment="left",
+    )
+    below.axhline(0, color=INK, lw=0.8)
+    reach = max(0.1, 1.1 * abs(residual[used]).max())
+    below.set_ylim(-reach, reach)
+    below.set_ylabel("measured / fitted\n(decades)")
+    below.set_xlabel(f"{SYMBOLS[swept]} (degrees)")
+    for panel in (axes, below):
+        panel.grid(color="0.9", lw=0.6)
+        panel.set_axisbelow(True)
+
+
+def draw_table(axes, fit) -> None:
+    """The parameters with their standard errors and verdicts, and the quality of the fit."""
+    axes.axis("off")
+    lines = []
+    for name in NAMES:
+        lines.append(
+            (SYMBOLS[name], f"{fit.parameters[name]:.4g}", f"± {fit.standard_error[name]:.2g}")
+        )
+        lines += [("", text, None) for text in wrap(fit.verdict[name], 46)]
+    lines += [
+        ("", "", None),
+        ("rms", f"{fit.rms_dex:.4f} decades in BRDF", None),
+        ("points", f"{fit.used} used, {len(fit.used_points) - fit.used} left out", None),
+    ]
+    if fit.emissivity_rms is not None:
+        lines.append(("rms", f"{fit.emissivity_rms:.3f} in emissivity", None))
+    place = 1.0
+    for symbol, value, error in lines:
+        is_verdict = not symbol
+        place -= 0.055 if is_verdict else 0.085
+        axes.text(0.0, place, symbol, fontsize=11 if error else 9, color=INK, va="baseline")
+        axes.text(
+            0.17,
+            place,
+            value,
+            fontsize=7.5 if is_verdict else 10 if error else 9,
+            color=PALE if is_verdict else INK,
+            va="baseline",
+            parse_math=False,
+        )
+        axes.text(0.45, place, error or "", fontsize=10, color=INK, va="baseline")
+
+
+def draw_directional(axes, fit, quantity: str, data) -> None:
+    """The fit's emissivity 1 - HDR (or its DHR) against the measured one with its standard
+    deviations, if there is one.
+    """
+    title, angle = TITLES[quantity]
+    theta = np.linspace(0, 89, 179)
+    axes.plot(
+        theta,
+        Hemispherical(np.radians(theta), quantity, fit.form)(coordinates(fit))[0][0],
+        color="C3",
+        lw=1.5,
+        label="fitted",
+    )
+    if data is not None:
+        axes.errorbar(
+            np.degrees(data.theta),
+            data.value,
+            data.std,
+            fmt="o",
+            ms=3.5,
+            color=INK,
+            lw=1,
+            capsize=2,
+            label="measured",
+        )
+    axes.legend(fontsize=8, frameon=False)
+    axes.set_ylim(0, 1)
+    axes.set_xlim(0, 90)
+    axes.set_xlabel(f"{SYMBOLS[angle]} (degrees)")
+    axes.set_ylabel(title)
+    axes.grid(color="0.9", lw=0.6)
+    axes.set_axisbelow(True)
+
+
+def coordinates(fit) -> np.ndarray:
+    return to_cube([fit.parameters[name] for name in NAMES])[None]
+
+
+def predicted(fit, theta_i, theta_r) -> np.ndarray:
+    """The fitted BRDF at some angles, as the instrument would see it."""
+    half_angle = np.radians(fit.settings["source_half_angle_deg"])
+    return Scatterometer(theta_i, theta_r, fit.form, half_angle)(coordinates(fit))[0][0]
+
+
+def shades(count: int):
+    from matplotlib import colormaps
+
+    return colormaps["viridis"](np.linspace(0, 0.88, count))

@@ -1,0 +1,132 @@
+"""The hemispherical view of a facet as a picture: its neighbours over theta and phi (thesis Figures
+3.12, 3.13).
+"""
+
+import numpy as np
+
+from mi_lcair.drawing import drawing
+from mi_lcair.signatures.hemispherical_view import MAP_PHI, MAP_THETA, NOTHING, HemisphericalView
+
+PAPER, EDGE = (
+    (0.93, 0.93, 0.93),
+    0.45,
+)  # colour of what escapes; brightness of the line around a facet
+MOST_GROUPS = 16  # in the legend
+MOST_LABELS, ROOM = (
+    24,
+    4.5,
+)  # facets that get their number written, and the degrees around it that they need
+COARSE = 4  # pixels of the map in one that looks for this room
+
+
+def save_plot(path, view: HemisphericalView) -> None:
+    """Write a PNG: theta against phi, each group of facets in a hue of its own, darker the higher a
+    facet's number.
+    """
+    from matplotlib.patches import Patch
+
+    colours, groups = facet_colours(view)
+    with drawing(path, (11, 4), layout="constrained") as figure:
+        axes = figure.subplots()
+        axes.imshow(
+            edges_darkened(view.map, colours[view.map]),
+            extent=(-180, 180, 90, 0),
+            aspect="auto",
+            interpolation="nearest",
+        )
+        for number, column, row in places(view.map):
+            dark = colours[number] @ (0.3, 0.6, 0.1) < 0.5
+            axes.text(
+                column / MAP_PHI * 360 - 180,
+                row / MAP_THETA * 90,
+                number,
+                ha="center",
+                va="center",
+                fontsize=7,
+                color="white" if dark else "black",
+            )
+        axes.set_xticks(range(-180, 181, 45))
+        axes.set_yticks(range(0, 91, 15))
+        axes.set_xlabel(
+            "azimuth φ from the direction of the facet's second corner (degrees)", fontsize=9
+        )
+        axes.set_ylabel("θ from the normal (degrees)", fontsize=9)
+        axes.tick_params(labelsize=8)
+        axes.set_title(
+            f"{view.scene}: what facet {view.facet} sees (group {view.group(view.facet)}, "
+            f"{view.facets.material[view.facet]})",
+            fontsize=11,
+            parse_math=False,
+        )
+
+        entries = [(colour, f"{name}: {share:.4f}") for name, (colour, share) in groups.items()]
+        if len(entries) > MOST_GROUPS:
+            entries = entries[:MOST_GROUPS] + [(None, f"and {len(entries) - MOST_GROUPS} more")]
+        figure.legend(
+            [
+                Patch(facecolor=colour or "none", edgecolor="0.4" if colour else "none", lw=0.5)
+                for colour, _ in entries
+            ],
+            [text for _, text in entries],
+            loc="outside right upper",
+            fontsize=8,
+            frameon=False,
+            title="group: view factor",
+            title_fontsize=8,
+            alignment="left",
+        )
+
+
+def facet_colours(view: HemisphericalView) -> tuple[np.ndarray, dict]:
+    """Colours by facet number (count + 1, 3), that of NOTHING last; and group -> (colour, view
+    factor), largest first.
+    """
+    from matplotlib import colormaps
+
+    seen = np.union1d(view.neighbour[(view.view_factor + view.solid_angle) > 0], view.map)
+    share = dict(zip(view.neighbour.tolist(), view.view_factor.tolist()))
+    members = {}
+    for number in seen.tolist():
+        members.setdefault(view.group(number), []).append(number)
+    members = dict(
+        sorted(members.items(), key=lambda item: -sum(share.get(number, 0) for number in item[1]))
+    )
+    colours, groups = np.tile(PAPER, (view.facets.count + 1, 1)), {}
+    hues = iter(np.arange(len(members)) % 10)
+    for name, numbers in members.items():
+        middle = PAPER
+        if numbers != [NOTHING]:
+            hue = np.array(colormaps["tab10"](next(hues))[:3])
+            shade = np.linspace(0.45, -0.3, len(numbers) + 2)[
+                1:-1, None
+            ]  # toward white, toward black
+            colours[numbers] = np.where(shade > 0, hue + shade * (1 - hue), hue * (1 + shade))
+            middle = tuple(hue)
+        groups[name] = middle, sum(share.get(number, 0) for number in numbers)
+    return colours, groups
+
+
+def edges_darkened(numbers: np.ndarray, image: np.ndarray) -> np.ndarray:
+    """The image (H, W, 3) with a thin dark line where one facet ends and the next begins."""
+    edge = np.zeros(numbers.shape, dtype=bool)
+    below, right = numbers[1:] != numbers[:-1], numbers[:, 1:] != numbers[:, :-1]
+    edge[1:] |= below
+    edge[:-1] |= below  # two pixels wide: the picture has fewer than the map
+    edge[:, 1:] |= right
+    edge[:, :-1] |= right
+    return np.where(edge[..., None], EDGE * image, image)
+
+
+def places(numbers: np.ndarray):
+    """(facet, column, row) where its number has the most room, for facets that have enough; largest
+    regions first.
+    """
+    from scipy.ndimage import distance_transform_edt
+
+    coarse = numbers[COARSE // 2 :: COARSE, COARSE // 2 :: COARSE]
+    found, sizes = np.unique(coarse[coarse != NOTHING], return_counts=True)
+    for number in found[np.argsort(-sizes)][:MOST_LABELS]:
+        room = distance_transform_edt(np.pad(coarse == number, 1))[1:-1, 1:-1]
+        row, column = np.unravel_index(np.argmax(room), room.shape)
+        if room[row, column] * COARSE >= ROOM / 90 * MAP_THETA:
+            yield int(number), COARSE * (column + 0.5), COARSE * (row + 0.5)

@@ -1,0 +1,69 @@
+"""A trend as polar curves: by elevation, by what emitted, and by number of reflections."""
+
+import numpy as np
+
+from mi_lcair.drawing import drawing
+from mi_lcair.signatures.trend import Trend
+
+NEGLIGIBLE = 1e-3  # share of the whole below which a part's curve would not be seen
+UNIT = r"W sr$^{-1}$"
+
+
+def save_plot(path, trend: Trend, scene: str) -> None:
+    """A PNG of three polar panels, azimuth 0 (the nose) up and 90 (the left side) to the left; the
+    last two at the elevation nearest 0.
+    """
+    elevations = np.unique(trend.columns["elevation_deg"])
+    level = elevations[np.argmin(np.abs(elevations))]
+    one = trend.at_elevation(level)
+    with drawing(path, (14, 5.6), layout="constrained") as figure:
+        panels = figure.subplots(1, 3, subplot_kw={"projection": "polar"})
+        draw(
+            panels[0],
+            "by elevation",
+            {
+                f"{elevation:g}°": (at, at.columns["intensity_W_sr"])
+                for elevation in elevations
+                for at in [trend.at_elevation(elevation)]
+            },
+        )
+        draw(panels[1], f"by what emitted it, at {level:g}°", seen("group", one))
+        draw(panels[2], f"by number of reflections, at {level:g}°", seen("bounce", one))
+        figure.suptitle(
+            f"{scene}, {trend.band}: intensity of the model by azimuth ({UNIT})", fontsize=12
+        )
+
+
+def seen(kind: str, one: Trend) -> dict:
+    """Curves of the parts that are large enough anywhere to be seen."""
+    least = NEGLIGIBLE * one.columns["intensity_W_sr"].max()
+    return {name: (one, values) for name, values in one.parts(kind).items() if values.max() > least}
+
+
+def draw(panel, title: str, curves: dict) -> None:
+    """curves: label -> (Trend, values by its views)."""
+    panel.set_theta_zero_location("N")
+    for label, (at, values) in curves.items():
+        order = np.argsort(at.columns["azimuth_deg"])
+        azimuth, values = np.radians(at.columns["azimuth_deg"][order]), values[order]
+        if closes(at.columns["azimuth_deg"][order]):
+            azimuth, values = (
+                np.append(azimuth, azimuth[0] + 2 * np.pi),
+                np.append(values, values[0]),
+            )
+        panel.plot(
+            azimuth, values, linewidth=1.3, label=label, marker="." if len(values) < 8 else None
+        )
+    panel.set_ylim(0, None)
+    panel.set_title(title, fontsize=10)
+    panel.tick_params(labelsize=8)
+    panel.legend(
+        loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=4, fontsize=8, frameon=False
+    )
+
+
+def closes(azimuths_deg) -> bool:
+    """Whether evenly spaced azimuths go all the way round."""
+    return len(azimuths_deg) > 2 and np.allclose(
+        np.diff(np.append(azimuths_deg, azimuths_deg[0] + 360)), 360 / len(azimuths_deg), atol=1e-6
+    )

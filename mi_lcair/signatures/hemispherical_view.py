@@ -1,0 +1,183 @@
+"""What one facet sees: solid angle and view factor of every other facet, and a map over theta and
+phi (thesis 3.2.4).
+"""
+
+from dataclasses import dataclass
+from math import ceil, log2
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mi_lcair.errors import InputError
+from mi_lcair.rendering.facet_table import FacetTable
+from mi_lcair.rendering.scene import Scene
+
+MAP_THETA, MAP_PHI = 360, 1440  # pixels of the map: a quarter of a degree each
+NOTHING = -1  # the neighbour of a direction in which there is no surface
+
+
+@dataclass(frozen=True)
+class HemisphericalView:
+    """What a facet sees. Surfaces that turn their back count as what they are: they hide what is
+    behind them.
+
+    neighbour: facet numbers (n,), largest view factor first; NOTHING (-1), always the last, is what
+    escapes. solid_angle [sr] and view_factor (n,): means over the facet's area; they add up to 2 pi
+    and 1. map: facet seen from the centre of the facet, (MAP_THETA, MAP_PHI), theta 0..90 degrees
+    from the normal downward, phi -180..180 degrees to the right.
+    """
+
+    scene: str
+    facet: int
+    facets: FacetTable
+    neighbour: np.ndarray
+    solid_angle: np.ndarray
+    view_factor: np.ndarray
+    map: np.ndarray
+    rays: int
+
+    def group(self, number: int) -> str:
+        return "nothing" if number == NOTHING else self.facets.group[number]
+
+    def as_dict(self) -> dict:
+        """The table, for JSON; `facet` is null in the row of what escapes."""
+        table = self.facets
+        rows = [
+            {
+                "facet": number,
+                "type": table.type[number],
+                "group": table.group[number],
+                "material": table.material[number],
+                "solid_angle_sr": solid_angle,
+                "view_factor": view_factor,
+            }
+            for number, solid_angle, view_factor in zip(
+                self.neighbour.tolist(), self.solid_angle.tolist(), self.view_factor.tolist()
+            )
+        ]
+        rows[-1] |= {"facet": None, "type": None, "group": self.group(NOTHING), "material": None}
+        return {
+            "scene": self.scene,
+            "facet": self.facet,
+            "type": table.type[self.facet],
+            "group": table.group[self.facet],
+            "material": table.material[self.facet],
+            "area_m2": float(table.area[self.facet]),
+            "centre_m": table.centre[self.facet].tolist(),
+            "normal": table.normal[self.facet].tolist(),
+            "rays": self.rays,
+            "solid_angle_sr": float(self.solid_angle.sum()),
+            "view_factor": float(self.view_factor.sum()),
+            "neighbours": rows,
+        }
+
+
+def hemispherical_view(
+    scene: Scene, facet: int, rays: int = 2**20, seed: int = 0
+) -> HemisphericalView:
+    """What facet number `facet` of a scene sees, by low-discrepancy rays over its area and its
+    hemisphere.
+
+    rays: for each of solid angle (uniform directions) and view factor (cosine-weighted); rounded up
+    to a power of 2. Raises InputError for a number that is no facet, and for a facet that is not
+    flat or has no area.
+    """
+    facets = FacetTable(scene)
+    if not 0 <= facet < facets.count:
+        raise InputError(
+            f"facet {facet} does not exist; the facets of {scene.name} are numbered from 0 to {facets.count - 1}"
+        )
+    if not np.isfinite(facets.normal[facet]).all():
+        raise InputError(
+            f"facet {facet} of {scene.name} has no normal: it is a whole curved shape, or has no area; "
+            "a facet of a mesh has a view"
+        )
+    sample = low_discrepancy(rays, seed)
+    p, n = points(facets, facet, sample[:, :2])
+    shares = []
+    for warp in (mi.warp.square_to_uniform_hemisphere, mi.warp.square_to_cosine_hemisphere):
+        direction = mi.Frame3f(n).to_world(warp(mi.Point2f(sample[:, 2:].T)))
+        shares.append(
+            np.bincount(1 + seen(scene, facets, p, n, direction), minlength=1 + facets.count)
+            / len(sample)
+        )
+    neighbour = np.flatnonzero(shares[0] + shares[1])
+    neighbour = neighbour[np.argsort(-shares[1][neighbour], kind="stable")]
+    neighbour = np.append(neighbour[neighbour != 0], 0)  # bin 0: what escapes
+    return HemisphericalView(
+        scene.name,
+        facet,
+        facets,
+        neighbour - 1,
+        2 * np.pi * shares[0][neighbour],
+        shares[1][neighbour],
+        view_map(scene, facets, facet),
+        len(sample),
+    )
+
+
+def low_discrepancy(count: int, seed: int) -> np.ndarray:
+    """Scrambled Sobol points in the unit 4-cube, at least `count`: two coordinates for a point, two
+    for a direction.
+    """
+    from scipy.stats.qmc import Sobol
+
+    return Sobol(4, seed=seed).random_base2(ceil(log2(count)))
+
+
+def points(facets: FacetTable, facet: int, sample: np.ndarray):
+    """Points uniform over the facet's area, and the normals there, for samples (n, 2)."""
+    corners = facets.triangles[facets.triangle_facet == facet]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.linalg.norm(normal, axis=1)
+    cumulated = np.cumsum(area) / area.sum()
+    chosen = np.minimum(np.searchsorted(cumulated, sample[:, 0], side="right"), len(area) - 1)
+    within = (sample[:, 0] - np.append(0, cumulated)[chosen]) * (area.sum() / area[chosen])
+    root = np.sqrt(within)[:, None]
+    a, b, c = np.moveaxis(corners[chosen], 1, 0)
+    p = (1 - root) * a + root * ((1 - sample[:, 1:]) * b + sample[:, 1:] * c)
+    return mi.Point3f(p.T), mi.Normal3f((normal / area[:, None])[chosen].T)
+
+
+def seen(scene: Scene, facets: FacetTable, p, n, direction) -> np.ndarray:
+    """The facet that a ray from the surface point `p` meets first, NOTHING where it escapes."""
+    si = dr.zeros(mi.SurfaceInteraction3f, dr.width(direction))
+    si.p, si.n, si.sh_frame = p, n, mi.Frame3f(n)
+    hit = scene.mi.ray_intersect_preliminary(
+        scene.mi.integrator().emitters.spawn_ray(si, direction), coherent=False
+    )
+    return facets.number(hit.shape, hit.prim_index).numpy().astype(np.int32)  # ABSENT becomes -1
+
+
+def frame(facets: FacetTable, facet: int) -> np.ndarray:
+    """Rows: reference vector, positive vector and normal (thesis 3.2.1.3, 3.2.1.4), right-handed.
+
+    Azimuth is 0 along the reference vector, from the centre to the facet's second vertex, and 90
+    degrees along the positive one.
+    """
+    normal = facets.normal[facet]
+    reference = (
+        facets.triangles[np.argmax(facets.triangle_facet == facet)][1] - facets.centre[facet]
+    )
+    reference -= normal * (normal @ reference)
+    reference /= np.linalg.norm(reference)
+    return np.array([reference, np.cross(normal, reference), normal])
+
+
+def view_map(scene: Scene, facets: FacetTable, facet: int) -> np.ndarray:
+    """The facets seen from the centre of `facet`, (MAP_THETA, MAP_PHI); see HemisphericalView.map."""
+    theta, phi = np.meshgrid(
+        (np.arange(MAP_THETA) + 0.5) / MAP_THETA * np.pi / 2,
+        (np.arange(MAP_PHI) + 0.5) / MAP_PHI * 2 * np.pi - np.pi,
+        indexing="ij",
+    )
+    local = np.array([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)])
+    direction = frame(facets, facet).T @ local.reshape(3, -1)
+    return seen(
+        scene,
+        facets,
+        mi.Point3f(facets.centre[facet]),
+        mi.Normal3f(facets.normal[facet]),
+        mi.Vector3f(direction),
+    ).reshape(theta.shape)

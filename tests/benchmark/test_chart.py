@@ -1,0 +1,116 @@
+"""What charts of methods share: which point counts as having reached a tolerance, and the files
+that say so.
+"""
+
+import csv
+
+import pytest
+
+from mi_lcair.benchmark import chart
+from mi_lcair.benchmark.chart import Point, point
+
+
+def points(case, method, errors, seconds_per_sample):
+    """A curve with 10, 100, ... samples."""
+    return [
+        Point(
+            case,
+            method,
+            n,
+            10.0**n,
+            seconds_per_sample * 10**n,
+            0.1,
+            error,
+            error / 2,
+            error * 2,
+            1 + error,
+            3 * error,
+        )
+        for n, error in enumerate(errors, 1)
+    ]
+
+
+SLOW = points("box", "slow", [0.2, 0.04, 0.004, 0.0004], 1e-6)
+LUCKY = points("box", "lucky", [0.0001, 0.3, 0.03, 0.002], 1e-9)  # its first point is an accident
+POINTS = SLOW + LUCKY + points("cavity, closed", "slow", [0.5, 0.4], 1e-6)
+
+
+def test_point_takes_medians_and_quartiles():
+    found = point("box", "slow", 3, [4, 5, 9], [1, 2, 3], 0.5, [1.1, 0.6, 0.8, 1.0, 1.3], 1.0)
+    assert found.samples == 5 and found.seconds == 2 and found.value == 1.0
+    assert (found.error_low, found.error, found.error_high) == pytest.approx((0.1, 0.2, 0.3))
+    assert found.rms == pytest.approx((0.3 / 5) ** 0.5)  # of 0.1, 0.4, 0.2, 0 and 0.3
+
+
+@pytest.mark.parametrize(
+    "method, tolerance, effort",
+    [
+        ("slow", 0.05, 2),
+        ("slow", 0.04, 2),
+        ("slow", 0.001, 4),
+        ("slow", 0.0001, None),
+        ("lucky", 0.05, 3),
+        ("lucky", 0.001, None),
+    ],
+)
+def test_reach_asks_for_all_higher_efforts(method, tolerance, effort):
+    found = chart.reach(POINTS, "box", method, tolerance)
+    assert (found and found.effort) == effort
+
+
+def test_reach_by_rms():
+    assert chart.reach(POINTS, "box", "slow", 0.05, by="rms") == SLOW[2]
+
+
+def test_cheapest_by_time():
+    assert chart.cheapest(POINTS, "box", 0.05) == LUCKY[2]  # more samples than SLOW[1], less time
+    assert chart.cheapest(POINTS, "box", 0.001) == SLOW[3]
+    assert chart.cheapest(POINTS, "cavity, closed", 0.05) is None
+
+
+def test_not_a_number_reaches_nothing():
+    assert (
+        chart.reach(points("box", "broken", [0.001, float("nan")], 1), "box", "broken", 0.05)
+        is None
+    )
+
+
+def test_table():
+    head, _, five, one, tenth = chart.table(POINTS, "box", "slow").splitlines()
+    assert head.count("|") == five.count("|") == 9
+    assert five == "| 5% | lucky | 1 000 | 1 µs | 100, 100 µs | 100 | 0.1 |  |"
+    assert tenth == "| 0.1% | slow | 10 000 | 10 ms | 10 000, 10 ms | 1 | 1 | lucky |"
+    assert "| none |  |  | never reaches it |  |  | slow |" in chart.table(
+        POINTS, "cavity, closed", "slow"
+    )
+
+
+@pytest.mark.parametrize(
+    "number, text",
+    [
+        (0.0123, "0.012"),
+        (0.5, "0.5"),
+        (3.14, "3.1"),
+        (9.96, "10"),
+        (8900, "8 900"),
+        (251234, "250 000"),
+        (1, "1"),
+    ],
+)
+def test_digits(number, text):
+    assert chart.digits(number) == text
+
+
+def test_files(tmp_path):
+    chart.write_csv(tmp_path / "a.csv", POINTS, "made by hand")
+    remark, *rows = (tmp_path / "a.csv").read_text().splitlines()
+    assert remark == "# made by hand"
+    rows = list(csv.DictReader(rows))
+    assert (
+        len(rows) == len(POINTS)
+        and float(rows[1]["error"]) == 0.04
+        and rows[4]["method"] == "lucky"
+        and rows[-1]["case"] == "cavity, closed"
+    )
+    chart.draw(tmp_path / "a.png", POINTS, "two methods")
+    assert (tmp_path / "a.png").stat().st_size > 20000

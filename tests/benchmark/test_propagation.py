@@ -1,0 +1,380 @@
+"""Each propagation method reproduces a closed form to a stated error, and methods that share
+nothing but the scene agree.
+
+The room: a slab of some material in a black room, all at 300 K. What the slab lacks in emission it
+reflects after one bounce, so that it shows the blackbody's radiance, whatever the method, if the
+method integrates the whole of its lobe.
+"""
+
+from pathlib import Path
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import pytest
+
+from mi_lcair.benchmark.propagation import METHODS, exact, path_tracing, problems, quadrature
+from mi_lcair.benchmark.propagation.hemisphere_grid import Hemisphere, Peak, Stratified
+from mi_lcair.benchmark.propagation.primary import (
+    barycentric_middles,
+    part_corners,
+    part_index,
+    visible_points,
+)
+from mi_lcair.benchmark.propagation.problem import Problem
+from mi_lcair.benchmark.propagation.quadrature import plan
+from mi_lcair.benchmark.propagation.radiosity import view_factors
+from mi_lcair.physics.bands import band
+from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.rendering.scene import Scene
+from tests.scenes import view_factors as exact_view_factors
+
+BY_NAME = {method.name: method for method in METHODS}
+BLACKBODY = {"type": "sandford_robertson", "material": "blackbody", "band": "MWIR"}
+
+
+def plates(plate, **walls):
+    """Shapes of a cube's walls, inside out: walls maps "x0", "x1", "y0", ... to (bsdf,
+    temperature).
+    """
+    shapes = {}
+    for name, (bsdf, temperature) in walls.items():
+        axis, side = "xyz".index(name[0]), int(name[1])
+        u, v = (axis + 1) % 3, (axis + 2) % 3
+        corners = np.zeros((4, 3))
+        corners[:, axis] = side
+        corners[:, u], corners[:, v] = [0, 1, 1, 0], [0, 0, 1, 1]
+        shapes[name] = plate(
+            name, (corners[::-1] if side else corners).tolist(), bsdf, temperature, band="MWIR"
+        )
+    return shapes
+
+
+@pytest.fixture
+def plate(tmp_path):
+    """plate(name, corners, bsdf, temperature, band): a one-sided rectangle as a shape's dictionary."""
+
+    def make(name, corners, bsdf, temperature, band):
+        mesh = mi.Mesh(name, 4, 2)
+        parameters = mi.traverse(mesh)
+        parameters["vertex_positions"] = np.array(corners, dtype=np.float32).ravel()
+        parameters["faces"] = np.array([0, 1, 2, 0, 2, 3], dtype=np.uint32)
+        parameters.update()
+        mesh.write_ply(str(tmp_path / f"{name}.ply"))
+        return {
+            "type": "ply",
+            "filename": str(tmp_path / f"{name}.ply"),
+            "face_normals": True,
+            "bsdf": bsdf,
+            "emitter": {"type": "thermal", "band": band, "temperature": float(temperature)},
+        }
+
+    return make
+
+
+def problem(
+    shapes, origin, target, half_width, answer=1.0, bounces=1, points=16, resolution_deg=22.5
+) -> Problem:
+    """A problem of these shapes, seen through a square window."""
+    T = mi.ScalarTransform4f
+    film = {
+        "type": "hdrfilm",
+        "width": 32,
+        "height": 32,
+        "pixel_format": "luminance",
+        "component_format": "float32",
+        "rfilter": {"type": "box"},
+    }
+    look = T().look_at(origin=origin, target=target, up=[0.3, 1, 0.2]) @ T().scale(
+        [half_width, half_width, 1]
+    )
+    loaded = mi.load_dict(
+        {
+            "type": "scene",
+            "integrator": {"type": "bounce_path", "max_bounces": bounces},
+            "sensor": {"type": "orthographic", "to_world": look, "film": film},
+            **shapes,
+        },
+        optimize=False,
+    )
+    scene = Scene(
+        loaded, "test", band("MWIR"), ["self"], {}, [], loaded.sensors(), Path("test.xml")
+    )
+    return Problem(
+        "test", scene, answer, 0.0, "closed form", bounces, points, resolution_deg, 300.0, True
+    )
+
+
+@pytest.fixture
+def black_room(plate):
+    """black_room(bsdf): the floor of that material, the other walls black, all at 300 K; seen from
+    30 degrees.
+    """
+
+    def make(bsdf, **options):
+        walls = dict.fromkeys(("x0", "x1", "y0", "y1", "z1"), (BLACKBODY, 300.0))
+        expected = float(in_band_radiance(band("MWIR"), 300)) * 0.1**2
+        origin, target = [0.75, 0.5, 0.5 * 3**0.5 / 2 + 0.05], [0.5, 0.5, 0.05]
+        return problem(
+            plates(plate, z0=(bsdf, 300.0), **walls), origin, target, 0.05, expected, **options
+        )
+
+    return make
+
+
+# ---- closed forms
+
+CLOSED_FORMS = [  # method, problem, effort, stated error
+    ("quadrature, hemisphere", problems.two_plates, 4**10, 5e-3),
+    ("quadrature, hemisphere", problems.open_box, 4**10, 5e-3),
+    ("quadrature, stratified", problems.two_plates, 4**10, 1e-2),
+    ("quadrature, stratified", problems.open_box, 4**10, 1e-2),
+    ("radiosity", problems.two_plates, 4**10, 3e-3),
+    ("radiosity", problems.open_box, 4**10, 3e-3),
+    ("radiosity", problems.cavity, 4**9, 3e-3),
+    ("path tracing", problems.two_plates, 512, 6e-3),
+    ("path tracing", problems.cavity, 16, 1e-3),
+    ("path tracing", problems.furnace, 16, 2e-4),
+    ("path tracing, emitter sampling", problems.two_plates, 512, 3e-3),
+    ("path tracing, emitter sampling", problems.cavity, 16, 3e-3),
+    ("path tracing, N = 1 and ambient", problems.furnace, 16, 2e-4),
+    ("path tracing, N = 2 and tail", problems.cavity, 32, 1e-3),
+]
+
+
+@pytest.mark.parametrize("name, make, effort, error", CLOSED_FORMS)
+def test_closed_form(name, make, effort, error):
+    case = make()
+    value, rays = BY_NAME[name].run(case, effort, 5)
+    assert value == pytest.approx(case.answer, rel=error)
+    assert rays > effort / 2
+
+
+@pytest.mark.parametrize(
+    "name, effort, error",
+    [
+        ("mirror, one bounce", 16, 2e-5),
+        ("mirror, N bounces", 16, 2e-5),
+        ("quadrature, stratified", 4**9, 1e-2),
+        ("quadrature, peak only", 4**9, 1e-2),
+    ],
+)
+def test_lobe_in_a_black_room(black_room, name, effort, error):
+    """A lobe without a floor that lies in the peak region whole; HDR = 1 - emissivity by the
+    normalized form.
+    """
+    lobe = {
+        "type": "sandford_robertson",
+        "epsilon": 0.2,
+        "rho_d": 0.0,
+        "b": 0.3,
+        "e": 0.005,
+        "form": "normalized",
+    }
+    case = black_room(lobe, resolution_deg=0.25)
+    assert BY_NAME[name].run(case, effort, 0)[0] == pytest.approx(case.answer, rel=error)
+
+
+def test_single_mirror_bounce_stops_there(plate):
+    """Two mirrors face to face: emission of the first, and of the second times the first's
+    reflectance (Eq 3.8), no more.
+    """
+    mirror = {
+        "type": "sandford_robertson",
+        "epsilon": 0.3,
+        "rho_d": 0.0,
+        "b": 0.0,
+        "e": 0.1,
+        "lobe": "mirror",
+    }
+    case = problem(
+        plates(plate, z0=(mirror, 300.0), z1=(mirror, 400.0)),
+        [0.5, 0.501, 0.5],
+        [0.5, 0.501, 0],
+        0.05,
+        bounces=3,
+    )
+    case.scene.mi.integrator().max_bounces = 3
+    L_300, L_400 = (float(in_band_radiance(band("MWIR"), T)) for T in (300, 400))
+    eps = 1 - float(case.scene.mi.shapes()[0].bsdf().eval_diffuse_reflectance(upward())[0][0])
+    rho = 1 - eps
+    once, rays = BY_NAME["mirror, one bounce"].run(case, 16, 0)
+    assert once == pytest.approx(0.01 * eps * (L_300 + rho * L_400), rel=1e-4)
+    thrice, _ = BY_NAME["mirror, N bounces"].run(case, 16, 0)
+    assert thrice == pytest.approx(0.01 * eps * (L_300 + rho * L_400) * (1 + rho**2), rel=1e-4)
+
+
+def upward():
+    si = mi.SurfaceInteraction3f()
+    si.wi = mi.Vector3f(0, 0, 1)
+    return si
+
+
+def test_quadrature_by_bounces():
+    """In the cavity, 0.5 sum (0.5 (1 - f))^k after N bounces (Eq 3.12 cut short): the quadrature's
+    own bounces are these.
+    """
+    case = problems.cavity(16)
+    for bounces in (1, 2):
+        value, _ = quadrature.intensity(case, Hemisphere(10), bounces, 4)
+        limit = exact.cavity_emissivity(16, bounces) / exact.cavity_emissivity(16)
+        assert value / case.answer == pytest.approx(limit, rel=1e-2)
+
+
+# ---- radiosity and path tracing share no algorithm
+
+
+def test_radiosity_against_path_tracing(plate):
+    """In a closed cube whose walls differ, and on the bundled diffuse scenes: within 0.3 %."""
+    grey = lambda reflectance: {
+        "type": "diffuse",
+        "reflectance": {"type": "uniform", "value": reflectance},
+    }
+    walls = {
+        "x0": (grey(0.8), 300.0),
+        "x1": (grey(0.3), 400.0),
+        "y0": (grey(0.6), 350.0),
+        "y1": (grey(0.1), 280.0),
+        "z0": (grey(0.5), 320.0),
+        "z1": (grey(0.7), 300.0),
+    }
+    cube = problem(plates(plate, **walls), [0.5, 0.5, 0.9], [0.5, 0.5, 0], 0.4, bounces=40)
+    for case, spp in ((cube, 256), (problems.open_box(), 1024), (problems.cavity(), 64)):
+        radiosity, _ = BY_NAME["radiosity"].run(case, 4**10, 1)
+        paths, _ = path_tracing.intensity(case, spp, 1, emitter_sampling=case.name == "open_box")
+        assert radiosity == pytest.approx(paths, rel=3e-3), case.name
+
+
+def test_view_factors(plate):
+    """Against Howell's catalogue, C-13 and C-15, wall to wall of the unit cube; rows add up to 1."""
+    walls = {f"{'xyz'[axis]}{side}": (BLACKBODY, 300.0) for axis, side in exact_view_factors.WALLS}
+    case = problem(plates(plate, **walls), [0.5, 0.5, 0.9], [0.5, 0.5, 0], 0.4)
+    order = [wall for wall in walls]
+    with case.prepared() as (scene, emitters):
+        triangles = case.facets.triangles
+        F = view_factors(
+            scene, emitters, case.triangles, triangles, np.ones(12, int), np.arange(13), 2**16, 0
+        ).toarray()
+    assert F.sum(axis=1) == pytest.approx(np.ones(12), abs=1e-4)
+    centre = case.facets.centre.reshape(6, 2, 3).mean(axis=1)
+    wall_of = [
+        "%s%d" % ("xyz"[np.argmax(abs(c - 0.5))], round(c[np.argmax(abs(c - 0.5))])) for c in centre
+    ]
+    by_wall = F.reshape(6, 2, 6, 2).sum(axis=3).mean(axis=1)
+    place = [wall_of.index(wall) for wall in order]
+    assert by_wall[np.ix_(place, place)] == pytest.approx(exact_view_factors.cube(1), abs=2e-3)
+
+
+# ---- what stands in for later bounces
+
+
+@pytest.mark.parametrize("opening", list(exact.CAVITY_BLOCKS))
+def test_closures_on_the_cavity(opening):
+    """`tail` after two reflections within 0.2 % of the limit; `ambient` at the walls' temperature
+    after one is better than four reflections without it, for openings under 0.03 of the sphere.
+    """
+    case = problems.cavity(opening)
+    error = lambda bounces, closure: abs(
+        path_tracing.intensity(case, 64, 2, bounces, closure=closure)[0] / case.answer - 1
+    )
+    assert error(2, "tail") < 2e-3
+    if exact.cavity_opening_fraction(opening) < 0.03:
+        assert error(1, "ambient") < error(4, "none")
+
+
+def test_settings_are_put_back():
+    case = problems.cavity()
+    path_tracing.intensity(case, 1, 0, 1, emitter_sampling=True, closure="ambient")
+    integrator = case.integrator
+    assert (
+        integrator.max_bounces,
+        integrator.emitter_sampling,
+        integrator.closure,
+        integrator.ambient_temperature,
+    ) == (24, False, "none", None)
+
+
+# ---- where the deterministic methods look from, and in which directions
+
+
+@pytest.mark.parametrize(
+    "make, area, error",
+    [
+        (problems.two_plates, 0.02, 1e-6),
+        (problems.open_box, 0.02 * 0.5**0.5, 1e-6),
+        (problems.cavity, 0.06**2, 1e-6),
+        (problems.furnace, 1.0, 3e-3),
+    ],
+)
+def test_visible_area(make, area, error):
+    """Exact where nothing is hidden; the furnace's bodies hide each other and the room, and
+    together fill the window.
+    """
+    case = make()
+    found = visible_points(case, 512)
+    assert np.sum(found.area.numpy().astype(float)) == pytest.approx(area, rel=error)
+
+
+@pytest.mark.parametrize("n", [1, 2, 5])
+def test_parts_of_a_triangle(n):
+    """Each part's middle is found in that part again, is the mean of its corners, and the parts are
+    equal.
+    """
+    corners = np.array([[[0, 0, 0], [2, 0, 0], [0, 3, 0.5]]])
+    parts = part_corners(corners, n)
+    middles = barycentric_middles(n)
+    assert np.allclose(parts.mean(axis=1), middles @ corners[0])
+    normals = np.cross(parts[:, 1] - parts[:, 0], parts[:, 2] - parts[:, 0])
+    assert np.allclose(normals, np.cross(corners[0, 1], corners[0, 2]) / n**2)
+    assert part_index(mi.Point2f(middles[:, 1:].T), mi.UInt32(n)).numpy().tolist() == list(
+        range(n * n)
+    )
+
+
+@pytest.mark.parametrize("theta_deg", [0, 7, 30, 55, 85])
+@pytest.mark.parametrize("grid", [Hemisphere(24), Stratified(30, 24)])
+def test_grids_cover_the_hemisphere(grid, theta_deg):
+    """2 pi sr, and pi with the cosine, by the midpoint rule to 0.3 %."""
+    wo, weight = directions(grid, theta_deg)
+    assert weight.sum() == pytest.approx(2 * np.pi, rel=3e-3)
+    assert (weight * wo[2]).sum() == pytest.approx(np.pi, rel=3e-3)
+
+
+def test_grids_on_bare_aluminium():
+    """At 30 degrees the whole grid gives the plugin's own HDR, and outside the peak region the
+    thesis finds 0.02 (Figure 3.20).
+    """
+    bsdf = mi.load_dict({"type": "sandford_robertson", "material": "bare_aluminum", "band": "MWIR"})
+    si = mi.SurfaceInteraction3f()
+    si.wi = observer(30)
+    HDR = float(bsdf.eval_diffuse_reflectance(si)[0][0])
+
+    def integral(grid):
+        wo, weight = directions(grid, 30)
+        return np.sum(bsdf.eval(mi.BSDFContext(), si, mi.Vector3f(wo))[0].numpy() * weight)
+
+    assert integral(Stratified(161, 60)) == pytest.approx(HDR, rel=3e-3)
+    assert HDR - integral(Peak(161)) == pytest.approx(0.02, abs=0.005)
+
+
+def observer(theta_deg):
+    theta = np.radians(theta_deg)
+    return mi.Vector3f(
+        *map(float, (np.sin(theta) * np.cos(0.4), np.sin(theta) * np.sin(0.4), np.cos(theta)))
+    )
+
+
+def directions(grid, theta_deg):
+    wo, weight = grid.direction(dr.arange(mi.UInt32, grid.cells), observer(theta_deg))
+    return wo.numpy().astype(float), np.broadcast_to(weight.numpy().astype(float), grid.cells)
+
+
+def test_plan_keeps_to_its_budget():
+    """At least the cells that are asked for, as many bounces as that allows, and no more rays than
+    the budget.
+    """
+    case = problems.cavity()
+    for budget in (4**6, 4**8, 4**11):
+        bounces, points, cells = plan(case, budget, 32)
+        assert cells >= 31 and points * cells**bounces <= 1.1 * budget
+        assert case.points * 32 ** (bounces + 1) > budget

@@ -1,0 +1,109 @@
+"""The chart of propagation methods: how a method is timed and cut off, and what the page says about
+given points.
+"""
+
+import re
+
+import pytest
+
+from mi_lcair.benchmark import propagation_chart
+from mi_lcair.benchmark.chart import Point
+from mi_lcair.benchmark.propagation import METHODS
+from mi_lcair.benchmark.propagation.problem import Method, Problem
+from mi_lcair.benchmark.propagation_chart import (
+    CLOSURES,
+    Chart,
+    Closure,
+    Effort,
+    curve,
+    fields,
+    write,
+)
+
+EFFORT = Effort(seconds=1.0, most=100, repetitions=5, same=2, spp=1, seeds=2)
+
+
+def problem(name="box", answer=10.0) -> Problem:
+    return Problem(name, None, answer, 0.0, "closed form", 1, 1, 1.0, None, True)
+
+
+def result() -> Chart:
+    """Two scenes; ours ten times as fast as radiosity on the first, alone on the second."""
+    points = [
+        Point("box", name, effort, 10 * effort, seconds * effort, 0.2, error / effort, 0, 1, 10, 1)
+        for name, seconds, error in (
+            ("radiosity", 0.5, 0.05),
+            ("path tracing", 0.05, 0.05),
+            ("mirror, one bounce", 0.01, 5),
+        )
+        for effort in (1, 10, 100)
+    ]
+    points += [Point("hall", "path tracing", 1, 10, 0.3, 0.2, 0.0005, 0, 1, 10, 1)]
+    errors = {"none": -0.02, "ambient": 0.005, "tail": -0.0002}
+    closures = [
+        Closure(
+            f"cavity, {f}",
+            f,
+            bounces,
+            closure,
+            errors[closure] * (10 * f if closure == "ambient" else 1),
+            1e-4,
+        )
+        for f in (0.01, 0.3, 0.5)
+        for bounces, closure in CLOSURES
+    ]
+    closures += [
+        Closure("hall", None, bounces, closure, 0.3, 1e-4) for bounces, closure in CLOSURES
+    ]
+    return Chart([problem("box"), problem("hall")], points, closures, False)
+
+
+def test_curve_repeats_and_stops(monkeypatch):
+    """Random methods with other seeds, the others the same; compile apart; none beyond the first
+    effort that takes too long.
+    """
+    calls = []
+
+    def fake(case, method, effort, seed):
+        calls.append((effort, seed))
+        return (3.0 if seed == 0 else 0.1 * effort), 10 + (-1) ** seed / effort, effort
+
+    monkeypatch.setattr(propagation_chart, "timed", fake)
+    random = Method("random", "", None, lambda case: [1, 4, 16, 64, 256], True)
+    points = curve(problem(), random, EFFORT)
+    assert [p.effort for p in points] == [1, 4, 16]
+    assert calls[:6] == [(1, seed) for seed in range(6)]
+    assert points[1].error == pytest.approx(1 / 40) and points[1].seconds == pytest.approx(0.4)
+    assert points[1].compile_seconds == pytest.approx(2.6)
+    calls.clear()
+    curve(problem(), Method("same", "3.5", None, lambda case: [1, 256], False), EFFORT)
+    assert calls == [(1, 0), (1, 1), (1, 2)]  # 256 is more than `most`
+
+
+def test_page_says_what_the_points_say():
+    found = fields(result(), "the command")
+    assert "| box | path tracing (500 ms) | radiosity (5 s) | 10 |" in found["summary"]
+    assert "| hall | path tracing (300 ms) | none reaches it |  |" in found["summary"]
+    assert "mirror, one bounce" in found["tables"].split("### hall")[0].split("never get there")[1]
+    assert found["ambient"] == "on 2 of 3 openings, up to 0.300 of the sphere"
+    assert found["tail_worst"] == "0.020 %"
+    assert "| hall | +30.0 % |" in found["closures"]
+
+
+def test_files(tmp_path):
+    write(tmp_path, result())
+    assert {file.name for file in tmp_path.iterdir()} == {
+        "propagation.png",
+        "propagation.csv",
+        "propagation.md",
+        "propagation_closure.png",
+        "propagation_closure.csv",
+    }
+    page = (tmp_path / "propagation.md").read_text()
+    assert not re.search(r"[{}]", page)
+    assert (tmp_path / "propagation_closure.csv").read_text().count("\n") == 2 + 4 * len(CLOSURES)
+
+
+def test_methods_have_names_of_their_own():
+    assert len({method.name for method in METHODS}) == len(METHODS)
+    assert propagation_chart.CHOICE in {method.name for method in METHODS}

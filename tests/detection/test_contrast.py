@@ -1,0 +1,494 @@
+"""Contrast: a blackbody disc against its closed form, errors against the scatter over seeds, and
+what is refused.
+"""
+
+import warnings
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import mi_lcair
+from mi_lcair.detection import contrast as module
+from mi_lcair.detection.contrast import contrast
+from mi_lcair.detection.irradiance import Estimate
+from mi_lcair.detection.scenario import Scenario
+from mi_lcair.errors import InputError
+from mi_lcair.rendering.views import Target, View, seen_from
+from mi_lcair.reports.contrast_plot import save_plot
+from tests.detection.disc_scenario import AREA, disc, triangles, write_disc
+
+LIMITS = {"MWIR": (3.0, 5.0), "LWIR": (8.0, 12.0)}
+LOWTRAN = Path(mi_lcair.__file__).parent / "physics" / "lowtran7"
+
+
+@pytest.fixture
+def folder(tmp_path):
+    write_disc(tmp_path)
+    return tmp_path
+
+
+def planck(x, T):
+    """W m^-2 sr^-1 um^-1; constants of CODATA 2018 as published, W um^4 m^-2 sr^-1 and um K."""
+    return 1.191042972e8 / x**5 / np.expm1(14387.76877 / (x * T))
+
+
+def table(name, key):
+    """Column -> values of one key of a bundled table."""
+    header, *lines = [
+        line for line in (LOWTRAN / name).read_text().splitlines() if not line.startswith("#")
+    ]
+    rows = np.loadtxt(lines, delimiter=",")
+    return dict(zip(header.split(","), rows[rows[:, 0] == key].T))
+
+
+def integral(band, values):
+    """Of values(x) over a band, by the trapezoid rule on a very fine grid."""
+    x = np.linspace(*LIMITS[band], 400_001)
+    return np.trapezoid(values(x), x)
+
+
+def closed_form(band, T, range_m, transmittance, path_radiance, background):
+    """Eq 3.19 of the disc, seen face on."""
+    return (
+        integral(band, lambda x: transmittance(x) * planck(x, T) + path_radiance(x) - background(x))
+        * AREA
+        / range_m**2
+    )
+
+
+def lowtran(range_km):
+    """Transmittance and path radiance of midlat_summer at one of its ranges, as functions of the
+    wavelength.
+    """
+    rows = table("path_midlat_summer.csv", range_km)
+    return [
+        lambda x, column=column: np.interp(x, rows["wavelength_um"], rows[column])
+        for column in ("transmittance", "path_radiance_W_m2_sr_um")
+    ]
+
+
+@pytest.mark.parametrize("T", [400, 250])  # above and below the background: contrasts of both signs
+@pytest.mark.parametrize("band", ["MWIR", "LWIR"])
+def test_disc_in_vacuum(folder, band, T):
+    """Within 0.2 % of (B(T) - B(294)) A / r^2."""
+    found = contrast(disc(folder, sensor__band=band, target__parameters__temperature=T)).rows[0]
+    expected = closed_form(band, T, 1000, np.ones_like, np.zeros_like, lambda x: planck(x, 294))
+    assert (expected > 0) == (T > 294) and found.total.value == pytest.approx(expected, rel=2e-3)
+    assert found.intensity.value == pytest.approx(
+        AREA * integral(band, lambda x: planck(x, T)), rel=2e-3
+    )
+    assert found.solid_angle == pytest.approx(AREA / 1000**2, rel=2e-3) and found.path.value == 0
+
+
+@pytest.mark.parametrize("T, range_km", [(400, 2), (250, 1)])
+@pytest.mark.parametrize("band", ["MWIR", "LWIR"])
+def test_disc_through_a_bundled_atmosphere(folder, band, T, range_km):
+    """Within 0.2 % of the closed form, before a bundled sky between two of its elevations."""
+    found = contrast(
+        disc(
+            folder,
+            sensor__band=band,
+            target__parameters__temperature=T,
+            atmosphere__table="midlat_summer",
+            background__sky="midlat_summer_stratus",
+            observer__range_m=1000 * range_km,
+            observer__elevation_deg=-8,
+        )
+    )
+    low, high = (table("sky_midlat_summer_stratus.csv", key) for key in (5, 15))
+    sky = 0.7 * low["radiance_W_m2_sr_um"] + 0.3 * high["radiance_W_m2_sr_um"]
+    transmittance, path_radiance = lowtran(range_km)
+    slant = np.cos(np.radians(8))
+    expected = slant * closed_form(
+        band,
+        T,
+        1000 * range_km,
+        transmittance,
+        path_radiance,
+        lambda x: np.interp(x, low["wavelength_um"], sky),
+    )
+    row = found.rows[0]
+    assert (expected > 0) == (T > 294) and row.total.value == pytest.approx(expected, rel=2e-3)
+    parts = {
+        "target": lambda x: transmittance(x) * planck(x, T),
+        "path": path_radiance,
+        "background": lambda x: np.interp(x, low["wavelength_um"], sky),
+    }
+    for name, values in parts.items():
+        assert getattr(row, name).value == pytest.approx(
+            slant * integral(band, values) * AREA / (1000 * range_km) ** 2, rel=2e-3
+        )
+    assert found.sight_elevation_deg == 8
+    assert found.transmittance == pytest.approx(
+        integral(band, transmittance) / np.ptp(LIMITS[band]), rel=1e-5
+    )
+
+
+def test_quadrature(folder):
+    """Of spectra with every bundled table's rows: 1e-5 of a much finer rule on the same spectra."""
+    for band in LIMITS:
+        found = contrast(
+            disc(
+                folder,
+                sensor__band=band,
+                atmosphere__table="midlat_summer",
+                background__sky="midlat_summer_stratus",
+                observer__elevation_deg=-5,
+                render__resolution=16,
+                render__spp=2,
+            )
+        )
+        row, area = found.rows[0], found.rows[0].projected_area.value
+        transmittance, path_radiance = lowtran(1)
+        assert row.target.value == pytest.approx(
+            integral(band, lambda x: transmittance(x) * planck(x, 400)) * area / 1e6, rel=1e-6
+        )
+        assert row.path.value == pytest.approx(integral(band, path_radiance) * area / 1e6, rel=1e-6)
+
+
+def test_errors_over_seeds(folder):
+    """The errors claimed are the scatter; the disc's contrast with a background of nearly its own
+    temperature scatters with its area.
+    """
+    rows = [
+        contrast(
+            disc(
+                folder,
+                target__parameters__temperature=300,
+                render__resolution=12,
+                render__spp=2,
+                render__seed=seed,
+            )
+        ).rows[0]
+        for seed in range(40)
+    ]
+    for name in ("intensity", "target", "background", "total", "projected_area"):
+        values, errors = np.array([getattr(row, name) for row in rows]).T
+        assert values.var(ddof=1) == pytest.approx(np.mean(errors**2), rel=5 * np.sqrt(2 / 39)), (
+            name
+        )
+    total, target = (
+        np.mean([getattr(row, name).standard_error for row in rows]) for name in ("total", "target")
+    )
+    assert total < 0.3 * target
+
+
+def test_temperatures_that_are_too_many(tmp_path):
+    """The closed form still, and an error that bounds the scatter from above."""
+    corners = triangles()
+    temperatures = 300 + np.arange(len(corners)) % 100
+    write_disc(tmp_path, temperatures)
+    rows = [
+        contrast(disc(tmp_path, render__resolution=12, render__spp=2, render__seed=seed)).rows[0]
+        for seed in range(40)
+    ]
+    areas = (
+        np.linalg.norm(
+            np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+        )
+        / 2
+    )
+    expected = (
+        sum(
+            areas[temperatures == T].sum() * integral("MWIR", lambda x: planck(x, T))
+            for T in range(300, 400)
+        )
+        / 1e6
+    )
+    values, errors = np.array([row.target for row in rows]).T
+    assert abs(values.mean() - expected) < 4 * errors.mean() / np.sqrt(40)
+    total, total_errors = np.array([row.total for row in rows]).T
+    assert total.var(ddof=1) < np.mean(total_errors**2) * (1 + 5 * np.sqrt(2 / 39)) and rows[
+        0
+    ].total.standard_error == pytest.approx(
+        rows[0].target.standard_error + rows[0].background.standard_error
+    )
+
+
+def test_detector(folder):
+    """Eqs 3.14, 3.15, 3.18, and a response within the band."""
+    (folder / "detector.csv").write_text("wavelength_um,response\n3.2,0\n4,0.8\n4.6,0\n")
+    found = contrast(
+        disc(
+            folder,
+            sensor__response=str(folder / "detector.csv"),
+            sensor__optics_transmittance=0.7,
+            sensor__field_of_view_deg=2,
+            sensor__nei=1e-9,
+            sensor__snr=5,
+            render__max_bounces=[0, 2],
+        )
+    )
+    first, last = found.rows
+    response = lambda x: np.interp(x, [3.2, 4, 4.6], [0, 0.8, 0])  # noqa: E731
+    expected = (
+        integral("MWIR", lambda x: response(x) * (planck(x, 400) - planck(x, 294))) * AREA / 1e6
+    )
+    assert first.total.value == pytest.approx(expected, rel=2e-3)
+    assert first.nei_max.value == pytest.approx(0.7 * first.total.value / 5) and first.detected
+    background = integral("MWIR", lambda x: response(x) * planck(x, 294))
+    assert found.no_target == pytest.approx(
+        background * 2 * np.pi * (1 - np.cos(np.radians(1))), rel=1e-5
+    )
+    assert first.observed == pytest.approx(found.no_target + first.total.value)
+    assert (
+        (first.max_bounces, last.max_bounces) == (0, 2)
+        and first.target == last.target
+        and not found.remarks
+    )
+    dim = contrast(disc(folder, sensor__nei=1, sensor__field_of_view_deg=0.1, render__resolution=8))
+    assert (
+        not dim.rows[0].detected
+        and "wider than the field of view" in dim.remarks[0]
+        and dim.rows[0].observed is None
+    )
+
+
+@pytest.mark.parametrize(
+    "range_m, remark",
+    [(50.0, None), (1000.0, "50% of the target has sky or terrain"), (10.0, "only 5 radii")],
+)
+def test_what_stands_between_and_what_is_near_is_remarked(folder, range_m, remark):
+    """A wall at x = 100 m, before the half of the disc with y > 0: seen from beyond it, not from
+    before it.
+    """
+    wall = """<shape type="rectangle"> <transform name="to_world"> <scale x="5" y="5"/> <lookat origin="100, 5, 0" target="0, 5, 0" up="0, 0, 1"/> </transform>
+        <bsdf type="diffuse"/> <emitter type="thermal"> <string name="band" value="$band"/> <float name="temperature" value="280"/>
+        <string name="facet_type" value="terrain"/> </emitter> </shape> </scene>"""
+    xml = folder / "disc.xml"
+    xml.write_text(xml.read_text().replace("</scene>", wall))
+    said = contrast(disc(folder, observer__range_m=range_m, render__resolution=16)).remarks
+    assert len(said) == (remark is not None) and (remark is None or remark in said[0])
+
+
+def test_contrast_within_the_noise_is_remarked(folder):
+    found = contrast(disc(folder, render__resolution=8))
+    row, target = found.rows[0], SimpleNamespace(radius=2.0)
+    for total, count in ((Estimate(-2.9, 1.0), 1), (Estimate(-3.1, 1.0), 0)):
+        said = module.remarks([replace(row, total=total)], found.detector, target, 1000, 0.0)
+        assert len(said) == count and all(
+            "with 1 reflections the contrast is less than 3" in remark for remark in said
+        )
+
+
+@pytest.mark.parametrize(
+    "changes, message",
+    [
+        (
+            {"atmosphere__table": "midlat_summer", "sensor__band": "SWIR"},
+            "atmosphere 'midlat_summer': does not cover band SWIR",
+        ),
+        (
+            {
+                "background__sky": "us_standard_clear",
+                "observer__elevation_deg": -5,
+                "sensor__band": "4-6",
+            },
+            "does not cover band 4-6",
+        ),
+        (
+            {"atmosphere__table": "midlat_summer", "observer__range_m": 6000},
+            "range 6000 m is beyond its last one, 5000 m",
+        ),
+        (
+            {"atmosphere__table": "midlat_sumer"},
+            "unknown atmosphere 'midlat_sumer'; known: midlat_summer",
+        ),
+        (
+            {"background__sky": "midlat_summer_clear", "observer__elevation_deg": 5},
+            "scenario 'disc': the line of sight looks down, by 5 degrees, .* give \\[background\\] a temperature",
+        ),
+        ({"background__sky": "midlat_summer"}, "unknown sky table 'midlat_summer'"),
+    ],
+)
+def test_refused_before_anything_is_loaded(folder, monkeypatch, changes, message):
+    monkeypatch.setattr(module, "load", None)
+    with pytest.raises(InputError, match=message):
+        contrast(disc(folder, **changes))
+
+
+@pytest.mark.parametrize(
+    "changes, message",
+    [
+        (
+            {"observer__range_m": 1.9},
+            "observer is inside the target: range 1.9 m, but disc reaches 2 m",
+        ),
+        ({"render__lobe": "mirrror"}, "lobe 'mirrror' is unknown"),
+        ({"pose__yaw_deg": 5}, "unknown parameter of disc.xml 'yaw_deg'"),
+        ({"render__resolution": 10**6}, "resolution = 1000000 must lie in 1..8192"),
+        ({"observer__azimuth_deg": 90}, "no ray met the target"),
+    ],
+)
+def test_refused_before_the_rest(folder, changes, message):
+    with pytest.raises(InputError, match=message):
+        contrast(disc(folder, **changes))
+
+
+def test_bands_that_do_not_meet(folder):
+    """A scene without a parameter for its band must hold the sensor's; within it, it may."""
+    text = (
+        (folder / "disc.xml")
+        .read_text()
+        .replace('<default name="band" value="MWIR"/>', "")
+        .replace("$band", "3-5")
+    )
+    (folder / "disc.xml").write_text(text)
+    assert (
+        contrast(disc(folder, sensor__band="3.5-4.5", render__resolution=8)).detector.band.label
+        == "3.5-4.5 um"
+    )
+    with pytest.raises(InputError, match="band LWIR 8-12 um is not within that of disc, 3-5 um"):
+        contrast(disc(folder, sensor__band="LWIR"))
+
+
+def test_a_scene_without_lobes(folder):
+    text = (folder / "disc.xml").read_text()
+    start, end = text.index("<bsdf"), text.index("</bsdf>") + len("</bsdf>")
+    (folder / "disc.xml").write_text(
+        text[:start]
+        + '<bsdf type="diffuse"> <spectrum name="reflectance" value="0"/> </bsdf>'
+        + text[end:]
+    )
+    with pytest.raises(InputError, match="no Sandford-Robertson material"):
+        contrast(disc(folder, render__lobe="mirror"))
+
+
+def test_extrapolation_warns_once(folder):
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        contrast(
+            disc(
+                folder,
+                atmosphere__table="midlat_summer",
+                atmosphere__extrapolate="true",
+                observer__range_m=6000,
+                render__resolution=8,
+            )
+        )
+    assert len(caught) == 1 and "6000 m is beyond" in str(caught[0].message)
+
+
+def test_a_sky_without_elevations_is_taken_as_it_is(folder):
+    x = np.linspace(2.9, 5.1, 2001)
+    (folder / "sky.csv").write_text(
+        "wavelength_um,radiance_W_m2_sr_um\n"
+        + "".join(f"{a:.6f},{b:.9e}\n" for a, b in zip(x, planck(x, 294)))
+    )
+    look = dict(observer__elevation_deg=20, render__resolution=16)
+    flat = contrast(disc(folder, background__sky=str(folder / "sky.csv"), **look)).rows[0]
+    assert flat.total.value == pytest.approx(
+        contrast(disc(folder, **look)).rows[0].total.value, rel=1e-5
+    )
+
+
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_bundled_positions(number):
+    """Their observers stand where the scene's own sensors look from."""
+    from mi_lcair.rendering.window import window
+
+    scenario = Scenario.read(
+        f"a340_landing/position_{number}",
+        **{"render.resolution": 32, "render.spp": 2, "render.max_bounces": 1},
+    )
+    *_, forward = window(mi_lcair.load("a340_landing", position=number, resolution=4).sensor(0))
+    azimuth, elevation = np.radians(
+        [scenario.observer.azimuth_deg, scenario.observer.elevation_deg]
+    )
+    toward = np.array(
+        [
+            np.cos(elevation) * np.cos(azimuth),
+            np.cos(elevation) * np.sin(azimuth),
+            np.sin(elevation),
+        ]
+    )
+    np.testing.assert_allclose(toward, -np.array(forward), atol=1e-5)
+    expected = [(-1000, 500, -50), (0, 500, -100), (1000, 500, -150)][number - 1]
+    np.testing.assert_allclose(scenario.observer.range_m * toward, expected, atol=1e-3)
+    assert contrast(scenario).rows[0].total.value > 0
+
+
+def test_plot(folder, figures, tmp_path):
+    found = contrast(
+        disc(
+            folder,
+            atmosphere__table="midlat_summer",
+            target__parameters__temperature=250,
+            render__resolution=8,
+        )
+    )
+    save_plot(tmp_path / "spectra.png", found)
+    intensity, through, parts, beside = figures[0].axes
+    lines = {
+        line.get_label(): line.get_ydata()
+        for axes in (through, parts, beside)
+        for line in axes.lines
+    }
+    np.testing.assert_allclose(
+        lines["target"] + lines["path"] + lines["background, hidden"], lines["contrast"], atol=1e-15
+    )
+    assert (
+        lines["background, hidden"].max() < 0
+        and "W/sr in band" in intensity.get_title()
+        and "MWIR 3-5 um" in figures[0].get_suptitle()
+    )
+
+
+def test_each_row_is_rendered_with_its_own_reflections():
+    """With the random numbers of every other row: the same as the cumulative intensities of one
+    signature.
+    """
+    changes = {
+        "sensor.band": "LWIR",
+        "render.resolution": 24,
+        "render.spp": 4,
+        "render.seed": 3,
+        "render.lobe": "mirror",
+    }
+    scenario = Scenario.read(
+        "a340_landing/position_3", **changes, **{"render.max_bounces": [2, 0, 1]}
+    )
+    scene = mi_lcair.load("a340_landing", band="LWIR", lobe="mirror", max_bounces=2)
+    seen = seen_from(
+        scene, View(scenario.observer.azimuth_deg, scenario.observer.elevation_deg), 24
+    )
+    by_bounce = mi_lcair.signature(seen, spp=4, seed=3).target.by_bounce
+    rows = contrast(scenario).rows
+    assert [row.intensity.value for row in rows] == pytest.approx(
+        [by_bounce[2], by_bounce[0], by_bounce[1]], rel=1e-4
+    )
+    assert by_bounce[0] < 0.9 * by_bounce[1] < by_bounce[2]
+
+
+def test_the_pixels_of_the_picture_add_up_to_it():
+    """The airliner through the air, pixel by pixel with a mean transmittance for each spectrum,
+    from the same paths.
+    """
+    found = contrast(
+        Scenario.read(
+            "a340_landing/position_3",
+            **{
+                "sensor.band": "LWIR",
+                "render.max_bounces": 2,
+                "render.resolution": 48,
+                "render.spp": 8,
+            },
+        )
+    )
+    observer, row = found.scenario.observer, found.rows[0]
+    view = View(observer.azimuth_deg, observer.elevation_deg)
+    scene = mi_lcair.load("a340_landing", band="LWIR", max_bounces=2, sky="midlat_summer_stratus")
+    image = mi_lcair.render(
+        seen_from(scene, view, 48), spp=8, atmosphere=found.air, range_m=observer.range_m
+    )
+    arrives = image.channels["apparent.Y"] - (image.channels["Y"] - image.channels["target.Y"])
+    solid_angle = Target.of(scene).window_area(view) / observer.range_m**2
+    assert arrives.mean(dtype=float) * solid_angle == pytest.approx(
+        row.target.value + row.path.value, rel=2e-5
+    )
+    assert image.channels["path.Y"].mean(dtype=float) * solid_angle == pytest.approx(
+        row.path.value, rel=2e-5
+    )

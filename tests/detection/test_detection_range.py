@@ -1,0 +1,141 @@
+"""Detection ranges: closed forms in vacuum and through an air of one optical depth per metre;
+several, none, and those cut short.
+"""
+
+import numpy as np
+import pytest
+from mi_lcair.plugins.sources import Source
+from scipy.optimize import brentq
+
+from mi_lcair.detection.detection_range import detection_range
+from mi_lcair.detection.irradiance import Backdrop, Irradiance
+from mi_lcair.errors import InputError
+from mi_lcair.physics.atmosphere import Atmosphere, atmosphere
+from mi_lcair.physics.bands import band
+from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
+from mi_lcair.physics.detector import Detector
+from mi_lcair.signatures.effective_areas import EffectiveAreas
+
+LWIR, HOT, AIR, SKY, AREA, ERROR = band("LWIR"), 330.0, 270.0, 290.0, 10.0, 0.1  # K; m^2
+DEPTH = 1e-3  # per metre
+L = {T: float(in_band_radiance(LWIR, T)) for T in (HOT, AIR, SKY)}
+
+
+def target(air):
+    """A blackbody of known area, whose error is wholly that of its area."""
+    one = np.full((2, 2, 2), ERROR**2)
+    areas = EffectiveAreas(
+        LWIR,
+        [Source("self", "330 K", L[HOT], HOT)],
+        np.full((2, 1), AREA),
+        np.full((2, 1), ERROR),
+        AREA,
+        one,
+        np.empty(0),
+        np.empty((2, 0)),
+    )
+    return Irradiance(
+        areas, 0.0, LWIR, air, Backdrop("sky", lambda x: spectral_radiance(x, SKY), np.empty(0))
+    )
+
+
+def grey_air(last_m=10_000.0):
+    """The same optical depth per metre at all wavelengths, at AIR kelvin."""
+    x, ranges = np.linspace(7.9, 12.1, 1001), np.array([100.0, last_m])
+    transmittance = np.exp(-DEPTH * ranges)[:, None] * np.ones(len(x))
+    return Atmosphere(
+        "grey", ranges, x, transmittance, (1 - transmittance) * spectral_radiance(x, AIR)
+    )
+
+
+def contrast(r):
+    """What grey_air leaves of the target's contrast: positive near, then negative, as the air is
+    colder than the sky.
+    """
+    tau = np.exp(-DEPTH * r)
+    return (tau * L[HOT] + (1 - tau) * L[AIR] - L[SKY]) * AREA / r**2
+
+
+@pytest.mark.parametrize("nei, optics", [(1e-7, 1.0), (1e-9, 0.5)])
+def test_vacuum(nei, optics):
+    air = atmosphere("vacuum")
+    found = detection_range(target(air), Detector(LWIR, optics, nei=nei, snr=7), air, 2.0)
+    expected = np.sqrt(optics * (L[HOT] - L[SKY]) * AREA / (7 * nei))
+    assert (
+        found.intervals_m == [(2.0, pytest.approx(expected, rel=1e-6))]
+        and found.largest_m == found.intervals_m[0][1]
+    )
+    assert (
+        found.standard_error_m == pytest.approx(expected * ERROR / AREA / 2, rel=1e-6)
+        and not found.at_least
+    )
+
+
+def test_several():
+    """Detected as hot, lost where the signs cancel, detected as cold, lost in the distance."""
+    zero = brentq(contrast, 100, 5000)
+    largest = np.abs(contrast(np.linspace(zero, 9000, 10_000))).max()
+    nei = 0.3 * largest / 10
+    edge = lambda sign, a, b: brentq(lambda r: sign * contrast(r) - 10 * nei, a, b)  # noqa: E731
+    turn = (
+        zero + (9000 - zero) * np.argmax(np.abs(contrast(np.linspace(zero, 9000, 10_000)))) / 9999
+    )
+    air = grey_air()
+    found = detection_range(target(air), Detector(LWIR, nei=nei), air, 5.0)
+    assert [
+        pytest.approx(interval, rel=1e-4)
+        for interval in ((5.0, edge(1, 100, zero)), (edge(-1, zero, turn), edge(-1, turn, 9999)))
+    ] == found.intervals_m
+    end, step = found.largest_m, 1e-3
+    slope = (contrast(end + step) - contrast(end - step)) / 2 / step
+    assert (
+        found.standard_error_m
+        == pytest.approx(abs(contrast(end)) * ERROR / AREA / abs(slope), rel=1e-3)
+        and not found.at_least
+    )
+
+
+def test_a_gap_narrower_than_a_step():
+    """Where the signal changes its sign it is below any threshold: both edges are found, 0.01 % of
+    the range apart.
+    """
+    zero = brentq(contrast, 100, 5000)
+    slope = (contrast(zero + 1e-3) - contrast(zero - 1e-3)) / 2e-3
+    nei = abs(slope) * 5e-5 * zero / 10
+    air = grey_air()
+    (_, first), (second, _), *_ = detection_range(
+        target(air), Detector(LWIR, nei=nei), air, 5.0
+    ).intervals_m
+    assert first < zero < second and second - first == pytest.approx(1e-4 * zero, rel=0.02)
+
+
+def test_none():
+    for air in (atmosphere("vacuum"), grey_air()):
+        found = detection_range(target(air), Detector(LWIR, nei=1e3), air, 5.0)
+        assert (
+            found.intervals_m == []
+            and found.largest_m is found.standard_error_m is None
+            and not found.at_least
+        )
+
+
+def test_the_table_ends_first():
+    air = grey_air(300.0)
+    found = detection_range(target(air), Detector(LWIR, nei=1e-12), air, 5.0)
+    assert found.intervals_m == [(5.0, 300.0)] and found.at_least and found.standard_error_m is None
+    assert found.as_dict() == {
+        "largest_m": 300.0,
+        "intervals_m": [(5.0, 300.0)],
+        "standard_error_m": None,
+        "at_least": True,
+    }
+
+
+def test_refused():
+    air = grey_air(300.0)
+    with pytest.raises(InputError, match="needs nei"):
+        detection_range(target(air), Detector(LWIR), air, 5.0)
+    with pytest.raises(
+        InputError, match="its last range, 300 m, lies within the target's radius of 400 m"
+    ):
+        detection_range(target(air), Detector(LWIR, nei=1), air, 400.0)

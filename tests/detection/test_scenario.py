@@ -1,0 +1,221 @@
+"""A scenario's TOML: what it may hold, how it is changed, and every mistake in one line."""
+
+import numpy as np
+import pytest
+
+from mi_lcair import scenes
+from mi_lcair.detection.scenario import Scenario
+from mi_lcair.errors import InputError
+from tests.detection.disc_scenario import TOML
+
+
+@pytest.fixture
+def written(tmp_path):
+    def write(text):
+        (tmp_path / "my.toml").write_text(text)
+        return tmp_path / "my.toml"
+
+    return write
+
+
+def test_defaults(written, tmp_path):
+    found = Scenario.read(written(TOML))
+    assert (found.name, found.title, found.target.scene) == (
+        "my",
+        "A disc.",
+        str(tmp_path / "disc.xml"),
+    )
+    assert (
+        found.render.max_bounces,
+        found.render.resolution,
+        found.render.spp,
+        found.render.seed,
+    ) == ((), 256, 64, 0)
+    assert (
+        found.atmosphere.table == "vacuum"
+        and found.observer.range_m == 1000.0
+        and found.scene_parameters() == {}
+    )
+    assert found.sensor.detector().snr == 10 and found.sensor.detector().nei is None
+
+
+def test_files_lie_beside_the_scenario_and_those_of_changes_beside_the_caller(
+    written, tmp_path, monkeypatch
+):
+    (tmp_path / "tape7").write_text("")
+    (tmp_path / "skin.json").write_text("")
+    (tmp_path / "r.csv").write_text("wavelength_um,response\n3.5,0\n4,1\n4.5,0\n")
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    text = (
+        TOML.replace('"vacuum"', '"tape7"').replace(
+            'band = "MWIR"', 'band = "MWIR"\nresponse = "r.csv"'
+        )
+        + '[target.parameters]\nfinish = "skin.json"\nsky = "midlat_summer_clear"\nflag = true\ncount = 3\n'
+    )
+    found = Scenario.read(written(text), **{"background.sky": "here.csv"})
+    assert found.atmosphere.table == str(tmp_path / "tape7") and found.sensor.response == str(
+        tmp_path / "r.csv"
+    )
+    assert found.scene_parameters() == {
+        "finish": str(tmp_path / "skin.json"),
+        "sky": "midlat_summer_clear",
+        "flag": "true",
+        "count": "3",
+    }
+    assert found.background.sky == "here.csv" and found.background.temperature is None
+
+
+def test_position_and_pose(written):
+    found = Scenario.read(
+        written(TOML),
+        **{
+            "observer.position_m": "[-1000, 500, -50]",
+            "pose.pitch_deg": 10,
+            "target.parameters.finish": "copper",
+        },
+    )
+    assert found.observer.range_m == pytest.approx(np.sqrt(1000**2 + 500**2 + 50**2))
+    assert (found.observer.azimuth_deg, found.observer.elevation_deg) == pytest.approx(
+        (153.434949, -2.560639)
+    )
+    assert found.scene_parameters() == {"finish": "copper", "pitch_deg": "10.0"}
+
+
+def test_changes_are_toml_or_text(written):
+    found = Scenario.read(
+        written(TOML),
+        **{
+            "sensor.band": "LWIR",
+            "render.max_bounces": "[1, 4]",
+            "sensor.nei": "1e-6",
+            "atmosphere.extrapolate": "true",
+        },
+    )
+    assert (
+        found.sensor.band,
+        found.render.max_bounces,
+        found.sensor.nei,
+        found.atmosphere.extrapolate,
+    ) == ("LWIR", (1, 4), 1e-6, True)
+    assert Scenario.read(
+        written(TOML), **{"sensor.band": "3-5", "render.max_bounces": 2}
+    ).render.max_bounces == (2,)
+
+
+@pytest.mark.parametrize(
+    "changes, message",
+    [
+        ({"sensor.bnad": "LWIR"}, r"unknown key of \[sensor\] 'bnad'; known: band"),
+        ({"senzor.band": "LWIR"}, "unknown table 'senzor'; known: sensor"),
+        ({"render": 3}, "render is no entry; name TABLE.KEY"),
+        ({"sensor.band.x": 3}, "'band' is not a table"),
+        ({"observer.range_m": 0}, r"\[observer\]: zero range"),
+        ({"observer.range_m": -5}, "range_m = -5; must be positive"),
+        ({"observer.range_m": "nan"}, r"\[observer\]: range_m = nan; must be a finite number"),
+        ({"observer.range_m": "far"}, "range_m = 'far'; must be a finite number"),
+        ({"observer.elevation_deg": 91}, "elevation_deg = 91; must lie in -90..90"),
+        ({"observer.position_m": "[1, 2]"}, "give its three numbers alone"),
+        ({"observer.position_m": "[0, 0, 0]"}, "zero range"),
+        ({"sensor.nei": -1}, "nei = -1"),
+        ({"sensor.snr": 0}, "snr = 0"),
+        ({"sensor.optics_transmittance": 1.5}, "optics_transmittance = 1.5"),
+        ({"sensor.field_of_view_deg": "inf"}, "must be a finite number"),
+        ({"sensor.band": "total"}, "band total has no wavelengths"),
+        ({"sensor.band": "MWR"}, "unknown band 'MWR'; known: MWIR"),
+        ({"sensor.band": 4}, r"\[sensor\]: band = 4; must be a text"),
+        ({"sensor.response": "one_row.csv"}, "needs two rows"),
+        ({"sensor.response": "wide.csv"}, "response wide 2-9 um is not within band MWIR 3-5 um"),
+        ({"sensor.response": "none.csv"}, "No such file"),
+        ({"sensor.band": "wide.csv"}, "is a response; give it as response"),
+        ({"background.temperature": 0}, "temperature = 0 K; must be positive"),
+        ({"atmosphere.extrapolate": 1}, "extrapolate = 1; must be true or false"),
+        ({"render.spp": 1}, "spp = 1; must lie in 2.."),
+        ({"render.max_bounces": "[1, -1]"}, "max_bounces = -1; must lie in 0..10000"),
+        ({"render.max_bounces": "[1, 2.5]"}, "max_bounces = 2.5; must be a whole number"),
+        ({"render.resolution": 0}, "resolution = 0"),
+        ({"render.seed": 2**32}, "seed = 4294967296"),
+        ({"target.parameters.band": "LWIR"}, r"band is given in \[sensor\]"),
+        ({"target.parameters.pitch_deg": 4}, r"pitch_deg is given in \[pose\]"),
+        ({"target.parameters.size": "[1, 2]"}, "must be a text or a number"),
+    ],
+)
+def test_mistakes(written, tmp_path, monkeypatch, changes, message):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "one_row.csv").write_text("wavelength_um,response\n4,1\n")
+    (tmp_path / "wide.csv").write_text("wavelength_um,response\n2,1\n9,1\n")
+    with pytest.raises(InputError, match=message) as error:
+        Scenario.read(written(TOML), **changes)
+    assert str(error.value).startswith(f"scenario '{tmp_path / 'my.toml'}': ") and "\n" not in str(
+        error.value
+    )
+
+
+@pytest.mark.parametrize(
+    "left_out, message",
+    [
+        ('scene = "disc.xml"\n', r"\[target\]: scene is missing"),
+        (
+            "azimuth_deg = 0\n",
+            "azimuth_deg is missing; give range_m, azimuth_deg, elevation_deg, or position_m",
+        ),
+        ('table = "vacuum"\n', r"\[atmosphere\]: table is missing"),
+        ('[atmosphere]\ntable = "vacuum"\n', r"\[atmosphere\]: table is missing"),
+        ("temperature = 294\n", "sky and temperature are missing; give one"),
+        ('band = "MWIR"\n', r"\[sensor\]: band is missing"),
+    ],
+)
+def test_what_is_missing(written, left_out, message):
+    with pytest.raises(InputError, match=message):
+        Scenario.read(written(TOML.replace(left_out, "")))
+
+
+@pytest.mark.parametrize(
+    "extra, message",
+    [
+        ("temperature = 294", "has sky and temperature; give one"),
+        ("= 4", "Invalid|Expected"),
+        ("[observer]\nposition_m = [1, 2, 3]", "Cannot declare|twice"),
+    ],
+)
+def test_what_is_too_much(written, extra, message):
+    with pytest.raises(InputError, match=message):
+        Scenario.read(
+            written(TOML.replace("temperature = 294", f'sky = "us_standard_clear"\n{extra}'))
+        )
+    placed = TOML.replace(
+        "range_m = 1000\nazimuth_deg = 0\nelevation_deg = 0\n", "position_m = [30, 40, 0]\n"
+    )
+    assert Scenario.read(written(placed)).observer.range_m == 50
+    polar = {"observer.range_m": 7, "observer.azimuth_deg": 1, "observer.elevation_deg": 2}
+    assert Scenario.read(written(placed), **polar).observer.range_m == 7
+    with pytest.raises(InputError, match="azimuth_deg is missing"):
+        Scenario.read(written(placed), **{"observer.range_m": 7})
+    with pytest.raises(InputError, match=r"position_m is \[1.0, 2.0, 3.0\] beside range_m"):
+        Scenario.read(written(TOML.replace("[atmosphere]", "position_m = [1, 2, 3]\n[atmosphere]")))
+
+
+def test_no_such_file(tmp_path):
+    with pytest.raises(InputError, match="No such file"):
+        Scenario.read(tmp_path / "none.toml")
+    with pytest.raises(
+        InputError,
+        match="unknown scenario 'a340_landing/position1'; known: a340_landing/position_1",
+    ):
+        Scenario.read("a340_landing/position1")
+
+
+def test_bundled():
+    assert (
+        scenes.scenarios()
+        == scenes.scenarios("a340_landing")
+        == [f"a340_landing/position_{k}" for k in (1, 2, 3)]
+        and scenes.scenarios("cavity") == []
+    )
+    for name in scenes.scenarios():
+        found = Scenario.read(name)
+        assert (
+            found.name == name
+            and found.title == scenes.scenario_title(name)
+            and found.target.scene == name.partition("/")[0]
+        )

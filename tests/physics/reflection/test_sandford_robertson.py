@@ -1,0 +1,282 @@
+"""The Sandford-Robertson functions against the printed equations in mpmath, and against the
+definitions they rest on.
+"""
+
+import drjit as dr
+import mpmath
+import numpy as np
+import pytest
+from drjit.llvm.ad import Array3f, Array3f64, Float, Float64
+from scipy.stats import chi2
+
+from mi_lcair.errors import InputError
+from mi_lcair.physics.reflection import sandford_robertson as sr
+from tests.physics import thesis
+from tests.physics.reflection.surfaces import MATERIALS, direction, random_parameters, surface
+
+SURFACES = [
+    *MATERIALS,
+    (0.2, 0.1, 0.5, 0.3),
+    (0.0, 0.3, 0.9, 1.0),
+    (0.3, 0.0, 0.01, 0.0015),
+    (0.5, 0.4, 1e-3, 0.6),
+]
+
+
+@pytest.mark.parametrize("form", sr.FORMS)
+@pytest.mark.parametrize("parameters", SURFACES)
+@thesis.EXACT
+def test_brdf_is_the_printed_one(parameters, form):
+    """In and off the specular plane, from the lobe's top down its flanks, to 89.9 degrees from the
+    normal.
+    """
+    e = parameters[3]
+    angles = [
+        (i, r, np.pi - dphi)
+        for i in np.radians([0, 20, 60, 85, 89.9])
+        for dphi in (0, 0.3 * e, 3 * e, 1, 3)
+        for r in (*np.radians([0, 45, 80, 89.9]), i + 0.5 * e, i - 2 * e)
+        if 0 <= r < np.pi / 2
+    ]
+    theta_i, theta_r, dphi = np.array(angles).T
+    found = sr.f(surface(*parameters, form), direction(theta_i, dphi), direction(theta_r)).numpy()
+    exact = [thesis.brdf(mpmath, *map(mpmath.mpf, (*row, *parameters)), form) for row in angles]
+    np.testing.assert_allclose(found, np.array(exact, dtype=float), rtol=1e-11)
+
+
+@thesis.EXACT
+def test_emissivity_and_specular_reflectance_are_the_printed_ones():
+    for epsilon, rho_d, b, e in SURFACES:
+        for theta in np.radians([0, 30, 80, 89.9]):
+            S, cos, sin2 = (
+                surface(epsilon, rho_d, b, e),
+                Float64(np.cos(theta)),
+                Float64(np.sin(theta) ** 2),
+            )
+            exact = (
+                mpmath.mpf(epsilon) * thesis.g(mpmath, theta, b) / thesis.G(mpmath, mpmath.mpf(b))
+            )
+            assert sr.emissivity(S, cos, sin2)[0] == pytest.approx(float(exact), rel=1e-12)
+            exact = thesis.rho_s(mpmath, *map(mpmath.mpf, (theta, epsilon, rho_d, b)))
+            assert sr.rho_s(S, cos, sin2)[0] == pytest.approx(float(exact), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "b", [0, 1e-20, 1e-6, 1e-3, 0.05, 0.16, 0.5, 0.948, 0.949, 0.999, 1 - 1e-9, 1]
+)
+def test_G_is_the_integral_of_g(b):
+    """G = 2 int g cos sin dtheta; 0.948 and 0.949 lie on either side of the switch to the series."""
+    with mpmath.workdps(20):
+        exact = 2 * mpmath.quad(
+            lambda t: thesis.g(mpmath, t, b) * mpmath.cos(t) * mpmath.sin(t),
+            [
+                0,
+                0.5,
+                1.5,
+                *(mpmath.pi / 2 - d for d in (1e-2, 1e-4, 1e-6) if b < 0.5),
+                mpmath.pi / 2,
+            ],
+        )
+    assert sr.G(Float64(b))[0] == pytest.approx(float(exact), rel=1e-14)
+
+
+@pytest.mark.parametrize("e", [0.0015, 0.0042, 0.05, 0.3, 1])
+def test_H_is_the_hemispherical_integral_of_the_lobe(e):
+    """H = (1 / 4 pi) int h(alpha) domega, h taken from the directions themselves; 1e-9 is what the
+    quadrature reaches.
+    """
+    for theta_i in np.radians([0, 30, 70, 85, 89.5]):
+        theta, phi, weight = thesis.hemisphere(theta_i, 2 * e)
+        lobe = sr.h(
+            sr.sin2_alpha(direction(theta_i), direction(theta.ravel(), np.pi - phi.ravel())),
+            Float64(e),
+        ).numpy()
+        H = np.sum(lobe * weight.ravel()) / (4 * np.pi)
+        assert sr.e2_H(Float64(np.cos(theta_i)), Float64(e))[0] == pytest.approx(e**2 * H, rel=1e-9)
+
+
+def test_limits_of_b():
+    """b = 0: g = G = 1, the blackbody and the perfect diffuse reflector. b = 1: g = cos^2, G = 1/2."""
+    theta = np.radians([0, 30, 60, 89, 90])
+    cos, sin2 = Float64(np.cos(theta)), Float64(np.sin(theta) ** 2)
+    np.testing.assert_allclose(sr.g(cos, sin2, Float64(1)), np.cos(theta) ** 2, atol=1e-15)
+    np.testing.assert_allclose(sr.g(cos, sin2, Float64(0))[:4], 1, rtol=1e-15)
+    i, r = direction(np.radians([0, 40, 85])), direction(np.radians([70, 20, 85]), 2.0)
+    np.testing.assert_allclose(sr.f(surface(0, 1, 0, 0.01), i, r), 1 / np.pi, rtol=1e-14)
+    np.testing.assert_array_equal(sr.f(surface(1, 0, 0, 0.01), i, r), 0)
+
+
+def test_brdf_is_zero_from_below_and_at_the_horizon():
+    up, level, down = (direction(np.radians(angle)) for angle in (40, 90, 130))
+    level.z = 0
+    for form in sr.FORMS:
+        for i, r in ((up, level), (level, up), (up, down), (down, up), (down, down)):
+            assert sr.f(surface(0.2, 0.1, 0.5, 0.3, form), i, r)[0] == 0
+
+
+@pytest.mark.parametrize("form", sr.FORMS)
+@pytest.mark.parametrize("Type, Vector", [(Float, Array3f), (Float64, Array3f64)])
+def test_values_and_gradients_are_finite_over_the_whole_box(Type, Vector, form):
+    numbers = [Float64(column) for column in random_parameters(4000).T]
+    dr.enable_grad(*numbers)
+    rng = np.random.default_rng(1)
+    theta_i, theta_r, phi = (
+        Float64(
+            np.radians(
+                np.where(
+                    rng.random(4000) < 0.2,
+                    rng.choice([0, 89.9, 90, 91], 4000),
+                    rng.uniform(0, 90, 4000),
+                )
+            )
+        )
+        for _ in range(3)
+    )
+    i, r = (
+        Vector(Array3f64(dr.sin(t) * dr.cos(p), dr.sin(t) * dr.sin(p), dr.cos(t)))
+        for t, p in ((theta_i, 4 * phi), (theta_r, Float64(0)))
+    )
+    value = sr.f(sr.surface(*numbers, form=form).cast(Type), i, r)
+    dr.backward(value)
+    assert np.all(np.isfinite(value.numpy())) and np.all(value.numpy() >= 0)
+    for number in numbers:
+        assert np.all(np.isfinite(dr.grad(number).numpy()))
+
+
+@thesis.EXACT
+@pytest.mark.parametrize("k", range(4), ids=["epsilon", "rho_d", "b", "e"])
+def test_gradients_of_the_brdf(k):
+    """Against mpmath's differences of the printed equation, at directions on the lobe's flank."""
+    for parameters in SURFACES:
+        e = parameters[3]
+        angles = (0.7, 0.7 + 0.6 * e, np.pi - 0.5 * e)
+        numbers = [dr.opaque(Float64, number) for number in parameters]
+        dr.enable_grad(numbers[k])
+        dr.backward(
+            sr.f(sr.surface(*numbers), direction(angles[0], angles[2]), direction(angles[1]))
+        )
+        at = [mpmath.mpf(number) for number in parameters]
+        exact = mpmath.diff(
+            lambda x: thesis.brdf(mpmath, *map(mpmath.mpf, angles), *at[:k], x, *at[k + 1 :]), at[k]
+        )
+        assert dr.grad(numbers[k])[0] == pytest.approx(float(exact), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "parameters, words",
+    [
+        ((-0.1, 0.1, 0.5, 0.3), ("epsilon = -0.1", ">= 0")),
+        ((0.1, -0.1, 0.5, 0.3), ("rho_d = -0.1", ">= 0")),
+        ((0.1, 0.1, -0.5, 0.3), ("b = -0.5", "0..1")),
+        ((0.1, 0.1, 1.5, 0.3), ("b = 1.5", "0..1")),
+        ((0.1, 0.1, 0.5, 0), ("e = 0", "0..1, 0 excluded")),
+        ((0.1, 0.1, 0.5, 1.5), ("e = 1.5", "0..1")),
+        ((0.4, 0.2, 1, 0.3), ("epsilon + rho_d = 0.6", "<= G(b) = 0.5")),
+        ((float("nan"), 0.1, 0.5, 0.3), ("epsilon = nan", ">= 0")),
+        ((0.1, 0.1, float("nan"), 0.3), ("b = nan", "0..1")),
+        ((0.1, 0.1, 0.5, 0.3, "thessis"), ("thessis", "thesis, normalized")),
+    ],
+)
+def test_infeasible_parameters_are_named_with_value_and_bound(parameters, words):
+    with pytest.raises(InputError) as error:
+        sr.check_feasible(*parameters)
+    assert all(word in str(error.value) for word in words) and "\n" not in str(error.value)
+
+
+def test_the_bounds_themselves_are_feasible():
+    for parameters in ((0, 0, 0, 1), (1, 0, 0, 1), (0, 1, 0, 1e-3), (0.25, 0.25, 1, 1)):
+        sr.check_feasible(*parameters)
+
+
+# ---------------------------------------------------------------- Half-vector sampling
+# Everything below works on the slopes s = (x/z, y/z) of the microfacet normal, stretched by 1/e.
+# There the Trowbridge-Reitz distribution is 1 / (pi (1 + s^2)^2) whatever e, so that every lobe is
+# resolved; a microfacet is visible from w in proportion to max(0, w . normal) / (normal . z),
+# Smith's hypothesis.
+
+
+def visible_density(psi, phi, cos, sin, e):
+    """Density over psi = atan |s| and the azimuth phi, seen from w = (sin, 0, cos), not yet
+    normalized.
+    """
+    return np.maximum(0, cos * np.cos(psi) + e * sin * np.sin(psi) * np.cos(phi)) * np.sin(psi)
+
+
+def visible_cells(cells, nodes, cos, sin, e):
+    """Integral of `visible_density` over each of cells x cells cells of psi and phi, by the
+    midpoint rule.
+    """
+    x = (np.arange(cells * nodes) + 0.5) / (cells * nodes)
+    psi, phi = np.meshgrid(np.pi / 2 * x, 2 * np.pi * x, indexing="ij")
+    density = visible_density(psi, phi, cos, sin, e).reshape(cells, nodes, cells, nodes)
+    return density.sum(axis=(1, 3)) * np.pi**2 / (cells * nodes) ** 2
+
+
+@pytest.mark.parametrize("e", [0.0015, 0.0042, 0.1, 0.6, 1])
+@pytest.mark.parametrize("theta_deg", [0, 45, 80, 89.5])
+def test_half_vectors_have_the_distribution_of_visible_slopes(e, theta_deg):
+    """Chi-square over 16 x 16 cells of the stretched slopes, 200,000 samples, at a significance of
+    1e-4 each.
+    """
+    rng = np.random.default_rng(5)
+    count, theta = 200_000, np.radians(theta_deg)
+    half = sr.sample_half_vector(
+        direction(theta, Vector=Array3f), Float(e), *(Float(rng.random(count)) for _ in range(2))
+    ).numpy()
+    half = half.astype(float)
+    np.testing.assert_allclose(np.linalg.norm(half, axis=0), 1, rtol=1e-6)
+    s_x, s_y = half[0] / half[2] / e, half[1] / half[2] / e
+    cells = [
+        np.clip((x * 16).astype(int), 0, 15)
+        for x in (
+            np.arctan(np.hypot(s_x, s_y)) / (np.pi / 2),
+            np.arctan2(s_y, s_x) / (2 * np.pi) % 1,
+        )
+    ]
+    found = np.bincount(cells[0] * 16 + cells[1], minlength=256)
+    expected = visible_cells(16, 40, np.cos(theta), np.sin(theta), e).ravel()
+    expected *= count / expected.sum()
+    large = expected >= 10
+    statistic = np.sum((found[large] - expected[large]) ** 2 / expected[large])
+    assert statistic < chi2.ppf(1 - 1e-4, large.sum() - 1)
+    assert found[~large].sum() <= expected[~large].sum() + 5 * np.sqrt(expected[~large].sum() + 1)
+
+
+@pytest.mark.parametrize("e", [0.0015, 0.0042, 0.1, 0.6, 1])
+def test_lobe_pdf_is_the_density_of_visible_slopes_seen_as_directions(e):
+    """domega_i = 4 (r . half) domega_half and domega_half = cos^3(alpha) d^2 slope; normalized by a
+    numerical integral.
+    """
+    rng = np.random.default_rng(6)
+    for theta in np.radians([0, 45, 80, 89.5]):
+        cos, sin = np.cos(theta), np.sin(theta)
+        psi, phi = np.pi / 2 * rng.random(100), 2 * np.pi * rng.random(100)
+        density = visible_density(psi, phi, cos, sin, e) / visible_cells(1, 800, cos, sin, e).sum()
+        half = np.array(
+            [e * np.tan(psi) * np.cos(phi), e * np.tan(psi) * np.sin(phi), np.ones(100)]
+        )
+        half /= np.linalg.norm(half, axis=0)
+        per_half = density / (e**2 * np.tan(psi) / np.cos(psi) ** 2) / half[2] ** 3
+        r = np.array([sin, 0, cos])
+        i = 2 * (r @ half) * half - r[:, None]
+        above = (i[2] > 0) & (r @ half > 0)  # where the density is used
+        found = sr.lobe_pdf(Array3f64(i), direction(theta), Float64(e)).numpy()
+        np.testing.assert_allclose(found[above], (per_half / (4 * (r @ half)))[above], rtol=1e-5)
+
+
+@pytest.mark.parametrize("e", [0.0042, 0.1, 0.6, 1])
+def test_lobe_pdf_integrates_to_the_samples_above_the_horizon(e):
+    """int of lobe_pdf over the upper hemisphere = share of reflected samples that leave upward, 5
+    standard errors.
+    """
+    rng = np.random.default_rng(7)
+    count = 200_000
+    u1, u2 = (Float64(rng.random(count)) for _ in range(2))
+    for theta_r in np.radians([0, 45, 85]):
+        theta, phi, weight = thesis.hemisphere(theta_r, 2 * e)
+        i = direction(theta.ravel(), np.pi + phi.ravel())
+        integral = np.sum(sr.lobe_pdf(i, direction(theta_r), Float64(e)).numpy() * weight.ravel())
+        r = direction(theta_r)
+        half = sr.sample_half_vector(r, Float64(e), u1, u2)
+        share = np.mean((2 * dr.dot(r, half) * half.z - r.z).numpy() > 0)
+        assert abs(integral - share) < 5 * np.sqrt(integral * max(1 - integral, 1e-9) / count)

@@ -1,0 +1,268 @@
+"""The energy audit: closed forms of what escapes, and scenes that break the balance in ways that it
+must name.
+"""
+
+from pathlib import Path
+
+import mitsuba as mi
+import numpy as np
+import pytest
+
+import mi_lcair
+from mi_lcair.errors import InputError
+from mi_lcair.physics.bands import band
+from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.rendering.scene import checked
+from tests.plugins.conftest import plate  # noqa: F401, a fixture
+from tests.plugins.small_scenes import SQUARE, camera
+
+L_300 = float(in_band_radiance(band("LWIR"), 300.0))
+LID = [[-5, -5, 1], [-5, 5, 1], [5, 5, 1], [5, -5, 1]]  # faces down
+
+
+def audited(photons=2**15, **shapes):
+    scene = mi.load_dict(
+        {"type": "scene", "integrator": {"type": "bounce_path"}, "sensor": camera(), **shapes},
+        optimize=False,
+    )
+    return mi_lcair.audit(checked(scene, Path("scene.xml"), {}), photons)
+
+
+def agree(figure, expected, sigmas=4):
+    value, error = figure
+    assert abs(value - expected) <= sigmas * error + 1e-6 * abs(expected), (figure, expected)
+
+
+def test_open_box():
+    """A blackbody wall over a grey floor: what the floor receives is its view factor, what it
+    absorbs is half of that.
+    """
+    result = mi_lcair.audit(mi_lcair.load("open_box"), 2**16)
+    wall, floor = (0.02 * np.pi * float(in_band_radiance(band("total"), T)) for T in (800, 300))
+    F = 0.24063600617696168
+    agree(result.total["emitted"], wall + 0.5 * floor)
+    agree(result.materials["diffuse"]["incident"], F * wall)
+    agree(result.materials["diffuse"]["absorbed"], 0.5 * F * wall)
+    # of what the floor reflects more than F returns to the wall: it leaves mostly from near the
+    # common edge
+    assert (
+        F * (0.5 * floor + 0.5 * F * wall)
+        < result.materials["blackbody"]["absorbed"][0]
+        < 1.5 * F * (0.5 * floor + 0.5 * F * wall)
+    )
+    agree(result.total["balance"], 0)
+    assert result.remarks == []
+
+
+def test_closed_room_keeps_everything():
+    result = mi_lcair.audit(mi_lcair.load("furnace"), 2**15)
+    assert (
+        result.total["escaped"] == (0, 0)
+        and result.total["behind"] == (0, 0)
+        and result.remarks == []
+    )
+    agree(result.total["absorbed"], result.total["emitted"][0] + result.total["created"][0], 5)
+    agree(result.total["balance"], 0)
+
+
+def test_a_mesh_turned_inside_out_keeps_its_flux():
+    """A cube with flip_normals emits into its inside: nothing escapes, half of all that arrives is
+    absorbed.
+    """
+    grey = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.5}}
+    result = audited(
+        room={
+            "type": "cube",
+            "flip_normals": True,
+            "bsdf": grey,
+            "emitter": {"type": "thermal", "band": "LWIR", "temperature": 300.0},
+        }
+    )
+    assert result.shares["scene"]["escaped"][0] < 1e-4 and result.shares["SmoothDiffuse"][
+        "absorbed"
+    ] == pytest.approx((0.5, 0), abs=1e-5)
+    agree(result.total["emitted"], 0.5 * 24 * np.pi * L_300)
+    agree(result.total["absorbed"], result.total["emitted"][0], 5)
+
+
+def test_a_surface_of_unknown_absorption_is_refused(plate):
+    black = {"type": "sandford_robertson", "epsilon": 1.0, "rho_d": 0.0, "b": 0.0, "e": 1.0}
+    lens = {**plate("lens", LID, {"type": "dielectric"})}
+    with pytest.raises(
+        InputError,
+        match="shape lens has no emitter, and what it absorbs is not known .*; give it another BSDF",
+    ):
+        audited(floor=plate("floor", SQUARE, black, 300.0), lens=lens)
+
+
+def test_a_reflector_that_absorbs_nothing(plate):
+    """Between two plates of reflectance 1 nothing is absorbed, and nothing is emitted but by the
+    third.
+    """
+    white = {"type": "sandford_robertson", "epsilon": 0.0, "rho_d": 1.0, "b": 0.0, "e": 1.0}
+    black = {"type": "sandford_robertson", "epsilon": 1.0, "rho_d": 0.0, "b": 0.0, "e": 1.0}
+    result = audited(
+        floor=plate("floor", SQUARE, black, 300.0), lid=plate("lid", LID, white, 300.0)
+    )
+    agree(result.total["emitted"], 100 * np.pi * L_300)
+    agree(result.total["absorbed"], result.total["emitted"][0] - result.total["escaped"][0], 5)
+    assert sorted(name.partition(" (")[2] for name in result.materials) == [
+        "floor)",
+        "lid)",
+    ]  # neither has a name: told apart by their shapes
+    assert abs(result.total["created"][0]) < 1e-6 * result.total["emitted"][0]
+
+
+def test_emissivity_of_another_origin_creates_energy(plate):
+    """A grey lid of reflectance 0.5 that is told to emit 0.9: it absorbs 0.9 and reflects 0.5 of
+    what arrives.
+    """
+    black = {"type": "sandford_robertson", "epsilon": 1.0, "rho_d": 0.0, "b": 0.0, "e": 1.0}
+    grey = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.5}}
+    lid = plate("lid", LID, grey, 300.0)
+    lid["emitter"]["emissivity"] = 0.9
+    result = audited(floor=plate("floor", SQUARE, black, 300.0), lid=lid)
+    assert any(
+        "SmoothDiffuse creates" in remark
+        and "facets 2, 3" in remark.replace("facets 3, 2", "facets 2, 3")
+        for remark in result.remarks
+    )
+    grey = result.materials["SmoothDiffuse"]
+    assert grey["created"][0] == pytest.approx(0.4 * grey["incident"][0], rel=1e-5)
+    agree(result.total["balance"], 0, 5)
+
+
+def test_what_only_reflects_absorbs_the_rest(plate):
+    """A lid without an emitter, of a stock BSDF: what arrives is reflected or absorbed, none is
+    lost.
+    """
+    black = {"type": "sandford_robertson", "epsilon": 1.0, "rho_d": 0.0, "b": 0.0, "e": 1.0}
+    lid = plate(
+        "lid", LID, {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.5}}, 300.0
+    )
+    del lid["emitter"]
+    result = audited(floor=plate("floor", SQUARE, black, 300.0), lid=lid)
+    grey = result.materials["SmoothDiffuse"]
+    assert result.shares["SmoothDiffuse"]["absorbed"] == pytest.approx((0.5, 0), abs=1e-5)
+    assert result.remarks == [] and grey["absorbed"][0] == pytest.approx(
+        0.5 * grey["incident"][0], rel=1e-5
+    )
+
+
+def test_one_creates_what_another_loses(plate):
+    """Two grey plates of one class: one emits too much, one too little by as much; each is named,
+    and the shares are exact.
+    """
+
+    def grey(name, corners, emissivity):
+        shape = plate(
+            name,
+            corners,
+            {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.5}},
+            300.0,
+        )
+        shape["emitter"]["emissivity"] = emissivity
+        return shape
+
+    result = audited(floor=grey("floor", SQUARE, 0.7), lid=grey("lid", LID, 0.3))
+    assert [remark.split()[3] for remark in sorted(result.remarks)] == ["creates", "loses"]
+    assert [
+        set(remark.rpartition("facets ")[2].split(", ")) for remark in sorted(result.remarks)
+    ] == [{"0", "1"}, {"2", "3"}]
+    for shape, created in (("floor", 0.2), ("lid", -0.2)):
+        value, error = result.shares[f"SmoothDiffuse ({shape})"]["created"]
+        assert value == pytest.approx(created, abs=1e-5) and error < 1e-5
+
+
+def test_emissivity_of_the_model_loses_energy(plate):
+    """emissivity = model with the thesis's form: d(theta_r) takes from the lobe what the emissivity
+    does not give back.
+    """
+    glossy = {
+        "type": "sandford_robertson",
+        "epsilon": 0.2,
+        "rho_d": 0.01,
+        "b": 0.4,
+        "e": 0.3,
+        "emissivity": "model",
+    }
+    result = audited(
+        floor=plate("floor", SQUARE, glossy, 300.0), lid=plate("lid", LID, glossy, 300.0)
+    )
+    assert any("loses" in remark for remark in result.remarks)
+    agree(result.total["balance"], 0, 5)
+
+
+def test_a_scaled_brdf_is_named(plate):
+    """b = 0.05, e = 0.3: HDR would exceed 1 near grazing, where a good part of the flux between
+    near plates arrives.
+    """
+    broad = {
+        "type": "sandford_robertson",
+        "epsilon": 0.02,
+        "rho_d": 0.02,
+        "b": 0.05,
+        "e": 0.3,
+        "form": "normalized",
+    }
+    result = audited(
+        floor=plate("floor", SQUARE, broad, 300.0), lid=plate("lid", LID, broad, 300.0)
+    )
+    assert any(
+        "scaled down at grazing" in remark and "facets" in remark for remark in result.remarks
+    )
+
+
+def test_the_back_of_a_surface_is_named(plate):
+    black = {"type": "sandford_robertson", "epsilon": 1.0, "rho_d": 0.0, "b": 0.0, "e": 1.0}
+    result = audited(
+        floor=plate("floor", SQUARE, black, 300.0), lid=plate("lid", LID[::-1], black, 300.0)
+    )
+    assert any(
+        "the back of one-sided surfaces; most at facets" in remark for remark in result.remarks
+    )
+    agree(result.total["balance"], 0)
+
+
+def test_a_perfect_closed_reflector_is_unfinished(monkeypatch):
+    """Reflectance 1 all around: nothing is absorbed however long it travels, and that is said."""
+    monkeypatch.setattr("mi_lcair.planning.audit.MAX_REFLECTIONS", 20)
+    scene = mi_lcair.load("furnace")
+    parameters = mi.traverse(scene.mi)
+    for key in parameters.keys():
+        if key.endswith(("bsdf.epsilon", "body.epsilon")):
+            parameters[key] = 1e-4
+        elif key.endswith(("bsdf.rho_d", "body.rho_d")):
+            parameters[key] = 0.9
+    parameters.update()
+    result = mi_lcair.audit(scene, 2**12)
+    assert any("still travels after 20 reflections" in remark for remark in result.remarks)
+
+
+def test_command(run_audit):
+    text = run_audit("two_plates", "--photons", "4096")
+    assert "emitted" in text and "balance" in text and "nothing to remark" in text
+
+
+@pytest.fixture
+def run_audit():
+    from click.testing import CliRunner
+
+    from mi_lcair.cli import main
+
+    def run(*arguments):
+        result = CliRunner().invoke(main, ["audit", *arguments])
+        assert result.exit_code == 0, result.output
+        return result.stdout
+
+    return run
+
+
+def test_other_emitters_are_refused(plate):
+    black = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}
+    lamp = {
+        **plate("lamp", LID, black),
+        "emitter": {"type": "area", "radiance": {"type": "uniform", "value": 1.0}},
+    }
+    with pytest.raises(InputError, match="only the flux of thermal emitters"):
+        audited(floor=plate("floor", SQUARE, black, 300.0), lamp=lamp)

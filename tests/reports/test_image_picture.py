@@ -1,0 +1,182 @@
+"""Pictures show the right pixel in the right place, colour and unit, also for images that have
+little to show.
+"""
+
+import numpy as np
+import pytest
+from matplotlib import colormaps
+from matplotlib.figure import Figure
+from matplotlib.image import imread
+
+from mi_lcair.errors import InputError
+from mi_lcair.reports.image_picture import save_picture
+
+GREY = (0.6, 0.6, 0.6)
+
+
+def colour_at(path, figure, row, column):
+    """The colour in the PNG where the first panel shows the middle of a pixel of the image."""
+    image = imread(path)
+    x, y = figure.axes[0].transData.transform((column, row))
+    return image[image.shape[0] - 1 - int(y), int(x), :3]
+
+
+def test_pixels_lie_where_the_axes_say(tmp_path, figures):
+    """Row 0 is at the top, column 0 at the left, and the colours span the scale from the least to
+    the largest value.
+    """
+    values = np.array([[1, 2, 3], [3, 3, 1]], np.float32)
+    save_picture(tmp_path / "a.png", {"Y": values})
+    inferno = colormaps["inferno"]
+    for row, column in np.ndindex(2, 3):
+        expected = inferno((values[row, column] - 1) / 2)[:3]
+        np.testing.assert_allclose(
+            colour_at(tmp_path / "a.png", figures[0], row, column), expected, atol=0.01
+        )
+    top_left, bottom_right = (figures[0].axes[0].transData.transform(at) for at in ((0, 0), (2, 1)))
+    assert top_left[0] < bottom_right[0] and top_left[1] > bottom_right[1]
+
+
+def test_logarithmic_colours(tmp_path, figures):
+    """On a logarithmic scale 10 lies half way between 1 and 100; zeros and negative values are
+    grey.
+    """
+    save_picture(
+        tmp_path / "a.png", {"Y": np.array([[1, 10, 100], [0, -1, 100]], np.float32)}, log=True
+    )
+    colours = [colour_at(tmp_path / "a.png", figures[0], 0, column) for column in range(3)]
+    np.testing.assert_allclose(colours, colormaps["inferno"]([0.0, 0.5, 1.0])[:, :3], atol=0.01)
+    for column in (0, 1):
+        np.testing.assert_allclose(
+            colour_at(tmp_path / "a.png", figures[0], 1, column), GREY, atol=0.01
+        )
+
+
+def test_a_logarithmic_scale_ends_six_decades_below_the_largest_value(tmp_path, figures):
+    """What underflows to 1e-30 does not stretch the scale; the colour bar's arrow says that it is
+    clipped.
+    """
+    save_picture(tmp_path / "a.png", {"Y": np.array([[1e-30, 1, 100]])}, log=True)
+    bar = figures[0].axes[1]
+    assert bar.get_ylim() == pytest.approx((1e-4, 100))
+    np.testing.assert_allclose(
+        colour_at(tmp_path / "a.png", figures[0], 0, 0), colormaps["inferno"](0.0)[:3], atol=0.01
+    )
+
+
+@pytest.mark.parametrize(
+    "name, label",
+    [
+        ("Y", r"radiance (W m$^{-2}$ sr$^{-1}$)"),
+        ("bounce00.Y", r"radiance (W m$^{-2}$ sr$^{-1}$)"),
+        ("group.range.Y", r"radiance (W m$^{-2}$ sr$^{-1}$)"),
+        ("stderr.Y", r"standard error of radiance (W m$^{-2}$ sr$^{-1}$)"),
+        ("temperature.Y", "brightness temperature (K)"),
+        ("range.Y", "range (m)"),
+    ],
+)
+def test_units(tmp_path, figures, name, label):
+    save_picture(
+        tmp_path / "a.png", {name: np.array([[300.0, 300.0001]])}, "two_plates, MWIR 3-5 um"
+    )
+    panel, bar = figures[0].axes
+    assert bar.get_ylabel() == label
+    assert panel.get_title() == f"two_plates, MWIR 3-5 um, {name}"
+    assert bar.yaxis.get_offset_text().get_text() == ""  # no "+3e2" to be added in the head
+
+
+@pytest.mark.parametrize(
+    "name, nothing, is_grey",
+    [
+        ("range.Y", 0.0, True),
+        ("range.Y", np.inf, True),
+        ("temperature.Y", 0.0, True),
+        ("Y", np.nan, True),
+        ("Y", 0.0, False),
+    ],
+)
+def test_pixels_without_a_value(tmp_path, figures, name, nothing, is_grey):
+    """Where nothing is seen there is no range and no temperature: grey, off the scale. No radiance
+    is a radiance of 0.
+    """
+    save_picture(tmp_path / "a.png", {name: np.array([[nothing, 300.0, 310.0]])})
+    panel, bar = figures[0].axes
+    assert bar.get_ylim() == ((300, 310) if is_grey else (0, 310))
+    assert np.allclose(colour_at(tmp_path / "a.png", figures[0], 0, 0), GREY, atol=0.01) == is_grey
+    assert ("grey" in panel.get_xlabel()) == is_grey
+
+
+@pytest.mark.parametrize("log", [False, True])
+@pytest.mark.parametrize(
+    "values",
+    [
+        np.full((3, 4), 36.0),
+        np.zeros((3, 4)),
+        np.full((3, 4), np.nan),
+        np.full((3, 4), -2.0),
+        np.full((1, 1), 1e-35),
+        np.full((1, 1), 1e35),
+        np.ones((200, 2)),
+        36 + 1e-5 * np.arange(12.0).reshape(3, 4),
+    ],
+    ids=["constant", "zero", "nan", "negative", "tiny", "huge", "tall", "narrow"],
+)
+def test_images_with_little_to_show(tmp_path, figures, values, log):
+    """No warning (warnings are errors here), and a scale that holds the values that there are."""
+    save_picture(tmp_path / "a.png", {"Y": values.astype(np.float32)}, "scene", log=log)
+    lower, upper = figures[0].axes[1].get_ylim()
+    shown = values[np.isfinite(values) & ((values > 0) | (not log))]
+    assert lower < upper
+    assert np.all((lower <= shown * 1.0001) | (shown < 0)) and np.all(
+        (shown <= upper * 1.0001) | (shown < 0)
+    )
+
+
+@pytest.mark.parametrize(
+    "value, limits", [(0.0, (0, 1)), (36.0, (34.2, 37.8)), (-2.0, (-2.1, -1.9))]
+)
+def test_a_constant_lies_in_the_middle_of_its_scale(tmp_path, figures, value, limits):
+    """And zero, which is no radiance, at the lower end."""
+    save_picture(tmp_path / "a.png", {"Y": np.full((2, 2), value)})
+    assert figures[0].axes[1].get_ylim() == pytest.approx(limits)
+
+
+def test_names_are_no_formulas(tmp_path, figures):
+    """A title or channel that would be (broken) mathematics between dollar signs is drawn as it is."""
+    for channels in (["$\\bad$.Y"], ["$\\bad$.Y", "Y"]):
+        save_picture(tmp_path / "a.png", {name: np.ones((2, 2)) for name in channels}, "$\\worse$")
+
+
+def test_a_montage_gives_each_channel_its_own_scale(tmp_path, figures):
+    """One panel and one colour bar each, none overlapping another, in the order asked for."""
+    channels = {f"bounce{k:02d}.Y": np.linspace(0, 10.0**-k, 12).reshape(3, 4) for k in range(5)}
+    save_picture(tmp_path / "a.png", channels, "cavity")
+    panels, bars = figures[0].axes[::2], figures[0].axes[1::2]
+    assert [panel.get_title() for panel in panels] == list(channels)
+    assert [bar.get_ylim()[1] for bar in bars] == pytest.approx([10.0**-k for k in range(5)])
+    boxes = [axes.get_tightbbox() for axes in figures[0].axes]
+    panels_and_bars = [box.union(boxes[2 * k : 2 * k + 2]) for k, box in enumerate(boxes[::2])]
+    for k, box in enumerate(panels_and_bars):
+        assert not any(box.overlaps(other) for other in panels_and_bars[:k])
+        assert (
+            box.x0 >= 0
+            and box.x1 <= figures[0].bbox.x1
+            and box.y0 >= 0
+            and box.y1 <= figures[0].bbox.y1
+        )
+
+
+def test_nothing_is_written_where_nothing_can_be(tmp_path):
+    with pytest.raises(InputError, match="does not exist"):
+        save_picture(tmp_path / "nowhere" / "a.png", {"Y": np.ones((2, 2))})
+
+
+def test_an_interrupted_picture_leaves_nothing(tmp_path, monkeypatch):
+    def interrupted(self, path, **kwargs):
+        path.write_bytes(b"half")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Figure, "savefig", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        save_picture(tmp_path / "a.png", {"Y": np.ones((2, 2))})
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,357 @@
+"""Emission told apart by group and by spectrum: a closed cube against radiosity, other temperatures
+against fresh renders.
+"""
+
+import csv
+from pathlib import Path
+
+import mitsuba as mi
+import numpy as np
+import pytest
+
+import mi_lcair
+from mi_lcair.errors import InputError
+from mi_lcair.physics.bands import band
+from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
+from mi_lcair.rendering.scene import checked
+from mi_lcair.signatures.spectral_intensity import save_plot, write
+from tests.plugins.conftest import plate  # noqa: F401, a fixture
+from tests.plugins.small_scenes import SQUARE, camera
+from tests.scenes.view_factors import WALLS, cube
+
+EMISSIVITY = np.array([0.9, 0.5, 0.3, 0.6, 0.2, 0.8])
+TEMPERATURES = np.array([300.0, 350, 400, 450, 500, 600])
+CORNERS = {
+    0: [(0, 0), (1, 0), (1, 1), (0, 1)],
+    1: [(0, 0), (0, 1), (1, 1), (1, 0)],
+}  # anticlockwise seen from inside
+
+
+def closed_cube(plate, band_name="LWIR", temperatures=TEMPERATURES):
+    """Six grey walls of a unit cube, each a group of its own, and a sensor inside that sees all of
+    wall 0.
+    """
+    shapes = {}
+    for k, ((axis, side), e, T) in enumerate(zip(WALLS, EMISSIVITY, temperatures)):
+        corners = np.full((4, 3), float(side))
+        corners[:, [(axis + 1) % 3, (axis + 2) % 3]] = CORNERS[side]
+        grey = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 1 - e}}
+        shapes[f"wall{k}"] = plate(f"wall{k}", corners, grey, float(T), band_name, group=f"wall{k}")
+    sensor = camera(size=16, height=1.0, origin=(0.9, 0.5, 0.5), target=(0, 0.5, 0.5))
+    scene = mi.load_dict(
+        {
+            "type": "scene",
+            "integrator": {"type": "bounce_path", "max_bounces": 2},
+            "sensor": sensor,
+            **shapes,
+        },
+        optimize=False,
+    )
+    return checked(scene, Path("cube.xml"), {})
+
+
+def radiosity(n):
+    """Mean radiance of wall 0 per unit blackbody radiance of each wall, after two diffuse
+    reflections, n x n patches a wall.
+    """
+    F, e, own = cube(n), np.repeat(EMISSIVITY, n * n), np.repeat(np.arange(6), n * n)
+    found = []
+    for wall in range(6):
+        term = total = np.where(own == wall, e, 0.0)
+        for _ in range(2):
+            term = (1 - e) * (F @ term)
+            total = total + term
+        found.append(total[own == 0].mean())
+    return np.array(found)
+
+
+def test_view_factors_of_the_cube():
+    """The exact factors that the radiosity stands on: closure, reciprocity, and the published
+    values.
+    """
+    F = cube(2)
+    np.testing.assert_allclose(F.sum(axis=1), 1, rtol=1e-12)
+    np.testing.assert_allclose(F, F.T, atol=1e-14)
+    assert cube(1)[0, 1] == pytest.approx(0.1998248957, abs=1e-10)
+
+
+def test_closed_cube(plate):
+    """Every group's share within 0.5 % of the radiosity matrix; its patches extrapolated (error ~
+    1/n^2).
+    """
+    exact = (4 * radiosity(4) - radiosity(2)) / 3
+    areas = mi_lcair.signature(closed_cube(plate), spp=16384, by_spectrum=True).effective_areas
+    order = np.argsort([source.group for source in areas.sources])
+    np.testing.assert_allclose(areas.area[0, order], exact, rtol=5e-3)  # the window has 1 m^2
+    np.testing.assert_array_equal(areas.area[0], areas.area[1])  # no background here
+    assert np.all(np.abs(areas.area[0, order] - exact) < 4 * areas.error[0, order] + 3e-4 * exact)
+
+
+def test_other_temperatures_and_bands(plate):
+    """Recomputed intensities against fresh renders, 3 standard errors of both; their spectrum
+    integrates to them.
+    """
+    areas = mi_lcair.signature(
+        closed_cube(plate), spp=256, seed=1, by_spectrum=True
+    ).effective_areas
+    changed = {f"wall{k}": T for k, T in enumerate((280.0, 320.0, 700.0, 300.0, 450.0, 310.0))}
+    fresh = mi_lcair.signature(
+        closed_cube(plate, temperatures=changed.values()), spp=256, seed=2
+    ).target
+    value, error = areas.intensity("target", changed)
+    assert abs(value - fresh.intensity) < 3 * np.hypot(error, fresh.standard_error)
+    part = mi_lcair.signature(closed_cube(plate, "9-11"), spp=256, seed=3).target
+    value, error = areas.intensity(band="9-11")
+    assert abs(value - part.intensity) < 3 * np.hypot(error, part.standard_error)
+
+
+def test_error_of_an_intensity_is_the_scatter_of_seeds(plate):
+    """From the covariance of the areas: 16 seeds, 5 sigma of a variance's own scatter."""
+    runs = [
+        mi_lcair.signature(closed_cube(plate), spp=16, seed=seed, by_spectrum=True)
+        for seed in range(16)
+    ]
+    values, errors = np.array([run.effective_areas.intensity("scene") for run in runs]).T
+    assert values.var(ddof=1) == pytest.approx(np.mean(errors**2), rel=5 * np.sqrt(2 / 15))
+    for part in ("scene", "target"):
+        for name in ("wall0", "wall5"):
+            shares = [getattr(run, part).by_group[name] for run in runs]
+            claimed = np.mean([getattr(run, part).by_group_error[name] ** 2 for run in runs])
+            assert np.var(shares, ddof=1) == pytest.approx(claimed, rel=5 * np.sqrt(2 / 15))
+    np.testing.assert_allclose(values, [run.intensity for run in runs], rtol=1e-6)
+
+
+@pytest.fixture
+def many(plate, tmp_path):
+    """A broad surface of two facets, and before it 100 small blackbodies of 100 temperatures; a sky
+    beside.
+    """
+    black = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}
+    grey = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.5}}
+    table = tmp_path / "lines.csv"
+    rows = [(8 + k / 50, 2 + np.sin(k)) for k in range(201)]
+    table.write_text(
+        "wavelength_um,radiance_W_m2_sr_um\n" + "".join(f"{x:.9g},{y:.9g}\n" for x, y in rows)
+    )
+    shapes = {}
+    for k in range(50):
+        x, y = -4 + 0.8 * (k % 10), -2 + k // 10
+        corners = [[x, y, 1], [x, y + 0.5, 1], [x + 0.5, y + 0.5, 1], [x + 0.5, y, 1]]
+        shapes[f"s{k}"] = plate(
+            f"s{k}", corners, black, [250.0 + 2 * k, 251.0 + 2 * k], group="patches"
+        )
+    sky = plate("sky", [[-9, -9, 30], [-9, 9, 30], [9, 9, 30], [9, -9, 30]], black)
+    sky["emitter"] = {
+        "type": "thermal",
+        "spectrum": str(table),
+        "band": "LWIR",
+        "group": "sky",
+        "facet_type": "sky",
+    }
+    floor = plate("floor", SQUARE, grey, 300.0, group="floor")
+    scene = mi.load_dict(
+        {
+            "type": "scene",
+            "integrator": {"type": "bounce_path", "max_bounces": 1},
+            "sensor": camera(16),
+            "floor": floor,
+            "sky": sky,
+            **shapes,
+        },
+        optimize=False,
+    )
+    return checked(scene, Path("many.xml"), {})
+
+
+def test_more_temperatures_than_can_be_told_apart(many):
+    """By wavelength: the spectrum integrates to the in-band intensity, and its shape is that of
+    each group's Planck sum.
+    """
+    result = mi_lcair.signature(many, spp=64, by_spectrum=True)
+    areas = result.effective_areas
+    assert [source.group for source in areas.sources] == ["sky"] and areas.nodes_um.size
+    x = areas.wavelengths_um()
+    np.testing.assert_allclose(
+        np.trapezoid(areas.spectrum(x).sum(axis=1), x),
+        [result.target.intensity, result.scene.intensity],
+        rtol=1e-5,
+    )
+    sky = areas.spectrum(x)[1, 0]
+    assert np.trapezoid(sky, x) == pytest.approx(result.scene.by_group["sky"], rel=1e-5)
+    assert result.scene.by_group["sky"] > result.target.by_group["sky"] * (1 - 1e-6) > 0
+    with pytest.raises(InputError, match="too many temperatures"):
+        areas.intensity("target", {"floor": 310.0})
+
+
+def test_by_wavelength_is_planck(plate):
+    """65 temperatures without reflections: the same spectrum as a sum over the facets that the
+    sensor sees.
+    """
+    black = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}
+    temperatures = np.linspace(280, 800, 66)
+    shapes = {
+        f"s{k}": plate(
+            f"s{k}", [[x, -4, 0], [x + 0.2, -4, 0], [x + 0.2, 4, 0], [x, 4, 0]], black, [T0, T1]
+        )
+        for k, (x, T0, T1) in enumerate(
+            zip(np.arange(33) * 0.25 - 4, temperatures[::2], temperatures[1::2])
+        )
+    }
+    scene = mi.load_dict(
+        {
+            "type": "scene",
+            "integrator": {"type": "bounce_path", "max_bounces": 0},
+            "sensor": camera(16),
+            **shapes,
+        },
+        optimize=False,
+    )
+    result = mi_lcair.signature(
+        checked(scene, Path("strips.xml"), {}), spp=64, by_spectrum=True, facets=True
+    )
+    x = np.linspace(8, 12, 7)
+    facets = result.facets.columns
+    # of each facet: intensity / in-band radiance is the area that was sampled
+    planck = [
+        I / in_band_radiance(band("LWIR"), T) * spectral_radiance(x, T)
+        for I, T in zip(facets["intensity_W_sr"], facets["temperature_K"])
+    ]
+    np.testing.assert_allclose(
+        result.effective_areas.spectrum(x)[0, 0], np.sum(planck, axis=0), rtol=2e-6
+    )
+
+
+def test_csv_and_plot(many, tmp_path):
+    result = mi_lcair.signature(many, spp=16, by_spectrum=True)
+    write(tmp_path / "s.csv", result.effective_areas, "many")
+    rows = [
+        line for line in (tmp_path / "s.csv").read_text().splitlines() if not line.startswith("#")
+    ]
+    table = {name: np.array(column, float) for name, *column in zip(*csv.reader(rows))}
+    integral = np.trapezoid(table["target_W_sr_um"] * table["response"], table["wavelength_um"])
+    assert integral == pytest.approx(result.target.intensity, rel=1e-5)
+    np.testing.assert_allclose(
+        table["scene.sky_W_sr_um"] + table["scene.blackbodies_W_sr_um"],
+        table["scene_W_sr_um"],
+        rtol=1e-7,
+    )
+    save_plot(tmp_path / "s.png", result.effective_areas, "many")
+    assert (tmp_path / "s.png").stat().st_size > 10000
+
+
+def test_a_response_band(plate, tmp_path):
+    """Areas hold for any response: the trapezoid over the CSV times the response is the in-band
+    intensity.
+    """
+    path = tmp_path / "detector.csv"
+    path.write_text("wavelength_um,response\n8,0\n8.7,1\n10,0.6\n11.5,0\n")
+    result = mi_lcair.signature(closed_cube(plate, str(path)), spp=4, by_spectrum=True)
+    x = result.effective_areas.wavelengths_um()
+    values = result.effective_areas.spectrum(x).sum(
+        axis=1
+    ) * result.effective_areas.band.response_at(x)
+    np.testing.assert_allclose(np.trapezoid(values, x), result.intensity, rtol=1e-5)
+
+
+@pytest.mark.parametrize("wanted", ["MWIR", "total", "7-9"])
+def test_another_band_is_refused(plate, wanted):
+    areas = mi_lcair.signature(closed_cube(plate), spp=2, by_spectrum=True).effective_areas
+    with pytest.raises(InputError, match="material parameters of band LWIR"):
+        areas.intensity(band=wanted)
+    with pytest.raises(InputError, match="hold for the material parameters of band LWIR"):
+        areas.spectrum([3.0, 4.0])
+    with pytest.raises(InputError, match="unknown blackbody group 'wall9'"):
+        areas.intensity("target", {"wall9": 300.0})
+    with pytest.raises(InputError, match="group wall0: temperature -5 K"):
+        areas.intensity("target", {"wall0": -5})
+    with pytest.raises(InputError, match="unknown part 'all'"):
+        areas.intensity("all")
+
+
+def test_one_temperature_of_a_group(plate):
+    """By group and kelvin, as the label says it and not as Float32 holds it."""
+    grey = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.5}}
+    floor = plate("floor", SQUARE, grey, [301.7, 310.3])
+    scene = mi.load_dict(
+        {
+            "type": "scene",
+            "integrator": {"type": "bounce_path", "max_bounces": 0},
+            "sensor": camera(16),
+            "floor": floor,
+        },
+        optimize=False,
+    )
+    areas = mi_lcair.signature(
+        checked(scene, Path("x.xml"), {}), spp=16, by_spectrum=True
+    ).effective_areas
+    assert [source.temperature for source in areas.sources] == [301.7, 310.3]
+    both = areas.intensity("target", {("self", 301.7): 350.0, ("self", 310.3): 350.0})
+    assert (
+        both == pytest.approx(areas.intensity("target", {"self": 350.0}))
+        and areas.intensity("target", {("self", 301.7): 350.0}) < both
+    )
+
+
+@pytest.mark.parametrize(
+    "emitter, message",
+    [
+        ({"type": "thermal", "radiance": 2.0}, "given `radiance` has no spectrum"),
+        ({"type": "area", "radiance": {"type": "uniform", "value": 1.0}}, "has no spectrum"),
+        (
+            {
+                "type": "thermal",
+                "band": "LWIR",
+                "temperature": {"type": "checkerboard", "color0": 300.0, "color1": 310.0},
+            },
+            "varies inside the facets",
+        ),
+    ],
+)
+def test_sources_without_a_spectrum(plate, emitter, message):
+    black = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}
+    hot = plate("hot", SQUARE, black, 300.0)
+    other = {**plate("other", SQUARE, black), "emitter": emitter}
+    scene = mi.load_dict(
+        {
+            "type": "scene",
+            "integrator": {"type": "bounce_path"},
+            "sensor": camera(),
+            "hot": hot,
+            "other": other,
+        },
+        optimize=False,
+    )
+    with pytest.raises(InputError, match=message):
+        mi_lcair.signature(checked(scene, Path("x.xml"), {}), spp=4, by_spectrum=True)
+
+
+def test_total_has_no_spectrum(plate):
+    with pytest.raises(InputError, match="band total has no wavelengths"):
+        mi_lcair.signature(closed_cube(plate, "total"), spp=4, by_spectrum=True)
+
+
+def test_of_a_black_body_the_effective_area_is_the_projected_area(plate):
+    """Sample for sample: area, variances and covariance are one number each."""
+    black = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}
+    slab = plate(
+        "slab", [[-0.3, -0.2, 0], [0.3, -0.2, 0], [0.3, 0.2, 0], [-0.3, 0.2, 0]], black, 300.0
+    )
+    scene = mi.load_dict(
+        {
+            "type": "scene",
+            "integrator": {"type": "bounce_path"},
+            "sensor": camera(size=9, height=1.5),
+            "slab": slab,
+        },
+        optimize=False,
+    )
+    areas = mi_lcair.signature(
+        checked(scene, Path("slab.xml"), {}), spp=64, by_spectrum=True
+    ).effective_areas
+    assert areas.projected_area == pytest.approx(areas.area[0, 0], rel=1e-6)
+    assert (
+        areas.covariance[0].ravel()
+        == pytest.approx(np.full(4, areas.covariance[0, 0, 0]), rel=1e-4)
+        and areas.covariance[0, 0, 0] > 0
+    )
+    assert abs(areas.projected_area - 0.24) < 4 * areas.error[0, 0]

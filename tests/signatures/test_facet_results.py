@@ -1,0 +1,192 @@
+"""What each facet sends: sums against the image's, geometry against closed forms, errors against
+the scatter of seeds.
+"""
+
+import csv
+from pathlib import Path
+
+import mitsuba as mi
+import numpy as np
+import pytest
+
+import mi_lcair
+from mi_lcair.physics.bands import band
+from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.rendering.scene import checked
+from tests.plugins.conftest import plate  # noqa: F401, a fixture
+from tests.plugins.small_scenes import camera
+
+GREY = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.5}}
+
+
+@pytest.fixture
+def roof(plate):
+    """A floor of 4 m x 4 m half under a sloping roof, over a terrain that fills the rest of the
+    window of 8 m x 8 m.
+    """
+    floor = plate(
+        "floor", [[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]], GREY, 300.0, group="floor"
+    )
+    slope = plate(
+        "slope", [[0, -2, 1], [2, -2, 3], [2, 2, 3], [0, 2, 1]], GREY, [350.0, 400.0], group="roof"
+    )
+    wall = plate(
+        "wall", [[-2, -2, 0], [-2, 2, 0], [-2, 2, 3], [-2, -2, 3]], GREY, 320.0, group="wall"
+    )
+    ground = plate(
+        "ground", [[-9, -9, -1], [9, -9, -1], [9, 9, -1], [-9, 9, -1]], GREY, 290.0, group="terrain"
+    )
+    ground["emitter"]["facet_type"] = "terrain"
+    scene = mi.load_dict(
+        {
+            "type": "scene",
+            "integrator": {"type": "bounce_path", "max_bounces": 3},
+            "sensor": camera(size=15, height=8.0),
+            "floor": floor,
+            "slope": slope,
+            "wall": wall,
+            "ground": ground,
+        },
+        optimize=False,
+    )
+    return checked(scene, Path("roof.xml"), {})
+
+
+def by_group(columns, name, group):
+    return columns[name][columns["group"] == group]
+
+
+def test_columns(roof):
+    result = mi_lcair.signature(roof, spp=2048, facets=True)
+    columns = result.facets.columns
+    assert list(columns["group"]) == ["floor"] * 2 + ["roof"] * 2 + ["wall"] * 2  # the model alone
+    assert columns["intensity_W_sr"].sum() == pytest.approx(result.target.intensity, rel=1e-6)
+    np.testing.assert_allclose(by_group(columns, "area_m2", "roof"), 4 * np.sqrt(2), rtol=1e-6)
+    np.testing.assert_allclose(by_group(columns, "mean_cosine", "roof"), np.sqrt(0.5), rtol=1e-6)
+    # the roof hides one half of the floor: of the triangles under (2, -2) and (-2, 2) a quarter and
+    # three quarters are left
+    np.testing.assert_allclose(
+        by_group(columns, "visible_fraction", "floor"), [0.25, 0.75], atol=5e-3
+    )
+    np.testing.assert_allclose(by_group(columns, "visible_fraction", "roof"), 1, atol=5e-3)
+    assert np.all(by_group(columns, "visible_fraction", "wall") == 0) and np.all(
+        np.isnan(by_group(columns, "radiance_W_m2_sr", "wall"))
+    )
+    np.testing.assert_allclose(
+        by_group(columns, "emitted_W_m2_sr", "roof"),
+        0.5 * in_band_radiance(band("LWIR"), np.array([350.0, 400.0])),
+        rtol=1e-5,
+    )
+    np.testing.assert_array_equal(by_group(columns, "temperature_K", "roof"), [350, 400])
+    seen = columns["samples"] > 0
+    parts = sum(
+        values
+        for name, values in columns.items()
+        if name.startswith(("emitted", "bounce", "closure"))
+    )
+    np.testing.assert_allclose(parts[seen], columns["radiance_W_m2_sr"][seen], rtol=1e-5)
+    np.testing.assert_allclose(
+        columns["intensity_W_sr"][seen],
+        (
+            columns["radiance_W_m2_sr"]
+            * columns["area_m2"]
+            * columns["mean_cosine"]
+            * columns["visible_fraction"]
+        )[seen],
+        rtol=1e-5,
+    )
+
+
+def test_target_and_scene(roof):
+    """The target's splits are the scene's with the terrain's pixels left out; what the terrain
+    lends by reflection stays in.
+    """
+    result = mi_lcair.signature(roof, spp=256)
+    target, scene = result.target, result.scene
+    assert set(target.by_seen) == set(scene.by_seen) == {"floor", "roof", "wall", "terrain"}
+    assert target.by_seen["terrain"] == 0 and target.by_seen["floor"] == scene.by_seen["floor"] > 0
+    assert (
+        scene.by_seen["terrain"] > 0 and scene.by_group["terrain"] > target.by_group["terrain"] >= 0
+    )
+    for part in (target, scene):
+        assert sum(part.by_seen.values()) == pytest.approx(part.intensity, rel=1e-5)
+        assert sum(part.by_group.values()) == pytest.approx(part.intensity, rel=1e-5)
+        assert part.by_bounce[-1] == pytest.approx(part.intensity, rel=1e-5)
+    assert target.intensity == pytest.approx(
+        sum(scene.by_seen[name] for name in ("floor", "roof", "wall")), rel=1e-6
+    )
+    image = mi_lcair.render(roof, spp=256)
+    assert image.channels["target.Y"].mean(dtype=float) * result.window_area == pytest.approx(
+        target.intensity, rel=1e-5
+    )
+
+
+def test_standard_errors_are_the_scatter_of_seeds(roof, monkeypatch):
+    """Of facets, and of the target: 16 seeds, in passes over runs of pixels that do not divide the
+    image; 5 sigma.
+    """
+    monkeypatch.setattr("mi_lcair.rendering.render.PASS_SAMPLES", 600)
+    runs = [mi_lcair.signature(roof, spp=16, seed=seed, facets=True) for seed in range(16)]
+    values = np.array([run.facets.columns["intensity_W_sr"] for run in runs])
+    claimed = np.mean([run.facets.columns["standard_error_W_sr"] ** 2 for run in runs], axis=0)
+    seen = claimed > 0
+    np.testing.assert_allclose(
+        values.var(axis=0, ddof=1)[seen], claimed[seen], rtol=5 * np.sqrt(2 / 15 + 2 / 16 / 7)
+    )
+    target = np.array([run.target.intensity for run in runs])
+    assert target.var(ddof=1) == pytest.approx(
+        np.mean([run.target.standard_error**2 for run in runs]), rel=5 * np.sqrt(2 / 15)
+    )
+
+
+def test_csv(roof, tmp_path):
+    result = mi_lcair.signature(roof, spp=16, facets=True)
+    result.facets.write(tmp_path / "facets.csv")
+    with open(tmp_path / "facets.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["group"] for row in rows] == list(result.facets.columns["group"]) and rows[4][
+        "radiance_W_m2_sr"
+    ] == "nan"
+    np.testing.assert_allclose(
+        [float(row["intensity_W_sr"]) for row in rows],
+        result.facets.columns["intensity_W_sr"],
+        rtol=1e-8,
+    )
+
+
+def test_shapes_that_are_no_meshes_and_backs(plate):
+    """A sphere has its area, and no cosine; of a two-sided plate seen from behind no share is told."""
+    grey = {"type": "twosided", "bsdf": GREY}
+    emitter = {"type": "thermal", "band": "LWIR", "temperature": 300.0}
+    ball = {"type": "sphere", "radius": 0.5, "center": [2, 2, 0], "bsdf": GREY, "emitter": emitter}
+    only = mi.load_dict(
+        {
+            "type": "scene",
+            "integrator": {"type": "bounce_path"},
+            "sensor": camera(8, 8.0),
+            "ball": ball,
+        },
+        optimize=False,
+    )
+    assert mi_lcair.signature(checked(only, Path("x.xml"), {}), spp=4, facets=True).facets.columns[
+        "area_m2"
+    ][0] == pytest.approx(np.pi, rel=1e-6)
+    back = plate("back", [[-2, -2, 0], [-2, 2, 0], [2, 2, 0], [2, -2, 0]], grey, 300.0)
+    scene = mi.load_dict(
+        {
+            "type": "scene",
+            "integrator": {"type": "bounce_path"},
+            "sensor": camera(8, 8.0),
+            "ball": ball,
+            "back": back,
+        },
+        optimize=False,
+    )
+    columns = mi_lcair.signature(
+        checked(scene, Path("x.xml"), {}), spp=16, facets=True
+    ).facets.columns
+    behind = columns["facet"] >= 0
+    behind[[k for k, area in enumerate(columns["area_m2"]) if area < 7]] = False
+    assert np.all(np.isnan(columns["visible_fraction"][behind])) and np.all(
+        columns["radiance_W_m2_sr"][behind] > 0
+    )

@@ -1,0 +1,79 @@
+"""Intensity from radiance: the sensor's window, the splits, and sensors for which there is no
+intensity.
+"""
+
+import numpy as np
+import pytest
+
+import mi_lcair
+from mi_lcair.errors import InputError
+
+SCENE = """<scene version="3.0.0">
+    <default name="sensor" value="orthographic"/> <default name="crop" value="8"/> <default name="scale" value="2"/>
+    <integrator type="bounce_path"/>
+    <sensor type="$sensor">
+        <transform name="to_world"><scale x="$scale" y="$scale"/><lookat origin="0, 0, 3" target="0, 0, 0" up="0.3, 1, 0"/></transform>
+        <film type="hdrfilm">
+            <integer name="width" value="8"/> <integer name="height" value="8"/>
+            <integer name="crop_width" value="$crop"/> <integer name="crop_height" value="8"/> <rfilter type="box"/>
+            <string name="pixel_format" value="luminance"/>
+        </film>
+    </sensor>
+    <shape type="rectangle">
+        <transform name="to_world"><scale x="5" y="5"/></transform>
+        <emitter type="thermal"><string name="band" value="LWIR"/><float name="temperature" value="300"/></emitter>
+    </shape>
+</scene>"""
+L_300 = 38.5004239333  # W m^-2 sr^-1, 8-12 um
+
+
+@pytest.fixture
+def scene(tmp_path):
+    path = tmp_path / "plate.xml"
+    path.write_text(SCENE)
+    return path
+
+
+@pytest.mark.parametrize("crop, area", [(8, 16.0), (2, 4.0)])
+def test_window(scene, crop, area):
+    """A blackbody that fills the window of 4 m x 4 m, whole and cropped to a quarter."""
+    result = mi_lcair.signature(mi_lcair.load(scene, crop=crop), spp=4)
+    assert result.intensity == pytest.approx(L_300 * area, rel=1e-5)
+    assert result.standard_error == pytest.approx(0, abs=1e-6)
+    assert (
+        result.scene.by_seen == {"self": pytest.approx(result.intensity)}
+        and result.scene.by_group == result.scene.by_seen
+    )
+    assert result.target.intensity == pytest.approx(result.intensity)
+
+
+def test_as_dict():
+    result = mi_lcair.signature(mi_lcair.load("open_box", resolution=16, max_bounces=2), spp=64)
+    entries = result.as_dict()
+    assert {
+        "band",
+        "intensity",
+        "standard_error",
+        "by_bounce",
+        "by_group",
+        "by_seen",
+        "seconds",
+        "paths",
+    } <= set(entries)
+    assert len(entries["by_bounce"]) == 3 and np.all(np.diff(entries["by_bounce"]) >= 0)
+    assert entries["by_bounce"][-1] == pytest.approx(entries["intensity"], rel=1e-6)
+    assert sum(entries["by_group"].values()) == pytest.approx(entries["intensity"], rel=1e-5)
+    assert sum(entries["by_seen"].values()) == pytest.approx(entries["intensity"], rel=1e-5)
+    assert entries["paths"] == 64 * 256
+
+
+def test_perspective_is_refused(scene):
+    with pytest.raises(
+        InputError, match="needs an orthographic sensor, and this one is PerspectiveCamera"
+    ):
+        mi_lcair.signature(mi_lcair.load(scene, sensor="perspective", scale=1), spp=4)
+
+
+def test_missing_sensor(scene):
+    with pytest.raises(InputError, match="sensor 1 does not exist; the scene has 1"):
+        mi_lcair.signature(mi_lcair.load(scene), sensor=1)

@@ -1,0 +1,265 @@
+"""Trends: their rows against signatures, interrupted and resumed, and on the workers of a Dask
+cluster of which one dies.
+"""
+
+import os
+import signal
+from pathlib import Path
+
+import mitsuba as mi
+import numpy as np
+import pytest
+
+import mi_lcair
+from mi_lcair import scenes
+from mi_lcair.errors import InputError
+from mi_lcair.rendering.scene import checked
+from mi_lcair.rendering.views import View, seen_from
+from mi_lcair.reports import trend_plot
+from mi_lcair.signatures import cluster
+from tests.plugins.conftest import plate  # noqa: F401, a fixture
+from tests.plugins.small_scenes import camera
+
+AZIMUTHS = np.arange(0, 360, 45.0)
+
+
+@pytest.fixture(scope="module")
+def cylinder():
+    return mi_lcair.load("cylinder_ir_range", finish="gloss_black", max_bounces=2)
+
+
+def trend(scene, path=None, **changes):
+    return mi_lcair.trend(
+        scene,
+        **{
+            "azimuths_deg": AZIMUTHS,
+            "resolution": 16,
+            "spp": 4,
+            "batch": 3,
+            "path": path,
+            **changes,
+        },
+    )
+
+
+@pytest.fixture(scope="module")
+def whole(cylinder, tmp_path_factory):
+    """The file of a trend that nothing has interrupted."""
+    path = tmp_path_factory.mktemp("trend") / "whole.csv"
+    trend(cylinder, path)
+    return path.read_text()
+
+
+def test_rows_are_signatures(cylinder):
+    """Each row against a signature of its view alone, by group and by bounce; the parts add up."""
+    columns = trend(cylinder, elevations_deg=(-10, 20), tolerance=0.01, spp=None).columns
+    assert len(columns["azimuth_deg"]) == 16 and columns["reached"].all()
+    for k in (3, 12):
+        view = View(columns["azimuth_deg"][k], columns["elevation_deg"][k])
+        alone = mi_lcair.signature(seen_from(cylinder, view, 64), spp=16, seed=7, by_spectrum=True)
+        error = np.hypot(columns["standard_error_W_sr"][k], alone.target.standard_error)
+        assert abs(columns["intensity_W_sr"][k] - alone.target.intensity) < 4 * error
+        assert columns["projected_area_m2"][k] == pytest.approx(
+            alone.effective_areas.projected_area, rel=0.03
+        )
+        for label, value in alone.target.by_group.items():
+            assert columns[f"group.{label}_W_sr"][k] == pytest.approx(value, rel=0.05)
+        assert columns["bounce.0_W_sr"][k] == pytest.approx(alone.target.by_bounce[0], rel=0.05)
+    for kind in ("group", "bounce"):
+        parts = sum(values for name, values in columns.items() if name.startswith(kind))
+        assert parts == pytest.approx(columns["intensity_W_sr"], rel=1e-5)
+
+
+def test_both_sides_are_alike(cylinder):
+    """The model and its room are the same left and right."""
+    columns = trend(cylinder, azimuths_deg=[60, 300, 120, 240], resolution=64).columns
+    left, right = columns["intensity_W_sr"][::2], columns["intensity_W_sr"][1::2]
+    assert np.abs(left - right).max() < 5 * columns["standard_error_W_sr"].max()
+
+
+class Stopped(Exception):
+    pass
+
+
+@pytest.mark.parametrize("batches", [1, 2])
+def test_what_was_interrupted_is_resumed(cylinder, whole, tmp_path, batches):
+    path, done = tmp_path / "trend.csv", []
+
+    def stop(views, of):
+        done.append(views)
+        if len(done) == batches:
+            raise Stopped
+
+    with pytest.raises(Stopped):
+        trend(cylinder, path, progress=stop)
+    assert f"# done: {done[-1]} of 8 views" in path.read_text()
+
+    calls = []
+    trend(cylinder, path, resume=True, progress=lambda *counts: calls.append(counts))
+    assert path.read_text() == whole and len(calls) == 3 - batches
+    trend(
+        cylinder, path, resume=True, progress=lambda *counts: pytest.fail("nothing is left to do")
+    )
+
+
+def test_a_view_that_is_missing_is_rendered_with_its_batch(cylinder, whole, tmp_path):
+    """So that its numbers are those that it has had."""
+    path = tmp_path / "trend.csv"
+    path.write_text("\n".join(line for line in whole.splitlines() if not line.startswith("90,")))
+    trend(cylinder, path, resume=True)
+    assert path.read_text() == whole
+
+
+def test_angles_that_have_no_end_are_resumed(cylinder, tmp_path):
+    """.1 + .2 in the list of angles, and three digits before nine behind the point."""
+    path = tmp_path / "trend.csv"
+    angles = {"azimuths_deg": [0.1 + 0.2, 200 + 1 / 3], "elevations_deg": [-1 / 7]}
+    trend(cylinder, path, **angles)
+    trend(
+        cylinder,
+        path,
+        resume=True,
+        progress=lambda *counts: pytest.fail("rendered again"),
+        **angles,
+    )
+
+
+def test_a_scene_that_was_edited_is_not_resumed(plate, tmp_path):
+    """The same file and parameters, another temperature: neither resumed nor taken for the same by
+    a worker.
+    """
+
+    def scene(temperature):
+        shape = plate(
+            "slab",
+            [[-0.2, -0.1, 0.3], [0.2, -0.1, 0.3], [0.2, 0.1, 0.3], [-0.2, 0.1, 0.3]],
+            {"type": "diffuse"},
+            temperature,
+        )
+        return checked(
+            mi.load_dict(
+                {
+                    "type": "scene",
+                    "integrator": {"type": "bounce_path"},
+                    "sensor": camera(),
+                    "slab": shape,
+                }
+            ),
+            Path("s.xml"),
+            {},
+        )
+
+    path = tmp_path / "trend.csv"
+    trend(scene(300.0), path)
+    trend(scene(300.0), path, resume=True)
+    with pytest.raises(InputError, match="made with fingerprint"):
+        trend(scene(301.0), path, resume=True)
+    source = tmp_path / "scene.xml"
+    source.write_text(
+        scenes.path("two_plates").read_text().replace("meshes/", f"{scenes.FOLDER}/meshes/")
+    )
+    before = mi_lcair.load(source).fingerprint
+    assert cluster.loaded(str(source), (), before).fingerprint == before
+    source.write_text(source.read_text().replace("800", "810"))
+    after = mi_lcair.load(source).fingerprint
+    assert cluster.loaded(str(source), (), after).fingerprint == after != before
+    with pytest.raises(InputError, match="is another one on the Dask worker"):
+        cluster.loaded(str(source), (), "0123456789abcdef")
+
+
+@pytest.mark.parametrize(
+    "changes, message",
+    [
+        ({"seed": 1}, "made with seed = 0"),
+        ({"spp": 8}, "made with samples = spp 4"),
+        ({"resolution": 32}, "made with resolution = 16"),
+        ({"batch": 4}, "made with batch = 3"),
+        ({"azimuths_deg": [0, 45]}, "made with views = 8"),
+    ],
+)
+def test_another_trend_is_not_resumed(cylinder, whole, tmp_path, changes, message):
+    path = tmp_path / "trend.csv"
+    path.write_text(whole)
+    with pytest.raises(InputError, match=message):
+        trend(cylinder, path, resume=True, **changes)
+    assert path.read_text() == whole
+
+
+@pytest.mark.parametrize(
+    "spoil, message",
+    [
+        (lambda text: text.replace("0.", "x.", 9), "row 1 is not one of this trend"),
+        (lambda text: text.replace(",reached,", ",raeched,"), "row 1 is not one of this trend"),
+        (lambda text: text.replace("\n45,", "\n46,"), "row 2 is not one of this trend"),
+        (lambda text: "", "made with scene = nothing"),
+    ],
+)
+def test_a_file_of_another_kind_is_not_resumed(cylinder, whole, tmp_path, spoil, message):
+    path = tmp_path / "trend.csv"
+    head, _, rows = whole.partition("azimuth_deg")
+    path.write_text(head + "azimuth_deg" + spoil(rows) if spoil(rows) else "")
+    with pytest.raises(InputError, match=message):
+        trend(cylinder, path, resume=True)
+
+
+@pytest.mark.parametrize(
+    "changes, message",
+    [
+        ({"azimuths_deg": []}, "needs views"),
+        ({"azimuths_deg": [10, 10]}, "twice"),
+        ({"batch": 0}, "batch = 0 must lie in 1.."),
+        ({"batch": 10**6}, "batch = 1000000 must lie in"),
+        ({"resolution": 10**5}, "resolution = 100000 must lie in"),
+        ({"max_spp": 4}, "do not go with it"),
+        ({"elevations_deg": [100]}, "-90..90"),
+        ({"tolerance": 0.1}, "do not go with it"),
+        ({"resume": True}, "needs a file"),
+        ({"dask": "tcp://127.0.0.1:1"}, "no Dask scheduler answers"),
+    ],
+)
+def test_bad_input(cylinder, changes, message):
+    with pytest.raises(InputError, match=message):
+        trend(cylinder, **changes)
+
+
+def test_two_workers_of_which_one_dies(cylinder, tmp_path):
+    distributed = pytest.importorskip("dask.distributed")
+    path, apart, killed = tmp_path / "cluster.csv", tmp_path / "local.csv", []
+    many = {"azimuths_deg": np.arange(0, 360, 10.0), "resolution": 32, "spp": 64, "batch": 2}
+    trend(cylinder, apart, **many)
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None
+    ) as workers:
+        with distributed.Client(workers) as client:
+            victim = next(iter(client.run(os.getpid).values()))
+
+        def kill(done, views):
+            if not killed:
+                killed.append(done)
+                os.kill(victim, signal.SIGKILL)
+
+        trend(cylinder, path, dask=workers.scheduler_address, progress=kill, **many)
+    assert killed and killed[0] < 36
+    assert path.read_text() == apart.read_text()
+
+
+def test_a_cluster_without_workers(cylinder, monkeypatch):
+    distributed = pytest.importorskip("dask.distributed")
+    monkeypatch.setattr(cluster, "WORKER_TIMEOUT_S", 0.5)
+    with distributed.LocalCluster(n_workers=0, dashboard_address=None) as workers:
+        with pytest.raises(InputError, match="has no worker; start one"):
+            trend(cylinder, dask=workers.scheduler_address)
+
+
+def test_plot(cylinder, figures, tmp_path):
+    result = trend(cylinder, elevations_deg=(0, 30))
+    trend_plot.save_plot(tmp_path / "trend.png", result, "cylinder")
+    by_elevation, by_group, by_bounce = figures[0].axes
+    azimuth, values = by_elevation.lines[1].get_data()
+    assert (
+        np.degrees(azimuth) == pytest.approx(np.arange(0, 361, 45)) and values[0] == values[-1]
+    )  # closed
+    assert values[:-1] == pytest.approx(result.at_elevation(30).columns["intensity_W_sr"])
+    assert [line.get_label() for line in by_group.lines] == ["self", "walls"] and len(
+        by_bounce.lines
+    ) >= 2
