@@ -5,6 +5,8 @@ from time import perf_counter
 
 import drjit as dr
 import numpy as np
+
+from mi_lcair.errors import InputError, unknown
 from mi_lcair.fitting.data import Data, select, with_std
 from mi_lcair.fitting.loss import SCALES
 from mi_lcair.fitting.model import Hemispherical
@@ -13,9 +15,7 @@ from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measure
 from mi_lcair.fitting.search import COARSE, compare, descend
 from mi_lcair.fitting.selection import RESTRICTIONS, Candidate
 from mi_lcair.fitting.verdict import judge
-
-from mi_lcair.errors import InputError, unknown
-from mi_lcair.physics.reflection.sandford_robertson import FORMS
+from mi_lcair.physics.reflection.sandford_robertson_equations import FORMS
 from mi_lcair.progress import stepper
 
 CONVERGED = 1e-9  # relative gradient

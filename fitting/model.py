@@ -5,9 +5,9 @@ once (Dr.Jit, Float64).
 import drjit as dr
 import numpy as np
 from drjit.llvm.ad import Array3f64, Float64, UInt32
+
 from mi_lcair.fitting.aperture import Disc
 from mi_lcair.fitting.parameters import from_cube, with_tangents
-
 from mi_lcair.physics.reflection import (
     sandford_robertson as sr,
 )

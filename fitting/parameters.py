@@ -15,7 +15,7 @@ import numpy as np
 from drjit.llvm.ad import Float64
 from scipy.stats import qmc
 
-from mi_lcair.physics.reflection import sandford_robertson as sr
+from mi_lcair.physics.reflection import sandford_robertson_equations as sr
 
 NAMES = ("epsilon", "rho_d", "b", "e")
 E_MIN = 1e-5  # a lobe 0.001 degrees wide, narrower than any instrument resolves

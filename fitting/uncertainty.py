@@ -1,9 +1,10 @@
 """How well the data determine each parameter: covariance and profile intervals."""
 
 import numpy as np
+from scipy import stats
+
 from mi_lcair.fitting.descent import levenberg_marquardt
 from mi_lcair.fitting.parameters import E_MIN, NAMES, feasible_range, parameters_at, to_cube
-from scipy import stats
 
 CONFIDENCE = 0.95
 PROFILE_STEPS = np.array(

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+
 from mi_lcair.fitting.parameters import E_MIN, NAMES, feasible_range, parameters_at
 from mi_lcair.fitting.uncertainty import (
     correlation,

@@ -1,9 +1,9 @@
 """Measurements with a known answer, made with the NumPy model."""
 
 import numpy as np
+
 from mi_lcair.fitting.parameters import NAMES
 from mi_lcair.fitting.scatterometer.measurements import Measurements
-
 from tests.fitting.numpy_model import brdf
 
 # Harkiss 2007, Tables 2.2 and 2.3

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
+from mi_lcair.errors import InputError
 from mi_lcair.fitting import fit, read
 from mi_lcair.fitting.model import Hemispherical
 from mi_lcair.fitting.parameters import to_cube
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData
 from mi_lcair.fitting.scatterometer.reading import read_directional
-
-from mi_lcair.errors import InputError
-from mi_lcair.physics.reflection.sandford_robertson import check_feasible
+from mi_lcair.physics.reflection.sandford_robertson_equations import check_feasible
 from tests.fitting.synthetic import ROUGH, THESIS_SETS, relative_errors, scan, without
 
 SURFACES = Path(__file__).parents[2].parent / "shared" / "data" / "mwir_brdf"

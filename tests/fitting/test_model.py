@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+
 from mi_lcair.fitting.model import Hemispherical, Scatterometer
 from mi_lcair.fitting.parameters import to_cube
-
 from tests.fitting import numpy_model
 from tests.fitting.synthetic import ROUGH, THESIS_SETS, disc_average
 

@@ -7,6 +7,7 @@ from itertools import product
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from mi_lcair.fitting.parameters import (
     E_MIN,
     feasible_range,
@@ -14,8 +15,7 @@ from mi_lcair.fitting.parameters import (
     starting_points,
     to_cube,
 )
-
-from mi_lcair.physics.reflection.sandford_robertson import check_feasible
+from mi_lcair.physics.reflection.sandford_robertson_equations import check_feasible
 from tests.fitting.numpy_model import G
 
 unit = st.floats(0, 1)

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+
 from mi_lcair.fitting import fit
 from mi_lcair.fitting.model import Scatterometer
 from mi_lcair.fitting.parameters import NAMES, to_cube
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData
-
 from tests.fitting.synthetic import ROUGH, THESIS_SETS, disc_average, relative_errors, scan, without
 
 ALUMINUM = THESIS_SETS["bare aluminum MWIR"]
