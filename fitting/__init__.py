@@ -1,6 +1,4 @@
-"""Sandford-Robertson parameters from scatterometer measurements: `read` the files, `fit` the model,
-know how well.
-"""
+"""Reflection models from scatterometer measurements: `read` the files, `fit` a model, know how well."""
 
 import importlib
 

@@ -13,7 +13,7 @@ def as_dict(results) -> dict:
     """The report on `results`, each (Measurements, Fit, {quantity: DirectionalData}): that of the
     fit, or of several fits {"materials": {band: report}}.
 
-    `parameters`, `form` and `band` of a report make it a material. Times are left out: the same
+    `model`, `parameters`, `form` and `band` of a report make it a material. Times are left out: the same
     data and settings give the same report.
     """
     reports = [_report(*result) for result in results]
@@ -69,6 +69,7 @@ def _report(measurements: Measurements, fit, directional: dict) -> dict:
     return {
         "name": measurements.name,
         "band": band_name(measurements),
+        "model": fit.model,
         "parameters": fit.parameters,
         "form": fit.form,
         "restriction": fit.restriction,

@@ -27,6 +27,10 @@ class Parameter:
     unit: "1" if it has none. lower, upper: bounds of a fit, in the parameter's unit. precision:
     half the width of its 95 % interval, relative to its value, up to which a fit calls it
     determined; absolute_precision: or this half width in its own unit.
+
+    advice: what else to measure where the BRDF alone leaves the parameter open; only for parameters
+    that a table of emissivity or DHR determines. at_lower: verdict of a fit whose interval reaches
+    the lower bound, a format of {high}, the interval's other end.
     """
 
     name: str
@@ -37,6 +41,8 @@ class Parameter:
     unit: str = "1"
     precision: float = 0.25
     absolute_precision: float = 0.0
+    advice: str = ""
+    at_lower: str = ""
 
 
 @dataclass(frozen=True)
@@ -219,18 +225,31 @@ class ReflectionModel(ABC):
         """Coordinates (..., n) of parameters (..., n), clipped to the cube."""
 
     @abstractmethod
-    def feasible_range(self, values) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest value (n,) of each parameter, given the others (n,)."""
-
-    @abstractmethod
     def starting_points(self, count: int, seed: int) -> np.ndarray:
         """(count, n) points of the cube, spread as real surfaces are; the same for the same seed."""
 
+    def feasible_range(self, values) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest value (n,) that each parameter can have next to `values` (n,), where
+        parameters that share a bound make room for it.
+        """
+        lower, upper = zip(*((parameter.lower, parameter.upper) for parameter in self.parameters))
+        return np.array(lower, dtype=float), np.array(upper, dtype=float)
+
+    def nearest_feasible(self, values, held: int) -> np.ndarray:
+        """Feasible parameters (n,) near `values` (n,); the one with index `held` keeps its value."""
+        return np.clip(values, *self.feasible_range(values))
+
+    def values_at(self, u) -> np.ndarray:
+        """Parameters (n,) at coordinates u (n,)."""
+        values = self.from_cube([dr.scalar.ArrayXf64(coordinate) for coordinate in u])
+        return np.array([value[0] for value in values])
+
     def bound_names(self, u) -> list[str | None]:
         """For each parameter at coordinates u (n,) the name of the bound that it lies on, or None."""
-        lower, upper = self.feasible_range(self.values_at(u))
         values = self.values_at(u)
+        lower, upper = self.feasible_range(values)
+        margin = 1e-12 * (upper - lower)  # of rounding between the cube and the parameters
         return [
-            f"{low:g}" if value <= low else f"{high:g}" if value >= high else None
-            for value, low, high in zip(values, lower, upper)
+            f"{low:g}" if value - low <= by else f"{high:g}" if high - value <= by else None
+            for value, low, high, by in zip(values, lower, upper, margin)
         ]

@@ -1,4 +1,8 @@
-"""The Sandford-Robertson model as the rest of the project sees it; its equations are in `sandford_robertson`."""
+"""The Sandford-Robertson model: its equations, integrals and search coordinates in one object.
+
+The equations are in `sandford_robertson_equations`, their hemispherical integrals in
+`sandford_robertson_hemispherical`, the search coordinates in `sandford_robertson_cube`.
+"""
 
 import drjit as dr
 
