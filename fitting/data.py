@@ -3,12 +3,12 @@
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+
+from mi_lcair.errors import InputError
 from mi_lcair.fitting.loss import SCALES, Residuals
 from mi_lcair.fitting.model import Hemispherical, Scatterometer
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
 from mi_lcair.fitting.selection import Variant
-
-from mi_lcair.errors import InputError
 
 SIGMA_FLOOR = 0.01  # of the value: a standard deviation from a few repeats can be small by chance
 PLATEAU, RARE = (

@@ -3,10 +3,10 @@
 import json
 
 import numpy as np
-from mi_lcair.fitting.scatterometer.measurements import Measurements
 
 import mi_lcair
 from mi_lcair.errors import InputError
+from mi_lcair.fitting.scatterometer.measurements import Measurements
 
 
 def as_dict(results) -> dict:

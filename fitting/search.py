@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+
 from mi_lcair.fitting.data import Data
 from mi_lcair.fitting.descent import ROUND_OFF, explore, levenberg_marquardt
 from mi_lcair.fitting.loss import Cauchy

@@ -6,13 +6,13 @@ from contextlib import contextmanager
 
 import drjit as dr
 import mitsuba as mi
-from mi_lcair.plugins.channels import Channels, Pixels, pixel_statistics
-from mi_lcair.plugins.derivatives import deriving_plugins, leaves, tracing
-from mi_lcair.plugins.emitter_table import EmitterTable
 from mitsuba.python.ad.integrators.common import RBIntegrator, mis_weight
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.plugins.channels import Channels, Pixels, pixel_statistics
+from mi_lcair.plugins.derivatives import deriving_plugins, leaves, tracing
+from mi_lcair.plugins.emitter_table import EmitterTable
 
 CLOSURES = ("none", "ambient", "tail")
 

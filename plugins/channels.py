@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+
 from mi_lcair.plugins.sources import WAVELENGTHS, Sources
 
 MAX_BOUNCE_CHANNELS = 65  # the last one holds every bounce count from 64 on

@@ -10,11 +10,11 @@ from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
+
+from mi_lcair.errors import InputError, unknown
 from mi_lcair.fitting.scatterometer.astm import is_astm, parse_astm
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
 from mi_lcair.fitting.scatterometer.table import SEPARATORS, Table, parse_csv, read_text, shown
-
-from mi_lcair.errors import InputError, unknown
 from mi_lcair.physics.directional_table import read_directional_table
 
 # what an angle is: the names that files have for it, without unit; this project's own comes first

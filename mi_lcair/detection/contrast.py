@@ -229,7 +229,7 @@ def target_scene(scenario: Scenario, detector: Detector) -> Scene:
     if scenario.render.lobe is not None:
         if not scene.surfaces():
             raise InputError(
-                f"{scene.name} has no Sandford-Robertson material to set a lobe of; leave lobe out"
+                f"{scene.name} has no material with a fidelity ladder to set a lobe of; leave lobe out"
             )
         scene.set_lobe(scenario.render.lobe)
     return scene

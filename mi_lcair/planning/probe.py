@@ -20,7 +20,7 @@ T_95 = 2.365  # Student's factor for 95 % and BATCHES - 1 degrees of freedom
 
 @dataclass(frozen=True)
 class Settings:
-    """What a plan may change: the lobe of each Sandford-Robertson material, and how paths are
+    """What a plan may change: the rung of each material with a ladder, and how paths are
     followed.
     """
 

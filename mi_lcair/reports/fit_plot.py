@@ -7,7 +7,7 @@ import numpy as np
 from mi_lcair.drawing import drawing
 from mi_lcair.fitting.model import Hemispherical, Scatterometer
 from mi_lcair.fitting.scatterometer.measurements import Measurements
-from mi_lcair.physics.reflection import model as reflection_model
+from mi_lcair.physics import reflection
 
 ANGLES = {"theta_i": r"$\theta_i$", "theta_r": r"$\theta_r$"}
 TITLES = {
@@ -111,7 +111,7 @@ def draw_table(axes, fit) -> None:
     """The parameters with their standard errors and verdicts, and the quality of the fit."""
     axes.axis("off")
     lines = []
-    for parameter in reflection_model(fit.model).parameters:
+    for parameter in reflection.model(fit.model).parameters:
         name = parameter.name
         lines.append(
             (parameter.symbol, f"{fit.parameters[name]:.4g}", f"± {fit.standard_error[name]:.2g}")
@@ -171,7 +171,7 @@ def draw_directional(axes, fit, quantity: str, data) -> None:
 
 def model_of(fit) -> str:
     """The fitted model in words, with its form where it has several, and its restriction."""
-    model = reflection_model(fit.model)
+    model = reflection.model(fit.model)
     form = [f"{fit.form} form"] if len(model.forms) > 1 else []
     restriction = [fit.restriction] if fit.restriction else []
     return ", ".join([model.title, *form, *restriction])
@@ -179,20 +179,20 @@ def model_of(fit) -> str:
 
 def coordinates(fit) -> np.ndarray:
     """Coordinates (1, n) of a fit's parameters in its model's cube."""
-    return reflection_model(fit.model).to_cube([list(fit.parameters.values())])
+    return reflection.model(fit.model).to_cube([list(fit.parameters.values())])
 
 
 def predicted(fit, theta_i, theta_r) -> np.ndarray:
     """The fitted BRDF at some angles, as the instrument would see it."""
     half_angle = np.radians(fit.settings["source_half_angle_deg"])
-    model = reflection_model(fit.model)
+    model = reflection.model(fit.model)
     instrument = Scatterometer(model, fit.form, theta_i, theta_r, half_angle)
     return instrument(coordinates(fit))[0][0]
 
 
 def directional(fit, quantity: str, theta) -> np.ndarray:
     """The fitted emissivity or DHR at angles theta [radians]."""
-    model = reflection_model(fit.model)
+    model = reflection.model(fit.model)
     return Hemispherical(model, fit.form, theta, quantity)(coordinates(fit))[0][0]
 
 

@@ -7,9 +7,9 @@ import math
 
 import numpy as np
 import pytest
-from mi_lcair.fitting import estimation
 
 from mi_lcair.errors import InputError
+from mi_lcair.fitting import estimation
 from tests.fitting.numpy_model import brdf
 from tests.fitting.results import fit_of
 

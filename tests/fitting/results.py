@@ -1,6 +1,7 @@
 """A fit with made-up numbers, for the tests of what is done with one."""
 
 import numpy as np
+
 from mi_lcair.fitting.estimation import Fit
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from mi_lcair.fitting import fit
-from mi_lcair.fitting.uncertainty import effective_count
 from scipy.optimize import curve_fit
 
+from mi_lcair.fitting import fit
+from mi_lcair.fitting.uncertainty import effective_count
 from tests.fitting.numpy_model import brdf
 from tests.fitting.synthetic import NAMES, ROUGH, scan
 

@@ -5,7 +5,6 @@ spectra of their skies.
 import mitsuba as mi
 import numpy as np
 import pytest
-from mi_lcair.scenes.build.__main__ import main
 
 import mi_lcair
 from mi_lcair import scenes
@@ -14,6 +13,7 @@ from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.spectrum import spectrum
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.window import window
+from mi_lcair.scenes.build.__main__ import main
 
 
 def test_models_are_as_built(tmp_path):

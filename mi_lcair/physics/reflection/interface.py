@@ -110,6 +110,7 @@ class ReflectionModel(ABC):
     parameters: tuple[Parameter, ...]
     forms: tuple[str, ...] = ("standard",)
     reciprocal: bool = True
+    has_emissivity: bool = False
     restrictions: tuple[Restriction, ...] = ()
 
     @property
