@@ -1,8 +1,8 @@
 """Measurements with a known answer, made with the NumPy model."""
 
 import numpy as np
-from mi_lcair.fitting.scatterometer.measurements import Measurements
 
+from mi_lcair.fitting.scatterometer.measurements import Measurements
 from mi_lcair.physics.reflection import MODELS
 from tests.fitting.numpy_model import brdf
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
+from mi_lcair.errors import InputError
 from mi_lcair.fitting import fit, read
 from mi_lcair.fitting.model import Hemispherical
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData
 from mi_lcair.fitting.scatterometer.reading import read_directional
-
-from mi_lcair.errors import InputError
 from tests.fitting.synthetic import MODEL, ROUGH, THESIS_SETS, relative_errors, scan, without
 
 SURFACES = Path(__file__).parents[2].parent / "shared" / "data" / "mwir_brdf"
@@ -83,7 +83,10 @@ def test_a_dhr_is_fitted_at_the_sources_angle():
     data = scan(ROUGH, step=4, noise=0.05)
     tables = {
         quantity: DirectionalData(
-            theta, Hemispherical(MODEL, "thesis", theta, quantity)(u)[0][0], np.full(3, 0.002), quantity
+            theta,
+            Hemispherical(MODEL, "thesis", theta, quantity)(u)[0][0],
+            np.full(3, 0.002),
+            quantity,
         )
         for quantity in ("emissivity", "dhr")
     }

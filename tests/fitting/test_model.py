@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from mi_lcair.fitting.model import Hemispherical, Scatterometer
 
+from mi_lcair.fitting.model import Hemispherical, Scatterometer
 from tests.fitting import numpy_model
 from tests.fitting.synthetic import MODEL, ROUGH, THESIS_SETS, disc_average
 
@@ -84,6 +84,7 @@ def test_aperture_is_the_average_over_the_sources_disc(e):
 def test_an_aperture_of_nearly_nothing_changes_nothing():
     u = MODEL.to_cube(SURFACES)
     point, small = (
-        Scatterometer(MODEL, "thesis", THETA_I, THETA_R, half_angle)(u)[0] for half_angle in (0.0, 1e-6)
+        Scatterometer(MODEL, "thesis", THETA_I, THETA_R, half_angle)(u)[0]
+        for half_angle in (0.0, 1e-6)
     )
     np.testing.assert_allclose(small, point, rtol=1e-4)

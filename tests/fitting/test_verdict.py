@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+
 from mi_lcair.fitting import fit
 from mi_lcair.fitting.model import Scatterometer
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData
-
 from tests.fitting.synthetic import (
     MODEL,
     NAMES,

@@ -7,8 +7,8 @@ from itertools import product
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mi_lcair.fitting.cube import parameters_at as values_and_derivatives
 
+from mi_lcair.fitting.cube import parameters_at as values_and_derivatives
 from mi_lcair.physics.reflection import MODELS
 from mi_lcair.physics.reflection.sandford_robertson_cube import E_MIN
 from tests.fitting.numpy_model import G
@@ -72,7 +72,11 @@ def test_bounds_follow_from_b():
 
 
 def test_starts_are_spread_and_belong_to_their_seed():
-    first, again, other = MODEL.starting_points(64, 3), MODEL.starting_points(64, 3), MODEL.starting_points(64, 4)
+    first, again, other = (
+        MODEL.starting_points(64, 3),
+        MODEL.starting_points(64, 3),
+        MODEL.starting_points(64, 4),
+    )
     assert np.array_equal(first, again) and not np.array_equal(first, other)
     assert np.all((first > 0) & (first < 1))
     e = parameters_at(first)[0][:, 3]
