@@ -37,7 +37,9 @@ class SandfordRobertsonCube(ReflectionModel):
             absolute_precision=0.025,
             advice="measure it and give --emissivity",
         ),
-        Parameter("rho_d", r"$\rho_d$", "reflectance of the diffuse floor, averaged likewise", 0, 1),
+        Parameter(
+            "rho_d", r"$\rho_d$", "reflectance of the diffuse floor, averaged likewise", 0, 1
+        ),
         Parameter("b", r"$b$", "falloff of emissivity and floor toward grazing angles", 0, 1),
         Parameter(
             "e",
