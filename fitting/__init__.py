@@ -1,4 +1,6 @@
-"""Reflection models from scatterometer measurements: `read` the files, `fit` a model, know how well."""
+"""Reflection models from scatterometer measurements: `read` the files, `fit` a model, and know how
+well it is determined.
+"""
 
 import importlib
 

@@ -7,7 +7,8 @@ import numpy as np
 from drjit.llvm.ad import Array3f64, Float64
 
 # Distance from the mirror direction in source radii up to which a rule serves, and its Gauss nodes
-# per panel in the plane and across. The average is then within 2e-3 for lobe widths of 0.0005 to 0.7.
+# per panel in the plane and across. The average is then within 2e-3 for lobe widths of 0.0005 to
+# 0.7.
 RULES = ((4, (9, 7)), (12, (5, 3)), (np.inf, (3, 2)))
 
 

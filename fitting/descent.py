@@ -120,7 +120,7 @@ def diagonal(matrices):
 
 
 def held(u, gradient, free):
-    """Coordinates that cannot move: not free, or at a bound that the gradient presses them against."""
+    """Coordinates that cannot move: not free, or pressed against a bound by the gradient."""
     return ~free | ((u <= 0) & (gradient >= 0)) | ((u >= 1) & (gradient <= 0))
 
 
@@ -138,8 +138,8 @@ def box_step(matrix, gradient, u, free):
     set).
 
     A step takes at most nine tenths of the way to a bound: a straight leap to a face of the cube
-    often ends in a minimum on it which is not the one that a smaller step finds. Within SNAP of a bound the
-    next step may reach it.
+    often ends in a minimum on it which is not the one that a smaller step finds. Within SNAP of a
+    bound the next step may reach it.
     """
     lowest = np.where(u > SNAP, 0.1 * u, 0)
     highest = np.where(u < 1 - SNAP, 1 - 0.1 * (1 - u), 1)

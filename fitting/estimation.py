@@ -5,16 +5,16 @@ from time import perf_counter
 
 import drjit as dr
 import numpy as np
+
+from mi_lcair.errors import InputError, unknown
+from mi_lcair.fitting.cube import parameters_at
 from mi_lcair.fitting.data import Data, select, with_std
 from mi_lcair.fitting.loss import SCALES
-from mi_lcair.fitting.cube import parameters_at
 from mi_lcair.fitting.model import Hemispherical
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
 from mi_lcair.fitting.search import COARSE, compare, descend
 from mi_lcair.fitting.selection import AUTO, Candidate, Variant, variants
 from mi_lcair.fitting.verdict import judge
-
-from mi_lcair.errors import InputError, unknown
 from mi_lcair.progress import stepper
 
 CONVERGED = 1e-9  # relative gradient
@@ -29,11 +29,11 @@ class Fit:
 
     parameters, standard_error, interval (95 %, low and high) and verdict by name; correlation (n,
     n) in the same order. model: name of the reflection model; form: of its equations; restriction:
-    name of a simpler case, None for the whole model. rms_dex: root mean square of log10(data / model). used_points: mask over the measurements, used their
-    number, dropped the others by reason; effective_points: how many independent ones they are
-    worth; outliers: how many lie far from the model. gradient_norm: relative, at round-off if
-    converged. starts_in_basin: share of the starts that reached this minimum. candidates: the
-    models compared. emissivity: (theta [radians], predicted 1 - HDR); emissivity_rms: its error
+    name of a simpler case, None for the whole model. rms_dex: root mean square of log10(data /
+    model). used_points: mask over the measurements, used their number, dropped the others by
+    reason; effective_points: how many independent ones they are worth; outliers: how many lie far
+    from the model. gradient_norm: relative, at round-off if converged. starts_in_basin: share of
+    the starts that reached this minimum. candidates: the variants compared. emissivity: (theta [radians], predicted 1 - HDR); emissivity_rms: its error
     against the measured one up to the largest angle that is fitted, None without one. seconds: all
     in all, compile_seconds: of these, for kernels.
     """

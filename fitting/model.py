@@ -5,9 +5,9 @@ once (Dr.Jit, Float64).
 import drjit as dr
 import numpy as np
 from drjit.llvm.ad import Array3f64, Float64, UInt32
+
 from mi_lcair.fitting.aperture import Disc
 from mi_lcair.fitting.cube import with_tangents
-
 from mi_lcair.physics.reflection.interface import ReflectionModel
 
 
@@ -15,8 +15,8 @@ class Scatterometer:
     """In-plane BRDF as measured: averaged over the disc of the source, weighted by the cosine that
     it irradiates with.
 
-    model, form: of the surfaces; theta_i, theta_r [radians] as in `Measurements`; half_angle [radians] of the source, 0 for a
-    point.
+    model, form: of the surfaces; theta_i, theta_r [radians] as in `Measurements`; half_angle
+    [radians] of the source, 0 for a point.
     """
 
     def __init__(

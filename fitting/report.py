@@ -13,8 +13,8 @@ def as_dict(results) -> dict:
     """The report on `results`, each (Measurements, Fit, {quantity: DirectionalData}): that of the
     fit, or of several fits {"materials": {band: report}}.
 
-    `model`, `parameters`, `form` and `band` of a report make it a material. Times are left out: the same
-    data and settings give the same report.
+    `model`, `parameters`, `form` and `band` of a report make it a material. Times are left out:
+    the same data and settings give the same report.
     """
     reports = [_report(*result) for result in results]
     return (

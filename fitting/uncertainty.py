@@ -1,9 +1,10 @@
 """How well the data determine each parameter: covariance and profile intervals."""
 
 import numpy as np
+from scipy import stats
+
 from mi_lcair.fitting.cube import parameters_at
 from mi_lcair.fitting.descent import levenberg_marquardt
-from scipy import stats
 
 CONFIDENCE = 0.95
 PROFILE_STEPS = np.array(
@@ -137,7 +138,7 @@ def profile_intervals(
     rise = np.sqrt(np.maximum(2 * (minima.cost - cost) / variance, 0))
     intervals = np.column_stack([lower, upper])
     for k in range(len(best)):
-        for column, sign, bound in ((0, -1, lower[k]), (1, 1, upper[k])):
+        for column, sign in ((0, -1), (1, 1)):
             chosen = (which == k) & (side == sign)
             if not chosen.any():
                 continue

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+
 from mi_lcair.fitting.cube import parameters_at
 from mi_lcair.fitting.uncertainty import (
     correlation,
@@ -11,7 +12,6 @@ from mi_lcair.fitting.uncertainty import (
     profile_intervals,
     standard_errors,
 )
-
 from mi_lcair.physics.reflection.interface import Parameter
 
 UNDETERMINED = 0.5  # the interval, relative to the feasible range
@@ -67,8 +67,7 @@ def judge(data, candidate, noise, robust: bool) -> dict:
         ),
     )
     verdicts = [
-        verdict(*row, doubt)
-        for row in zip(model.parameters, values, intervals, bounds, at_bounds)
+        verdict(*row, doubt) for row in zip(model.parameters, values, intervals, bounds, at_bounds)
     ]
     return {
         "standard_error": dict(zip(model.names, errors.tolist())),
@@ -92,7 +91,7 @@ class Doubt:
 def verdict(
     parameter: Parameter, value: float, interval, bounds, at_bound: str | None, doubt: Doubt
 ) -> str:
-    """One parameter's verdict in words; at_bound: the name of the bound that it lies on, or None."""
+    """One parameter's verdict in words; at_bound: name of the bound that it lies on, or None."""
     (low, high), (lowest, highest) = interval, bounds
     span = f"{low:.3g}..{high:.3g}"
     advice = f"; {parameter.advice}" if parameter.advice and not doubt.joint else ""

@@ -185,8 +185,8 @@ def _beside(files, emissivities, dhrs):
     for option, given in (("--emissivity", emissivities), ("--dhr", dhrs)):
         if len(given) not in (0, len(files)):
             raise InputError(
-                f"{option} is given {len(given)} times for {len(files)} data files; give it once for each, in "
-                f"their order"
+                f"{option} is given {len(given)} times for {len(files)} data files; "
+                f"give it once for each, in their order"
             )
     return [
         {"emissivity": emissivity, "dhr": dhr}
@@ -255,7 +255,8 @@ def _summary(data, fit, band):
     yield (
         "minimum",
         (
-            f"{'converged' if fit.converged else 'NOT converged'}, relative gradient {fit.gradient_norm:.1e}; "
+            f"{'converged' if fit.converged else 'NOT converged'}, "
+            f"relative gradient {fit.gradient_norm:.1e}; "
             f"{fit.starts_in_basin:.0%} of the starts reached it"
         ),
     )

@@ -1,4 +1,4 @@
-"""A fit as a picture: measured and fitted BRDF, residuals, emissivity, and the table of parameters."""
+"""A fit as a picture: measured and fitted BRDF, residuals, emissivity, table of parameters."""
 
 from textwrap import wrap
 

@@ -227,7 +227,7 @@ class ReflectionModel(ABC):
 
     @abstractmethod
     def starting_points(self, count: int, seed: int) -> np.ndarray:
-        """(count, n) points of the cube, spread as real surfaces are; the same for the same seed."""
+        """(count, n) points of the cube, spread as real surfaces are; a seed gives the same ones."""
 
     def feasible_range(self, values) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest value (n,) that each parameter can have next to `values` (n,), where
@@ -237,7 +237,7 @@ class ReflectionModel(ABC):
         return np.array(lower, dtype=float), np.array(upper, dtype=float)
 
     def nearest_feasible(self, values, held: int) -> np.ndarray:
-        """Feasible parameters (n,) near `values` (n,); the one with index `held` keeps its value."""
+        """Feasible parameters (n,) near `values` (n,); that of index `held` keeps its value."""
         return np.clip(values, *self.feasible_range(values))
 
     def values_at(self, u) -> np.ndarray:
@@ -246,7 +246,7 @@ class ReflectionModel(ABC):
         return np.array([value[0] for value in values])
 
     def bound_names(self, u) -> list[str | None]:
-        """For each parameter at coordinates u (n,) the name of the bound that it lies on, or None."""
+        """For each parameter at coordinates u (n,) the name of the bound it lies on, or None."""
         values = self.values_at(u)
         lower, upper = self.feasible_range(values)
         margin = 1e-12 * (upper - lower)  # of rounding between the cube and the parameters
