@@ -1,4 +1,4 @@
-"""Settings are changed in one way and put back exactly; what a render derives stays with the render."""
+"""Settings change in one way and are put back exactly; what a render derives stays with it."""
 
 from pathlib import Path
 
@@ -26,7 +26,7 @@ def settings(scene):
 def two_of_one_name():
     """Two spheres whose unlike materials have the same name, one of them on a lower rung."""
     shapes = {
-        f"ball_{lobe}": {
+        f"ball_{k}": {
             "type": "sphere",
             "center": [3.0 * k, 0.0, 0.0],
             "bsdf": {
