@@ -138,8 +138,8 @@ def observes(loaded, spp: int, split: str | None):
     width, height = sensor.film().crop_size()
 
     def run(seed):
-        with integrator.prepared(loaded):
-            return integrator.observe(loaded, sensor, seed, spp, 0, width * height, split).invalid
+        with integrator.prepared(loaded) as tracer:
+            return tracer.observe(sensor, seed, spp, 0, width * height, split).invalid
 
     return run
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.reflection.interface import Rung
-from mi_lcair.planning.probe import BATCHES, T_95, Probe, Settings, applied, probe
+from mi_lcair.planning.probe import BATCHES, T_95, Probe, Settings, probe
 from mi_lcair.plugins.channels import MAX_BOUNCE_CHANNELS
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.window import window_area
@@ -56,14 +56,19 @@ class Plan:
 
     @property
     def settings(self) -> Settings:
-        return Settings(self.lobe, self.max_bounces, self.emitter_sampling, self.closure)
+        return Settings(
+            lobe=self.lobe,
+            max_bounces=self.max_bounces,
+            emitter_sampling=self.emitter_sampling,
+            closure=self.closure,
+        )
 
     def as_dict(self) -> dict:
         return asdict(self)
 
     def applied(self, scene: Scene):
         """Context manager: within, the scene is rendered as planned."""
-        return applied(scene, self.settings)
+        return self.settings.applied(scene)
 
 
 def plan(
@@ -88,9 +93,9 @@ def plan(
     start = time.perf_counter()
     own = Settings.of(scene)
     full = Settings(
-        dict.fromkeys(own.lobe, "brdf"),
-        min(max(own.max_bounces, PROBED_BOUNCES), MOST_BOUNCES),
-        own.emitter_sampling,
+        lobe=dict.fromkeys(own.lobe, "brdf"),
+        max_bounces=min(max(own.max_bounces, PROBED_BOUNCES), MOST_BOUNCES),
+        emitter_sampling=own.emitter_sampling,
     )
     done = 0
 
@@ -142,7 +147,7 @@ def plan(
         )
 
     # ------------------ Emitter sampling -------------------
-    settings = Settings(lobe, bounces, drawn, closure)
+    settings = Settings(lobe=lobe, max_bounces=bounces, emitter_sampling=drawn, closure=closure)
     other = replace(settings, emitter_sampling=not drawn)
     found, alternative = look(settings), look(other)
     cost = [probed.seconds * np.mean(probed.deviation**2) for probed in (found, alternative)]
@@ -180,17 +185,14 @@ def plan(
     if progress:
         progress(done, done)
     return Plan(
-        settings.lobe,
-        bounces,
-        settings.emitter_sampling,
-        closure,
-        spp,
-        tolerance,
-        each_pixel,
-        error,
-        found.seconds * spp * pixels,
-        time.perf_counter() - start,
-        left_out,
+        **asdict(settings),
+        spp=spp,
+        tolerance=tolerance,
+        each_pixel=each_pixel,
+        predicted_error=error,
+        predicted_seconds=found.seconds * spp * pixels,
+        probe_seconds=time.perf_counter() - start,
+        left_out=left_out,
     )
 
 

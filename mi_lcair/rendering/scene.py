@@ -88,6 +88,10 @@ class Scene:
             )
         return self.sensors[index]
 
+    def prepared(self, by_spectrum: bool = False):
+        """Context manager that gives the scene's `PathTracer`; within, its paths may be traced."""
+        return self.mi.integrator().prepared(self.mi, by_spectrum)
+
     def surfaces(self) -> list:
         """The scene's BSDFs of reflection models."""
         return [plugin for plugin in deriving_plugins(self.mi) if is_reflection_bsdf(plugin)]
@@ -202,7 +206,7 @@ def with_known_plugins(error: Exception) -> Exception:
 def checked(loaded, path: Path, parameters: dict[str, str]) -> Scene:
     """The Scene, with its derived quantities made; refuses what cannot be rendered."""
     integrator = loaded.integrator()
-    if not hasattr(integrator, "observe"):
+    if not hasattr(integrator, "prepared"):
         raise InputError(
             f'{path}: the integrator must be bounce_path: <integrator type="bounce_path"/>'
         )
@@ -213,9 +217,9 @@ def checked(loaded, path: Path, parameters: dict[str, str]) -> Scene:
             raise InputError(
                 f"{path}: the film of sensor {number} has no pixels; width and height must be positive"
             )
-    with integrator.prepared(loaded):
-        pass  # whatever cannot be derived is refused here
-    if integrator.emitters.band is None:
+    with integrator.prepared(loaded) as tracer:
+        emitters = tracer.emitters  # whatever cannot be derived is refused here
+    if emitters.band is None:
         raise InputError(
             f'{path}: no thermal emitter names a band; add <emitter type="thermal"> to what radiates'
         )
@@ -223,14 +227,14 @@ def checked(loaded, path: Path, parameters: dict[str, str]) -> Scene:
         path.resolve().parent.name if path.stem == "scene" else path.stem
     )  # as `import` names its files
     return Scene(
-        loaded,
-        name,
-        integrator.emitters.band,
-        integrator.emitters.labels,
-        parameters,
-        notes(loaded),
-        list(loaded.sensors()),
-        path,
+        mi=loaded,
+        name=name,
+        band=emitters.band,
+        groups=emitters.labels,
+        parameters=parameters,
+        notes=notes(loaded),
+        sensors=list(loaded.sensors()),
+        path=path,
     )
 
 

@@ -15,8 +15,10 @@ from typing import Any
 
 import drjit as dr
 import numpy as np
+from drjit.llvm.ad import Float64
 
 from mi_lcair.errors import InputError
+from mi_lcair.physics.reflection.directions import cos_theta, sample_cosine
 
 
 @dataclass(frozen=True)
@@ -157,45 +159,44 @@ class ReflectionModel(ABC):
 
     @abstractmethod
     def floor_HDR(self, S, cos, sin2):
-        """The part of HDR that comes from the diffuse floor, in closed form, from cos(theta_r) and
-        its squared sine.
+        """The part of HDR that comes from the diffuse floor, in closed form.
+
+        cos, sin2: cosine and squared sine of theta_r. All of HDR, for a model without a lobe.
         """
 
-    @abstractmethod
     def lobe_HDR(self, S, theta_r):
-        """The rest of HDR, divided by `lobe_scale`: finite and smooth from 0 to 90 degrees.
-        Float64; it is tabulated.
+        """The rest of HDR, divided by `lobe_scale`, in Float64.
+
+        It is tabulated over sqrt(cos theta_r), so it must be finite and smooth from 0 to 90 degrees.
         """
+        return dr.zeros(type(theta_r), dr.width(theta_r))
 
     def lobe_scale(self, S, cos, sin2):
-        """A closed form that carries what of the lobe's HDR varies too fast for a table over
-        sqrt(cos theta_r).
-        """
+        """A closed form that carries what of the lobe's HDR varies too fast for the table."""
         return type(cos)(1)
 
     def emissivity(self, S, cos, sin2):
-        """The model's own directional emissivity; None where it has none but 1 - HDR (Kirchhoff's
-        law).
-        """
-        return
+        """The model's own directional emissivity, of models with `has_emissivity`."""
+        raise TypeError(f"{self.name} has no emissivity of its own")
 
     # ------------------------------------------------------------------ Drawing directions
+    # The floor is sampled by the cosine, the lobe by these three. A model without a lobe needs none.
 
-    @abstractmethod
     def sample_lobe(self, S, r, u1, u2):
         """A direction i to the source drawn from the lobe, seen from r; it may lie below the
-        surface. u1, u2 in 0..1.
+        surface. u1, u2: uniform in 0..1.
         """
+        return sample_cosine(type(r), u1, u2)
 
-    @abstractmethod
     def lobe_pdf(self, S, i, r):
         """Density of `sample_lobe` [1/sr]."""
+        return cos_theta(i) * dr.inv_pi
 
-    @abstractmethod
     def lobe_width(self, S):
         """Width of the lobe: the tangent of the half-vector's angle at which it has fallen to a
         quarter.
         """
+        return Float64(1)
 
     # ------------------------------------------------------------------ Planning and remarks
 
