@@ -11,7 +11,7 @@ from mi_lcair.plugins.derivatives import attached, check_attached, flatten
 from mi_lcair.errors import InputError
 from mi_lcair.physics import materials
 from mi_lcair.physics.bands import band
-from mi_lcair.physics.directional_table import read_directional_table
+from mi_lcair.physics.directional_table import over_the_hemisphere, read_directional_table
 from mi_lcair.physics.reflection import sandford_robertson as sr
 from mi_lcair.physics.reflection import sandford_robertson_hemispherical as hemispherical
 
@@ -85,9 +85,9 @@ class SandfordRobertson(mi.BSDF):
         self.emissivity = props.get("emissivity", "kirchhoff")
         self.measured = None
         if self.emissivity not in ("kirchhoff", "model"):
-            theta, values, _ = read_directional_table(beside_scene(self.emissivity))
-            cos = np.linspace(0, 1, NODES) ** 2
-            self.measured = mi.Float(np.interp(np.arccos(cos), theta, values))
+            path, cos = beside_scene(self.emissivity), np.linspace(0, 1, NODES) ** 2
+            theta, values, _ = read_directional_table(path)
+            self.measured = mi.Float(over_the_hemisphere(path, theta, values, np.arccos(cos)))
             dr.make_opaque(self.measured)
         self.set_lobe(props.get("lobe", "brdf"))
         self.derive()
