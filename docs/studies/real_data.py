@@ -12,14 +12,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+
 from mi_lcair.fitting.estimation import Fit, emissivity_error, fit
 from mi_lcair.fitting.loss import SCALES
 from mi_lcair.fitting.model import Hemispherical
 from mi_lcair.fitting.parameters import NAMES, to_cube
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
 from mi_lcair.fitting.scatterometer.reading import read, read_directional
-
-from mi_lcair.physics.reflection.sandford_robertson import FORMS
+from mi_lcair.physics.reflection.sandford_robertson_equations import FORMS
 from mi_lcair.reports.fit_plot import coordinates, predicted, save_plot
 
 TITLES = {

@@ -11,12 +11,11 @@ from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
-from mi_lcair.fitting.scatterometer.astm import is_astm, parse_astm
-from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
-
 
 from mi_lcair.errors import InputError, shown, unknown
 from mi_lcair.files import read_bytes, read_text
+from mi_lcair.fitting.scatterometer.astm import is_astm, parse_astm
+from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
 from mi_lcair.physics.directional_table import read_directional_table
 from mi_lcair.table import SEPARATORS, Table, parse_csv
 

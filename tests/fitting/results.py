@@ -1,8 +1,8 @@
 """A fit with made-up numbers, for the tests of what is done with one."""
 
 import numpy as np
+
 from mi_lcair.fitting.estimation import Fit
-from mi_lcair.fitting.parameters import NAMES
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
 
 PARAMETERS = {"epsilon": 0.1 + 0.2, "rho_d": 1 / 3, "b": 0.05, "e": 0.1}  # two with 17 digits
@@ -44,8 +44,8 @@ def fit_of(data, *, emissivity=None, dhr=None, progress=None, seconds=1.25, **se
     theta = np.radians([0.0, 30.0, 60.0]) if emissivity is None else emissivity.theta
     return Fit(
         parameters=PARAMETERS,
-        standard_error=dict.fromkeys(NAMES, 0.01),
-        interval=dict.fromkeys(NAMES, (0.0, 0.5)),
+        standard_error=dict.fromkeys(PARAMETERS, 0.01),
+        interval=dict.fromkeys(PARAMETERS, (0.0, 0.5)),
         verdict={
             "epsilon": "not determined by these data: anything in 0..0.5 fits; measure it and give --emissivity",
             "rho_d": "determined",
@@ -53,6 +53,7 @@ def fit_of(data, *, emissivity=None, dhr=None, progress=None, seconds=1.25, **se
             "e": "determined",
         },
         correlation=np.eye(4),
+        model="sandford_robertson",
         form="normalized",
         restriction="b = 0",
         rms_dex=0.1234,

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mi_lcair.fitting import read
 from scipy.integrate import quad
 
 from docs.studies import real_data
+from mi_lcair.fitting import read
 from tests.fitting.results import PARAMETERS, emissivity, fit_of, measurements
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "mwir_brdf"

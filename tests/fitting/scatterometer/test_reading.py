@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mi_lcair.fitting.scatterometer.reading import pool, read, read_directional
 
 from mi_lcair.errors import InputError
+from mi_lcair.fitting.scatterometer.reading import pool, read, read_directional
 
 # theta_i, theta_r [degrees] and BRDF of a surface that is brighter on the specular side: what every
 # layout must give
