@@ -9,19 +9,25 @@ import mitsuba as mi
 from mi_lcair.plugins.channels import Channels, Pixels, pixel_statistics
 from mi_lcair.plugins.derivatives import deriving_plugins, leaves, tracing
 from mi_lcair.plugins.emitter_table import EmitterTable
+from mi_lcair.plugins.properties import HOTTEST, Property, read
 from mitsuba.python.ad.integrators.common import RBIntegrator, mis_weight
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
 
-CLOSURES = ("none", "ambient", "tail")
+PROPERTIES = (
+    Property("max_bounces", "integer", 4, lower=0, upper=10_000),
+    Property("emitter_sampling", "boolean", False),
+    Property("closure", "string", "none", choices=("none", "ambient", "tail")),
+    Property("ambient_temperature", "float", upper=HOTTEST, is_positive=True, unit="K"),
+)
 
 
 class BouncePath(RBIntegrator):
     r"""Bounce-limited path tracer for thermal radiance, with derivatives by path replay.
 
     =================== ======= ============================================================================
-    max_bounces         integer reflections after which a path ends; 0 = emission only                  (4)
+    max_bounces         integer reflections after which a path ends, 0..10000; 0 = emission only        (4)
     emitter_sampling    boolean at each reflection also look at a point drawn from what emits, with multiple
                                 importance sampling                                                 (false)
     closure             string  stands in for the reflections beyond max_bounces                     (none)
@@ -50,23 +56,14 @@ class BouncePath(RBIntegrator):
 
     def __init__(self, props):
         super().__init__(props)
-        self.max_bounces = props.get("max_bounces", 4)
-        if self.max_bounces < 0:
-            raise InputError(f"bounce_path: max_bounces = {self.max_bounces} must be >= 0")
-        self.emitter_sampling = props.get("emitter_sampling", False)
+        given = read(props, "bounce_path", PROPERTIES)
+        self.max_bounces = given["max_bounces"]
+        self.emitter_sampling = given["emitter_sampling"]
         self.tail_error = 0.0
-        self.closure = props.get("closure", "none")
-        if self.closure not in CLOSURES:
-            raise InputError(
-                f"bounce_path: closure '{self.closure}' is unknown; it must be one of {', '.join(CLOSURES)}"
-            )
-        self.ambient_temperature = props.get("ambient_temperature", None)
+        self.closure = given["closure"]
+        self.ambient_temperature = given["ambient_temperature"]
         if (self.closure == "ambient") != (self.ambient_temperature is not None):
             raise InputError("bounce_path: closure = ambient and ambient_temperature go together")
-        if self.ambient_temperature is not None and not self.ambient_temperature > 0:
-            raise InputError(
-                f"bounce_path: ambient_temperature = {self.ambient_temperature:g} K must be positive"
-            )
         if self.closure == "tail" and self.max_bounces < 2:
             raise InputError(
                 f"bounce_path: closure = tail continues the last two bounce counts; max_bounces = {self.max_bounces} must be >= 2"
