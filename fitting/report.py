@@ -3,18 +3,18 @@
 import json
 
 import numpy as np
-from mi_lcair.fitting.scatterometer.measurements import Measurements
 
 import mi_lcair
 from mi_lcair.errors import InputError
+from mi_lcair.fitting.scatterometer.measurements import Measurements
 
 
 def as_dict(results) -> dict:
     """The report on `results`, each (Measurements, Fit, {quantity: DirectionalData}): that of the
     fit, or of several fits {"materials": {band: report}}.
 
-    `parameters`, `form` and `band` of a report make it a material. Times are left out: the same
-    data and settings give the same report.
+    `model`, `parameters`, `form` and `band` of a report make it a material. Times are left out:
+    the same data and settings give the same report.
     """
     reports = [_report(*result) for result in results]
     return (
@@ -69,6 +69,7 @@ def _report(measurements: Measurements, fit, directional: dict) -> dict:
     return {
         "name": measurements.name,
         "band": band_name(measurements),
+        "model": fit.model,
         "parameters": fit.parameters,
         "form": fit.form,
         "restriction": fit.restriction,

@@ -3,17 +3,18 @@ counted by them.
 """
 
 from contextlib import contextmanager
+from dataclasses import dataclass
 
 import drjit as dr
 import mitsuba as mi
-from mi_lcair.plugins.channels import Channels, Pixels, pixel_statistics
-from mi_lcair.plugins.derivatives import deriving_plugins, leaves, tracing
-from mi_lcair.plugins.emitter_table import EmitterTable
-from mi_lcair.plugins.properties import HOTTEST, Property, read
 from mitsuba.python.ad.integrators.common import RBIntegrator, mis_weight
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.plugins.channels import Channels, Pixels, pixel_statistics
+from mi_lcair.plugins.derivatives import deriving_plugins, leaves, tracing
+from mi_lcair.plugins.emitter_table import EmitterTable
+from mi_lcair.plugins.properties import HOTTEST, Property, read
 
 PROPERTIES = (
     Property("max_bounces", "integer", 4, lower=0, upper=10_000),
@@ -50,18 +51,24 @@ class BouncePath(RBIntegrator):
 
     Derivatives (forward and reverse, `mi.render(scene, params)`) cover parameters of BSDFs and
     emitters and facet temperatures, not the geometry; memory does not grow with the number of
-    bounces. `observe` gives, from the same paths, the radiance by bounce count, by emitting group
-    and by the group first seen.
+    bounces. `PathTracer.observe` gives, from the same paths, the radiance by bounce count, by
+    emitting group and by the group first seen.
     """
 
     def __init__(self, props):
         super().__init__(props)
-        given = read(props, "bounce_path", PROPERTIES)
-        self.max_bounces = given["max_bounces"]
-        self.emitter_sampling = given["emitter_sampling"]
-        self.tail_error = 0.0
-        self.closure = given["closure"]
-        self.ambient_temperature = given["ambient_temperature"]
+        for name, value in read(props, "bounce_path", PROPERTIES).items():
+            setattr(self, name, value)
+        self.check()
+
+    def check(self) -> None:
+        """Raise InputError for settings out of bounds or that do not go together; they may be
+        changed at any time.
+        """
+        for entry in PROPERTIES:
+            value = getattr(self, entry.name)
+            if value is not None:
+                entry.checked(value, "bounce_path")
         if (self.closure == "ambient") != (self.ambient_temperature is not None):
             raise InputError("bounce_path: closure = ambient and ambient_temperature go together")
         if self.closure == "tail" and self.max_bounces < 2:
@@ -75,44 +82,88 @@ class BouncePath(RBIntegrator):
             f"closure = {self.closure}]"
         )
 
-    # ---------------------------------------------------------------- Around the loop
-
     @contextmanager
     def prepared(self, scene, by_spectrum: bool = False):
-        """Within: everything derived from the scene is up to date, and paths may be traced. Loops
-        are recorded later.
+        """Within: everything derived from the scene is up to date, and its PathTracer, which this
+        gives, may trace paths.
 
         by_spectrum: tell emission apart by the spectra of its sources, not only by their groups.
         """
+        self.check()
         plugins = deriving_plugins(scene)
         with dr.resume_grad():
             for plugin in plugins:
                 plugin.refresh()
-        self.emitters = EmitterTable(scene, self.emitter_sampling, by_spectrum)
-        if self.closure == "ambient":
-            self.ambient_radiance = mi.Float(
-                in_band_radiance(self.emitters.band, self.ambient_temperature)
-            )
         with tracing(plugins):
-            yield
+            yield PathTracer(self, scene, by_spectrum)
 
     def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):
-        with self.prepared(scene):
-            return super().render(scene, sensor, seed, spp, develop, evaluate)
+        with self.prepared(scene) as tracer:
+            return tracer.render(scene, sensor, seed, spp, develop, evaluate)
 
     def render_forward(self, scene, params, sensor=0, seed=0, spp=0):
         self.check_differentiable()
-        with self.prepared(scene), leaves(scene, dr.ADMode.Forward):
-            return super().render_forward(scene, params, sensor, seed, spp)
+        with self.prepared(scene) as tracer, leaves(scene, dr.ADMode.Forward):
+            return tracer.render_forward(scene, params, sensor, seed, spp)
 
     def render_backward(self, scene, params, grad_in, sensor=0, seed=0, spp=0):
         self.check_differentiable()
-        with self.prepared(scene), leaves(scene, dr.ADMode.Backward):
-            super().render_backward(scene, params, grad_in, sensor, seed, spp)
+        with self.prepared(scene) as tracer, leaves(scene, dr.ADMode.Backward):
+            tracer.render_backward(scene, params, grad_in, sensor, seed, spp)
 
     def check_differentiable(self) -> None:
         if self.closure == "tail":
             raise InputError("bounce_path: closure = tail has no derivatives; use none or ambient")
+
+
+@dataclass(frozen=True)
+class Samples:
+    """One pass, a value per path, not evaluated yet: the radiance, and the channels by name (see
+    `Channels.samples`). tail_error: estimated error of the mean that closure = tail adds [W m^-2
+    sr^-1], 0 without it.
+    """
+
+    radiance: mi.Float
+    channels: dict[str, mi.Float]
+    tail_error: float
+
+
+class PathTracer(RBIntegrator):
+    """A scene ready for its paths to be traced: all that a render derives from it. It is made by
+    `BouncePath.prepared` and does not change.
+
+    scene; emitters: their table, with the band, the labels and the sources; max_bounces,
+    emitter_sampling, closure: the settings when it was made; ambient_radiance: of closure =
+    ambient, else None.
+
+    It is an integrator of its own because RBIntegrator's renders call `sample` with the scene alone
+    and leave no room for what was derived from it.
+    """
+
+    def __init__(self, integrator: BouncePath, scene, by_spectrum: bool):
+        super().__init__(mi.Properties())
+        emitters = EmitterTable(scene, integrator.emitter_sampling, by_spectrum)
+        ambient = integrator.closure == "ambient"
+        vars(self).update(
+            scene=scene,
+            emitters=emitters,
+            max_bounces=integrator.max_bounces,
+            emitter_sampling=integrator.emitter_sampling,
+            closure=integrator.closure,
+            ambient_radiance=mi.Float(
+                in_band_radiance(emitters.band, integrator.ambient_temperature)
+            )
+            if ambient
+            else None,
+            is_complete=True,
+        )
+
+    def __setattr__(self, name, value):
+        if vars(self).get("is_complete"):
+            raise AttributeError(f"a PathTracer does not change: {name} cannot be set")
+        super().__setattr__(name, value)
+
+    # ---------------------------------------------------------------- Around the loop
 
     def sample(self, mode, scene, sampler, ray, depth, δL, state_in, active, **kwargs):
         channels = (
@@ -127,7 +178,6 @@ class BouncePath(RBIntegrator):
 
     def observe(
         self,
-        scene,
         sensor,
         seed: int,
         spp: int,
@@ -138,12 +188,13 @@ class BouncePath(RBIntegrator):
         stride: int = 1,
     ) -> Pixels:
         """Statistics of the pixels of one pass, see `sampled`."""
-        L, samples = self.sampled(scene, sensor, seed, spp, first, pixels, split, facets, stride)
-        return pixel_statistics(L, samples, spp, split == "target")
+        found = self.sampled(sensor, seed, spp, first, pixels, split, facets, stride)
+        return pixel_statistics(
+            found.radiance, found.channels, found.tail_error, spp, split == "target"
+        )
 
     def sampled(
         self,
-        scene,
         sensor,
         seed: int,
         spp: int,
@@ -152,16 +203,15 @@ class BouncePath(RBIntegrator):
         split: str | None = "image",
         facets=None,
         stride: int = 1,
-    ) -> tuple[mi.Float, dict]:
+    ) -> Samples:
         """One pass: `spp` paths through each of `pixels` pixels from number `first` on (row by
-        row), every `stride`-th.
+        row), every `stride`-th; `spp` consecutive ones per pixel.
 
         split: the channels recorded beside the radiance: None, "image", "target": also what of each
         lies on the model's facets, or "model": nothing but what lies there, and no other paths are
         followed. facets: a numbering with `number(shape, prim_index, active)` and `add(facet, L,
         channels, spp, first)`, which receives the samples by the facet seen first. To be called
-        within `prepared`. Returns the radiance of each path and its channels by name, `spp`
-        consecutive ones per pixel, neither evaluated yet.
+        within `prepared`.
         """
         count = pixels * spp
         sampler = sensor.sampler().clone()
@@ -178,7 +228,7 @@ class BouncePath(RBIntegrator):
             ray, weight = sensor.sample_ray(
                 sensor.shutter_open(), 0, position / mi.Vector2f(width, height), aperture
             )
-            channels = None
+            channels, tail_error = None, 0.0
             if split or facets or self.closure == "tail":
                 channels = Channels.empty(
                     self.max_bounces,
@@ -187,13 +237,21 @@ class BouncePath(RBIntegrator):
                     split == "model",
                 )
             (L, _), _, channels = self.walk(
-                dr.ADMode.Primal, scene, sampler, ray, None, None, mi.Bool(True), channels, facets
+                dr.ADMode.Primal,
+                self.scene,
+                sampler,
+                ray,
+                None,
+                None,
+                mi.Bool(True),
+                channels,
+                facets,
             )
             if self.closure == "tail":
                 dr.eval(L, channels)  # add_tail sums, and would trace the paths for that alone
-                tail, self.tail_error = channels.add_tail()
+                tail, tail_error = channels.add_tail()
                 L += tail
-            samples = (
+            by_name = (
                 channels.samples(
                     L[0], self.emitters.labels, self.emitters.sources, split == "target"
                 )
@@ -201,9 +259,9 @@ class BouncePath(RBIntegrator):
                 else {}
             )
             if facets is not None:
-                dr.eval(L, channels, samples)  # one kernel for both uses
+                dr.eval(L, channels, by_name)  # one kernel for both uses
                 facets.add(channels.facet, L[0], channels, spp, first)
-            return L[0], samples
+            return Samples(radiance=L[0], channels=by_name, tail_error=tail_error)
 
     # ---------------------------------------------------------------- The loop
 

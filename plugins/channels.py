@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+
 from mi_lcair.plugins.sources import WAVELENGTHS, Sources
 
 MAX_BOUNCE_CHANNELS = 65  # the last one holds every bounce count from 64 on
@@ -143,7 +144,8 @@ class Pixels:
 
     count: finite samples of each pixel; mean and squares (sum of squared deviations from the mean)
     of the radiance. channels: by name, means of each pixel in equal parts of its samples, (parts,
-    pixels), of part_count finite samples. invalid: NaN or infinite samples, left out.
+    pixels), of part_count finite samples. invalid: NaN or infinite samples, left out. tail_error:
+    estimated error of the mean that closure = tail adds [W m^-2 sr^-1].
     """
 
     count: np.ndarray
@@ -152,9 +154,12 @@ class Pixels:
     channels: dict[str, np.ndarray]
     part_count: np.ndarray
     invalid: int
+    tail_error: float
 
 
-def pixel_statistics(L, samples: dict, spp: int, in_parts: bool = False) -> Pixels:
+def pixel_statistics(
+    L, samples: dict, tail_error: float, spp: int, in_parts: bool = False
+) -> Pixels:
     """Reduces samples (`spp` consecutive ones per pixel) to pixels.
 
     Deviations are taken from the pixel's own mean: in Float32 the variance would drown in the
@@ -179,4 +184,12 @@ def pixel_statistics(L, samples: dict, spp: int, in_parts: bool = False) -> Pixe
 
     part_count = by_part(valid)
     channels = {name: by_part(value) / np.maximum(part_count, 1) for name, value in samples.items()}
-    return Pixels(count, mean, squares, channels, part_count, dr.width(L) - int(count.sum()))
+    return Pixels(
+        count=count,
+        mean=mean,
+        squares=squares,
+        channels=channels,
+        part_count=part_count,
+        invalid=dr.width(L) - int(count.sum()),
+        tail_error=tail_error,
+    )

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from mi_lcair.plugins.derivatives import children
 
 from mi_lcair.errors import InputError
+from mi_lcair.plugins.derivatives import children
 
 HIDING = (
     "MaskBSDF",

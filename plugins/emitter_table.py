@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from mi_lcair.plugins.sources import OTHER, Sources
-from mi_lcair.plugins.triangles import Facets, is_faceted, pointer_id
 
 from mi_lcair.errors import InputError
+from mi_lcair.plugins.sources import OTHER, Sources
+from mi_lcair.plugins.triangles import Facets, is_faceted, pointer_id
 
 OFFSET = 64 * 2.0**-24  # of the scene's extent: above the rounding of a hit's position
 

@@ -6,15 +6,15 @@ import re
 
 import drjit as dr
 import mitsuba as mi
-from mi_lcair.plugins.derivatives import check_attached, is_traced, members
-from mi_lcair.plugins.emissivity import emissivity_of, reflects
-from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST, Property, read
-from mi_lcair.plugins.triangles import Facets, is_faceted
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.spectrum import spectrum
+from mi_lcair.plugins.derivatives import check_attached, is_traced, members
+from mi_lcair.plugins.emissivity import emissivity_of, reflects
+from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST, Property, read
+from mi_lcair.plugins.triangles import Facets, is_faceted
 
 PROPERTIES = (
     Property("temperature", "float or texture", upper=HOTTEST, is_positive=True, unit="K"),

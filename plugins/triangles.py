@@ -3,6 +3,7 @@
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+
 from mi_lcair.plugins.derivatives import members
 
 ABSENT = 0xFFFFFFFF

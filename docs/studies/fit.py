@@ -7,6 +7,9 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
+from scipy.optimize import least_squares
+
+import mi_lcair  # noqa: F401  chooses the LLVM before Dr.Jit is imported
 from mi_lcair.fitting import fit, read
 from mi_lcair.fitting.data import select
 from mi_lcair.fitting.descent import ROUND_OFF, explore, levenberg_marquardt
@@ -14,9 +17,6 @@ from mi_lcair.fitting.model import Hemispherical
 from mi_lcair.fitting.parameters import E_MIN, NAMES, starting_points, to_cube
 from mi_lcair.fitting.scatterometer.reading import read_directional
 from mi_lcair.fitting.search import COARSE
-from scipy.optimize import least_squares
-
-import mi_lcair  # noqa: F401  chooses the LLVM before Dr.Jit is imported
 from tests.fitting import numpy_model
 from tests.fitting.synthetic import ROUGH, THESIS_SETS, relative_errors, scan
 

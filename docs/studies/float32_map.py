@@ -13,7 +13,7 @@ import numpy as np
 from drjit.llvm.ad import Array3f64, Float64
 
 import mi_lcair  # noqa: F401  before Dr.Jit: it chooses the LLVM
-from mi_lcair.physics.reflection import sandford_robertson as sr
+from mi_lcair.physics.reflection import sandford_robertson_equations as sr
 from tests.physics.reflection.surfaces import direction, surface
 from tests.plugins.reflection_models import exact_HDR, interaction, uniform
 from tests.plugins.test_precision import theta_of
@@ -41,7 +41,7 @@ def errors(parameters, from_horizon_deg=FROM_HORIZON_DEG, form="thesis", per_ang
     where it has one.
     """
     bsdf, count = load(parameters, form), per_angle * len(from_horizon_deg)
-    S = surface(*(getattr(bsdf, name)[0] for name in NAMES), form)
+    S = surface(*bsdf.values, form)
     r = direction(np.radians(90 - np.repeat(from_horizon_deg, per_angle)), Vector=mi.Vector3f)
     bs, weight = bsdf.sample(
         mi.BSDFContext(), interaction(r), *uniform(count, 1), mi.Point2f(*uniform(count, 2, seed=3))

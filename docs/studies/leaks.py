@@ -11,10 +11,10 @@ from time import perf_counter
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from mi_lcair.plugins.emitter_table import EmitterTable
-from mi_lcair.scenes import build_meshes
 
 import mi_lcair  # before Dr.Jit: it chooses the LLVM
+from mi_lcair.plugins.emitter_table import EmitterTable
+from mi_lcair.scenes import build_meshes
 
 REFLECTIONS = 10
 WAVEFRONT = 1_000_000

@@ -21,7 +21,8 @@ from mi_lcair.files import replacing
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.planning.plan import PROBED_BOUNCES
-from mi_lcair.planning.probe import Settings, applied
+from mi_lcair.planning.probe import Settings
+from mi_lcair.rendering.settings import changed
 
 REPETITIONS, TOLERANCE, PIXEL_TOLERANCE = 12, 0.01, 0.01
 SCENES = [
@@ -80,7 +81,9 @@ def label(name, parameters):
 def full_fidelity(scene):
     own = Settings.of(scene)
     return Settings(
-        dict.fromkeys(own.lobe, "brdf"), max(own.max_bounces, PROBED_BOUNCES), own.emitter_sampling
+        lobe=dict.fromkeys(own.lobe, "brdf"),
+        max_bounces=max(own.max_bounces, PROBED_BOUNCES),
+        emitter_sampling=own.emitter_sampling,
     )
 
 
@@ -93,7 +96,7 @@ def reference(scene, name, parameters, area):
         return exact.open_box_intensity(L(800), L(300)), 0.0
     if name == "furnace":
         return L(300) * area, 0.0
-    with applied(scene, full_fidelity(scene)):
+    with full_fidelity(scene).applied(scene):
         result = mi_lcair.signature(scene, spp=max(64, 2**22 // pixels(scene)), seed=999)
     return result.target.intensity, result.target.standard_error
 
@@ -138,10 +141,7 @@ def paid(name, parameters):
     probes = time.perf_counter() - start
     with found.applied(scene):
         run = mi_lcair.render(scene, spp=found.spp, seed=1)
-    own = Settings.of(scene)
-    with applied(
-        scene, Settings(dict.fromkeys(own.lobe, "brdf"), own.max_bounces, own.emitter_sampling)
-    ):
+    with changed(scene, lobe="brdf", closure="none", ambient_temperature=None):
         full = mi_lcair.render(scene, tolerance=PIXEL_TOLERANCE, seed=1)
     return (
         f"| {label(name, parameters)} | {short(found)} | {found.spp} | {probes:.1f} | {run.seconds:.1f} | {full.spp}{'' if full.reached else ' (not reached)'} | "

@@ -74,7 +74,7 @@ def measure(quick: bool = False, progress=None) -> list[Point]:
 
 def named_problem(name, band_name, theta_deg=THETA_DEG):
     found = material(name, band(band_name))
-    return problem(found.epsilon, found.rho_d, found.b, found.e, theta_deg, found.form)
+    return problem(*found.values, theta_deg, found.form)
 
 
 def measured(case, method, effort, p, exact, lanes, repetitions, launches) -> Point:

@@ -107,7 +107,8 @@ def brdf(what, output, band, theta_deg):
         )
     if band is None:
         raise InputError(f"material '{what}': give its --band, such as MWIR")
-    from mi_lcair.reports.brdf_view import brdf_view, save_plot
+    from mi_lcair.physics.brdf_view import brdf_view
+    from mi_lcair.reports.brdf_plot import save_plot
 
     view = brdf_view(what, band, theta_deg)
     output = output or Path(f"{Path(what).stem}_{view.band.name}_{theta_deg:g}deg.png")

@@ -20,6 +20,7 @@ from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.detector import Detector
 from mi_lcair.physics.spectrum import has_elevations, spectrum
 from mi_lcair.rendering.scene import Scene, declared_parameters, find, load
+from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.views import Target, View, hidden_share, seen_from
 from mi_lcair.signatures.signature import signature
 
@@ -149,13 +150,15 @@ def measured(scenario: Scenario, progress) -> Contrast:
     bounces = sampling.max_bounces or (scene.mi.integrator().max_bounces,)
     rows = []
     for k, count in enumerate(bounces):
-        scene.mi.integrator().max_bounces = count
 
         def step(done, total):
             if progress:
                 progress(k * total + done, len(bounces) * total)
 
-        found = signature(view, sampling.spp, seed=sampling.seed, by_spectrum=True, progress=step)
+        with changed(view, lobe=sampling.lobe, max_bounces=count):
+            found = signature(
+                view, sampling.spp, seed=sampling.seed, by_spectrum=True, progress=step
+            )
         if not found.effective_areas.projected_area > 0:
             raise InputError("no ray met the target; raise resolution or spp of [render]")
         seen = found.target
@@ -173,25 +176,25 @@ def measured(scenario: Scenario, progress) -> Contrast:
     transmittance, radiance = path.at(seen.wavelengths_um)
     mean_transmittance = seen.in_band(transmittance) / float(seen.weights_um.sum())
     return Contrast(
-        scenario,
-        detector,
-        air,
-        path,
-        0.0 - observer.elevation_deg,
-        behind.name,
-        mean_transmittance,
-        seen.in_band(radiance),
-        seen.in_band(seen.backdrop),
-        no_target(seen, detector),
-        target.radius,
-        rows,
-        [
+        scenario=scenario,
+        detector=detector,
+        air=air,
+        path=path,
+        sight_elevation_deg=0.0 - observer.elevation_deg,
+        background_name=behind.name,
+        transmittance=mean_transmittance,
+        path_radiance=seen.in_band(radiance),
+        background_radiance=seen.in_band(seen.backdrop),
+        no_target=no_target(seen, detector),
+        radius_m=target.radius,
+        rows=rows,
+        remarks=[
             *view.remarks,
             *remarks(
                 rows, detector, target, observer.range_m, hidden_share(view, observer.range_m)
             ),
         ],
-        time.perf_counter() - start,
+        seconds=time.perf_counter() - start,
     )
 
 
@@ -226,12 +229,10 @@ def target_scene(scenario: Scenario, detector: Detector) -> Scene:
         raise InputError(
             f"the sensor's band {wanted.label} is not within that of {scene.name}, {has.label}"
         )
-    if scenario.render.lobe is not None:
-        if not scene.surfaces():
-            raise InputError(
-                f"{scene.name} has no Sandford-Robertson material to set a lobe of; leave lobe out"
-            )
-        scene.set_lobe(scenario.render.lobe)
+    if scenario.render.lobe is not None and not scene.surfaces():
+        raise InputError(
+            f"{scene.name} has no material with a fidelity ladder to set a lobe of; leave lobe out"
+        )
     return scene
 
 

@@ -15,8 +15,8 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.derivatives import children
 from mi_lcair.plugins.emissivity import emissivity_of
+from mi_lcair.plugins.reflection_bsdf import reflection_layers
 from mi_lcair.plugins.triangles import pointer_id
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.scene import Scene
@@ -98,18 +98,17 @@ def audit(scene: Scene, photons: int = 2**18, seed: int = 0, progress=None) -> A
     photons = -(-photons // BATCHES) * BATCHES
     by_facet = Flux(*np.zeros((len(fields(Flux)), BATCHES, table.count)))
     ends = {"escaped": np.zeros(BATCHES), "unfinished": np.zeros(BATCHES)}
-    integrator = scene.mi.integrator()
     grazing = scaling_cosines(scene, table)
     passive = [
         (shape, passive_emissivity(index, shape))
         for index, shape in enumerate(scene.mi.shapes())
         if shape.emitter() is None
     ]
-    with integrator.prepared(scene.mi), dr.suspend_grad():
+    with scene.prepared() as tracer, dr.suspend_grad():
         for number, emitter in enumerate(emitters):
             follow(
                 scene,
-                integrator.emitters,
+                tracer.emitters,
                 emitters,
                 emitter,
                 passive,
@@ -271,13 +270,13 @@ def account(scene: Scene, table: FacetTable, by_facet: Flux, ends: dict, photons
         for name, flux in materials.items()
     }
     return Audit(
-        scene.name,
-        scene.band.name,
-        total,
-        materials,
-        shares,
-        remarks(kind, by_facet, total, materials),
-        photons,
+        scene=scene.name,
+        band=scene.band.name,
+        total=total,
+        materials=materials,
+        shares=shares,
+        remarks=remarks(kind, by_facet, total, materials),
+        photons=photons,
     )
 
 
@@ -290,14 +289,13 @@ def kinds(scene: Scene, table: FacetTable) -> np.ndarray:
         facets = table.shape_index == index
         if facets.any():
             name, bsdf = table.material[facets][0], shape.bsdf()
-            surface = next(
-                (layer for layer in (bsdf, *children(bsdf)) if hasattr(layer, "set_lobe")), None
-            )
+            surface = next(iter(reflection_layers(bsdf)), None)
             made = (
                 pointer_id(mi.BSDFPtr(bsdf))
                 if surface is None
                 else (
-                    *(float(source[0]) for source in surface.sources()),
+                    surface.model.name,
+                    *surface.values,
                     surface.form,
                     surface.emissivity,
                     surface.lobe,

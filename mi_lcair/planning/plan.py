@@ -14,7 +14,8 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.planning.probe import BATCHES, T_95, Probe, Settings, applied, probe
+from mi_lcair.physics.reflection.interface import Rung
+from mi_lcair.planning.probe import BATCHES, T_95, Probe, Settings, probe
 from mi_lcair.plugins.channels import MAX_BOUNCE_CHANNELS
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.window import window_area
@@ -24,8 +25,6 @@ LOBE_SHARE, BOUNCE_SHARE = (
     0.35,
     0.15,
 )  # of the tolerance that simpler lobes and fewer bounces may use; noise has the rest
-NARROW = 0.2  # lobe width e above which a mirror is not tried
-NEGLIGIBLE = 1e-6  # reflectance of a part that cannot matter
 WORTHWHILE = 0.8  # a change is made if it costs less than this share of the time
 CONFIDENCE = 2.24  # standard errors, 97.5 %: what the probes do not know of the noise comes on top
 FEW_BATCHES = 2.03  # upper bound (97.5 %) of a standard deviation from BATCHES values
@@ -37,7 +36,7 @@ LEAST_SPP = 2  # one sample per pixel has no standard error
 class Plan:
     """Settings for a scene, and what they are predicted to cost.
 
-    lobe: rung for each Sandford-Robertson material. predicted_error: fraction of the mean radiance,
+    lobe: rung for each material with a ladder. predicted_error: fraction of the mean radiance,
     95 %: of the intensity of the target, or rms over the pixels. predicted_seconds: of the run
     alone, compiled; probe_seconds: of finding the plan. left_out: what the plan leaves out and how
     much that is estimated to matter, one line each.
@@ -57,14 +56,19 @@ class Plan:
 
     @property
     def settings(self) -> Settings:
-        return Settings(self.lobe, self.max_bounces, self.emitter_sampling, self.closure)
+        return Settings(
+            lobe=self.lobe,
+            max_bounces=self.max_bounces,
+            emitter_sampling=self.emitter_sampling,
+            closure=self.closure,
+        )
 
     def as_dict(self) -> dict:
         return asdict(self)
 
     def applied(self, scene: Scene):
         """Context manager: within, the scene is rendered as planned."""
-        return applied(scene, self.settings)
+        return self.settings.applied(scene)
 
 
 def plan(
@@ -89,9 +93,9 @@ def plan(
     start = time.perf_counter()
     own = Settings.of(scene)
     full = Settings(
-        dict.fromkeys(own.lobe, "brdf"),
-        min(max(own.max_bounces, PROBED_BOUNCES), MOST_BOUNCES),
-        own.emitter_sampling,
+        lobe=dict.fromkeys(own.lobe, "brdf"),
+        max_bounces=min(max(own.max_bounces, PROBED_BOUNCES), MOST_BOUNCES),
+        emitter_sampling=own.emitter_sampling,
     )
     done = 0
 
@@ -143,7 +147,7 @@ def plan(
         )
 
     # ------------------ Emitter sampling -------------------
-    settings = Settings(lobe, bounces, drawn, closure)
+    settings = Settings(lobe=lobe, max_bounces=bounces, emitter_sampling=drawn, closure=closure)
     other = replace(settings, emitter_sampling=not drawn)
     found, alternative = look(settings), look(other)
     cost = [probed.seconds * np.mean(probed.deviation**2) for probed in (found, alternative)]
@@ -181,17 +185,14 @@ def plan(
     if progress:
         progress(done, done)
     return Plan(
-        settings.lobe,
-        bounces,
-        settings.emitter_sampling,
-        closure,
-        spp,
-        tolerance,
-        each_pixel,
-        error,
-        found.seconds * spp * pixels,
-        time.perf_counter() - start,
-        left_out,
+        **asdict(settings),
+        spp=spp,
+        tolerance=tolerance,
+        each_pixel=each_pixel,
+        predicted_error=error,
+        predicted_seconds=found.seconds * spp * pixels,
+        probe_seconds=time.perf_counter() - start,
+        left_out=left_out,
     )
 
 
@@ -200,43 +201,33 @@ def simpler_lobes(scene, full: Settings, reference: Probe, budget: float, each_p
     them all, what is left out).
     """
     lobe, error, left_out, shown = dict(full.lobe), 0.0, [], reference
-    for material, (rung, exact) in candidates(scene).items():
-        tried = lobe | {material: rung}
-        if exact:
+    for material, rung in candidates(scene).items():
+        tried = lobe | {material: rung.lobe}
+        if rung.exact:
             lobe = tried
             continue
         found = look(replace(full, lobe=tried))
         bound = difference(found, reference, each_pixel)
         if bound <= budget:  # against the reference: it bounds what all changes so far do together
             left_out.append(
-                f"the BRDF of {material or 'an unnamed material'}, taken as {rung}: with what came before at most {bound:.2g} of the mean"
+                f"the BRDF of {material or 'an unnamed material'}, taken as {rung.lobe}: with what came before at most {bound:.2g} of the mean"
             )
             lobe, error, shown = tried, bound, found
     return lobe, error, shown, left_out
 
 
-def candidates(scene: Scene) -> dict[str, tuple[str, bool]]:
-    """For each material that may have one, a lower rung and whether it is exact; surfaces of one
-    name share it, or have none.
+def candidates(scene: Scene) -> dict[str, Rung]:
+    """For each material that may have one, a lower rung of the fidelity ladder; surfaces of one name
+    share it, or have none.
     """
     rungs = {}
     for surface in scene.surfaces():
-        S, sharp = surface.surface, float(surface.e[0]) <= NARROW
-        lobe = (
-            1 - float(surface.epsilon[0]) - float(surface.rho_d[0])
-        )  # what is left for the lobe at normal incidence
-        floor = float(S.floor[0]) * float(S.G[0])
-        if lobe <= NEGLIGIBLE and float(surface.b[0]) <= NEGLIGIBLE:
-            rung = ("diffuse", True)
-        elif sharp:
-            rung = ("mirror", False)
-        else:
-            rung = ("diffuse", False) if floor > NEGLIGIBLE else None
+        rung = surface.model.lower_rung(*surface.values, form=surface.form)
         rungs.setdefault(surface.material, []).append(rung)
     found = {}
     for material, each in rungs.items():
-        if None not in each and len({rung for rung, _ in each}) == 1:
-            found[material] = (each[0][0], all(exact for _, exact in each))
+        if None not in each and len({rung.lobe for rung in each}) == 1:
+            found[material] = Rung(each[0].lobe, exact=all(rung.exact for rung in each))
     return found
 
 

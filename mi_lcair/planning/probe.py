@@ -3,12 +3,12 @@ long a path takes.
 """
 
 import time
-from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
 from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.settings import changed
 
 # independent looks, with the same seeds under all settings: differences between settings scatter
 # little
@@ -20,7 +20,7 @@ T_95 = 2.365  # Student's factor for 95 % and BATCHES - 1 degrees of freedom
 
 @dataclass(frozen=True)
 class Settings:
-    """What a plan may change: the lobe of each Sandford-Robertson material, and how paths are
+    """What a plan may change: the rung of each material with a ladder, and how paths are
     followed.
     """
 
@@ -33,34 +33,15 @@ class Settings:
     def of(scene: Scene) -> "Settings":
         integrator = scene.mi.integrator()
         return Settings(
-            {surface.material: surface.lobe for surface in scene.surfaces()},
-            integrator.max_bounces,
-            integrator.emitter_sampling,
-            integrator.closure,
+            lobe={surface.material: surface.lobe for surface in scene.surfaces()},
+            max_bounces=integrator.max_bounces,
+            emitter_sampling=integrator.emitter_sampling,
+            closure=integrator.closure,
         )
 
-    def apply(self, scene: Scene) -> None:
-        integrator = scene.mi.integrator()
-        for material, lobe in self.lobe.items():
-            scene.set_lobe(lobe, material)
-        integrator.max_bounces, integrator.emitter_sampling, integrator.closure = (
-            self.max_bounces,
-            self.emitter_sampling,
-            self.closure,
-        )
-
-
-@contextmanager
-def applied(scene: Scene, settings: Settings):
-    """Within: the scene has these settings; afterwards its own again."""
-    own, lobes = Settings.of(scene), [(surface, surface.lobe) for surface in scene.surfaces()]
-    settings.apply(scene)
-    try:
-        yield
-    finally:
-        own.apply(scene)
-        for surface, lobe in lobes:  # two surfaces of one name may differ
-            surface.set_lobe(lobe)
+    def applied(self, scene: Scene):
+        """Context manager: within, the scene has these settings; afterwards its own again."""
+        return changed(scene, **asdict(self), ambient_temperature=None)
 
 
 @dataclass(frozen=True)
@@ -90,7 +71,7 @@ class Probe:
 def probe(
     scene: Scene, settings: Settings, each_pixel: bool, seed: int = 0, sensor: int = 0
 ) -> Probe:
-    integrator, camera = scene.mi.integrator(), scene.sensor(sensor)
+    camera = scene.sensor(sensor)
     width, height = camera.film().crop_size()
     stride = max(1, width * height // PIXELS)
     stride += stride > 1 and width % stride == 0  # otherwise all pixels would lie in a few columns
@@ -99,25 +80,23 @@ def probe(
     seeds = np.random.SeedSequence(seed).generate_state(BATCHES).tolist()
     prefix = "" if each_pixel else "target."
     looks, deviation, means, times = [], [], [], []
-    with applied(scene, settings), integrator.prepared(scene.mi):
+    with settings.applied(scene), scene.prepared() as tracer:
         for batch in range(BATCHES):
             start = time.perf_counter()
-            part = integrator.observe(
-                scene.mi, camera, seeds[batch], spp, 0, pixels, "target", stride=stride
-            )
+            part = tracer.observe(camera, seeds[batch], spp, 0, pixels, "target", stride=stride)
             times.append(time.perf_counter() - start)
             names = [name for name in part.channels if name.startswith(f"{prefix}bounce.")]
             looks.append([part.channels[name].mean(axis=0) for name in names])
             deviation.append(scatter(part, each_pixel, spp))
             means.append(part.channels["target"].mean())
-        brightest = integrator.emitters.brightest
+        brightest = tracer.emitters.brightest
     return Probe(
-        np.array(looks),
-        np.array(deviation),
-        float(np.std(means, ddof=1) * np.sqrt(pixels * spp)),
-        float(np.median(times[1:])) / (pixels * spp),
-        BATCHES * pixels * spp,
-        brightest,
+        by_bounce=np.array(looks),
+        deviation=np.array(deviation),
+        between=float(np.std(means, ddof=1) * np.sqrt(pixels * spp)),
+        seconds=float(np.median(times[1:])) / (pixels * spp),
+        paths=BATCHES * pixels * spp,
+        brightest=brightest,
     )
 
 

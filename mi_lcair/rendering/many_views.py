@@ -6,6 +6,7 @@ import drjit as dr
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.plugins.bounce_path import Samples
 from mi_lcair.rendering.render import DEFAULT_MAX_SPP, PASS_SAMPLES, growth
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import Target, View, cameras, check_resolution
@@ -80,19 +81,18 @@ def render_views(
             f"spp = {spp} must be {'1 or ' if least == 1 else ''}even: what is drawn twice tells the error"
         )
     seeds = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
-    integrator, target = scene.mi.integrator(), Target.of(scene)
+    target = Target.of(scene)
     area = np.array([target.window_area(view) for view in views])
     sensor = cameras(scene, target, views, resolution)
     paths = resolution**2
     most = max(least, PASS_SAMPLES // (paths * len(views)) // 2 * 2)  # in one pass
     limit = spp or max(least, (max_spp or DEFAULT_MAX_SPP) // least * least)
     done, goal, invalid, sums = 0, spp or least, 0, {}
-    with integrator.prepared(scene.mi):
+    with scene.prepared() as tracer:
         while done < goal:
             step = min(goal - done, most)
             step -= step % 2 if step > 1 else 0
-            L, samples = integrator.sampled(
-                scene.mi,
+            samples = tracer.sampled(
                 sensor,
                 int(seeds.spawn(1)[0].generate_state(1)[0]),
                 step,
@@ -100,7 +100,7 @@ def render_views(
                 paths * len(views),
                 "model",
             )
-            bad, halves = in_halves(L, samples, step, len(views), resolution)
+            bad, halves = in_halves(samples, step, len(views), resolution)
             invalid += bad
             for name, statistics in halves.items():
                 sums[name] = sums.get(name, 0.0) + statistics * [[step], [step**2]]
@@ -109,13 +109,13 @@ def render_views(
                 name: np.array([total / done, np.sqrt(squares) / done]) * area
                 for name, (total, squares) in sums.items()
             }
-            brightest = integrator.emitters.brightest * area
+            brightest = tracer.emitters.brightest * area
             found = ManyViews(
-                parts,
-                brightest,
-                np.hypot(parts["target"][1], brightest / (done * paths)),
-                done,
-                invalid,
+                parts=parts,
+                brightest=brightest,
+                error=np.hypot(parts["target"][1], brightest / (done * paths)),
+                spp=done,
+                invalid=invalid,
             )
             if spp is None:
                 excess = found.excess(tolerance).max()
@@ -127,20 +127,20 @@ def render_views(
     return found
 
 
-def in_halves(L, samples: dict, spp: int, views: int, resolution: int) -> tuple[int, dict]:
+def in_halves(samples: Samples, spp: int, views: int, resolution: int) -> tuple[int, dict]:
     """Invalid samples, and by name the mean over each view's window and its variance, (2, V).
 
     A pixel's samples come in two halves, whose scatter tells the variance; what differs from pixel
     to pixel does not add to it, or, with one sample for each pixel, little: the halves are then
     neighbours.
     """
-    finite = dr.isfinite(L)
+    finite = dr.isfinite(samples.radiance)
     names = [
         name
-        for name in samples
+        for name in samples.channels
         if name.startswith(("target", "bounce.", "group.", "closure", "hit"))
     ]
-    values = {name: dr.select(finite, samples[name], 0) for name in names}
+    values = {name: dr.select(finite, samples.channels[name], 0) for name in names}
     dr.eval(finite, values)
 
     def statistics(value):

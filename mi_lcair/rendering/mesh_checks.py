@@ -110,5 +110,7 @@ def mesh_attribute(shape, texture, name: str) -> np.ndarray:
     values = buffers[attribute].numpy()
     count = shape.face_count() if attribute.startswith("face_") else shape.vertex_count()
     if len(values) != count:
-        raise InputError(f"{name}: mesh attribute '{attribute}' has {len(values) // count} numbers each; it must have 1")
+        raise InputError(
+            f"{name}: mesh attribute '{attribute}' has {len(values) // count} numbers each; it must have 1"
+        )
     return values

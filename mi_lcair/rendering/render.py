@@ -18,16 +18,12 @@ from mi_lcair.physics.blackbody import brightness_temperature
 from mi_lcair.plugins.sources import Sources
 from mi_lcair.rendering.apparent import apparent
 from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.statistics import Accumulator
 
 BOUNCE_CHANNELS = 17  # in the image; the last holds every bounce count from 16 on
 PASS_SAMPLES = 2**20  # paths in flight at once: a pass takes seconds, and Ctrl-C waits for its end
 PILOT_SPP = 16
 DEFAULT_MAX_SPP = 2**16
-COVARYING = (
-    "source.",
-    "target.source.",
-    "target.hit",
-)  # beginnings of the names of what a sum may be made of
 
 
 @dataclass(frozen=True)
@@ -68,91 +64,6 @@ class Render:
         )
 
 
-class Accumulator:
-    """Running mean and variance per pixel, and mean channels, over passes (Chan, Golub and LeVeque
-    1983); Float64.
-
-    A channel's variance is that of its sum over the pixels alone, from the scatter of the parts of
-    each pixel's samples: an image of variances for every channel would double the memory.
-    """
-
-    def __init__(self, pixels: int, brightest: float = 0.0):
-        self.brightest = brightest  # radiance of a source that paths may have missed so far
-        self.count, self.mean, self.squares, self.parts = (np.zeros(pixels) for _ in range(4))
-        self.channels, self.scatter = {}, {}
-        self.covariance = 0.0
-        self.invalid = 0
-
-    def add(self, first: int, part) -> None:
-        """Adds the statistics of a run of pixels that starts at pixel `first`."""
-        run = slice(first, first + len(part.count))
-        before, count = self.count[run], self.count[run] + part.count
-        share = part.count / np.maximum(count, 1)
-        difference = part.mean - self.mean[run]
-        self.squares[run] += part.squares + difference**2 * before * share
-        self.mean[run] += difference * share
-        self.invalid += part.invalid
-        for k, part_count in enumerate(part.part_count):
-            after = before + part_count
-            share = part_count / np.maximum(after, 1)
-            by_source = []
-            for name, values in part.channels.items():
-                mean = self.channels.setdefault(name, np.zeros(len(self.count)))
-                difference = values[k] - mean[run]
-                mean[run] += difference * share
-                self.scatter[name] = self.scatter.get(name, 0.0) + np.sum(
-                    difference**2 * before * share
-                )
-                if name.startswith(COVARYING):
-                    by_source.append(difference * np.sqrt(before * share))
-            if by_source:
-                self.covariance += np.array(by_source) @ np.array(by_source).T
-            before = after
-            self.parts[run] += part_count > 0
-        self.count[run] = count
-
-    def error_scale(self) -> float | None:
-        """What turns scatter into the variance of a mean over all pixels; None where no pixel has
-        two parts.
-        """
-        freedom = np.sum(np.maximum(self.parts - 1, 0))
-        return (
-            np.mean(1 / np.maximum(self.count, 1)) / freedom / len(self.count)
-            if freedom > 0
-            else None
-        )
-
-    def means(self) -> dict[str, tuple[float, float | None]]:
-        """Of each channel: its mean over the pixels, and the standard error of that."""
-        scale = self.error_scale()
-        return {
-            name: (
-                float(values.mean()),
-                None if scale is None else float(np.sqrt(self.scatter[name] * scale)),
-            )
-            for name, values in self.channels.items()
-        }
-
-    def standard_error(self) -> np.ndarray:
-        """Standard error of each pixel's mean; infinite below two samples."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(
-                self.count > 1, np.sqrt(self.squares / (self.count * (self.count - 1))), np.inf
-            )
-
-    def rms_error(self) -> float | None:
-        """Rms standard error over the pixels as a fraction of the mean; None below two samples.
-
-        The scatter of n samples knows nothing of a source that fewer than one path in n meets: it
-        is taken to be met by one path of all.
-        """
-        if self.count.min() < 2:
-            return None
-        missed = self.brightest**2 / (self.count.mean() * self.count.sum())
-        mean, rms = self.mean.mean(), np.sqrt(np.mean(self.standard_error() ** 2) + missed)
-        return float(rms / mean) if mean > 0 else 0.0
-
-
 def render(
     scene: Scene,
     spp: int | None = None,
@@ -172,7 +83,7 @@ def render(
     spp: samples per pixel (the scene's own). tolerance: instead render until the rms standard error
     over the pixels is below this fraction of the mean radiance, or max_spp (65536) is reached.
     seed: the same seed gives the same image. sensor: which one, counted from 0. split, by_spectrum,
-    facets: what is recorded beside the radiance, see `observe` of bounce_path. atmosphere: also
+    facets: what is recorded beside the radiance, see `PathTracer.sampled`. atmosphere: also
     what of the picture arrives through it, over range_m or else each pixel's own range
     (`apparent.Y`, `path.Y`). progress: called with (samples per pixel done, total expected).
     """
@@ -185,14 +96,14 @@ def render(
             atmosphere.path(range_m)  # refused now, not after the work
         split, by_spectrum = "target", True
     start = time.perf_counter()
-    camera, integrator = scene.sensor(sensor), scene.mi.integrator()
+    camera = scene.sensor(sensor)
     width, height = camera.film().crop_size()
     goal = (spp or camera.sampler().sample_count()) if tolerance is None else (spp or PILOT_SPP)
     limit = goal if tolerance is None else (max_spp or DEFAULT_MAX_SPP)
     seeds = np.random.SeedSequence(seed)
-    done, tail_errors = 0, []
-    with integrator.prepared(scene.mi, by_spectrum):
-        total = Accumulator(width * height, integrator.emitters.brightest)
+    done = 0
+    with scene.prepared(by_spectrum) as tracer:
+        total = Accumulator(width * height, tracer.emitters.brightest)
         while done < min(goal, limit):
             step = max(1, min(min(goal, limit) - done, PASS_SAMPLES // (width * height)))
             step -= step % 2 if step > 1 else 0  # even: a pass can be told in two halves
@@ -202,11 +113,8 @@ def render(
                 pixels = min(run, width * height - first)
                 total.add(
                     first,
-                    integrator.observe(
-                        scene.mi, camera, pass_seed, step, first, pixels, split, facets
-                    ),
+                    tracer.observe(camera, pass_seed, step, first, pixels, split, facets),
                 )
-                tail_errors.append(integrator.tail_error)
             done += step
             if tolerance is not None and done >= goal:
                 goal = samples_needed(total, done, tolerance)
@@ -214,7 +122,7 @@ def render(
                 progress(done, min(goal, limit))
     rms_error = total.rms_error()
     reached = None if tolerance is None else rms_error is not None and rms_error <= tolerance
-    closure_error = float(np.mean(tail_errors)) if integrator.closure == "tail" else None
+    closure_error = float(np.mean(total.tail_errors)) if tracer.closure == "tail" else None
     scale = total.error_scale()
     covariance = total.covariance * scale if by_spectrum and scale is not None else None
     channels, air = image_channels(total, scene.band), {}
@@ -224,26 +132,26 @@ def render(
             "atmosphere_range_m": "range.Y" if range_m is None else f"{range_m:g}",
         }
         channels |= apparent(
-            total.mean, total.channels, integrator.emitters.sources, scene.band, atmosphere, range_m
+            total.mean, total.channels, tracer.emitters.sources, scene.band, atmosphere, range_m
         )
     return Render(
-        {
+        channels={
             name: np.ascontiguousarray(values.reshape(height, width), dtype=np.float32)
             for name, values in channels.items()
         },
-        header(scene, integrator, sensor, done, seed, total, closure_error) | air,
-        scene.band,
-        total.means(),
-        covariance,
-        integrator.emitters.sources,
-        done,
-        float(total.mean.mean()),
-        rms_error,
-        reached,
-        total.invalid,
-        done * width * height,
-        closure_error,
-        time.perf_counter() - start,
+        header=header(scene, tracer, sensor, done, seed, total, closure_error) | air,
+        band=scene.band,
+        parts=total.means(),
+        covariance=covariance,
+        sources=tracer.emitters.sources,
+        spp=done,
+        mean=float(total.mean.mean()),
+        rms_error=rms_error,
+        reached=reached,
+        invalid=total.invalid,
+        paths=done * width * height,
+        closure_error=closure_error,
+        seconds=time.perf_counter() - start,
     )
 
 
@@ -290,7 +198,7 @@ def image_channels(total: Accumulator, band: Band) -> dict[str, np.ndarray]:
 
 
 def header(
-    scene: Scene, integrator, sensor: int, spp: int, seed: int, total: Accumulator, closure_error
+    scene: Scene, tracer, sensor: int, spp: int, seed: int, total: Accumulator, closure_error
 ) -> dict:
     """What the image must say about itself."""
     entries = {
@@ -304,9 +212,9 @@ def header(
         "seed": str(seed),
         "paths": str(spp * len(total.mean)),
         "invalid_samples": str(total.invalid),
-        "max_bounces": integrator.max_bounces,
-        "emitter_sampling": str(integrator.emitter_sampling),
-        "closure": integrator.closure,
+        "max_bounces": tracer.max_bounces,
+        "emitter_sampling": str(tracer.emitter_sampling),
+        "closure": tracer.closure,
         "lobes": json.dumps({surface.material: surface.lobe for surface in scene.surfaces()}),
         "versions": f"mi_lcair {mi_lcair.__version__}, mitsuba {mi.__version__}, drjit {dr.__version__}, {mi.variant()}",
     }

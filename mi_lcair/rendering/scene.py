@@ -13,7 +13,9 @@ import numpy as np
 from mi_lcair import scenes
 from mi_lcair.errors import InputError, mitsuba_error, unknown
 from mi_lcair.physics.bands import Band
+from mi_lcair.physics.reflection import NAMES
 from mi_lcair.plugins.derivatives import deriving_plugins, members
+from mi_lcair.plugins.reflection_bsdf import is_reflection_bsdf
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
 NO_ID = re.compile(r"object_\d+")  # what has no id is named by its address in memory
@@ -59,7 +61,7 @@ class Scene:
         """
         said = [str(self.mi.integrator()), self.band.label]
         said += [
-            f"{surface.material} {surface.form} {surface.emissivity} {surface.lobe}"
+            f"{surface.model.name} {surface.material} {surface.form} {surface.emissivity} {surface.lobe}"
             for surface in self.surfaces()
         ]
         said += [
@@ -86,13 +88,17 @@ class Scene:
             )
         return self.sensors[index]
 
+    def prepared(self, by_spectrum: bool = False):
+        """Context manager that gives the scene's `PathTracer`; within, its paths may be traced."""
+        return self.mi.integrator().prepared(self.mi, by_spectrum)
+
     def surfaces(self) -> list:
-        """The scene's Sandford-Robertson BSDFs."""
-        return [plugin for plugin in deriving_plugins(self.mi) if hasattr(plugin, "set_lobe")]
+        """The scene's BSDFs of reflection models."""
+        return [plugin for plugin in deriving_plugins(self.mi) if is_reflection_bsdf(plugin)]
 
     def set_lobe(self, lobe: str, material: str | None = None) -> None:
-        """Sets the fidelity rung (brdf, mirror, diffuse) of one Sandford-Robertson material, or of
-        all.
+        """Sets the fidelity rung (brdf, mirror, diffuse) of one material, or of all that
+        have a fidelity ladder.
         """
         surfaces = self.surfaces()
         chosen = [surface for surface in surfaces if material in (None, surface.material)]
@@ -192,7 +198,7 @@ def with_known_plugins(error: Exception) -> Exception:
         return error
     installed = [file.stem for file in (Path(mi.__file__).parent / "plugins").glob("*.*")]
     nearest = get_close_matches(
-        found[1], ["sandford_robertson", "thermal", "bounce_path", *installed], n=5, cutoff=0.4
+        found[1], [*NAMES, "material", "thermal", "bounce_path", *installed], n=5, cutoff=0.4
     )
     return InputError(f"{error}; the nearest known are: {', '.join(nearest) or 'none'}")
 
@@ -200,7 +206,7 @@ def with_known_plugins(error: Exception) -> Exception:
 def checked(loaded, path: Path, parameters: dict[str, str]) -> Scene:
     """The Scene, with its derived quantities made; refuses what cannot be rendered."""
     integrator = loaded.integrator()
-    if not hasattr(integrator, "observe"):
+    if not hasattr(integrator, "prepared"):
         raise InputError(
             f'{path}: the integrator must be bounce_path: <integrator type="bounce_path"/>'
         )
@@ -211,9 +217,9 @@ def checked(loaded, path: Path, parameters: dict[str, str]) -> Scene:
             raise InputError(
                 f"{path}: the film of sensor {number} has no pixels; width and height must be positive"
             )
-    with integrator.prepared(loaded):
-        pass  # whatever cannot be derived is refused here
-    if integrator.emitters.band is None:
+    with integrator.prepared(loaded) as tracer:
+        emitters = tracer.emitters  # whatever cannot be derived is refused here
+    if emitters.band is None:
         raise InputError(
             f'{path}: no thermal emitter names a band; add <emitter type="thermal"> to what radiates'
         )
@@ -221,27 +227,22 @@ def checked(loaded, path: Path, parameters: dict[str, str]) -> Scene:
         path.resolve().parent.name if path.stem == "scene" else path.stem
     )  # as `import` names its files
     return Scene(
-        loaded,
-        name,
-        integrator.emitters.band,
-        integrator.emitters.labels,
-        parameters,
-        notes(loaded),
-        list(loaded.sensors()),
-        path,
+        mi=loaded,
+        name=name,
+        band=emitters.band,
+        groups=emitters.labels,
+        parameters=parameters,
+        notes=notes(loaded),
+        sensors=list(loaded.sensors()),
+        path=path,
     )
 
 
 def notes(loaded) -> list[str]:
     found = []
     for plugin in deriving_plugins(loaded):
-        if hasattr(plugin, "set_lobe"):
-            angle = plugin.first_saturated_angle_deg()
-            if angle is not None:
-                found.append(
-                    f"material {plugin.material}: the model would reflect more than arrives beyond {angle:.1f} degrees; "
-                    "its BRDF is scaled down to HDR = 1 there"
-                )
+        if is_reflection_bsdf(plugin):
+            found += [f"material {plugin.material}: {remark}" for remark in plugin.remarks()]
         elif plugin.material_emissivity is not None and plugin.material_emissivity.kind == "table":
             found.append(
                 f"group {plugin.group}: emissivity tabulated by sampling the BSDF, "

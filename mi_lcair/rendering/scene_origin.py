@@ -9,7 +9,9 @@ from mi_lcair.errors import InputError
 from mi_lcair.models3d.model import SIZES_AWAY
 from mi_lcair.rendering.scene_checks import properties, references
 
-FAR = 10  # sizes of the scene away from its origin: then it is moved; Float32 still holds 1e-6 of it
+FAR = (
+    10  # sizes of the scene away from its origin: then it is moved; Float32 still holds 1e-6 of it
+)
 # Parameters that hold a point of the scene, and emitters that have a place there
 POINTS = {
     mi.ObjectType.Shape: ("center", "p0", "p1"),

@@ -181,7 +181,8 @@ def hidden_share(scene: Scene, range_m: float) -> float:
     position = (mi.Point2f(index % PROBES, index // PROBES) + 0.5) / PROBES
     ray, _ = camera.sample_ray(0, 0, position, mi.Point2f(0.5))
     first = scene.mi.ray_intersect(ray)
-    on_model = first.is_valid() & scene.mi.integrator().emitters.is_model(first.emitter(scene.mi))
+    with scene.prepared() as tracer:
+        on_model = first.is_valid() & tracer.emitters.is_model(first.emitter(scene.mi))
     outward = mi.Ray3f(ray.o, -ray.d, maxt=range_m, time=0, wavelengths=[])
     return int(dr.count(on_model & scene.mi.ray_test(outward))[0]) / max(
         1, int(dr.count(on_model)[0])

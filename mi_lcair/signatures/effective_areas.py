@@ -16,7 +16,8 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.plugins.sources import Source
-from mi_lcair.rendering.render import COVARYING, Render
+from mi_lcair.rendering.render import Render
+from mi_lcair.rendering.statistics import COVARYING
 
 PARTS = ("target", "scene")
 SPECTRUM_ROWS = (
@@ -215,12 +216,12 @@ def effective_areas(image: Render, window_area: float) -> EffectiveAreas:
         for part in PARTS
     ]
     return EffectiveAreas(
-        image.band,
-        sources,
-        mean * scale,
-        error,
-        image.parts["target.hit"][0] * window_area,
-        covariance,
-        nodes,
-        np.array(by_wavelength) * window_area,
+        band=image.band,
+        sources=sources,
+        area=mean * scale,
+        error=error,
+        projected_area=image.parts["target.hit"][0] * window_area,
+        covariance=covariance,
+        nodes_um=nodes,
+        by_wavelength=np.array(by_wavelength) * window_area,
     )

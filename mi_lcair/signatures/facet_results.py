@@ -1,6 +1,7 @@
 """What each facet of the model sends to the sensor, from the same paths as the image."""
 
 import csv
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,14 +14,31 @@ EDGE_ON = 1e-6  # cosine below which a facet shows nothing but rounding errors
 FEW = 30  # samples that a facet must expect for its visible fraction to be told
 
 
+@dataclass(frozen=True)
 class FacetResults:
-    """Sums over the paths that meet each facet first, and after `finish` the columns of a table.
+    """What each facet sends to the sensor, as a table.
 
     columns: name (with its unit) -> one value for each facet of the model (not of its background),
     NaN where there is none: a facet out of sight has no radiance. The column intensity_W_sr sums to
     the target's intensity. mean_cosine is that of the front; visible_fraction an estimate from the
     samples, which may exceed 1 by its noise.
     """
+
+    columns: dict[str, np.ndarray]
+
+    def write(self, path) -> None:
+        """The table as a CSV; cells without a value are `nan`."""
+        with replacing(path) as partial, open(partial, "w", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow(self.columns)
+            for row in zip(*self.columns.values()):
+                writer.writerow(
+                    [f"{value:.9g}" if isinstance(value, float) else value for value in row]
+                )
+
+
+class FacetSums:
+    """Sums over the paths that meet each facet first; a render adds to them, `results` ends them."""
 
     def __init__(self, table: FacetTable):
         self.table = table
@@ -71,8 +89,8 @@ class FacetResults:
                 self.batches += 1
         self.sweep[:], self.sweep_spp[:] = 0, 0
 
-    def finish(self, window_area: float, direction: np.ndarray) -> None:
-        """Makes the columns. window_area: of the sensor [m^2]; direction: unit vector toward it."""
+    def results(self, window_area: float, direction: np.ndarray) -> FacetResults:
+        """The table. window_area: of the sensor [m^2]; direction: unit vector toward it."""
         self.end_sweep()
         table, per_sample = self.table, window_area / self.samples
         mean_cosine = mean_cosines(table, direction)
@@ -116,17 +134,9 @@ class FacetResults:
             "intensity_W_sr": self.total * per_sample,
             "standard_error_W_sr": error,
         }
-        self.columns = {name: values[table.type == "model"] for name, values in columns.items()}
-
-    def write(self, path) -> None:
-        """The table as a CSV; cells without a value are `nan`."""
-        with replacing(path) as partial, open(partial, "w", newline="") as file:
-            writer = csv.writer(file)
-            writer.writerow(self.columns)
-            for row in zip(*self.columns.values()):
-                writer.writerow(
-                    [f"{value:.9g}" if isinstance(value, float) else value for value in row]
-                )
+        return FacetResults(
+            {name: values[table.type == "model"] for name, values in columns.items()}
+        )
 
 
 def mean_cosines(table: FacetTable, direction: np.ndarray) -> np.ndarray:

@@ -96,24 +96,26 @@ def hemispherical_view(
     sample = low_discrepancy(rays, seed)
     p, n = points(facets, facet, sample[:, :2])
     shares = []
-    for warp in (mi.warp.square_to_uniform_hemisphere, mi.warp.square_to_cosine_hemisphere):
-        direction = mi.Frame3f(n).to_world(warp(mi.Point2f(sample[:, 2:].T)))
-        shares.append(
-            np.bincount(1 + seen(scene, facets, p, n, direction), minlength=1 + facets.count)
-            / len(sample)
-        )
+    with scene.prepared() as tracer:
+        for warp in (mi.warp.square_to_uniform_hemisphere, mi.warp.square_to_cosine_hemisphere):
+            direction = mi.Frame3f(n).to_world(warp(mi.Point2f(sample[:, 2:].T)))
+            shares.append(
+                np.bincount(1 + seen(tracer, facets, p, n, direction), minlength=1 + facets.count)
+                / len(sample)
+            )
+        facets_around = view_map(tracer, facets, facet)
     neighbour = np.flatnonzero(shares[0] + shares[1])
     neighbour = neighbour[np.argsort(-shares[1][neighbour], kind="stable")]
     neighbour = np.append(neighbour[neighbour != 0], 0)  # bin 0: what escapes
     return HemisphericalView(
-        scene.name,
-        facet,
-        facets,
-        neighbour - 1,
-        2 * np.pi * shares[0][neighbour],
-        shares[1][neighbour],
-        view_map(scene, facets, facet),
-        len(sample),
+        scene=scene.name,
+        facet=facet,
+        facets=facets,
+        neighbour=neighbour - 1,
+        solid_angle=2 * np.pi * shares[0][neighbour],
+        view_factor=shares[1][neighbour],
+        map=facets_around,
+        rays=len(sample),
     )
 
 
@@ -140,12 +142,12 @@ def points(facets: FacetTable, facet: int, sample: np.ndarray):
     return mi.Point3f(p.T), mi.Normal3f((normal / area[:, None])[chosen].T)
 
 
-def seen(scene: Scene, facets: FacetTable, p, n, direction) -> np.ndarray:
+def seen(tracer, facets: FacetTable, p, n, direction) -> np.ndarray:
     """The facet that a ray from the surface point `p` meets first, NOTHING where it escapes."""
     si = dr.zeros(mi.SurfaceInteraction3f, dr.width(direction))
     si.p, si.n, si.sh_frame = p, n, mi.Frame3f(n)
-    hit = scene.mi.ray_intersect_preliminary(
-        scene.mi.integrator().emitters.spawn_ray(si, direction), coherent=False
+    hit = tracer.scene.ray_intersect_preliminary(
+        tracer.emitters.spawn_ray(si, direction), coherent=False
     )
     return facets.number(hit.shape, hit.prim_index).numpy().astype(np.int32)  # ABSENT becomes -1
 
@@ -165,7 +167,7 @@ def frame(facets: FacetTable, facet: int) -> np.ndarray:
     return np.array([reference, np.cross(normal, reference), normal])
 
 
-def view_map(scene: Scene, facets: FacetTable, facet: int) -> np.ndarray:
+def view_map(tracer, facets: FacetTable, facet: int) -> np.ndarray:
     """The facets seen from the centre of `facet`, (MAP_THETA, MAP_PHI); see HemisphericalView.map."""
     theta, phi = np.meshgrid(
         (np.arange(MAP_THETA) + 0.5) / MAP_THETA * np.pi / 2,
@@ -175,7 +177,7 @@ def view_map(scene: Scene, facets: FacetTable, facet: int) -> np.ndarray:
     local = np.array([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)])
     direction = frame(facets, facet).T @ local.reshape(3, -1)
     return seen(
-        scene,
+        tracer,
         facets,
         mi.Point3f(facets.centre[facet]),
         mi.Normal3f(facets.normal[facet]),

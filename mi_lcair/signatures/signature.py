@@ -12,7 +12,7 @@ from mi_lcair.rendering.render import Render, render
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.window import window, window_area
 from mi_lcair.signatures.effective_areas import EffectiveAreas, effective_areas
-from mi_lcair.signatures.facet_results import FacetResults
+from mi_lcair.signatures.facet_results import FacetResults, FacetSums
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def signature(
             f"{scene.name}: band total has no wavelengths, so that its intensity has no spectrum; choose a band with limits"
         )
     area = window_area(scene.sensor(sensor), scene.name)
-    by_facet = FacetResults(FacetTable(scene)) if facets else None
+    sums, by_facet = FacetSums(FacetTable(scene)) if facets else None, None
     image = render(
         scene,
         spp,
@@ -112,24 +112,24 @@ def signature(
         sensor,
         "target",
         by_spectrum,
-        by_facet,
+        sums,
         progress=progress,
     )
-    if by_facet is not None:
+    if sums is not None:
         *_, direction = window(scene.sensor(sensor))
-        by_facet.finish(area, -direction)
+        by_facet = sums.results(area, -direction)
     scene_error = None if "stderr.Y" not in image.channels else standard_error(image, area)
     return Signature(
-        image.band.name,
-        intensity(image, "", image.mean * area, scene_error, area),
-        intensity(image, "target.", *scaled(image.parts["target"], area), area),
-        effective_areas(image, area) if by_spectrum else None,
-        by_facet,
-        area,
-        image.seconds,
-        image.paths,
-        image.invalid,
-        image.reached,
+        band=image.band.name,
+        scene=intensity(image, "", image.mean * area, scene_error, area),
+        target=intensity(image, "target.", *scaled(image.parts["target"], area), area),
+        effective_areas=effective_areas(image, area) if by_spectrum else None,
+        facets=by_facet,
+        window_area=area,
+        seconds=image.seconds,
+        paths=image.paths,
+        invalid=image.invalid,
+        reached=image.reached,
     )
 
 
@@ -154,8 +154,17 @@ def intensity(
     by_bounce = np.cumsum(
         [value for name, (value, _) in parts.items() if name.startswith("bounce.")]
     )
+    by_group, by_group_error = split("group.")
+    by_seen, by_seen_error = split("seen.")
     return Intensity(
-        total, error, by_bounce.tolist(), *split("group."), *split("seen."), parts["closure"][0]
+        intensity=total,
+        standard_error=error,
+        by_bounce=by_bounce.tolist(),
+        by_group=by_group,
+        by_group_error=by_group_error,
+        by_seen=by_seen,
+        by_seen_error=by_seen_error,
+        closure=parts["closure"][0],
     )
 
 

@@ -5,12 +5,11 @@ and what `mi-lcair import` makes of it. The bundled scenes use those of scenes/m
 import sys
 from pathlib import Path
 
+from mi_lcair import models3d as facets
 from mi_lcair.scenes.build.airliner import airliner
 from mi_lcair.scenes.build.cylinder import cylinder
 from mi_lcair.scenes.build.surroundings import ir_range, world_sphere
 from mi_lcair.scenes.build.wavefront import wavefront
-
-from mi_lcair import models3d as facets
 
 # an overcast summer day, nearest to the thesis's (3.4.2.2); scenes may name another
 SKY = "midlat_summer_stratus"

@@ -12,6 +12,7 @@ the annulus is the flat end of the cowl, and faces aft.
 """
 
 import numpy as np
+
 from mi_lcair.scenes.build.bodies import Facet, cap, loft, mirrored, patch, revolve, ring
 
 LENGTH, SPAN, FUSELAGE_DIAMETER = 63.69, 60.30, 5.64  # m

@@ -7,6 +7,7 @@ its faces meet the cylinder along a generator, in a sharp corner.
 """
 
 import numpy as np
+
 from mi_lcair.scenes.build.bodies import mirrored, patch, revolve
 
 LENGTH, NOSE_LENGTH, RADIUS = 1.2, 0.3, 0.15  # m, assumed; the length includes the nose

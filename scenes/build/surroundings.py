@@ -3,6 +3,7 @@ inward.
 """
 
 import numpy as np
+
 from mi_lcair.scenes.build.bodies import Facet, patch
 
 RANGE_SIDE = 3.0  # m

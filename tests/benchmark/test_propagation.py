@@ -285,7 +285,7 @@ def test_closures_on_the_cavity(opening):
 def test_settings_are_put_back():
     case = problems.cavity()
     path_tracing.intensity(case, 1, 0, 1, emitter_sampling=True, closure="ambient")
-    integrator = case.integrator
+    integrator = case.scene.mi.integrator()
     assert (
         integrator.max_bounces,
         integrator.emitter_sampling,

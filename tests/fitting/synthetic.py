@@ -1,10 +1,13 @@
 """Measurements with a known answer, made with the NumPy model."""
 
 import numpy as np
-from mi_lcair.fitting.parameters import NAMES
-from mi_lcair.fitting.scatterometer.measurements import Measurements
 
+from mi_lcair.fitting.scatterometer.measurements import Measurements
+from mi_lcair.physics.reflection import MODELS
 from tests.fitting.numpy_model import brdf
+
+MODEL = MODELS["sandford_robertson"]  # of the NumPy model
+NAMES = MODEL.names
 
 # Harkiss 2007, Tables 2.2 and 2.3
 THESIS_SETS = {

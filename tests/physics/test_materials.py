@@ -39,7 +39,7 @@ def user_file(tmp_path):
 @pytest.mark.parametrize("name, where", PRINTED)
 def test_built_in_materials_have_the_printed_numbers(name, where):
     found = material(name, band(where))
-    assert (found.epsilon, found.rho_d, found.b, found.e) == PRINTED[name, where]
+    assert found.values == PRINTED[name, where]
     assert found.name == name and found.form == "thesis" and found.band in (where, "any")
 
 
@@ -81,7 +81,7 @@ def test_another_band_is_refused_unless_allowed_and_then_the_nearest_is_taken(wa
 
 
 def test_without_a_band_only_ideal_surfaces_are_known():
-    assert material("diffuse", None).rho_d == 1
+    assert material("diffuse", None).parameters["rho_d"] == 1
     with pytest.raises(InputError, match="'gloss_black': needs a band; measured for MWIR, LWIR"):
         material("gloss_black", None, allow_band=True)
 
@@ -102,9 +102,9 @@ def test_a_users_file_comes_first_and_the_built_in_materials_stay_known(user_fil
         and "diffuse" in names(path)
         and len(names(path)) == 6
     )
-    assert material("gloss_black", band("MWIR"), path).epsilon == 0.5
+    assert material("gloss_black", band("MWIR"), path).parameters["epsilon"] == 0.5
     assert material("gloss_black", band("MWIR"), str(path)).source == str(path)
-    assert material("diffuse", band("MWIR"), path).rho_d == 1
+    assert material("diffuse", band("MWIR"), path).parameters["rho_d"] == 1
     steel = material("steel", band("MWIR"), path)
     assert (steel.band, steel.form, steel.source) == ("2-5.7", "normalized", "lab book 7")
 
@@ -134,7 +134,7 @@ def test_a_fit_serves_as_a_material(user_file):
     }
     path = user_file(json.dumps(report), "fit.json")
     found = material(str(path), band("MWIR"))
-    assert (found.epsilon, found.rho_d, found.b, found.e) == (0.1, 0.2, 0.3, 0.04)
+    assert found.values == (0.1, 0.2, 0.3, 0.04)
     assert (found.name, found.band, found.form, found.source) == (
         str(path),
         "2-5.7",
@@ -159,7 +159,10 @@ def test_a_fit_of_several_bands_serves_each(user_file):
             "fit.json",
         )
     )
-    assert [material(path, band(name)).epsilon for name in ("MWIR", "LWIR")] == [0.1, 0.3]
+    assert [material(path, band(name)).parameters["epsilon"] for name in ("MWIR", "LWIR")] == [
+        0.1,
+        0.3,
+    ]
     with pytest.raises(InputError, match="not measured for band SWIR 1-3 um, only for 3-5, 8-12"):
         material(path, band("SWIR"))
 

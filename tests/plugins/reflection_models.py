@@ -78,7 +78,7 @@ class Model:
 
 def exact_HDR(bsdf, theta):
     """The raw model's HDR in Float64, for the parameters that the plugin holds in Float32."""
-    S = surface(*(getattr(bsdf, name)[0] for name in ("epsilon", "rho_d", "b", "e")), bsdf.form)
+    S = surface(*bsdf.values, bsdf.form)
     return hemispherical.HDR(S, Float64(theta)).numpy()
 
 

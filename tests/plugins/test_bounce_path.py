@@ -57,8 +57,8 @@ def observe(integrator, spp=1024, seed=0, sensor=None, **shapes):
         },
         optimize=False,
     )
-    with scene.integrator().prepared(scene):
-        pixels = scene.integrator().observe(scene, scene.sensors()[0], seed, spp, 0, 256)
+    with scene.integrator().prepared(scene) as tracer:
+        pixels = tracer.observe(scene.sensors()[0], seed, spp, 0, 256)
     variance = pixels.squares / (pixels.count - 1)
     return pixels.mean.mean(), np.sqrt(np.sum(variance / pixels.count)) / 256, variance.mean()
 
@@ -270,9 +270,12 @@ def test_a_pass_traces_its_paths_once(plate, closure, split):
         optimize=False,
     )
     integrator = built.integrator()
-    with integrator.prepared(built), dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+    with (
+        integrator.prepared(built) as tracer,
+        dr.scoped_set_flag(dr.JitFlag.KernelHistory, True),
+    ):
         dr.kernel_history_clear()
-        integrator.observe(built, built.sensors()[0], 0, 4, 0, 256, split)
+        tracer.observe(built.sensors()[0], 0, 4, 0, 256, split)
         sizes = sorted(
             kernel["operation_count"]
             for kernel in dr.kernel_history()

@@ -8,6 +8,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
+from mi_lcair.plugins.bounce_path import PathTracer
 
 import mi_lcair
 from mi_lcair.errors import InputError
@@ -125,8 +126,7 @@ def test_invalid_samples_are_counted_and_left_out(monkeypatch):
     """A NaN or infinity in one sample of a hundred: counted, reported, and the rest of the pixel
     stands.
     """
-    integrator_class = type(load().mi.integrator())
-    walk = integrator_class.walk
+    walk = PathTracer.walk
 
     def poisoned(self, *arguments, **keywords):
         (L, state), valid, channels = walk(self, *arguments, **keywords)
@@ -135,7 +135,7 @@ def test_invalid_samples_are_counted_and_left_out(monkeypatch):
         return (L, state), valid, channels
 
     clean = mi_lcair.render(load(), spp=200, seed=1)
-    monkeypatch.setattr(integrator_class, "walk", poisoned)
+    monkeypatch.setattr(PathTracer, "walk", poisoned)
     result = mi_lcair.render(load(), spp=200, seed=1)
     assert result.invalid == 2 * 2 * 256 and result.header["invalid_samples"] == "1024"
     assert all(np.isfinite(channel).all() for channel in result.channels.values())

@@ -10,6 +10,7 @@ from math import pi, sqrt
 from types import SimpleNamespace
 
 import numpy as np
+
 from mi_lcair.scenes.build.__main__ import models
 
 PRINTED = 1e-6  # m, the last decimal of a coordinate

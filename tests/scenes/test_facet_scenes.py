@@ -5,7 +5,6 @@ spectra of their skies.
 import mitsuba as mi
 import numpy as np
 import pytest
-from mi_lcair.scenes.build.__main__ import main
 
 import mi_lcair
 from mi_lcair import scenes
@@ -14,6 +13,7 @@ from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.spectrum import spectrum
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.window import window
+from mi_lcair.scenes.build.__main__ import main
 
 
 def test_models_are_as_built(tmp_path):
@@ -87,8 +87,8 @@ def test_the_sky_has_its_table_s_radiance(sky, band_name):
     blackbody at 302.5 K.
     """
     scene = mi_lcair.load("a340_landing", sky=sky, band=band_name, resolution=4)
-    with scene.mi.integrator().prepared(scene.mi, by_spectrum=True):
-        sources = scene.mi.integrator().emitters.sources.list
+    with scene.prepared(by_spectrum=True) as tracer:
+        sources = tracer.emitters.sources.list
     found = {source.name: source.in_band for source in sources if source.group == "sky"}
     expected = {
         f"{sky} {k}.5 deg": spectrum(sky, k + 0.5).in_band_radiance(band(band_name))

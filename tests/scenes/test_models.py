@@ -9,11 +9,11 @@ from math import asin, cos, pi, radians, sin
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
+
 from mi_lcair.scenes.build.__main__ import main
 from mi_lcair.scenes.build.bodies import patch
 from mi_lcair.scenes.build.wavefront import wavefront
-from scipy.spatial import cKDTree
-
 from tests.scenes.polyhedra import (
     MODELS,
     PRINTED,

@@ -6,12 +6,12 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
-from mi_lcair.plugins.derivatives import members
-from mi_lcair.plugins.emitter_table import EmitterTable
 
 import mi_lcair
 from docs.studies.leaks import LAMP, cube, lost
 from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.plugins.derivatives import members
+from mi_lcair.plugins.emitter_table import EmitterTable
 
 
 def share(folder, reflectance, max_bounces, closure="none", spp=4, seed=0):

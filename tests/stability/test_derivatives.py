@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from drjit.llvm.ad import Array3f, Array3f64, Float, Float64
 
-from mi_lcair.physics.reflection import sandford_robertson as sr
+from mi_lcair.physics.reflection import sandford_robertson_equations as sr
 from mi_lcair.physics.reflection import sandford_robertson_hemispherical as hemispherical
 from tests.physics.reflection.surfaces import direction
 

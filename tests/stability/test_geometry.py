@@ -6,13 +6,13 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
-from mi_lcair.plugins.emitter_table import EmitterTable
 
 import mi_lcair
 from docs.studies.leaks import write_ply
 from mi_lcair.benchmark.propagation.exact import perpendicular_view_factor
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.plugins.emitter_table import EmitterTable
 
 SCENE = """<scene version="3.0.0">
     <integrator type="bounce_path"> <integer name="max_bounces" value="1"/> <boolean name="emitter_sampling" value="{sampling}"/> </integrator>

@@ -10,7 +10,7 @@ import pytest
 from drjit.llvm.ad import Float64
 
 from docs.studies.float32_map import errors, feasible, load
-from mi_lcair.physics.reflection import sandford_robertson as sr
+from mi_lcair.physics.reflection import sandford_robertson_equations as sr
 from mi_lcair.physics.reflection import sandford_robertson_hemispherical as hemispherical
 from tests.physics.reflection.surfaces import direction, surface
 from tests.plugins.reflection_models import exact_HDR, seen_at, uniform

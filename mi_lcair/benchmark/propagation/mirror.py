@@ -23,9 +23,8 @@ def intensity(problem: Problem, bounces: int, count: int) -> tuple[float, int]:
         for bounce in range(bounces + 1):
             si = scene.ray_intersect(ray, active)
             L += beta * emitted(si, scene, active)
-            beta *= si.bsdf().eval_diffuse_reflectance(si, active)[
-                0
-            ]  # HDR(theta) of Sandford-Robertson surfaces
+            # HDR(theta) where the BSDF is that of a reflection model
+            beta *= si.bsdf().eval_diffuse_reflectance(si, active)[0]
             active &= si.is_valid() & (beta > 0)
             if bounce < bounces:
                 ray = emitters.spawn_ray(si, si.to_world(mi.reflect(si.wi)))

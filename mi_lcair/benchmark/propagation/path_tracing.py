@@ -2,10 +2,9 @@
 stands in for later bounces.
 """
 
-from contextlib import contextmanager
-
 from mi_lcair.benchmark.propagation.problem import Method, Problem
 from mi_lcair.rendering.render import render
+from mi_lcair.rendering.settings import changed
 
 
 def intensity(
@@ -23,8 +22,8 @@ def intensity(
     """
     bounces = problem.bounces if bounces is None else bounces
     temperature = problem.ambient if closure == "ambient" else None
-    with settings(
-        problem.integrator,
+    with changed(
+        problem.scene,
         max_bounces=bounces,
         emitter_sampling=emitter_sampling,
         closure=closure,
@@ -36,19 +35,6 @@ def intensity(
     mean = image.parts["target"][0] if problem.has_background else image.mean
     segments = 1 + bounces + (closure == "ambient") + (bounces if emitter_sampling else 0)
     return mean * problem.window_area, image.paths * segments
-
-
-@contextmanager
-def settings(integrator, **values):
-    """Within: the integrator's attributes have these values."""
-    before = {name: getattr(integrator, name) for name in values}
-    for name, value in values.items():
-        setattr(integrator, name, value)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            setattr(integrator, name, value)
 
 
 def method(name: str, applies=lambda problem: True, **options) -> Method:

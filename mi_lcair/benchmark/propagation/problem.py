@@ -57,17 +57,13 @@ class Problem:
     def window_area(self) -> float:
         return window_area(self.scene.sensor(0), self.name)
 
-    @property
-    def integrator(self):
-        return self.scene.mi.integrator()
-
     @contextmanager
     def prepared(self):
         """Within: the surfaces' emission and reflection may be evaluated and rays traced. Gives
         Mitsuba's scene and the scene's emitters, whose `spawn_ray` leaves a surface.
         """
-        with self.integrator.prepared(self.scene.mi):
-            yield self.scene.mi, self.integrator.emitters
+        with self.scene.prepared() as tracer:
+            yield self.scene.mi, tracer.emitters
 
 
 @dataclass(frozen=True)

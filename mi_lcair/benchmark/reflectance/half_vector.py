@@ -11,7 +11,8 @@ import drjit as dr
 from drjit.llvm import Array3f64, Float64
 
 from mi_lcair.benchmark.reflectance.method import Method, mean
-from mi_lcair.physics.reflection import sandford_robertson as sr
+from mi_lcair.physics.reflection import sandford_robertson_equations as sr
+from mi_lcair.physics.reflection.directions import SMALLEST, cos_theta, sample_cosine, sin2_theta
 
 
 def run(problem, samples, repetitions, seed):
@@ -26,12 +27,12 @@ def weights(problem, u_choice, u1, u2):
     each.
     """
     S, i = problem.surface, problem.incident()
-    cos_i, sin2_i = sr.cos_theta(i), sr.sin2_theta(i)
+    cos_i, sin2_i = cos_theta(i), sin2_theta(i)
     lobe, floor = sr.rho_s(S, cos_i, sin2_i), S.rho_d / S.G * sr.g(cos_i, sin2_i, S.b)
-    p = dr.select(lobe + floor > 0, lobe / dr.maximum(lobe + floor, sr.SMALLEST), 1)
+    p = dr.select(lobe + floor > 0, lobe / dr.maximum(lobe + floor, SMALLEST), 1)
     half = sr.sample_half_vector(i, S.e, u1, u2)
-    r = dr.select(u_choice < p, 2 * dr.dot(i, half) * half - i, sr.sample_cosine(Array3f64, u1, u2))
-    density = dr.lerp(dr.inv_pi * sr.cos_theta(r), sr.lobe_pdf(r, i, S.e), p)
+    r = dr.select(u_choice < p, 2 * dr.dot(i, half) * half - i, sample_cosine(Array3f64, u1, u2))
+    density = dr.lerp(dr.inv_pi * cos_theta(r), sr.lobe_pdf(r, i, S.e), p)
     return dr.select(r.z > 0, problem.integrand(i, r) / density, 0)
 
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import drjit as dr
 from drjit.llvm import Array3f64, Float64
 
-from mi_lcair.physics.reflection import sandford_robertson as sr
+from mi_lcair.physics.reflection import sandford_robertson_equations as sr
 from mi_lcair.physics.reflection import sandford_robertson_hemispherical as hemispherical
+from mi_lcair.physics.reflection.directions import cos_theta
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +27,7 @@ class Problem:
 
     def integrand(self, i, r):
         """f_r(i, r) cos(theta_r) [1/sr]; 0 below the surface."""
-        return sr.f(self.surface, i, r) * sr.cos_theta(r)
+        return sr.f(self.surface, i, r) * cos_theta(r)
 
     def exact(self) -> float:
         """The DHR to 1e-9: the azimuth in closed form, the elevation by a quadrature that resolves

@@ -9,7 +9,8 @@ import drjit as dr
 from drjit.llvm import Array3f64, Float64
 
 from mi_lcair.benchmark.reflectance.method import Method, mean
-from mi_lcair.physics.reflection import sandford_robertson as sr
+from mi_lcair.physics.reflection import sandford_robertson_equations as sr
+from mi_lcair.physics.reflection.directions import cos_theta, sin2_theta
 
 
 def run(problem, samples, repetitions, seed):
@@ -28,7 +29,7 @@ def bound(problem):
     cos(theta_r) <= 1.
     """
     S, i = problem.surface, problem.incident()
-    cos, sin2 = sr.cos_theta(i), sr.sin2_theta(i)
+    cos, sin2 = cos_theta(i), sin2_theta(i)
     floor = S.floor * sr.g(cos, sin2, S.b) * dr.inv_pi
     return floor + 0.25 * dr.inv_pi * sr.rho_s(S, cos, sin2) * dr.square(S.e) * sr.h(
         Float64(0), S.e

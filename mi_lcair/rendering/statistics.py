@@ -1,0 +1,93 @@
+"""Running statistics of a render's pixels over its passes: means, standard errors, covariances."""
+
+import numpy as np
+
+# beginnings of the names of what a sum may be made of
+COVARYING = ("source.", "target.source.", "target.hit")
+
+
+class Accumulator:
+    """Running mean and variance per pixel, and mean channels, over passes (Chan, Golub and LeVeque
+    1983); Float64.
+
+    A channel's variance is that of its sum over the pixels alone, from the scatter of the parts of
+    each pixel's samples: an image of variances for every channel would double the memory.
+    """
+
+    def __init__(self, pixels: int, brightest: float = 0.0):
+        self.brightest = brightest  # radiance of a source that paths may have missed so far
+        self.count, self.mean, self.squares, self.parts = (np.zeros(pixels) for _ in range(4))
+        self.channels, self.scatter = {}, {}
+        self.covariance = 0.0
+        self.invalid = 0
+        self.tail_errors = []
+
+    def add(self, first: int, part) -> None:
+        """Adds the statistics of a run of pixels that starts at pixel `first`."""
+        run = slice(first, first + len(part.count))
+        before, count = self.count[run], self.count[run] + part.count
+        share = part.count / np.maximum(count, 1)
+        difference = part.mean - self.mean[run]
+        self.squares[run] += part.squares + difference**2 * before * share
+        self.mean[run] += difference * share
+        self.invalid += part.invalid
+        self.tail_errors.append(part.tail_error)
+        for k, part_count in enumerate(part.part_count):
+            after = before + part_count
+            share = part_count / np.maximum(after, 1)
+            by_source = []
+            for name, values in part.channels.items():
+                mean = self.channels.setdefault(name, np.zeros(len(self.count)))
+                difference = values[k] - mean[run]
+                mean[run] += difference * share
+                self.scatter[name] = self.scatter.get(name, 0.0) + np.sum(
+                    difference**2 * before * share
+                )
+                if name.startswith(COVARYING):
+                    by_source.append(difference * np.sqrt(before * share))
+            if by_source:
+                self.covariance += np.array(by_source) @ np.array(by_source).T
+            before = after
+            self.parts[run] += part_count > 0
+        self.count[run] = count
+
+    def error_scale(self) -> float | None:
+        """What turns scatter into the variance of a mean over all pixels; None where no pixel has
+        two parts.
+        """
+        freedom = np.sum(np.maximum(self.parts - 1, 0))
+        return (
+            np.mean(1 / np.maximum(self.count, 1)) / freedom / len(self.count)
+            if freedom > 0
+            else None
+        )
+
+    def means(self) -> dict[str, tuple[float, float | None]]:
+        """Of each channel: its mean over the pixels, and the standard error of that."""
+        scale = self.error_scale()
+        return {
+            name: (
+                float(values.mean()),
+                None if scale is None else float(np.sqrt(self.scatter[name] * scale)),
+            )
+            for name, values in self.channels.items()
+        }
+
+    def standard_error(self) -> np.ndarray:
+        """Standard error of each pixel's mean; infinite below two samples."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(
+                self.count > 1, np.sqrt(self.squares / (self.count * (self.count - 1))), np.inf
+            )
+
+    def rms_error(self) -> float | None:
+        """Rms standard error over the pixels as a fraction of the mean; None below two samples.
+
+        The scatter of n samples knows nothing of a source that fewer than one path in n meets: it
+        is taken to be met by one path of all.
+        """
+        if self.count.min() < 2:
+            return None
+        missed = self.brightest**2 / (self.count.mean() * self.count.sum())
+        mean, rms = self.mean.mean(), np.sqrt(np.mean(self.standard_error() ** 2) + missed)
+        return float(rms / mean) if mean > 0 else 0.0
