@@ -55,7 +55,7 @@ def exact(value) -> str | bytes:
     """All digits of a property or parameter; its text where it is no number."""
     if hasattr(value, "matrix"):
         value = value.matrix
-    if isinstance(value, mi.Properties.Spectrum):
+    if hasattr(value, "wavelengths"):
         return repr((value.is_uniform(), list(value.wavelengths), list(value.values)))
     if isinstance(value, mi.Properties.ResolvedReference):
         return f"node {value.index()}"

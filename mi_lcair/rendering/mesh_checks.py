@@ -21,24 +21,31 @@ READERS = {"ply": check_ply, "obj": check_obj}
 OF_MESH = re.compile(r'name = "((?:face|vertex)_\w+)"')  # in the text of a mesh_attribute texture
 
 
-def check_mesh_files(state) -> dict[int, np.ndarray]:
-    """The lowest and highest coordinates (2, 3) in each mesh file of a parsed scene, by the number
-    of its node.
+def check_mesh_files(state) -> dict[str, float]:
+    """How far [m] the mesh of each file of a parsed scene reaches from the file's own origin, by
+    its place in the scene and its name.
 
     Raises InputError for the first file that Mitsuba would misread: a corner that is no vertex
     makes it drop a facet, or ends the process.
     """
-    boxes = {}
-    for number, node in enumerate(state.nodes):
+    reach = {}
+    for node in state.nodes:
         check = READERS.get(node.props.plugin_name())
-        name = properties(node).get("filename") if check else None
+        values = properties(node) if check else {}
+        name = values.get("filename")
         path = Path(beside_scene(name)) if isinstance(name, str) else None
         if path and path.is_file():  # what is missing is Mitsuba's to say
+            place = mi.parser.file_location(state, node)
             try:
-                boxes[number] = check(path)
+                box = check(path)
             except InputError as error:
-                raise InputError(f"{mi.parser.file_location(state, node)}: {error}") from None
-    return boxes
+                raise InputError(f"{place}: {error}") from None
+            linear = np.eye(3)
+            if "to_world" in values:
+                linear = np.array(values["to_world"].matrix, dtype=float)[:3, :3]
+            corners = np.stack(np.meshgrid(*box.T), axis=-1).reshape(-1, 3) @ linear.T
+            reach[f"{place}: {name}"] = float(abs(corners).max())
+    return reach
 
 
 def check_shapes(scene: mi.Scene) -> None:

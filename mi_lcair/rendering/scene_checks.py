@@ -32,6 +32,7 @@ BOUNDS = {
 }
 NUMBERS_OF_TEXTURES = ("value", "color", "color0", "color1", "values")
 SURFACE_EMITTERS = ("thermal", "area", "directionalarea")  # that belong to a shape
+CHECKED_BY_THEMSELVES = ("thermal",)  # plugins that declare their properties
 # What a plugin must be given, because without it the process ends: a property, or children
 REQUIRED_PROPERTY = {"bitmap": "filename"}
 REQUIRED_CHILDREN = {"blendbsdf": (mi.ObjectType.BSDF, 2), "volume": (mi.ObjectType.Volume, 1)}
@@ -79,7 +80,7 @@ def numbers(value) -> np.ndarray:
     """The numbers of a property: of a float, a colour, a point, a spectrum; none of anything
     else.
     """
-    if isinstance(value, mi.Properties.Spectrum):
+    if hasattr(value, "wavelengths"):
         return np.array(value.values, dtype=float).ravel()
     if isinstance(value, bool) or not isinstance(
         value, (int, float, mi.ScalarColor3d, mi.ScalarArray3d)
@@ -103,7 +104,8 @@ def check_values(node, values: dict, nodes) -> None:
         bounds = BOUNDS.get(node.type, {}).get(name)
         if bounds:
             where = f"{plugin}: {name}"
-            check_bounds(where, found, bounds)
+            if plugin not in CHECKED_BY_THEMSELVES:
+                check_bounds(where, found, bounds)
             if isinstance(value, mi.Properties.ResolvedReference):
                 child, child_values = nodes[value.index()]
                 if child.type == mi.ObjectType.Texture:

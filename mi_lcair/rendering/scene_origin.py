@@ -22,18 +22,20 @@ PLACED_EMITTERS = ("point", "spot", "projector")
 UNPLACED_SHAPES = ("shapegroup", "merge")  # whose place is that of their parts
 
 
-def far_origin(shapes) -> np.ndarray | None:
-    """The middle (3,) [m] of shapes that lie more than FAR times their extent from the origin;
-    None where they do not.
+def far_origin(scene: mi.Scene) -> np.ndarray | None:
+    """The middle (3,) [m] of a scene that lies more than FAR times its extent from the origin; None
+    where it does not.
     """
-    low, high = extent(shapes)
+    low, high = extent(scene)
     away = max(abs(low).max(), abs(high).max())
     return (low + high) / 2 if away > FAR * (high - low).max() else None
 
 
-def extent(shapes) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest coordinates (3,) of shapes [m]."""
-    boxes = [shape.bbox() for shape in shapes]
+def extent(scene: mi.Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest coordinates (3,) of the shapes of a scene [m]; 0 without any."""
+    boxes = [shape.bbox() for shape in scene.shapes()]
+    if not boxes:
+        return np.zeros(3), np.zeros(3)
     low = np.array([box.min for box in boxes], dtype=float).reshape(-1, 3).min(axis=0)
     high = np.array([box.max for box in boxes], dtype=float).reshape(-1, 3).max(axis=0)
     return low, high
@@ -95,23 +97,18 @@ def move_node(node, values: dict, origin: np.ndarray, shift) -> None:
     node.props["to_world"] = shift @ to_world
 
 
-def check_meshes_near(state, boxes: dict[int, np.ndarray], size: float) -> None:
+def check_meshes_near(meshes: dict[str, float], scene: mi.Scene) -> None:
     """Raise InputError for a mesh whose file places it too far from the file's own origin: there
     its coordinates have lost their digits before anything can be moved.
 
-    boxes: lowest and highest coordinates (2, 3) in the file, by the number of the node; size: of
-    the scene [m].
+    meshes: how far [m] each reaches from there, see `check_mesh_files`.
     """
-    for number, box in boxes.items():
-        node = state.nodes[number]
-        linear = np.eye(3)
-        if "to_world" in (values := properties(node)):
-            linear = np.array(values["to_world"].matrix, dtype=float)[:3, :3]
-        corners = np.stack(np.meshgrid(*box.T), axis=-1).reshape(-1, 3) @ linear.T
-        away = abs(corners).max()
+    low, high = extent(scene)
+    size = (high - low).max()
+    for mesh, away in meshes.items():
         if away > SIZES_AWAY * size:
             raise InputError(
-                f"{mi.parser.file_location(state, node)}: {values['filename']}: its vertices lie "
-                f"{away:g} m from the origin of the file, in a scene of {size:g} m, too far for the "
-                "renderer's single precision; move the mesh to its origin and place it by to_world"
+                f"{mesh}: its vertices lie {away:g} m from the origin of the file, in a scene of "
+                f"{size:g} m, too far for the renderer's single precision; move the mesh to its "
+                "origin and place it by to_world"
             )
