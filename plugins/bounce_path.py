@@ -62,13 +62,13 @@ class BouncePath(RBIntegrator):
         self.check()
 
     def check(self) -> None:
-        """Raises InputError for settings that do not go together; they may be changed at any
-        time.
+        """Raise InputError for settings out of bounds or that do not go together; they may be
+        changed at any time.
         """
-        for setting in PROPERTIES:
-            value = getattr(self, setting.name)
+        for entry in PROPERTIES:
+            value = getattr(self, entry.name)
             if value is not None:
-                setting.checked(value, "bounce_path")
+                entry.checked(value, "bounce_path")
         if (self.closure == "ambient") != (self.ambient_temperature is not None):
             raise InputError("bounce_path: closure = ambient and ambient_temperature go together")
         if self.closure == "tail" and self.max_bounces < 2:

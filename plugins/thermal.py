@@ -11,7 +11,6 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.spectrum import spectrum
-from mi_lcair.plugins.beside_scene import beside_scene
 from mi_lcair.plugins.derivatives import check_attached, is_traced, members
 from mi_lcair.plugins.emissivity import emissivity_of, reflects
 from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST, Property, read
