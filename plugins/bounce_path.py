@@ -12,7 +12,7 @@ from mitsuba.python.ad.integrators.common import RBIntegrator, mis_weight
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.channels import Channels, Pixels, pixel_statistics
-from mi_lcair.plugins.derivatives import deriving_plugins, leaves, tracing
+from mi_lcair.plugins.derivatives import deriving_plugins, leaves, tracing, value_along
 from mi_lcair.plugins.emitter_table import EmitterTable
 from mi_lcair.plugins.properties import HOTTEST, Property, read
 
@@ -354,15 +354,9 @@ class PathTracer(RBIntegrator):
             if dr.hint(not primal, mode="scalar"):
                 with dr.resume_grad():
                     # L is what comes back along the sampled direction; its derivative enters
-                    # through the BSDF's value, or through the weight where a delta lobe has no
-                    # value.
-                    f = bsdf.eval(ctx, si, bs.wo, active_next & ~delta)
-                    _, f_delta = bsdf.sample(ctx, si, sample1, sample2, active_next & delta)
-                    Lo = (
-                        Le
-                        + Lr
-                        + L * dr.select(delta, dr.relative_grad(f_delta), dr.relative_grad(f))
-                    )
+                    # through what the BSDF reflects along it.
+                    f = value_along(bsdf, ctx, si, sample1, sample2, bs, active_next)
+                    Lo = Le + Lr + L * dr.relative_grad(f)
                     if dr.hint(mode == dr.ADMode.Backward, mode="scalar"):
                         dr.backward_from(δL * Lo)
                     else:

@@ -11,8 +11,8 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.spectrum import spectrum
-from mi_lcair.plugins.derivatives import check_attached, is_traced, members
-from mi_lcair.plugins.emissivity import emissivity_of, reflects
+from mi_lcair.plugins.derivatives import check_attached, held, is_traced, members, same_variables
+from mi_lcair.plugins.emissivity import Table, emissivity_of, reflects
 from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST, Property, read
 from mi_lcair.plugins.triangles import Facets, is_faceted
 
@@ -78,9 +78,8 @@ class Thermal(mi.Emitter):
             raise InputError("thermal: `elevation_deg` chooses from a `spectrum`, which is missing")
         self.temperature = self.radiance = self.spectrum = self.texture = self.attribute = None
         self.by_primitive = False  # whether the temperature depends on the facet that was hit
-        self.derived = self.derived_from = (
-            None  # blackbody radiance, one value or one per facet, and of what
-        )
+        self.derived = None  # blackbody radiance, one value or one per facet
+        self.derived_from = ()  # the temperatures that `derived` was made of
         self.bsdf = self.facets = None  # of the shape
         if values["radiance"] is not None:
             self.radiance = mi.Float(values["radiance"])
@@ -134,8 +133,10 @@ class Thermal(mi.Emitter):
 
     def derive(self) -> None:
         """In-band radiance of a blackbody at these temperatures, in Float64, with its derivative."""
-        for temperature in self.sources():
-            dr.make_opaque(temperature)
+        if self.temperature is not None:
+            dr.make_opaque(self.temperature)
+        self.derived_from = held(self.sources())
+        for temperature in self.derived_from:
             values = dr.detach(temperature).numpy()
             bad = ~((values > 0) & (values < float("inf")))
             if bad.any():
@@ -146,18 +147,23 @@ class Thermal(mi.Emitter):
             Float64 = dr.float64_array_t(mi.Float)
             self.derived = mi.Float(in_band_radiance(self.band, Float64(temperature)))
             dr.make_opaque(self.derived)
-            self.derived_from = temperature.index, temperature.index_ad
 
     def refresh(self) -> None:
         """Brings up to date what no change of our own parameters announces: facet radiances, the
         material's emissivity.
         """
         self.find_emissivity()
-        if any(
-            self.derived_from != (temperature.index, temperature.index_ad)
-            for temperature in self.sources()
-        ):
+        if not same_variables(self.sources(), self.derived_from):
             self.derive()
+        for table in self.derivations:
+            table.refresh()
+
+    @property
+    def derivations(self) -> list:
+        """What the emitter derives from the parameters of others: the table of its BSDF's
+        emissivity, where that needs one.
+        """
+        return [self.material_emissivity] if isinstance(self.material_emissivity, Table) else []
 
     def find_emissivity(self) -> None:
         if self.bsdf is None:
