@@ -19,13 +19,17 @@ SMALLEST_K2 = 1e-24  # keeps the derivative of sqrt(k^2) finite on the face k = 
 ROUNDING = 1e-6  # relative; parameters that passed through Float32 may exceed a bound by theirs
 
 PARAMETERS = (
-    Parameter("alpha", r"$\alpha$", "roughness: width of the lobe, for gamma = 2 its slope", 1e-4, 1),
+    Parameter(
+        "alpha", r"$\alpha$", "roughness: width of the lobe, for gamma = 2 its slope", 1e-4, 1
+    ),
     Parameter("gamma", r"$\gamma$", "how fast the lobe falls off; 2 is Trowbridge-Reitz", 0.5, 4),
     Parameter("n", r"$n$", "refractive index, effective in the band", 1, 50),
     Parameter("k", r"$k$", "absorption index, effective in the band; 0 for dielectrics", 0, 100),
     Parameter("rho_d", r"$\rho_d$", "reflectance of the diffuse floor below the facets", 0, 1),
 )
-LOWER, UPPER = (np.array(bounds, dtype=float) for bounds in zip(*((p.lower, p.upper) for p in PARAMETERS)))
+LOWER, UPPER = (
+    np.array(bounds, dtype=float) for bounds in zip(*((p.lower, p.upper) for p in PARAMETERS))
+)
 K2_RANGE = float(np.log1p(UPPER[3] ** 2 / KNEE2))
 
 

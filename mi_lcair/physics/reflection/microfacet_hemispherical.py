@@ -102,7 +102,9 @@ def azimuthal_integral(S, theta_r, theta, reflectance):
     k = sin_r * sin / (c * z)
     lowest = azimuth(0.5 * (tau2 - 1), k)
     unhidden = tau2 < 1
-    end_shadow = dr.select(unhidden, azimuth((3 * tau2 - 1) / (3 - dr.minimum(tau2, 1)), k), azimuth(tau2, k))
+    end_shadow = dr.select(
+        unhidden, azimuth((3 * tau2 - 1) / (3 - dr.minimum(tau2, 1)), k), azimuth(tau2, k)
+    )
     end_masking = dr.select(unhidden, azimuth(1, k), end_shadow)
     width = dr.clip(c * z / (sin_r * sin), 1e-3 * z / sin, 10)  # 1e-3: F varies no faster in p
     dr.eval(k, z, c, lowest, end_shadow, end_masking, width)
@@ -111,8 +113,12 @@ def azimuthal_integral(S, theta_r, theta, reflectance):
     stretches = ((lowest, end_shadow), (end_shadow, end_masking), (end_masking, 0))
     for number, (nodes, (start, end)) in enumerate(zip(AZIMUTHS, stretches)):
         x, weight = (Float(np.tile(numbers, count)) for numbers in unit_rule(nodes))
-        length, scale, first = (dr.repeat(v + dr.zeros(Float, count), nodes) for v in (start - end, width, start))
-        stretched = dr.asinh(length / scale)  # facets that tilt away from the observer fill little of the azimuth
+        length, scale, first = (
+            dr.repeat(v + dr.zeros(Float, count), nodes) for v in (start - end, width, start)
+        )
+        stretched = dr.asinh(
+            length / scale
+        )  # facets that tilt away from the observer fill little of the azimuth
         phi = first - scale * dr.sinh(stretched * x)
         z_, c_, k_ = (dr.repeat(v, nodes) for v in (z, c, k))
         p_over_c = z_ * dr.fma(k_, dr.cos(phi), 1)
@@ -132,7 +138,10 @@ def mean_transmittance(contrast, nk):
     """int_0^1 (1 - F(c)) 2 c dc, the hemispherical mean of 1 - F; Float64, derivatives attached."""
     Float = type(contrast)
     x, weight = unit_rule(MEAN_NODES)
-    x, weight = GRAZING_KNEE * np.sinh(REACH * x), GRAZING_KNEE * np.cosh(REACH * x) * REACH * weight
+    x, weight = (
+        GRAZING_KNEE * np.sinh(REACH * x),
+        GRAZING_KNEE * np.cosh(REACH * x) * REACH * weight,
+    )
     count = max(dr.width(contrast), dr.width(nk))
     lanes = [dr.repeat(v + dr.zeros(Float, count), MEAN_NODES) for v in (contrast, nk)]
     cos = Float(np.tile(x, count))
