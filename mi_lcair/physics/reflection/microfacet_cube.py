@@ -55,7 +55,7 @@ class MicrofacetCube(ReflectionModel):
             p.lower * dr.exp(place * log(p.upper / p.lower)) for p, place in zip(PARAMETERS, u[:3])
         )
         k2 = KNEE2 * (dr.exp(K2_RANGE * u[3]) - 1)
-        return alpha, gamma, n, dr.sqrt(dr.maximum(k2, SMALLEST_K2)), u[4]
+        return alpha, gamma, n, dr.sqrt(k2 + SMALLEST_K2), u[4]
 
     def to_cube(self, values) -> np.ndarray:
         values = np.clip(np.asarray(values, dtype=float), LOWER, UPPER)
@@ -69,8 +69,8 @@ class MicrofacetCube(ReflectionModel):
     def starting_points(self, count: int, seed: int) -> np.ndarray:
         """(count, 5) points of the cube, the same for the same seed.
 
-        Real surfaces have lobes of 0.001..1 with exponents 0.7..3, indices n of 1.2..12 and, half of
-        them, k of 1..50; the floor is spread in decades, 1e-4..1.
+        Real surfaces have lobes of 0.001..1 with exponents 0.7..3 and indices n of 1.2..12. Half of
+        them are metals, k of 1..50. The floor is spread in decades, 1e-4..1.
         """
         u = qmc.LatinHypercube(5, rng=np.random.default_rng(seed)).random(count)
         decades = lambda low, high, place: low * (high / low) ** place
