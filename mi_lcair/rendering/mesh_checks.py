@@ -87,23 +87,29 @@ def check_texture(shape, texture, what: str, bounds: tuple[float, float]) -> Non
     """
     if not isinstance(texture, mi.Texture):
         return
-    name = f"shape '{shape.id()}': {what}"
+    name, of = f"shape '{shape.id()}': {what}", "texel"
     if texture.class_name() == "MeshAttribute":
-        values = mesh_attribute(shape, texture, name)
+        values, of = mesh_attribute(shape, texture, name)
     else:
         arrays = [value for value in members(texture).values() if hasattr(value, "numpy")]
         values = np.concatenate([array.numpy().ravel() for array in arrays] or [np.empty(0)])
     lower, upper = bounds
-    bad = ~((values >= lower) & (values <= upper)) | ((values == 0) & (what == "temperature"))
-    if bad.any() and "face_" not in str(texture):
-        # A facet's own temperature is refused by the emitter, which names the facet.
+    is_temperature = what == "temperature"
+    bad = ~((values >= lower) & (values <= upper)) | (is_temperature & (values == 0))
+    if bad.any():
+        right = (
+            f"be positive, at most {upper:g}" if is_temperature else f"lie in {lower:g}..{upper:g}"
+        )
+        unit = " K" if is_temperature else ""
         raise InputError(
-            f"{name} = {values[bad][0]:g} in its texture; it must lie in {lower:g}..{upper:g}"
+            f"{name} of {of} {bad.argmax()} = {values[bad][0]:g}{unit}; it must {right}"
         )
 
 
-def mesh_attribute(shape, texture, name: str) -> np.ndarray:
-    """The values of the attribute that a `mesh_attribute` texture names, one per face or vertex."""
+def mesh_attribute(shape, texture, name: str) -> tuple[np.ndarray, str]:
+    """The values of the attribute that a `mesh_attribute` texture names, and of what each is: facet
+    or vertex.
+    """
     found = OF_MESH.search(str(texture))
     attribute = found[1] if found else "?"
     buffers = members(shape)
@@ -115,9 +121,11 @@ def mesh_attribute(shape, texture, name: str) -> np.ndarray:
             f"{', '.join(key for key in own if key != 'vertex_texcoords') or 'none'}"
         )
     values = buffers[attribute].numpy()
-    count = shape.face_count() if attribute.startswith("face_") else shape.vertex_count()
+    of = "facet" if attribute.startswith("face_") else "vertex"
+    count = shape.face_count() if of == "facet" else shape.vertex_count()
     if len(values) != count:
         raise InputError(
-            f"{name}: mesh attribute '{attribute}' has {len(values) // count} numbers each; it must have 1"
+            f"{name}: mesh attribute '{attribute}' has {len(values) // count} numbers for each "
+            f"{of}; it must have 1"
         )
-    return values
+    return values, of

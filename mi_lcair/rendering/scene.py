@@ -143,6 +143,7 @@ def parsed_and_checked(path: Path, texts: dict[str, str]) -> Scene:
         move(state, origin)
         loaded = instantiated(state, path)
     check_meshes_near(meshes, loaded)
+    check_shapes(loaded)
     scene = checked(loaded, path, texts)
     notes = [*scene.notes, *defaults]
     if origin.any():
@@ -188,11 +189,10 @@ def parsed(path: Path, texts: dict[str, str]):
 
 
 def instantiated(state, path: Path) -> mi.Scene:
-    """Mitsuba's objects of a parsed scene, with values that can be rendered."""
+    """Mitsuba's objects of a parsed scene."""
     loaded = mi.parser.instantiate(configuration(), state)
     if not isinstance(loaded, mi.Scene):
         raise InputError(f"{path}: holds no <scene>")
-    check_shapes(loaded)
     return loaded
 
 
