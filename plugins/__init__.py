@@ -19,6 +19,8 @@ MODULES = (
     "sandford_robertson_bsdf",
     "thermal",
     "sources",
+    "radiance_bound",
+    "field_of_view",
     "emitter_table",
     "channels",
     "bounce_path",

@@ -121,7 +121,7 @@ class BouncePath(RBIntegrator):
         channels = (
             Channels.empty(self.max_bounces, self.closure, None) if self.closure == "tail" else None
         )
-        (L, state), valid, channels = self.walk(
+        (L, state), valid, channels, _ = self.walk(
             mode, scene, sampler, ray, δL, state_in, active, channels
         )
         if channels is not None:
@@ -141,8 +141,10 @@ class BouncePath(RBIntegrator):
         stride: int = 1,
     ) -> Pixels:
         """Statistics of the pixels of one pass, see `sampled`."""
-        L, samples = self.sampled(scene, sensor, seed, spp, first, pixels, split, facets, stride)
-        return pixel_statistics(L, samples, spp, split == "target")
+        L, samples, chance = self.sampled(
+            scene, sensor, seed, spp, first, pixels, split, facets, stride
+        )
+        return pixel_statistics(L, samples, chance, spp, split == "target")
 
     def sampled(
         self,
@@ -155,7 +157,7 @@ class BouncePath(RBIntegrator):
         split: str | None = "image",
         facets=None,
         stride: int = 1,
-    ) -> tuple[mi.Float, dict]:
+    ) -> tuple[mi.Float, dict, mi.Float]:
         """One pass: `spp` paths through each of `pixels` pixels from number `first` on (row by
         row), every `stride`-th.
 
@@ -163,8 +165,9 @@ class BouncePath(RBIntegrator):
         lies on the model's facets, or "model": nothing but what lies there, and no other paths are
         followed. facets: a numbering with `number(shape, prim_index, active)` and `add(facet, L,
         channels, spp, first)`, which receives the samples by the facet seen first. To be called
-        within `prepared`. Returns the radiance of each path and its channels by name, `spp`
-        consecutive ones per pixel, neither evaluated yet.
+        within `prepared`. Returns, for each path, its radiance, its channels by name, and the
+        largest contribution that a source might have made to it and did not (see `walk`); `spp`
+        consecutive ones per pixel, not evaluated yet.
         """
         count = pixels * spp
         sampler = sensor.sampler().clone()
@@ -189,7 +192,7 @@ class BouncePath(RBIntegrator):
                     self.emitters.sources if split else None,
                     split == "model",
                 )
-            (L, _), _, channels = self.walk(
+            (L, _), _, channels, chance = self.walk(
                 dr.ADMode.Primal, scene, sampler, ray, None, None, mi.Bool(True), channels, facets
             )
             if self.closure == "tail":
@@ -206,14 +209,18 @@ class BouncePath(RBIntegrator):
             if facets is not None:
                 dr.eval(L, channels, samples)  # one kernel for both uses
                 facets.add(channels.facet, L[0], channels, spp, first)
-            return L[0], samples
+            return L[0], samples, chance
 
     # ---------------------------------------------------------------- The loop
 
     @dr.syntax
     def walk(self, mode, scene, sampler, ray, δL, L, active, channels=None, facets=None):
-        """Follows paths from the observer. Returns ((radiance or its derivative, radiance), valid,
-        channels).
+        """Follows paths from the observer.
+
+        Returns ((radiance or its derivative, radiance), valid, channels, chance). chance: the
+        largest contribution to each path that a source might have made after a reflection, had the
+        path met it (see `EmitterTable.by_chance`); 0 where no emitters are drawn, since there the
+        brightest source bounds it.
         """
         primal = mode == dr.ADMode.Primal
         ctx = mi.BSDFContext()
@@ -226,9 +233,9 @@ class BouncePath(RBIntegrator):
         δL = mi.Spectrum(0 if δL is None else δL)
         β = mi.Spectrum(1)  # throughput
         bounce = mi.UInt32(0)  # reflections so far
-        p_before = mi.Point3f(0)
         pdf_before = mi.Float(0)  # of the direction that led here
         delta_before = mi.Bool(True)
+        chance = mi.Float(0)  # largest contribution that a source met by chance could have made
         pi = scene.ray_intersect_preliminary(ray, coherent=True, active=active)
         valid = pi.is_valid()
         if dr.hint(channels is not None, mode="scalar"):
@@ -244,9 +251,9 @@ class BouncePath(RBIntegrator):
             # ------------------------ Emission ------------------------
 
             mis = mi.Float(1)
-            if dr.hint(self.emitter_sampling, mode="scalar"):
+            if dr.hint(self.emitter_sampling and emitters.draws, mode="scalar"):
                 reachable = active & ~delta_before
-                pdf = emitters.pdf(scene, p_before, si, emitter, reachable)
+                pdf = emitters.pdf(scene, ray.o, si, emitter, reachable)
                 mis = dr.select(reachable, mis_weight(pdf_before, pdf), 1)
             with dr.resume_grad(when=not primal):
                 Le = β * mis * emitter.eval(si, active)
@@ -265,13 +272,13 @@ class BouncePath(RBIntegrator):
             # -------------------- Emitter sampling --------------------
 
             Lr = mi.Spectrum(0)
-            if dr.hint(self.emitter_sampling, mode="scalar"):
+            if dr.hint(emitters.draws, mode="scalar"):
                 active_em = (
                     active_next
                     & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
                     & (bounce < self.max_bounces)
                 )
-                drawn = emitters.sample(scene, si, sampler.next_1d(), sampler.next_2d(), active_em)
+                drawn = emitters.sample(scene, si, sampler.next_2d(), sampler.next_2d(), active_em)
                 with dr.resume_grad(when=not primal):
                     f, pdf = bsdf.eval_pdf(ctx, si, si.to_local(drawn.ds.d), drawn.counts)
                     mis = dr.select(drawn.ds.delta, 1, mis_weight(drawn.ds.pdf, pdf))
@@ -314,14 +321,17 @@ class BouncePath(RBIntegrator):
                         δL += dr.forward_to(Lo)
 
             β *= weight
-            p_before = si.p
             pdf_before, delta_before = bs.pdf, delta
+            if dr.hint(emitters.draws, mode="scalar"):
+                gain = β[0] * emitters.by_chance(drawn, bs.pdf, delta)
+                reaches = active_next & (bounce < self.max_bounces)
+                chance = dr.maximum(chance, dr.select(reaches, gain, 0))
             ray = emitters.spawn_ray(si, si.to_world(bs.wo))
             pi = scene.ray_intersect_preliminary(ray, coherent=False, active=active_next)
             bounce += 1
             active = active_next
 
-        return (L if primal else δL, L), valid, channels
+        return (L if primal else δL, L), valid, channels, chance
 
 
 mi.register_integrator("bounce_path", BouncePath)

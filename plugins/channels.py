@@ -143,7 +143,8 @@ class Pixels:
 
     count: finite samples of each pixel; mean and squares (sum of squared deviations from the mean)
     of the radiance. channels: by name, means of each pixel in equal parts of its samples, (parts,
-    pixels), of part_count finite samples. invalid: NaN or infinite samples, left out.
+    pixels), of part_count finite samples. invalid: NaN or infinite samples, left out. chance: the
+    largest contribution that a source might have made to one of the paths, and did not.
     """
 
     count: np.ndarray
@@ -152,9 +153,10 @@ class Pixels:
     channels: dict[str, np.ndarray]
     part_count: np.ndarray
     invalid: int
+    chance: float
 
 
-def pixel_statistics(L, samples: dict, spp: int, in_parts: bool = False) -> Pixels:
+def pixel_statistics(L, samples: dict, chance, spp: int, in_parts: bool = False) -> Pixels:
     """Reduces samples (`spp` consecutive ones per pixel) to pixels.
 
     Deviations are taken from the pixel's own mean: in Float32 the variance would drown in the
@@ -165,7 +167,7 @@ def pixel_statistics(L, samples: dict, spp: int, in_parts: bool = False) -> Pixe
     samples = {name: dr.select(finite, value, 0) for name, value in samples.items()}
     L, valid = dr.select(finite, L, 0), dr.select(finite, mi.Float(1), 0)
     dr.eval(
-        finite, L, valid, samples
+        finite, L, valid, samples, chance
     )  # one kernel: each reduction would otherwise trace the paths again
     count, total = dr.block_sum(valid, spp), dr.block_sum(L, spp)
     mean = total / dr.maximum(count, 1)
@@ -179,4 +181,5 @@ def pixel_statistics(L, samples: dict, spp: int, in_parts: bool = False) -> Pixe
 
     part_count = by_part(valid)
     channels = {name: by_part(value) / np.maximum(part_count, 1) for name, value in samples.items()}
-    return Pixels(count, mean, squares, channels, part_count, dr.width(L) - int(count.sum()))
+    invalid = dr.width(L) - int(count.sum())
+    return Pixels(count, mean, squares, channels, part_count, invalid, float(dr.max(chance)[0]))

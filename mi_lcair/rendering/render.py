@@ -76,8 +76,8 @@ class Accumulator:
     each pixel's samples: an image of variances for every channel would double the memory.
     """
 
-    def __init__(self, pixels: int, brightest: float = 0.0):
-        self.brightest = brightest  # radiance of a source that paths may have missed so far
+    def __init__(self, pixels: int, chance: float = 0.0):
+        self.chance = chance  # what a source that no path has met may add to one path
         self.count, self.mean, self.squares, self.parts = (np.zeros(pixels) for _ in range(4))
         self.channels, self.scatter = {}, {}
         self.covariance = 0.0
@@ -92,6 +92,7 @@ class Accumulator:
         self.squares[run] += part.squares + difference**2 * before * share
         self.mean[run] += difference * share
         self.invalid += part.invalid
+        self.chance = max(self.chance, part.chance)
         for k, part_count in enumerate(part.part_count):
             after = before + part_count
             share = part_count / np.maximum(after, 1)
@@ -143,12 +144,14 @@ class Accumulator:
     def rms_error(self) -> float | None:
         """Rms standard error over the pixels as a fraction of the mean; None below two samples.
 
-        The scatter of n samples knows nothing of a source that fewer than one path in n meets: it
-        is taken to be met by one path of all.
+        The sample variance cannot see a source that no path has met. The error therefore includes
+        the contribution of one path that meets the brightest source. That is the source's radiance
+        where paths meet it by chance, and less where emitters are drawn and it is out of the
+        camera's sight (`EmitterTable.by_chance`).
         """
         if self.count.min() < 2:
             return None
-        missed = self.brightest**2 / (self.count.mean() * self.count.sum())
+        missed = self.chance**2 / (self.count.mean() * self.count.sum())
         mean, rms = self.mean.mean(), np.sqrt(np.mean(self.standard_error() ** 2) + missed)
         return float(rms / mean) if mean > 0 else 0.0
 
@@ -192,7 +195,9 @@ def render(
     seeds = np.random.SeedSequence(seed)
     done, tail_errors = 0, []
     with integrator.prepared(scene.mi, by_spectrum):
-        total = Accumulator(width * height, integrator.emitters.brightest)
+        if tolerance is not None:
+            check_bounded(integrator.emitters, scene.name)
+        total = Accumulator(width * height, chance_contribution(integrator, camera))
         while done < min(goal, limit):
             step = max(1, min(min(goal, limit) - done, PASS_SAMPLES // (width * height)))
             step -= step % 2 if step > 1 else 0  # even: a pass can be told in two halves
@@ -245,6 +250,29 @@ def render(
         closure_error,
         time.perf_counter() - start,
     )
+
+
+def check_bounded(emitters, name: str) -> None:
+    """Raises InputError if the radiance of an emitter has no known bound."""
+    if emitters.unbounded:
+        raise InputError(
+            f"{name}: no tolerance can be confirmed, as nothing bounds the radiance of "
+            f"{', '.join(emitters.unbounded)}; give the number of samples (spp) instead"
+        )
+
+
+def chance_contribution(integrator, sensor) -> float:
+    """Bound of what a path gains from a source that no other path has met, as far as it is known
+    before paths are traced [W m^-2 sr^-1].
+
+    Without emitter sampling: the radiance of the brightest emitter. With it: of the brightest one
+    in the sensor's field of view, since only paths find out whether it is hidden. What reflections
+    may add is told by the paths themselves (`Pixels.chance`).
+    """
+    emitters = integrator.emitters
+    if integrator.emitter_sampling:
+        return emitters.brightest_in_view(sensor)
+    return emitters.brightest
 
 
 def samples_needed(total: Accumulator, done: int, tolerance: float) -> int:
