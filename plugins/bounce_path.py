@@ -196,7 +196,7 @@ class BouncePath(RBIntegrator):
                 dr.ADMode.Primal, scene, sampler, ray, None, None, mi.Bool(True), channels, facets
             )
             if self.closure == "tail":
-                dr.eval(L, channels)  # add_tail sums, and would trace the paths for that alone
+                dr.eval(L, channels, chance)  # add_tail sums, and would trace the paths for that alone
                 tail, self.tail_error = channels.add_tail()
                 L += tail
             samples = (
@@ -207,7 +207,7 @@ class BouncePath(RBIntegrator):
                 else {}
             )
             if facets is not None:
-                dr.eval(L, channels, samples)  # one kernel for both uses
+                dr.eval(L, channels, samples, chance)  # one kernel for all uses
                 facets.add(channels.facet, L[0], channels, spp, first)
             return L[0], samples, chance
 
