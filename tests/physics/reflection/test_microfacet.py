@@ -206,6 +206,17 @@ def test_derivatives_of_the_brdf(held):
 LOBES = [(a, g) for a in (1e-4, 0.01, 0.3, 1) for g in (0.5, 1, 2, 4)]
 
 
+@pytest.mark.parametrize("k", [0, 0.5, 0.99, 1, 1 + 1e-6, 1.001, 1.5, 10, 1e5])
+def test_azimuths_have_their_distribution_function(k):
+    """int (1 + clip(k cos, -1, 1)) / pi over -phi..phi is the share u asks for, to 1e-7."""
+    u = np.concatenate([np.linspace(0, 1, 2001), 1 - 10.0 ** -np.arange(4, 8)])
+    phi = np.abs(distribution.sample_visible_azimuth(Float64(k), Float64(u)).numpy())
+    hidden = np.arccos(1 / max(k, 1))
+    mixed = (hidden + phi + k * (np.sin(phi) - np.sin(hidden))) / np.pi
+    share = np.where(phi < hidden, 2 * phi / np.pi, np.where(phi < np.pi - hidden, mixed, 1))
+    np.testing.assert_allclose(share, np.abs(2 * u - 1), rtol=0, atol=1e-7)
+
+
 @pytest.mark.parametrize("theta_deg", [0, 45, 80, 89.5])
 @pytest.mark.parametrize("alpha, gamma", LOBES)
 def test_normals_have_the_distribution_of_visible_ones(alpha, gamma, theta_deg):
