@@ -12,17 +12,23 @@ from mitsuba.python.ad.integrators.common import RBIntegrator, mis_weight
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.channels import Channels, Pixels, pixel_statistics
-from mi_lcair.plugins.derivatives import deriving_plugins, leaves, tracing
+from mi_lcair.plugins.derivatives import deriving_plugins, leaves, tracing, value_along
 from mi_lcair.plugins.emitter_table import EmitterTable
+from mi_lcair.plugins.properties import HOTTEST, Property, read
 
-CLOSURES = ("none", "ambient", "tail")
+PROPERTIES = (
+    Property("max_bounces", "integer", 4, lower=0, upper=10_000),
+    Property("emitter_sampling", "boolean", False),
+    Property("closure", "string", "none", choices=("none", "ambient", "tail")),
+    Property("ambient_temperature", "float", upper=HOTTEST, is_positive=True, unit="K"),
+)
 
 
 class BouncePath(RBIntegrator):
     r"""Bounce-limited path tracer for thermal radiance, with derivatives by path replay.
 
     =================== ======= ============================================================================
-    max_bounces         integer reflections after which a path ends; 0 = emission only                  (4)
+    max_bounces         integer reflections after which a path ends, 0..10000; 0 = emission only        (4)
     emitter_sampling    boolean at each reflection also look at a point drawn from what emits, with multiple
                                 importance sampling                                                 (false)
     closure             string  stands in for the reflections beyond max_bounces                     (none)
@@ -51,26 +57,20 @@ class BouncePath(RBIntegrator):
 
     def __init__(self, props):
         super().__init__(props)
-        self.max_bounces = props.get("max_bounces", 4)
-        self.emitter_sampling = props.get("emitter_sampling", False)
-        self.closure = props.get("closure", "none")
-        self.ambient_temperature = props.get("ambient_temperature", None)
+        for name, value in read(props, "bounce_path", PROPERTIES).items():
+            setattr(self, name, value)
         self.check()
 
     def check(self) -> None:
-        """Raises InputError for settings that do not go together; they may be changed at any time."""
-        if self.max_bounces < 0:
-            raise InputError(f"bounce_path: max_bounces = {self.max_bounces} must be >= 0")
-        if self.closure not in CLOSURES:
-            raise InputError(
-                f"bounce_path: closure '{self.closure}' is unknown; it must be one of {', '.join(CLOSURES)}"
-            )
+        """Raise InputError for settings out of bounds or that do not go together; they may be
+        changed at any time.
+        """
+        for entry in PROPERTIES:
+            value = getattr(self, entry.name)
+            if value is not None:
+                entry.checked(value, "bounce_path")
         if (self.closure == "ambient") != (self.ambient_temperature is not None):
             raise InputError("bounce_path: closure = ambient and ambient_temperature go together")
-        if self.ambient_temperature is not None and not self.ambient_temperature > 0:
-            raise InputError(
-                f"bounce_path: ambient_temperature = {self.ambient_temperature:g} K must be positive"
-            )
         if self.closure == "tail" and self.max_bounces < 2:
             raise InputError(
                 f"bounce_path: closure = tail continues the last two bounce counts; max_bounces = {self.max_bounces} must be >= 2"
@@ -354,15 +354,9 @@ class PathTracer(RBIntegrator):
             if dr.hint(not primal, mode="scalar"):
                 with dr.resume_grad():
                     # L is what comes back along the sampled direction; its derivative enters
-                    # through the BSDF's value, or through the weight where a delta lobe has no
-                    # value.
-                    f = bsdf.eval(ctx, si, bs.wo, active_next & ~delta)
-                    _, f_delta = bsdf.sample(ctx, si, sample1, sample2, active_next & delta)
-                    Lo = (
-                        Le
-                        + Lr
-                        + L * dr.select(delta, dr.relative_grad(f_delta), dr.relative_grad(f))
-                    )
+                    # through what the BSDF reflects along it.
+                    f = value_along(bsdf, ctx, si, sample1, sample2, bs, active_next)
+                    Lo = Le + Lr + L * dr.relative_grad(f)
                     if dr.hint(mode == dr.ADMode.Backward, mode="scalar"):
                         dr.backward_from(δL * Lo)
                     else:
