@@ -19,13 +19,17 @@ SMALLEST_K2 = 1e-24  # keeps the derivative of sqrt(k^2) finite on the face k = 
 ROUNDING = 1e-6  # relative; parameters that passed through Float32 may exceed a bound by theirs
 
 PARAMETERS = (
-    Parameter("alpha", r"$\alpha$", "roughness: width of the lobe, for gamma = 2 its slope", 1e-4, 1),
+    Parameter(
+        "alpha", r"$\alpha$", "roughness: width of the lobe, for gamma = 2 its slope", 1e-4, 1
+    ),
     Parameter("gamma", r"$\gamma$", "how fast the lobe falls off; 2 is Trowbridge-Reitz", 0.5, 4),
     Parameter("n", r"$n$", "refractive index, effective in the band", 1, 50),
     Parameter("k", r"$k$", "absorption index, effective in the band; 0 for dielectrics", 0, 100),
     Parameter("rho_d", r"$\rho_d$", "reflectance of the diffuse floor below the facets", 0, 1),
 )
-LOWER, UPPER = (np.array(bounds, dtype=float) for bounds in zip(*((p.lower, p.upper) for p in PARAMETERS)))
+LOWER, UPPER = (
+    np.array(bounds, dtype=float) for bounds in zip(*((p.lower, p.upper) for p in PARAMETERS))
+)
 K2_RANGE = float(np.log1p(UPPER[3] ** 2 / KNEE2))
 
 
@@ -51,7 +55,7 @@ class MicrofacetCube(ReflectionModel):
             p.lower * dr.exp(place * log(p.upper / p.lower)) for p, place in zip(PARAMETERS, u[:3])
         )
         k2 = KNEE2 * (dr.exp(K2_RANGE * u[3]) - 1)
-        return alpha, gamma, n, dr.sqrt(dr.maximum(k2, SMALLEST_K2)), u[4]
+        return alpha, gamma, n, dr.sqrt(k2 + SMALLEST_K2), u[4]
 
     def to_cube(self, values) -> np.ndarray:
         values = np.clip(np.asarray(values, dtype=float), LOWER, UPPER)
@@ -65,8 +69,8 @@ class MicrofacetCube(ReflectionModel):
     def starting_points(self, count: int, seed: int) -> np.ndarray:
         """(count, 5) points of the cube, the same for the same seed.
 
-        Real surfaces have lobes of 0.001..1 with exponents 0.7..3, indices n of 1.2..12 and, half of
-        them, k of 1..50; the floor is spread in decades, 1e-4..1.
+        Real surfaces have lobes of 0.001..1 with exponents 0.7..3 and indices n of 1.2..12. Half of
+        them are metals, k of 1..50. The floor is spread in decades, 1e-4..1.
         """
         u = qmc.LatinHypercube(5, rng=np.random.default_rng(seed)).random(count)
         decades = lambda low, high, place: low * (high / low) ** place

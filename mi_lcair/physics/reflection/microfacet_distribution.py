@@ -1,23 +1,26 @@
-"""The generalised Trowbridge-Reitz distribution of microfacet normals, and its normals as seen in V-shaped cavities.
+"""The generalised Trowbridge-Reitz distribution of microfacet normals, and its normals as seen in
+V-shaped cavities.
 
-With theta the angle of a facet's normal m to the surface's normal and a = alpha^2 (Burley, SIGGRAPH course 2012),
+With theta the angle of a facet's normal m to the surface's normal and a = alpha^2 (Burley 2012),
 
-    D(m) = D_0 (1 + w sin^2 theta)^(-gamma),   w = (1 - a) / a,   int D cos(theta) domega = 1 over the hemisphere,
-    D_0 = B((gamma - 1) L) / (pi a B(L)),      L = ln(1 / a),     B(x) = x / (1 - exp(-x)).
+    D(m) = D_0 (1 + w sin^2 theta)^(-gamma),   w = (1 - a) / a,
+    D_0 = B((gamma - 1) L) / (pi a B(L)),      L = ln(1 / a),     B(x) = x / (1 - exp(-x)),
 
-B(0) = 1 are the removable limits at gamma = 1 and at alpha = 1 (facets in all directions). gamma = 2 is the distribution of
-Trowbridge and Reitz (GGX, Walter et al. 2007).
+so that int D cos(theta) domega = 1 over the hemisphere. B(0) = 1 are the removable limits at
+gamma = 1 and at alpha = 1 (facets in all directions). gamma = 2 is the distribution of Trowbridge
+and Reitz (GGX, Walter et al. 2007).
 """
 
 from math import log
 
 import drjit as dr
 
-# Sampling is done beside the limits alpha = 1 and gamma = 1: with at least this w, and with at least
-# this |gamma - 1|. The density of the samples then differs from D cos by less than 2e-5 of itself.
+# Sampling is done beside the limits alpha = 1 and gamma = 1: with at least this w, and with at
+# least this |gamma - 1|. The density of the samples then differs from D cos by less than 2e-5 of
+# itself.
 SMALLEST_SPREAD = 1e-6
 SMALLEST_EXPONENT = 1e-6
-NEWTON_STEPS = 6  # from the bound that the iteration starts at, to the rounding of Float32
+NEWTON_STEPS = 4  # after them the distribution function of the azimuth is right to 1e-8
 
 
 def bernoulli(x):
@@ -43,7 +46,8 @@ def spread(alpha):
 
 def density(sin2, peak, spread, gamma):
     """D [1/sr] at the squared sine of the normal's angle."""
-    # the base is 1 or more: a bare (a cos^2 + sin^2)^-gamma, or its derivative, overflows Float32 for narrow lobes
+    # The base is 1 or more. A bare (a cos^2 + sin^2)^-gamma, or its derivative, overflows Float32
+    # for narrow lobes.
     return peak * dr.exp(-gamma * dr.log(dr.fma(spread, sin2, 1)))
 
 
@@ -69,7 +73,9 @@ def mean_sin2(alpha, gamma):
 
 
 def quantile_terms(gamma, spread):
-    """(q, 1 / (gamma - 1)) of `sample_sin2`, without derivatives: q = 1 - a^(gamma - 1); Float64 arrays."""
+    """(q, 1 / (gamma - 1)) of `sample_sin2`, with q = 1 - a^(gamma - 1), without derivatives;
+    Float64 arrays.
+    """
     exponent = dr.detach(gamma) - 1
     exponent = dr.select(exponent < 0, -1, 1) * dr.maximum(dr.abs(exponent), SMALLEST_EXPONENT)
     L = dr.log(1 + dr.maximum(dr.detach(spread), SMALLEST_SPREAD))
@@ -78,9 +84,10 @@ def quantile_terms(gamma, spread):
 
 
 def sample_sin2(u, spread, q, inverse_exponent):
-    """Squared sine of a normal's angle with the density D cos; u in 0..1, q and inverse_exponent of `quantile_terms`.
+    """Squared sine of a normal's angle, of density D cos; q and inverse_exponent are those of
+    `quantile_terms`.
 
-    The share of normals within theta is (1 - (1 + w sin^2 theta)^(1 - gamma)) / q, and u that share.
+    u is the share of normals within theta, (1 - (1 + w sin^2 theta)^(1 - gamma)) / q.
     """
     z = -u * q
     near = dr.abs(z) < 0.5
@@ -92,12 +99,13 @@ def sample_sin2(u, spread, q, inverse_exponent):
 
 
 def sample_visible_azimuth(k, u):
-    """Azimuth of a normal against the observer's [rad, -pi..pi], of density (1 + clip(k cos phi, -1, 1)) / (2 pi).
+    """Azimuth phi of a normal against the observer's [rad, -pi..pi], of density
+    (1 + clip(k cos phi, -1, 1)) / (2 pi).
 
-    k: tan(theta_m) tan(theta_r) of normal and observer; u in 0..1. Of the two sides of a V-shaped cavity each is seen in
-    proportion to its projected area, 1 + k cos phi, or not at all; hence the density. Its distribution function is
-    linear where one side hides the other; in between it is a Kepler equation, solved by Newton's steps from a bound on
-    the side from which they converge without overshooting.
+    k: tan(theta_m) tan(theta_r) of normal and observer; u in 0..1. Of the two sides of a V-shaped
+    cavity each is seen in proportion to its projected area, 1 + k cos phi, or not at all. Hence the
+    density. Its distribution function is linear where one side hides the other. In between it is a
+    Kepler equation. Newton's steps solve it from a bound on the side where they do not overshoot.
     """
     k = dr.minimum(k, 1e6)
     side = 2 * u - 1
@@ -106,7 +114,8 @@ def sample_visible_azimuth(k, u):
     root = dr.sqrt(dr.maximum(dr.square(k) - 1, 0))
     rest = dr.maximum(1 - k, 0)
     target = dr.pi * (1 - share)
-    # delta = pi - hidden - phi solves (delta - sin) + root (1 - cos) + rest sin = target; each term alone bounds it
+    # delta = pi - hidden - phi solves (delta - sin) + root (1 - cos) + rest sin = target. Each of
+    # the three terms alone bounds it.
     delta = dr.minimum(dr.cbrt(dr.pi**2 * target), dr.pi - 2 * hidden)
     delta = dr.minimum(delta, dr.pi * dr.sqrt(target / dr.maximum(2 * root, 1e-6)))
     delta = dr.minimum(delta, target / dr.maximum(rest, 1e-6))

@@ -1,12 +1,14 @@
-"""Hemispherical reflectance of the microfacet lobe, by two-dimensional quadrature over facet normals.
+"""Hemispherical reflectance of the microfacet lobe, by quadrature over facet normals.
 
-HDR = int F D G2 (r.m) / cos(theta_r) domega_m over the normals m that reflect r upward. With c = cos(theta_r), z = m_z and
-p = r.m = c z (1 + k cos phi), k = tan(theta_r) tan(theta_m), the masked projection G2 p / c is the least of
+HDR = int F D G p / cos(theta_r) domega_m over the normals m that reflect r upward. With
+c = cos(theta_r), z = m_z and p = r.m = c z (1 + k cos phi), k = tan(theta_r) tan(theta_m), the
+visible projection G p / c is the least of
 
-    p / c   (no facet hides another),    2 z   (masking),    2 z (2 p z - c) / c   (shadowing),
+    p / c   (no facet hides another),    2 z   (masking),    2 z (2 p z - c) / c   (shadowing).
 
-which succeed each other in the azimuth phi: each stretch of it has Gauss nodes of its own. In the angle theta_m, stretches
-begin and end at the angles of `breaks`, with a power 3/2 that the map of each panel smooths.
+These succeed each other in the azimuth phi, and each such stretch has Gauss nodes of its own. In
+theta_m, stretches begin and end at the angles of `breaks`. There the azimuthal integral has a
+term of power 3/2, which the map of each panel smooths. The result holds 1e-8 for all parameters.
 """
 
 from functools import cache
@@ -18,7 +20,7 @@ from mi_lcair.physics.reflection import microfacet_fresnel as fresnel
 from mi_lcair.physics.reflection.microfacet_distribution import density
 
 POLAR = (40, 16, 16, 40, 20, 20)  # nodes of each panel in theta_m
-AZIMUTHS = (12, 8, 20)  # nodes of each stretch in phi: shadowing, none, masking
+AZIMUTHS = (12, 8, 24)  # nodes of each stretch in phi: shadowing, none, masking
 MEAN_NODES = 48  # of the hemispherical mean
 GRAZING_KNEE = 0.01  # cosine around which F of the strongest metals varies
 REACH = np.arcsinh(1 / GRAZING_KNEE)
@@ -35,8 +37,8 @@ def unit_rule(count):
 def lobe_reflectance(S, theta_r, reflectance):
     """HDR of the lobe at theta_r [rad], 0 <= theta_r < pi/2; Float64, derivatives attached to S.
 
-    S: a surface with alpha, gamma, peak and spread, one for all angles (width 1) or one per angle. reflectance: of a facet, a
-    function of S and p.
+    S: a surface, one for all angles (width 1) or one per angle. reflectance: of a facet, a function
+    of S and p.
     """
     S_polar = S.repeat(sum(POLAR))
     theta, weight = polar_nodes(theta_r, dr.detach(S_polar.alpha))
@@ -51,9 +53,10 @@ def lobe_reflectance(S, theta_r, reflectance):
 def breaks(theta_r):
     """The angles theta_m, ascending from 0, between which the azimuthal integral is smooth.
 
-    Shadowing begins at (90 - theta_r) / 3, the horizon cuts from (90 - theta_r) / 2 to (90 + theta_r) / 2, where all ends.
-    Above 45 degrees, masking reaches from 90 - theta_r to theta_r and leaves no unhidden facet from 45 on; below, the last
-    unhidden facet has (90 + theta_r) / 3.
+    Shadowing begins at (90 - theta_r) / 3. The horizon cuts from (90 - theta_r) / 2 to
+    (90 + theta_r) / 2, where all ends. For theta_r above 45 degrees, masking reaches from
+    90 - theta_r to theta_r, and every facet is partly hidden from 45 on. For smaller theta_r, every
+    facet is from (90 + theta_r) / 3 on.
     """
     level = 0.5 * dr.pi
     steep = theta_r > 0.25 * dr.pi
@@ -94,7 +97,7 @@ def polar_nodes(theta_r, alpha):
 
 
 def azimuthal_integral(S, theta_r, theta, reflectance):
-    """int F G2 p / c dphi over all azimuths that reflect upward; one value per lane."""
+    """int F G p / c dphi over all azimuths that reflect upward; one value per lane."""
     Float = type(theta)
     sin, z = dr.sincos(theta)
     sin_r, c = dr.sincos(theta_r)
@@ -102,7 +105,9 @@ def azimuthal_integral(S, theta_r, theta, reflectance):
     k = sin_r * sin / (c * z)
     lowest = azimuth(0.5 * (tau2 - 1), k)
     unhidden = tau2 < 1
-    end_shadow = dr.select(unhidden, azimuth((3 * tau2 - 1) / (3 - dr.minimum(tau2, 1)), k), azimuth(tau2, k))
+    end_shadow = dr.select(
+        unhidden, azimuth((3 * tau2 - 1) / (3 - dr.minimum(tau2, 1)), k), azimuth(tau2, k)
+    )
     end_masking = dr.select(unhidden, azimuth(1, k), end_shadow)
     width = dr.clip(c * z / (sin_r * sin), 1e-3 * z / sin, 10)  # 1e-3: F varies no faster in p
     dr.eval(k, z, c, lowest, end_shadow, end_masking, width)
@@ -111,14 +116,16 @@ def azimuthal_integral(S, theta_r, theta, reflectance):
     stretches = ((lowest, end_shadow), (end_shadow, end_masking), (end_masking, 0))
     for number, (nodes, (start, end)) in enumerate(zip(AZIMUTHS, stretches)):
         x, weight = (Float(np.tile(numbers, count)) for numbers in unit_rule(nodes))
-        length, scale, first = (dr.repeat(v + dr.zeros(Float, count), nodes) for v in (start - end, width, start))
-        stretched = dr.asinh(length / scale)  # facets that tilt away from the observer fill little of the azimuth
+        length, scale, first = (
+            dr.repeat(v + dr.zeros(Float, count), nodes) for v in (start - end, width, start)
+        )
+        stretched = dr.asinh(length / scale)  # dense at the start, where p and so F vary fastest
         phi = first - scale * dr.sinh(stretched * x)
         z_, c_, k_ = (dr.repeat(v, nodes) for v in (z, c, k))
         p_over_c = z_ * dr.fma(k_, dr.cos(phi), 1)
-        G2 = (2 * z_ * (2 * p_over_c * z_ - 1), p_over_c, 2 * z_)[number]
+        projection = (2 * z_ * (2 * p_over_c * z_ - 1), p_over_c, 2 * z_)[number]
         F = reflectance(S.repeat(nodes), p_over_c * c_)
-        integrand = F * G2 * (scale * dr.cosh(stretched * x) * stretched * weight)
+        integrand = F * projection * (scale * dr.cosh(stretched * x) * stretched * weight)
         total += dr.block_sum(integrand, nodes)
     return 2 * total
 
@@ -132,7 +139,10 @@ def mean_transmittance(contrast, nk):
     """int_0^1 (1 - F(c)) 2 c dc, the hemispherical mean of 1 - F; Float64, derivatives attached."""
     Float = type(contrast)
     x, weight = unit_rule(MEAN_NODES)
-    x, weight = GRAZING_KNEE * np.sinh(REACH * x), GRAZING_KNEE * np.cosh(REACH * x) * REACH * weight
+    x, weight = (
+        GRAZING_KNEE * np.sinh(REACH * x),
+        GRAZING_KNEE * np.cosh(REACH * x) * REACH * weight,
+    )
     count = max(dr.width(contrast), dr.width(nk))
     lanes = [dr.repeat(v + dr.zeros(Float, count), MEAN_NODES) for v in (contrast, nk)]
     cos = Float(np.tile(x, count))
