@@ -81,7 +81,7 @@ def mitsuba_error(error: BaseException) -> Exception:
     if not is_traceback:
         return InputError(text)
     kind, _, message = traceback.strip().splitlines()[-1].partition(": ")
-    if kind.endswith("KeyboardInterrupt"):
+    if kind.rstrip(":").endswith("KeyboardInterrupt"):  # with a colon and nothing after it
         return KeyboardInterrupt()
     place = re.search(r"At (.*?): failed", where)
     message = f"{place[1]}: {message}" if place else message

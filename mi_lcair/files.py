@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from mi_lcair.errors import InputError
+from mi_lcair.interrupts import held_back
 
 LARGEST = 2**28  # bytes of a file that is read whole
 NO_TEXT = re.compile(r"[\x00-\x08\x0e-\x1f\x7f-\x9f]")  # in Latin-1; no text file holds them
@@ -66,10 +67,9 @@ def check_writable(path: str | Path) -> None:
         # An attempt is the only sure answer: permission bits say nothing about root or read-only
         # file systems.
         probe = _partial(path)
-        try:
+        with held_back():
             probe.touch()
-        finally:
-            probe.unlink(missing_ok=True)
+            probe.unlink()
     except OSError as error:
         raise InputError(
             f"cannot write '{path}': {error.strerror}; name a folder that can be written"
@@ -90,7 +90,8 @@ def replacing(path: str | Path):
         yield partial
         os.replace(partial, path)
     finally:
-        partial.unlink(missing_ok=True)
+        with held_back():
+            partial.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -122,14 +123,16 @@ def filling(folder: str | Path):
                 raise InputError(
                     f"cannot write '{folder / file.name}': it is a folder; remove it or name another output"
                 )
-        for file in files:
-            os.replace(file, folder / file.name)
+        with held_back():
+            for file in files:
+                os.replace(file, folder / file.name)
     except OSError as error:
         raise InputError(
             f"cannot write '{folder}': {error.strerror}; name a folder that can be written"
         ) from error
     finally:
-        shutil.rmtree(partial, ignore_errors=True)
+        with held_back():
+            shutil.rmtree(partial, ignore_errors=True)
 
 
 def _partial(path: Path) -> Path:

@@ -8,11 +8,13 @@ test compares each declaration with the table in the plugin's docstring.
 import math
 import re
 from dataclasses import dataclass
+from numbers import Integral, Real
 
 import mitsuba as mi
-from mi_lcair.plugins.beside_scene import beside_scene
+import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.plugins.beside_scene import beside_scene
 
 HOTTEST = 1e5  # K; beyond it, in-band radiances approach the limits of Float32's squares
 BRIGHTEST = 1e15  # W m^-2 sr^-1; its square, times many samples, still fits into Float32
@@ -66,12 +68,13 @@ class Property:
         return float(value) if self.kind.startswith("float") else value
 
     def is_of_kind(self, value) -> bool:
+        is_boolean = isinstance(value, (bool, np.bool_))
         if self.kind == "boolean":
-            return isinstance(value, bool)
+            return is_boolean
         if self.kind == "string":
             return isinstance(value, str)
-        numbers = int if self.kind == "integer" else (int, float)
-        return isinstance(value, numbers) and not isinstance(value, bool)
+        number = Integral if self.kind == "integer" else Real
+        return isinstance(value, number) and not is_boolean
 
     def is_within(self, value) -> bool:
         return (

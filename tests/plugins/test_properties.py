@@ -6,9 +6,10 @@ import re
 
 import mitsuba as mi
 import pytest
-from mi_lcair.plugins import bounce_path, thermal
+
 
 from mi_lcair.errors import InputError, mitsuba_error
+from mi_lcair.plugins import bounce_path, thermal
 
 PLUGINS = {"thermal": thermal, "bounce_path": bounce_path}
 CLASSES = {"thermal": "Thermal", "bounce_path": "BouncePath"}

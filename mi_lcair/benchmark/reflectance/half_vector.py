@@ -1,10 +1,11 @@
-"""Ours: half-vectors drawn from the lobe itself, which is a Trowbridge-Reitz distribution, in a
-mixture with the cosine.
+"""Importance sampling of the lobe and the floor, as in the renderer (not in the thesis).
 
-The renderer's BSDF does the same; there r is fixed and i is drawn. A DHR fixes i and integrates
-over r, and the model is not reciprocal: the half-vectors are those visible from i, the density is
-that of r. The lobe is chosen with probability rho_s / (rho_s + rho_d) at theta_i (Eqs 2.15, 2.20),
-closed forms that know nothing of the integral sought.
+The lobe is a Trowbridge-Reitz distribution, so half-vectors are drawn from it exactly. They are
+mixed with cosine-distributed directions for the floor. The renderer's BSDF does the same, but it
+fixes r and draws i. A DHR fixes i and integrates over r, and the model is not reciprocal. Here the
+half-vectors are therefore those visible from i, and the density is that of r. The lobe is chosen
+with probability rho_s / (rho_s + rho_d) at theta_i (Eqs 2.15, 2.20). These two are closed forms, so
+that the integral need not be known in advance.
 """
 
 import drjit as dr
@@ -16,6 +17,7 @@ from mi_lcair.physics.reflection.directions import SMALLEST, cos_theta, sample_c
 
 
 def run(problem, samples, repetitions, seed):
+    """Return `repetitions` estimates of the DHR, each from `samples` directions."""
     rng = dr.rng(seed)
     return mean(
         weights(problem, *(rng.random(Float64, samples * repetitions) for _ in range(3))), samples
@@ -23,8 +25,9 @@ def run(problem, samples, repetitions, seed):
 
 
 def weights(problem, u_choice, u1, u2):
-    """f_r cos(theta_r) / density of directions r drawn from the mixture with three uniform numbers
-    each.
+    """Return f_r cos(theta_r) / density of directions r that are drawn from the mixture.
+
+    u_choice, u1, u2: uniform random numbers; the first chooses between lobe and floor.
     """
     S, i = problem.surface, problem.incident()
     cos_i, sin2_i = cos_theta(i), sin2_theta(i)
