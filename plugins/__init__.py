@@ -19,6 +19,7 @@ MODULES = (
     "sandford_robertson_bsdf",
     "thermal",
     "sources",
+    "tail",
     "emitter_table",
     "channels",
     "bounce_path",

@@ -10,6 +10,7 @@ import mitsuba as mi
 from mi_lcair.plugins.channels import Channels, Pixels, pixel_statistics
 from mi_lcair.plugins.derivatives import deriving_plugins, leaves, tracing, value_along
 from mi_lcair.plugins.emitter_table import EmitterTable
+from mi_lcair.plugins.tail import Tail
 from mitsuba.python.ad.integrators.common import RBIntegrator, mis_weight
 
 from mi_lcair.errors import InputError
@@ -119,13 +120,12 @@ class BouncePath(RBIntegrator):
 @dataclass(frozen=True)
 class Samples:
     """One pass, a value per path, not evaluated yet: the radiance, and the channels by name (see
-    `Channels.samples`). tail_error: estimated error of the mean that closure = tail adds [W m^-2
-    sr^-1], 0 without it.
+    `Channels.samples`). tail: of closure = tail, else None.
     """
 
     radiance: mi.Float
     channels: dict[str, mi.Float]
-    tail_error: float
+    tail: Tail | None
 
 
 class PathTracer(RBIntegrator):
@@ -189,9 +189,7 @@ class PathTracer(RBIntegrator):
     ) -> Pixels:
         """Statistics of the pixels of one pass, see `sampled`."""
         found = self.sampled(sensor, seed, spp, first, pixels, split, facets, stride)
-        return pixel_statistics(
-            found.radiance, found.channels, found.tail_error, spp, split == "target"
-        )
+        return pixel_statistics(found.radiance, found.channels, found.tail, spp, split == "target")
 
     def sampled(
         self,
@@ -228,7 +226,7 @@ class PathTracer(RBIntegrator):
             ray, weight = sensor.sample_ray(
                 sensor.shutter_open(), 0, position / mi.Vector2f(width, height), aperture
             )
-            channels, tail_error = None, 0.0
+            channels, tail = None, None
             if split or facets or self.closure == "tail":
                 channels = Channels.empty(
                     self.max_bounces,
@@ -249,8 +247,8 @@ class PathTracer(RBIntegrator):
             )
             if self.closure == "tail":
                 dr.eval(L, channels)  # add_tail sums, and would trace the paths for that alone
-                tail, tail_error = channels.add_tail()
-                L += tail
+                added, tail = channels.add_tail()
+                L += added
             by_name = (
                 channels.samples(
                     L[0], self.emitters.labels, self.emitters.sources, split == "target"
@@ -261,7 +259,7 @@ class PathTracer(RBIntegrator):
             if facets is not None:
                 dr.eval(L, channels, by_name)  # one kernel for both uses
                 facets.add(channels.facet, L[0], channels, spp, first)
-            return Samples(radiance=L[0], channels=by_name, tail_error=tail_error)
+            return Samples(radiance=L[0], channels=by_name, tail=tail)
 
     # ---------------------------------------------------------------- The loop
 
