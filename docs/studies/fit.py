@@ -1,5 +1,6 @@
-"""Long studies of the fit, by hand: python -m docs.studies.fit
-recovery|coverage|surfaces|joint|time|losses
+"""Long studies of the fit, run by hand.
+
+python -m docs.studies.fit recovery|coverage|surfaces|joint|time|losses
 """
 
 import sys
@@ -9,7 +10,7 @@ from time import perf_counter
 import numpy as np
 from scipy.optimize import least_squares
 
-import mi_lcair  # noqa: F401  chooses the LLVM before Dr.Jit is imported
+import mi_lcair  # noqa: F401  it chooses the LLVM and must precede the import of Dr.Jit
 from mi_lcair.fitting import fit, read
 from mi_lcair.fitting.data import select
 from mi_lcair.fitting.descent import ROUND_OFF, explore, levenberg_marquardt
@@ -32,37 +33,41 @@ NAMES_OF_SURFACES = (
 
 
 def recovery(seeds=20):
-    """Noise-free data: the largest relative error of any parameter over the seeds."""
+    """Print the largest relative error of any parameter over the seeds, for data without noise."""
     for name, parameters in THESIS_SETS.items():
         data = scan(parameters)
         fits = [fit(data, seed=seed) for seed in range(seeds)]
-        worst = np.max([relative_errors(one, parameters) for one in fits], axis=0)
+        forms = {(result.form, result.restriction) for result in fits}
+        worst = np.max([relative_errors(result, parameters) for result in fits], axis=0)
         print(
-            f"{name}: worst relative error {worst.max():.1e}, converged {all(one.converged for one in fits)}, "
-            f"forms {set((one.form, one.restriction) for one in fits)}, "
-            f"starts in basin >= {min(one.starts_in_basin for one in fits):.2f}",
+            f"{name}: worst relative error {worst.max():.1e}, "
+            f"converged {all(result.converged for result in fits)}, "
+            f"forms {forms}, "
+            f"starts in basin >= {min(result.starts_in_basin for result in fits):.2f}",
             flush=True,
         )
 
 
 def coverage(repetitions=200):
-    """5 % noise: how often the true value lies inside 2 standard errors and inside the 95 %
-    interval, where determined.
+    """Print how often 2 standard errors and the 95 % interval contain the true value, at 5 % noise.
+
+    Only fits that determine the parameter are counted.
     """
     for name, parameters in {**THESIS_SETS, "rough": ROUGH}.items():
         inside, interval, determined = (np.zeros((repetitions, 4), bool) for _ in range(3))
         for k in range(repetitions):
-            one = fit(scan(parameters, noise=0.05, seed=k), starts=8, seed=k, form="thesis")
+            result = fit(scan(parameters, noise=0.05, seed=k), starts=8, seed=k, form="thesis")
             for j, key in enumerate(NAMES):
-                determined[k, j] = one.verdict[key] == "determined"
+                determined[k, j] = result.verdict[key] == "determined"
                 inside[k, j] = (
-                    abs(one.parameters[key] - parameters[j]) <= 2 * one.standard_error[key]
+                    abs(result.parameters[key] - parameters[j]) <= 2 * result.standard_error[key]
                 )
-                interval[k, j] = one.interval[key][0] <= parameters[j] <= one.interval[key][1]
+                interval[k, j] = result.interval[key][0] <= parameters[j] <= result.interval[key][1]
         print(
             name,
             {
-                key: f"determined {d.sum()}, 2 se {100 * i[d].mean():.1f} %, interval {100 * v[d].mean():.1f} %"
+                key: f"determined {d.sum()}, 2 se {100 * i[d].mean():.1f} %, "
+                f"interval {100 * v[d].mean():.1f} %"
                 for key, d, i, v in zip(NAMES, determined.T, inside.T, interval.T)
                 if d.any()
             },
@@ -71,21 +76,22 @@ def coverage(repetitions=200):
 
 
 def surfaces():
-    """The six real surfaces, each form on its own: rms in decades."""
+    """Print the rms residual in decades of each form of the model on the six real surfaces."""
     for name in NAMES_OF_SURFACES:
         data = read(SURFACES / f"{name}.csv")
         fits = [fit(data, form=form, source_half_angle_deg=0) for form in ("thesis", "normalized")]
         print(
             name,
-            " / ".join(f"{one.rms_dex:.5f}" for one in fits),
-            [one.converged for one in fits],
+            " / ".join(f"{result.rms_dex:.5f}" for result in fits),
+            [result.converged for result in fits],
             flush=True,
         )
 
 
 def joint():
-    """BRDF alone against BRDF with emissivity: rms in decades, and rms error of the emissivity up
-    to 80 degrees.
+    """Compare the fit to the BRDF alone with the joint fit to BRDF and emissivity.
+
+    It prints the rms residual in decades and the rms error of the emissivity up to 80 degrees.
     """
     for name in NAMES_OF_SURFACES:
         data = read(SURFACES / f"{name}.csv")
@@ -94,19 +100,18 @@ def joint():
         both = fit(data, emissivity=table, source_half_angle_deg=0)
         u = to_cube([list(alone.parameters.values())])
         inside = table.theta <= np.radians(80.001)
-        missed = (Hemispherical(table.theta, "emissivity", alone.form)(u)[0][0] - table.value)[
-            inside
-        ]
+        error = Hemispherical(table.theta, "emissivity", alone.form)(u)[0][0] - table.value
         print(
-            f"{name}: rms {alone.rms_dex:.4f} -> {both.rms_dex:.4f} ({both.rms_dex / alone.rms_dex:.2f}), emissivity "
-            f"{np.sqrt(np.mean(missed**2)):.4f} -> {both.emissivity_rms:.4f}, {both.form} {both.restriction}, "
-            f"{both.settings['joint']}, {both.seconds:.1f} s",
+            f"{name}: rms {alone.rms_dex:.4f} -> {both.rms_dex:.4f} "
+            f"({both.rms_dex / alone.rms_dex:.2f}), emissivity "
+            f"{np.sqrt(np.mean(error[inside] ** 2)):.4f} -> {both.emissivity_rms:.4f}, "
+            f"{both.form} {both.restriction}, {both.settings['joint']}, {both.seconds:.1f} s",
             flush=True,
         )
 
 
 def losses():
-    """rms in decades that each loss leaves on the real surfaces."""
+    """Print the rms residual in decades of the fit with each loss on the real surfaces."""
     for name in NAMES_OF_SURFACES:
         data = read(SURFACES / f"{name}.csv")
         print(
@@ -120,8 +125,9 @@ def losses():
 
 
 def time(repetitions=5):
-    """64 starts to the minimum of 720 points of a real surface, and of about 10,000 points, against
-    scipy.
+    """Print the time of a search from 64 starts, on 720 and on about 10,000 points.
+
+    The 720 points are those of a real surface. For them SciPy's time is printed as well.
     """
     for name in ("aluminium", "paint_rough"):
         measurements = read(SURFACES / f"{name}.csv")
@@ -145,7 +151,8 @@ def time(repetitions=5):
                 )
                 seconds.append(perf_counter() - began)
             print(
-                f"{name}, {len(brdf)} points: first {seconds[0]:.2f} s with the compile, then {min(seconds[1:]):.2f} s, "
+                f"{name}, {len(brdf)} points: first {seconds[0]:.2f} s with the compile, "
+                f"then {min(seconds[1:]):.2f} s, "
                 f"rms {np.sqrt(2 * best.cost[0] / len(brdf)):.5f}, gradient {best.gradient[0]:.1e}",
                 flush=True,
             )
@@ -168,6 +175,7 @@ def time(repetitions=5):
 
 
 def numpy_residuals(u, theta_i, theta_r, brdf):
+    """Return the residuals log10(model) - log10(brdf) at a point u of the unit cube, in NumPy."""
     b = np.sqrt(u[2])
     G = numpy_model.G(b)
     model = numpy_model.brdf(
@@ -177,6 +185,5 @@ def numpy_residuals(u, theta_i, theta_r, brdf):
 
 
 if __name__ == "__main__":
-    {one.__name__: one for one in (recovery, coverage, surfaces, joint, losses, time)}[
-        sys.argv[1]
-    ]()
+    studies = (recovery, coverage, surfaces, joint, losses, time)
+    {study.__name__: study for study in studies}[sys.argv[1]]()

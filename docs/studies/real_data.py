@@ -1,10 +1,10 @@
-"""The page docs/real_data.md: six measured surfaces, fitted; every number on it is computed here.
+"""Write the page docs/real_data.md on fits to six measured surfaces.
 
     python -m docs.studies.real_data DATA_FOLDER [PAGE]
 
-DATA_FOLDER holds <surface>.csv and <surface>_emissivity.csv; PAGE (default docs/real_data.md) is
-written, with its pictures in a folder of its name beside it. The text is real_data.template.md,
-whose {fields} are filled in.
+DATA_FOLDER contains <surface>.csv and <surface>_emissivity.csv. The script writes PAGE (default
+docs/real_data.md), and its pictures into a folder of the same name beside it. The text is
+real_data.template.md, whose {fields} are filled in. Every number on the page is computed here.
 """
 
 import sys
@@ -30,19 +30,17 @@ TITLES = {
     "paint_smooth": "Paint, smooth",
     "steel_sandblasted": "Steel, sandblasted",
 }
-HALF_ANGLE_DEG = 0.909  # of the source, as the files state it in words
-MARKS = {
-    "determined": "",
-    "weakly": " ʷ",
-    "not": " ⁿ",
-    "at": " ᵇ",
-}  # by the first word of a verdict
+HALF_ANGLE_DEG = 0.909  # degrees, half-angle of the source as stated in the files' comments
+# Mark of a parameter by the first word of its verdict.
+MARKS = {"determined": "", "weakly": " ʷ", "not": " ⁿ", "at": " ᵇ"}
 
 
 @dataclass
 class Surface:
-    """A surface with its fits: to the BRDF alone, jointly with the emissivity, and, on each scale,
-    to the BRDF alone: all of it and two halves, every second scan.
+    """A surface with its fits.
+
+    alone: fit to the BRDF alone. joint: fit to BRDF and emissivity. by_loss: for each loss three
+    fits to the BRDF alone, of all scans and of two halves; a half has every second scan.
     """
 
     title: str
@@ -52,12 +50,15 @@ class Surface:
     joint: Fit
     by_loss: dict[str, tuple[Fit, Fit, Fit]]
 
-    def emissivity_error(self, one: Fit, max_angle_deg: float = 80) -> float:
-        """Rms error of a fit's emissivity at the measured angles up to some angle."""
-        predicted = Hemispherical(self.emissivity.theta, "emissivity", one.form)(coordinates(one))[
-            0
-        ][0]
+    def emissivity_error(self, fit: Fit, max_angle_deg: float = 80) -> float:
+        """Return the rms error of a fit's emissivity at the measured angles up to max_angle_deg."""
+        model = Hemispherical(self.emissivity.theta, "emissivity", fit.form)
+        predicted = model(coordinates(fit))[0][0]
         return emissivity_error(self.emissivity, predicted, max_angle_deg)
+
+    def emissivity_at(self, angle_deg: float) -> float:
+        """Return the measured emissivity at an angle, interpolated."""
+        return float(np.interp(np.radians(angle_deg), self.emissivity.theta, self.emissivity.value))
 
     @property
     def alone_error(self) -> float:
@@ -69,18 +70,19 @@ class Surface:
 
     @property
     def forms(self) -> dict[str, dict]:
-        """For each form: rms of the best fit to the BRDF alone, and the emissivity's error in the
-        best joint fit.
+        """Return for each form the rms of the best fit to the BRDF alone, and an emissivity error.
+
+        The error is that of the emissivity in the best joint fit.
         """
         result = {}
         for form in FORMS:
             alone, joint = (
                 next(
                     row
-                    for row in one.candidates
+                    for row in fit.candidates
                     if (row["form"], row["restriction"]) == (form, None)
                 )
-                for one in (self.alone, self.joint)
+                for fit in (self.alone, self.joint)
             )
             u = to_cube([joint["parameters"][name] for name in NAMES])[None]
             predicted = Hemispherical(self.emissivity.theta, "emissivity", form)(u)[0][0]
@@ -91,16 +93,18 @@ class Surface:
         return result
 
     def spread_of_e(self, loss: str) -> float:
-        """By which factor the lobe widths of the two halves differ."""
-        widths = [one.parameters["e"] for one in self.by_loss[loss][1:]]
+        """Return the ratio of the lobe widths that are fitted to the two halves, at least 1."""
+        widths = [fit.parameters["e"] for fit in self.by_loss[loss][1:]]
         return max(widths) / min(widths)
 
     @property
     def isotropic_reflectance(self) -> float:
-        """Hemispherical reflectance if the lobe were as wide across the plane as in it, from the
-        scan at theta_r = 20 degrees: 2 pi int f cos(theta_i) sin(delta) d delta, delta the distance
-        from the mirror direction, both sides averaged. A lower limit: beyond the scan nothing is
-        counted.
+        """Return the hemispherical reflectance that a round lobe would have.
+
+        It is computed from the scan at theta_r = 20 degrees, as if the lobe were as wide across the
+        plane of incidence as in it: 2 pi int f cos(theta_i) sin(delta) d delta. Here delta is the
+        angle from the mirror direction, and both sides are averaged. The result is a lower limit,
+        because angles beyond the scan are not counted.
         """
         data = self.measurements
         scan = np.isclose(data.theta_r, np.radians(20))
@@ -111,8 +115,9 @@ class Surface:
         return float(2 * np.pi * np.trapezoid(radial, np.radians(distance)))
 
     def mirror_excess(self, lowest_deg: float, highest_deg: float) -> float:
-        """How many times brighter than the joint fit the mirror direction is: geometric mean over
-        theta_r in a range.
+        """Return the ratio of measured BRDF to joint fit in the mirror direction.
+
+        It is the geometric mean over theta_r from lowest_deg to highest_deg.
         """
         data, theta = self.measurements, np.degrees(self.measurements.theta_r)
         peak = (
@@ -125,7 +130,7 @@ class Surface:
 
     @property
     def median_excess(self) -> float:
-        """How many times brighter than the joint fit the median point is."""
+        """Return the median ratio of measured BRDF to joint fit."""
         data, used = self.measurements, self.joint.used_points
         return float(
             np.median(
@@ -135,11 +140,14 @@ class Surface:
 
 
 def fit_surface(folder: Path, name: str) -> Surface:
+    """Read the files of a surface and make all its fits."""
     measurements = replace(read(folder / f"{name}.csv"), name=TITLES[name])
     emissivity = read_directional(folder / f"{name}_emissivity.csv", "emissivity")
     observers = np.unique(measurements.theta_r)
     parts = measurements, part(measurements, observers[0::2]), part(measurements, observers[1::2])
-    by_loss = {loss: tuple(fit(one, form="thesis", loss=loss) for one in parts) for loss in SCALES}
+    by_loss = {
+        loss: tuple(fit(scans, form="thesis", loss=loss) for scans in parts) for loss in SCALES
+    }
     return Surface(
         TITLES[name],
         measurements,
@@ -151,7 +159,7 @@ def fit_surface(folder: Path, name: str) -> Surface:
 
 
 def part(measurements: Measurements, observers) -> Measurements:
-    """The scans at some theta_r alone."""
+    """Return the scans at the theta_r in `observers` [rad]."""
     rows = np.isin(measurements.theta_r, observers)
     return replace(
         measurements,
@@ -162,29 +170,33 @@ def part(measurements: Measurements, observers) -> Measurements:
 
 
 def table(header, rows) -> str:
-    """A Markdown table."""
+    """Return a Markdown table."""
     lines = [header, ["---"] * len(header), *rows]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
-def parameters(one: Fit) -> list[str]:
-    """The four parameters, to the first digit of their standard errors, with their verdicts' marks."""
+def parameters(fit: Fit) -> list[str]:
+    """Return the four parameters as text with standard errors and the marks of their verdicts.
+
+    Values are rounded to the first digit of the standard error.
+    """
     cells = []
     for name in NAMES:
-        value, error = one.parameters[name], one.standard_error[name]
+        value, error = fit.parameters[name], fit.standard_error[name]
         digits = max(0, -int(np.floor(np.log10(max(error, 1e-12)))))
         cells.append(
-            f"{value:.{digits}f} ± {error:.{digits}f}{MARKS[one.verdict[name].split()[0]]}"
+            f"{value:.{digits}f} ± {error:.{digits}f}{MARKS[fit.verdict[name].split()[0]]}"
         )
     return cells
 
 
-def form_of(one: Fit) -> str:
-    return one.form + (f", {one.restriction}" if one.restriction else "")
+def form_of(fit: Fit) -> str:
+    """Return the form of a fit, and its restriction if it has one."""
+    return fit.form + (f", {fit.restriction}" if fit.restriction else "")
 
 
 def tables(surfaces: list[Surface]) -> dict[str, str]:
-    """The tables of the page, by the name of their field."""
+    """Return the tables of the page, name of the field -> table."""
     columns = ["Surface", "Form", "ε", "ρ_d", "b", "e", "rms (decades)"]
     losses = ("log", "cube_root", "linear")
     return {
@@ -192,15 +204,15 @@ def tables(surfaces: list[Surface]) -> dict[str, str]:
             [*columns, "Points", "Independent", "Error of emissivity"],
             [
                 [
-                    one.title,
-                    form_of(one.alone),
-                    *parameters(one.alone),
-                    f"{one.alone.rms_dex:.4f}",
-                    str(one.alone.used),
-                    f"{one.alone.effective_points:.0f}",
-                    f"{one.alone_error:.3f}",
+                    surface.title,
+                    form_of(surface.alone),
+                    *parameters(surface.alone),
+                    f"{surface.alone.rms_dex:.4f}",
+                    str(surface.alone.used),
+                    f"{surface.alone.effective_points:.0f}",
+                    f"{surface.alone_error:.3f}",
                 ]
-                for one in surfaces
+                for surface in surfaces
             ],
         ),
         "form_table": table(
@@ -213,26 +225,26 @@ def tables(surfaces: list[Surface]) -> dict[str, str]:
             ],
             [
                 [
-                    one.title,
-                    *(f"{one.forms[form]['rms_dex']:.4f}" for form in FORMS),
-                    *(f"{one.forms[form]['error']:.3f}" for form in FORMS),
+                    surface.title,
+                    *(f"{surface.forms[form]['rms_dex']:.4f}" for form in FORMS),
+                    *(f"{surface.forms[form]['error']:.3f}" for form in FORMS),
                 ]
-                for one in surfaces
+                for surface in surfaces
             ],
         ),
         "joint_table": table(
             [*columns, "Change", "Error of emissivity", "Change"],
             [
                 [
-                    one.title,
-                    form_of(one.joint),
-                    *parameters(one.joint),
-                    f"{one.joint.rms_dex:.4f}",
-                    f"{one.joint.rms_dex / one.alone.rms_dex - 1:+.0%}",
-                    f"{one.joint.emissivity_rms:.3f}",
-                    f"{one.joint.emissivity_rms / one.alone_error - 1:+.0%}",
+                    surface.title,
+                    form_of(surface.joint),
+                    *parameters(surface.joint),
+                    f"{surface.joint.rms_dex:.4f}",
+                    f"{surface.joint.rms_dex / surface.alone.rms_dex - 1:+.0%}",
+                    f"{surface.joint.emissivity_rms:.3f}",
+                    f"{surface.joint.emissivity_rms / surface.alone_error - 1:+.0%}",
                 ]
-                for one in surfaces
+                for surface in surfaces
             ],
         ),
         "loss_table": table(
@@ -244,11 +256,11 @@ def tables(surfaces: list[Surface]) -> dict[str, str]:
             ],
             [
                 [
-                    one.title,
-                    *(f"{one.by_loss[loss][0].rms_dex:.3f}" for loss in losses),
-                    *(f"× {one.spread_of_e(loss):.2f}" for loss in losses),
+                    surface.title,
+                    *(f"{surface.by_loss[loss][0].rms_dex:.3f}" for loss in losses),
+                    *(f"× {surface.spread_of_e(loss):.2f}" for loss in losses),
                 ]
-                for one in surfaces
+                for surface in surfaces
             ],
         ),
         "limits_table": table(
@@ -261,30 +273,26 @@ def tables(surfaces: list[Surface]) -> dict[str, str]:
             ],
             [
                 [
-                    one.title,
-                    f"{one.isotropic_reflectance:.2f}",
-                    f"{1 - np.interp(np.radians(20), one.emissivity.theta, one.emissivity.value):.2f}",
-                    f"× {one.mirror_excess(15, 70):.1f}",
-                    f"× {one.mirror_excess(80, 80):.1f}",
+                    surface.title,
+                    f"{surface.isotropic_reflectance:.2f}",
+                    f"{1 - surface.emissivity_at(20):.2f}",
+                    f"× {surface.mirror_excess(15, 70):.1f}",
+                    f"× {surface.mirror_excess(80, 80):.1f}",
                 ]
-                for one in surfaces
+                for surface in surfaces
             ],
         ),
     }
 
 
 def numbers(surfaces: dict[str, Surface]) -> dict[str, float]:
-    """The single numbers in the page's text."""
-
-    def emissivity(name, angle_deg):
-        data = surfaces[name].emissivity
-        return float(np.interp(np.radians(angle_deg), data.theta, data.value))
-
-    aluminium = surfaces["aluminium"]
+    """Return the single numbers in the text of the page, name of the field -> number."""
+    aluminium, paint_rough = surfaces["aluminium"], surfaces["paint_rough"]
     worst = {
-        f"worst_{loss}": max(one.spread_of_e(loss) for one in surfaces.values()) for loss in SCALES
+        f"worst_{loss}": max(surface.spread_of_e(loss) for surface in surfaces.values())
+        for loss in SCALES
     }
-    std = np.concatenate([one.emissivity.std for one in surfaces.values()])
+    std = np.concatenate([surface.emissivity.std for surface in surfaces.values()])
     return {
         **worst,
         "least_std": std.min(),
@@ -297,28 +305,29 @@ def numbers(surfaces: dict[str, Surface]) -> dict[str, float]:
             aluminium.measurements, form="thesis", source_half_angle_deg=HALF_ANGLE_DEG
         ).rms_dex,
         "half_angle_deg": HALF_ANGLE_DEG,
-        "aluminium_15": emissivity("aluminium", 15),
-        "aluminium_85": emissivity("aluminium", 85),
+        "aluminium_15": aluminium.emissivity_at(15),
+        "aluminium_85": aluminium.emissivity_at(85),
         "aluminium_thesis_rms": aluminium.forms["thesis"]["rms_dex"],
         "aluminium_thesis": aluminium.forms["thesis"]["error"],
         "aluminium_normalized": aluminium.forms["normalized"]["error"],
         "sandblasted_80": surfaces["aluminium_sandblasted"].mirror_excess(80, 80),
-        "paint_rough_80": surfaces["paint_rough"].mirror_excess(80, 80),
-        "paint_rough_emissivity_70": emissivity("paint_rough", 70),
-        "paint_rough_emissivity_80": emissivity("paint_rough", 80),
+        "paint_rough_80": paint_rough.mirror_excess(80, 80),
+        "paint_rough_emissivity_70": paint_rough.emissivity_at(70),
+        "paint_rough_emissivity_80": paint_rough.emissivity_at(80),
     }
 
 
 def main(folder: Path, page: Path) -> None:
+    """Fit all surfaces and write the page and its pictures."""
     pictures = page.with_suffix("")
     pictures.mkdir(parents=True, exist_ok=True)
     surfaces = {}
     for name in TITLES:
         print(name, file=sys.stderr)
-        surfaces[name] = one = fit_surface(folder, name)
+        surfaces[name] = surface = fit_surface(folder, name)
         save_plot(
             pictures / f"{name}.png",
-            [(one.measurements, one.joint, {"emissivity": one.emissivity})],
+            [(surface.measurements, surface.joint, {"emissivity": surface.emissivity})],
         )
     template = Path(__file__).with_name("real_data.template.md").read_text(encoding="utf-8")
     fields = (
