@@ -1,11 +1,53 @@
-"""Files that appear complete or not at all."""
+"""Files that are read whole, and files that appear complete or not at all."""
 
 import os
+import re
 import shutil
+import stat
 from contextlib import contextmanager
 from pathlib import Path
 
 from mi_lcair.errors import InputError
+from mi_lcair.interrupts import held_back
+
+LARGEST = 2**28  # bytes of a file that is read whole
+NO_TEXT = re.compile(r"[\x00-\x08\x0e-\x1f\x7f-\x9f]")  # in Latin-1; no text file holds them
+
+
+def read_bytes(path: str | Path, what: str = "") -> bytes:
+    """The content of a file.
+
+    what: what errors call it (default: its path). Raises InputError for what cannot be read, for
+    what is no regular file (a pipe or a device may have no end) and for more than LARGEST bytes.
+    """
+    path, what = Path(path), what or str(path)
+    try:
+        mode = path.stat().st_mode
+        if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+            raise InputError(f"{what}: is no regular file; a pipe or a device may have no end")
+        with path.open("rb") as file:
+            data = file.read(LARGEST + 1)
+    except OSError as error:
+        raise InputError(f"{what}: cannot be read: {error.strerror}") from None
+    except ValueError as error:  # a null character in the name
+        raise InputError(f"{what}: cannot be read: {error}") from None
+    if len(data) > LARGEST:
+        raise InputError(f"{what}: has more than {LARGEST >> 20} MB; is it the right file?")
+    return data
+
+
+def read_text(path: str | Path, what: str = "") -> str:
+    """The text of a file in UTF-8, or in Latin-1 where it is not; InputError as `read_bytes`, and
+    for what is no text.
+    """
+    data = read_bytes(path, what)
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")
+    if NO_TEXT.search(text):
+        raise InputError(f"{what or path}: not a text file; it must be text in UTF-8 or Latin-1")
+    return text
 
 
 def check_writable(path: str | Path) -> None:
@@ -25,8 +67,9 @@ def check_writable(path: str | Path) -> None:
         # An attempt is the only sure answer: permission bits say nothing about root or read-only
         # file systems.
         probe = _partial(path)
-        probe.touch()
-        probe.unlink()
+        with held_back():
+            probe.touch()
+            probe.unlink()
     except OSError as error:
         raise InputError(
             f"cannot write '{path}': {error.strerror}; name a folder that can be written"
@@ -47,7 +90,8 @@ def replacing(path: str | Path):
         yield partial
         os.replace(partial, path)
     finally:
-        partial.unlink(missing_ok=True)
+        with held_back():
+            partial.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -79,14 +123,16 @@ def filling(folder: str | Path):
                 raise InputError(
                     f"cannot write '{folder / file.name}': it is a folder; remove it or name another output"
                 )
-        for file in files:
-            os.replace(file, folder / file.name)
+        with held_back():
+            for file in files:
+                os.replace(file, folder / file.name)
     except OSError as error:
         raise InputError(
             f"cannot write '{folder}': {error.strerror}; name a folder that can be written"
         ) from error
     finally:
-        shutil.rmtree(partial, ignore_errors=True)
+        with held_back():
+            shutil.rmtree(partial, ignore_errors=True)
 
 
 def _partial(path: Path) -> Path:

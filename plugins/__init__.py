@@ -22,6 +22,8 @@ MODULES = (
     *(f"{name}_bsdf" for name in NAMES),
     "thermal",
     "sources",
+    "radiance_bound",
+    "field_of_view",
     "emitter_table",
     "channels",
     "bounce_path",

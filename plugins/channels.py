@@ -144,7 +144,8 @@ class Pixels:
 
     count: finite samples of each pixel; mean and squares (sum of squared deviations from the mean)
     of the radiance. channels: by name, means of each pixel in equal parts of its samples, (parts,
-    pixels), of part_count finite samples. invalid: NaN or infinite samples, left out. tail_error:
+    pixels), of part_count finite samples. invalid: NaN or infinite samples, left out. chance: the
+    largest contribution that a source might have made to one of the paths, and did not. tail_error:
     estimated error of the mean that closure = tail adds [W m^-2 sr^-1].
     """
 
@@ -154,24 +155,23 @@ class Pixels:
     channels: dict[str, np.ndarray]
     part_count: np.ndarray
     invalid: int
+    chance: float
     tail_error: float
 
 
-def pixel_statistics(
-    L, samples: dict, tail_error: float, spp: int, in_parts: bool = False
-) -> Pixels:
+def pixel_statistics(found, spp: int, in_parts: bool = False) -> Pixels:
     """Reduces samples (`spp` consecutive ones per pixel) to pixels.
 
     Deviations are taken from the pixel's own mean: in Float32 the variance would drown in the
     square of the mean. in_parts: the channels in two parts (where spp is even), so that their
     scatter tells their standard errors.
     """
+    L, chance = found.radiance, found.chance
     finite = dr.isfinite(L)
-    samples = {name: dr.select(finite, value, 0) for name, value in samples.items()}
+    samples = {name: dr.select(finite, value, 0) for name, value in found.channels.items()}
     L, valid = dr.select(finite, L, 0), dr.select(finite, mi.Float(1), 0)
-    dr.eval(
-        finite, L, valid, samples
-    )  # one kernel: each reduction would otherwise trace the paths again
+    # one kernel: each reduction would otherwise trace the paths again
+    dr.eval(finite, L, valid, samples, chance)
     count, total = dr.block_sum(valid, spp), dr.block_sum(L, spp)
     mean = total / dr.maximum(count, 1)
     squares = dr.block_sum(dr.square(dr.select(finite, L - dr.repeat(mean, spp), 0)), spp)
@@ -191,5 +191,6 @@ def pixel_statistics(
         channels=channels,
         part_count=part_count,
         invalid=dr.width(L) - int(count.sum()),
-        tail_error=tail_error,
+        chance=float(dr.max(chance)[0]),
+        tail_error=found.tail_error,
     )

@@ -19,9 +19,30 @@ def attached(arrays) -> bool:
     return any(array.index_ad != 0 for array in arrays)
 
 
-_traced = (
-    None  # the plugins of the scene that `bounce_path` is tracing, None while it traces nothing
-)
+def held(arrays) -> list:
+    """Copies that refer to the same variables. (What `traverse` reports is Mitsuba's own array,
+    which an update changes.)
+    """
+    return [type(array)(array) for array in arrays]
+
+
+def same_variables(arrays, kept) -> bool:
+    """Whether the arrays are the very variables, with the same derivatives, that `kept` refers to,
+    as `held` made it.
+
+    An index alone tells nothing: Dr.Jit gives that of a variable to which nothing refers any more
+    to a new one.
+    """
+    return len(arrays) == len(kept) and all(
+        (array.index, array.index_ad) == (other.index, other.index_ad)
+        for array, other in zip(arrays, kept)
+    )
+
+
+# The plugins of the scene that `bounce_path` is tracing; None while it traces nothing. A module
+# variable, because Dr.Jit records its calls for every plugin that is alive, and Mitsuba calls their
+# methods with no more than the interaction.
+_traced = None
 
 
 @contextmanager
@@ -73,6 +94,20 @@ def flatten(tree) -> list:
     return [array for branch in getattr(tree, "__dict__", {}).values() for array in flatten(branch)]
 
 
+def value_along(bsdf, ctx, si, sample1, sample2, bs, active=True):
+    """What a BSDF reflects along the direction of `bs`, which these samples drew without
+    derivatives: up to a factor, and with the derivatives of the BSDF's parameters.
+
+    That is its `eval`. A delta lobe has no value; there it is the lobe's weight times the
+    probability with which `sample` chose it. (The weight alone would also carry the derivative of
+    that probability, where a BSDF has several lobes.)
+    """
+    is_delta = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
+    value = bsdf.eval(ctx, si, bs.wo, active & ~is_delta)
+    chosen, weight = bsdf.sample(ctx, si, sample1, sample2, active & is_delta)
+    return dr.select(is_delta, weight * chosen.pdf, value)
+
+
 class Members(mi.TraversalCallback):
     """Collects what an object's `traverse` reports. (A class inside a function would keep dead
     scenes alive until the garbage collector runs, and Dr.Jit's calls reach every emitter that is
@@ -100,7 +135,7 @@ def children(node) -> list:
 
 
 def deriving_plugins(scene) -> list:
-    """The scene's plugins that derive something from their parameters, each once."""
+    """The scene's plugins that derive something from parameters, each once."""
     found, waiting, seen = [], [scene], {scene}
     while waiting:
         node = waiting.pop()
@@ -112,6 +147,14 @@ def deriving_plugins(scene) -> list:
     return found
 
 
+def derivations(scene) -> list:
+    """All that is derived from the scene's parameters: by plugins themselves, and by what they hold
+    as `derivations` (a thermal emitter's table of the emissivity of a stock BSDF).
+    """
+    plugins = deriving_plugins(scene)
+    return plugins + [part for plugin in plugins for part in getattr(plugin, "derivations", ())]
+
+
 @contextmanager
 def leaves(scene, mode: dr.ADMode):
     """Within: `derived` of plugins whose parameters have gradients are leaves; forward: they carry
@@ -119,7 +162,7 @@ def leaves(scene, mode: dr.ADMode):
 
     Afterwards, in backward mode, what the leaves have gathered is passed on to the parameters.
     """
-    plugins = [plugin for plugin in deriving_plugins(scene) if attached(plugin.sources())]
+    plugins = [plugin for plugin in derivations(scene) if attached(plugin.sources())]
     with dr.resume_grad():
         for plugin in plugins:
             plugin.derive()

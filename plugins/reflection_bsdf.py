@@ -7,7 +7,7 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.physics import materials, reflection
 from mi_lcair.physics.bands import band
-from mi_lcair.physics.directional_table import read_directional_table
+from mi_lcair.physics.directional_table import over_the_hemisphere, read_directional_table
 from mi_lcair.physics.reflection.directions import SMALLEST, cos_theta, sample_cosine, sin2_theta
 from mi_lcair.plugins.beside_scene import beside_scene
 from mi_lcair.plugins.derivatives import attached, check_attached, children, flatten
@@ -69,9 +69,9 @@ class ReflectionBSDF(mi.BSDF):
         self.emissivity = props.get("emissivity", "kirchhoff")
         self.measured = None
         if self.emissivity not in ("kirchhoff", "model"):
-            theta, emissivity, _ = read_directional_table(beside_scene(self.emissivity))
-            cos = np.linspace(0, 1, NODES) ** 2
-            self.measured = mi.Float(np.interp(np.arccos(cos), theta, emissivity))
+            path, cos = beside_scene(self.emissivity), np.linspace(0, 1, NODES) ** 2
+            theta, emissivity, _ = read_directional_table(path)
+            self.measured = mi.Float(over_the_hemisphere(path, theta, emissivity, np.arccos(cos)))
             dr.make_opaque(self.measured)
         elif self.emissivity == "model" and not self.model.has_emissivity:
             raise InputError(

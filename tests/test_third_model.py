@@ -87,7 +87,9 @@ def copy(tmp_path_factory):
     shutil.copy(FILES / "minnaert_bsdf.py", root / "plugins")
     registry = root / "mi_lcair" / "physics" / "reflection" / "__init__.py"
     before = registry.read_text()
-    after = before.replace('    "sandford_robertson",\n', '    "sandford_robertson",\n    "minnaert",\n')
+    after = before.replace(
+        '    "sandford_robertson",\n', '    "sandford_robertson",\n    "minnaert",\n'
+    )
     assert len(after.splitlines()) == len(before.splitlines()) + 1
     registry.write_text(after)
     return root

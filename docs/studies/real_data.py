@@ -1,10 +1,11 @@
-"""Write the page docs/real_data.md on fits to six measured surfaces.
+"""The page docs/real_data.md: six measured surfaces, fitted; every number on it is computed here.
 
     python -m docs.studies.real_data DATA_FOLDER [PAGE]
 
-DATA_FOLDER contains <surface>.csv and <surface>_emissivity.csv. The script writes PAGE (default
-docs/real_data.md), and its pictures into a folder of the same name beside it. The text is
-real_data.template.md, whose {fields} are filled in. Every number on the page is computed here.
+Each reflection model is fitted to the BRDF alone and jointly with the emissivity; so is `auto`,
+which chooses among all. DATA_FOLDER holds <surface>.csv and <surface>_emissivity.csv. PAGE (default
+docs/real_data.md) is written, with its pictures in a folder of its name beside it. The text is
+real_data.template.md, whose {fields} are filled in.
 """
 
 import sys
@@ -13,14 +14,14 @@ from pathlib import Path
 
 import numpy as np
 
+from docs.studies.real_data_tables import LOSS_FORM, LOSS_MODEL, LOSS_WIDTH, tables
 from mi_lcair.fitting.estimation import Fit, emissivity_error, fit
 from mi_lcair.fitting.loss import SCALES
 from mi_lcair.fitting.model import Hemispherical
-from mi_lcair.fitting.parameters import NAMES, to_cube
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
 from mi_lcair.fitting.scatterometer.reading import read, read_directional
-from mi_lcair.physics.reflection.sandford_robertson_equations import FORMS
-from mi_lcair.reports.fit_plot import coordinates, predicted, save_plot
+from mi_lcair.physics.reflection import MODELS
+from mi_lcair.reports.fit_plot import directional, predicted, save_plot
 
 TITLES = {
     "aluminium": "Aluminium",
@@ -30,17 +31,13 @@ TITLES = {
     "paint_smooth": "Paint, smooth",
     "steel_sandblasted": "Steel, sandblasted",
 }
-HALF_ANGLE_DEG = 0.909  # degrees, half-angle of the source as stated in the files' comments
-# Mark of a parameter by the first word of its verdict.
-MARKS = {"determined": "", "weakly": " ʷ", "not": " ⁿ", "at": " ᵇ"}
+HALF_ANGLE_DEG = 0.909  # of the source, as the files state it in words
 
 
 @dataclass
 class Surface:
-    """A surface with its fits.
-
-    alone: fit to the BRDF alone. joint: fit to BRDF and emissivity. by_loss: for each loss three
-    fits to the BRDF alone, of all scans and of two halves; a half has every second scan.
+    """A surface with its fits by one model: to the BRDF alone and jointly with the emissivity;
+    by_loss: on each scale, to the BRDF alone, of all scans and of two halves, every second scan.
     """
 
     title: str
@@ -50,15 +47,10 @@ class Surface:
     joint: Fit
     by_loss: dict[str, tuple[Fit, Fit, Fit]]
 
-    def emissivity_error(self, fit: Fit, max_angle_deg: float = 80) -> float:
-        """Return the rms error of a fit's emissivity at the measured angles up to max_angle_deg."""
-        model = Hemispherical(self.emissivity.theta, "emissivity", fit.form)
-        predicted = model(coordinates(fit))[0][0]
+    def emissivity_error(self, one: Fit, max_angle_deg: float = 80) -> float:
+        """Rms error of a fit's emissivity at the measured angles up to some angle."""
+        predicted = directional(one, "emissivity", self.emissivity.theta)
         return emissivity_error(self.emissivity, predicted, max_angle_deg)
-
-    def emissivity_at(self, angle_deg: float) -> float:
-        """Return the measured emissivity at an angle, interpolated."""
-        return float(np.interp(np.radians(angle_deg), self.emissivity.theta, self.emissivity.value))
 
     @property
     def alone_error(self) -> float:
@@ -68,24 +60,35 @@ class Surface:
     def joint_error_to_70(self) -> float:
         return self.emissivity_error(self.joint, 70)
 
+    def measured_emissivity(self, angle_deg: float) -> float:
+        data = self.emissivity
+        return float(np.interp(np.radians(angle_deg), data.theta, data.value))
+
+    @property
+    def peak_excess(self) -> float:
+        return self.mirror_excess(15, 70)
+
+    @property
+    def grazing_excess(self) -> float:
+        return self.mirror_excess(80, 80)
+
     @property
     def forms(self) -> dict[str, dict]:
-        """Return for each form the rms of the best fit to the BRDF alone, and an emissivity error.
-
-        The error is that of the emissivity in the best joint fit.
+        """For each form: rms of the best fit to the BRDF alone, and the emissivity's error in the
+        best joint fit.
         """
-        result = {}
-        for form in FORMS:
+        model, result = MODELS[self.alone.model], {}
+        for form in model.forms:
             alone, joint = (
                 next(
                     row
-                    for row in fit.candidates
+                    for row in one.candidates
                     if (row["form"], row["restriction"]) == (form, None)
                 )
-                for fit in (self.alone, self.joint)
+                for one in (self.alone, self.joint)
             )
-            u = to_cube([joint["parameters"][name] for name in NAMES])[None]
-            predicted = Hemispherical(self.emissivity.theta, "emissivity", form)(u)[0][0]
+            u = model.to_cube([list(joint["parameters"].values())])
+            predicted = Hemispherical(model, form, self.emissivity.theta, "emissivity")(u)[0][0]
             result[form] = {
                 "rms_dex": alone["rms_dex"],
                 "error": emissivity_error(self.emissivity, predicted, 80),
@@ -93,18 +96,16 @@ class Surface:
         return result
 
     def spread_of_e(self, loss: str) -> float:
-        """Return the ratio of the lobe widths that are fitted to the two halves, at least 1."""
-        widths = [fit.parameters["e"] for fit in self.by_loss[loss][1:]]
+        """By which factor the lobe widths of the two halves differ."""
+        widths = [one.parameters[LOSS_WIDTH] for one in self.by_loss[loss][1:]]
         return max(widths) / min(widths)
 
     @property
     def isotropic_reflectance(self) -> float:
-        """Return the hemispherical reflectance that a round lobe would have.
-
-        It is computed from the scan at theta_r = 20 degrees, as if the lobe were as wide across the
-        plane of incidence as in it: 2 pi int f cos(theta_i) sin(delta) d delta. Here delta is the
-        angle from the mirror direction, and both sides are averaged. The result is a lower limit,
-        because angles beyond the scan are not counted.
+        """Hemispherical reflectance if the lobe were as wide across the plane as in it, from the
+        scan at theta_r = 20 degrees: 2 pi int f cos(theta_i) sin(delta) d delta, delta the distance
+        from the mirror direction, both sides averaged. A lower limit: beyond the scan nothing is
+        counted.
         """
         data = self.measurements
         scan = np.isclose(data.theta_r, np.radians(20))
@@ -115,9 +116,8 @@ class Surface:
         return float(2 * np.pi * np.trapezoid(radial, np.radians(distance)))
 
     def mirror_excess(self, lowest_deg: float, highest_deg: float) -> float:
-        """Return the ratio of measured BRDF to joint fit in the mirror direction.
-
-        It is the geometric mean over theta_r from lowest_deg to highest_deg.
+        """How many times brighter than the joint fit the mirror direction is: geometric mean over
+        theta_r in a range.
         """
         data, theta = self.measurements, np.degrees(self.measurements.theta_r)
         peak = (
@@ -130,7 +130,7 @@ class Surface:
 
     @property
     def median_excess(self) -> float:
-        """Return the median ratio of measured BRDF to joint fit."""
+        """How many times brighter than the joint fit the median point is."""
         data, used = self.measurements, self.joint.used_points
         return float(
             np.median(
@@ -139,27 +139,38 @@ class Surface:
         )
 
 
-def fit_surface(folder: Path, name: str) -> Surface:
-    """Read the files of a surface and make all its fits."""
+def load(folder: Path, name: str) -> tuple[Measurements, DirectionalData]:
+    """The BRDF and the emissivity of a surface."""
     measurements = replace(read(folder / f"{name}.csv"), name=TITLES[name])
-    emissivity = read_directional(folder / f"{name}_emissivity.csv", "emissivity")
-    observers = np.unique(measurements.theta_r)
-    parts = measurements, part(measurements, observers[0::2]), part(measurements, observers[1::2])
-    by_loss = {
-        loss: tuple(fit(scans, form="thesis", loss=loss) for scans in parts) for loss in SCALES
-    }
+    return measurements, read_directional(folder / f"{name}_emissivity.csv", "emissivity")
+
+
+def fit_surface(
+    measurements: Measurements, emissivity: DirectionalData, model: str, by_loss=None
+) -> Surface:
+    """The fits of a surface by one model."""
     return Surface(
-        TITLES[name],
+        measurements.name,
         measurements,
         emissivity,
-        fit(measurements),
-        fit(measurements, emissivity=emissivity),
-        by_loss,
+        fit(measurements, model=model),
+        fit(measurements, model=model, emissivity=emissivity),
+        by_loss or {},
     )
 
 
+def fit_by_loss(measurements: Measurements) -> dict[str, tuple[Fit, Fit, Fit]]:
+    """The fits on each scale: of all scans, and of every second one."""
+    observers = np.unique(measurements.theta_r)
+    parts = measurements, part(measurements, observers[0::2]), part(measurements, observers[1::2])
+    return {
+        loss: tuple(fit(one, model=LOSS_MODEL, form=LOSS_FORM, loss=loss) for one in parts)
+        for loss in SCALES
+    }
+
+
 def part(measurements: Measurements, observers) -> Measurements:
-    """Return the scans at the theta_r in `observers` [rad]."""
+    """The scans at some theta_r alone."""
     rows = np.isin(measurements.theta_r, observers)
     return replace(
         measurements,
@@ -169,170 +180,54 @@ def part(measurements: Measurements, observers) -> Measurements:
     )
 
 
-def table(header, rows) -> str:
-    """Return a Markdown table."""
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
-
-
-def parameters(fit: Fit) -> list[str]:
-    """Return the four parameters as text with standard errors and the marks of their verdicts.
-
-    Values are rounded to the first digit of the standard error.
-    """
-    cells = []
-    for name in NAMES:
-        value, error = fit.parameters[name], fit.standard_error[name]
-        digits = max(0, -int(np.floor(np.log10(max(error, 1e-12)))))
-        cells.append(
-            f"{value:.{digits}f} ± {error:.{digits}f}{MARKS[fit.verdict[name].split()[0]]}"
-        )
-    return cells
-
-
-def form_of(fit: Fit) -> str:
-    """Return the form of a fit, and its restriction if it has one."""
-    return fit.form + (f", {fit.restriction}" if fit.restriction else "")
-
-
-def tables(surfaces: list[Surface]) -> dict[str, str]:
-    """Return the tables of the page, name of the field -> table."""
-    columns = ["Surface", "Form", "ε", "ρ_d", "b", "e", "rms (decades)"]
-    losses = ("log", "cube_root", "linear")
-    return {
-        "alone_table": table(
-            [*columns, "Points", "Independent", "Error of emissivity"],
-            [
-                [
-                    surface.title,
-                    form_of(surface.alone),
-                    *parameters(surface.alone),
-                    f"{surface.alone.rms_dex:.4f}",
-                    str(surface.alone.used),
-                    f"{surface.alone.effective_points:.0f}",
-                    f"{surface.alone_error:.3f}",
-                ]
-                for surface in surfaces
-            ],
-        ),
-        "form_table": table(
-            [
-                "Surface",
-                "thesis: rms",
-                "normalized: rms",
-                "thesis: error of emissivity",
-                "normalized: error of emissivity",
-            ],
-            [
-                [
-                    surface.title,
-                    *(f"{surface.forms[form]['rms_dex']:.4f}" for form in FORMS),
-                    *(f"{surface.forms[form]['error']:.3f}" for form in FORMS),
-                ]
-                for surface in surfaces
-            ],
-        ),
-        "joint_table": table(
-            [*columns, "Change", "Error of emissivity", "Change"],
-            [
-                [
-                    surface.title,
-                    form_of(surface.joint),
-                    *parameters(surface.joint),
-                    f"{surface.joint.rms_dex:.4f}",
-                    f"{surface.joint.rms_dex / surface.alone.rms_dex - 1:+.0%}",
-                    f"{surface.joint.emissivity_rms:.3f}",
-                    f"{surface.joint.emissivity_rms / surface.alone_error - 1:+.0%}",
-                ]
-                for surface in surfaces
-            ],
-        ),
-        "loss_table": table(
-            ["Surface"]
-            + [
-                f"{loss.replace('_', ' ')}: {what}"
-                for what in ("rms (decades)", "e, halves")
-                for loss in losses
-            ],
-            [
-                [
-                    surface.title,
-                    *(f"{surface.by_loss[loss][0].rms_dex:.3f}" for loss in losses),
-                    *(f"× {surface.spread_of_e(loss):.2f}" for loss in losses),
-                ]
-                for surface in surfaces
-            ],
-        ),
-        "limits_table": table(
-            [
-                "Surface",
-                "Reflectance if isotropic",
-                "1 - measured emissivity",
-                "Mirror direction, 15-70°",
-                "Mirror direction, 80°",
-            ],
-            [
-                [
-                    surface.title,
-                    f"{surface.isotropic_reflectance:.2f}",
-                    f"{1 - surface.emissivity_at(20):.2f}",
-                    f"× {surface.mirror_excess(15, 70):.1f}",
-                    f"× {surface.mirror_excess(80, 80):.1f}",
-                ]
-                for surface in surfaces
-            ],
-        ),
-    }
-
-
 def numbers(surfaces: dict[str, Surface]) -> dict[str, float]:
-    """Return the single numbers in the text of the page, name of the field -> number."""
-    aluminium, paint_rough = surfaces["aluminium"], surfaces["paint_rough"]
+    """Numbers of the page's text that are in no table; surfaces: of LOSS_MODEL, by name."""
     worst = {
-        f"worst_{loss}": max(surface.spread_of_e(loss) for surface in surfaces.values())
-        for loss in SCALES
+        f"worst_{loss}": max(one.spread_of_e(loss) for one in surfaces.values()) for loss in SCALES
     }
-    std = np.concatenate([surface.emissivity.std for surface in surfaces.values()])
+    std = np.concatenate([one.emissivity.std for one in surfaces.values()])
+    aluminium, rough = surfaces["aluminium"], surfaces["paint_rough"]
+    with_aperture = fit(
+        aluminium.measurements,
+        model=LOSS_MODEL,
+        form=LOSS_FORM,
+        source_half_angle_deg=HALF_ANGLE_DEG,
+    )
     return {
         **worst,
+        "worst_log": worst["worst_log"] - 1,
         "least_std": std.min(),
         "largest_std": std.max(),
-        "copper_median": surfaces["copper"].median_excess,
-        "worst_log": worst["worst_log"] - 1,
         "smooth_paint_linear": 10 ** surfaces["paint_smooth"].by_loss["linear"][0].rms_dex,
-        "aluminium_peak": aluminium.mirror_excess(15, 70),
-        "aluminium_with_aperture": fit(
-            aluminium.measurements, form="thesis", source_half_angle_deg=HALF_ANGLE_DEG
-        ).rms_dex,
+        "aluminium_with_aperture": with_aperture.rms_dex,
         "half_angle_deg": HALF_ANGLE_DEG,
-        "aluminium_15": aluminium.emissivity_at(15),
-        "aluminium_85": aluminium.emissivity_at(85),
-        "aluminium_thesis_rms": aluminium.forms["thesis"]["rms_dex"],
-        "aluminium_thesis": aluminium.forms["thesis"]["error"],
-        "aluminium_normalized": aluminium.forms["normalized"]["error"],
-        "sandblasted_80": surfaces["aluminium_sandblasted"].mirror_excess(80, 80),
-        "paint_rough_80": paint_rough.mirror_excess(80, 80),
-        "paint_rough_emissivity_70": paint_rough.emissivity_at(70),
-        "paint_rough_emissivity_80": paint_rough.emissivity_at(80),
+        "aluminium_15": aluminium.measured_emissivity(15),
+        "aluminium_85": aluminium.measured_emissivity(85),
+        "aluminium_forms": aluminium.forms,
+        "paint_rough_70": rough.measured_emissivity(70),
+        "paint_rough_80": rough.measured_emissivity(80),
     }
 
 
 def main(folder: Path, page: Path) -> None:
-    """Fit all surfaces and write the page and its pictures."""
     pictures = page.with_suffix("")
     pictures.mkdir(parents=True, exist_ok=True)
-    surfaces = {}
+    by_model, chosen = {name: {} for name in MODELS}, []
     for name in TITLES:
         print(name, file=sys.stderr)
-        surfaces[name] = surface = fit_surface(folder, name)
+        brdf, emissivity = load(folder, name)
+        for model in MODELS:
+            by_loss = fit_by_loss(brdf) if model == LOSS_MODEL else None
+            by_model[model][name] = fit_surface(brdf, emissivity, model, by_loss)
+        chosen.append((fit(brdf), fit(brdf, emissivity=emissivity)))
+        joint = [surfaces[name].joint for surfaces in by_model.values()]
         save_plot(
-            pictures / f"{name}.png",
-            [(surface.measurements, surface.joint, {"emissivity": surface.emissivity})],
+            pictures / f"{name}.png", [(brdf, one, {"emissivity": emissivity}) for one in joint]
         )
     template = Path(__file__).with_name("real_data.template.md").read_text(encoding="utf-8")
-    fields = (
-        surfaces | tables(list(surfaces.values())) | numbers(surfaces) | {"pictures": pictures.name}
-    )
+    rows = {model: list(surfaces.values()) for model, surfaces in by_model.items()}
+    fields = by_model | tables(rows, chosen) | numbers(by_model[LOSS_MODEL])
+    fields |= {"title": TITLES, "pictures": pictures.name}
     page.write_text(template.format(**fields), encoding="utf-8")
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from mi_lcair.cli.options import json_option
-from mi_lcair.cli.output import print_columns, print_json
+from mi_lcair.cli.output import note, print_columns, print_json
 
 FILE = click.Path(path_type=Path)
 COLD = 200.0  # kelvin; rare enough on a surface to be worth a remark
@@ -64,7 +64,7 @@ def command(file, output, check, temperatures, material, materials, scale, sky, 
         [str(path) for path in facets.export(model, output, materials, sky)] if output else []
     )
     for remark in _remarks(result):
-        click.echo(f"mi-lcair: note: {remark}", err=True)
+        note(remark)
     if json:
         print_json(result)
     else:

@@ -109,6 +109,12 @@ def read_obj(path: str | Path) -> Obj:
     return obj
 
 
+def check_obj(path: str | Path) -> np.ndarray:
+    """The lowest and highest coordinates (2, 3) of an OBJ mesh. Raises InputError as `read_obj`."""
+    vertices = read_obj(path).vertices
+    return np.stack([vertices.min(axis=0), vertices.max(axis=0)])
+
+
 class Text:
     """The statements of an OBJ file: as many bytes as lines that NumPy can read at once, which
     Python would read one by one.

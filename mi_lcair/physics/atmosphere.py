@@ -14,6 +14,7 @@ from mi_lcair.physics import tape7
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.spectral_table import spectral_table
 from mi_lcair.physics.spectrum import BUNDLED
+from mi_lcair.table import LARGEST
 
 VACUUM = "vacuum"
 RANGE, TRANSMITTANCE, PATH_RADIANCE = "range_km", "transmittance", "path_radiance_W_m2_sr_um"
@@ -263,7 +264,7 @@ def atmosphere(source, ranges_m=None) -> Atmosphere:
 
 
 def _from_csv(name, path) -> Atmosphere:
-    columns = (TRANSMITTANCE, 1.0), (PATH_RADIANCE, np.inf)
+    columns = (TRANSMITTANCE, 1.0), (PATH_RADIANCE, LARGEST)
     table = spectral_table(path, "atmosphere", columns, key=RANGE)
     if table.keys[0] == 0:
         raise InputError(

@@ -9,6 +9,7 @@ import numpy as np
 from drjit.llvm.ad import Float64
 
 from mi_lcair.errors import InputError, unknown
+from mi_lcair.files import read_text
 from mi_lcair.physics import reflection
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
@@ -172,12 +173,11 @@ def _entry(where, name, band, keys, file):
 
 def _read(path, parse):
     """The table in a TOML or JSON file."""
+    text = read_text(path, f"materials file {path}")
     try:
-        table = parse(Path(path).read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise InputError(f"materials file {path}: {error.strerror}") from None
-    except ValueError as error:  # of the encoding, of TOML, of JSON
-        raise InputError(f"materials file {path}: {' '.join(str(error).split())}") from None
+        table = parse(text)
+    except (ValueError, RecursionError) as error:  # of TOML, of JSON
+        raise InputError(f"materials file {path}: {error}") from None
     if not isinstance(table, dict):
         raise InputError(f"materials file {path}: must be a table of keys")
     return table

@@ -166,7 +166,7 @@ def trend(
         min(batch or views_per_batch(resolution), len(views)),
         mi.variant(),
     )
-    file = TrendFile(path, sweep.header(scene.band.label), views, OWN_COLUMNS)
+    file = TrendFile(path, sweep.header(scene.band.label), sweep.batches())
     if resume:
         file.resume()
     missing = [

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from mi_lcair.fitting import fit
 from mi_lcair.fitting.model import Scatterometer
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData
 from tests.fitting.synthetic import (
@@ -12,6 +11,7 @@ from tests.fitting.synthetic import (
     ROUGH,
     THESIS_SETS,
     disc_average,
+    fit,
     relative_errors,
     scan,
     without,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.emissivity import emissivity_of, tabulate
+from mi_lcair.plugins.emissivity import Table, emissivity_of
 from tests.physics import thesis
 from tests.plugins.reflection_models import exact_HDR, seen_at, uniform
 from tests.plugins.small_scenes import (
@@ -194,7 +194,7 @@ def test_the_table_itself_notices_anisotropy():
         {"type": "principled", "anisotropic": 0.95, "roughness": 0.5, "metallic": 1.0}
     )
     with pytest.raises(InputError, match="anisotropic.*`emissivity`"):
-        tabulate(brushed, int(brushed.flags()))
+        Table(brushed, int(brushed.flags()))
 
 
 # ---------------------------------------------------------------- Temperatures and radiances
@@ -222,6 +222,27 @@ def test_an_update_of_facet_temperatures_is_honoured(plate, integrator):
             0.7 * blackbody(temperatures[0]), rel=1e-5
         )  # seen from above: below the diagonal
         assert image[0, 0] == pytest.approx(0.7 * blackbody(temperatures[1]), rel=1e-5)
+
+
+def test_temperatures_that_change_twice_between_renders_are_honoured(plate):
+    """Dr.Jit gives the index of a freed variable to a new one: an index does not tell values apart."""
+    one_plate = scene(
+        INTEGRATORS["bounce_path"], camera(2), mesh=plate("p", SQUARE, GREY, [300, 300])
+    )
+    params = mi.traverse(one_plate)
+
+    def set_to(temperature):
+        params["mesh.face_temperature"] = mi.Float([temperature, temperature])
+        params.update()
+
+    found = []
+    for _ in range(4):
+        set_to(305)
+        mi.render(one_plate, spp=4)
+        set_to(300)
+        set_to(295)
+        found.append(np.array(mi.render(one_plate, spp=4)).mean())
+    np.testing.assert_allclose(found, 0.7 * blackbody(295), rtol=1e-5)
 
 
 @pytest.mark.parametrize("bad, number", [(0, 1), (-5, 0), (float("nan"), 1), (float("inf"), 0)])

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from docs.studies import real_data
+from docs.studies import real_data, real_data_tables
 from mi_lcair.fitting import read
+from mi_lcair.physics.reflection import MODELS
 from tests.fitting.results import PARAMETERS, emissivity, fit_of, measurements
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "mwir_brdf"
@@ -29,12 +30,13 @@ def fit_with_candidates(data, **options):
     fit = fit_of(data, **options)
     fit.candidates = [
         {
+            "model": fit.model,
             "form": form,
             "restriction": restriction,
             "rms_dex": rms if restriction is None else 9,
-            "parameters": PARAMETERS,
+            "parameters": fit.parameters,
         }
-        for form, rms in (("thesis", 0.1), ("normalized", 0.2))
+        for form, rms in zip(MODELS[fit.model].forms, (0.1, 0.2))
         for restriction in ("b = 0", None)
     ]
     return fit
@@ -102,7 +104,12 @@ def test_values_end_where_their_errors_begin():
     fit = fit_of(measurements())
     fit.standard_error = {"epsilon": 0.04, "rho_d": 0.002, "b": 0.4, "e": 3.0}
     fit.verdict |= {"rho_d": "weakly determined: interval 0..1"}
-    assert real_data.parameters(fit) == ["0.30 ± 0.04 ⁿ", "0.333 ± 0.002 ʷ", "0.1 ± 0.4 ᵇ", "0 ± 3"]
+    assert real_data_tables.parameters(fit) == [
+        "0.30 ± 0.04 ⁿ",
+        "0.333 ± 0.002 ʷ",
+        "0.1 ± 0.4 ᵇ",
+        "0 ± 3",
+    ]
 
 
 def test_the_page_is_filled_and_has_its_pictures(tmp_path, monkeypatch):
@@ -128,7 +135,8 @@ def test_the_page_is_filled_and_has_its_pictures(tmp_path, monkeypatch):
     for name, title in real_data.TITLES.items():
         assert f"![{title}](page/{name}.png)" in page
         assert (tmp_path / "docs" / "page" / f"{name}.png").read_text() == title
-        assert page.count(f"| {title} | ") == 5
+        # alone and joint for each model, the choice, forms, losses and limits
+        assert page.count(f"| {title} | ") == 2 * len(MODELS) + 4
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason="needs the measured files beside the checkout")

@@ -11,6 +11,7 @@ from mi_lcair.physics.reflection.interface import ReflectionModel
 
 NAMES = (  # the first is meant where a material or a fit names no model
     "sandford_robertson",
+    "microfacet",
 )
 MODELS = {name: importlib.import_module(f"{__name__}.{name}").MODEL for name in NAMES}
 DEFAULT = MODELS[NAMES[0]]

@@ -101,7 +101,7 @@ class SandfordRobertsonCube(ReflectionModel):
 
     def bound_names(self, u) -> list[str | None]:
         """epsilon + rho_d = G(b) leaves nothing for the lobe."""
-        full = "epsilon + rho_d = G(b)" if u[1] >= 1 else None
+        full = "epsilon + rho_d = G(b)" if max(u[0], u[1]) >= 1 else None
         return [
             "0" if u[0] <= 0 else full,
             "0" if u[1] <= 0 else full,
