@@ -182,9 +182,12 @@ class ReflectionModel(ABC):
     # ------------------------------------------------------------------ Drawing directions
     # The floor is sampled by the cosine, the lobe by these three. A model without a lobe needs none.
 
-    def sample_lobe(self, S, r, u1, u2):
+    def sample_lobe(self, S, r, u1, u2, u3):
         """A direction i to the source drawn from the lobe, seen from r; it may lie below the
-        surface. u1, u2: uniform in 0..1.
+        surface.
+
+        u1, u2, u3: uniform in 0..1. u3 has fewer digits than the others where the lobe is faint; it
+        is meant to choose between a few cases, and not needed by every lobe.
         """
         return sample_cosine(type(r), u1, u2)
 
