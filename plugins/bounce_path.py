@@ -7,6 +7,10 @@ from dataclasses import dataclass
 
 import drjit as dr
 import mitsuba as mi
+from mi_lcair.plugins.channels import Channels, Pixels, pixel_statistics
+from mi_lcair.plugins.derivatives import deriving_plugins, leaves, tracing, value_along
+from mi_lcair.plugins.emitter_table import EmitterTable
+from mi_lcair.plugins.tail import Tail
 from mitsuba.python.ad.integrators.common import RBIntegrator, mis_weight
 
 from mi_lcair.errors import InputError
@@ -119,13 +123,14 @@ class BouncePath(RBIntegrator):
 @dataclass(frozen=True)
 class Samples:
     """One pass, a value per path, not evaluated yet: the radiance, and the channels by name (see
-    `Channels.samples`). tail_error: estimated error of the mean that closure = tail adds [W m^-2
-    sr^-1], 0 without it.
+    `Channels.samples`); chance: the largest contribution that a source might have made to it, and
+    did not (see `walk`). tail: of closure = tail, else None.
     """
 
     radiance: mi.Float
     channels: dict[str, mi.Float]
-    tail_error: float
+    chance: mi.Float
+    tail: Tail | None
 
 
 class PathTracer(RBIntegrator):
@@ -169,7 +174,7 @@ class PathTracer(RBIntegrator):
         channels = (
             Channels.empty(self.max_bounces, self.closure, None) if self.closure == "tail" else None
         )
-        (L, state), valid, channels = self.walk(
+        (L, state), valid, channels, _ = self.walk(
             mode, scene, sampler, ray, δL, state_in, active, channels
         )
         if channels is not None:
@@ -189,9 +194,7 @@ class PathTracer(RBIntegrator):
     ) -> Pixels:
         """Statistics of the pixels of one pass, see `sampled`."""
         found = self.sampled(sensor, seed, spp, first, pixels, split, facets, stride)
-        return pixel_statistics(
-            found.radiance, found.channels, found.tail_error, spp, split == "target"
-        )
+        return pixel_statistics(found, spp, split == "target")
 
     def sampled(
         self,
@@ -228,7 +231,7 @@ class PathTracer(RBIntegrator):
             ray, weight = sensor.sample_ray(
                 sensor.shutter_open(), 0, position / mi.Vector2f(width, height), aperture
             )
-            channels, tail_error = None, 0.0
+            channels, tail = None, None
             if split or facets or self.closure == "tail":
                 channels = Channels.empty(
                     self.max_bounces,
@@ -236,7 +239,7 @@ class PathTracer(RBIntegrator):
                     self.emitters.sources if split else None,
                     split == "model",
                 )
-            (L, _), _, channels = self.walk(
+            (L, _), _, channels, chance = self.walk(
                 dr.ADMode.Primal,
                 self.scene,
                 sampler,
@@ -248,9 +251,10 @@ class PathTracer(RBIntegrator):
                 facets,
             )
             if self.closure == "tail":
-                dr.eval(L, channels)  # add_tail sums, and would trace the paths for that alone
-                tail, tail_error = channels.add_tail()
-                L += tail
+                # add_tail sums, and would trace the paths for that alone
+                dr.eval(L, channels, chance)
+                added, tail = channels.add_tail()
+                L += added
             by_name = (
                 channels.samples(
                     L[0], self.emitters.labels, self.emitters.sources, split == "target"
@@ -259,16 +263,32 @@ class PathTracer(RBIntegrator):
                 else {}
             )
             if facets is not None:
-                dr.eval(L, channels, by_name)  # one kernel for both uses
+                dr.eval(L, channels, by_name, chance)  # one kernel for all uses
                 facets.add(channels.facet, L[0], channels, spp, first)
-            return Samples(radiance=L[0], channels=by_name, tail_error=tail_error)
+            return Samples(radiance=L[0], channels=by_name, chance=chance, tail=tail)
+
+    def chance_contribution(self, sensor) -> float:
+        """Bound of what a path gains from a source that no other path has met, as far as it is
+        known before paths are traced [W m^-2 sr^-1].
+
+        Without emitter sampling this is the radiance of the brightest emitter. With it, it is that
+        of the brightest one in the sensor's field of view, since only paths find out whether it is
+        hidden. What reflections may add is told by the paths themselves (`Samples.chance`).
+        """
+        if self.emitter_sampling:
+            return self.emitters.brightest_in_view(sensor)
+        return self.emitters.brightest
 
     # ---------------------------------------------------------------- The loop
 
     @dr.syntax
     def walk(self, mode, scene, sampler, ray, δL, L, active, channels=None, facets=None):
-        """Follows paths from the observer. Returns ((radiance or its derivative, radiance), valid,
-        channels).
+        """Follows paths from the observer.
+
+        Returns ((radiance or its derivative, radiance), valid, channels, chance). chance: the
+        largest contribution to each path that a source might have made after a reflection, had the
+        path met it (see `EmitterTable.by_chance`); 0 where no emitters are drawn, since there the
+        brightest source bounds it.
         """
         primal = mode == dr.ADMode.Primal
         ctx = mi.BSDFContext()
@@ -281,9 +301,9 @@ class PathTracer(RBIntegrator):
         δL = mi.Spectrum(0 if δL is None else δL)
         β = mi.Spectrum(1)  # throughput
         bounce = mi.UInt32(0)  # reflections so far
-        p_before = mi.Point3f(0)
         pdf_before = mi.Float(0)  # of the direction that led here
         delta_before = mi.Bool(True)
+        chance = mi.Float(0)  # largest contribution that a source met by chance could have made
         pi = scene.ray_intersect_preliminary(ray, coherent=True, active=active)
         valid = pi.is_valid()
         if dr.hint(channels is not None, mode="scalar"):
@@ -299,9 +319,9 @@ class PathTracer(RBIntegrator):
             # ------------------------ Emission ------------------------
 
             mis = mi.Float(1)
-            if dr.hint(self.emitter_sampling, mode="scalar"):
+            if dr.hint(self.emitter_sampling and emitters.draws, mode="scalar"):
                 reachable = active & ~delta_before
-                pdf = emitters.pdf(scene, p_before, si, emitter, reachable)
+                pdf = emitters.pdf(scene, ray.o, si, emitter, reachable)
                 mis = dr.select(reachable, mis_weight(pdf_before, pdf), 1)
             with dr.resume_grad(when=not primal):
                 Le = β * mis * emitter.eval(si, active)
@@ -320,13 +340,13 @@ class PathTracer(RBIntegrator):
             # -------------------- Emitter sampling --------------------
 
             Lr = mi.Spectrum(0)
-            if dr.hint(self.emitter_sampling, mode="scalar"):
+            if dr.hint(emitters.draws, mode="scalar"):
                 active_em = (
                     active_next
                     & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
                     & (bounce < self.max_bounces)
                 )
-                drawn = emitters.sample(scene, si, sampler.next_1d(), sampler.next_2d(), active_em)
+                drawn = emitters.sample(scene, si, sampler.next_2d(), sampler.next_2d(), active_em)
                 with dr.resume_grad(when=not primal):
                     f, pdf = bsdf.eval_pdf(ctx, si, si.to_local(drawn.ds.d), drawn.counts)
                     mis = dr.select(drawn.ds.delta, 1, mis_weight(drawn.ds.pdf, pdf))
@@ -363,14 +383,17 @@ class PathTracer(RBIntegrator):
                         δL += dr.forward_to(Lo)
 
             β *= weight
-            p_before = si.p
             pdf_before, delta_before = bs.pdf, delta
+            if dr.hint(emitters.draws, mode="scalar"):
+                gain = β[0] * emitters.by_chance(drawn, bs.pdf, delta)
+                reaches = active_next & (bounce < self.max_bounces)
+                chance = dr.maximum(chance, dr.select(reaches, gain, 0))
             ray = emitters.spawn_ray(si, si.to_world(bs.wo))
             pi = scene.ray_intersect_preliminary(ray, coherent=False, active=active_next)
             bounce += 1
             active = active_next
 
-        return (L if primal else δL, L), valid, channels
+        return (L if primal else δL, L), valid, channels, chance
 
 
 mi.register_integrator("bounce_path", BouncePath)

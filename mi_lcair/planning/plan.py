@@ -4,8 +4,9 @@ from cheap probes.
 Full fidelity is the whole BRDF of every material and reflections without end. A plan leaves out
 what the probes show not to matter: it may take a material as a mirror or as diffuse, follow fewer
 reflections, continue them geometrically (closure `tail`), and draw emitters or not. Everything
-stated holds with 95 % confidence, as far as the probes can see. Where a source is so bright that
-one path of all might bring it unannounced, they look again with emitters drawn.
+stated holds with 95 % confidence, as far as the probes can see. A source may be so bright that one
+path more might have met it and changed the mean. Then the probes draw emitters, trace more paths,
+and refuse the plan if neither settles it.
 """
 
 import time
@@ -17,6 +18,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.reflection.interface import Rung
 from mi_lcair.planning.probe import BATCHES, T_95, Probe, Settings, probe
 from mi_lcair.plugins.channels import MAX_BOUNCE_CHANNELS
+from mi_lcair.rendering.render import check_bounded
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.window import window_area
 
@@ -30,6 +32,7 @@ CONFIDENCE = 2.24  # standard errors, 97.5 %: what the probes do not know of the
 FEW_BATCHES = 2.03  # upper bound (97.5 %) of a standard deviation from BATCHES values
 LARGEST_RATIO = 0.999  # of successive bounces: beyond it noise decides what is left
 LEAST_SPP = 2  # one sample per pixel has no standard error
+MOST_PATHS = 64  # of a probe, in those of the shortest one
 
 
 @dataclass(frozen=True)
@@ -97,12 +100,14 @@ def plan(
         max_bounces=min(max(own.max_bounces, PROBED_BOUNCES), MOST_BOUNCES),
         emitter_sampling=own.emitter_sampling,
     )
-    done = 0
+    with scene.prepared() as tracer:
+        check_bounded(tracer.emitters, scene.name)
+    done, factor = 0, 1
 
     def look(settings):
         nonlocal done
         done += 1
-        found = probe(scene, settings, each_pixel, seed, sensor)
+        found = probe(scene, settings, each_pixel, seed, sensor, factor)
         if progress:
             progress(done, done + 2)
         return found
@@ -115,11 +120,24 @@ def plan(
             f"something that radiates in band {scene.band.label}"
         )
     drawn = own.emitter_sampling
-    if reference.brightest / (reference.paths * mean) > BOUNCE_SHARE * tolerance:
+    if reference.may_lack > BOUNCE_SHARE * tolerance:
         second = look(replace(full, emitter_sampling=True))
-        if differ(second, reference, BOUNCE_SHARE * tolerance):  # paths alone had missed a source
+        # paths alone have missed a source, or cannot tell
+        if second.may_lack < reference.may_lack or differ(
+            second, reference, BOUNCE_SHARE * tolerance
+        ):
             full, reference, drawn = replace(full, emitter_sampling=True), second, True
-            mean = reference.value.mean()
+    while reference.may_lack > BOUNCE_SHARE * tolerance:
+        needed = factor * reference.may_lack / (BOUNCE_SHARE * tolerance)
+        if needed > MOST_PATHS:
+            raise InputError(
+                f"{scene.name}: no plan for {tolerance:.2%}: a source of up to {reference.chance:.3g} W m^-2 sr^-1 is met "
+                f"by chance alone, and to rule out one that matters takes {needed / factor * reference.paths:.2g} paths; "
+                "allow a larger tolerance, or set --spp yourself"
+            )
+        factor = int(np.ceil(1.2 * needed))
+        reference = look(full)
+    mean = reference.value.mean()
 
     # ------------------------ Lobes ------------------------
     lobe, lobe_error, shown, left_out = simpler_lobes(
@@ -159,7 +177,7 @@ def plan(
     # ----------------------- Samples -----------------------
     pixels = int(np.prod(scene.sensor(sensor).film().crop_size()))
     deviation, left = upper(found.deviation) / mean, tolerance - bias
-    missed = found.brightest / mean  # what a source that one path of all meets brings to that path
+    missed = found.chance / mean  # what a source that no other path has met brings to one path
     if closure == "tail" and not each_pixel:
         deviation = max(deviation, FEW_BATCHES * found.between / mean)
     if each_pixel:  # deviation^2 / spp + missed^2 / (spp^2 pixels) = tolerance^2 - bias^2

@@ -51,8 +51,8 @@ class Probe:
     by_bounce: (BATCHES, bounces, pixels), of what is looked at: the model's facets, or all
     (`each_pixel`). deviation: of one sample, rms over the pixels, by batch. between: the same from
     the scatter of the batches' means, which also shows the noise that all samples of a batch share,
-    that of the tail's ratio. seconds: per path, after the compile. brightest: radiance of a source
-    that paths may have missed; 0 where emitters are drawn.
+    that of the tail's ratio. seconds: per path, after the compile. chance: bound of what one path
+    may gain from a source that no other has met.
     """
 
     by_bounce: np.ndarray
@@ -60,27 +60,39 @@ class Probe:
     between: float
     seconds: float
     paths: int
-    brightest: float
+    chance: float
 
     @property
     def value(self) -> np.ndarray:
         """(BATCHES, pixels), all bounces."""
         return self.by_bounce.sum(axis=1)
 
+    @property
+    def may_lack(self) -> float:
+        """What a source that no path has met may add to the mean, as a fraction of it."""
+        return self.chance / (self.paths * self.value.mean())
+
 
 def probe(
-    scene: Scene, settings: Settings, each_pixel: bool, seed: int = 0, sensor: int = 0
+    scene: Scene,
+    settings: Settings,
+    each_pixel: bool,
+    seed: int = 0,
+    sensor: int = 0,
+    factor: int = 1,
 ) -> Probe:
+    """Renders some pixels of a scene BATCHES times, with `factor` times PATHS paths each."""
     camera = scene.sensor(sensor)
     width, height = camera.film().crop_size()
     stride = max(1, width * height // PIXELS)
     stride += stride > 1 and width % stride == 0  # otherwise all pixels would lie in a few columns
     pixels = -(-width * height // stride)
-    spp = max(2, PATHS // pixels // 2 * 2)  # even: in two halves
+    spp = max(2, factor * PATHS // pixels // 2 * 2)  # even: in two halves
     seeds = np.random.SeedSequence(seed).generate_state(BATCHES).tolist()
     prefix = "" if each_pixel else "target."
     looks, deviation, means, times = [], [], [], []
     with settings.applied(scene), scene.prepared() as tracer:
+        chance = tracer.chance_contribution(camera)
         for batch in range(BATCHES):
             start = time.perf_counter()
             part = tracer.observe(camera, seeds[batch], spp, 0, pixels, "target", stride=stride)
@@ -89,14 +101,14 @@ def probe(
             looks.append([part.channels[name].mean(axis=0) for name in names])
             deviation.append(scatter(part, each_pixel, spp))
             means.append(part.channels["target"].mean())
-        brightest = tracer.emitters.brightest
+            chance = max(chance, part.chance)
     return Probe(
         by_bounce=np.array(looks),
         deviation=np.array(deviation),
         between=float(np.std(means, ddof=1) * np.sqrt(pixels * spp)),
         seconds=float(np.median(times[1:])) / (pixels * spp),
         paths=BATCHES * pixels * spp,
-        brightest=brightest,
+        chance=chance,
     )
 
 

@@ -12,7 +12,6 @@ from mi_lcair.physics.spectrum import BUNDLED
 from mi_lcair.plugins.beside_scene import beside_scene
 from mi_lcair.rendering.scene_checks import properties
 
-
 NO_ID = re.compile(r"object_\d+")  # what has no id is named by its address in memory
 
 

@@ -7,7 +7,12 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.bounce_path import Samples
-from mi_lcair.rendering.render import DEFAULT_MAX_SPP, PASS_SAMPLES, growth
+from mi_lcair.rendering.render import (
+    DEFAULT_MAX_SPP,
+    PASS_SAMPLES,
+    check_bounded,
+    growth,
+)
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import Target, View, cameras, check_resolution
 
@@ -23,8 +28,8 @@ class ManyViews:
 
     Names: target (all that the model sends), bounce.N, closure, group.LABEL as in
     `plugins.channels`, and hit: the model's projected area [m^2]. spp: samples per pixel; error:
-    standard error of the target's intensity with what a source met by one path of all may add
-    [W/sr], (V,); invalid: NaN or infinite samples, which count as 0.
+    standard error of the target's intensity, including what one path may gain from a source that
+    no other has met [W/sr], (V,); invalid: NaN or infinite samples, which count as 0.
     """
 
     parts: dict[str, np.ndarray]
@@ -89,6 +94,9 @@ def render_views(
     limit = spp or max(least, (max_spp or DEFAULT_MAX_SPP) // least * least)
     done, goal, invalid, sums = 0, spp or least, 0, {}
     with scene.prepared() as tracer:
+        if spp is None:
+            check_bounded(tracer.emitters, scene.name)
+        chance = np.full(len(views), tracer.chance_contribution(sensor))
         while done < goal:
             step = min(goal - done, most)
             step -= step % 2 if step > 1 else 0
@@ -100,8 +108,12 @@ def render_views(
                 paths * len(views),
                 "model",
             )
+            dr.schedule(samples.chance)
             bad, halves = in_halves(samples, step, len(views), resolution)
             invalid += bad
+            if tracer.emitters.draws:
+                of_views = samples.chance.numpy().reshape(resolution, len(views), -1)
+                chance = np.maximum(chance, of_views.max(axis=(0, 2)))
             for name, statistics in halves.items():
                 sums[name] = sums.get(name, 0.0) + statistics * [[step], [step**2]]
             done += step
@@ -113,7 +125,7 @@ def render_views(
             found = ManyViews(
                 parts=parts,
                 brightest=brightest,
-                error=np.hypot(parts["target"][1], brightest / (done * paths)),
+                error=np.hypot(parts["target"][1], chance * area / (done * paths)),
                 spp=done,
                 invalid=invalid,
             )

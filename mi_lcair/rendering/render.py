@@ -103,7 +103,9 @@ def render(
     seeds = np.random.SeedSequence(seed)
     done = 0
     with scene.prepared(by_spectrum) as tracer:
-        total = Accumulator(width * height, tracer.emitters.brightest)
+        if tolerance is not None:
+            check_bounded(tracer.emitters, scene.name)
+        total = Accumulator(width * height, tracer.chance_contribution(camera))
         while done < min(goal, limit):
             step = max(1, min(min(goal, limit) - done, PASS_SAMPLES // (width * height)))
             step -= step % 2 if step > 1 else 0  # even: a pass can be told in two halves
@@ -122,7 +124,7 @@ def render(
                 progress(done, min(goal, limit))
     rms_error = total.rms_error()
     reached = None if tolerance is None else rms_error is not None and rms_error <= tolerance
-    closure_error = float(np.mean(total.tail_errors)) if tracer.closure == "tail" else None
+    closure_error = None if total.tail is None else total.tail.error(tracer.max_bounces)
     scale = total.error_scale()
     covariance = total.covariance * scale if by_spectrum and scale is not None else None
     channels, air = image_channels(total, scene.band), {}
@@ -153,6 +155,15 @@ def render(
         closure_error=closure_error,
         seconds=time.perf_counter() - start,
     )
+
+
+def check_bounded(emitters, name: str) -> None:
+    """Raises InputError if the radiance of an emitter has no known bound."""
+    if emitters.unbounded:
+        raise InputError(
+            f"{name}: no tolerance can be confirmed, as nothing bounds the radiance of "
+            f"{', '.join(emitters.unbounded)}; give the number of samples (spp) instead"
+        )
 
 
 def samples_needed(total: Accumulator, done: int, tolerance: float) -> int:

@@ -14,13 +14,13 @@ class Accumulator:
     each pixel's samples: an image of variances for every channel would double the memory.
     """
 
-    def __init__(self, pixels: int, brightest: float = 0.0):
-        self.brightest = brightest  # radiance of a source that paths may have missed so far
+    def __init__(self, pixels: int, chance: float = 0.0):
+        self.chance = chance  # what a source that no path has met may add to one path
         self.count, self.mean, self.squares, self.parts = (np.zeros(pixels) for _ in range(4))
         self.channels, self.scatter = {}, {}
         self.covariance = 0.0
         self.invalid = 0
-        self.tail_errors = []
+        self.tail = None
 
     def add(self, first: int, part) -> None:
         """Adds the statistics of a run of pixels that starts at pixel `first`."""
@@ -31,7 +31,9 @@ class Accumulator:
         self.squares[run] += part.squares + difference**2 * before * share
         self.mean[run] += difference * share
         self.invalid += part.invalid
-        self.tail_errors.append(part.tail_error)
+        self.chance = max(self.chance, part.chance)
+        if part.tail is not None:
+            self.tail = part.tail if self.tail is None else self.tail + part.tail
         for k, part_count in enumerate(part.part_count):
             after = before + part_count
             share = part_count / np.maximum(after, 1)
@@ -83,11 +85,13 @@ class Accumulator:
     def rms_error(self) -> float | None:
         """Rms standard error over the pixels as a fraction of the mean; None below two samples.
 
-        The scatter of n samples knows nothing of a source that fewer than one path in n meets: it
-        is taken to be met by one path of all.
+        The sample variance cannot see a source that no path has met. The error therefore includes
+        the contribution of one path that meets the brightest source. That is the source's radiance
+        where paths meet it by chance, and less where emitters are drawn and it is out of the
+        camera's sight (`EmitterTable.by_chance`).
         """
         if self.count.min() < 2:
             return None
-        missed = self.brightest**2 / (self.count.mean() * self.count.sum())
+        missed = self.chance**2 / (self.count.mean() * self.count.sum())
         mean, rms = self.mean.mean(), np.sqrt(np.mean(self.standard_error() ** 2) + missed)
         return float(rms / mean) if mean > 0 else 0.0

@@ -11,7 +11,7 @@ from functools import cached_property
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.plugins.triangles import Facets, is_faceted
+from mi_lcair.plugins.triangles import TriangleTable, is_faceted
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.window import window_area
@@ -61,9 +61,9 @@ class Problem:
         return FacetTable(self.scene)
 
     @cached_property
-    def triangles(self) -> Facets:
-        """Table that finds the row of `facets.triangles` for a hit."""
-        return Facets([shape for shape in self.scene.mi.shapes() if is_faceted(shape)])
+    def triangles(self) -> TriangleTable:
+        """Which triangle of `facets.triangles` a hit belongs to."""
+        return TriangleTable([shape for shape in self.scene.mi.shapes() if is_faceted(shape)])
 
     @cached_property
     def has_background(self) -> bool:
