@@ -48,7 +48,7 @@ def _prepare_mitsuba():
 
 
 class _OnImport:
-    """Import hook: LLVM is chosen before drjit's code runs, the plugins are registered after
+    """Import hook: LLVM and the kernel cache are chosen before drjit's code runs, the plugins are registered after
     mitsuba's has run.
 
     A scene that is loaded with plain `mi.load_file` then finds the plugins, and whatever needs no
@@ -59,6 +59,7 @@ class _OnImport:
     def find_spec(cls, name, path=None, target=None):
         if name == "drjit":
             importlib.import_module(".llvm", __name__).prepare()
+            importlib.import_module(".kernel_cache", __name__).prepare()
         if name != "mitsuba":
             return None
         others = (

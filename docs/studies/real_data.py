@@ -197,19 +197,17 @@ def numbers(surfaces: dict[str, Surface]) -> dict[str, float]:
     }
     std = np.concatenate([one.emissivity.std for one in surfaces.values()])
     aluminium, rough = surfaces["aluminium"], surfaces["paint_rough"]
-    with_aperture = fit(
-        aluminium.measurements,
-        model=LOSS_MODEL,
-        form=LOSS_FORM,
-        source_half_angle_deg=HALF_ANGLE_DEG,
-    )
+    with_aperture = {
+        name: fit(aluminium.measurements, model=name, source_half_angle_deg=HALF_ANGLE_DEG).rms_dex
+        for name in MODELS
+    }
     return {
         **worst,
         "worst_log": worst["worst_log"] - 1,
         "least_std": std.min(),
         "largest_std": std.max(),
         "smooth_paint_linear": 10 ** surfaces["paint_smooth"].by_loss["linear"][0].rms_dex,
-        "aluminium_with_aperture": with_aperture.rms_dex,
+        "aluminium_with_aperture": with_aperture,
         "half_angle_deg": HALF_ANGLE_DEG,
         "aluminium_15": aluminium.measured_emissivity(15),
         "aluminium_85": aluminium.measured_emissivity(85),

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mi_lcair.drawing import drawing
+from mi_lcair.drawing import drawing, plain
 from mi_lcair.physics.brdf_view import BRDFView
 from mi_lcair.reports.image_picture import log_ticks
 
@@ -15,10 +15,9 @@ def save_plot(path, view: BRDFView) -> None:
     with drawing(path, (11, 4.8), layout="constrained") as figure:
         left, right = figure.subfigures(1, 2, width_ratios=(1, 1.15))
         figure.suptitle(
-            f"{view.material.name}, {view.band.label}, incidence {view.theta_i:g}°: DHR {view.dhr:.4f}, "
+            f"{plain(f'{view.material.name}, {view.band.label}')}, incidence {view.theta_i:g}°: DHR {view.dhr:.4f}, "
             f"emissivity at {view.theta_i:g}° {view.emissivity:.4f}",
             fontsize=11,
-            parse_math=False,
         )
         draw_hemisphere(left, view, *scale(view))
         draw_cut(right.subplots(), view, *scale(view))

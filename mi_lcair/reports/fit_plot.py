@@ -4,7 +4,7 @@ from textwrap import wrap
 
 import numpy as np
 
-from mi_lcair.drawing import drawing
+from mi_lcair.drawing import drawing, plain
 from mi_lcair.fitting.model import Hemispherical, Scatterometer
 from mi_lcair.fitting.scatterometer.measurements import Measurements
 from mi_lcair.physics import reflection
@@ -32,9 +32,8 @@ def draw_fit(figure, measurements: Measurements, fit, directional: dict) -> None
     """The panels of one fit in a (sub)figure."""
     band = ", {:g}-{:g} um".format(*measurements.band_um) if measurements.band_um else ""
     figure.suptitle(
-        f"{measurements.name}{band}: {model_of(fit)}",
+        plain(f"{measurements.name}{band}: {model_of(fit)}"),
         fontsize=12,
-        parse_math=False,
     )
     left, right = figure.subfigures(1, 2, width_ratios=(1.8, 1))
     draw_brdf(*left.subplots(2, 1, sharex=True, height_ratios=(3, 1)), measurements, fit)
@@ -132,11 +131,10 @@ def draw_table(axes, fit) -> None:
         axes.text(
             0.17,
             place,
-            value,
+            plain(value),
             fontsize=7.5 if is_verdict else 10 if error else 9,
             color=PALE if is_verdict else INK,
             va="baseline",
-            parse_math=False,
         )
         axes.text(0.45, place, error or "", fontsize=10, color=INK, va="baseline")
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.drawing import drawing
+from mi_lcair.drawing import drawing, plain
 
 RADIANCE = r"W m$^{-2}$ sr$^{-1}$"
 QUANTITIES = {
@@ -41,7 +41,7 @@ def column_quantity(name: str) -> tuple[str, str]:
     one.
     """
     suffix = next((suffix for suffix in UNITS if name.endswith(suffix)), "")
-    return name.removesuffix(suffix).replace("_", " ").replace("$", ""), UNITS.get(suffix, "")
+    return name.removesuffix(suffix).replace("_", " "), UNITS.get(suffix, "")
 
 
 def save_picture(
@@ -82,16 +82,15 @@ def save_picture(
             )
             _draw(panel, bar, name, values, log, *quantity(name))
         if single:
-            panel.set_title(", ".join(filter(None, (title, name))), fontsize=11, parse_math=False)
+            panel.set_title(plain(", ".join(filter(None, (title, name)))), fontsize=11)
         else:
             figure.text(
                 0.5,
                 1 - 0.5 * TOP / size[1],
-                title,
+                plain(title),
                 fontsize=11,
                 ha="center",
                 va="center",
-                parse_math=False,
             )
 
 
@@ -117,7 +116,7 @@ def _draw(panel, bar_axes, name: str, values: np.ndarray, log: bool, what: str, 
         aspect="auto",
         cmap="viridis" if kind in ("range", "stderr") else "inferno",
     )
-    panel.set_title(name, fontsize=9, parse_math=False)
+    panel.set_title(plain(name), fontsize=9)
     panel.set_xlabel(
         "column (pixel)" if shown.all() else "column (pixel); grey: no value", fontsize=8
     )
@@ -134,7 +133,7 @@ def _draw(panel, bar_axes, name: str, values: np.ndarray, log: bool, what: str, 
         )
 
     bar = panel.figure.colorbar(picture, cax=bar_axes, extend="min" if clipped else "neither")
-    bar.set_label(f"{what} ({unit})" if unit else what, fontsize=8)
+    bar.set_label(f"{plain(what)} ({unit})" if unit else plain(what), fontsize=8)
     if log:
         log_ticks(bar, lower, upper)
     else:

@@ -4,6 +4,10 @@ cluster of which one dies.
 
 import os
 import signal
+import socket
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import mitsuba as mi
@@ -309,6 +313,54 @@ def test_two_workers_of_which_one_dies(cylinder, tmp_path):
         trend(cylinder, path, dask=workers.scheduler_address, progress=kill, **many)
     assert killed and killed[0] < 36
     assert path.read_text() == apart.read_text()
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_dies(tmp_path):
+    """One line, exit 1, no traceback beside it; what is done is whole, and can be resumed."""
+    pytest.importorskip("dask.distributed")
+    port = free_port()
+    address = f"tcp://127.0.0.1:{port}"
+    environment = {**os.environ, "PYTHONPATH": str(Path(mi_lcair.__file__).parents[1])}
+
+    def start(*args, **streams):
+        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        return subprocess.Popen(
+            [sys.executable, "-m", *map(str, args)],
+            env=environment,
+            cwd=tmp_path,
+            **quiet | streams,
+        )
+
+    dask = "distributed.cli.dask_"
+    processes = [
+        start(f"{dask}scheduler", "--port", port, "--no-dashboard"),
+        start(f"{dask}worker", address, "--nthreads", 1, "--no-dashboard"),
+    ]
+    try:
+        options = ("--azimuth", "0:359:1", "--spp", 256, "--batch", 2, "-o", "t.csv")
+        run = start(
+            *("mi_lcair", "trend", "cylinder_ir_range", *options, "--dask", address),
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        processes.append(run)
+        while not (tmp_path / "t.csv").exists() and run.poll() is None:
+            time.sleep(0.1)
+        processes[0].kill()
+        _, errors = run.communicate(timeout=60)
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
+    assert run.returncode == 1 and "the Dask scheduler at" in errors and errors.count("\n") == 1
+    assert "# batch " in (tmp_path / "t.csv").read_text()
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
 
 
 def test_a_cluster_without_workers(cylinder, monkeypatch):
