@@ -11,9 +11,10 @@ def parameters_at(model, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     # Each comes from a graph of its own. In a shared graph a parameter of which another is made
     # would be an interior node, and lose its tangent there.
-    return with_tangents(
+    values, slopes = with_tangents(
         lambda *u: tuple(model.from_cube(u)[k] for k in range(len(u))), np.atleast_2d(u)
     )
+    return model.exact_bounds(values), slopes
 
 
 def with_tangents(

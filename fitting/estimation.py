@@ -33,9 +33,10 @@ class Fit:
     model). used_points: mask over the measurements, used their number, dropped the others by
     reason; effective_points: how many independent ones they are worth; outliers: how many lie far
     from the model. gradient_norm: relative, at round-off if converged. starts_in_basin: share of
-    the starts that reached this minimum. candidates: the variants compared. emissivity: (theta [radians], predicted 1 - HDR); emissivity_rms: its error
-    against the measured one up to the largest angle that is fitted, None without one. seconds: all
-    in all, compile_seconds: of these, for kernels.
+    the starts that reached this minimum. candidates: the variants compared. emissivity: (theta
+    [radians], predicted 1 - HDR); emissivity_rms: its error against the measured one up to the
+    largest angle that is fitted, None without one. seconds: all in all, compile_seconds: of these,
+    for kernels.
     """
 
     parameters: dict[str, float]

@@ -52,13 +52,13 @@ def check_bands(measurements: list[Measurements]) -> None:
         file, band = one.source[0]["file"], band_name(one)
         if band is None:
             raise InputError(
-                f"{file}: which band is it? several files are one material with a fit for each band; say it in "
-                f"the file, '# band_um: 3 5'"
+                f"{file}: which band is it? several files are one material with a fit for each "
+                f"band; say it in the file, '# band_um: 3 5'"
             )
         if band in seen:
             raise InputError(
-                f"{seen[band]} and {file} have the same band, {band} um; put repeated scans of one surface into "
-                f"one file, and fit different surfaces one by one"
+                f"{seen[band]} and {file} have the same band, {band} um; put repeated scans of "
+                f"one surface into one file, and fit different surfaces one by one"
             )
         seen[band] = file
 

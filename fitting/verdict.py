@@ -28,8 +28,8 @@ def judge(data, candidate, noise, robust: bool) -> dict:
     """standard_error, interval and verdict by parameter, and the correlation matrix, of a fitted
     candidate.
 
-    A parameter at its bound has no curvature there: its standard error is half the interval's
-    width.
+    A parameter at its bound, or one that a restriction holds, has no curvature: its standard error
+    is half the interval's width.
     """
     u, model, free = candidate.u, candidate.variant.model, candidate.variant.free
     residuals = data.residuals(candidate.variant)
@@ -52,7 +52,7 @@ def judge(data, candidate, noise, robust: bool) -> dict:
     values = parameters_at(model, u[None])[0][0]
     bounds, at_bounds = np.stack(model.feasible_range(values), axis=1), model.bound_names(u)
     errors = np.where(
-        [name is not None for name in at_bounds],
+        [name is not None for name in at_bounds] | (np.diag(matrix) == 0),
         0.5 * (intervals[:, 1] - intervals[:, 0]),
         standard_errors(model, matrix),
     )

@@ -24,6 +24,7 @@ MODULES = (
     "sources",
     "radiance_bound",
     "field_of_view",
+    "tail",
     "emitter_table",
     "channels",
     "bounce_path",

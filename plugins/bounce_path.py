@@ -15,6 +15,7 @@ from mi_lcair.plugins.channels import Channels, Pixels, pixel_statistics
 from mi_lcair.plugins.derivatives import deriving_plugins, leaves, tracing, value_along
 from mi_lcair.plugins.emitter_table import EmitterTable
 from mi_lcair.plugins.properties import HOTTEST, Property, read
+from mi_lcair.plugins.tail import Tail
 
 PROPERTIES = (
     Property("max_bounces", "integer", 4, lower=0, upper=10_000),
@@ -119,15 +120,14 @@ class BouncePath(RBIntegrator):
 @dataclass(frozen=True)
 class Samples:
     """One pass, a value per path, not evaluated yet: the radiance, and the channels by name (see
-    `Channels.samples`); chance: the largest contribution that a source might have made to it, and did
-    not (see `walk`). tail_error: estimated error of the mean that closure = tail adds [W m^-2
-    sr^-1], 0 without it.
+    `Channels.samples`); chance: the largest contribution that a source might have made to it, and
+    did not (see `walk`). tail: of closure = tail, else None.
     """
 
     radiance: mi.Float
     channels: dict[str, mi.Float]
     chance: mi.Float
-    tail_error: float
+    tail: Tail | None
 
 
 class PathTracer(RBIntegrator):
@@ -228,7 +228,7 @@ class PathTracer(RBIntegrator):
             ray, weight = sensor.sample_ray(
                 sensor.shutter_open(), 0, position / mi.Vector2f(width, height), aperture
             )
-            channels, tail_error = None, 0.0
+            channels, tail = None, None
             if split or facets or self.closure == "tail":
                 channels = Channels.empty(
                     self.max_bounces,
@@ -250,8 +250,8 @@ class PathTracer(RBIntegrator):
             if self.closure == "tail":
                 # add_tail sums, and would trace the paths for that alone
                 dr.eval(L, channels, chance)
-                tail, tail_error = channels.add_tail()
-                L += tail
+                added, tail = channels.add_tail()
+                L += added
             by_name = (
                 channels.samples(
                     L[0], self.emitters.labels, self.emitters.sources, split == "target"
@@ -262,7 +262,7 @@ class PathTracer(RBIntegrator):
             if facets is not None:
                 dr.eval(L, channels, by_name, chance)  # one kernel for all uses
                 facets.add(channels.facet, L[0], channels, spp, first)
-            return Samples(radiance=L[0], channels=by_name, chance=chance, tail_error=tail_error)
+            return Samples(radiance=L[0], channels=by_name, chance=chance, tail=tail)
 
     def chance_contribution(self, sensor) -> float:
         """Bound of what a path gains from a source that no other path has met, as far as it is

@@ -7,6 +7,7 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.plugins.sources import WAVELENGTHS, Sources
+from mi_lcair.plugins.tail import COUNTS, Tail, add_tail
 
 MAX_BOUNCE_CHANNELS = 65  # the last one holds every bounce count from 64 on
 
@@ -17,8 +18,8 @@ class Channels:
     m^-2 sr^-1].
 
     `by_wavelength`: what the blackbodies among them emit, at the nodes of `Sources` [W m^-2 sr^-1
-    um^-1], where they are too many to be told apart. `last`: the last three bounce counts, kept
-    apart for the geometric tail. Of the first hit: `range`, its distance [m], 0 for an escape;
+    um^-1], where they are too many to be told apart. `last`: the last bounce counts, kept apart for
+    the geometric tail. Of the first hit: `range`, its distance [m], 0 for an escape;
     `seen`, its label; `of_model`, 1 where it belongs to the model, not to the background; `facet`,
     its number. `model_only`: whether nothing but paths that first meet the model counts.
     """
@@ -44,7 +45,7 @@ class Channels:
             zeros(min(max_bounces + 1, MAX_BOUNCE_CHANNELS)),
             zeros(len(sources.list) if sources else 0),
             zeros(WAVELENGTHS if sources and sources.share is not None else 0),
-            zeros(3 if closure == "tail" else 0),
+            zeros(COUNTS if closure == "tail" else 0),
             mi.Float(0),
             mi.Float(0),
             mi.UInt32(0),
@@ -81,7 +82,7 @@ class Channels:
             for k, share in enumerate(sources.shares(entry)):
                 self.by_wavelength[k] += value * share
         for k in range(len(self.last)):
-            self.last[k] += dr.select(bounce == max_bounces - 2 + k, value, 0)
+            self.last[k] += dr.select(bounce + COUNTS == max_bounces + 1 + k, value, 0)
 
     def samples(self, L, labels: list[str], sources: Sources, of_model: bool) -> dict:
         """Every channel by its name: bounce.N, closure, group.LABEL, seen.LABEL, target (what the
@@ -114,28 +115,11 @@ class Channels:
             )
         return found | {"target": L * self.of_model}
 
-    def add_tail(self) -> tuple[mi.Float, float]:
-        """Continues the last two bounce counts geometrically, with the ratio of their sums over all
-        samples; the model and its background, which may lie in other surroundings, each with its
-        own.
-
-        Returns the tail per sample, and as its error what the ratio of the two counts before would
-        have made of its mean.
-        """
-
-        def continuation(a, b):
-            ratio = b / a if a > 0 else 0.0
-            return ratio / (1 - ratio) if ratio < 1 else 0.0
-
+    def add_tail(self) -> tuple[mi.Float, Tail]:
+        """Makes the geometric tail the closure; returns it, and what its error follows from."""
         dr.eval(self.last, self.of_model)
-        error = 0.0
-        self.closure = mi.Float(0)
-        for share in (self.of_model, 1 - self.of_model):
-            before, last, newest = (float(dr.sum(channel * share)[0]) for channel in self.last)
-            factor = continuation(last, newest)
-            self.closure += self.last[2] * share * factor
-            error += abs(factor - continuation(before, last)) * newest
-        return self.closure, error / dr.width(self.last[2])
+        self.closure, tail = add_tail(self.last, self.of_model)
+        return self.closure, tail
 
 
 @dataclass
@@ -145,8 +129,8 @@ class Pixels:
     count: finite samples of each pixel; mean and squares (sum of squared deviations from the mean)
     of the radiance. channels: by name, means of each pixel in equal parts of its samples, (parts,
     pixels), of part_count finite samples. invalid: NaN or infinite samples, left out. chance: the
-    largest contribution that a source might have made to one of the paths, and did not. tail_error:
-    estimated error of the mean that closure = tail adds [W m^-2 sr^-1].
+    largest contribution that a source might have made to one of the paths, and did not. tail: of
+    closure = tail, else None.
     """
 
     count: np.ndarray
@@ -156,7 +140,7 @@ class Pixels:
     part_count: np.ndarray
     invalid: int
     chance: float
-    tail_error: float
+    tail: Tail | None
 
 
 def pixel_statistics(found, spp: int, in_parts: bool = False) -> Pixels:
@@ -192,5 +176,5 @@ def pixel_statistics(found, spp: int, in_parts: bool = False) -> Pixels:
         part_count=part_count,
         invalid=dr.width(L) - int(count.sum()),
         chance=float(dr.max(chance)[0]),
-        tail_error=found.tail_error,
+        tail=found.tail,
     )

@@ -1,4 +1,4 @@
-"""Long studies of the fit, by hand.
+"""Long studies of the fit, run by hand.
 
 python -m docs.studies.fit recovery|coverage|choice|surfaces|joint|losses|time [MODEL...]
 """
@@ -10,7 +10,7 @@ from time import perf_counter
 import numpy as np
 from scipy.optimize import least_squares
 
-import mi_lcair  # noqa: F401  chooses the LLVM before Dr.Jit is imported
+import mi_lcair  # noqa: F401  it chooses the LLVM and must precede the import of Dr.Jit
 from mi_lcair.fitting import fit, read
 from mi_lcair.fitting.data import select
 from mi_lcair.fitting.descent import ROUND_OFF, explore, levenberg_marquardt
@@ -31,7 +31,7 @@ NAMES_OF_SURFACES = (
     "paint_smooth",
     "steel_sandblasted",
 )
-KNOWN = {  # surfaces with known parameters, for each model
+KNOWN = {  # model -> surfaces with known parameters
     "sandford_robertson": {**THESIS_SETS, "rough": ROUGH},
     "microfacet": {
         "paint": (0.2, 1.7, 1.5, 0.4, 0.1),
@@ -43,44 +43,47 @@ KNOWN = {  # surfaces with known parameters, for each model
 
 
 def known(models):
-    """(model, surface, parameters) of the surfaces with known parameters."""
+    """Yield (model, surface, parameters) of the surfaces with known parameters."""
     for model in models:
         for surface, parameters in KNOWN[model].items():
             yield MODELS[model], surface, parameters
 
 
 def recovery(models, seeds=20):
-    """Noise-free data: the largest relative error of any parameter over the seeds."""
+    """Print the largest relative error of any parameter over the seeds, for data without noise."""
     for model, surface, parameters in known(models):
         data = scan_of(model, parameters, step=0.5)
         fits = [fit(data, model=model.name, seed=seed) for seed in range(seeds)]
         zero = np.array(parameters) == 0
-        worst = [relative_errors(one, np.where(zero, 1, parameters)) for one in fits]
-        worst = np.max(np.abs(np.array(worst) - zero), axis=0)  # absolute where the answer is 0
+        worst = [relative_errors(result, np.where(zero, 1, parameters)) for result in fits]
+        # The error is absolute where the true value is 0.
+        worst = np.max(np.abs(np.array(worst) - zero), axis=0)
         print(
             f"{model.name}, {surface}: worst relative error {worst.max():.1e}, "
-            f"converged {all(one.converged for one in fits)}, "
-            f"{ {model_of(one) for one in fits} }, "
-            f"starts in basin >= {min(one.starts_in_basin for one in fits):.2f}",
+            f"converged {all(result.converged for result in fits)}, "
+            f"{ {model_of(result) for result in fits} }, "
+            f"starts in basin >= {min(result.starts_in_basin for result in fits):.2f}",
             flush=True,
         )
 
 
 def coverage(models, repetitions=200):
-    """5 % noise: how often the true value lies inside 2 standard errors and inside the 95 %
-    interval, where determined.
+    """Print how often 2 standard errors and the 95 % interval contain the true value, at 5 % noise.
+
+    Only fits that determine the parameter are counted, except for the last number.
     """
     for model, surface, parameters in known(models):
         shape = repetitions, len(parameters)
         inside, interval, determined = (np.zeros(shape, bool) for _ in range(3))
         for k in range(repetitions):
             data = scan_of(model, parameters, step=0.5, noise=0.05, seed=k)
-            one = fit(data, model=model.name, form=model.forms[0], starts=8, seed=k)
+            result = fit(data, model=model.name, form=model.forms[0], starts=8, seed=k)
             for j, key in enumerate(model.names):
-                determined[k, j] = one.verdict[key] == "determined"
-                error = abs(one.parameters[key] - parameters[j])
-                inside[k, j] = error <= 2 * one.standard_error[key]
-                interval[k, j] = one.interval[key][0] <= parameters[j] <= one.interval[key][1]
+                determined[k, j] = result.verdict[key] == "determined"
+                error = abs(result.parameters[key] - parameters[j])
+                inside[k, j] = error <= 2 * result.standard_error[key]
+                low, high = result.interval[key]
+                interval[k, j] = low <= parameters[j] <= high
         print(
             model.name,
             surface,
@@ -96,33 +99,34 @@ def coverage(models, repetitions=200):
 
 
 def choice(models, repetitions=20):
-    """5 % noise: what auto takes for the data of each surface."""
+    """Print the models that `auto` chooses for the data of each surface, at 5 % noise."""
     for model, surface, parameters in known(models):
         taken = [
             model_of(fit(scan_of(model, parameters, noise=0.05, seed=k), seed=k))
             for k in range(repetitions)
         ]
-        counts = {one: taken.count(one) for one in sorted(set(taken))}
+        counts = {choice: taken.count(choice) for choice in sorted(set(taken))}
         print(f"{model.name}, {surface}: {counts}", flush=True)
 
 
 def surfaces(models):
-    """The six real surfaces, each form on its own: rms in decades, and the seconds of a fit."""
+    """Print the rms residual in decades of each form on the six real surfaces, and the seconds."""
     for name in NAMES_OF_SURFACES:
         data = read(SURFACES / f"{name}.csv")
         for model in models:
             for form in MODELS[model].forms:
-                one = fit(data, model=model, form=form, source_half_angle_deg=0)
+                result = fit(data, model=model, form=form, source_half_angle_deg=0)
                 print(
-                    f"{name}, {model} {form}: {one.rms_dex:.5f}, converged {one.converged}, "
-                    f"{one.seconds:.1f} s",
+                    f"{name}, {model} {form}: {result.rms_dex:.5f}, "
+                    f"converged {result.converged}, {result.seconds:.1f} s",
                     flush=True,
                 )
 
 
 def joint(models):
-    """BRDF alone against BRDF with emissivity: rms in decades, and rms error of the emissivity up
-    to 80 degrees.
+    """Compare the fit to the BRDF alone with the joint fit to BRDF and emissivity.
+
+    It prints the rms residual in decades and the rms error of the emissivity up to 80 degrees.
     """
     for name in NAMES_OF_SURFACES:
         data = read(SURFACES / f"{name}.csv")
@@ -130,10 +134,10 @@ def joint(models):
         for model in models:
             settings = {"model": model, "source_half_angle_deg": 0}
             alone, both = fit(data, **settings), fit(data, emissivity=table, **settings)
-            missed = emissivity_error(table, directional(alone, "emissivity", table.theta), 80)
+            error = emissivity_error(table, directional(alone, "emissivity", table.theta), 80)
             print(
                 f"{name}: rms {alone.rms_dex:.4f} -> {both.rms_dex:.4f} "
-                f"({both.rms_dex / alone.rms_dex:.2f}), emissivity {missed:.4f} -> "
+                f"({both.rms_dex / alone.rms_dex:.2f}), emissivity {error:.4f} -> "
                 f"{both.emissivity_rms:.4f}, {model_of(both)}, {both.settings['joint']}, "
                 f"{both.seconds:.1f} s",
                 flush=True,
@@ -141,7 +145,7 @@ def joint(models):
 
 
 def losses(models):
-    """rms in decades that each loss leaves on the real surfaces."""
+    """Print the rms residual in decades of the fit with each loss on the real surfaces."""
     for name in NAMES_OF_SURFACES:
         data = read(SURFACES / f"{name}.csv")
         for model in models:
@@ -154,8 +158,10 @@ def losses(models):
 
 
 def time(models, repetitions=5):
-    """64 starts to the minimum of 720 points of a real surface, and of about 10,000 points; on the
-    720 also by scipy, with the same residuals and derivatives, one start after the other.
+    """Print the time of a search from 64 starts, on 720 and on about 10,000 points.
+
+    The 720 points are those of a real surface. For them the time of SciPy is printed as well. It
+    uses the same residuals and derivatives, one start after the other.
     """
     for name in ("aluminium", "paint_rough"):
         measurements = read(SURFACES / f"{name}.csv")

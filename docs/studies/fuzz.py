@@ -1,6 +1,10 @@
-"""A long fuzz of every kind of input file: python -m docs.studies.fuzz [mutants of each kind, 1000] [seed, 0] [kind ...]
+"""Run a long fuzz of every kind of input file.
 
-Prints the outcomes of each kind and keeps every mutant that was handled wrongly in fuzz_failures/.
+    python -m docs.studies.fuzz [MUTANTS] [SEED] [KIND...]
+
+MUTANTS is their number for each kind of file, 1000 by default. The default SEED is 0, and without
+KIND all kinds are run. The script prints the outcomes of each kind. It keeps every mutant that was
+handled wrongly in fuzz_failures/.
 """
 
 import sys
@@ -15,7 +19,7 @@ FAILURES = Path("fuzz_failures")
 
 
 def main(count: int = 1000, seed: int = 0, chosen: tuple[str, ...] = ()) -> int:
-    """Runs the campaigns and returns the number of mutants that were handled wrongly."""
+    """Run the campaigns and return the number of mutants that were handled wrongly."""
     wrong = 0
     for kind in KINDS:
         if chosen and kind.name not in chosen:

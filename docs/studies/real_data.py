@@ -1,11 +1,12 @@
-"""The page docs/real_data.md: six measured surfaces, fitted; every number on it is computed here.
+"""Write the page docs/real_data.md on fits to six measured surfaces.
 
     python -m docs.studies.real_data DATA_FOLDER [PAGE]
 
-Each reflection model is fitted to the BRDF alone and jointly with the emissivity; so is `auto`,
-which chooses among all. DATA_FOLDER holds <surface>.csv and <surface>_emissivity.csv. PAGE (default
-docs/real_data.md) is written, with its pictures in a folder of its name beside it. The text is
-real_data.template.md, whose {fields} are filled in.
+Each reflection model is fitted to the BRDF alone and jointly with the emissivity. So is `auto`,
+which chooses among all models. DATA_FOLDER contains <surface>.csv and <surface>_emissivity.csv. The
+script writes PAGE (default docs/real_data.md), and its pictures into a folder of the same name
+beside it. The text is real_data.template.md, whose {fields} are filled in. Every number on the page
+is computed here.
 """
 
 import sys
@@ -31,13 +32,15 @@ TITLES = {
     "paint_smooth": "Paint, smooth",
     "steel_sandblasted": "Steel, sandblasted",
 }
-HALF_ANGLE_DEG = 0.909  # of the source, as the files state it in words
+HALF_ANGLE_DEG = 0.909  # degrees, half-angle of the source as stated in the files' comments
 
 
 @dataclass
 class Surface:
-    """A surface with its fits by one model: to the BRDF alone and jointly with the emissivity;
-    by_loss: on each scale, to the BRDF alone, of all scans and of two halves, every second scan.
+    """A surface with its fits by one model.
+
+    alone: fit to the BRDF alone. joint: fit to BRDF and emissivity. by_loss: for each loss three
+    fits to the BRDF alone, of all scans and of two halves; a half has every second scan.
     """
 
     title: str
@@ -48,7 +51,7 @@ class Surface:
     by_loss: dict[str, tuple[Fit, Fit, Fit]]
 
     def emissivity_error(self, one: Fit, max_angle_deg: float = 80) -> float:
-        """Rms error of a fit's emissivity at the measured angles up to some angle."""
+        """Return the rms error of a fit's emissivity at the measured angles up to max_angle_deg."""
         predicted = directional(one, "emissivity", self.emissivity.theta)
         return emissivity_error(self.emissivity, predicted, max_angle_deg)
 
@@ -74,8 +77,9 @@ class Surface:
 
     @property
     def forms(self) -> dict[str, dict]:
-        """For each form: rms of the best fit to the BRDF alone, and the emissivity's error in the
-        best joint fit.
+        """Return for each form the rms of the best fit to the BRDF alone, and an emissivity error.
+
+        The error is that of the emissivity in the best joint fit.
         """
         model, result = MODELS[self.alone.model], {}
         for form in model.forms:
@@ -96,16 +100,18 @@ class Surface:
         return result
 
     def spread_of_e(self, loss: str) -> float:
-        """By which factor the lobe widths of the two halves differ."""
+        """Return the ratio of the lobe widths that are fitted to the two halves, at least 1."""
         widths = [one.parameters[LOSS_WIDTH] for one in self.by_loss[loss][1:]]
         return max(widths) / min(widths)
 
     @property
     def isotropic_reflectance(self) -> float:
-        """Hemispherical reflectance if the lobe were as wide across the plane as in it, from the
-        scan at theta_r = 20 degrees: 2 pi int f cos(theta_i) sin(delta) d delta, delta the distance
-        from the mirror direction, both sides averaged. A lower limit: beyond the scan nothing is
-        counted.
+        """Return the hemispherical reflectance that a round lobe would have.
+
+        It is computed from the scan at theta_r = 20 degrees, as if the lobe were as wide across the
+        plane of incidence as in it: 2 pi int f cos(theta_i) sin(delta) d delta. Here delta is the
+        angle from the mirror direction, and both sides are averaged. The result is a lower limit,
+        because angles beyond the scan are not counted.
         """
         data = self.measurements
         scan = np.isclose(data.theta_r, np.radians(20))
@@ -116,8 +122,9 @@ class Surface:
         return float(2 * np.pi * np.trapezoid(radial, np.radians(distance)))
 
     def mirror_excess(self, lowest_deg: float, highest_deg: float) -> float:
-        """How many times brighter than the joint fit the mirror direction is: geometric mean over
-        theta_r in a range.
+        """Return the ratio of measured BRDF to joint fit in the mirror direction.
+
+        It is the geometric mean over theta_r from lowest_deg to highest_deg.
         """
         data, theta = self.measurements, np.degrees(self.measurements.theta_r)
         peak = (
@@ -130,7 +137,7 @@ class Surface:
 
     @property
     def median_excess(self) -> float:
-        """How many times brighter than the joint fit the median point is."""
+        """Return the median ratio of measured BRDF to joint fit."""
         data, used = self.measurements, self.joint.used_points
         return float(
             np.median(
@@ -140,7 +147,7 @@ class Surface:
 
 
 def load(folder: Path, name: str) -> tuple[Measurements, DirectionalData]:
-    """The BRDF and the emissivity of a surface."""
+    """Read the BRDF and the emissivity of a surface."""
     measurements = replace(read(folder / f"{name}.csv"), name=TITLES[name])
     return measurements, read_directional(folder / f"{name}_emissivity.csv", "emissivity")
 
@@ -148,7 +155,7 @@ def load(folder: Path, name: str) -> tuple[Measurements, DirectionalData]:
 def fit_surface(
     measurements: Measurements, emissivity: DirectionalData, model: str, by_loss=None
 ) -> Surface:
-    """The fits of a surface by one model."""
+    """Fit one model to a surface."""
     return Surface(
         measurements.name,
         measurements,
@@ -160,7 +167,7 @@ def fit_surface(
 
 
 def fit_by_loss(measurements: Measurements) -> dict[str, tuple[Fit, Fit, Fit]]:
-    """The fits on each scale: of all scans, and of every second one."""
+    """Fit the BRDF with each loss: all scans, and two halves with every second scan."""
     observers = np.unique(measurements.theta_r)
     parts = measurements, part(measurements, observers[0::2]), part(measurements, observers[1::2])
     return {
@@ -170,7 +177,7 @@ def fit_by_loss(measurements: Measurements) -> dict[str, tuple[Fit, Fit, Fit]]:
 
 
 def part(measurements: Measurements, observers) -> Measurements:
-    """The scans at some theta_r alone."""
+    """Return the scans at the theta_r in `observers` [rad]."""
     rows = np.isin(measurements.theta_r, observers)
     return replace(
         measurements,
@@ -181,25 +188,26 @@ def part(measurements: Measurements, observers) -> Measurements:
 
 
 def numbers(surfaces: dict[str, Surface]) -> dict[str, float]:
-    """Numbers of the page's text that are in no table; surfaces: of LOSS_MODEL, by name."""
+    """Return the numbers of the page's text that are in no table, name of the field -> number.
+
+    surfaces: name -> surface with its fits by LOSS_MODEL.
+    """
     worst = {
         f"worst_{loss}": max(one.spread_of_e(loss) for one in surfaces.values()) for loss in SCALES
     }
     std = np.concatenate([one.emissivity.std for one in surfaces.values()])
     aluminium, rough = surfaces["aluminium"], surfaces["paint_rough"]
-    with_aperture = fit(
-        aluminium.measurements,
-        model=LOSS_MODEL,
-        form=LOSS_FORM,
-        source_half_angle_deg=HALF_ANGLE_DEG,
-    )
+    with_aperture = {
+        name: fit(aluminium.measurements, model=name, source_half_angle_deg=HALF_ANGLE_DEG).rms_dex
+        for name in MODELS
+    }
     return {
         **worst,
         "worst_log": worst["worst_log"] - 1,
         "least_std": std.min(),
         "largest_std": std.max(),
         "smooth_paint_linear": 10 ** surfaces["paint_smooth"].by_loss["linear"][0].rms_dex,
-        "aluminium_with_aperture": with_aperture.rms_dex,
+        "aluminium_with_aperture": with_aperture,
         "half_angle_deg": HALF_ANGLE_DEG,
         "aluminium_15": aluminium.measured_emissivity(15),
         "aluminium_85": aluminium.measured_emissivity(85),
@@ -210,6 +218,7 @@ def numbers(surfaces: dict[str, Surface]) -> dict[str, float]:
 
 
 def main(folder: Path, page: Path) -> None:
+    """Fit all models to all surfaces and write the page and its pictures."""
     pictures = page.with_suffix("")
     pictures.mkdir(parents=True, exist_ok=True)
     by_model, chosen = {name: {} for name in MODELS}, []

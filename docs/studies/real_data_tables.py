@@ -6,24 +6,24 @@ from mi_lcair.fitting.estimation import Fit
 from mi_lcair.physics.reflection import MODELS
 from mi_lcair.reports.fit_plot import model_of
 
-LOSS_MODEL, LOSS_FORM, LOSS_WIDTH = "sandford_robertson", "thesis", "e"  # to compare the scales
+# Model, form and lobe-width parameter of the fits that compare the losses.
+LOSS_MODEL, LOSS_FORM, LOSS_WIDTH = "sandford_robertson", "thesis", "e"
 
-MARKS = {
-    "determined": "",
-    "weakly": " ʷ",
-    "not": " ⁿ",
-    "at": " ᵇ",
-}  # by the first word of a verdict
+# Mark of a parameter by the first word of its verdict.
+MARKS = {"determined": "", "weakly": " ʷ", "not": " ⁿ", "at": " ᵇ"}
 
 
 def table(header, rows) -> str:
-    """A Markdown table."""
+    """Return a Markdown table."""
     lines = [header, ["---"] * len(header), *rows]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
 def parameters(one: Fit) -> list[str]:
-    """The parameters, to the first digit of their standard errors, with their verdicts' marks."""
+    """Return the parameters as text with standard errors and the marks of their verdicts.
+
+    Values are rounded to the first digit of the standard error.
+    """
     cells = []
     for name, value in one.parameters.items():
         error = one.standard_error[name]
@@ -35,7 +35,7 @@ def parameters(one: Fit) -> list[str]:
 
 
 def form_of(one: Fit) -> str:
-    """The form, where the model has several, and the restriction."""
+    """Return the form, if the model has several, and the restriction, or "-"."""
     forms = [one.form] if len(MODELS[one.model].forms) > 1 else []
     return ", ".join([*forms, *([one.restriction] if one.restriction else [])]) or "-"
 
@@ -131,7 +131,10 @@ def loss_table(surfaces: list) -> str:
 
 
 def choice_table(by_model: dict[str, list], chosen: list[tuple[Fit, Fit]]) -> str:
-    """Both models beside each other, and what `auto` takes of the BRDF alone and jointly."""
+    """Return the table of all models side by side, with the model that `auto` chooses.
+
+    chosen: for each surface the fits of `auto` to the BRDF alone and jointly with the emissivity.
+    """
     return table(
         ["Surface"]
         + [f"{MODELS[name].title}: {what}" for what in ("rms", "emissivity") for name in by_model]
@@ -173,7 +176,7 @@ def limits_table(by_model: dict[str, list]) -> str:
 
 
 def tables(by_model: dict[str, list], chosen: list[tuple[Fit, Fit]]) -> dict[str, str]:
-    """The tables of the page, by the name of their field."""
+    """Return the tables of the page, name of the field -> table."""
     result = {
         "choice_table": choice_table(by_model, chosen),
         "limits_table": limits_table(by_model),

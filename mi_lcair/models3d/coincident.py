@@ -8,6 +8,7 @@ import numpy as np
 
 FLATNESS = 1e-6  # distance between two planes that counts as none, as a fraction of the extent
 SAME_DIRECTION = 1e-5  # of two unit normals that count as parallel, in each coordinate
+SINGLE = 2.0**-22  # rounding of single precision, a few times over, as a fraction of a coordinate
 ALL_PAIRS = 4000  # triangles of one plane up to which all overlaps are found; beyond, by centroids
 MOST_TESTED = 100_000  # centroids of one plane; of more, every n-th is tested
 AT_ONCE = 2_000_000  # candidate pairs in memory
@@ -44,18 +45,21 @@ def overlaps(corners: np.ndarray) -> Overlaps:
 def _pairs(corners, unit):
     """Pairs (P, 2) of overlapping triangles with unit normals (T, 3), some of them twice."""
     points = corners.reshape(-1, 3)
+    rounding = SINGLE * abs(points).max()  # m, of a coordinate
+    flatness = max(FLATNESS * np.ptp(points, axis=0).max(), rounding)
+    size = np.median(np.ptp(corners, axis=1).max(axis=1))
+    direction = max(SAME_DIRECTION, rounding / size)
     corners = corners - (points.min(axis=0) + points.max(axis=0)) / 2
-    extent = np.ptp(points, axis=0).max()
     # Of a plane's two normals, the one whose first large coordinate is positive
     leading = np.argmax(abs(unit) > 0.5, axis=1)
     unit = unit * np.sign(np.take_along_axis(unit, leading[:, None], axis=1))
-    height = np.einsum("tk,tk->t", corners.mean(axis=1), unit) / extent
+    height = np.einsum("tk,tk->t", corners.mean(axis=1), unit)
     found = [_copies(corners)]
     # Cells twice, the second time shifted by half: what rounding parts in one grid is together in
     # the other.
     done = set()  # large planes that both grids hold whole
     for shift in (0.0, 0.5):
-        cells = np.column_stack([unit / SAME_DIRECTION, height / FLATNESS]) / 4
+        cells = np.column_stack([unit / direction, height / flatness]) / 4
         key = _hashed(np.floor(cells + shift).astype(np.int64))
         order = np.argsort(key, kind="stable")
         begins = np.flatnonzero(np.append(True, np.diff(key[order]) != 0))
@@ -65,14 +69,15 @@ def _pairs(corners, unit):
             if (len(mine), mine[0]) not in done:
                 done.add((len(mine), mine[0]))
                 flat = _in_plane(corners[mine], np.broadcast_to(unit[mine[0]], (len(mine), 3)))
-                found.append(mine[_by_centroids(flat)])
+                found.append(mine[_by_centroids(flat, rounding)])
         chosen = np.repeat((sizes > 1) & (sizes <= ALL_PAIRS), sizes)
         first = np.repeat(order[begins], sizes)[chosen]
         mine = order[chosen]
-        found.append(mine[_by_sweep(_in_plane(corners[mine], unit[first]), first)])
+        flat = _in_plane(corners[mine], unit[first])
+        found.append(mine[_by_sweep(flat, first, rounding)])
     a, b = np.concatenate(found).T
-    same = (abs(unit[a] - unit[b]) < 8 * SAME_DIRECTION).all(axis=1)
-    same &= abs(height[a] - height[b]) < 8 * FLATNESS  # two planes may share a hash
+    same = (abs(unit[a] - unit[b]) < 8 * direction).all(axis=1)
+    same &= abs(height[a] - height[b]) < 8 * flatness  # two planes may share a hash
     return np.stack([a[same], b[same]], axis=1)
 
 
@@ -82,7 +87,10 @@ def _copies(corners):
     key = _hashed(key)
     order = np.argsort(key, kind="stable")
     same = np.flatnonzero(np.diff(key[order]) == 0)
-    return np.stack([order[same], order[same + 1]], axis=1)
+    a, b = order[same], order[same + 1]
+    equal = (corners[a][:, :, None] == corners[b][:, None]).all(axis=-1)  # (P, corner, corner)
+    is_copy = equal.any(axis=2).all(axis=1) & equal.any(axis=1).all(axis=1)
+    return np.stack([a[is_copy], b[is_copy]], axis=1)
 
 
 def _hashed(rows):
@@ -90,6 +98,8 @@ def _hashed(rows):
     total = np.zeros(len(rows), np.uint64)
     for column in rows.T:
         total = (total ^ column.astype(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
+        total ^= total >> np.uint64(32)
+        total *= np.uint64(0xD6E8FEB86659FD93)
         total ^= total >> np.uint64(29)
     return total
 
@@ -105,8 +115,15 @@ def _in_plane(corners, normals):
     return flat
 
 
-def _by_sweep(flat, plane):
+def _by_sweep(flat, plane, rounding):
     """All overlapping pairs among triangles (n, 3, 2), each in the plane of its number (n,)."""
+    if len(flat):
+        # along the longer side of each plane, where the fewest boxes meet
+        low, high = flat.min(axis=1), flat.max(axis=1)
+        begins = np.flatnonzero(np.append(True, np.diff(plane) != 0))
+        sides = np.maximum.reduceat(high, begins) - np.minimum.reduceat(low, begins)
+        is_upright = np.repeat(sides[:, 1] > sides[:, 0], np.diff(begins, append=len(plane)))
+        flat[is_upright] = flat[is_upright][..., ::-1] * [1, -1]  # turned, so still anticlockwise
     low, high = flat.min(axis=1), flat.max(axis=1)
     order = np.lexsort((low[:, 0], plane))
     low, high, plane, flat = low[order], high[order], plane[order], flat[order]
@@ -120,12 +137,12 @@ def _by_sweep(flat, plane):
         active, other = active[near], other[near]
         meet = (low[other, 1] < high[active, 1]) & (low[active, 1] < high[other, 1])
         a, b = active[meet], other[meet]
-        overlapping = _overlap(flat[a], flat[b])
+        overlapping = _overlap(flat[a], flat[b], rounding)
         found.append(np.stack([a[overlapping], b[overlapping]], axis=1))
     return order[np.concatenate(found)]
 
 
-def _by_centroids(flat):
+def _by_centroids(flat, rounding):
     """Pairs among triangles (n, 3, 2) of which one covers the other's centroid."""
     points = flat.mean(axis=1)
     tested = np.arange(0, len(flat), -(-len(flat) // MOST_TESTED))
@@ -151,7 +168,7 @@ def _by_centroids(flat):
             first = np.repeat(np.arange(begin, end), number)
             offset = np.arange(len(first)) - np.repeat(np.cumsum(number) - number, number)
             a, b = tested[first], owners[begins[first] + offset]
-            inside = (a != b) & _contains(flat[b], points[a])
+            inside = (a != b) & _contains(flat[b], points[a], rounding)
             found.append(np.stack([a[inside], b[inside]], axis=1))
     return np.concatenate(found)
 
@@ -172,13 +189,14 @@ def _key_of(cells):
     return cells[:, 0] * np.int64(2**31) + cells[:, 1]
 
 
-def _contains(triangles, points):
+def _contains(triangles, points, rounding):
     """Whether anticlockwise triangles (n, 3, 2) hold points (n, 2) in their inside."""
     edges = np.roll(triangles, -1, axis=1) - triangles
-    return (_cross(edges, points[:, None] - triangles) > 0).all(axis=1)
+    margin = rounding * np.linalg.norm(edges, axis=-1)
+    return (_cross(edges, points[:, None] - triangles) > margin).all(axis=1)
 
 
-def _overlap(a, b):
+def _overlap(a, b, rounding):
     """Whether anticlockwise triangles (n, 3, 2) share more than their border: no edge of either
     separates them, by more than rounding.
     """
@@ -186,8 +204,8 @@ def _overlap(a, b):
     for one, other in ((a, b), (b, a)):
         edges = np.roll(one, -1, axis=1) - one
         sides = _cross(edges[:, :, None], other[:, None] - one[:, :, None])  # (n, edge, corner)
-        scale = np.ptp(np.concatenate([a, b], axis=1), axis=1).max(axis=1) ** 2
-        apart |= (sides.max(axis=2) <= 1e-6 * scale[:, None]).any(axis=1)
+        margin = rounding * np.linalg.norm(edges, axis=-1)
+        apart |= (sides.max(axis=2) <= margin).any(axis=1)
     return ~apart
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from mi_lcair.errors import InputError, shown
 from mi_lcair.models3d.label import Label, find_material, kelvin, parse, unlabelled
 from mi_lcair.models3d.obj import read_obj
-from mi_lcair.models3d.polygons import triangulate
+from mi_lcair.models3d.polygons import MOST_CLIPPED, triangulate
 from mi_lcair.models3d.welding import weld
 from mi_lcair.physics import materials as known_materials
 from mi_lcair.table import read_table
@@ -103,6 +103,12 @@ def read(
     corners = weld_to[obj.corners]
     triangles, triangle_facet, off_plane, crossed = triangulate(vertices, corners, obj.first)
     if crossed.any():
+        size = int(np.diff(obj.first)[crossed.argmax()])
+        if size > MOST_CLIPPED:
+            raise InputError(
+                f"{path}, line {obj.lines[crossed.argmax()]}: the face has {size} corners and is not "
+                f"convex; split it into polygons of at most {MOST_CLIPPED}"
+            )
         raise InputError(
             f"{path}, line {obj.lines[crossed.argmax()]}: the face crosses itself or folds back on itself"
             f"{_others(int(crossed.sum()) - 1)}; split it into simple polygons"

@@ -100,8 +100,8 @@ def plan(
         max_bounces=min(max(own.max_bounces, PROBED_BOUNCES), MOST_BOUNCES),
         emitter_sampling=own.emitter_sampling,
     )
-    with scene.mi.integrator().prepared(scene.mi):
-        check_bounded(scene.mi.integrator().emitters, scene.name)
+    with scene.prepared() as tracer:
+        check_bounded(tracer.emitters, scene.name)
     done, factor = 0, 1
 
     def look(settings):

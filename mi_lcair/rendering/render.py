@@ -124,7 +124,7 @@ def render(
                 progress(done, min(goal, limit))
     rms_error = total.rms_error()
     reached = None if tolerance is None else rms_error is not None and rms_error <= tolerance
-    closure_error = float(np.mean(total.tail_errors)) if tracer.closure == "tail" else None
+    closure_error = None if total.tail is None else total.tail.error(tracer.max_bounces)
     scale = total.error_scale()
     covariance = total.covariance * scale if by_spectrum and scale is not None else None
     channels, air = image_channels(total, scene.band), {}

@@ -20,7 +20,7 @@ class Accumulator:
         self.channels, self.scatter = {}, {}
         self.covariance = 0.0
         self.invalid = 0
-        self.tail_errors = []
+        self.tail = None
 
     def add(self, first: int, part) -> None:
         """Adds the statistics of a run of pixels that starts at pixel `first`."""
@@ -32,7 +32,8 @@ class Accumulator:
         self.mean[run] += difference * share
         self.invalid += part.invalid
         self.chance = max(self.chance, part.chance)
-        self.tail_errors.append(part.tail_error)
+        if part.tail is not None:
+            self.tail = part.tail if self.tail is None else self.tail + part.tail
         for k, part_count in enumerate(part.part_count):
             after = before + part_count
             share = part_count / np.maximum(after, 1)

@@ -259,7 +259,7 @@ def test_view_factors(plate):
     """
     walls = {f"{'xyz'[axis]}{side}": (BLACKBODY, 300.0) for axis, side in exact_view_factors.WALLS}
     case = problem(plates(plate, **walls), [0.5, 0.5, 0.9], [0.5, 0.5, 0], 0.4)
-    order = [wall for wall in walls]
+    order = list(walls)
     with case.prepared() as (scene, emitters):
         triangles = case.facets.triangles
         F = view_factors(
@@ -267,9 +267,8 @@ def test_view_factors(plate):
         ).toarray()
     assert F.sum(axis=1) == pytest.approx(np.ones(12), abs=1e-4)
     centre = case.facets.centre.reshape(6, 2, 3).mean(axis=1)
-    wall_of = [
-        "%s%d" % ("xyz"[np.argmax(abs(c - 0.5))], round(c[np.argmax(abs(c - 0.5))])) for c in centre
-    ]
+    axes = np.argmax(abs(centre - 0.5), axis=1)
+    wall_of = [f"{'xyz'[axis]}{round(c[axis])}" for axis, c in zip(axes, centre)]
     by_wall = F.reshape(6, 2, 6, 2).sum(axis=3).mean(axis=1)
     place = [wall_of.index(wall) for wall in order]
     assert by_wall[np.ix_(place, place)] == pytest.approx(exact_view_factors.cube(1), abs=2e-3)

@@ -179,7 +179,7 @@ def test_files_are_written(run, asked, folder):
     "args, reason",
     [
         ([], "Missing argument 'DATA...'"),
-        (["none.csv"], "none.csv: No such file"),
+        (["none.csv"], "none.csv: cannot be read: No such file"),
         (["mwir.csv", "mwir.csv"], "have the same band, 3-5 um"),
         (["mwir.csv", "--emissivity", "none.csv"], "none.csv: cannot be read"),
         (["mwir.csv", "--emissivity", "dhr.csv"], "must name theta_deg and emissivity"),

@@ -69,6 +69,27 @@ def test_auto_takes_a_restriction_of_the_model_that_made_the_data():
     assert result.restriction == "k = 0" and "at its bound 0" in result.verdict["k"]
 
 
+def test_a_parameter_that_a_restriction_holds_has_an_error_all_the_same():
+    """gamma = 2 lies inside its range; its interval says what the data allow."""
+    data = scan_of(MODELS["microfacet"], (0.2, 2.0, 1.5, 0.4, 0.05), noise=0.05)
+    result = fit(data, starts=8)
+    assert result.restriction == "gamma = 2" and result.parameters["gamma"] == pytest.approx(2)
+    low, high = result.interval["gamma"]
+    assert low < 2 < high and result.standard_error["gamma"] == pytest.approx((high - low) / 2)
+
+
+def test_a_lobe_below_the_resolution_has_an_upper_limit_in_any_model():
+    """A weak narrow lobe seen through a source of 0.9 degrees."""
+    model, half_angle = MODELS["microfacet"], np.radians(0.909)
+    data = scan_of(model, (0.2, 2.0, 1.5, 0.0, 0.6))
+    instrument = Scatterometer(model, "standard", data.theta_i, data.theta_r, half_angle)
+    data.brdf = instrument(model.to_cube([(3e-4, 2.0, 1.5, 0.0, 0.6)]))[0][0]
+    data.brdf *= 1 + 0.05 * np.random.default_rng(0).standard_normal(len(data.brdf))
+    data.source_half_angle = half_angle
+    result = fit(data, model="microfacet", form="standard", starts=8)
+    assert result.verdict["alpha"].startswith("not determined by these data: any lobe narrower")
+
+
 def test_a_measured_emissivity_is_followed_by_any_model():
     """One incidence leaves n and k open; with the emissivity the fit meets it."""
     model, parameters = MODELS["microfacet"], (0.1, 1.5, 3.0, 5.0, 0.05)

@@ -72,10 +72,9 @@ def observed(loaded, spp, passes):
     """(mean radiance of the image, its standard error)."""
     integrator, sensor = loaded.integrator(), loaded.sensors()[0]
     pixels = int(np.prod(sensor.film().crop_size()))
-    with integrator.prepared(loaded):
+    with integrator.prepared(loaded) as tracer:
         means = [
-            integrator.observe(loaded, sensor, seed, spp, 0, pixels, None).mean.mean()
-            for seed in range(passes)
+            tracer.observe(sensor, seed, spp, 0, pixels, None).mean.mean() for seed in range(passes)
         ]
     return np.mean(means), np.std(means, ddof=1) / np.sqrt(passes)
 

@@ -188,7 +188,7 @@ def look_at_facet(scene, facet: int) -> None:
     table = FacetTable(scene)
     origin, right, up, direction = window(scene.sensor(0))
     triangles = table.triangles[table.triangle_facet == facet]
-    corners, centre = triangles.reshape(-1, 3), table.centre[facet]
+    centre = table.centre[facet]
     axes = np.stack([right / np.linalg.norm(right), up / np.linalg.norm(up)])
     edges = [(triangle[k], triangle[k - 1]) for triangle in triangles for k in range(3)]
     outer = [

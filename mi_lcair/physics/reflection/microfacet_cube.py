@@ -18,13 +18,26 @@ KNEE2 = 0.01  # K^2: the coordinate is linear in k^2 below it and in log k above
 SMALLEST_K2 = 1e-24  # keeps the derivative of sqrt(k^2) finite on the face k = 0
 ROUNDING = 1e-6  # relative; parameters that passed through Float32 may exceed a bound by theirs
 
+ADVICE = "measure the emissivity and give --emissivity"
 PARAMETERS = (
     Parameter(
-        "alpha", r"$\alpha$", "roughness: width of the lobe, for gamma = 2 its slope", 1e-4, 1
+        "alpha",
+        r"$\alpha$",
+        "roughness: width of the lobe, for gamma = 2 its slope",
+        1e-4,
+        1,
+        at_lower="any lobe narrower than {high:.3g} fits",
     ),
     Parameter("gamma", r"$\gamma$", "how fast the lobe falls off; 2 is Trowbridge-Reitz", 0.5, 4),
-    Parameter("n", r"$n$", "refractive index, effective in the band", 1, 50),
-    Parameter("k", r"$k$", "absorption index, effective in the band; 0 for dielectrics", 0, 100),
+    Parameter("n", r"$n$", "refractive index, effective in the band", 1, 50, advice=ADVICE),
+    Parameter(
+        "k",
+        r"$k$",
+        "absorption index, effective in the band; 0 for dielectrics",
+        0,
+        100,
+        advice=ADVICE,
+    ),
     Parameter("rho_d", r"$\rho_d$", "reflectance of the diffuse floor below the facets", 0, 1),
 )
 LOWER, UPPER = (

@@ -97,7 +97,7 @@ def test_parts_are_the_whole():
     np.testing.assert_allclose(together, alone, rtol=1e-12)
 
 
-@pytest.mark.parametrize("alpha", [1e-4, 0.003, 0.01, 0.1, 1])
+@pytest.mark.parametrize("alpha", [1e-4, 0.01, 0.1])
 @pytest.mark.parametrize("gamma", [0.5, 1.2, 2, 4])
 @pytest.mark.parametrize("n, k", [(1.001, 0), (50, 0), (50, 100)])
 def test_a_table_holds_1e_5(alpha, gamma, n, k):
