@@ -44,7 +44,7 @@ def read_bytes(path: str | Path, what: str = "", largest: int = LARGEST_MESH) ->
     check_file(path, largest, what)
     try:
         with path.open("rb") as file:
-            return file.read(largest)
+            return file.read()
     except OSError as error:
         raise InputError(f"{what or path}: cannot be read: {error.strerror}") from None
     except ValueError as error:  # a null character in the name
