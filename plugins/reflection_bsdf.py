@@ -47,7 +47,7 @@ class ReflectionBSDF(mi.BSDF):
             <string name="material" value="gloss_black"/> <string name="band" value="MWIR"/>
         </bsdf>
 
-    A model's own plugin (`sandford_robertson`, `microfacet`) takes these properties too, or the
+    The plugin of a model, which has its name, takes these properties too, or the
     model's parameters as numbers. All parameters are differentiable.
 
     `si.wi` points to the observer and `wo` to the source. Models need not be reciprocal, so the

@@ -102,7 +102,7 @@ def test_what_has_no_end_is_refused(kind, tmp_path):
 
 def test_a_file_that_is_too_large_is_refused(file, monkeypatch):
     monkeypatch.setattr(files, "LARGEST", 2**20)
-    with pytest.raises(InputError, match="has more than 1 MB"):
+    with pytest.raises(InputError, match="has 1 MiB; at most 1 are read"):
         read_table(file("a,b\n" + "1,2\n" * 2**18), ("a", "b"))
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import mi_lcair
 from mi_lcair.models3d import export, read, report
 from tests.fuzz.mutants import Kind
+from tests.fuzz.text_kinds import TEXT_KINDS
 from tests.models3d.shapes import cube
 
 MOST_PATHS = 100_000  # a mutant that asks for more is loaded but not rendered
@@ -143,4 +144,4 @@ XML = Kind(
     may_die=True,
 )
 
-KINDS = (OBJ, PLY, XML)
+KINDS = (OBJ, PLY, XML, *TEXT_KINDS)
