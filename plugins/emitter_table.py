@@ -317,5 +317,6 @@ def hulls(shape) -> np.ndarray:
 
 def describe(emitter) -> str:
     """An emitter in a message: its kind and the shape that it belongs to."""
+    kind = emitter.class_name() if type(emitter) is mi.Emitter else type(emitter).__name__
     shape = emitter.get_shape()
-    return emitter.class_name() + (f" of shape '{shape.id()}'" if shape else "")
+    return kind + (f" of shape '{shape.id()}'" if shape and shape.id() else "")
