@@ -79,6 +79,14 @@ def _remarks(result):
             f"{result['inward']} model facet{'s face' if result['inward'] > 1 else ' faces'} inward; the back of a facet "
             "neither emits nor reflects"
         )
+    for key, how in (("back_to_back", "back to back"), ("one_on_the_other", "one on the other")):
+        if result[key]["count"]:
+            a, b = result[key]["first"]
+            others = f" ({result[key]['count'] - 1} more pairs)" if result[key]["count"] > 1 else ""
+            yield (
+                f"facets {a} and {b} lie {how} in one plane{others}; which of them is seen is left "
+                "to rounding"
+            )
 
 
 def _print_table(result, output):

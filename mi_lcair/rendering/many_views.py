@@ -7,6 +7,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.bounce_path import Samples
+from mi_lcair.rendering.limits import check_memory, check_paths
 from mi_lcair.rendering.render import (
     DEFAULT_MAX_SPP,
     PASS_SAMPLES,
@@ -85,6 +86,7 @@ def render_views(
         raise InputError(
             f"spp = {spp} must be {'1 or ' if least == 1 else ''}even: what is drawn twice tells the error"
         )
+    check_paths(resolution**2 * len(views), spp=spp, max_spp=max_spp)
     seeds = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
     target = Target.of(scene)
     area = np.array([target.window_area(view) for view in views])
@@ -94,6 +96,7 @@ def render_views(
     limit = spp or max(least, (max_spp or DEFAULT_MAX_SPP) // least * least)
     done, goal, invalid, sums = 0, spp or least, 0, {}
     with scene.prepared() as tracer:
+        check_memory(paths * len(views) * least, tracer, "model")
         if spp is None:
             check_bounded(tracer.emitters, scene.name)
         chance = np.full(len(views), tracer.chance_contribution(sensor))

@@ -17,6 +17,7 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import brightness_temperature
 from mi_lcair.plugins.sources import Sources
 from mi_lcair.rendering.apparent import apparent
+from mi_lcair.rendering.limits import check_memory, check_paths
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Accumulator
 
@@ -100,9 +101,11 @@ def render(
     width, height = camera.film().crop_size()
     goal = (spp or camera.sampler().sample_count()) if tolerance is None else (spp or PILOT_SPP)
     limit = goal if tolerance is None else (max_spp or DEFAULT_MAX_SPP)
+    check_paths(width * height, spp=goal if tolerance is None else spp, max_spp=max_spp)
     seeds = np.random.SeedSequence(seed)
     done = 0
     with scene.prepared(by_spectrum) as tracer:
+        check_memory(width * height, tracer, split)
         if tolerance is not None:
             check_bounded(tracer.emitters, scene.name)
         total = Accumulator(width * height, tracer.chance_contribution(camera))
