@@ -18,6 +18,7 @@ MODULES = (
     "derivatives",
     "triangles",
     "emissivity",
+    "uniform_table",
     "reflection_bsdf",
     *(f"{name}_bsdf" for name in NAMES),
     "thermal",

@@ -7,10 +7,6 @@ from dataclasses import dataclass
 
 import drjit as dr
 import mitsuba as mi
-from mi_lcair.plugins.channels import Channels, Pixels, pixel_statistics
-from mi_lcair.plugins.derivatives import deriving_plugins, leaves, tracing, value_along
-from mi_lcair.plugins.emitter_table import EmitterTable
-from mi_lcair.plugins.tail import Tail
 from mitsuba.python.ad.integrators.common import RBIntegrator, mis_weight
 
 from mi_lcair.errors import InputError
@@ -19,6 +15,7 @@ from mi_lcair.plugins.channels import Channels, Pixels, pixel_statistics
 from mi_lcair.plugins.derivatives import deriving_plugins, leaves, tracing, value_along
 from mi_lcair.plugins.emitter_table import EmitterTable
 from mi_lcair.plugins.properties import HOTTEST, Property, read
+from mi_lcair.plugins.tail import Tail
 
 PROPERTIES = (
     Property("max_bounces", "integer", 4, lower=0, upper=10_000),

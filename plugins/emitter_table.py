@@ -151,9 +151,7 @@ class EmitterTable:
             choice = Choice(np.concatenate(parts))
             self.choice, self.triangle_count = choice, len(choice.probability) - len(others)
             self.probability = mi.Float(choice.probability)
-            of_others = [
-                0.0 if bounds.get(e) is None else float(bounds[e].max()) for e in others
-            ]
+            of_others = [0.0 if bounds.get(e) is None else float(bounds[e].max()) for e in others]
             if self.triangles is not None:
                 self.density = table.density(choice.probability[: self.triangle_count])
                 of_others = np.append(radiance, of_others)
@@ -319,5 +317,6 @@ def hulls(shape) -> np.ndarray:
 
 def describe(emitter) -> str:
     """An emitter in a message: its kind and the shape that it belongs to."""
+    kind = emitter.class_name() if type(emitter) is mi.Emitter else type(emitter).__name__
     shape = emitter.get_shape()
-    return emitter.class_name() + (f" of shape '{shape.id()}'" if shape else "")
+    return kind + (f" of shape '{shape.id()}'" if shape and shape.id() else "")

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.files import filling
+from mi_lcair.files import LARGEST, filling, read_bytes
 from mi_lcair.models3d.label import GROUPS
 from mi_lcair.models3d.model import Model
 from mi_lcair.models3d.scene_xml import fragment, scene
@@ -139,10 +139,7 @@ def _bounds(model):
 
 
 def _content(path):
-    try:
-        return Path(path).read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    return read_bytes(path, largest=LARGEST)
 
 
 def _plain(name):

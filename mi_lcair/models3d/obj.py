@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.files import read_bytes
 
 KINDS = {
     b"v": "vertex",
@@ -66,8 +67,8 @@ def read_obj(path: str | Path) -> Obj:
     )
     vertex_count, names, label_of = 0, [], {"object": -1, "group": -1}
     unknown = None  # what is wrong with the first statement that is not known
+    text = Text(read_bytes(path))
     try:
-        text = Text(path.read_bytes())
         for kind, begin, end in text.runs():
             if kind == "vertex":
                 vertices.append(text.parsed(_parse_vertices, begin, end, VERTEX))
@@ -96,8 +97,6 @@ def read_obj(path: str | Path) -> Obj:
                         names.append((text.line(statement), kind, label))
     except InputError as error:
         raise InputError(f"{path}, {error}") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
     first = np.concatenate([[0], *sizes]).cumsum()
     if len(first) == 1:
         raise InputError(f"{path}: no faces; a Wavefront OBJ has lines such as f 1 2 3")

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.files import read_bytes
 
 TYPES = {
     "char": "i1",
@@ -52,10 +53,7 @@ def check_ply(path: str | Path) -> np.ndarray:
     is shorter than the header says, coordinates that are not finite, a face that is no triangle, or
     one whose corner is no vertex.
     """
-    try:
-        content = Path(path).read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    content = read_bytes(path)
     try:
         order, elements, begin = header(content)
         vertices, sizes, corners = body(content, order, elements, begin)

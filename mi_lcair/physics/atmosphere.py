@@ -2,6 +2,7 @@
 wavelength.
 """
 
+import os
 import warnings
 from dataclasses import dataclass
 from functools import cached_property
@@ -250,7 +251,7 @@ def atmosphere(source, ranges_m=None) -> Atmosphere:
     path = Path(source)
     if str(source) in atmosphere_names():
         path = BUNDLED / f"path_{source}.csv"
-    elif not path.suffix and not path.exists():
+    elif not path.suffix and not os.path.exists(path):
         raise unknown("atmosphere", str(source), [*atmosphere_names(), "a file"])
     elif tape7.is_tape7(path):
         return _from_tape7(str(source), path, ranges_m)

@@ -4,16 +4,17 @@ import json
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from drjit.llvm.ad import Float64
 
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import read_text
-from mi_lcair.physics import reflection
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
-from mi_lcair.physics.reflection import ReflectionModel
+
+if TYPE_CHECKING:  # the models load Dr.Jit, and names of materials are read without it
+    from mi_lcair.physics.reflection import ReflectionModel
 
 BUILT_IN = Path(__file__).with_name("materials.toml")
 EVERY_BAND = "any"
@@ -27,7 +28,7 @@ class Material:
 
     name: str
     band: str
-    model: ReflectionModel
+    model: "ReflectionModel"
     parameters: dict[str, float]
     form: str
     source: str
@@ -41,6 +42,8 @@ class Material:
         """What the model's functions take, in Float64. InputError for numbers that no surface can have."""
         self.model.check_form(self.form)
         self.model.check_feasible(*self.values, form=self.form)
+        from drjit.llvm.ad import Float64
+
         return self.model.surface(*map(Float64, self.values), form=self.form)
 
 
@@ -143,6 +146,8 @@ def _entry(where, name, band, keys, file):
     """A checked Material. Whether the numbers are possible together is for the reflection model to
     say.
     """
+    from mi_lcair.physics import reflection
+
     where = f"{where}, band '{band}'"
     try:
         if band != EVERY_BAND:

@@ -2,6 +2,7 @@
 one for each key.
 """
 
+import os
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -41,7 +42,7 @@ def spectral_table(
     the file. Raises InputError with the line that cannot be used.
     """
     written = (
-        path.stat().st_mtime_ns if path.exists() else None
+        path.stat().st_mtime_ns if os.path.exists(path) else None
     )  # a file that was edited is another one
     return _read(path, written, kind, columns, key, keyless)
 

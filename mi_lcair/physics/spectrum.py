@@ -2,6 +2,7 @@
 tables.
 """
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -80,7 +81,7 @@ def _read(source):
     path = Path(source)
     if str(source) in sky_names():
         path = BUNDLED / f"sky_{source}.csv"
-    elif not path.suffix and not path.exists():
+    elif not path.suffix and not os.path.exists(path):
         raise unknown("sky table", str(source), sky_names())
     if tape7.is_tape7(path):
         blocks = tape7.blocks(path)

@@ -32,7 +32,7 @@ CONFIDENCE = 2.24  # standard errors, 97.5 %: what the probes do not know of the
 FEW_BATCHES = 2.03  # upper bound (97.5 %) of a standard deviation from BATCHES values
 LARGEST_RATIO = 0.999  # of successive bounces: beyond it noise decides what is left
 LEAST_SPP = 2  # one sample per pixel has no standard error
-MOST_PATHS = 64  # of a probe, in those of the shortest one
+MOST_PATHS = 16  # of a probe, in those of the shortest one
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """Loading a thermal scene and checking, before anything is rendered, that it can be."""
 
+import os
 import re
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -200,7 +201,7 @@ def find(scene) -> Path:
     """The XML file of a path or a bundled scene's name."""
     path = Path(scene)
     if path.suffix or path.parent != Path("."):
-        if not path.is_file():
+        if not os.path.isfile(path):  # False for a text too long to be a path
             raise InputError(f"scene '{scene}': no such file")
         return path
     return scenes.path(str(scene))

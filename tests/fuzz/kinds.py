@@ -10,6 +10,7 @@ import numpy as np
 import mi_lcair
 from mi_lcair.models3d import export, read, report
 from tests.fuzz.mutants import Kind
+from tests.fuzz.text_kinds import TEXT_KINDS
 from tests.models3d.shapes import cube
 
 MOST_PATHS = 100_000  # a mutant that asks for more is loaded but not rendered
@@ -158,4 +159,4 @@ XML = Kind(
     value=re.compile(rb'(?<==")[^"<>]*(?=")|(?<=<)\w+'),
 )
 
-KINDS = (OBJ, PLY, XML)
+KINDS = (OBJ, PLY, XML, *TEXT_KINDS)

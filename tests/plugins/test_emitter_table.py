@@ -58,9 +58,7 @@ def floor_radiance():
     """Mean radiance of the part of the grey floor in view, under the plate of radiance 1."""
     x, weight = np.polynomial.legendre.leggauss(16)
     x, y = np.meshgrid(x * WINDOW / 2, x * WINDOW / 2)
-    return 0.5 * np.sum(
-        view_factor_of_unit_square(x, y, HEIGHT) * weight[:, None] * weight / 4
-    )
+    return 0.5 * np.sum(view_factor_of_unit_square(x, y, HEIGHT) * weight[:, None] * weight / 4)
 
 
 def floor_scene(integrator, **shapes):
@@ -76,8 +74,7 @@ def observed(loaded, spp, passes):
     pixels = int(np.prod(sensor.film().crop_size()))
     with integrator.prepared(loaded) as tracer:
         means = [
-            tracer.observe(sensor, seed, spp, 0, pixels, None).mean.mean()
-            for seed in range(passes)
+            tracer.observe(sensor, seed, spp, 0, pixels, None).mean.mean() for seed in range(passes)
         ]
     return np.mean(means), np.std(means, ddof=1) / np.sqrt(passes)
 

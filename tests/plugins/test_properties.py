@@ -7,7 +7,6 @@ import re
 import mitsuba as mi
 import pytest
 
-
 from mi_lcair.errors import InputError, mitsuba_error
 from mi_lcair.plugins import bounce_path, thermal
 

@@ -8,7 +8,6 @@ import mi_lcair
 from tests.rendering.scene_text import (
     FACETS,
     HALVES,
-    PATH,
     SENSOR,
     SQUARE,
     mesh,

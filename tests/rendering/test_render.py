@@ -8,11 +8,11 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
-from mi_lcair.plugins.bounce_path import PathTracer
 
 import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.plugins.bounce_path import PathTracer
 from mi_lcair.rendering import render as passes
 
 

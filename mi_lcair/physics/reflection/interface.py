@@ -20,6 +20,8 @@ from drjit.llvm.ad import Float64
 from mi_lcair.errors import InputError
 from mi_lcair.physics.reflection.directions import cos_theta, sample_cosine
 
+ROUNDING = 1e-12  # of a parameter's range, between the cube and the parameters
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -227,7 +229,7 @@ class ReflectionModel(ABC):
 
     @abstractmethod
     def starting_points(self, count: int, seed: int) -> np.ndarray:
-        """(count, n) points of the cube, spread as real surfaces are; a seed gives the same ones."""
+        """(count, n) points of the cube, spread as real surfaces are; the same for each seed."""
 
     def feasible_range(self, values) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest value (n,) that each parameter can have next to `values` (n,), where
@@ -243,13 +245,21 @@ class ReflectionModel(ABC):
     def values_at(self, u) -> np.ndarray:
         """Parameters (n,) at coordinates u (n,)."""
         values = self.from_cube([dr.scalar.ArrayXf64(coordinate) for coordinate in u])
-        return np.array([value[0] for value in values])
+        return self.exact_bounds(np.array([value[0] for value in values]))
+
+    def exact_bounds(self, values: np.ndarray) -> np.ndarray:
+        """Parameters (..., n); one that is a bound to the cube's rounding is the bound itself."""
+        ends = np.array([(one.lower, one.upper) for one in self.parameters], dtype=float).T
+        for bound in ends:
+            near = np.abs(values - bound) <= ROUNDING * (ends[1] - ends[0])
+            values = np.where(near, bound, values)
+        return values
 
     def bound_names(self, u) -> list[str | None]:
         """For each parameter at coordinates u (n,) the name of the bound it lies on, or None."""
         values = self.values_at(u)
         lower, upper = self.feasible_range(values)
-        margin = 1e-12 * (upper - lower)  # of rounding between the cube and the parameters
+        margin = ROUNDING * (upper - lower)
         return [
             f"{low:g}" if value - low <= by else f"{high:g}" if high - value <= by else None
             for value, low, high, by in zip(values, lower, upper, margin)
