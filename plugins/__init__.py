@@ -18,6 +18,7 @@ MODULES = (
     "emissivity",
     "sandford_robertson_bsdf",
     "thermal",
+    "rounding",
     "sources",
     "tail",
     "emitter_table",

@@ -4,12 +4,15 @@ counted by them.
 
 from contextlib import contextmanager
 from dataclasses import dataclass
+from math import hypot
 
 import drjit as dr
 import mitsuba as mi
 from mi_lcair.plugins.channels import Channels, Pixels, pixel_statistics
-from mi_lcair.plugins.derivatives import deriving_plugins, leaves, tracing, value_along
+from mi_lcair.plugins.derivatives import derivations, deriving_plugins, leaves, tracing, value_along
+from mi_lcair.plugins.emissivity import Table
 from mi_lcair.plugins.emitter_table import EmitterTable
+from mi_lcair.plugins.rounding import rounding_error
 from mi_lcair.plugins.tail import Tail
 from mitsuba.python.ad.integrators.common import RBIntegrator, mis_weight
 
@@ -134,7 +137,8 @@ class PathTracer(RBIntegrator):
 
     scene; emitters: their table, with the band, the labels and the sources; max_bounces,
     emitter_sampling, closure: the settings when it was made; ambient_radiance: of closure =
-    ambient, else None.
+    ambient, else None; systematic_error: relative error of a radiance that no number of samples
+    lowers, of Float32's rounding and of tabulated emissivities.
 
     It is an integrator of its own because RBIntegrator's renders call `sample` with the scene alone
     and leave no room for what was derived from it.
@@ -144,6 +148,7 @@ class PathTracer(RBIntegrator):
         super().__init__(mi.Properties())
         emitters = EmitterTable(scene, integrator.emitter_sampling, by_spectrum)
         ambient = integrator.closure == "ambient"
+        tables = [part for part in derivations(scene) if isinstance(part, Table)]
         vars(self).update(
             scene=scene,
             emitters=emitters,
@@ -155,6 +160,10 @@ class PathTracer(RBIntegrator):
             )
             if ambient
             else None,
+            systematic_error=hypot(
+                rounding_error(integrator.max_bounces),
+                max((table.relative_error for table in tables), default=0.0),
+            ),
             is_complete=True,
         )
 

@@ -1,6 +1,7 @@
 """What one pass of `bounce_path` records beside the radiance, and how samples become pixels."""
 
 from dataclasses import dataclass, field
+from math import gcd
 
 import drjit as dr
 import mitsuba as mi
@@ -8,6 +9,7 @@ import numpy as np
 from mi_lcair.plugins.sources import WAVELENGTHS, Sources
 from mi_lcair.plugins.tail import COUNTS, Tail, add_tail
 
+SUMMED_IN_FLOAT32 = 8
 MAX_BOUNCE_CHANNELS = 65  # the last one holds every bounce count from 64 on
 
 
@@ -140,6 +142,15 @@ class Pixels:
     tail: Tail | None
 
 
+def sums(values, size: int) -> np.ndarray:
+    """Sums of `size` consecutive values each, Float64. Only few are summed in Float32, in which a
+    sum of 16,000 equal numbers would be off by 1e-5.
+    """
+    few = gcd(size, SUMMED_IN_FLOAT32)
+    partial = dr.block_sum(values, few).numpy().reshape(-1, size // few)
+    return partial.sum(axis=1, dtype=np.float64)
+
+
 def pixel_statistics(
     L, samples: dict, tail: Tail | None, spp: int, in_parts: bool = False
 ) -> Pixels:
@@ -155,15 +166,15 @@ def pixel_statistics(
     dr.eval(
         finite, L, valid, samples
     )  # one kernel: each reduction would otherwise trace the paths again
-    count, total = dr.block_sum(valid, spp), dr.block_sum(L, spp)
-    mean = total / dr.maximum(count, 1)
-    squares = dr.block_sum(dr.square(dr.select(finite, L - dr.repeat(mean, spp), 0)), spp)
-    count, mean, squares = (values.numpy().astype(np.float64) for values in (count, mean, squares))
+    count, total = sums(valid, spp), sums(L, spp)
+    mean = total / np.maximum(count, 1)
+    deviation = dr.select(finite, L - dr.repeat(mi.Float(mean), spp), 0)
+    squares = sums(dr.square(deviation), spp)
 
     parts = 2 if in_parts and spp % 2 == 0 else 1
 
     def by_part(value):
-        return dr.block_sum(value, spp // parts).numpy().astype(np.float64).reshape(-1, parts).T
+        return sums(value, spp // parts).reshape(-1, parts).T
 
     part_count = by_part(valid)
     channels = {name: by_part(value) / np.maximum(part_count, 1) for name, value in samples.items()}

@@ -34,7 +34,7 @@ class Render:
     K; range.Y m]. parts: name -> (mean over the pixels, its standard error or None) of everything
     that was recorded, Float64, under the names of `plugins.channels`; covariance: of the means of
     those in COVARYING, in their order in `parts`, None without them. sources: what `source.N` stand
-    for. mean: mean radiance; rms_error: rms over the pixels of the standard error, with what a
+    for. mean: mean radiance, mean_error: its standard error; rms_error: rms over the pixels of the standard error, with what a
     source that too few paths meet may add, as a fraction of the mean (None for one sample per
     pixel); reached: whether the tolerance was met (None without one); invalid: NaN or infinite
     samples, left out; closure_error: estimated error of closure = tail [W m^-2 sr^-1], None
@@ -49,6 +49,7 @@ class Render:
     sources: Sources
     spp: int
     mean: float
+    mean_error: float | None
     rms_error: float | None
     reached: bool | None
     invalid: int
@@ -103,7 +104,8 @@ def render(
     seeds = np.random.SeedSequence(seed)
     done = 0
     with scene.prepared(by_spectrum) as tracer:
-        total = Accumulator(width * height, tracer.emitters.brightest)
+        check_tolerance(tolerance, tracer.systematic_error)
+        total = Accumulator(width * height, tracer.emitters.brightest, tracer.systematic_error)
         while done < min(goal, limit):
             step = max(1, min(min(goal, limit) - done, PASS_SAMPLES // (width * height)))
             step -= step % 2 if step > 1 else 0  # even: a pass can be told in two halves
@@ -146,6 +148,7 @@ def render(
         sources=tracer.emitters.sources,
         spp=done,
         mean=float(total.mean.mean()),
+        mean_error=total.mean_error(),
         rms_error=rms_error,
         reached=reached,
         invalid=total.invalid,
@@ -153,6 +156,15 @@ def render(
         closure_error=closure_error,
         seconds=time.perf_counter() - start,
     )
+
+
+def check_tolerance(tolerance: float | None, systematic: float) -> None:
+    """Refuses a tolerance that no number of samples reaches."""
+    if tolerance is not None and tolerance <= systematic:
+        raise InputError(
+            f"tolerance = {tolerance:g} cannot be reached: Float32's rounding and tabulated emissivities "
+            f"leave a relative error of {systematic:.1g}; ask for more than that"
+        )
 
 
 def samples_needed(total: Accumulator, done: int, tolerance: float) -> int:
