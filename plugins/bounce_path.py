@@ -195,9 +195,12 @@ class PathTracer(RBIntegrator):
         split: str | None = "image",
         facets=None,
         stride: int = 1,
+        count_segments: bool = False,
     ) -> Pixels:
         """Statistics of the pixels of one pass, see `sampled`."""
-        found = self.sampled(sensor, seed, spp, first, pixels, split, facets, stride)
+        found = self.sampled(
+            sensor, seed, spp, first, pixels, split, facets, stride, count_segments
+        )
         return pixel_statistics(found.radiance, found.channels, found.tail, spp, split == "target")
 
     def sampled(
@@ -210,6 +213,7 @@ class PathTracer(RBIntegrator):
         split: str | None = "image",
         facets=None,
         stride: int = 1,
+        count_segments: bool = False,
     ) -> Samples:
         """One pass: `spp` paths through each of `pixels` pixels from number `first` on (row by
         row), every `stride`-th; `spp` consecutive ones per pixel.
@@ -217,8 +221,8 @@ class PathTracer(RBIntegrator):
         split: the channels recorded beside the radiance: None, "image", "target": also what of each
         lies on the model's facets, or "model": nothing but what lies there, and no other paths are
         followed. facets: a numbering with `number(shape, prim_index, active)` and `add(facet, L,
-        channels, spp, first)`, which receives the samples by the facet seen first. To be called
-        within `prepared`.
+        channels, spp, first)`, which receives the samples by the facet seen first. count_segments:
+        also how many rays each path followed. To be called within `prepared`.
         """
         count = pixels * spp
         sampler = sensor.sampler().clone()
@@ -242,6 +246,7 @@ class PathTracer(RBIntegrator):
                     self.closure,
                     self.emitters.sources if split else None,
                     split == "model",
+                    count_segments,
                 )
             (L, _), _, channels = self.walk(
                 dr.ADMode.Primal,
@@ -377,6 +382,8 @@ class PathTracer(RBIntegrator):
             bounce += 1
             active = active_next
 
+        if dr.hint(channels is not None and channels.segments is not None, mode="scalar"):
+            channels.segments = mi.Float(bounce)
         return (L if primal else δL, L), valid, channels
 
 

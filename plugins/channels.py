@@ -23,6 +23,7 @@ class Channels:
     the geometric tail. Of the first hit: `range`, its distance [m], 0 for an escape;
     `seen`, its label; `of_model`, 1 where it belongs to the model, not to the background; `facet`,
     its number. `model_only`: whether nothing but paths that first meet the model counts.
+    `segments`: rays that were followed, where they are counted.
     """
 
     by_bounce: list
@@ -35,10 +36,15 @@ class Channels:
     of_model: mi.Float | None = None
     facet: mi.UInt32 | None = None
     model_only: bool = False
+    segments: mi.Float | None = None
 
     @staticmethod
     def empty(
-        max_bounces: int, closure: str, sources: Sources | None, model_only: bool = False
+        max_bounces: int,
+        closure: str,
+        sources: Sources | None,
+        model_only: bool = False,
+        count_segments: bool = False,
     ) -> "Channels":
         """sources: by what emission is told apart; None for the closure's needs alone."""
         zeros = lambda count: [mi.Float(0) for _ in range(count)]
@@ -53,6 +59,7 @@ class Channels:
             mi.Float(0),
             mi.UInt32(0),
             model_only,
+            mi.Float(0) if count_segments else None,
         )
 
     def meet(self, first, emitters, emitter, facets):
@@ -87,7 +94,7 @@ class Channels:
 
     def samples(self, L, labels: list[str], sources: Sources, of_model: bool) -> dict:
         """Every channel by its name: bounce.N, closure, group.LABEL, seen.LABEL, target (what the
-        model's facets send), range and hit (1 or 0).
+        model's facets send), range and hit (1 or 0), segments where they were counted.
 
         of_model: also, under the same names after "target.", as much of each as lies on the model's
         facets, and source.N and wavelength.N where these were told apart. With `model_only` all
@@ -106,6 +113,8 @@ class Channels:
             if sources.by_spectrum:
                 found |= {f"source.{k}": value for k, value in enumerate(self.by_source)}
             found |= {f"wavelength.{k}": value for k, value in enumerate(self.by_wavelength)}
+        if self.segments is not None:
+            found["segments"] = self.segments
         found |= {"range": self.range, "hit": dr.select(self.range > 0, mi.Float(1), 0)}
         if self.model_only or of_model:
             on_model = {name: value * self.of_model for name, value in found.items()}
