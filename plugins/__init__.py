@@ -22,6 +22,7 @@ MODULES = (
     "reflection_bsdf",
     *(f"{name}_bsdf" for name in NAMES),
     "thermal",
+    "rounding",
     "sources",
     "radiance_bound",
     "field_of_view",

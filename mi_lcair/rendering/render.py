@@ -35,7 +35,7 @@ class Render:
     K; range.Y m]. parts: name -> (mean over the pixels, its standard error or None) of everything
     that was recorded, Float64, under the names of `plugins.channels`; covariance: of the means of
     those in COVARYING, in their order in `parts`, None without them. sources: what `source.N` stand
-    for. mean: mean radiance; rms_error: rms over the pixels of the standard error, with what a
+    for. mean: mean radiance, mean_error: its standard error; rms_error: rms over the pixels of the standard error, with what a
     source that too few paths meet may add, as a fraction of the mean (None for one sample per
     pixel); reached: whether the tolerance was met (None without one); invalid: NaN or infinite
     samples, left out; closure_error: estimated error of closure = tail [W m^-2 sr^-1], None
@@ -50,6 +50,7 @@ class Render:
     sources: Sources
     spp: int
     mean: float
+    mean_error: float | None
     rms_error: float | None
     reached: bool | None
     invalid: int
@@ -108,7 +109,10 @@ def render(
         check_memory(width * height, tracer, split)
         if tolerance is not None:
             check_bounded(tracer.emitters, scene.name)
-        total = Accumulator(width * height, tracer.chance_contribution(camera))
+            check_tolerance(tolerance, tracer.systematic_error)
+        total = Accumulator(
+            width * height, tracer.chance_contribution(camera), tracer.systematic_error
+        )
         while done < min(goal, limit):
             step = max(1, min(min(goal, limit) - done, PASS_SAMPLES // (width * height)))
             step -= step % 2 if step > 1 else 0  # even: a pass can be told in two halves
@@ -151,6 +155,7 @@ def render(
         sources=tracer.emitters.sources,
         spp=done,
         mean=float(total.mean.mean()),
+        mean_error=total.mean_error(),
         rms_error=rms_error,
         reached=reached,
         invalid=total.invalid,
@@ -166,6 +171,15 @@ def check_bounded(emitters, name: str) -> None:
         raise InputError(
             f"{name}: no tolerance can be confirmed, as nothing bounds the radiance of "
             f"{', '.join(emitters.unbounded)}; give the number of samples (spp) instead"
+        )
+
+
+def check_tolerance(tolerance: float, systematic: float) -> None:
+    """Refuses a tolerance that no number of samples reaches."""
+    if tolerance <= systematic:
+        raise InputError(
+            f"tolerance = {tolerance:g} cannot be reached: Float32's rounding and tabulated "
+            f"emissivities leave a relative error of {systematic:.1g}; ask for more than that"
         )
 
 
