@@ -1,5 +1,5 @@
-"""Sandford-Robertson parameters from scatterometer measurements: `read` the files, `fit` the model,
-know how well.
+"""Reflection models from scatterometer measurements: `read` the files, `fit` a model, and know how
+well it is determined.
 """
 
 import importlib

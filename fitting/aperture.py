@@ -7,7 +7,8 @@ import numpy as np
 from drjit.llvm.ad import Array3f64, Float64
 
 # Distance from the mirror direction in source radii up to which a rule serves, and its Gauss nodes
-# per panel in the plane and across. The average is then within 2e-3 for lobes of e = 0.0005 to 0.7.
+# per panel in the plane and across. The average is then within 2e-3 for lobe widths of 0.0005 to
+# 0.7.
 RULES = ((4, (9, 7)), (12, (5, 3)), (np.inf, (3, 2)))
 
 
@@ -45,9 +46,9 @@ class Disc:
         )
         dr.eval(self.side, self.t, self.s, self.weight)
 
-    def direction(self, theta_i, theta_r, e, node) -> tuple[Array3f64, Float64]:
+    def direction(self, theta_i, theta_r, lobe_width, node) -> tuple[Array3f64, Float64]:
         """Unit vector to the source, and the weight (cosine x solid angle, any scale), at each of
-        the nodes.
+        the nodes. lobe_width: as `ReflectionModel.lobe_width`.
         """
         side, t, s, weight = (
             dr.gather(Float64, column, node) for column in (self.side, self.t, self.s, self.weight)
@@ -55,11 +56,11 @@ class Disc:
         R = dr.opaque(Float64, self.half_angle)
         mirror = theta_r - theta_i
         anchor = dr.clip(mirror, -R, R)
-        in_plane, slope = graded(t, R - side * anchor, 2 * e + dr.abs(mirror - anchor))
+        in_plane, slope = graded(t, R - side * anchor, 2 * lobe_width + dr.abs(mirror - anchor))
         in_plane = anchor + side * in_plane
         height = dr.safe_sqrt(dr.square(R) - dr.square(in_plane))
         across, slope_across = graded(
-            s, height, dr.cos(theta_i) * dr.hypot(2 * e, in_plane - mirror)
+            s, height, dr.cos(theta_i) * dr.hypot(2 * lobe_width, in_plane - mirror)
         )
         sin, cos = dr.sincos(theta_i + in_plane)
         sin_across, cos_across = dr.sincos(across)
@@ -68,8 +69,8 @@ class Disc:
         return Array3f64(sin * cos_across, sin_across, cosine), weight
 
     def average(self, values, slopes) -> tuple[np.ndarray, np.ndarray]:
-        """Weighted means over each point's nodes, (n, points) and (n, points, 4), of f x weight,
-        weight and df x weight.
+        """Weighted means over each point's nodes, (m, points) and (m, points, n), of values (m,
+        nodes, 2), f x weight and weight, and slopes (m, nodes, n), df x weight.
         """
         sums = np.add.reduceat(values, self.first, axis=1)
         return sums[..., 0] / sums[..., 1], np.add.reduceat(slopes, self.first, axis=1) / sums[

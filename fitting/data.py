@@ -3,12 +3,12 @@
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from mi_lcair.fitting.loss import SCALES, Residuals
-from mi_lcair.fitting.model import Hemispherical, Scatterometer
-from mi_lcair.fitting.parameters import NAMES
-from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
 
 from mi_lcair.errors import InputError
+from mi_lcair.fitting.loss import SCALES, Residuals
+from mi_lcair.fitting.model import Hemispherical, Scatterometer
+from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
+from mi_lcair.fitting.selection import Variant
 
 SIGMA_FLOOR = 0.01  # of the value: a standard deviation from a few repeats can be small by chance
 PLATEAU, RARE = (
@@ -43,13 +43,13 @@ class Data:
     def rows(self) -> int:
         return self.points + sum(len(table.theta) for table in self.directional)
 
-    def residuals(self, form: str, aperture: bool = True) -> Residuals:
-        instrument = Scatterometer(
-            self.theta_i, self.theta_r, form, self.half_angle if aperture else 0.0
-        )
+    def residuals(self, variant: Variant, aperture: bool = True) -> Residuals:
+        model, form = variant.model, variant.form
+        half_angle = self.half_angle if aperture else 0.0
+        instrument = Scatterometer(model, form, self.theta_i, self.theta_r, half_angle)
         tables = [
             (
-                Hemispherical(table.theta, table.quantity, form),
+                Hemispherical(model, form, table.theta, table.quantity),
                 table.value,
                 self.std_factor * table.std,
             )
@@ -75,12 +75,17 @@ class Data:
 
 
 def select(
-    measurements: Measurements, scale: str, half_angle: float, max_angle_deg: float, min_brdf: float
+    measurements: Measurements,
+    scale: str,
+    half_angle: float,
+    max_angle_deg: float,
+    min_brdf: float,
+    fewest: int,
 ) -> tuple[Data, np.ndarray, dict[str, int]]:
     """The points to fit, the mask over the measurements that gave them, and how many were dropped,
     by reason.
 
-    InputError if fewer are left than the model has parameters.
+    InputError if fewer are left than `fewest`, the number of parameters.
     """
     theta_i, theta_r, brdf = (
         np.asarray(column, dtype=float)
@@ -100,11 +105,11 @@ def select(
         "at one largest value, as if the detector saturated": int(np.sum(saturated)),
     }
     dropped = {reason: count for reason, count in dropped.items() if count}
-    if used.sum() < len(NAMES):
+    if used.sum() < fewest:
         why = "".join(f"; {count} dropped: {reason}" for reason, count in dropped.items())
         raise InputError(
-            f"{measurements.name or 'measurements'}: {used.sum()} points to fit, fewer than the {len(NAMES)} "
-            f"parameters{why}"
+            f"{measurements.name or 'measurements'}: {used.sum()} points to fit, fewer than the "
+            f"{fewest} parameters{why}"
         )
     spread = np.ones(used.sum())
     if measurements.sigma is not None:

@@ -2,7 +2,7 @@
 
 `explore` walks by gradient descent to the bottom of a basin's slope, `levenberg_marquardt` goes on
 to the minimum itself. Both hand all starts to one call of the residuals; what remains per start is
-a system of four equations.
+a system of n equations, one for each coordinate.
 """
 
 from dataclasses import dataclass
@@ -16,13 +16,12 @@ STEPS, LEARNING_RATE = 5, 0.3  # of `explore`
 ROUND_OFF = 1e-12  # gradient / (|column of the Jacobian| |rows|)
 FINEST = 1e-4  # decades; rows count as at least this when the gradient is compared with them
 SNAP = 1e-6  # a coordinate this close to its bound may step onto it
-ALL = np.ones(4, dtype=bool)
 
 
 @dataclass
 class Minima:
-    """Where each start ended: u (n, 4), cost (n,) = half the sum of squares, gradient (n,): its
-    largest component along the coordinates that can move, relative to |column of the Jacobian|
+    """Where each of m starts ended: u (m, n), cost (m,) = half the sum of squares, gradient (m,):
+    its largest component along the coordinates that can move, relative to |column of the Jacobian|
     |rows|.
     """
 
@@ -31,8 +30,8 @@ class Minima:
     gradient: np.ndarray
 
 
-def explore(residuals, u: np.ndarray, free=ALL, steps: int = STEPS) -> np.ndarray:
-    """u (n, 4) after some steps of gradient descent (Adam) in logit(u): no step leaves the cube.
+def explore(residuals, u: np.ndarray, free=True, steps: int = STEPS) -> np.ndarray:
+    """u (m, n) after some steps of gradient descent (Adam) in logit(u): no step leaves the cube.
 
     free: which coordinates move.
     """
@@ -51,9 +50,9 @@ def explore(residuals, u: np.ndarray, free=ALL, steps: int = STEPS) -> np.ndarra
 
 
 def levenberg_marquardt(
-    residuals, u: np.ndarray, free=ALL, iterations: int = 100, tolerance: float = ROUND_OFF
+    residuals, u: np.ndarray, free=True, iterations: int = 100, tolerance: float = ROUND_OFF
 ) -> Minima:
-    """The minimum in the cube below each of the starts u (n, 4); a bound is reached exactly and
+    """The minimum in the cube below each of the starts u (m, n); a bound is reached exactly and
     left again if need be.
 
     tolerance: a start is done when its relative gradient falls below it, when its cost stops
@@ -61,7 +60,7 @@ def levenberg_marquardt(
     Where costs differ by round-off only, the gradient decides whether a step was good. Starts that
     are done are not evaluated any more.
     """
-    u, free = u.copy(), np.broadcast_to(free, u.shape)
+    u, free, identity = u.copy(), np.broadcast_to(free, u.shape), np.eye(u.shape[1])
     rows, slopes = residuals(u, np.arange(len(u)))
     cost, normal, gradient = normal_equations(rows, slopes)
     decades = 0.5 * rows.shape[1] * residuals.unit**2  # cost of one decade in each row
@@ -71,9 +70,8 @@ def levenberg_marquardt(
     for _ in range(iterations):
         if not len(active):
             break
-        damped = normal[active] + (damping[active, None] * diagonal(normal[active]))[
-            ..., None
-        ] * np.eye(4)
+        scale = damping[active, None] * diagonal(normal[active])
+        damped = normal[active] + scale[..., None] * identity
         trial = box_step(damped, gradient[active], u[active], free[active])
         step = trial - u[active]
         model = gradient[active] + 0.5 * np.einsum("nij,nj->ni", normal[active], step)
@@ -108,7 +106,7 @@ def levenberg_marquardt(
 
 
 def normal_equations(rows, slopes):
-    """Half the sum of squares (n,), J^T J (n, 4, 4) and J^T r (n, 4)."""
+    """Half the sum of squares (m,), J^T J (m, n, n) and J^T r (m, n)."""
     transposed = slopes.swapaxes(1, 2)
     return (
         0.5 * np.einsum("nr,nr->n", rows, rows),
@@ -122,7 +120,7 @@ def diagonal(matrices):
 
 
 def held(u, gradient, free):
-    """Coordinates that cannot move: not free, or at a bound that the gradient presses them against."""
+    """Coordinates that cannot move: not free, or pressed against a bound by the gradient."""
     return ~free | ((u <= 0) & (gradient >= 0)) | ((u >= 1) & (gradient <= 0))
 
 
@@ -139,18 +137,18 @@ def box_step(matrix, gradient, u, free):
     """u + step that minimizes gradient step + step matrix step / 2 without leaving the cube (active
     set).
 
-    A step takes at most nine tenths of the way to a bound: a straight leap to b = 0 often ends in a
-    minimum on that face which is not the one that a smaller step finds. Within SNAP of a bound the
-    next step may reach it.
+    A step takes at most nine tenths of the way to a bound: a straight leap to a face of the cube
+    often ends in a minimum on it which is not the one that a smaller step finds. Within SNAP of a
+    bound the next step may reach it.
     """
     lowest = np.where(u > SNAP, 0.1 * u, 0)
     highest = np.where(u < 1 - SNAP, 1 - 0.1 * (1 - u), 1)
     fixed = held(u, gradient, free)
     step = np.zeros_like(u)
-    for _ in range(5):
-        system = np.where(fixed[:, :, None] | fixed[:, None, :], 0, matrix) + fixed[
-            :, :, None
-        ] * np.eye(4)
+    coordinates = u.shape[1]
+    for _ in range(coordinates + 1):  # each round but the last fixes one coordinate or more
+        system = np.where(fixed[:, :, None] | fixed[:, None, :], 0, matrix)
+        system = system + fixed[:, :, None] * np.eye(coordinates)
         known = np.einsum("nij,nj->ni", matrix, np.where(fixed, step, 0))
         step = np.where(
             fixed, step, np.linalg.solve(system, (-gradient - known)[..., None])[..., 0]

@@ -5,17 +5,16 @@ from time import perf_counter
 
 import drjit as dr
 import numpy as np
+
+from mi_lcair.errors import InputError, unknown
+from mi_lcair.fitting.cube import parameters_at
 from mi_lcair.fitting.data import Data, select, with_std
 from mi_lcair.fitting.loss import SCALES
 from mi_lcair.fitting.model import Hemispherical
-from mi_lcair.fitting.parameters import NAMES, parameters_at, starting_points
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
 from mi_lcair.fitting.search import COARSE, compare, descend
-from mi_lcair.fitting.selection import RESTRICTIONS, Candidate
+from mi_lcair.fitting.selection import AUTO, Candidate, Variant, variants
 from mi_lcair.fitting.verdict import judge
-
-from mi_lcair.errors import InputError, unknown
-from mi_lcair.physics.reflection.sandford_robertson import FORMS
 from mi_lcair.progress import stepper
 
 CONVERGED = 1e-9  # relative gradient
@@ -28,15 +27,16 @@ EMISSIVITY_ANGLES = np.radians(np.arange(0.0, 86.0, 5.0))
 class Fit:
     """Parameters of a surface with all that is known about them.
 
-    parameters, standard_error, interval (95 %, low and high) and verdict by name; correlation (4,
-    4) in the order epsilon, rho_d, b, e. form; restriction: None, "rho_d = 0" or "b = 0". rms_dex:
-    root mean square of log10(data / model). used_points: mask over the measurements, used their
-    number, dropped the others by reason; effective_points: how many independent ones they are
-    worth; outliers: how many lie far from the model. gradient_norm: relative, at round-off if
-    converged. starts_in_basin: share of the starts that reached this minimum. candidates: the
-    models compared. emissivity: (theta [radians], predicted 1 - HDR); emissivity_rms: its error
-    against the measured one up to the largest angle that is fitted, None without one. seconds: all
-    in all, compile_seconds: of these, for kernels.
+    parameters, standard_error, interval (95 %, low and high) and verdict by name; correlation (n,
+    n) in the same order. model: name of the reflection model; form: of its equations; restriction:
+    name of a simpler case, None for the whole model. rms_dex: root mean square of log10(data /
+    model). used_points: mask over the measurements, used their number, dropped the others by
+    reason; effective_points: how many independent ones they are worth; outliers: how many lie far
+    from the model. gradient_norm: relative, at round-off if converged. starts_in_basin: share of
+    the starts that reached this minimum. candidates: the variants compared. emissivity: (theta
+    [radians], predicted 1 - HDR); emissivity_rms: its error against the measured one up to the
+    largest angle that is fitted, None without one. seconds: all in all, compile_seconds: of these,
+    for kernels.
     """
 
     parameters: dict[str, float]
@@ -44,6 +44,7 @@ class Fit:
     interval: dict[str, tuple[float, float]]
     verdict: dict[str, str]
     correlation: np.ndarray
+    model: str
     form: str
     restriction: str | None
     rms_dex: float
@@ -68,7 +69,8 @@ def fit(
     *,
     emissivity: DirectionalData | None = None,
     dhr: DirectionalData | None = None,
-    form: str = "auto",
+    model: str = AUTO,
+    form: str = AUTO,
     starts: int = 64,
     seed: int = 0,
     loss: str = "log",
@@ -78,11 +80,12 @@ def fit(
     source_half_angle_deg: float | None = None,
     progress=None,
 ) -> Fit:
-    """Fit the Sandford-Robertson model to measured BRDFs, jointly with an emissivity or DHR where
-    one is given.
+    """Fit a reflection model to measured BRDFs, jointly with an emissivity or DHR where one is
+    given.
 
-    form: "thesis", "normalized", or "auto": both, and their restrictions rho_d = 0 and b = 0, of
-    which the simplest that is not significantly worse is taken. starts: descents at once, from
+    model: a name, or "auto" for all. form: one of the model's, or "auto" for all of them and for
+    their restrictions. Of what is compared, the simplest that is not significantly worse is taken.
+    starts: descents at once, from
     points that `seed` sets. loss: scale on which BRDFs are compared, "log", "cube_root" or
     "linear". robust: outliers get little weight. Points beyond max_angle_deg or not above min_brdf
     [1/sr] are left out. source_half_angle_deg: as the measurements say if None, 0 for a point
@@ -95,42 +98,43 @@ def fit(
         if source_half_angle_deg is None
         else np.radians(source_half_angle_deg)
     )
-    check_settings(form, starts, loss, max_angle_deg, min_brdf, half_angle)
-    data, used, dropped = select(measurements, loss, float(half_angle), max_angle_deg, min_brdf)
+    compared = variants(model, form)
+    check_settings(starts, loss, max_angle_deg, min_brdf, half_angle)
+    sizes = {one.model: len(one.model.parameters) for one in compared}
+    data, used, dropped = select(
+        measurements, loss, float(half_angle), max_angle_deg, min_brdf, min(sizes.values())
+    )
+    compared = [one for one in compared if sizes[one.model] <= data.points]
+    whole = [one for one in compared if one.restriction is None]
     tables = [
         with_std(table, quantity)
         for table, quantity in ((emissivity, "emissivity"), (dhr, "dhr"))
         if table
     ]
-    full = [(one, None) for one in FORMS if form in ("auto", one)]
-    models = full + [
-        (one, restriction) for one, _ in full for restriction in RESTRICTIONS if form == "auto"
-    ]
-    total = (
-        len(models) + (len(full) + len(models) if tables else 0) + 1
-    )  # at most: the last comparison may not be needed
+    # at most: the last comparison may not be needed
+    total = len(compared) + (len(whole) + len(compared) if tables else 0) + 1
     step = stepper(progress, total)
 
-    compile_seconds, candidates = warm_up(data, full), []
+    compile_seconds, candidates = warm_up(data, whole), []
     if tables:  # the misfit of the BRDF alone says what a BRDF point weighs beside an emissivity
-        alone, candidates, noise = compare(data, full, starts, seed, robust, step)
+        alone, candidates, noise = compare(data, whole, starts, seed, robust, step)
         data, most = data.jointly(noise.variance, tables), GIVE_WAY * rms_dex(data, alone)
-        compile_seconds += warm_up(data, full)
+        compile_seconds += warm_up(data, whole)
         starts = min(starts, JOINT_STARTS)  # hemispherical integrals cost much more than BRDFs
-    best, candidates, noise = compare(data, models, starts, seed, robust, step, candidates)
+    best, candidates, noise = compare(data, compared, starts, seed, robust, step, candidates)
     if tables and rms_dex(data, best) > most:
         data = relieved(data, best, most)
-        best, candidates, noise = compare(data, models, starts, seed, robust, step, candidates)
+        best, candidates, noise = compare(data, compared, starts, seed, robust, step, candidates)
     known = judge(data, best, noise, robust)
     if progress:
         progress(total, total)
     theta = EMISSIVITY_ANGLES if emissivity is None else np.asarray(emissivity.theta, dtype=float)
-    predicted = Hemispherical(theta, "emissivity", best.form)(best.u[None])[0][0]
+    chosen = best.variant
+    predicted = Hemispherical(chosen.model, chosen.form, theta, "emissivity")(best.u[None])[0][0]
     return Fit(
-        parameters=dict(zip(NAMES, parameters_at(best.u[None])[0][0].tolist())),
+        parameters=parameters_of(best),
         **known,
-        form=best.form,
-        restriction=best.restriction,
+        **names_of(chosen),
         rms_dex=rms_dex(data, best),
         used=data.points,
         used_points=used,
@@ -146,6 +150,7 @@ def fit(
         seconds=perf_counter() - began,
         compile_seconds=compile_seconds,
         settings={
+            "model": model,
             "form": form,
             "starts": asked,
             "seed": seed,
@@ -161,10 +166,8 @@ def fit(
     )
 
 
-def check_settings(form, starts, loss, max_angle_deg, min_brdf, half_angle) -> None:
+def check_settings(starts, loss, max_angle_deg, min_brdf, half_angle) -> None:
     """InputError for the first setting that is out of its range."""
-    if form != "auto" and form not in FORMS:
-        raise unknown("form", form, ["auto", *FORMS])
     if loss not in SCALES:
         raise unknown("loss", loss, list(SCALES))
     for name, value, valid, right in (
@@ -182,13 +185,13 @@ def check_settings(form, starts, loss, max_angle_deg, min_brdf, half_angle) -> N
             raise InputError(f"{name} = {value:g} is out of range; it must be {right}")
 
 
-def warm_up(data: Data, models) -> float:
-    """Compile the kernels of the models; the seconds that it took."""
+def warm_up(data: Data, variants: list[Variant]) -> float:
+    """Compile the kernels of the variants; the seconds that it took."""
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
         dr.kernel_history_clear()
-        for form, _ in models:
+        for variant in variants:
             for aperture in {False, bool(data.half_angle)}:
-                data.residuals(form, aperture)(starting_points(2, 0))
+                data.residuals(variant, aperture)(variant.model.starting_points(2, 0))
         return (
             sum(
                 kernel.get("codegen_time", 0) + kernel.get("backend_time", 0)
@@ -209,7 +212,7 @@ def relieved(data: Data, best: Candidate, most: float) -> Data:
     for _ in range(7):
         middle = np.sqrt(low * high)
         trial = data.with_std_factor(middle)
-        if rms_dex(trial, descend(best, trial.residuals(best.form), COARSE)) > 0.995 * most:
+        if rms_dex(trial, descend(best, trial.residuals(best.variant), COARSE)) > 0.995 * most:
             low = middle
         else:
             high = middle
@@ -218,19 +221,28 @@ def relieved(data: Data, best: Candidate, most: float) -> Data:
 
 def rms_dex(data: Data, candidate: Candidate) -> float:
     """Root mean square of log10(model / data) over the points [decades], whatever the loss."""
-    f = data.residuals(candidate.form).instrument(candidate.u[None])[0][0]
+    f = data.residuals(candidate.variant).instrument(candidate.u[None])[0][0]
     return float(np.sqrt(np.mean(np.square(np.log10(np.maximum(f, 1e-30) / data.brdf)))))
 
 
+def names_of(variant: Variant) -> dict[str, str | None]:
+    """The names of its model, form and restriction."""
+    restriction = variant.restriction and variant.restriction.name
+    return {"model": variant.model.name, "form": variant.form, "restriction": restriction}
+
+
+def parameters_of(candidate: Candidate) -> dict[str, float]:
+    model = candidate.variant.model
+    return dict(zip(model.names, parameters_at(model, candidate.u[None])[0][0].tolist()))
+
+
 def as_row(candidate: Candidate, data: Data, chosen: bool) -> dict:
-    values = parameters_at(candidate.u[None])[0][0]
     return {
-        "form": candidate.form,
-        "restriction": candidate.restriction,
+        **names_of(candidate.variant),
         "free_parameters": candidate.size,
         "rms_dex": rms_dex(data, candidate),
         "criterion": candidate.criterion,
-        "parameters": dict(zip(NAMES, values.tolist())),
+        "parameters": parameters_of(candidate),
         "chosen": chosen,
     }
 

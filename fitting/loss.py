@@ -37,8 +37,8 @@ class Residuals:
 
     instrument: a `Scatterometer`; brdf [1/sr] what it measured; scale: key of SCALES; spread:
     standard deviation of a row on that scale, a number or one per point. directional:
-    (`Hemispherical`, value, std) triples. Calling with coordinates u (n, 4) gives rows (n, rows)
-    and their derivatives (n, rows, 4); `lanes` says which of its starts a descent asks for, which
+    (`Hemispherical`, value, std) triples. Calling with coordinates u (m, n) gives rows (m, rows)
+    and their derivatives (m, rows, n); `lanes` says which of its starts a descent asks for, which
     only matters where starts have residuals of their own. unit: change of a typical row for a
     decade of the BRDF.
     """

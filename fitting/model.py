@@ -5,27 +5,24 @@ once (Dr.Jit, Float64).
 import drjit as dr
 import numpy as np
 from drjit.llvm.ad import Array3f64, Float64, UInt32
-from mi_lcair.fitting.aperture import Disc
-from mi_lcair.fitting.parameters import from_cube, with_tangents
 
-from mi_lcair.physics.reflection import (
-    sandford_robertson as sr,
-)
-from mi_lcair.physics.reflection import (
-    sandford_robertson_hemispherical as hemispherical,
-)
+from mi_lcair.fitting.aperture import Disc
+from mi_lcair.fitting.cube import with_tangents
+from mi_lcair.physics.reflection.interface import ReflectionModel
 
 
 class Scatterometer:
     """In-plane BRDF as measured: averaged over the disc of the source, weighted by the cosine that
     it irradiates with.
 
-    theta_i, theta_r [radians] as in `Measurements`; half_angle [radians] of the source, 0 for a
-    point.
+    model, form: of the surfaces; theta_i, theta_r [radians] as in `Measurements`; half_angle
+    [radians] of the source, 0 for a point.
     """
 
-    def __init__(self, theta_i, theta_r, form: str, half_angle: float = 0.0):
-        self.form = form
+    def __init__(
+        self, model: ReflectionModel, form: str, theta_i, theta_r, half_angle: float = 0.0
+    ):
+        self.model, self.form = model, form
         self.disc = Disc(theta_i, theta_r, half_angle) if half_angle else None
         point = self.disc.point if half_angle else np.arange(len(theta_i))
         self.nodes = len(point)
@@ -36,8 +33,8 @@ class Scatterometer:
         dr.eval(self.theta_i, self.theta_r)
 
     def __call__(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """BRDF (n, points) [1/sr] of the surfaces at u (n, 4), and its derivatives (n, points, 4)
-        by u.
+        """BRDF (m, points) [1/sr] of the surfaces at u (m, n), and its derivatives (m, points, n)
+        with respect to u.
         """
         surface, node = lanes(len(u), self.nodes)
         theta_i, theta_r = (
@@ -48,20 +45,21 @@ class Scatterometer:
         r = Array3f64(-sin_r, 0, cos_r)  # x points to the source, so the specular side has x < 0
 
         def brdf(*u):
-            S = sr.surface(*from_cube(u), form=self.form)
+            S = self.model.surface(*self.model.from_cube(u), form=self.form)
             if self.disc is None:
                 sin_i, cos_i = dr.sincos(theta_i)
-                return sr.f(S, Array3f64(sin_i, 0, cos_i), r)
-            i, weight = self.disc.direction(theta_i, theta_r, dr.detach(S.e), node)
-            return sr.f(S, i, r) * weight, weight
+                return self.model.f(S, Array3f64(sin_i, 0, cos_i), r)
+            lobe_width = dr.detach(self.model.lobe_width(S))  # where to look, not what is measured
+            i, weight = self.disc.direction(theta_i, theta_r, lobe_width, node)
+            return self.model.f(S, i, r) * weight, weight
 
         values, slopes = with_tangents(
             brdf, u, lambda coordinate: dr.gather(Float64, coordinate, surface)
         )
         if self.disc is None:
-            return values.reshape(len(u), -1), slopes.reshape(len(u), -1, 4)
+            return values.reshape(len(u), -1), slopes.reshape(len(u), self.nodes, -1)
         return self.disc.average(
-            values.reshape(len(u), self.nodes, 2), slopes[:, 0].reshape(len(u), self.nodes, 4)
+            values.reshape(len(u), self.nodes, 2), slopes[:, 0].reshape(len(u), self.nodes, -1)
         )
 
 
@@ -70,33 +68,28 @@ class Hemispherical:
     "dhr" = DHR(theta_i).
     """
 
-    def __init__(self, theta, quantity: str, form: str):
-        self.theta, self.quantity, self.form = (
-            Float64(np.asarray(theta, dtype=float)),
-            quantity,
-            form,
-        )
+    def __init__(self, model: ReflectionModel, form: str, theta, quantity: str):
+        self.model, self.form, self.quantity = model, form, quantity
+        self.theta = Float64(np.asarray(theta, dtype=float))
 
     def __call__(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Values (n, angles) of the surfaces at u (n, 4), and their derivatives (n, angles, 4) by
-        u.
+        """Values (m, angles) of the surfaces at u (m, n), and their derivatives (m, angles, n)
+        with respect to u.
         """
         count = dr.width(self.theta)
         surface, angle = lanes(len(u), count)
         theta = dr.gather(Float64, self.theta, angle)
 
         def directional(*u):
-            S = sr.surface(*from_cube(u), form=self.form)
-            return (
-                hemispherical.DHR(S, theta)
-                if self.quantity == "dhr"
-                else 1 - hemispherical.HDR(S, theta)
-            )
+            S = self.model.surface(*self.model.from_cube(u), form=self.form)
+            if self.quantity == "dhr":
+                return self.model.DHR(S, theta)
+            return 1 - self.model.HDR(S, theta)
 
         values, slopes = with_tangents(
             directional, u, lambda coordinate: dr.gather(Float64, coordinate, surface)
         )
-        return values.reshape(len(u), count), slopes.reshape(len(u), count, 4)
+        return values.reshape(len(u), count), slopes.reshape(len(u), count, -1)
 
 
 def lanes(surfaces: int, rows: int) -> tuple[UInt32, UInt32]:

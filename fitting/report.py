@@ -3,18 +3,18 @@
 import json
 
 import numpy as np
-from mi_lcair.fitting.scatterometer.measurements import Measurements
 
 import mi_lcair
 from mi_lcair.errors import InputError
+from mi_lcair.fitting.scatterometer.measurements import Measurements
 
 
 def as_dict(results) -> dict:
     """The report on `results`, each (Measurements, Fit, {quantity: DirectionalData}): that of the
     fit, or of several fits {"materials": {band: report}}.
 
-    `parameters`, `form` and `band` of a report make it a material. Times are left out: the same
-    data and settings give the same report.
+    `model`, `parameters`, `form` and `band` of a report make it a material. Times are left out:
+    the same data and settings give the same report.
     """
     reports = [_report(*result) for result in results]
     return (
@@ -52,13 +52,13 @@ def check_bands(measurements: list[Measurements]) -> None:
         file, band = one.source[0]["file"], band_name(one)
         if band is None:
             raise InputError(
-                f"{file}: which band is it? several files are one material with a fit for each band; say it in "
-                f"the file, '# band_um: 3 5'"
+                f"{file}: which band is it? several files are one material with a fit for each "
+                f"band; say it in the file, '# band_um: 3 5'"
             )
         if band in seen:
             raise InputError(
-                f"{seen[band]} and {file} have the same band, {band} um; put repeated scans of one surface into "
-                f"one file, and fit different surfaces one by one"
+                f"{seen[band]} and {file} have the same band, {band} um; put repeated scans of "
+                f"one surface into one file, and fit different surfaces one by one"
             )
         seen[band] = file
 
@@ -69,6 +69,7 @@ def _report(measurements: Measurements, fit, directional: dict) -> dict:
     return {
         "name": measurements.name,
         "band": band_name(measurements),
+        "model": fit.model,
         "parameters": fit.parameters,
         "form": fit.form,
         "restriction": fit.restriction,

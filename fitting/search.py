@@ -3,11 +3,11 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+
 from mi_lcair.fitting.data import Data
 from mi_lcair.fitting.descent import ROUND_OFF, explore, levenberg_marquardt
 from mi_lcair.fitting.loss import Cauchy
-from mi_lcair.fitting.parameters import starting_points
-from mi_lcair.fitting.selection import Candidate, choose, criterion, free_coordinates
+from mi_lcair.fitting.selection import Candidate, Variant, choose, criterion
 from mi_lcair.fitting.uncertainty import effective_count
 
 COARSE = 1e-4  # relative gradient at which all starts stop; the best goes on to round-off
@@ -38,31 +38,29 @@ class Noise:
 
 
 def compare(
-    data: Data, models, starts: int, seed: int, robust: bool, step, before=()
+    data: Data, variants: list[Variant], starts: int, seed: int, robust: bool, step, before=()
 ) -> tuple[Candidate, list[Candidate], Noise]:
-    """Search each of the models (form, restriction), full ones first; the chosen one, all of them,
-    and the noise.
+    """Search each of the variants, whole ones first; the chosen one, all of them, and the noise.
 
-    A restricted model starts from few points, but also from the full model's minimum. step: called
+    A restricted variant starts from few points, but also from the whole one's minimum. step: called
     after each search. before: candidates from which the same form starts as well.
     """
     candidates = []
-    for form, restriction in models:
-        start = starting_points(starts if restriction is None else min(starts, FEW_STARTS), seed)
-        near = [
-            one.u for one in (*before, *candidates) if one.form == form and one.restriction is None
-        ]
-        candidates.append(search(data, form, restriction, np.vstack([*near, start])))
+    for variant in variants:
+        count = min(starts, FEW_STARTS) if variant.restriction else starts
+        start = variant.model.starting_points(count, seed)
+        near = [one.u for one in (*before, *candidates) if one.variant == variant.whole]
+        candidates.append(search(data, variant, np.vstack([*near, start])))
         step()
     best = min(candidates, key=lambda one: one.cost)
     c = None
     if robust:
         for _ in range(ROBUST_ROUNDS):
-            rows = data.residuals(best.form)(best.u[None])[0][0]
+            rows = data.residuals(best.variant)(best.u[None])[0][0]
             c = CAUCHY * inner_deviation(rows)
-            best = descend(best, Cauchy(data.residuals(best.form), c), COARSE)
+            best = descend(best, Cauchy(data.residuals(best.variant), c), COARSE)
         candidates = [
-            descend(one, Cauchy(data.residuals(one.form), c), COARSE) for one in candidates
+            descend(one, Cauchy(data.residuals(one.variant), c), COARSE) for one in candidates
         ]
         best = min(candidates, key=lambda one: one.cost)
     noise = assess(data, best, c)
@@ -74,13 +72,12 @@ def compare(
     return chosen, candidates, assess(data, chosen, c)
 
 
-def search(data: Data, form: str, restriction: str | None, start: np.ndarray) -> Candidate:
-    """The best minimum that the starts (n, 4) lead to."""
-    free = free_coordinates(restriction)
-    start = np.where(free, start, 0)
-    residuals = point = data.residuals(form)
+def search(data: Data, variant: Variant, start: np.ndarray) -> Candidate:
+    """The best minimum that the starts (m, n) lead to."""
+    free, start = variant.free, variant.restrict(start)
+    residuals = point = data.residuals(variant)
     if data.half_angle:
-        point = data.residuals(form, aperture=False)  # the disc costs a hundred times more
+        point = data.residuals(variant, aperture=False)  # the disc costs a hundred times more
     minima = levenberg_marquardt(point, explore(point, start, free), free, tolerance=COARSE)
     close = 0.5 * data.rows * (10 * COARSE * residuals.unit) ** 2
     share = np.mean(minima.cost <= minima.cost.min() * (1 + SAME_BASIN) + close)
@@ -89,9 +86,7 @@ def search(data: Data, form: str, restriction: str | None, start: np.ndarray) ->
         minima = levenberg_marquardt(residuals, best, free, tolerance=COARSE)
     best = int(np.argmin(minima.cost))
     return Candidate(
-        form,
-        restriction,
-        free,
+        variant,
         residuals,
         minima.u[best],
         float(minima.cost[best]),
@@ -101,8 +96,10 @@ def search(data: Data, form: str, restriction: str | None, start: np.ndarray) ->
 
 
 def descend(candidate: Candidate, residuals, tolerance: float) -> Candidate:
-    """The same model at the nearest minimum of `residuals`."""
-    minimum = levenberg_marquardt(residuals, candidate.u[None], candidate.free, tolerance=tolerance)
+    """The same variant at the nearest minimum of `residuals`."""
+    minimum = levenberg_marquardt(
+        residuals, candidate.u[None], candidate.variant.free, tolerance=tolerance
+    )
     return replace(
         candidate,
         residuals=residuals,
@@ -119,7 +116,7 @@ def assess(data: Data, candidate: Candidate, c: float | None = None) -> Noise:
     given, rows are in units of their own and the variance is at least 1; so it is where the
     measurements came with sigma.
     """
-    residuals = data.residuals(candidate.form)
+    residuals = data.residuals(candidate.variant)
     rows = residuals(candidate.u[None])[0][0]
     f = residuals.instrument(candidate.u[None])[0][0]
     per_decade = data.per_decade(f)
@@ -127,7 +124,10 @@ def assess(data: Data, candidate: Candidate, c: float | None = None) -> Noise:
     if c is not None:
         ratio2 = np.square(rows / c)
         influence, slope = rows / (1 + ratio2), (1 - ratio2) / np.square(1 + ratio2)
-    effective, correlation = effective_count(influence[: data.points], data.theta_i, data.theta_r)
+    fewest = len(candidate.u) + 1
+    effective, correlation = effective_count(
+        influence[: data.points], data.theta_i, data.theta_r, fewest
+    )
     brdf_effective, share = effective, effective / data.points
     curvature = max(float(np.mean(slope)), 0.1)
     squares = np.sum(influence**2) / curvature**2

@@ -1,26 +1,47 @@
-"""Which form of the model, and whether rho_d and b are needed at all: no more than the data ask
-for.
-"""
+"""Which reflection model, in which form, with which restriction: no more than the data ask for."""
 
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-RESTRICTIONS = {"rho_d = 0": 1, "b = 0": 2}  # and the coordinate of the cube that stays 0
+from mi_lcair.errors import InputError
+from mi_lcair.physics.reflection import MODELS, model
+from mi_lcair.physics.reflection.interface import ReflectionModel, Restriction
+
+AUTO = "auto"  # as a model or a form: all of them are compared
 # difference in the criterion; less is "not worth more than a bare mention" (Kass and Raftery 1995)
 SIGNIFICANT = 2.0
 
 
+@dataclass(frozen=True)
+class Variant:
+    """What a search adapts to the data: a form of a reflection model, whole or restricted."""
+
+    model: ReflectionModel
+    form: str
+    restriction: Restriction | None = None
+
+    @property
+    def whole(self) -> "Variant":
+        return Variant(self.model, self.form)
+
+    @property
+    def free(self) -> np.ndarray:
+        """Mask (n,) of the coordinates that move."""
+        held = self.restriction.coordinate if self.restriction else -1
+        return np.arange(len(self.model.parameters)) != held
+
+    def restrict(self, u: np.ndarray) -> np.ndarray:
+        """Coordinates u (m, n) with the restriction's value where it holds one."""
+        return np.where(self.free, u, self.restriction.value if self.restriction else 0)
+
+
 @dataclass
 class Candidate:
-    """A model at its minimum: u (4,), cost = half the sum of squares of the rows, free (4,)
-    coordinates that moved.
-    """
+    """A variant at its minimum: u (n,), cost = half the sum of squares of the rows."""
 
-    form: str
-    restriction: str | None
-    free: np.ndarray
+    variant: Variant
     residuals: Any
     u: np.ndarray
     cost: float
@@ -30,11 +51,32 @@ class Candidate:
 
     @property
     def size(self) -> int:
-        return int(self.free.sum())
+        """Number of free parameters."""
+        return int(self.variant.free.sum())
 
 
-def free_coordinates(restriction: str | None) -> np.ndarray:
-    return np.arange(4) != RESTRICTIONS.get(restriction, -1)
+def variants(model_name: str, form: str) -> list[Variant]:
+    """The variants that a model and a form, each a name or "auto", leave to compare; whole ones
+    first.
+
+    Restricted ones are compared where the form is left open. InputError for unknown names.
+    """
+    models = list(MODELS.values()) if model_name == AUTO else [model(model_name)]
+    whole = [
+        Variant(one, own_form)
+        for one in models
+        for own_form in one.forms
+        if form in (AUTO, own_form)
+    ]
+    if not whole:
+        known = "; ".join(f"{one.name} has {', '.join(one.forms)}" for one in models)
+        raise InputError(f"form '{form}' is unknown; {known}")
+    return whole + [
+        Variant(one.model, one.form, restriction)
+        for one in whole
+        for restriction in one.model.restrictions
+        if form == AUTO
+    ]
 
 
 def criterion(candidate: Candidate, rows: int, effective: float) -> float:

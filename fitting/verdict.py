@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from mi_lcair.fitting.parameters import E_MIN, NAMES, feasible_range, parameters_at
+
+from mi_lcair.fitting.cube import parameters_at
 from mi_lcair.fitting.uncertainty import (
     correlation,
     covariance,
@@ -11,15 +12,10 @@ from mi_lcair.fitting.uncertainty import (
     profile_intervals,
     standard_errors,
 )
+from mi_lcair.physics.reflection.interface import Parameter
 
-DETERMINED = {
-    "epsilon": 0.1,
-    "rho_d": 0.25,
-    "b": 0.25,
-    "e": 0.25,
-}  # half the interval, relative to the value
-DETERMINED_EPSILON = 0.025  # or absolute
 UNDETERMINED = 0.5  # the interval, relative to the feasible range
+NEAR_LOWER = 1.5  # an interval that begins below this multiple of the lower bound reaches it
 LEAST_DOF = 3  # keeps Student's t finite where the misfit leaves few independent points
 LEAST_EFFECTIVE = 10  # independent points; fewer, and the model misses whole scans
 MANY_OUTLIERS, SCATTERED = (
@@ -32,33 +28,33 @@ def judge(data, candidate, noise, robust: bool) -> dict:
     """standard_error, interval and verdict by parameter, and the correlation matrix, of a fitted
     candidate.
 
-    A parameter at its bound has no curvature there: its standard error is half the interval's
-    width.
+    A parameter at its bound, or one that a restriction holds, has no curvature: its standard error
+    is half the interval's width.
     """
-    u, residuals = candidate.u, candidate.residuals
-    slopes = data.residuals(candidate.form)(u[None])[1][0]
-    level = (
-        data.per_decade(data.residuals(candidate.form).instrument(u[None])[0][0]) * noise.level_dex
-    )
-    matrix = covariance(slopes, u, candidate.free, noise.variance, level)
-    alone = covariance(slopes, u, candidate.free, noise.variance, 0 * level)
+    u, model, free = candidate.u, candidate.variant.model, candidate.variant.free
+    residuals = data.residuals(candidate.variant)
+    slopes = residuals(u[None])[1][0]
+    level = data.per_decade(residuals.instrument(u[None])[0][0]) * noise.level_dex
+    matrix = covariance(model, slopes, u, free, noise.variance, level)
+    alone = covariance(model, slopes, u, free, noise.variance, 0 * level)
     dof = max(noise.effective - candidate.size, LEAST_DOF)
     intervals = profile_intervals(
-        residuals,
+        model,
+        candidate.residuals,
         u,
         candidate.cost,
-        candidate.free,
+        free,
         alone,
         noise.variance * noise.curvature,
         dof,
-        level_shift(slopes, u, candidate.free, noise.variance, level),
+        level_shift(model, slopes, u, free, noise.variance, level),
     )
-    values = parameters_at(u[None])[0][0]
-    bounds, names = np.stack(feasible_range(values[2]), axis=1), bound_names(u)
+    values = parameters_at(model, u[None])[0][0]
+    bounds, at_bounds = np.stack(model.feasible_range(values), axis=1), model.bound_names(u)
     errors = np.where(
-        [name is not None for name in names],
+        [name is not None for name in at_bounds] | (np.diag(matrix) == 0),
         0.5 * (intervals[:, 1] - intervals[:, 0]),
-        standard_errors(matrix),
+        standard_errors(model, matrix),
     )
     doubt = Doubt(
         misses=noise.brdf_effective < LEAST_EFFECTIVE,
@@ -71,12 +67,12 @@ def judge(data, candidate, noise, robust: bool) -> dict:
         ),
     )
     verdicts = [
-        verdict(name, *row, doubt) for name, *row in zip(NAMES, values, intervals, bounds, names)
+        verdict(*row, doubt) for row in zip(model.parameters, values, intervals, bounds, at_bounds)
     ]
     return {
-        "standard_error": dict(zip(NAMES, errors.tolist())),
-        "interval": {name: tuple(pair) for name, pair in zip(NAMES, intervals.tolist())},
-        "verdict": dict(zip(NAMES, verdicts)),
+        "standard_error": dict(zip(model.names, errors.tolist())),
+        "interval": {name: tuple(pair) for name, pair in zip(model.names, intervals.tolist())},
+        "verdict": dict(zip(model.names, verdicts)),
         "correlation": correlation(matrix),
     }
 
@@ -92,37 +88,26 @@ class Doubt:
     outliers: int
 
 
-def bound_names(u) -> list[str | None]:
-    """For each parameter the bound that it lies on, or None. epsilon + rho_d = G(b) leaves nothing
-    for the lobe.
-    """
-    full = "epsilon + rho_d = G(b)" if u[1] >= 1 else None
-    return [
-        "0" if u[0] <= 0 else full,
-        "0" if u[1] <= 0 else full,
-        {0: "0", 1: "1"}.get(u[2]),
-        {0: f"{E_MIN:g}", 1: "1"}.get(u[3]),
-    ]
-
-
-def verdict(name: str, value: float, interval, bounds, at_bound: str | None, doubt: Doubt) -> str:
-    """One parameter's verdict in words; at_bound: the name of the bound that it lies on, or None."""
+def verdict(
+    parameter: Parameter, value: float, interval, bounds, at_bound: str | None, doubt: Doubt
+) -> str:
+    """One parameter's verdict in words; at_bound: name of the bound that it lies on, or None."""
     (low, high), (lowest, highest) = interval, bounds
     span = f"{low:.3g}..{high:.3g}"
-    measure = "; measure it and give --emissivity" if name == "epsilon" and not doubt.joint else ""
+    advice = f"; {parameter.advice}" if parameter.advice and not doubt.joint else ""
     half = 0.5 * (high - low)
-    if doubt.misses and not (name == "epsilon" and doubt.joint):
-        return f"not determined by these data: the model misses whole scans{measure}"
-    if name == "e" and low <= 1.5 * E_MIN:
-        return f"not determined by these data: any lobe narrower than {high:.3g} fits"
+    if doubt.misses and not (parameter.advice and doubt.joint):
+        return f"not determined by these data: the model misses whole scans{advice}"
+    if parameter.at_lower and low <= NEAR_LOWER * lowest:
+        return f"not determined by these data: {parameter.at_lower.format(high=high)}"
     if high - low >= UNDETERMINED * (highest - lowest):
-        return f"not determined by these data: anything in {span} fits{measure}"
+        return f"not determined by these data: anything in {span} fits{advice}"
     if at_bound:
-        return f"at its bound {at_bound}: interval {span}{measure}"
+        return f"at its bound {at_bound}: interval {span}{advice}"
     if doubt.outliers:
         return (
             f"weakly determined: interval {span}, drawn by {doubt.outliers} outliers; try --robust"
         )
-    if half <= DETERMINED[name] * value or (name == "epsilon" and half <= DETERMINED_EPSILON):
+    if half <= max(parameter.precision * value, parameter.absolute_precision):
         return "determined"
-    return f"weakly determined: interval {span}{measure}"
+    return f"weakly determined: interval {span}{advice}"

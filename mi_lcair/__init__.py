@@ -9,8 +9,6 @@ import importlib
 import os
 import sys
 
-from mi_lcair import llvm
-
 __version__ = "0.1.0"
 
 _HOME = {  # public name: the module that it comes from, imported at the first use
@@ -43,8 +41,14 @@ def __dir__():
     return sorted({*globals(), *_HOME})
 
 
+def _prepare_mitsuba():
+    """Registers the plugins with the imported Mitsuba, and takes its messages off stdout."""
+    importlib.import_module(".plugins", __name__)
+    importlib.import_module(".renderer_log", __name__).pass_on()
+
+
 class _OnImport:
-    """Import hook: LLVM is chosen before drjit's code runs, the plugins are registered after
+    """Import hook: LLVM and the kernel cache are chosen before drjit's code runs, the plugins are registered after
     mitsuba's has run.
 
     A scene that is loaded with plain `mi.load_file` then finds the plugins, and whatever needs no
@@ -54,7 +58,8 @@ class _OnImport:
     @classmethod
     def find_spec(cls, name, path=None, target=None):
         if name == "drjit":
-            llvm.prepare()
+            importlib.import_module(".llvm", __name__).prepare()
+            importlib.import_module(".kernel_cache", __name__).prepare()
         if name != "mitsuba":
             return None
         others = (
@@ -66,7 +71,7 @@ class _OnImport:
 
             def exec_module(module):
                 run_mitsuba(module)
-                importlib.import_module(".plugins", __name__)
+                _prepare_mitsuba()
 
             spec.loader.exec_module = exec_module
         return spec
@@ -74,6 +79,6 @@ class _OnImport:
 
 sys.meta_path.insert(0, _OnImport)
 if "drjit" in sys.modules:
-    llvm.check_loaded()
+    importlib.import_module(".llvm", __name__).check_loaded()
 if "mitsuba" in sys.modules:
-    importlib.import_module(".plugins", __name__)
+    _prepare_mitsuba()

@@ -1,8 +1,12 @@
 """Pictures that appear complete or not at all."""
 
+import warnings
 from contextlib import contextmanager
 
+from mi_lcair.errors import printable
 from mi_lcair.files import replacing
+
+LONGEST = 120  # characters of a name in a title or legend
 
 
 @contextmanager
@@ -17,6 +21,14 @@ def drawing(path, size, dpi: int = 150, **options):
 
     figure = Figure(figsize=size, dpi=dpi, **options)
     FigureCanvasAgg(figure)
-    yield figure
-    with replacing(path) as partial:
-        figure.savefig(partial, format="png")
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from")  # it is drawn as a box
+        yield figure
+        with replacing(path) as partial:
+            figure.savefig(partial, format="png")
+
+
+def plain(text: object) -> str:
+    """Text from outside as a title, label or legend shows it: one line, no formula, not hidden."""
+    line = printable(text, LONGEST).replace("$", r"\$")
+    return f" {line}" if line.startswith("_") else line  # Matplotlib hides labels that begin so

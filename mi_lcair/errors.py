@@ -1,26 +1,71 @@
-"""What a user did wrong, said in one line."""
+"""What a user did wrong, said in one line, and text from outside made fit to print."""
 
 import re
 from difflib import SequenceMatcher
+
+LONGEST = 500  # characters of a message
+MOST_NAMED = 300  # characters of a list of known names
+MOST_QUOTED = 60  # characters of a name that is not known
+
+
+def escaped(text: object) -> str:
+    r"""The text with every character that a terminal would act on written as an escape such as
+    \x1b or \n.
+
+    What a file, a name or a cell holds then stays one line and cannot move the cursor, colour the
+    terminal, or turn the direction of writing.
+    """
+    return "".join(
+        character if character.isprintable() else character.encode("unicode_escape").decode()
+        for character in str(text)
+    )
+
+
+def printable(text: object, most: int = LONGEST) -> str:
+    """The text as one line of at most `most` characters: line breaks become blanks, other control
+    characters escapes, and of a longer text the middle is left out.
+    """
+    text = shortened(str(text), 4 * most)
+    return shortened(escaped(re.sub(r"\s*[^\S ]\s*", " ", text).strip()), most)
+
+
+def shortened(text: str, most: int) -> str:
+    """The beginning and the end of a text that is longer than `most` characters."""
+    if len(text) <= most:
+        return text
+    end = most // 3
+    return f"{text[: most - end - 5]} ... {text[-end:]}"
+
+
+def shown(text: str) -> str:
+    """A piece of a file as an error message quotes it: escaped and at most 30 characters long."""
+    return repr(text if len(text) <= 30 else text[:27] + "...")
 
 
 class InputError(ValueError):
     """An argument or input file that cannot be used.
 
-    The message is one line: what is wrong, where, and what would be right. The command line prints
-    it and exits with status 2.
+    The message is one printable line: what is wrong, where, and what would be right. The command
+    line prints it and exits with status 2.
     """
+
+    def __init__(self, message: object):
+        super().__init__(printable(message))
 
 
 def unknown(kind: str, name: str, names) -> InputError:
     """The error for a `name` of some `kind` that is not among the known `names`, which it lists,
-    nearest first.
+    nearest first, as far as they fit in a line.
     """
+    name = printable(name, MOST_QUOTED)
     nearest_first = sorted(
-        names,
-        key=lambda other: -SequenceMatcher(None, str(name).lower(), str(other).lower()).ratio(),
+        (printable(other, MOST_QUOTED) for other in names),
+        key=lambda other: -SequenceMatcher(None, name.lower(), other.lower()).ratio(),
     )
-    return InputError(f"unknown {kind} '{name}'; known: {', '.join(nearest_first) or 'none'}")
+    known = ", ".join(nearest_first) or "none"
+    if len(known) > MOST_NAMED:
+        known = known[: known.rindex(", ", 0, MOST_NAMED)] + ", ..."
+    return InputError(f"unknown {kind} '{name}'; known: {known}")
 
 
 def mitsuba_error(error: BaseException) -> Exception:
@@ -34,9 +79,9 @@ def mitsuba_error(error: BaseException) -> Exception:
     text = re.sub(r"^\[\w+\.cpp:\d+\] ", "", str(error))
     where, is_traceback, traceback = text.partition("Traceback (most recent call last):")
     if not is_traceback:
-        return InputError(" ".join(text.split()))
+        return InputError(text)
     kind, _, message = traceback.strip().splitlines()[-1].partition(": ")
-    if kind.endswith("KeyboardInterrupt"):
+    if kind.rstrip(":").endswith("KeyboardInterrupt"):  # with a colon and nothing after it
         return KeyboardInterrupt()
     place = re.search(r"At (.*?): failed", where)
     message = f"{place[1]}: {message}" if place else message

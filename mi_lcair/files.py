@@ -1,11 +1,68 @@
-"""Files that appear complete or not at all."""
+"""Files that are read whole, and files that appear complete or not at all."""
 
 import os
+import re
 import shutil
+import stat
 from contextlib import contextmanager
 from pathlib import Path
 
 from mi_lcair.errors import InputError
+from mi_lcair.interrupts import held_back
+
+LARGEST = 2**28  # bytes of a text that is read whole
+LARGEST_MESH = 2**34  # bytes of a mesh, an image or any other file of numbers
+NO_TEXT = re.compile(r"[\x00-\x08\x0e-\x1f\x7f-\x9f]")  # in Latin-1; no text file holds them
+
+
+def check_file(path: Path, largest: int = LARGEST_MESH, what: str = "") -> None:
+    """Raise InputError for what exists but is no regular file (a pipe, a device), or is too large.
+
+    Opening a pipe waits for ever, and a device may never end. what: what errors call the file
+    (default: its path).
+    """
+    try:
+        status = path.stat()
+    except (OSError, ValueError):
+        return  # whoever opens it says why it cannot
+    if stat.S_ISDIR(status.st_mode):
+        return
+    if not stat.S_ISREG(status.st_mode):
+        raise InputError(f"{what or path}: is no regular file; name a file on disk")
+    if status.st_size > largest:
+        raise InputError(
+            f"{what or path}: has {status.st_size / 2**20:.0f} MiB; at most {largest / 2**20:.0f} are read"
+        )
+
+
+def read_bytes(path: str | Path, what: str = "", largest: int = LARGEST_MESH) -> bytes:
+    """The content of a file; InputError as `check_file`, and for what cannot be read.
+
+    what: what errors call the file (default: its path).
+    """
+    path = Path(path)
+    check_file(path, largest, what)
+    try:
+        with path.open("rb") as file:
+            return file.read()
+    except OSError as error:
+        raise InputError(f"{what or path}: cannot be read: {error.strerror}") from None
+    except ValueError as error:  # a null character in the name
+        raise InputError(f"{what or path}: cannot be read: {error}") from None
+
+
+def read_text(path: str | Path, what: str = "") -> str:
+    """The text of a file in UTF-8, or in Latin-1 where it is not; InputError as `read_bytes`, and
+    for what is no text.
+    """
+    data = read_bytes(path, what, LARGEST)
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")
+    if NO_TEXT.search(text):
+        raise InputError(f"{what or path}: not a text file; it must be text in UTF-8 or Latin-1")
+    return text
 
 
 def check_writable(path: str | Path) -> None:
@@ -25,8 +82,9 @@ def check_writable(path: str | Path) -> None:
         # An attempt is the only sure answer: permission bits say nothing about root or read-only
         # file systems.
         probe = _partial(path)
-        probe.touch()
-        probe.unlink()
+        with held_back():
+            probe.touch()
+            probe.unlink()
     except OSError as error:
         raise InputError(
             f"cannot write '{path}': {error.strerror}; name a folder that can be written"
@@ -47,7 +105,8 @@ def replacing(path: str | Path):
         yield partial
         os.replace(partial, path)
     finally:
-        partial.unlink(missing_ok=True)
+        with held_back():
+            partial.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -79,14 +138,16 @@ def filling(folder: str | Path):
                 raise InputError(
                     f"cannot write '{folder / file.name}': it is a folder; remove it or name another output"
                 )
-        for file in files:
-            os.replace(file, folder / file.name)
+        with held_back():
+            for file in files:
+                os.replace(file, folder / file.name)
     except OSError as error:
         raise InputError(
             f"cannot write '{folder}': {error.strerror}; name a folder that can be written"
         ) from error
     finally:
-        shutil.rmtree(partial, ignore_errors=True)
+        with held_back():
+            shutil.rmtree(partial, ignore_errors=True)
 
 
 def _partial(path: Path) -> Path:

@@ -1,5 +1,5 @@
-"""Mitsuba plugins, one file each: BSDF `sandford_robertson`, emitter `thermal`, integrator
-`bounce_path`.
+"""Mitsuba plugins, one file each: BSDF `material` and one for each reflection model, emitter
+`thermal`, integrator `bounce_path`.
 
 Mitsuba's base classes belong to the variant that is set while a class statement runs, so the
 modules are loaded again whenever the variant changes.
@@ -10,16 +10,22 @@ import sys
 
 import mitsuba as mi
 
+from mi_lcair.physics.reflection import NAMES
+
 DEFAULT_VARIANT = "llvm_ad_mono"
 MODULES = (
     "beside_scene",
     "derivatives",
     "triangles",
     "emissivity",
-    "sandford_robertson_bsdf",
+    "uniform_table",
+    "reflection_bsdf",
+    *(f"{name}_bsdf" for name in NAMES),
     "thermal",
     "rounding",
     "sources",
+    "radiance_bound",
+    "field_of_view",
     "tail",
     "emitter_table",
     "channels",

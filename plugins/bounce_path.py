@@ -8,25 +8,31 @@ from math import hypot
 
 import drjit as dr
 import mitsuba as mi
-from mi_lcair.plugins.channels import Channels, Pixels, pixel_statistics
-from mi_lcair.plugins.derivatives import derivations, deriving_plugins, leaves, tracing, value_along
-from mi_lcair.plugins.emissivity import Table
-from mi_lcair.plugins.emitter_table import EmitterTable
-from mi_lcair.plugins.rounding import rounding_error
-from mi_lcair.plugins.tail import Tail
 from mitsuba.python.ad.integrators.common import RBIntegrator, mis_weight
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.plugins.channels import Channels, Pixels, pixel_statistics
+from mi_lcair.plugins.derivatives import derivations, deriving_plugins, leaves, tracing, value_along
+from mi_lcair.plugins.emissivity import Table
+from mi_lcair.plugins.emitter_table import EmitterTable
+from mi_lcair.plugins.properties import HOTTEST, Property, read
+from mi_lcair.plugins.rounding import rounding_error
+from mi_lcair.plugins.tail import Tail
 
-CLOSURES = ("none", "ambient", "tail")
+PROPERTIES = (
+    Property("max_bounces", "integer", 4, lower=0, upper=10_000),
+    Property("emitter_sampling", "boolean", False),
+    Property("closure", "string", "none", choices=("none", "ambient", "tail")),
+    Property("ambient_temperature", "float", upper=HOTTEST, is_positive=True, unit="K"),
+)
 
 
 class BouncePath(RBIntegrator):
     r"""Bounce-limited path tracer for thermal radiance, with derivatives by path replay.
 
     =================== ======= ============================================================================
-    max_bounces         integer reflections after which a path ends; 0 = emission only                  (4)
+    max_bounces         integer reflections after which a path ends, 0..10000; 0 = emission only        (4)
     emitter_sampling    boolean at each reflection also look at a point drawn from what emits, with multiple
                                 importance sampling                                                 (false)
     closure             string  stands in for the reflections beyond max_bounces                     (none)
@@ -55,26 +61,20 @@ class BouncePath(RBIntegrator):
 
     def __init__(self, props):
         super().__init__(props)
-        self.max_bounces = props.get("max_bounces", 4)
-        self.emitter_sampling = props.get("emitter_sampling", False)
-        self.closure = props.get("closure", "none")
-        self.ambient_temperature = props.get("ambient_temperature", None)
+        for name, value in read(props, "bounce_path", PROPERTIES).items():
+            setattr(self, name, value)
         self.check()
 
     def check(self) -> None:
-        """Raises InputError for settings that do not go together; they may be changed at any time."""
-        if self.max_bounces < 0:
-            raise InputError(f"bounce_path: max_bounces = {self.max_bounces} must be >= 0")
-        if self.closure not in CLOSURES:
-            raise InputError(
-                f"bounce_path: closure '{self.closure}' is unknown; it must be one of {', '.join(CLOSURES)}"
-            )
+        """Raise InputError for settings out of bounds or that do not go together; they may be
+        changed at any time.
+        """
+        for entry in PROPERTIES:
+            value = getattr(self, entry.name)
+            if value is not None:
+                entry.checked(value, "bounce_path")
         if (self.closure == "ambient") != (self.ambient_temperature is not None):
             raise InputError("bounce_path: closure = ambient and ambient_temperature go together")
-        if self.ambient_temperature is not None and not self.ambient_temperature > 0:
-            raise InputError(
-                f"bounce_path: ambient_temperature = {self.ambient_temperature:g} K must be positive"
-            )
         if self.closure == "tail" and self.max_bounces < 2:
             raise InputError(
                 f"bounce_path: closure = tail continues the last two bounce counts; max_bounces = {self.max_bounces} must be >= 2"
@@ -123,11 +123,13 @@ class BouncePath(RBIntegrator):
 @dataclass(frozen=True)
 class Samples:
     """One pass, a value per path, not evaluated yet: the radiance, and the channels by name (see
-    `Channels.samples`). tail: of closure = tail, else None.
+    `Channels.samples`); chance: the largest contribution that a source might have made to it, and
+    did not (see `walk`). tail: of closure = tail, else None.
     """
 
     radiance: mi.Float
     channels: dict[str, mi.Float]
+    chance: mi.Float
     tail: Tail | None
 
 
@@ -178,7 +180,7 @@ class PathTracer(RBIntegrator):
         channels = (
             Channels.empty(self.max_bounces, self.closure, None) if self.closure == "tail" else None
         )
-        (L, state), valid, channels = self.walk(
+        (L, state), valid, channels, _ = self.walk(
             mode, scene, sampler, ray, δL, state_in, active, channels
         )
         if channels is not None:
@@ -201,7 +203,7 @@ class PathTracer(RBIntegrator):
         found = self.sampled(
             sensor, seed, spp, first, pixels, split, facets, stride, count_segments
         )
-        return pixel_statistics(found.radiance, found.channels, found.tail, spp, split == "target")
+        return pixel_statistics(found, spp, split == "target")
 
     def sampled(
         self,
@@ -248,7 +250,7 @@ class PathTracer(RBIntegrator):
                     split == "model",
                     count_segments,
                 )
-            (L, _), _, channels = self.walk(
+            (L, _), _, channels, chance = self.walk(
                 dr.ADMode.Primal,
                 self.scene,
                 sampler,
@@ -260,7 +262,8 @@ class PathTracer(RBIntegrator):
                 facets,
             )
             if self.closure == "tail":
-                dr.eval(L, channels)  # add_tail sums, and would trace the paths for that alone
+                # add_tail sums, and would trace the paths for that alone
+                dr.eval(L, channels, chance)
                 added, tail = channels.add_tail()
                 L += added
             by_name = (
@@ -271,16 +274,32 @@ class PathTracer(RBIntegrator):
                 else {}
             )
             if facets is not None:
-                dr.eval(L, channels, by_name)  # one kernel for both uses
+                dr.eval(L, channels, by_name, chance)  # one kernel for all uses
                 facets.add(channels.facet, L[0], channels, spp, first)
-            return Samples(radiance=L[0], channels=by_name, tail=tail)
+            return Samples(radiance=L[0], channels=by_name, chance=chance, tail=tail)
+
+    def chance_contribution(self, sensor) -> float:
+        """Bound of what a path gains from a source that no other path has met, as far as it is
+        known before paths are traced [W m^-2 sr^-1].
+
+        Without emitter sampling this is the radiance of the brightest emitter. With it, it is that
+        of the brightest one in the sensor's field of view, since only paths find out whether it is
+        hidden. What reflections may add is told by the paths themselves (`Samples.chance`).
+        """
+        if self.emitter_sampling:
+            return self.emitters.brightest_in_view(sensor)
+        return self.emitters.brightest
 
     # ---------------------------------------------------------------- The loop
 
     @dr.syntax
     def walk(self, mode, scene, sampler, ray, δL, L, active, channels=None, facets=None):
-        """Follows paths from the observer. Returns ((radiance or its derivative, radiance), valid,
-        channels).
+        """Follows paths from the observer.
+
+        Returns ((radiance or its derivative, radiance), valid, channels, chance). chance: the
+        largest contribution to each path that a source might have made after a reflection, had the
+        path met it (see `EmitterTable.by_chance`); 0 where no emitters are drawn, since there the
+        brightest source bounds it.
         """
         primal = mode == dr.ADMode.Primal
         ctx = mi.BSDFContext()
@@ -293,9 +312,9 @@ class PathTracer(RBIntegrator):
         δL = mi.Spectrum(0 if δL is None else δL)
         β = mi.Spectrum(1)  # throughput
         bounce = mi.UInt32(0)  # reflections so far
-        p_before = mi.Point3f(0)
         pdf_before = mi.Float(0)  # of the direction that led here
         delta_before = mi.Bool(True)
+        chance = mi.Float(0)  # largest contribution that a source met by chance could have made
         pi = scene.ray_intersect_preliminary(ray, coherent=True, active=active)
         valid = pi.is_valid()
         if dr.hint(channels is not None, mode="scalar"):
@@ -311,9 +330,9 @@ class PathTracer(RBIntegrator):
             # ------------------------ Emission ------------------------
 
             mis = mi.Float(1)
-            if dr.hint(self.emitter_sampling, mode="scalar"):
+            if dr.hint(self.emitter_sampling and emitters.draws, mode="scalar"):
                 reachable = active & ~delta_before
-                pdf = emitters.pdf(scene, p_before, si, emitter, reachable)
+                pdf = emitters.pdf(scene, ray.o, si, emitter, reachable)
                 mis = dr.select(reachable, mis_weight(pdf_before, pdf), 1)
             with dr.resume_grad(when=not primal):
                 Le = β * mis * emitter.eval(si, active)
@@ -332,13 +351,13 @@ class PathTracer(RBIntegrator):
             # -------------------- Emitter sampling --------------------
 
             Lr = mi.Spectrum(0)
-            if dr.hint(self.emitter_sampling, mode="scalar"):
+            if dr.hint(emitters.draws, mode="scalar"):
                 active_em = (
                     active_next
                     & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
                     & (bounce < self.max_bounces)
                 )
-                drawn = emitters.sample(scene, si, sampler.next_1d(), sampler.next_2d(), active_em)
+                drawn = emitters.sample(scene, si, sampler.next_2d(), sampler.next_2d(), active_em)
                 with dr.resume_grad(when=not primal):
                     f, pdf = bsdf.eval_pdf(ctx, si, si.to_local(drawn.ds.d), drawn.counts)
                     mis = dr.select(drawn.ds.delta, 1, mis_weight(drawn.ds.pdf, pdf))
@@ -375,8 +394,11 @@ class PathTracer(RBIntegrator):
                         δL += dr.forward_to(Lo)
 
             β *= weight
-            p_before = si.p
             pdf_before, delta_before = bs.pdf, delta
+            if dr.hint(emitters.draws, mode="scalar"):
+                gain = β[0] * emitters.by_chance(drawn, bs.pdf, delta)
+                reaches = active_next & (bounce < self.max_bounces)
+                chance = dr.maximum(chance, dr.select(reaches, gain, 0))
             ray = emitters.spawn_ray(si, si.to_world(bs.wo))
             pi = scene.ray_intersect_preliminary(ray, coherent=False, active=active_next)
             bounce += 1
@@ -384,7 +406,7 @@ class PathTracer(RBIntegrator):
 
         if dr.hint(channels is not None and channels.segments is not None, mode="scalar"):
             channels.segments = mi.Float(bounce)
-        return (L if primal else δL, L), valid, channels
+        return (L if primal else δL, L), valid, channels, chance
 
 
 mi.register_integrator("bounce_path", BouncePath)

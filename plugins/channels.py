@@ -6,6 +6,7 @@ from math import gcd
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+
 from mi_lcair.plugins.sources import WAVELENGTHS, Sources
 from mi_lcair.plugins.tail import COUNTS, Tail, add_tail
 
@@ -138,7 +139,8 @@ class Pixels:
 
     count: finite samples of each pixel; mean and squares (sum of squared deviations from the mean)
     of the radiance. channels: by name, means of each pixel in equal parts of its samples, (parts,
-    pixels), of part_count finite samples. invalid: NaN or infinite samples, left out. tail: of
+    pixels), of part_count finite samples. invalid: NaN or infinite samples, left out. chance: the
+    largest contribution that a source might have made to one of the paths, and did not. tail: of
     closure = tail, else None.
     """
 
@@ -148,6 +150,7 @@ class Pixels:
     channels: dict[str, np.ndarray]
     part_count: np.ndarray
     invalid: int
+    chance: float
     tail: Tail | None
 
 
@@ -160,21 +163,19 @@ def sums(values, size: int) -> np.ndarray:
     return partial.sum(axis=1, dtype=np.float64)
 
 
-def pixel_statistics(
-    L, samples: dict, tail: Tail | None, spp: int, in_parts: bool = False
-) -> Pixels:
+def pixel_statistics(found, spp: int, in_parts: bool = False) -> Pixels:
     """Reduces samples (`spp` consecutive ones per pixel) to pixels.
 
     Deviations are taken from the pixel's own mean: in Float32 the variance would drown in the
     square of the mean. in_parts: the channels in two parts (where spp is even), so that their
     scatter tells their standard errors.
     """
+    L, chance = found.radiance, found.chance
     finite = dr.isfinite(L)
-    samples = {name: dr.select(finite, value, 0) for name, value in samples.items()}
+    samples = {name: dr.select(finite, value, 0) for name, value in found.channels.items()}
     L, valid = dr.select(finite, L, 0), dr.select(finite, mi.Float(1), 0)
-    dr.eval(
-        finite, L, valid, samples
-    )  # one kernel: each reduction would otherwise trace the paths again
+    # one kernel: each reduction would otherwise trace the paths again
+    dr.eval(finite, L, valid, samples, chance)
     count, total = sums(valid, spp), sums(L, spp)
     mean = total / np.maximum(count, 1)
     deviation = dr.select(finite, L - dr.repeat(mi.Float(mean), spp), 0)
@@ -194,5 +195,6 @@ def pixel_statistics(
         channels=channels,
         part_count=part_count,
         invalid=dr.width(L) - int(count.sum()),
-        tail=tail,
+        chance=float(dr.max(chance)[0]),
+        tail=found.tail,
     )

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from mi_lcair.plugins.derivatives import attached, children, held, same_variables, value_along
 
 from mi_lcair.errors import InputError
+from mi_lcair.plugins.derivatives import attached, children, held, same_variables, value_along
 
 HIDING = (
     "MaskBSDF",

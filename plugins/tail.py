@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+
 from mi_lcair.plugins.rounding import rounding_error
 
 COUNTS = 5  # bounce counts that are kept apart: the tail needs two, its error up to five

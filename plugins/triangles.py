@@ -1,8 +1,9 @@
-"""Emitting facets as one table to draw from: which facet, and where on it."""
+"""Emitting triangles as one table to draw from: which triangle, and where on it."""
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+
 from mi_lcair.plugins.derivatives import members
 
 ABSENT = 0xFFFFFFFF
@@ -20,34 +21,79 @@ def is_faceted(shape) -> bool:
     return "vertex_positions" in members(shape)
 
 
-class Facets:
-    """The triangles of some meshes, drawn with a probability proportional to area times a weight.
+def triangle_corners(mesh) -> tuple[np.ndarray, ...]:
+    """First, second and third corners of a mesh's triangles [m], (n, 3) each, Float32."""
+    buffers = members(mesh)
+    vertices, faces = (
+        buffers[name].numpy().reshape(-1, 3) for name in ("vertex_positions", "faces")
+    )
+    return tuple(vertices[faces[:, corner]] for corner in range(3))
 
-    meshes: list of Mitsuba meshes. weights: per mesh None (area alone) or an array, width 1 or one
-    value per face. Facets are numbered through over all meshes, in their order.
+
+def random_integer(sample):
+    """32 random bits [UInt32] from a uniform 2D sample, whose numbers hold 23 bits each."""
+    high, low = (mi.UInt32(number * 2**16) for number in (sample.x, sample.y))
+    return (high << 16) | low
+
+
+class Choice:
+    """An index drawn with given probabilities by a random 32-bit integer.
+
+    A Float32 random number has 2^23 values, which cannot be shared out evenly among millions of
+    indices. The table therefore holds integers. Probabilities are rounded to multiples of 2^-32,
+    and `probability` holds the rounded ones, so that what is drawn has exactly this probability.
+
+    weights: (n,), proportional to the probabilities, not all 0. probability: (n,), NumPy Float64.
     """
 
-    def __init__(self, meshes, weights=None):
+    def __init__(self, weights):
+        ends = np.rint(np.cumsum(weights) / np.sum(weights) * 2.0**32).astype(np.uint64)
+        ends[-1] = 2**32
+        self.probability = np.diff(ends, prepend=np.uint64(0)) / 2.0**32
+        self.ends = mi.UInt32(np.minimum(ends, 2**32 - 1).astype(np.uint32))
+        dr.make_opaque(self.ends)
+
+    def pick(self, number, active=True):
+        """The index that a random integer stands for."""
+        last = dr.width(self.ends) - 1
+        return dr.binary_search(
+            0, last, lambda k: dr.gather(mi.UInt32, self.ends, k, active) <= number
+        )
+
+    def pick_and_rest(self, sample, active=True):
+        """The index that a 2D sample of 23 + 23 bits stands for, and a 2D sample for a place in it.
+
+        All bits of the first number and the lowest 9 of the second pick the index. The place takes
+        what remains of the first, its position among the integers of that index, and the second.
+        """
+        high, low = mi.UInt32(sample.x * 2**23), mi.UInt32(sample.y * 2**23) & (2**9 - 1)
+        number = (high << 9) | low
+        index = self.pick(number, active)
+        end = dr.gather(mi.UInt32, self.ends, index, active)
+        start = dr.gather(mi.UInt32, self.ends, dr.maximum(index, 1) - 1, active & (index > 0))
+        within = (mi.Float(number - start) + 0.5) / mi.Float(dr.maximum(end - start, 1))
+        return index, mi.Point2f(dr.minimum(within, dr.one_minus_epsilon(mi.Float)), sample.y)
+
+
+class TriangleTable:
+    """The triangles of some meshes, numbered through over all meshes in their order.
+
+    area: (n,), NumPy Float64 [m^2].
+    """
+
+    def __init__(self, meshes):
         corners, first = [], {}
         for mesh in meshes:
             first[pointer_id(mi.ShapePtr(mesh))] = sum(len(p) for p, _, _ in corners)
-            buffers = members(mesh)
-            vertices, faces = (
-                buffers[name].numpy().reshape(-1, 3) for name in ("vertex_positions", "faces")
-            )
-            corners.append(tuple(vertices[faces[:, corner]] for corner in range(3)))
+            corners.append(triangle_corners(mesh))
+        self.counts = [len(p) for p, _, _ in corners]  # triangles of each mesh
         p0, p1, p2 = (np.concatenate(points).astype(np.float64) for points in zip(*corners))
         flips = [
-            np.full(len(p), -1.0 if mesh.has_flipped_normals() else 1.0)
-            for mesh, (p, _, _) in zip(meshes, corners)
+            np.full(count, -1.0 if mesh.has_flipped_normals() else 1.0)
+            for mesh, count in zip(meshes, self.counts)
         ]
         normal = np.cross(p1 - p0, p2 - p0) * np.concatenate(flips)[:, None]
-        area = 0.5 * np.linalg.norm(normal, axis=1)
-        importance = area.copy()
-        if weights is not None:
-            importance *= np.concatenate(
-                [np.broadcast_to(w, len(p)) for w, (p, _, _) in zip(weights, corners)]
-            )
+        self.area = 0.5 * np.linalg.norm(normal, axis=1)
         self.first = mi.UInt32(
             np.array([first.get(k, ABSENT) for k in range(max(first) + 1)], dtype=np.uint32)
         )
@@ -59,37 +105,28 @@ class Facets:
         self.normal = mi.Normal3f(
             (normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)).T
         )
-        self.density = mi.Float(
-            np.divide(importance / importance.sum(), area, out=np.zeros_like(area), where=area > 0)
-        )
-        self.cumulated = mi.Float(np.cumsum(importance / importance.sum()))
 
-    def sample(self, sample, active=True):
-        """(facet, barycentric coordinates, point, normal, density [1/m^2]) for a uniform 2D sample."""
-        last = dr.width(self.cumulated) - 1
-        facet = dr.binary_search(
-            0, last, lambda k: dr.gather(mi.Float, self.cumulated, k, active) <= sample.x
-        )
-        gather = lambda kind, table: dr.gather(kind, table, facet, active)
-        above = gather(mi.Float, self.cumulated)
-        below = dr.select(
-            facet > 0, dr.gather(mi.Float, self.cumulated, dr.maximum(facet, 1) - 1, active), 0
-        )
-        x = dr.clip(
-            (sample.x - below) / dr.maximum(above - below, 1e-30), 0, dr.one_minus_epsilon(mi.Float)
-        )
-        uv = mi.warp.square_to_uniform_triangle(mi.Point2f(x, sample.y))
+    def point(self, triangle, sample, active=True):
+        """(barycentric coordinates, point, normal) on a triangle for a uniform 2D sample."""
+        gather = lambda kind, table: dr.gather(kind, table, triangle, active)
+        uv = mi.warp.square_to_uniform_triangle(sample)
         point = (
             gather(mi.Point3f, self.corner)
             + uv.x * gather(mi.Vector3f, self.edge_1)
             + uv.y * gather(mi.Vector3f, self.edge_2)
         )
-        return facet, uv, point, gather(mi.Normal3f, self.normal), gather(mi.Float, self.density)
+        return uv, point, gather(mi.Normal3f, self.normal)
 
     def find(self, shape, prim_index, active=True):
-        """The facet's number and whether the primitive is in the table at all."""
+        """The triangle's number and whether the primitive is in the table at all."""
         key = dr.reinterpret_array(mi.UInt32, shape)
         known = active & (key < dr.width(self.first))
         first = dr.gather(mi.UInt32, self.first, key, known)
         known &= first != ABSENT
         return dr.select(known, first + prim_index, 0), known
+
+    def density(self, probability):
+        """Per area [1/m^2], of a triangle drawn with this probability and a uniform point on it."""
+        return mi.Float(
+            np.divide(probability, self.area, out=np.zeros_like(self.area), where=self.area > 0)
+        )

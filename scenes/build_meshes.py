@@ -1,9 +1,8 @@
-"""Builds the meshes of the bundled scenes: `python -m mi_lcair.scenes.build_meshes` writes
-meshes/*.ply.
+"""Build the meshes of the bundled scenes.
 
-Lengths are in metres. Corners run anticlockwise as seen from the side that emits and reflects: that
-is where the face normal points. Each triangle carries the number of the facet that it is part of.
-The bytes depend on nothing but this file.
+`python -m mi_lcair.scenes.build_meshes` writes meshes/*.ply. Lengths are in m. Corners run
+anticlockwise as seen from the side that emits and reflects; the face normal points to that side.
+Each triangle carries the number of its facet. The files depend only on this script.
 """
 
 from pathlib import Path
@@ -13,10 +12,10 @@ import numpy as np
 FOLDER = Path(__file__).parent / "meshes"
 
 CAVITY_RADIUS = 0.5  # m, thesis 3.2.3.1
-ROWS = COLUMNS = 20  # facets of the latitude-longitude sphere from pole to pole, and around
+ROWS = COLUMNS = 20  # numbers of facets of the sphere from pole to pole and around its axis
 
-# Facets removed -> rows x columns of the block that they make, centred on the equator (thesis Table
-# B.1).
+# Facets removed -> (rows, columns) of the block that they form. The block is centred on the equator
+# (thesis Table B.1).
 OPENINGS = {
     2: (2, 1),
     4: (2, 2),
@@ -30,8 +29,10 @@ OPENINGS = {
 
 
 def rectangle(corner, along, across):
-    """Vertices (4, 3) and the one facet of a rectangle with the given corner and edges; normal
-    along x across.
+    """Return the vertices (4, 3) and the single facet of a rectangle.
+
+    corner: one corner. along, across: the edges that start there, as vectors. The normal points
+    along the cross product of `along` and `across`.
     """
     corner, along, across = (np.array(vector, float) for vector in (corner, along, across))
     return np.array([corner, corner + along, corner + along + across, corner + across]), [
@@ -40,19 +41,22 @@ def rectangle(corner, along, across):
 
 
 def box(size, inward=False):
-    """Vertices (8, 3) and the six facets of a closed box of `size` (3,) about the origin."""
+    """Return the vertices (8, 3) and the six facets of a closed box about the origin.
+
+    size: (3,) lengths of the edges. inward: whether the normals point inward.
+    """
     vertices = (np.indices((2, 2, 2)).reshape(3, 8).T - 0.5) * np.array(size, float)
     facets = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     return vertices, facing(facets, inward)
 
 
 def sphere(radius, opening=(0, 0), inward=False):
-    """Vertices and facets of the latitude-longitude sphere of ROWS x COLUMNS facets, poles on the z
-    axis.
+    """Return vertices and facets of a sphere of ROWS x COLUMNS facets.
 
-    `opening` (rows, columns) is the block of facets that is left out. Its middle lies on the +x
-    axis: the meridians are counted from the block's edge, which is half a block before +x. Facets
-    are plane trapezia; those at the poles are triangles.
+    Meridians and parallels divide the sphere. The poles are on the z axis. Facets are plane
+    trapezia, those at the poles triangles. `opening` (rows, columns) is a block of facets that is
+    left out. Its middle lies on the +x axis. For this the first meridian is the edge of the block,
+    half a block before +x.
     """
     open_rows, open_columns = opening
     colatitudes = np.pi * np.arange(1, ROWS) / ROWS
@@ -94,13 +98,14 @@ def sphere(radius, opening=(0, 0), inward=False):
 
 
 def facing(facets, inward):
-    """The facets of a body, with their normals outward as they are, or inward."""
+    """Return facets with outward normals as they are, or reversed if `inward`."""
     return [facet[::-1] for facet in facets] if inward else facets
 
 
 def triangles(facets):
-    """Triangles (n, 3) of the facets, fanned out from their first corners, and the facet (n,) that
-    each is part of.
+    """Return the triangles (n, 3) of the facets, and the number of the facet of each, (n,).
+
+    Each facet becomes a fan of triangles about its first corner.
     """
     fans = [
         ((facet[0], facet[k], facet[k + 1]), number)
@@ -112,7 +117,7 @@ def triangles(facets):
 
 
 def meshes():
-    """Every bundled mesh: file name -> (vertices in m, facets)."""
+    """Return all bundled meshes: file name -> (vertices in m, facets)."""
     return {
         # The reflector's short edge and the emitter's foot share x = 0; they face +z and +x.
         "two_plates_reflector.ply": rectangle((0, -0.05, 0), (0.2, 0, 0), (0, 0.1, 0)),
@@ -131,14 +136,14 @@ def meshes():
 
 
 def ply(vertices, facets) -> bytes:
-    """The binary PLY file of a mesh; vertices that no facet uses are dropped.
+    """Return the binary PLY file of a mesh, without vertices that no facet uses.
 
-    The face property facet_0 becomes Mitsuba's mesh attribute `face_facet`; it must be a float.
+    Mitsuba reads the face property facet_0 as the mesh attribute `face_facet`. It must be a float.
     """
     corners, numbers = triangles(facets)
     used, corners = np.unique(corners, return_inverse=True)
-    # Rounding to 1 nm hides the last bits of sine and cosine, which differ between processors; +
-    # 0.0 turns -0 into 0.
+    # The last bits of sine and cosine differ between processors. Rounding to 1 nm removes them.
+    # Adding 0.0 turns -0 into 0.
     points = (np.round(vertices[used], 9) + 0.0).astype("<f4")
     faces = np.empty(len(numbers), dtype=[("count", "u1"), ("corners", "<i4", 3), ("facet", "<f4")])
     faces["count"] = 3
@@ -147,7 +152,8 @@ def ply(vertices, facets) -> bytes:
     header = (
         "ply\nformat binary_little_endian 1.0\ncomment mi_lcair scenes/build_meshes.py, metres\n"
         f"element vertex {len(points)}\nproperty float x\nproperty float y\nproperty float z\n"
-        f"element face {len(faces)}\nproperty list uchar int vertex_indices\nproperty float facet_0\nend_header\n"
+        f"element face {len(faces)}\nproperty list uchar int vertex_indices\n"
+        "property float facet_0\nend_header\n"
     )
     return header.encode() + points.tobytes() + faces.tobytes()
 

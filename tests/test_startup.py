@@ -11,11 +11,12 @@ import subprocess
 import sys
 from importlib.metadata import PackageNotFoundError, files
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 import mi_lcair
-from mi_lcair import llvm
+from mi_lcair import kernel_cache, llvm
 
 ROOT = Path(__file__).resolve().parents[1]
 LLVM_15 = Path("/usr/lib/x86_64-linux-gnu/libLLVM-15.so.1")
@@ -171,6 +172,62 @@ def test_exceptions_of_mitsuba_are_still_caught():
         "except RuntimeError: print('caught')"
     )
     assert done.stdout == "caught\n", done.stderr
+
+
+# The cache of kernels
+# ------------------------------------------------------------------------------------------------------------
+
+
+LIMITED = (
+    "import resource\n"
+    "resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))\n"  # as a full disk: no file grows
+    "import mi_lcair, os\n"
+)
+
+
+def test_kernels_that_cannot_be_written(tmp_path, monkeypatch):
+    """Dr.Jit would try again for ever; here the cache is off, and a line says so."""
+    monkeypatch.setenv(kernel_cache.VARIABLE, str(tmp_path))
+    render = "mi_lcair.render(mi_lcair.load('two_plates', resolution=4), spp=2)\n"
+    done = python(LIMITED + render)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.startswith(f"kernel cache {tmp_path}: File too large; kernels are compiled")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_disk_without_room(tmp_path, monkeypatch, caplog):
+    """The temporary folder takes the place of the cache's own, or nothing does."""
+    own, other = tmp_path / "own", tmp_path / "tmp"
+    other.mkdir()
+    free = {"own": 2**20, "tmp": 2**40}
+    usage = lambda folder: SimpleNamespace(free=free[Path(folder).relative_to(tmp_path).parts[0]])
+    monkeypatch.setattr(kernel_cache.shutil, "disk_usage", usage)
+    monkeypatch.setattr(kernel_cache.tempfile, "gettempdir", lambda: str(other))
+    monkeypatch.setenv(kernel_cache.VARIABLE, str(own))
+    kernel_cache.prepare()
+    assert Path(os.environ[kernel_cache.VARIABLE]).parent == other
+    assert caplog.messages[-1].startswith(
+        f"kernel cache {own}: only 1 MB are free, 64 MB are needed; {other}"
+    )
+    monkeypatch.setenv(kernel_cache.VARIABLE, str(own))
+    free["tmp"] = 0
+    kernel_cache.prepare()
+    assert os.environ[kernel_cache.VARIABLE] == os.devnull
+    assert caplog.messages[-1].endswith("kernels are compiled anew in each run")
+
+
+@pytest.mark.skipif(os.getuid() == 0, reason="root may write anywhere")
+def test_a_cache_that_is_read_only(tmp_path, monkeypatch):
+    tmp_path.chmod(0o500)
+    monkeypatch.setenv(kernel_cache.VARIABLE, str(tmp_path))
+    assert kernel_cache.trouble(tmp_path) == "Permission denied"
+
+
+def test_a_cache_with_room_is_left_alone(tmp_path, monkeypatch, caplog):
+    monkeypatch.setenv(kernel_cache.VARIABLE, str(tmp_path / "new"))
+    kernel_cache.prepare()
+    assert os.environ[kernel_cache.VARIABLE] == str(tmp_path / "new") and not caplog.messages
+    assert list((tmp_path / "new").iterdir()) == []
 
 
 # Plugins

@@ -1,6 +1,6 @@
-"""Studies: scripts that write pages of docs/ or measure at length, each run as `python -m docs.studies.NAME`.
+"""Scripts that write pages of docs/ or make long measurements.
 
-They are in neither the wheel nor the tests.
+Each is run as `python -m docs.studies.NAME`. They are in neither the wheel nor the tests.
 """
 
-import mi_lcair  # before Mitsuba, so that Dr.Jit finds an LLVM that it can use
+import mi_lcair  # imported before Mitsuba, so that Dr.Jit loads a suitable LLVM

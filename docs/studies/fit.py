@@ -1,5 +1,6 @@
-"""Long studies of the fit, by hand: python -m docs.studies.fit
-recovery|coverage|surfaces|joint|time|losses
+"""Long studies of the fit, run by hand.
+
+python -m docs.studies.fit recovery|coverage|choice|surfaces|joint|losses|time [MODEL...]
 """
 
 import sys
@@ -7,18 +8,19 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
+from scipy.optimize import least_squares
+
+import mi_lcair  # noqa: F401  it chooses the LLVM and must precede the import of Dr.Jit
 from mi_lcair.fitting import fit, read
 from mi_lcair.fitting.data import select
 from mi_lcair.fitting.descent import ROUND_OFF, explore, levenberg_marquardt
-from mi_lcair.fitting.model import Hemispherical
-from mi_lcair.fitting.parameters import E_MIN, NAMES, starting_points, to_cube
+from mi_lcair.fitting.estimation import emissivity_error
 from mi_lcair.fitting.scatterometer.reading import read_directional
 from mi_lcair.fitting.search import COARSE
-from scipy.optimize import least_squares
-
-import mi_lcair  # noqa: F401  chooses the LLVM before Dr.Jit is imported
-from tests.fitting import numpy_model
-from tests.fitting.synthetic import ROUGH, THESIS_SETS, relative_errors, scan
+from mi_lcair.fitting.selection import Variant
+from mi_lcair.physics.reflection import MODELS
+from mi_lcair.reports.fit_plot import directional, model_of
+from tests.fitting.synthetic import ROUGH, THESIS_SETS, relative_errors, scan_of
 
 SURFACES = Path(__file__).parents[2].parent / "shared" / "data" / "mwir_brdf"
 NAMES_OF_SURFACES = (
@@ -29,111 +31,149 @@ NAMES_OF_SURFACES = (
     "paint_smooth",
     "steel_sandblasted",
 )
+KNOWN = {  # model -> surfaces with known parameters
+    "sandford_robertson": {**THESIS_SETS, "rough": ROUGH},
+    "microfacet": {
+        "paint": (0.2, 1.7, 1.5, 0.4, 0.1),
+        "dielectric": (0.05, 2.0, 1.5, 0.0, 0.02),
+        "metal": (0.1, 1.3, 2.5, 3.0, 0.3),
+        "bright metal": (0.02, 1.2, 5.0, 15.0, 0.0),
+    },
+}
 
 
-def recovery(seeds=20):
-    """Noise-free data: the largest relative error of any parameter over the seeds."""
-    for name, parameters in THESIS_SETS.items():
-        data = scan(parameters)
-        fits = [fit(data, seed=seed) for seed in range(seeds)]
-        worst = np.max([relative_errors(one, parameters) for one in fits], axis=0)
+def known(models):
+    """Yield (model, surface, parameters) of the surfaces with known parameters."""
+    for model in models:
+        for surface, parameters in KNOWN[model].items():
+            yield MODELS[model], surface, parameters
+
+
+def recovery(models, seeds=20):
+    """Print the largest relative error of any parameter over the seeds, for data without noise."""
+    for model, surface, parameters in known(models):
+        data = scan_of(model, parameters, step=0.5)
+        fits = [fit(data, model=model.name, seed=seed) for seed in range(seeds)]
+        zero = np.array(parameters) == 0
+        worst = [relative_errors(result, np.where(zero, 1, parameters)) for result in fits]
+        # The error is absolute where the true value is 0.
+        worst = np.max(np.abs(np.array(worst) - zero), axis=0)
         print(
-            f"{name}: worst relative error {worst.max():.1e}, converged {all(one.converged for one in fits)}, "
-            f"forms {set((one.form, one.restriction) for one in fits)}, "
-            f"starts in basin >= {min(one.starts_in_basin for one in fits):.2f}",
+            f"{model.name}, {surface}: worst relative error {worst.max():.1e}, "
+            f"converged {all(result.converged for result in fits)}, "
+            f"{ {model_of(result) for result in fits} }, "
+            f"starts in basin >= {min(result.starts_in_basin for result in fits):.2f}",
             flush=True,
         )
 
 
-def coverage(repetitions=200):
-    """5 % noise: how often the true value lies inside 2 standard errors and inside the 95 %
-    interval, where determined.
+def coverage(models, repetitions=200):
+    """Print how often 2 standard errors and the 95 % interval contain the true value, at 5 % noise.
+
+    Only fits that determine the parameter are counted, except for the last number.
     """
-    for name, parameters in {**THESIS_SETS, "rough": ROUGH}.items():
-        inside, interval, determined = (np.zeros((repetitions, 4), bool) for _ in range(3))
+    for model, surface, parameters in known(models):
+        shape = repetitions, len(parameters)
+        inside, interval, determined = (np.zeros(shape, bool) for _ in range(3))
         for k in range(repetitions):
-            one = fit(scan(parameters, noise=0.05, seed=k), starts=8, seed=k, form="thesis")
-            for j, key in enumerate(NAMES):
-                determined[k, j] = one.verdict[key] == "determined"
-                inside[k, j] = (
-                    abs(one.parameters[key] - parameters[j]) <= 2 * one.standard_error[key]
-                )
-                interval[k, j] = one.interval[key][0] <= parameters[j] <= one.interval[key][1]
+            data = scan_of(model, parameters, step=0.5, noise=0.05, seed=k)
+            result = fit(data, model=model.name, form=model.forms[0], starts=8, seed=k)
+            for j, key in enumerate(model.names):
+                determined[k, j] = result.verdict[key] == "determined"
+                error = abs(result.parameters[key] - parameters[j])
+                inside[k, j] = error <= 2 * result.standard_error[key]
+                low, high = result.interval[key]
+                interval[k, j] = low <= parameters[j] <= high
         print(
-            name,
+            model.name,
+            surface,
             {
-                key: f"determined {d.sum()}, 2 se {100 * i[d].mean():.1f} %, interval {100 * v[d].mean():.1f} %"
-                for key, d, i, v in zip(NAMES, determined.T, inside.T, interval.T)
+                key: f"determined {d.sum()}, 2 se {100 * i[d].mean():.1f} %, "
+                f"interval {100 * v[d].mean():.1f} %"
+                for key, d, i, v in zip(model.names, determined.T, inside.T, interval.T)
                 if d.any()
             },
+            f"all intervals {100 * interval.mean():.1f} %",
             flush=True,
         )
 
 
-def surfaces():
-    """The six real surfaces, each form on its own: rms in decades."""
+def choice(models, repetitions=20):
+    """Print the models that `auto` chooses for the data of each surface, at 5 % noise."""
+    for model, surface, parameters in known(models):
+        taken = [
+            model_of(fit(scan_of(model, parameters, noise=0.05, seed=k), seed=k))
+            for k in range(repetitions)
+        ]
+        counts = {choice: taken.count(choice) for choice in sorted(set(taken))}
+        print(f"{model.name}, {surface}: {counts}", flush=True)
+
+
+def surfaces(models):
+    """Print the rms residual in decades of each form on the six real surfaces, and the seconds."""
     for name in NAMES_OF_SURFACES:
         data = read(SURFACES / f"{name}.csv")
-        fits = [fit(data, form=form, source_half_angle_deg=0) for form in ("thesis", "normalized")]
-        print(
-            name,
-            " / ".join(f"{one.rms_dex:.5f}" for one in fits),
-            [one.converged for one in fits],
-            flush=True,
-        )
+        for model in models:
+            for form in MODELS[model].forms:
+                result = fit(data, model=model, form=form, source_half_angle_deg=0)
+                print(
+                    f"{name}, {model} {form}: {result.rms_dex:.5f}, "
+                    f"converged {result.converged}, {result.seconds:.1f} s",
+                    flush=True,
+                )
 
 
-def joint():
-    """BRDF alone against BRDF with emissivity: rms in decades, and rms error of the emissivity up
-    to 80 degrees.
+def joint(models):
+    """Compare the fit to the BRDF alone with the joint fit to BRDF and emissivity.
+
+    It prints the rms residual in decades and the rms error of the emissivity up to 80 degrees.
     """
     for name in NAMES_OF_SURFACES:
         data = read(SURFACES / f"{name}.csv")
         table = read_directional(SURFACES / f"{name}_emissivity.csv", "emissivity")
-        alone = fit(data, source_half_angle_deg=0)
-        both = fit(data, emissivity=table, source_half_angle_deg=0)
-        u = to_cube([list(alone.parameters.values())])
-        inside = table.theta <= np.radians(80.001)
-        missed = (Hemispherical(table.theta, "emissivity", alone.form)(u)[0][0] - table.value)[
-            inside
-        ]
-        print(
-            f"{name}: rms {alone.rms_dex:.4f} -> {both.rms_dex:.4f} ({both.rms_dex / alone.rms_dex:.2f}), emissivity "
-            f"{np.sqrt(np.mean(missed**2)):.4f} -> {both.emissivity_rms:.4f}, {both.form} {both.restriction}, "
-            f"{both.settings['joint']}, {both.seconds:.1f} s",
-            flush=True,
-        )
+        for model in models:
+            settings = {"model": model, "source_half_angle_deg": 0}
+            alone, both = fit(data, **settings), fit(data, emissivity=table, **settings)
+            error = emissivity_error(table, directional(alone, "emissivity", table.theta), 80)
+            print(
+                f"{name}: rms {alone.rms_dex:.4f} -> {both.rms_dex:.4f} "
+                f"({both.rms_dex / alone.rms_dex:.2f}), emissivity {error:.4f} -> "
+                f"{both.emissivity_rms:.4f}, {model_of(both)}, {both.settings['joint']}, "
+                f"{both.seconds:.1f} s",
+                flush=True,
+            )
 
 
-def losses():
-    """rms in decades that each loss leaves on the real surfaces."""
+def losses(models):
+    """Print the rms residual in decades of the fit with each loss on the real surfaces."""
     for name in NAMES_OF_SURFACES:
         data = read(SURFACES / f"{name}.csv")
-        print(
-            name,
-            {
-                loss: round(fit(data, loss=loss, form="thesis", source_half_angle_deg=0).rms_dex, 4)
+        for model in models:
+            settings = {"model": model, "form": MODELS[model].forms[0], "source_half_angle_deg": 0}
+            rms = {
+                loss: round(fit(data, loss=loss, **settings).rms_dex, 4)
                 for loss in ("log", "cube_root", "linear")
-            },
-            flush=True,
-        )
+            }
+            print(name, model, rms, flush=True)
 
 
-def time(repetitions=5):
-    """64 starts to the minimum of 720 points of a real surface, and of about 10,000 points, against
-    scipy.
+def time(models, repetitions=5):
+    """Print the time of a search from 64 starts, on 720 and on about 10,000 points.
+
+    The 720 points are those of a real surface. For them the time of SciPy is printed as well. It
+    uses the same residuals and derivatives, one start after the other.
     """
     for name in ("aluminium", "paint_rough"):
         measurements = read(SURFACES / f"{name}.csv")
-        for copies in (1, 14):
-            data, _, _ = select(measurements, "log", 0.0, 80, 1e-4)
+        for model, copies in ((MODELS[model], copies) for model in models for copies in (1, 14)):
+            data, _, _ = select(measurements, "log", 0.0, 80, 1e-4, len(model.parameters))
             theta_i, theta_r, brdf, spread = (
                 np.tile(column, copies)
                 for column in (data.theta_i, data.theta_r, data.brdf, data.spread)
             )
             data = type(data)(theta_i, theta_r, brdf, 0.0, "log", spread, False)
-            residuals = data.residuals("thesis")
-            starts = starting_points(64, 0)
+            residuals = data.residuals(Variant(model, model.forms[0]))
+            starts = model.starting_points(64, 0)
             seconds = []
             for _ in range(repetitions if copies == 1 else 2):
                 began = perf_counter()
@@ -145,18 +185,20 @@ def time(repetitions=5):
                 )
                 seconds.append(perf_counter() - began)
             print(
-                f"{name}, {len(brdf)} points: first {seconds[0]:.2f} s with the compile, then {min(seconds[1:]):.2f} s, "
-                f"rms {np.sqrt(2 * best.cost[0] / len(brdf)):.5f}, gradient {best.gradient[0]:.1e}",
+                f"{name}, {model.name}, {len(brdf)} points: first {seconds[0]:.2f} s with the "
+                f"compile, then {min(seconds[1:]):.2f} s, "
+                f"rms {np.sqrt(2 * best.cost[0] / len(brdf)):.5f}, "
+                f"gradient {best.gradient[0]:.1e}",
                 flush=True,
             )
             if copies == 1:
                 began = perf_counter()
                 costs = [
                     least_squares(
-                        numpy_residuals,
-                        np.clip(u, 1e-9, 1 - 1e-9),
-                        bounds=(1e-12, 1 - 1e-12),
-                        args=(theta_i, theta_r, brdf),
+                        lambda u: residuals(u[None])[0][0],
+                        u,
+                        lambda u: residuals(u[None])[1][0],
+                        bounds=(0, 1),
                     ).cost
                     for u in starts
                 ]
@@ -167,16 +209,8 @@ def time(repetitions=5):
                 )
 
 
-def numpy_residuals(u, theta_i, theta_r, brdf):
-    b = np.sqrt(u[2])
-    G = numpy_model.G(b)
-    model = numpy_model.brdf(
-        theta_i, theta_r, G * u[0], G * (1 - u[0]) * u[1], b, E_MIN ** (1 - u[3])
-    )
-    return np.log10(np.maximum(model, 1e-30)) - np.log10(brdf)
-
+STUDIES = (recovery, coverage, choice, surfaces, joint, losses, time)
 
 if __name__ == "__main__":
-    {one.__name__: one for one in (recovery, coverage, surfaces, joint, losses, time)}[
-        sys.argv[1]
-    ]()
+    chosen, *models = sys.argv[1:]
+    {study.__name__: study for study in STUDIES}[chosen](models or list(MODELS))

@@ -1,8 +1,9 @@
-"""Float32 against Float64 over the whole parameter box, as a picture: python -m
-docs.studies.float32_map [FILE.png]
+"""Draw the error of Float32 against Float64 over the whole parameter box.
 
-The plugin computes in Float32; the exact answer is Float64 at the identical Float32 vectors and
-parameters.
+    python -m docs.studies.float32_map [FILE.png]
+
+The plugin computes in Float32. The exact answer is computed in Float64 from the same Float32
+vectors and parameters.
 """
 
 import sys
@@ -12,8 +13,8 @@ import mitsuba as mi
 import numpy as np
 from drjit.llvm.ad import Array3f64, Float64
 
-import mi_lcair  # noqa: F401  before Dr.Jit: it chooses the LLVM
-from mi_lcair.physics.reflection import sandford_robertson as sr
+import mi_lcair  # noqa: F401  it chooses the LLVM and must precede the use of Dr.Jit
+from mi_lcair.physics.reflection import sandford_robertson_equations as sr
 from tests.physics.reflection.surfaces import direction, surface
 from tests.plugins.reflection_models import exact_HDR, interaction, uniform
 from tests.plugins.test_precision import theta_of
@@ -21,27 +22,44 @@ from tests.plugins.test_precision import theta_of
 NAMES = ("epsilon", "rho_d", "b", "e")
 E = np.geomspace(1e-5, 1, 26)
 B = np.array([0, 1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.2, 0.4, 0.6, 0.8, 0.95, 1])
-SHARES = ((0.0, 0.0), (0.5, 0.2), (0.5, 0.5), (0.0, 1.0))  # of epsilon and rho_d in G(b)
+SHARES = ((0.0, 0.0), (0.5, 0.2), (0.5, 0.5), (0.0, 1.0))  # epsilon / G(b) and rho_d / G(b)
 FROM_HORIZON_DEG = np.array([90, 60, 30, 10, 5, 2, 1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 1e-3, 1e-4])
-PER_ANGLE = 200
+PER_ANGLE = 200  # number of sampled directions per viewing angle
 PICTURE = Path(__file__).parents[2] / "docs" / "stability" / "float32.png"
 
 
 def load(parameters, form="thesis"):
+    """Return the BSDF with parameters epsilon, rho_d, b, e."""
     return mi.load_dict(
         {"type": "sandford_robertson", "form": form, **dict(zip(NAMES, map(float, parameters)))}
     )
 
 
 def errors(parameters, from_horizon_deg=FROM_HORIZON_DEG, form="thesis", per_angle=PER_ANGLE):
-    """Worst errors of one surface, by viewing angle: of the BRDF's value and of a sample's weight
-    (relative), of HDR (absolute).
+    """Return the largest errors of one surface for each viewing angle.
 
-    The value is compared at the directions that the plugin draws: seven in eight from the lobe,
-    where it has one.
+    The BRDF is compared at the directions that the plugin draws. If the surface has a lobe, seven
+    of eight are drawn from it.
+
+    Parameters
+    ----------
+    parameters
+        epsilon, rho_d, b and e.
+    from_horizon_deg
+        Viewing angles from the horizon [degrees].
+    form
+        Form of the model, "thesis" or "normalized".
+    per_angle
+        Number of sampled directions per viewing angle.
+
+    Returns
+    -------
+    tuple
+        Relative error of the BRDF, relative error of a sample's weight, absolute error of HDR; one
+        value per viewing angle each.
     """
     bsdf, count = load(parameters, form), per_angle * len(from_horizon_deg)
-    S = surface(*(getattr(bsdf, name)[0] for name in NAMES), form)
+    S = surface(*bsdf.values, form)
     r = direction(np.radians(90 - np.repeat(from_horizon_deg, per_angle)), Vector=mi.Vector3f)
     bs, weight = bsdf.sample(
         mi.BSDFContext(), interaction(r), *uniform(count, 1), mi.Point2f(*uniform(count, 2, seed=3))
@@ -57,8 +75,8 @@ def errors(parameters, from_horizon_deg=FROM_HORIZON_DEG, form="thesis", per_ang
         for part in (bsdf.lobe_probability(mi.Vector3f(r)), mi.Float(i[2] / np.pi))
     )
     density = lobe * sr.lobe_pdf(Array3f64(i), Array3f64(r), S.e).numpy() + (1 - lobe) * floor
-    relative = lambda found, exact: (
-        np.abs(found.numpy() - exact) / np.maximum(np.abs(exact), 1e-30) * used
+    relative = lambda value, exact: (
+        np.abs(value.numpy() - exact) / np.maximum(np.abs(exact), 1e-30) * used
     )
     by_angle = lambda error: error.reshape(-1, per_angle).max(axis=1)
     return (
@@ -69,14 +87,17 @@ def errors(parameters, from_horizon_deg=FROM_HORIZON_DEG, form="thesis", per_ang
 
 
 def feasible(share_epsilon, share_rho_d, b, e):
-    """epsilon, rho_d, b, e from shares of the bound G(b), which Float32 must not push beyond it."""
+    """Return epsilon, rho_d, b, e from epsilon and rho_d as shares of their bound G(b)."""
+    # The factor keeps the sum below G(b) when it is rounded to Float32.
     G = sr.G(Float64(b))[0] * (1 - 1e-7)
     return share_epsilon * G, share_rho_d * G, b, e
 
 
 def study():
-    """Worst errors over the rest of the box: value (e, b) to 89.9 degrees; value, weight and HDR
-    (e, angle).
+    """Return four maps of the largest error over the parameters that a map does not show.
+
+    The first is the error of the BRDF up to 89.9 degrees, (len(B), len(E)). The others are the
+    errors of the BRDF, of a sample's weight and of HDR, (viewing angles, len(E)).
     """
     by_b, by_angle = np.zeros((len(B), len(E))), np.zeros((3, len(FROM_HORIZON_DEG), len(E)))
     for column, e in enumerate(E):
@@ -89,6 +110,7 @@ def study():
 
 
 def draw(path, by_b, value, weight, HDR):
+    """Draw the four maps of `study` into a file."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(12, 8), layout="constrained")

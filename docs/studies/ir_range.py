@@ -1,11 +1,10 @@
-"""The page docs/ir_range.md: the cylinder in its infrared range, the thesis's section 4.2 rendered
-again and measured.
+"""Write the page docs/ir_range.md on the cylinder in its infrared range (thesis 4.2).
 
     python -m docs.studies.ir_range [PAGE]
 
-PAGE (default docs/ir_range.md) is written, with its pictures in a folder of its name beside it. The
-text is ir_range.template.md, whose {fields} are filled in; every number on the page is computed
-here. Takes a few minutes.
+It writes PAGE (default docs/ir_range.md), and its pictures into a folder of the same name beside
+it. The text is ir_range.template.md, whose {fields} are filled in. Every number on the page is
+computed here. The script takes a few minutes.
 """
 
 import sys
@@ -21,8 +20,8 @@ from mi_lcair.drawing import drawing
 from mi_lcair.files import replacing
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.rendering.facet_image import pixel_rays
 from mi_lcair.rendering.facet_table import FacetTable
-from mi_lcair.reports.facet_picture import pixel_rays
 
 BOUNCES, RESOLUTION, SPP, FACET_SPP = 10, 192, 128, 512
 CASES = [
@@ -31,17 +30,17 @@ CASES = [
     ("gloss_black", "LWIR"),
     ("gloss_black", "MWIR"),
 ]
-LEFT = 0.005  # a sum over bounces has converged where less than this is left
+LEFT = 0.005  # missing share of the radiance below which a sum over bounces counts as converged
 UNIT = r"W m$^{-2}$ sr$^{-1}$"
 
 
 @dataclass(frozen=True)
 class Case:
-    """One finish in one band: radiance by bounce count with each lobe, (bounces + 1, H, W), and
-    where the pixels look.
+    """Renders of one finish in one band.
 
-    target: on the model. met: on the model, and the mirror ray of the pixel's middle meets the
-    model again.
+    mirror, brdf: radiance of each number of reflections with that lobe, (bounces + 1, H, W)
+    [W m^-2 sr^-1]. target: mask of the pixels on the model, (H, W). met: mask of those among them
+    whose mirror ray, from the middle of the pixel, hits the model again.
     """
 
     finish: str
@@ -52,12 +51,13 @@ class Case:
     met: np.ndarray
 
     def mean(self, lobe: str, bounces: int, where) -> float:
-        """Mean radiance over some pixels, with at most so many reflections."""
+        """Return the mean radiance over the pixels `where`, with at most `bounces` reflections."""
         return float(getattr(self, lobe)[: bounces + 1].sum(axis=0)[where].mean())
 
     def missed(self, lobe: str, bounces: int, where, reflected=False) -> float:
-        """Share by which a bounce limit falls short of the converged radiance of `brdf`, or of its
-        reflected part.
+        """Return the share of the converged radiance of `brdf` that is missing with a bounce limit.
+
+        reflected: whether the share is that of the reflected part alone.
         """
         emitted = self.mean("brdf", 0, where) if reflected else 0.0
         return 1 - (self.mean(lobe, bounces, where) - emitted) / (
@@ -66,6 +66,7 @@ class Case:
 
 
 def case(finish: str, band: str) -> Case:
+    """Render one finish in one band with both lobes."""
     stacks = {}
     for lobe in ("mirror", "brdf"):
         scene = load(finish, band, lobe, RESOLUTION)
@@ -88,8 +89,10 @@ def load(finish, band, lobe, resolution):
 
 
 def first_and_second(scene) -> tuple[np.ndarray, np.ndarray]:
-    """Masks (H, W): the middle of the pixel is on the model; and the mirror ray from there meets
-    the model again.
+    """Return two masks of pixels, (H, W).
+
+    In the first the middle of the pixel is on the model. In the second its mirror ray also hits the
+    model again.
     """
     table = FacetTable(scene)
     of_model = np.append(table.type == "model", False)
@@ -107,16 +110,18 @@ def first_and_second(scene) -> tuple[np.ndarray, np.ndarray]:
     return first, first & second
 
 
-def save_images(path, one: Case) -> None:
-    """One mirror bounce, two, one integrated bounce, two, and the converged radiance, on one colour
-    scale.
+def save_images(path, case: Case) -> None:
+    """Draw five images side by side with a common colour scale.
+
+    They show one and two mirror bounces, one and two integrated bounces, and the converged
+    radiance.
     """
     panels = [
-        ("one mirror bounce", one.mirror, 1),
-        ("two mirror bounces", one.mirror, 2),
-        ("one integrated bounce", one.brdf, 1),
-        ("two integrated bounces", one.brdf, 2),
-        (f"{BOUNCES} integrated bounces", one.brdf, BOUNCES),
+        ("one mirror bounce", case.mirror, 1),
+        ("two mirror bounces", case.mirror, 2),
+        ("one integrated bounce", case.brdf, 1),
+        ("two integrated bounces", case.brdf, 2),
+        (f"{BOUNCES} integrated bounces", case.brdf, BOUNCES),
     ]
     images = [(title, stack[: bounces + 1].sum(axis=0)) for title, stack, bounces in panels]
     low, high = min(image.min() for _, image in images), np.percentile(images[-1][1], 99.8)
@@ -131,37 +136,42 @@ def save_images(path, one: Case) -> None:
         figure.colorbar(picture, ax=axes, extend="max", pad=0.01).set_label(
             f"radiance ({UNIT})", fontsize=9
         )
-        figure.suptitle(f"{one.finish.replace('_', ' ')}, {band_of(one.band).label}", fontsize=11)
+        figure.suptitle(f"{case.finish.replace('_', ' ')}, {band_of(case.band).label}", fontsize=11)
 
 
 def wing_root(lobe: str) -> tuple[int, np.ndarray, float]:
-    """The facet in plain sight whose radiance owes most to two reflections and more, bare
-    aluminium, LWIR.
+    """Return results for a facet at the wing root, bare aluminium in LWIR.
 
-    Returns its number, its radiance with up to 0, 1, ... reflections, and the standard error of the
-    last.
+    Among the facets of which more than 90 % is visible, it is the one with the largest share of
+    radiance from two or more reflections.
+
+    Returns
+    -------
+    tuple
+        Number of the facet, its radiance with up to 0, 1, ... reflections, and the standard error
+        of the last of these [W m^-2 sr^-1].
     """
-    found = mi_lcair.signature(
+    columns = mi_lcair.signature(
         load("bare_aluminum", "LWIR", "brdf", 256), spp=FACET_SPP, seed=2, facets=True
     ).facets.columns
     late = (
-        sum(found[f"bounce{k:02d}_W_m2_sr"] for k in range(2, BOUNCES + 1))
-        / found["radiance_W_m2_sr"]
+        sum(columns[f"bounce{k:02d}_W_m2_sr"] for k in range(2, BOUNCES + 1))
+        / columns["radiance_W_m2_sr"]
     )
-    facet = int(np.nanargmax(np.where((found["visible_fraction"] > 0.9), late, 0)))
+    facet = int(np.nanargmax(np.where((columns["visible_fraction"] > 0.9), late, 0)))
     if lobe != "brdf":
-        found = mi_lcair.signature(
+        columns = mi_lcair.signature(
             load("bare_aluminum", "LWIR", lobe, 256), spp=FACET_SPP, seed=2, facets=True
         ).facets.columns
-    by_bounce = [found["emitted_W_m2_sr"][facet]] + [
-        found[f"bounce{k:02d}_W_m2_sr"][facet] for k in range(1, BOUNCES + 1)
+    by_bounce = [columns["emitted_W_m2_sr"][facet]] + [
+        columns[f"bounce{k:02d}_W_m2_sr"][facet] for k in range(1, BOUNCES + 1)
     ]
-    relative = found["standard_error_W_sr"][facet] / found["intensity_W_sr"][facet]
+    relative = columns["standard_error_W_sr"][facet] / columns["intensity_W_sr"][facet]
     return facet, np.cumsum(by_bounce), float(relative * np.sum(by_bounce))
 
 
 def save_convergence(path, facet: int, brdf: np.ndarray, mirror: np.ndarray) -> None:
-    """Radiance of the wing-root facet against the number of bounces."""
+    """Draw the radiance of the wing-root facet against the number of reflections."""
     with drawing(path, (11, 4), layout="constrained") as figure:
         left, right = figure.subplots(1, 2)
         n = np.arange(BOUNCES + 1)
@@ -182,16 +192,16 @@ def save_convergence(path, facet: int, brdf: np.ndarray, mirror: np.ndarray) -> 
 
 
 def converged(values: np.ndarray) -> int:
-    """The smallest number of reflections after which less than LEFT of the last value is missing."""
+    """Return the smallest number of reflections after which less than LEFT is missing."""
     return int(np.argmax(values / values[-1] > 1 - LEFT))
 
 
 def fields(
     cases: dict, facet: int, brdf: np.ndarray, mirror: np.ndarray, error: float
 ) -> dict[str, str]:
-    """Every number on the page, as text."""
+    """Return every number on the page as text, name -> text."""
     percent = lambda value: f"{100 * value:.1f} %"
-    found = {
+    text = {
         "facet": str(facet),
         "spp": str(SPP),
         "resolution": str(RESOLUTION),
@@ -200,56 +210,57 @@ def fields(
         "converged_mirror": str(converged(mirror)),
         "facet_error": f"{error:.2g}",
         "facet_rows": "\n".join(
-            f"| {k} | {a:.3f} | {percent(1 - a / brdf[-1])} | {b:.3f} | {percent(1 - b / mirror[-1])} |"
+            f"| {k} | {a:.3f} | {percent(1 - a / brdf[-1])} "
+            f"| {b:.3f} | {percent(1 - b / mirror[-1])} |"
             for k, (a, b) in enumerate(zip(brdf, mirror))
         ),
     }
     for T in (260, 300):
-        found[f"blackbody_{T}"] = f"{in_band_radiance(band_of('MWIR'), T):.3f}"
+        text[f"blackbody_{T}"] = f"{in_band_radiance(band_of('MWIR'), T):.3f}"
     rows = []
-    for (finish, band), one in cases.items():
+    for (finish, band), case in cases.items():
         key = f"{finish}_{band}"
-        beside = one.target & ~one.met
-        found |= {
-            f"{key}_missed": percent(one.missed("mirror", 1, one.met)),
-            f"{key}_missed_reflected": percent(one.missed("mirror", 1, one.met, reflected=True)),
-            f"{key}_missed_second": percent(one.missed("mirror", 2, one.met)),
-            f"{key}_missed_integrated": percent(one.missed("brdf", 1, one.met)),
-            f"{key}_missed_integrated_second": percent(one.missed("brdf", 2, one.met)),
-            f"{key}_missed_target": percent(one.missed("mirror", 1, one.target)),
-            f"{key}_missed_elsewhere": percent(one.missed("mirror", 1, beside)),
-            f"{key}_met": percent(one.met.sum() / one.target.sum()),
-            f"{key}_emitted": f"{one.mean('brdf', 0, one.target):.3f}",
-            f"{key}_reflected": f"{one.mean('brdf', BOUNCES, one.target) - one.mean('brdf', 0, one.target):.3f}",
-            f"{key}_emitted_share": percent(
-                one.mean("brdf", 0, one.target) / one.mean("brdf", BOUNCES, one.target)
-            ),
+        beside = case.target & ~case.met
+        emitted, total = (case.mean("brdf", bounces, case.target) for bounces in (0, BOUNCES))
+        text |= {
+            f"{key}_missed": percent(case.missed("mirror", 1, case.met)),
+            f"{key}_missed_reflected": percent(case.missed("mirror", 1, case.met, reflected=True)),
+            f"{key}_missed_second": percent(case.missed("mirror", 2, case.met)),
+            f"{key}_missed_integrated": percent(case.missed("brdf", 1, case.met)),
+            f"{key}_missed_integrated_second": percent(case.missed("brdf", 2, case.met)),
+            f"{key}_missed_target": percent(case.missed("mirror", 1, case.target)),
+            f"{key}_missed_elsewhere": percent(case.missed("mirror", 1, beside)),
+            f"{key}_met": percent(case.met.sum() / case.target.sum()),
+            f"{key}_emitted": f"{emitted:.3f}",
+            f"{key}_reflected": f"{total - emitted:.3f}",
+            f"{key}_emitted_share": percent(emitted / total),
             f"{key}_third": percent(
-                one.mirror[3:].sum(axis=0)[one.target].mean()
-                / one.mean("mirror", BOUNCES, one.target)
+                case.mirror[3:].sum(axis=0)[case.target].mean()
+                / case.mean("mirror", BOUNCES, case.target)
             ),
             f"{key}_contrast_one": percent(
-                one.mean("mirror", 1, one.met) / one.mean("mirror", 1, beside) - 1
+                case.mean("mirror", 1, case.met) / case.mean("mirror", 1, beside) - 1
             ),
             f"{key}_contrast_two": percent(
-                one.mean("mirror", 2, one.met) / one.mean("mirror", 2, beside) - 1
+                case.mean("mirror", 2, case.met) / case.mean("mirror", 2, beside) - 1
             ),
         }
-        worst = np.abs(1 - one.mirror[:2].sum(axis=0) / one.brdf.sum(axis=0))[one.target]
-        found[f"{key}_within"] = percent(np.mean(worst < 0.1))
+        worst = np.abs(1 - case.mirror[:2].sum(axis=0) / case.brdf.sum(axis=0))[case.target]
+        text[f"{key}_within"] = percent(np.mean(worst < 0.1))
         rows.append(
             f"| {finish.replace('_', ' ')} | {band} | "
             + " | ".join(
-                percent(one.missed(lobe, n, where))
-                for where in (one.target, one.met)
+                percent(case.missed(lobe, n, where))
+                for where in (case.target, case.met)
                 for lobe, n in (("mirror", 1), ("mirror", 2), ("brdf", 1), ("brdf", 2))
             )
             + " |"
         )
-    return found | {"rows": "\n".join(rows)}
+    return text | {"rows": "\n".join(rows)}
 
 
 def main(page: Path) -> None:
+    """Write the page and its pictures."""
     folder = page.with_suffix("")
     folder.mkdir(parents=True, exist_ok=True)
     steps = tqdm(total=len(CASES) + 2, disable=None, leave=False)

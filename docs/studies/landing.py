@@ -1,11 +1,10 @@
-"""The page docs/landing.md: the airliner on its approach, the thesis's section 4.3 computed again
-beside its own values.
+"""Write the page docs/landing.md on the airliner on its approach (thesis 4.3).
 
     python -m docs.studies.landing [PAGE]
 
-PAGE (default docs/landing.md) is written, with its pictures in a folder of its name beside it. The
-text is landing.template.md, whose {fields} are filled in; every number on the page but the thesis's
-is computed here. Takes about a quarter of an hour on two cores.
+It writes PAGE (default docs/landing.md), and its pictures into a folder of the same name beside it.
+The text is landing.template.md, whose {fields} are filled in. Every number on the page is computed
+here, except for those of the thesis. The script takes about 15 minutes on two cores.
 """
 
 import sys
@@ -27,7 +26,8 @@ from mi_lcair.reports import contrast_plot
 
 BOUNCES, SPP, IMAGE_SPP, VARIED_SPP = (1, 2, 3, 4, 10), 256, 128, 64
 CASES = [(position, band) for position in (1, 2, 3) for band in ("MWIR", "LWIR")]
-# (position, band, N): Tables 4.1-4.3, irradiance of target, background, path and in total, W/m^2
+# (position, band, N) -> irradiance of target, background, path and total contrast in W/m^2, thesis
+# Tables 4.1-4.3
 THESIS = {
     **dict.fromkeys([(1, "MWIR", n) for n in (1, 2, 3, 10)], (3.03e-3, 5.64e-7, 3.23e-7, 3.03e-3)),
     (1, "LWIR", 10): (3.61e-3, 6.55e-5, 2.23e-5, 3.56e-3),
@@ -39,36 +39,39 @@ THESIS = {
     (3, "LWIR", 3): (5.38e-3, 8.25e-5, 2.77e-5, 5.33e-3),
     **dict.fromkeys([(3, "LWIR", n) for n in (4, 10)], (5.43e-3, 8.25e-5, 2.77e-5, 5.38e-3)),
 }
-THESIS_RANGE = {1: 1119.0, 2: 509.0, 3: 1128.05}  # m; the third from its positions (3.8.3)
+THESIS_RANGE = {1: 1119.0, 2: 509.0, 3: 1128.05}  # m; the third follows from the positions (3.8.3)
 THESIS_NEI = 5e-5  # W/m^2, thesis 4.3.5
-SIZE_FACTOR = 1.44  # of the exhausts' areas: radii larger by a fifth
+SIZE_FACTOR = 1.44  # factor of the exhausts' areas if their radii are a fifth larger
 
 
 def scenario(position: int, band: str, **changes) -> Scenario:
+    """Read a bundled scenario and change some of its values."""
     return Scenario.read(
         f"a340_landing/position_{position}",
         **{"sensor.band": band, "render.spp": SPP, "render.max_bounces": list(BOUNCES), **changes},
     )
 
 
-# What the answer owes to its assumptions
+# Effect of the assumptions on the contrast
 
 
-def from_areas(one: Contrast, change) -> float:
-    """The total contrast with as many reflections as all, where `change` alters (effective areas,
-    air, backdrop) and nothing is rendered.
+def from_areas(base: Contrast, change) -> float:
+    """Return the total contrast after a change that needs no new render [W/m^2].
+
+    base: result for the scenario; its last row, with all reflections, is used. change: function of
+    (effective areas, air, backdrop) that returns the changed ones.
     """
-    seen = one.rows[-1].irradiance
-    areas, air, behind = change(seen.areas, one.air, backdrop(one.scenario, one.detector))
+    irradiance = base.rows[-1].irradiance
+    areas, air, behind = change(irradiance.areas, base.air, backdrop(base.scenario, base.detector))
     return (
-        Irradiance(areas, 0.0, one.detector.band, air, behind)
-        .at(air.path(one.path.range_m))["total"]
+        Irradiance(areas, 0.0, base.detector.band, air, behind)
+        .at(air.path(base.path.range_m))["total"]
         .value
     )
 
 
 def heated(group: str, kelvin: float):
-    """Other temperatures of a group."""
+    """Return a change that raises the temperatures of a group by `kelvin`."""
 
     def change(areas, air, behind):
         sources = [
@@ -83,6 +86,7 @@ def heated(group: str, kelvin: float):
 
 
 def larger_exhausts(areas, air, behind):
+    """Change the effective areas of turbines and plumes to those of larger exhausts."""
     factor = np.array(
         [SIZE_FACTOR if source.group in ("hot_parts", "plume") else 1.0 for source in areas.sources]
     )
@@ -90,7 +94,7 @@ def larger_exhausts(areas, air, behind):
 
 
 def under(sky: str):
-    """Another sky, reflected; what lies behind the target stays."""
+    """Return a change to another sky that the target reflects. The background stays the same."""
 
     def change(areas, air, behind):
         def above(source):
@@ -106,11 +110,12 @@ def under(sky: str):
 
 
 def through(name: str):
+    """Return a change to another atmosphere."""
     return lambda areas, air, behind: (areas, atmosphere(name), behind)
 
 
-# what is assumed -> what is assumed instead: a change of effective areas, air and backdrop, or of
-# the scenario
+# Other assumptions: name -> function that changes effective areas, air and backdrop, or changed
+# values of the scenario, which need a new render.
 VARIATIONS = {
     "skin 310 K instead of 300 K": heated("self", 10.0),
     "exhaust plumes 550 K instead of 500 K": heated("plume", 50.0),
@@ -129,30 +134,30 @@ VARIATIONS = {
 
 
 def varied(position: int, band: str, base: Contrast, progress) -> dict[str, float]:
-    """By variation: its total contrast over that of the scenario, less 1."""
+    """Return the relative change of the total contrast for each variation."""
     few = {"render.spp": VARIED_SPP, "render.max_bounces": 4}
     reference = mi_lcair.contrast(scenario(position, band, **few)).rows[-1].total.value
-    found = {}
+    changes = {}
     for name, change in VARIATIONS.items():
         if callable(change):
-            found[name] = from_areas(base, change) / base.rows[-1].total.value - 1
+            changes[name] = from_areas(base, change) / base.rows[-1].total.value - 1
         else:
-            found[name] = (
-                mi_lcair.contrast(scenario(position, band, **few, **change)).rows[-1].total.value
-                / reference
-                - 1
-            )
+            rendered = mi_lcair.contrast(scenario(position, band, **few, **change))
+            changes[name] = rendered.rows[-1].total.value / reference - 1
         progress()
-    return found
+    return changes
 
 
 def save_variations(path, changes: dict) -> None:
-    """Bars of each variation for each case; changes: case -> {variation: relative change}."""
+    """Draw the relative change of each variation as bars, one panel per case.
+
+    changes: (position, band) -> {variation: relative change}.
+    """
     names = list(VARIATIONS)
     with drawing(path, (13, 9), layout="constrained") as figure:
         panels = figure.subplots(2, 3, sharey=True).T.ravel()
-        for panel, ((position, band), found) in zip(panels, changes.items()):
-            values = 100 * np.array([found[name] for name in names])
+        for panel, ((position, band), relative) in zip(panels, changes.items()):
+            values = 100 * np.array([relative[name] for name in names])
             panel.barh(names, values, color=np.where(values < 0, "C0", "C3"))
             panel.bar_label(
                 panel.containers[0], [signed(value) for value in values], fontsize=8, padding=2
@@ -170,19 +175,17 @@ def save_variations(path, changes: dict) -> None:
 
 
 def save_images(path, position: int, band: str) -> None:
-    """The model alone and before its background (Figures 4.14, 4.18-4.22): radiance at the target,
-    one colour scale.
-    """
-    both = radiance(position, band, BOUNCES[-1])
+    """Draw the radiance at the target without and with the background (Figures 4.14, 4.18-4.22)."""
+    channels = radiance(position, band, BOUNCES[-1])
     show(
         path,
-        [("without background", alone(both)), ("with background", both["Y"])],
+        [("without background", alone(channels)), ("with background", channels["Y"])],
         f"position {position}, {band}",
     )
 
 
 def save_bounces(path) -> None:
-    """Position 3 in LWIR with one reflection and with ten (Figure 4.23)."""
+    """Draw position 3 in LWIR with one reflection and with ten (Figure 4.23)."""
     images = []
     for bounces in (1, BOUNCES[-1]):
         images.append(
@@ -195,6 +198,7 @@ def save_bounces(path) -> None:
 
 
 def radiance(position: int, band: str, bounces: int) -> dict:
+    """Render the scene and return the channels of the image."""
     scene = mi_lcair.load(
         "a340_landing", position=position, band=band, max_bounces=bounces, resolution=384
     )
@@ -202,13 +206,15 @@ def radiance(position: int, band: str, bounces: int) -> dict:
 
 
 def alone(channels: dict) -> np.ndarray:
-    """Radiance of the pixels that show nothing but the model, NaN elsewhere."""
+    """Return the radiance of the pixels that show only the model, NaN elsewhere."""
     return np.where(channels["target.Y"] > 0.999 * channels["Y"], channels["Y"], np.nan)
 
 
 def show(path, images, title: str) -> None:
-    """Pictures beside each other, cut to the model; colours between the 2nd and the 95th percentile
-    of the first, beyond them as there.
+    """Draw two pictures side by side, cropped to the model.
+
+    images: (title, radiance) of each. The colour scale goes from the 2nd to the 95th percentile of
+    the first picture.
     """
     rows, columns = (np.flatnonzero(np.isfinite(images[0][1]).any(axis=axis)) for axis in (1, 0))
     cut = np.s_[max(rows[0] - 12, 0) : rows[-1] + 12, max(columns[0] - 12, 0) : columns[-1] + 12]
@@ -233,6 +239,7 @@ def show(path, images, title: str) -> None:
 
 
 def number(value: float, digits: int = 3) -> str:
+    """Return a number as text with a power of ten."""
     mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
     return (
         f"{mantissa}·10{str(int(exponent)).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))}"
@@ -240,16 +247,17 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def signed(percent: float) -> str:
-    """Two digits, and no more behind the point than the noise lets stand."""
+    """Return a percentage with a sign, and with one decimal below 10."""
     return f"{percent:+.0f}" if abs(percent) >= 10 else f"{percent:+.1f}"
 
 
 def with_error(estimate: Estimate) -> str:
+    """Return a value with its relative standard error as text."""
     return f"{number(estimate.value)} ± {100 * estimate.standard_error / abs(estimate.value):.1g} %"
 
 
 def table(position: int, cases: dict) -> str:
-    """Rows of Tables 4.1-4.3: ours, and the thesis's where it has one."""
+    """Return the rows of one of Tables 4.1-4.3, with the thesis's values in brackets."""
     lines = []
     for band in ("MWIR", "LWIR"):
         for row in cases[position, band].rows:
@@ -266,42 +274,51 @@ def table(position: int, cases: dict) -> str:
                 else terms
             )
             lines.append(
-                f"| {band} | {row.max_bounces} | {row.intensity.value:.0f} ± {row.intensity.standard_error:.0f} | {' | '.join(cells)} | {number(row.nei_max.value)} |"
+                f"| {band} | {row.max_bounces} "
+                f"| {row.intensity.value:.0f} ± {row.intensity.standard_error:.0f} "
+                f"| {' | '.join(cells)} | {number(row.nei_max.value)} |"
             )
     return "\n".join(lines)
 
 
-def lost_jacobian(one: Contrast) -> float:
-    """By how much the background's in-band radiance falls where its density per wavenumber [W cm^-2
-    sr^-1 / cm^-1] is taken for one per wavelength, but for the square centimetres: the mean of
+def lost_jacobian(base: Contrast) -> float:
+    """Return the factor by which the background is too weak if a Jacobian is left out.
+
+    A spectral radiance per wavenumber [W cm^-2 sr^-1 / cm^-1] is then used as if it were one per
+    wavelength. Square centimetres are converted. The factor is the mean of the Jacobian
     d(wavenumber) / d(wavelength) = 10^4 / wavelength^2 [cm^-1 / um].
     """
-    seen = one.rows[-1].irradiance
-    return seen.in_band(seen.backdrop) / seen.in_band(seen.backdrop * seen.wavelengths_um**2 / 1e4)
+    irradiance = base.rows[-1].irradiance
+    per_wavenumber = irradiance.backdrop * irradiance.wavelengths_um**2 / 1e4
+    return irradiance.in_band(irradiance.backdrop) / irradiance.in_band(per_wavenumber)
 
 
-def growth(one: Contrast, first: int, last: int, term: str) -> float:
-    """How much a term grows from `first` to `last` reflections, the random numbers being the same."""
-    values = {row.max_bounces: getattr(row, term).value for row in one.rows}
+def growth(base: Contrast, first: int, last: int, term: str) -> float:
+    """Return the relative growth of a term from `first` to `last` reflections.
+
+    Both have the same random numbers.
+    """
+    values = {row.max_bounces: getattr(row, term).value for row in base.rows}
     return values[last] / values[first] - 1
 
 
-def largest(found: dict[str, float]) -> str:
-    """The three assumptions that move a case most, no air at all left aside: nobody would assume
-    it.
+def largest(changes: dict[str, float]) -> str:
+    """Return the three assumptions with the largest effect on a case.
+
+    "no air at all" is left out, because it is not a realistic assumption.
     """
     order = sorted(
-        (name for name in found if name != "no air at all"), key=lambda name: -abs(found[name])
+        (name for name in changes if name != "no air at all"), key=lambda name: -abs(changes[name])
     )
-    return ", ".join(f"{name} ({signed(100 * found[name])} %)" for name in order[:3])
+    return ", ".join(f"{name} ({signed(100 * changes[name])} %)" for name in order[:3])
 
 
 def fields(cases: dict, changes: dict) -> dict[str, str]:
-    """Every number on the page, as text."""
+    """Return every number on the page as text, name -> text."""
     percent = lambda value: f"{100 * value:.3g} %"
-    last = {key: one.rows[-1] for key, one in cases.items()}
+    last = {key: contrast.rows[-1] for key, contrast in cases.items()}
     weakest = min(last, key=lambda key: abs(last[key].total.value))
-    found = {
+    text = {
         "spp": str(SPP),
         "nei_thesis": number(THESIS_NEI, 1),
         "weakest": "position {}, {}".format(*weakest),
@@ -316,42 +333,42 @@ def fields(cases: dict, changes: dict) -> dict[str, str]:
         ),
     }
     for position in (1, 2, 3):
-        found[f"table_{position}"] = table(position, cases)
-    for (position, band), one in cases.items():
+        text[f"table_{position}"] = table(position, cases)
+    for (position, band), contrast in cases.items():
         key, row = f"p{position}_{band}", last[position, band]
         thesis = THESIS[position, band, 10]
-        found |= {
-            f"{key}_transmittance": f"{one.transmittance:.3f}",
-            f"{key}_path": f"{one.path_radiance:.3g}",
-            f"{key}_behind": f"{one.background_radiance:.3g}",
+        text |= {
+            f"{key}_transmittance": f"{contrast.transmittance:.3f}",
+            f"{key}_path": f"{contrast.path_radiance:.3g}",
+            f"{key}_behind": f"{contrast.background_radiance:.3g}",
             f"{key}_area": f"{row.projected_area.value:.1f}",
             f"{key}_intensity": f"{row.intensity.value:.0f}",
             f"{key}_thesis_intensity": f"{thesis[0] * THESIS_RANGE[position] ** 2:.0f}",
             f"{key}_thesis_behind": f"{thesis[1] / row.solid_angle:.2g}",
             f"{key}_over_thesis": f"{row.background.value / thesis[1]:.0f}",
             f"{key}_path_over_thesis": f"{row.path.value / thesis[2]:.0f}",
-            f"{key}_jacobian": f"{lost_jacobian(one):.0f}",
+            f"{key}_jacobian": f"{lost_jacobian(contrast):.0f}",
             f"{key}_thesis_mended": number(
-                thesis[0] + lost_jacobian(one) * (thesis[2] - thesis[1])
+                thesis[0] + lost_jacobian(contrast) * (thesis[2] - thesis[1])
             ),
         }
         for first, to in ((1, 2), (1, 4), (4, 10)):
             for term in ("target", "total"):
-                found[f"{key}_{term}_{first}_{to}"] = percent(growth(one, first, to, term))
-    found["bounces"] = str(BOUNCES[-1])
-    found["most_moving"] = "\n".join(
-        f"- position {position}, {band}: {worst}."
+                text[f"{key}_{term}_{first}_{to}"] = percent(growth(contrast, first, to, term))
+    text["bounces"] = str(BOUNCES[-1])
+    text["most_moving"] = "\n".join(
+        f"- position {position}, {band}: {largest(changes[position, band])}."
         for (position, band) in cases
-        for worst in [largest(changes[position, band])]
     )
-    found["assumption_rows"] = "\n".join(
+    text["assumption_rows"] = "\n".join(
         f"| {name} | " + " | ".join(f"{signed(100 * changes[key][name])} %" for key in cases) + " |"
         for name in VARIATIONS
     )
-    return found
+    return text
 
 
 def main(page: Path) -> None:
+    """Write the page and its pictures."""
     folder = page.with_suffix("")
     folder.mkdir(parents=True, exist_ok=True)
     steps = tqdm(total=len(CASES) * (2 + len(VARIATIONS)) + 1, disable=None, leave=False)

@@ -1,8 +1,10 @@
-"""Rays that closed scenes lose: python -m docs.studies.leaks [rays in total, 1e8]
+"""Count the rays that closed scenes lose.
 
-Every ray starts on a wall or a body, is reflected by the surface's own BSDF and leaves it as in
-`bounce_path`. It is lost where it hits nothing, or the back of a surface: in a closed scene of
-closed bodies both are impossible.
+    python -m docs.studies.leaks [RAYS]
+
+RAYS is their total number, 1e8 by default. Every ray starts on a wall or a body. Its direction is
+drawn by the BSDF of the surface, and it starts off the surface as in `bounce_path`. It is lost if
+it hits nothing or the back of a surface. In a closed scene of closed bodies neither should happen.
 """
 
 import sys
@@ -11,34 +13,61 @@ from time import perf_counter
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+
+import mi_lcair  # it chooses the LLVM and must precede the use of Dr.Jit
 from mi_lcair.plugins.emitter_table import EmitterTable
 from mi_lcair.scenes import build_meshes
 
-import mi_lcair  # before Dr.Jit: it chooses the LLVM
-
-REFLECTIONS = 10
-WAVEFRONT = 1_000_000
+REFLECTIONS = 10  # number of reflections that each path is followed
+WAVEFRONT = 1_000_000  # number of paths that are traced at the same time
 
 CUBE = """<scene version="3.0.0">
-    <integrator type="bounce_path"> <integer name="max_bounces" value="{max_bounces}"/> <string name="closure" value="{closure}"/> </integrator>
+    <integrator type="bounce_path">
+        <integer name="max_bounces" value="{max_bounces}"/>
+        <string name="closure" value="{closure}"/>
+    </integrator>
     <sensor type="orthographic">
         <float name="near_clip" value="{near}"/> <float name="far_clip" value="{far}"/>
-        <transform name="to_world"> <scale x="{window}" y="{window}"/> <lookat origin="{eye}" target="0, 0, 0" up="0, 0, 1"/> </transform>
+        <transform name="to_world">
+            <scale x="{window}" y="{window}"/>
+            <lookat origin="{eye}" target="0, 0, 0" up="0, 0, 1"/>
+        </transform>
         <film type="hdrfilm">
-            <integer name="width" value="16"/> <integer name="height" value="16"/> <string name="pixel_format" value="luminance"/>
+            <integer name="width" value="16"/> <integer name="height" value="16"/>
+            <string name="pixel_format" value="luminance"/>
             <rfilter type="box"/>
         </film>
     </sensor>
     {walls} {lid}
 </scene>"""
-WALL = """<shape type="ply"> <string name="filename" value="{name}.ply"/> <boolean name="face_normals" value="true"/>
-        <bsdf type="diffuse"> <spectrum name="reflectance" value="{reflectance}"/> </bsdf> {emitter} </shape>"""
-WARM = """<emitter type="thermal"> <string name="band" value="LWIR"/> <float name="temperature" value="300"/> </emitter>"""
-LAMP = """<emitter type="thermal"> <string name="band" value="LWIR"/> <float name="radiance" value="1"/> </emitter>"""
+WALL = """<shape type="ply">
+        <string name="filename" value="{name}.ply"/> <boolean name="face_normals" value="true"/>
+        <bsdf type="diffuse"> <spectrum name="reflectance" value="{reflectance}"/> </bsdf> {emitter}
+    </shape>"""
+WARM = """<emitter type="thermal">
+        <string name="band" value="LWIR"/> <float name="temperature" value="300"/>
+    </emitter>"""
+LAMP = """<emitter type="thermal">
+        <string name="band" value="LWIR"/> <float name="radiance" value="1"/>
+    </emitter>"""
 
 
 def cube(folder, half=1.0, reflectance=0.999, max_bounces=4, closure="none", walls=WARM, lid=WARM):
-    """A closed cube of 2 x half m, diffuse, with the sensor inside; one face in six is the lid."""
+    """Load a closed diffuse cube with the sensor inside.
+
+    Parameters
+    ----------
+    folder
+        Folder for the files of the scene.
+    half
+        Half the edge of the cube [m].
+    reflectance
+        Reflectance of all faces.
+    max_bounces, closure
+        Properties of `bounce_path`.
+    walls, lid
+        XML of the emitter of five faces and of the sixth face, or "".
+    """
     vertices, facets = build_meshes.box((2 * half,) * 3, inward=True)
     shapes = {}
     for name, chosen, emitter in (("walls", facets[1:], walls), ("lid", facets[:1], lid)):
@@ -60,7 +89,7 @@ def cube(folder, half=1.0, reflectance=0.999, max_bounces=4, closure="none", wal
 
 
 def write_ply(path, vertices, facets):
-    """A mesh of these facets, fanned out into triangles."""
+    """Write a mesh whose facets are divided into triangles."""
     triangles, _ = build_meshes.triangles(facets)
     mesh = mi.Mesh(path.stem, len(vertices), len(triangles))
     parameters = mi.traverse(mesh)
@@ -73,9 +102,10 @@ def write_ply(path, vertices, facets):
 
 
 def lost(scene, rays: int, seed: int = 0) -> tuple[int, int, int]:
-    """Rays traced after the first hit, and how many of them hit nothing and the back of a surface.
+    """Trace paths and count their rays, those that hit nothing, and those that hit a back.
 
-    rays: how many paths start; each makes REFLECTIONS rays unless its BSDF absorbs it.
+    The first ray of a path is not counted. rays: number of paths; each has REFLECTIONS counted rays
+    unless a BSDF absorbs it.
     """
     bounds = scene.mi.bbox()
     table = EmitterTable(scene.mi, False)
@@ -91,17 +121,17 @@ def lost(scene, rays: int, seed: int = 0) -> tuple[int, int, int]:
         bs, weight = si.bsdf(ray).sample(
             mi.BSDFContext(), si, sampler.next_1d(), sampler.next_2d(), active & hit & front
         )
-        found = [dr.count(mask) for mask in (active, active & ~hit, active & hit & ~front)]
+        numbers = [dr.count(mask) for mask in (active, active & ~hit, active & hit & ~front)]
         active &= hit & front & (weight[0] > 0)
         ray = table.spawn_ray(si, si.to_world(bs.wo))
-        dr.eval(ray, active, found, sampler)
-        if reflection > 0:  # the start may lie inside a body
-            counts += [int(number[0]) for number in found]
+        dr.eval(ray, active, numbers, sampler)
+        if reflection > 0:  # the first ray may start inside a body
+            counts += [int(number[0]) for number in numbers]
     return tuple(counts.tolist())
 
 
 def closed_scenes(folder):
-    """Name -> scene."""
+    """Return the scenes that are tested: name -> scene."""
     return {
         "furnace": mi_lcair.load("furnace"),
         "cube": cube(folder),
@@ -121,7 +151,8 @@ def main(total):
                 sums += lost(scene, WAVEFRONT, seed)
                 seed += 1
             print(
-                f"{name}: {sums[0]:.3e} rays, {sums[1]} escaped, {sums[2]} hit a back, {perf_counter() - start:.0f} s",
+                f"{name}: {sums[0]:.3e} rays, {sums[1]} escaped, {sums[2]} hit a back, "
+                f"{perf_counter() - start:.0f} s",
                 flush=True,
             )
 

@@ -1,12 +1,13 @@
-"""Do plans hold what they promise, and do they pay? The page docs/plan.md; every number on it is
-computed here.
+"""Write the page docs/plan.md: whether plans keep their tolerance and whether they save time.
 
     python -m docs.studies.plan [PAGE]
 
-For each bundled scene: REPETITIONS plans for the intensity, each carried out with another seed,
-against an exact answer or a long run at full fidelity; and one plan for each pixel, its time,
-probes and their compile included, beside that of full fidelity at the same error, its compile
-included. Takes about six minutes.
+Every number on the page is computed here. For each bundled scene there are REPETITIONS plans for
+the intensity. Each is carried out with another seed and compared with an exact answer or with a
+long run at full fidelity. For some scenes there is one plan for each pixel. Its time is compared
+with that of full fidelity at the same error. Both times include compiles, and that of the plan
+includes its probes. The text is plan.template.md, whose {fields} are filled in. The script takes
+about six minutes.
 """
 
 import sys
@@ -36,49 +37,19 @@ SCENES = [
     ("cylinder_ir_range", {"finish": "gloss_black", "band": "MWIR"}),
     ("a340_landing", {"position": 3, "band": "LWIR"}),
 ]
-PAID = [
-    case for case in SCENES if case[0] in ("furnace", "cylinder_ir_range", "a340_landing")
-]  # where a lower rung suffices
-RESOLUTION = {
-    "cylinder_ir_range": 384,
-    "a340_landing": 384,
-}  # of the plan for each pixel; the others have their own
-
-TEXT = """# Plans: what they promise and whether they pay
-
-`mi-lcair plan SCENE --tolerance 1%` finds how little model a scene needs. This page checks plans for the bundled scenes;
-`python -m docs.studies.plan` writes it.
-
-## The intensity, to {tolerance:.0%}
-
-{repetitions} plans of different seeds for each scene, each carried out with another seed. "Inside" is how many intensities lie within
-{tolerance:.0%} of the reference: an exact answer, or a run of the whole BRDF with {bounces} reflections whose standard error is stated.
-
-| scene | reference | plan (most frequent) | inside | rms error | predicted (95 %) |
-|---|---|---|---|---|---|
-{held}
-
-In all {inside} of {runs} are inside.
-
-## Each pixel, to {pixel_tolerance:.0%}
-
-For the scenes with materials that a lower rung may stand for: seconds for an image whose rms error over the pixels is {pixel_tolerance:.0%} of its mean: as planned, probes and every compile
-included, and at full fidelity (the whole BRDF, the scene's own reflections and emitter sampling) to the same error, its compile
-included. Kernels are not taken from the memory of the process, but may lie on the disk.
-
-| scene | plan | spp | probes (s) | run (s) | full fidelity: spp | (s) | factor |
-|---|---|---|---|---|---|---|---|
-{paid}
-
-Probes cost some seconds whatever the scene, most of them to compile: a plan pays where the image takes longer than that.
-"""
+# Scenes with a plan for each pixel: those with materials for which a lower rung may suffice.
+PAID = [case for case in SCENES if case[0] in ("furnace", "cylinder_ir_range", "a340_landing")]
+# Resolution of the image in a plan for each pixel. Other scenes keep their own.
+RESOLUTION = {"cylinder_ir_range": 384, "a340_landing": 384}
 
 
 def label(name, parameters):
+    """Return the name of a scene with its parameters."""
     return " ".join([name, *(f"{key}={value}" for key, value in parameters.items())])
 
 
 def full_fidelity(scene):
+    """Return settings with the full BRDF and at least PROBED_BOUNCES reflections."""
     own = Settings.of(scene)
     return Settings(
         lobe=dict.fromkeys(own.lobe, "brdf"),
@@ -88,7 +59,7 @@ def full_fidelity(scene):
 
 
 def reference(scene, name, parameters, area):
-    """(intensity of the target, its standard error)."""
+    """Return the reference intensity of the target and its standard error [W/sr]."""
     L = lambda T: float(in_band_radiance(band(scene.band), T))
     if name == "two_plates":
         return exact.two_plates_intensity(L(800)), 0.0
@@ -105,51 +76,58 @@ def pixels(scene):
     return int(np.prod(scene.sensor(0).film().crop_size()))
 
 
-def short(found):
-    lobes = ", ".join(f"{material or 'unnamed'} {lobe}" for material, lobe in found.lobe.items())
-    return f"{lobes + '; ' if lobes else ''}N = {found.max_bounces}{', tail' if found.closure == 'tail' else ''}{', emitter sampling' if found.emitter_sampling else ''}"
+def short(plan):
+    """Return the settings of a plan in one line."""
+    lobes = ", ".join(f"{material or 'unnamed'} {lobe}" for material, lobe in plan.lobe.items())
+    tail = ", tail" if plan.closure == "tail" else ""
+    sampling = ", emitter sampling" if plan.emitter_sampling else ""
+    return f"{lobes + '; ' if lobes else ''}N = {plan.max_bounces}{tail}{sampling}"
 
 
 def held(name, parameters):
+    """Return a scene's row of the table of intensities, and how many of them are inside."""
     scene = mi_lcair.load(name, **parameters)
     area = mi_lcair.signature(scene, spp=2).window_area
     expected, error = reference(scene, name, parameters, area)
     errors, plans = [], []
     for seed in range(REPETITIONS):
-        found = mi_lcair.plan(scene, TOLERANCE, seed=seed)
-        with found.applied(scene):
-            errors.append(
-                mi_lcair.signature(scene, spp=found.spp, seed=1000 + seed).target.intensity
-                / expected
-                - 1
-            )
-        plans.append(found)
-    texts = [short(found) for found in plans]
+        plan = mi_lcair.plan(scene, TOLERANCE, seed=seed)
+        with plan.applied(scene):
+            result = mi_lcair.signature(scene, spp=plan.spp, seed=1000 + seed)
+        errors.append(result.target.intensity / expected - 1)
+        plans.append(plan)
+    texts = [short(plan) for plan in plans]
     inside = int(np.sum(np.abs(errors) <= TOLERANCE))
+    stated = f" +- {error / expected:.2%}" if error else ", exact"
+    predicted = np.median([plan.predicted_error for plan in plans])
     row = (
-        f"| {label(name, parameters)} | {expected:.6g} W/sr{f' +- {error / expected:.2%}' if error else ', exact'} | {max(texts, key=texts.count)} | "
-        f"{inside} of {REPETITIONS} | {np.sqrt(np.mean(np.square(errors))):.3%} | {np.median([found.predicted_error for found in plans]):.2%} |"
+        f"| {label(name, parameters)} | {expected:.6g} W/sr{stated} "
+        f"| {max(texts, key=texts.count)} | {inside} of {REPETITIONS} "
+        f"| {np.sqrt(np.mean(np.square(errors))):.3%} | {predicted:.2%} |"
     )
     return row, inside
 
 
 def paid(name, parameters):
+    """Return a scene's row of the table of plans for each pixel."""
     parameters = parameters | ({"resolution": RESOLUTION[name]} if name in RESOLUTION else {})
     scene = mi_lcair.load(name, **parameters)
     start = time.perf_counter()
-    found = mi_lcair.plan(scene, PIXEL_TOLERANCE, each_pixel=True)
+    plan = mi_lcair.plan(scene, PIXEL_TOLERANCE, each_pixel=True)
     probes = time.perf_counter() - start
-    with found.applied(scene):
-        run = mi_lcair.render(scene, spp=found.spp, seed=1)
+    with plan.applied(scene):
+        run = mi_lcair.render(scene, spp=plan.spp, seed=1)
     with changed(scene, lobe="brdf", closure="none", ambient_temperature=None):
         full = mi_lcair.render(scene, tolerance=PIXEL_TOLERANCE, seed=1)
     return (
-        f"| {label(name, parameters)} | {short(found)} | {found.spp} | {probes:.1f} | {run.seconds:.1f} | {full.spp}{'' if full.reached else ' (not reached)'} | "
-        f"{full.seconds:.1f} | {full.seconds / (probes + run.seconds):.2f} |"
+        f"| {label(name, parameters)} | {short(plan)} | {plan.spp} | {probes:.1f} "
+        f"| {run.seconds:.1f} | {full.spp}{'' if full.reached else ' (not reached)'} "
+        f"| {full.seconds:.1f} | {full.seconds / (probes + run.seconds):.2f} |"
     )
 
 
 def main(page):
+    """Write the page."""
     import drjit as dr
     from tqdm import tqdm
 
@@ -161,9 +139,10 @@ def main(page):
         dr.flush_kernel_cache()
         paid_rows.append(paid(*case))
         print(paid_rows[-1], flush=True)
+    template = Path(__file__).with_name("plan.template.md").read_text(encoding="utf-8")
     with replacing(page) as partial:
         partial.write_text(
-            TEXT.format(
+            template.format(
                 tolerance=TOLERANCE,
                 pixel_tolerance=PIXEL_TOLERANCE,
                 repetitions=REPETITIONS,

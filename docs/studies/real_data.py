@@ -1,10 +1,12 @@
-"""The page docs/real_data.md: six measured surfaces, fitted; every number on it is computed here.
+"""Write the page docs/real_data.md on fits to six measured surfaces.
 
     python -m docs.studies.real_data DATA_FOLDER [PAGE]
 
-DATA_FOLDER holds <surface>.csv and <surface>_emissivity.csv; PAGE (default docs/real_data.md) is
-written, with its pictures in a folder of its name beside it. The text is real_data.template.md,
-whose {fields} are filled in.
+Each reflection model is fitted to the BRDF alone and jointly with the emissivity. So is `auto`,
+which chooses among all models. DATA_FOLDER contains <surface>.csv and <surface>_emissivity.csv. The
+script writes PAGE (default docs/real_data.md), and its pictures into a folder of the same name
+beside it. The text is real_data.template.md, whose {fields} are filled in. Every number on the page
+is computed here.
 """
 
 import sys
@@ -12,15 +14,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+
+from docs.studies.real_data_tables import LOSS_FORM, LOSS_MODEL, LOSS_WIDTH, tables
 from mi_lcair.fitting.estimation import Fit, emissivity_error, fit
 from mi_lcair.fitting.loss import SCALES
 from mi_lcair.fitting.model import Hemispherical
-from mi_lcair.fitting.parameters import NAMES, to_cube
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
 from mi_lcair.fitting.scatterometer.reading import read, read_directional
-
-from mi_lcair.physics.reflection.sandford_robertson import FORMS
-from mi_lcair.reports.fit_plot import coordinates, predicted, save_plot
+from mi_lcair.physics.reflection import MODELS
+from mi_lcair.reports.fit_plot import directional, predicted, save_plot
 
 TITLES = {
     "aluminium": "Aluminium",
@@ -30,19 +32,15 @@ TITLES = {
     "paint_smooth": "Paint, smooth",
     "steel_sandblasted": "Steel, sandblasted",
 }
-HALF_ANGLE_DEG = 0.909  # of the source, as the files state it in words
-MARKS = {
-    "determined": "",
-    "weakly": " ʷ",
-    "not": " ⁿ",
-    "at": " ᵇ",
-}  # by the first word of a verdict
+HALF_ANGLE_DEG = 0.909  # degrees, half-angle of the source as stated in the files' comments
 
 
 @dataclass
 class Surface:
-    """A surface with its fits: to the BRDF alone, jointly with the emissivity, and, on each scale,
-    to the BRDF alone: all of it and two halves, every second scan.
+    """A surface with its fits by one model.
+
+    alone: fit to the BRDF alone. joint: fit to BRDF and emissivity. by_loss: for each loss three
+    fits to the BRDF alone, of all scans and of two halves; a half has every second scan.
     """
 
     title: str
@@ -53,10 +51,8 @@ class Surface:
     by_loss: dict[str, tuple[Fit, Fit, Fit]]
 
     def emissivity_error(self, one: Fit, max_angle_deg: float = 80) -> float:
-        """Rms error of a fit's emissivity at the measured angles up to some angle."""
-        predicted = Hemispherical(self.emissivity.theta, "emissivity", one.form)(coordinates(one))[
-            0
-        ][0]
+        """Return the rms error of a fit's emissivity at the measured angles up to max_angle_deg."""
+        predicted = directional(one, "emissivity", self.emissivity.theta)
         return emissivity_error(self.emissivity, predicted, max_angle_deg)
 
     @property
@@ -67,13 +63,26 @@ class Surface:
     def joint_error_to_70(self) -> float:
         return self.emissivity_error(self.joint, 70)
 
+    def measured_emissivity(self, angle_deg: float) -> float:
+        data = self.emissivity
+        return float(np.interp(np.radians(angle_deg), data.theta, data.value))
+
+    @property
+    def peak_excess(self) -> float:
+        return self.mirror_excess(15, 70)
+
+    @property
+    def grazing_excess(self) -> float:
+        return self.mirror_excess(80, 80)
+
     @property
     def forms(self) -> dict[str, dict]:
-        """For each form: rms of the best fit to the BRDF alone, and the emissivity's error in the
-        best joint fit.
+        """Return for each form the rms of the best fit to the BRDF alone, and an emissivity error.
+
+        The error is that of the emissivity in the best joint fit.
         """
-        result = {}
-        for form in FORMS:
+        model, result = MODELS[self.alone.model], {}
+        for form in model.forms:
             alone, joint = (
                 next(
                     row
@@ -82,8 +91,8 @@ class Surface:
                 )
                 for one in (self.alone, self.joint)
             )
-            u = to_cube([joint["parameters"][name] for name in NAMES])[None]
-            predicted = Hemispherical(self.emissivity.theta, "emissivity", form)(u)[0][0]
+            u = model.to_cube([list(joint["parameters"].values())])
+            predicted = Hemispherical(model, form, self.emissivity.theta, "emissivity")(u)[0][0]
             result[form] = {
                 "rms_dex": alone["rms_dex"],
                 "error": emissivity_error(self.emissivity, predicted, 80),
@@ -91,16 +100,18 @@ class Surface:
         return result
 
     def spread_of_e(self, loss: str) -> float:
-        """By which factor the lobe widths of the two halves differ."""
-        widths = [one.parameters["e"] for one in self.by_loss[loss][1:]]
+        """Return the ratio of the lobe widths that are fitted to the two halves, at least 1."""
+        widths = [one.parameters[LOSS_WIDTH] for one in self.by_loss[loss][1:]]
         return max(widths) / min(widths)
 
     @property
     def isotropic_reflectance(self) -> float:
-        """Hemispherical reflectance if the lobe were as wide across the plane as in it, from the
-        scan at theta_r = 20 degrees: 2 pi int f cos(theta_i) sin(delta) d delta, delta the distance
-        from the mirror direction, both sides averaged. A lower limit: beyond the scan nothing is
-        counted.
+        """Return the hemispherical reflectance that a round lobe would have.
+
+        It is computed from the scan at theta_r = 20 degrees, as if the lobe were as wide across the
+        plane of incidence as in it: 2 pi int f cos(theta_i) sin(delta) d delta. Here delta is the
+        angle from the mirror direction, and both sides are averaged. The result is a lower limit,
+        because angles beyond the scan are not counted.
         """
         data = self.measurements
         scan = np.isclose(data.theta_r, np.radians(20))
@@ -111,8 +122,9 @@ class Surface:
         return float(2 * np.pi * np.trapezoid(radial, np.radians(distance)))
 
     def mirror_excess(self, lowest_deg: float, highest_deg: float) -> float:
-        """How many times brighter than the joint fit the mirror direction is: geometric mean over
-        theta_r in a range.
+        """Return the ratio of measured BRDF to joint fit in the mirror direction.
+
+        It is the geometric mean over theta_r from lowest_deg to highest_deg.
         """
         data, theta = self.measurements, np.degrees(self.measurements.theta_r)
         peak = (
@@ -125,7 +137,7 @@ class Surface:
 
     @property
     def median_excess(self) -> float:
-        """How many times brighter than the joint fit the median point is."""
+        """Return the median ratio of measured BRDF to joint fit."""
         data, used = self.measurements, self.joint.used_points
         return float(
             np.median(
@@ -134,24 +146,38 @@ class Surface:
         )
 
 
-def fit_surface(folder: Path, name: str) -> Surface:
+def load(folder: Path, name: str) -> tuple[Measurements, DirectionalData]:
+    """Read the BRDF and the emissivity of a surface."""
     measurements = replace(read(folder / f"{name}.csv"), name=TITLES[name])
-    emissivity = read_directional(folder / f"{name}_emissivity.csv", "emissivity")
-    observers = np.unique(measurements.theta_r)
-    parts = measurements, part(measurements, observers[0::2]), part(measurements, observers[1::2])
-    by_loss = {loss: tuple(fit(one, form="thesis", loss=loss) for one in parts) for loss in SCALES}
+    return measurements, read_directional(folder / f"{name}_emissivity.csv", "emissivity")
+
+
+def fit_surface(
+    measurements: Measurements, emissivity: DirectionalData, model: str, by_loss=None
+) -> Surface:
+    """Fit one model to a surface."""
     return Surface(
-        TITLES[name],
+        measurements.name,
         measurements,
         emissivity,
-        fit(measurements),
-        fit(measurements, emissivity=emissivity),
-        by_loss,
+        fit(measurements, model=model),
+        fit(measurements, model=model, emissivity=emissivity),
+        by_loss or {},
     )
 
 
+def fit_by_loss(measurements: Measurements) -> dict[str, tuple[Fit, Fit, Fit]]:
+    """Fit the BRDF with each loss: all scans, and two halves with every second scan."""
+    observers = np.unique(measurements.theta_r)
+    parts = measurements, part(measurements, observers[0::2]), part(measurements, observers[1::2])
+    return {
+        loss: tuple(fit(one, model=LOSS_MODEL, form=LOSS_FORM, loss=loss) for one in parts)
+        for loss in SCALES
+    }
+
+
 def part(measurements: Measurements, observers) -> Measurements:
-    """The scans at some theta_r alone."""
+    """Return the scans at the theta_r in `observers` [rad]."""
     rows = np.isin(measurements.theta_r, observers)
     return replace(
         measurements,
@@ -161,169 +187,56 @@ def part(measurements: Measurements, observers) -> Measurements:
     )
 
 
-def table(header, rows) -> str:
-    """A Markdown table."""
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
-
-
-def parameters(one: Fit) -> list[str]:
-    """The four parameters, to the first digit of their standard errors, with their verdicts' marks."""
-    cells = []
-    for name in NAMES:
-        value, error = one.parameters[name], one.standard_error[name]
-        digits = max(0, -int(np.floor(np.log10(max(error, 1e-12)))))
-        cells.append(
-            f"{value:.{digits}f} ± {error:.{digits}f}{MARKS[one.verdict[name].split()[0]]}"
-        )
-    return cells
-
-
-def form_of(one: Fit) -> str:
-    return one.form + (f", {one.restriction}" if one.restriction else "")
-
-
-def tables(surfaces: list[Surface]) -> dict[str, str]:
-    """The tables of the page, by the name of their field."""
-    columns = ["Surface", "Form", "ε", "ρ_d", "b", "e", "rms (decades)"]
-    losses = ("log", "cube_root", "linear")
-    return {
-        "alone_table": table(
-            [*columns, "Points", "Independent", "Error of emissivity"],
-            [
-                [
-                    one.title,
-                    form_of(one.alone),
-                    *parameters(one.alone),
-                    f"{one.alone.rms_dex:.4f}",
-                    str(one.alone.used),
-                    f"{one.alone.effective_points:.0f}",
-                    f"{one.alone_error:.3f}",
-                ]
-                for one in surfaces
-            ],
-        ),
-        "form_table": table(
-            [
-                "Surface",
-                "thesis: rms",
-                "normalized: rms",
-                "thesis: error of emissivity",
-                "normalized: error of emissivity",
-            ],
-            [
-                [
-                    one.title,
-                    *(f"{one.forms[form]['rms_dex']:.4f}" for form in FORMS),
-                    *(f"{one.forms[form]['error']:.3f}" for form in FORMS),
-                ]
-                for one in surfaces
-            ],
-        ),
-        "joint_table": table(
-            [*columns, "Change", "Error of emissivity", "Change"],
-            [
-                [
-                    one.title,
-                    form_of(one.joint),
-                    *parameters(one.joint),
-                    f"{one.joint.rms_dex:.4f}",
-                    f"{one.joint.rms_dex / one.alone.rms_dex - 1:+.0%}",
-                    f"{one.joint.emissivity_rms:.3f}",
-                    f"{one.joint.emissivity_rms / one.alone_error - 1:+.0%}",
-                ]
-                for one in surfaces
-            ],
-        ),
-        "loss_table": table(
-            ["Surface"]
-            + [
-                f"{loss.replace('_', ' ')}: {what}"
-                for what in ("rms (decades)", "e, halves")
-                for loss in losses
-            ],
-            [
-                [
-                    one.title,
-                    *(f"{one.by_loss[loss][0].rms_dex:.3f}" for loss in losses),
-                    *(f"× {one.spread_of_e(loss):.2f}" for loss in losses),
-                ]
-                for one in surfaces
-            ],
-        ),
-        "limits_table": table(
-            [
-                "Surface",
-                "Reflectance if isotropic",
-                "1 - measured emissivity",
-                "Mirror direction, 15-70°",
-                "Mirror direction, 80°",
-            ],
-            [
-                [
-                    one.title,
-                    f"{one.isotropic_reflectance:.2f}",
-                    f"{1 - np.interp(np.radians(20), one.emissivity.theta, one.emissivity.value):.2f}",
-                    f"× {one.mirror_excess(15, 70):.1f}",
-                    f"× {one.mirror_excess(80, 80):.1f}",
-                ]
-                for one in surfaces
-            ],
-        ),
-    }
-
-
 def numbers(surfaces: dict[str, Surface]) -> dict[str, float]:
-    """The single numbers in the page's text."""
+    """Return the numbers of the page's text that are in no table, name of the field -> number.
 
-    def emissivity(name, angle_deg):
-        data = surfaces[name].emissivity
-        return float(np.interp(np.radians(angle_deg), data.theta, data.value))
-
-    aluminium = surfaces["aluminium"]
+    surfaces: name -> surface with its fits by LOSS_MODEL.
+    """
     worst = {
         f"worst_{loss}": max(one.spread_of_e(loss) for one in surfaces.values()) for loss in SCALES
     }
     std = np.concatenate([one.emissivity.std for one in surfaces.values()])
+    aluminium, rough = surfaces["aluminium"], surfaces["paint_rough"]
+    with_aperture = {
+        name: fit(aluminium.measurements, model=name, source_half_angle_deg=HALF_ANGLE_DEG).rms_dex
+        for name in MODELS
+    }
     return {
         **worst,
+        "worst_log": worst["worst_log"] - 1,
         "least_std": std.min(),
         "largest_std": std.max(),
-        "copper_median": surfaces["copper"].median_excess,
-        "worst_log": worst["worst_log"] - 1,
         "smooth_paint_linear": 10 ** surfaces["paint_smooth"].by_loss["linear"][0].rms_dex,
-        "aluminium_peak": aluminium.mirror_excess(15, 70),
-        "aluminium_with_aperture": fit(
-            aluminium.measurements, form="thesis", source_half_angle_deg=HALF_ANGLE_DEG
-        ).rms_dex,
+        "aluminium_with_aperture": with_aperture,
         "half_angle_deg": HALF_ANGLE_DEG,
-        "aluminium_15": emissivity("aluminium", 15),
-        "aluminium_85": emissivity("aluminium", 85),
-        "aluminium_thesis_rms": aluminium.forms["thesis"]["rms_dex"],
-        "aluminium_thesis": aluminium.forms["thesis"]["error"],
-        "aluminium_normalized": aluminium.forms["normalized"]["error"],
-        "sandblasted_80": surfaces["aluminium_sandblasted"].mirror_excess(80, 80),
-        "paint_rough_80": surfaces["paint_rough"].mirror_excess(80, 80),
-        "paint_rough_emissivity_70": emissivity("paint_rough", 70),
-        "paint_rough_emissivity_80": emissivity("paint_rough", 80),
+        "aluminium_15": aluminium.measured_emissivity(15),
+        "aluminium_85": aluminium.measured_emissivity(85),
+        "aluminium_forms": aluminium.forms,
+        "paint_rough_70": rough.measured_emissivity(70),
+        "paint_rough_80": rough.measured_emissivity(80),
     }
 
 
 def main(folder: Path, page: Path) -> None:
+    """Fit all models to all surfaces and write the page and its pictures."""
     pictures = page.with_suffix("")
     pictures.mkdir(parents=True, exist_ok=True)
-    surfaces = {}
+    by_model, chosen = {name: {} for name in MODELS}, []
     for name in TITLES:
         print(name, file=sys.stderr)
-        surfaces[name] = one = fit_surface(folder, name)
+        brdf, emissivity = load(folder, name)
+        for model in MODELS:
+            by_loss = fit_by_loss(brdf) if model == LOSS_MODEL else None
+            by_model[model][name] = fit_surface(brdf, emissivity, model, by_loss)
+        chosen.append((fit(brdf), fit(brdf, emissivity=emissivity)))
+        joint = [surfaces[name].joint for surfaces in by_model.values()]
         save_plot(
-            pictures / f"{name}.png",
-            [(one.measurements, one.joint, {"emissivity": one.emissivity})],
+            pictures / f"{name}.png", [(brdf, one, {"emissivity": emissivity}) for one in joint]
         )
     template = Path(__file__).with_name("real_data.template.md").read_text(encoding="utf-8")
-    fields = (
-        surfaces | tables(list(surfaces.values())) | numbers(surfaces) | {"pictures": pictures.name}
-    )
+    rows = {model: list(surfaces.values()) for model, surfaces in by_model.items()}
+    fields = by_model | tables(rows, chosen) | numbers(by_model[LOSS_MODEL])
+    fields |= {"title": TITLES, "pictures": pictures.name}
     page.write_text(template.format(**fields), encoding="utf-8")
 
 

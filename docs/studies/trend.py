@@ -1,11 +1,11 @@
-"""How fast trends are: against as many separate signatures, and on a Dask cluster against this
-process.
+"""Measure the speed of `trend` against separate signatures, and on a Dask cluster.
 
     python -m docs.studies.trend
 
-The cylinder in its range, LWIR, 180 views of 64 x 64 pixels, each intensity to 1 %; then 900 views
-to 0.5 %, here and by two worker processes of one thread each. Each side runs once before, so that
-no kernel is compiled in what is timed; medians of ROUNDS alternating runs. A few minutes.
+The scene is the cylinder in its range, in LWIR. The first comparison has 180 views of 64 x 64
+pixels, each intensity to 1 %. The second has 900 views to 0.5 %, in this process and by two worker
+processes of one thread each. Everything runs once before it is timed, so that kernels are compiled.
+Times are medians of ROUNDS alternating runs. The script takes a few minutes.
 """
 
 import time
@@ -16,18 +16,21 @@ from distributed import LocalCluster
 
 import mi_lcair
 
-ROUNDS = 5
+ROUNDS = 5  # number of timed runs of each variant
 AZIMUTHS = np.arange(0, 360, 2.0)
 ELEVATIONS = (-10.0, 0.0, 10.0, 20.0, 30.0)
-SIGNATURE_SPP = 2  # the fewest that tell an error: it is below 1 % already
+# The least number of paths per pixel that gives a standard error, which is below 1 % already.
+SIGNATURE_SPP = 2
 
 
 def together(scene):
+    """Render all views by one trend; return their relative standard errors."""
     result = mi_lcair.trend(scene, AZIMUTHS)
     return result.columns["standard_error_W_sr"] / result.columns["intensity_W_sr"]
 
 
 def apart(views=AZIMUTHS):
+    """Render each view by a signature of its own; return their relative standard errors."""
     errors = []
     for azimuth in views:
         scene = mi_lcair.load("cylinder_ir_range", resolution=64, azimuth_deg=azimuth)
@@ -37,10 +40,12 @@ def apart(views=AZIMUTHS):
 
 
 def many(scene, dask=None):
+    """Render 900 views by one trend, in this process or on a Dask cluster."""
     return mi_lcair.trend(scene, AZIMUTHS, ELEVATIONS, tolerance=0.005, batch=60, dask=dask)
 
 
 def timed(function, *args):
+    """Return the seconds that a call takes, and its result."""
     start = time.perf_counter()
     result = function(*args)
     return time.perf_counter() - start, result
@@ -51,16 +56,18 @@ def main():
     first, _ = timed(together, scene)
     apart(AZIMUTHS[:2])
     rounds = [(*timed(together, scene), *timed(apart)) for _ in range(ROUNDS)]
-    one, errors, other, other_errors = zip(*rounds)
+    trend_times, trend_errors, signature_times, signature_errors = zip(*rounds)
+    ratios = [b / a for a, b in zip(trend_times, signature_times)]
     print(
-        f"180 views together: {median(one):.2f} s ({first:.2f} s at first, with its compiles), largest error {max(map(max, errors)):.2%}"
+        f"180 views together: {median(trend_times):.2f} s "
+        f"({first:.2f} s at first, with its compiles), "
+        f"largest error {max(map(max, trend_errors)):.2%}"
     )
     print(
-        f"180 signatures apart: {median(other):.2f} s, largest error {max(map(max, other_errors)):.2%}"
+        f"180 signatures apart: {median(signature_times):.2f} s, "
+        f"largest error {max(map(max, signature_errors)):.2%}"
     )
-    print(
-        f"ratio {median(b / a for a, b in zip(one, other)):.1f} (smallest {min(b / a for a, b in zip(one, other)):.1f})"
-    )
+    print(f"ratio {median(ratios):.1f} (smallest {min(ratios):.1f})")
 
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
         address = cluster.scheduler_address
@@ -68,7 +75,8 @@ def main():
         same = all(np.array_equal(here.columns[name], there.columns[name]) for name in here.columns)
         rounds = [(timed(many, scene)[0], timed(many, scene, address)[0]) for _ in range(ROUNDS)]
     print(
-        f"900 views here: {median(a for a, _ in rounds):.2f} s; by two workers: {median(b for _, b in rounds):.2f} s; "
+        f"900 views here: {median(a for a, _ in rounds):.2f} s; "
+        f"by two workers: {median(b for _, b in rounds):.2f} s; "
         f"speed {median(a / b for a, b in rounds):.2f} of the local one; the same numbers: {same}"
     )
 

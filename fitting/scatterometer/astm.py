@@ -4,9 +4,8 @@ columns, comma rows.
 
 import re
 
-from mi_lcair.fitting.scatterometer.table import Table, lines_of, set_key, shown, split
-
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, shown
+from mi_lcair.table import Table, lines_of, set_key, split
 
 VARS = re.compile(r"^VARS\b", re.MULTILINE)
 

@@ -5,17 +5,19 @@ Whatever a file leaves open is asked, not guessed. How it was understood is kept
 `Measurements.reading`.
 """
 
+import hashlib
 import re
 from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
+
+from mi_lcair.errors import InputError, shown, unknown
+from mi_lcair.files import read_bytes, read_text
 from mi_lcair.fitting.scatterometer.astm import is_astm, parse_astm
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
-from mi_lcair.fitting.scatterometer.table import SEPARATORS, Table, parse_csv, read_text, shown
-
-from mi_lcair.errors import InputError, unknown
 from mi_lcair.physics.directional_table import read_directional_table
+from mi_lcair.table import SEPARATORS, Table, parse_csv
 
 # what an angle is: the names that files have for it, without unit; this project's own comes first
 ANGLES = {
@@ -61,7 +63,9 @@ def read(path, quantity: str | None = None, theta_r_positive: str | None = None)
     ):
         if value is not None and value not in known:
             raise unknown(option, value, known)
-    text, sha256 = read_text(path)
+    text = read_text(path)
+    if not text.strip():
+        raise InputError(f"{path}: the file is empty")
     table = (parse_astm if is_astm(text) else parse_csv)(str(path), text)
     for key, (_, line) in table.header.items():
         if key not in KEYS and (near := get_close_matches(key, KEYS, 1, 0.7)):
@@ -98,7 +102,7 @@ def read(path, quantity: str | None = None, theta_r_positive: str | None = None)
         *points,
         band_um=_band(table),
         source_half_angle=np.radians(_half_angle_deg(table)),
-        source=[{"file": path.name, "sha256": sha256}],
+        source=[identity(path)],
         dropped={why: n for why, n in dropped.items() if n},
         name=table.header.get("sample", table.header.get("sample_name", (path.stem, 0)))[0],
         reading={
@@ -118,7 +122,12 @@ def read_directional(path, quantity: str) -> DirectionalData:
     """
     path = Path(path)
     table = read_directional_table(path, quantity)
-    return DirectionalData(*table, quantity, [{"file": path.name, "sha256": read_text(path)[1]}])
+    return DirectionalData(*table, quantity, [identity(path)])
+
+
+def identity(path: Path) -> dict[str, str]:
+    """The name of a file and the SHA-256 of its bytes."""
+    return {"file": path.name, "sha256": hashlib.sha256(read_bytes(path)).hexdigest()}
 
 
 def pool(theta_i, theta_r, brdf, sigma=None):

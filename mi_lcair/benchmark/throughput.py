@@ -1,6 +1,4 @@
-"""How fast `bounce_path` with `sandford_robertson` is beside Mitsuba's own integrators, and beside
-bare ray intersection.
-"""
+"""Speed of `bounce_path` beside Mitsuba's own integrators and beside ray intersection alone."""
 
 import time
 from dataclasses import dataclass
@@ -15,13 +13,17 @@ from mi_lcair.physics.materials import material
 from mi_lcair.progress import stepper
 from mi_lcair.rendering.views import film
 
-NEVER = 1000  # Russian roulette would shorten the stock integrators' paths
+# `rr_depth` of the stock integrators. It is so deep that Russian roulette never ends a path.
+NEVER = 1000
 
 
 @dataclass(frozen=True)
 class Row:
-    """One contestant: medians of paths/s and rays/s, the ratio to what it is measured against, and
-    the compile time.
+    """Speed of one contestant.
+
+    The speeds are medians over the repetitions. `ratio` is the speed relative to the contestant
+    named in `against`, or None where `against` is empty. `compile_seconds` is the time of the first
+    run less the median of the later ones.
     """
 
     name: str
@@ -34,7 +36,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Throughput:
-    """The table, and the conditions it was measured under."""
+    """The table of speeds and the conditions under which it was measured."""
 
     rows: list[Row]
     bounces: int
@@ -46,13 +48,32 @@ class Throughput:
 def measure(
     bounces: int = 5, spp: int = 64, resolution: int = 128, repeats: int = 7, progress=None
 ) -> Throughput:
-    """Renders the furnace's geometry with ours and with stock Mitsuba, in turn in one process;
-    medians after the compile.
+    """Measure the speed of `bounce_path` and of Mitsuba's own integrators in the furnace.
 
-    Ours and stock trace the same geometry, bounces and samples: `sandford_robertson` (bare
-    aluminum, MWIR) and `thermal` against `roughconductor` (GGX, alpha = e) and `area`. Ratios are
-    speeds, ours / theirs; the last row is the rate at which the same scene answers random rays when
-    nothing else is computed.
+    All contestants run in turn in one process. They trace the same geometry with the same number of
+    bounces and samples. `bounce_path` uses `material` (bare aluminum, MWIR) and `thermal`. The
+    stock integrators use `roughconductor` (GGX with the width of the lobe) and `area`. Speeds are
+    medians after the compile. Ratios are those of speeds, ours / theirs. The last row compares
+    `bounce_path` with the rate at which the same scene answers random rays, when nothing else is
+    computed.
+
+    Parameters
+    ----------
+    bounces
+        Reflections after which a path ends.
+    spp
+        Paths per pixel.
+    resolution
+        Pixels along each side of the image.
+    repeats
+        Timed runs of each contestant, after one run that compiles.
+    progress
+        Function of (steps done, steps in total), called after each run.
+
+    Returns
+    -------
+    Throughput
+        One row for each contestant, and one for `bounce_path` against ray intersection alone.
     """
 
     def ours(**options):
@@ -125,7 +146,7 @@ def measure(
 
 
 def timed(run, seed: int) -> float:
-    """Seconds of one run, until its result is there."""
+    """Seconds of one run, from its start until its result has been computed."""
     dr.sync_thread()
     start = time.perf_counter()
     dr.eval(run(seed))
@@ -134,6 +155,7 @@ def timed(run, seed: int) -> float:
 
 
 def observes(loaded, spp: int, split: str | None):
+    """Return a function of the seed that renders without an image, with or without channels."""
     integrator, sensor = loaded.integrator(), loaded.sensors()[0]
     width, height = sensor.film().crop_size()
 
@@ -146,8 +168,9 @@ def observes(loaded, spp: int, split: str | None):
 
 @dr.syntax
 def intersect(loaded, paths: int, rays: int, seed: int):
-    """Closest hits of random rays from random points of the room: `rays` in turn for each of
-    `paths` lanes.
+    """Count the hits of random rays from random points of the room.
+
+    Each of the `paths` lanes traces `rays` rays, one after the other.
     """
     random = mi.PCG32(size=paths, initstate=seed)
     hits, k = mi.UInt32(0), mi.UInt32(0)
@@ -167,14 +190,18 @@ def intersect(loaded, paths: int, rays: int, seed: int):
 
 
 def furnace(integrator: dict, thermal: bool, resolution: int):
-    """The furnace's geometry and camera with our plugins or with Mitsuba's."""
+    """Return the furnace's geometry and camera with this project's plugins or with Mitsuba's own.
+
+    thermal: True for `material` and `thermal`, False for `roughconductor` and `area`.
+    """
     T = mi.ScalarTransform4f
     metal = material("bare_aluminum", band("MWIR"))
+    width = float(metal.model.lobe_width(metal.surface())[0])
     grey = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.2}}
     body = (
-        {"type": "sandford_robertson", "material": "bare_aluminum", "band": "MWIR"}
+        {"type": "material", "material": "bare_aluminum", "band": "MWIR"}
         if thermal
-        else {"type": "roughconductor", "distribution": "ggx", "alpha": metal.e}
+        else {"type": "roughconductor", "distribution": "ggx", "alpha": width}
     )
     emitter = (
         {"type": "thermal", "band": "MWIR", "temperature": 300.0}

@@ -12,7 +12,8 @@ import sys
 import click
 
 import mi_lcair
-from mi_lcair.errors import InputError, mitsuba_error, unknown
+from mi_lcair.cli.output import warnings_as_notes
+from mi_lcair.errors import InputError, mitsuba_error, printable, unknown
 
 COMMANDS = {
     name: name
@@ -52,12 +53,13 @@ class Main(click.Group):
         ends quietly.)
         """
         try:
-            status = super().main(args, prog_name, standalone_mode=False, **extra) or 0
+            with warnings_as_notes():
+                status = super().main(args, prog_name, standalone_mode=False, **extra) or 0
         except (Exception, KeyboardInterrupt) as error:
             if os.environ.get("MI_LCAIR_DEBUG"):
                 raise
             status, message = _verdict(error)
-            click.echo(f"mi-lcair: {' '.join(message.split())}", err=True)
+            click.echo(f"mi-lcair: {printable(message)}", err=True)
         sys.exit(status)
 
 

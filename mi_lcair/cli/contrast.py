@@ -1,6 +1,5 @@
 """mi-lcair contrast: a scenario's target as a sensor measures it."""
 
-import warnings
 from pathlib import Path
 
 import click
@@ -13,7 +12,7 @@ from mi_lcair.cli.options import (
     progress_bar,
     renderer_options,
 )
-from mi_lcair.cli.output import check_outputs, print_columns, print_json, print_written
+from mi_lcair.cli.output import check_outputs, note, print_columns, print_json, print_written
 from mi_lcair.errors import InputError
 
 TERMS = ("target", "background", "path", "total", "nei_max")
@@ -54,11 +53,10 @@ def command(scenario, changes, ranges, plot, variant, threads, json):
         )
 
     prepare_renderer(variant, threads)
-    with warnings.catch_warnings(record=True) as warned, progress_bar() as progress:
-        warnings.simplefilter("always")
+    with progress_bar() as progress:
         result = mi_lcair.contrast(asked, progress=progress)
-    for remark in [*(str(warning.message) for warning in warned), *result.remarks]:
-        click.echo(f"mi-lcair: note: {remark}", err=True)
+    for remark in result.remarks:
+        note(remark)
     found = result.detection_ranges() if ranges else []
     if plot:
         from mi_lcair.reports.contrast_plot import save_plot

@@ -1,4 +1,4 @@
-"""mi-lcair fit: Sandford-Robertson parameters from scatterometer files."""
+"""mi-lcair fit: a reflection model's parameters from scatterometer files."""
 
 from contextlib import ExitStack, contextmanager
 from itertools import zip_longest
@@ -11,6 +11,33 @@ from mi_lcair.cli.output import print_columns, print_json
 from mi_lcair.errors import InputError
 
 FILE = click.Path(path_type=Path)
+
+
+class Known(click.ParamType):
+    """A choice whose names are looked up when the option is used: models load Dr.Jit."""
+
+    name = "known"
+
+    def __init__(self, names):
+        self.names = names
+
+    def get_metavar(self, param, ctx):
+        return f"[{'|'.join(self.names())}]"
+
+    def convert(self, value, param, ctx):
+        return click.Choice(self.names()).convert(value, param, ctx)
+
+
+def model_names() -> list[str]:
+    from mi_lcair.physics.reflection import MODELS
+
+    return ["auto", *MODELS]
+
+
+def form_names() -> list[str]:
+    from mi_lcair.physics.reflection import MODELS
+
+    return ["auto", *dict.fromkeys(form for model in MODELS.values() for form in model.forms)]
 
 
 @click.command("fit")
@@ -42,11 +69,18 @@ FILE = click.Path(path_type=Path)
     help="The side on which theta_r is positive (default: as the file says).",
 )
 @click.option(
-    "--form",
-    type=click.Choice(["auto", "thesis", "normalized"]),
+    "--model",
+    type=Known(model_names),
     default="auto",
     show_default=True,
-    help="Form of the model.",
+    help="Reflection model; auto takes the simplest that the data ask for.",
+)
+@click.option(
+    "--form",
+    type=Known(form_names),
+    default="auto",
+    show_default=True,
+    help="Form of the model, where it has several.",
 )
 @click.option(
     "--loss",
@@ -87,7 +121,7 @@ FILE = click.Path(path_type=Path)
 )
 @json_option
 def command(files, output, plot, emissivities, dhrs, quantity, theta_r_positive, json, **settings):
-    """Fit the Sandford-Robertson model to measured BRDFs.
+    """Fit a reflection model to measured BRDFs.
 
     DATA are CSV or ASTM E1392/E2387 files with in-plane measurements of one surface, one file for
     each band. The output is a material for scenes, and says how well each parameter is known.
@@ -151,8 +185,8 @@ def _beside(files, emissivities, dhrs):
     for option, given in (("--emissivity", emissivities), ("--dhr", dhrs)):
         if len(given) not in (0, len(files)):
             raise InputError(
-                f"{option} is given {len(given)} times for {len(files)} data files; give it once for each, in "
-                f"their order"
+                f"{option} is given {len(given)} times for {len(files)} data files; "
+                f"give it once for each, in their order"
             )
     return [
         {"emissivity": emissivity, "dhr": dhr}
@@ -176,7 +210,6 @@ def _progress_bar():
 
 def _print_tables(measurements, fits):
     """What was fitted and how well, a column for each file; then the parameters, a row for each."""
-    from mi_lcair.fitting.parameters import NAMES
     from mi_lcair.fitting.report import band_name
 
     bands = [band_name(data) for data in measurements]
@@ -190,12 +223,12 @@ def _print_tables(measurements, fits):
         (
             band,
             name,
-            f"{fit.parameters[name]:.5g}",
+            f"{value:.5g}",
             f"{fit.standard_error[name]:.2g}",
             fit.verdict[name],
         )
         for band, fit in zip(bands, fits)
-        for name in NAMES
+        for name, value in fit.parameters.items()
     ]
     rows.insert(0, ("band (um)", "parameter", "value", "standard error", "verdict"))
     print_columns(row if several else row[1:] for row in rows)
@@ -211,7 +244,7 @@ def _summary(data, fit, band):
         "band",
         f"{band} um" if band else "unknown: scenes need it, '# band_um: 3 5' in the data states it",
     )
-    yield "model", f"{fit.form} form" + (f" with {fit.restriction}" if fit.restriction else "")
+    yield "model", _model(fit)
     yield "points used", str(fit.used)
     yield "left out", dropped or "none"
     yield "rms", f"{fit.rms_dex:.4f} decades"
@@ -222,8 +255,17 @@ def _summary(data, fit, band):
     yield (
         "minimum",
         (
-            f"{'converged' if fit.converged else 'NOT converged'}, relative gradient {fit.gradient_norm:.1e}; "
+            f"{'converged' if fit.converged else 'NOT converged'}, "
+            f"relative gradient {fit.gradient_norm:.1e}; "
             f"{fit.starts_in_basin:.0%} of the starts reached it"
         ),
     )
     yield "time", f"{fit.seconds:.2f} s, of which {fit.compile_seconds:.2f} s to compile"
+
+
+def _model(fit):
+    """The chosen model, with its form where it has several, and its restriction."""
+    from mi_lcair.physics.reflection import MODELS
+
+    form = f", {fit.form} form" if len(MODELS[fit.model].forms) > 1 else ""
+    return fit.model + form + (f" with {fit.restriction}" if fit.restriction else "")

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from mi_lcair.cli.options import json_option
-from mi_lcair.cli.output import print_columns, print_json
+from mi_lcair.cli.output import note, print_columns, print_json
 
 FILE = click.Path(path_type=Path)
 COLD = 200.0  # kelvin; rare enough on a surface to be worth a remark
@@ -64,7 +64,7 @@ def command(file, output, check, temperatures, material, materials, scale, sky, 
         [str(path) for path in facets.export(model, output, materials, sky)] if output else []
     )
     for remark in _remarks(result):
-        click.echo(f"mi-lcair: note: {remark}", err=True)
+        note(remark)
     if json:
         print_json(result)
     else:
@@ -79,6 +79,14 @@ def _remarks(result):
             f"{result['inward']} model facet{'s face' if result['inward'] > 1 else ' faces'} inward; the back of a facet "
             "neither emits nor reflects"
         )
+    for key, how in (("back_to_back", "back to back"), ("one_on_the_other", "one on the other")):
+        if result[key]["count"]:
+            a, b = result[key]["first"]
+            others = f" ({result[key]['count'] - 1} more pairs)" if result[key]["count"] > 1 else ""
+            yield (
+                f"facets {a} and {b} lie {how} in one plane{others}; which of them is seen is left "
+                "to rounding"
+            )
 
 
 def _print_table(result, output):

@@ -9,6 +9,7 @@ from functools import wraps
 import click
 
 import mi_lcair
+from mi_lcair.cli.output import note
 from mi_lcair.errors import InputError
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
@@ -60,7 +61,7 @@ class SceneOptions:
         prepare_renderer(self.variant, self.threads)
         scene = mi_lcair.load(self.scene, **self.parameters)
         for remark in scene.remarks if own_sensors else scene.notes:
-            click.echo(f"mi-lcair: note: {remark}", err=True)
+            note(remark)
         return scene
 
 

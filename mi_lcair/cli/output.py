@@ -1,16 +1,20 @@
 """How commands print results on stdout: aligned columns for people, JSON for machines."""
 
 import json
+import logging
+import sys
+import warnings
+from contextlib import contextmanager
 
 import click
 
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, escaped, printable
 from mi_lcair.files import check_writable
 
 
 def print_columns(rows) -> None:
     """Print rows of strings, each column as wide as its widest cell."""
-    rows = [[str(cell) for cell in row] for row in rows]
+    rows = [[escaped(cell) for cell in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*rows)]
     for row in rows:
         click.echo("  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip())
@@ -30,7 +34,37 @@ def check_outputs(*outputs) -> None:
 def print_written(*paths) -> None:
     """Say on stderr which of these files there are now; None: not asked for."""
     for path in filter(None, paths):
-        click.echo(f"wrote {path}", err=True)
+        click.echo(f"wrote {printable(path)}", err=True)
+
+
+def note(text: object) -> None:
+    """Say on stderr, in one line, what a user should know beside the results."""
+    line = f"mi-lcair: note: {printable(text)}"
+    if "tqdm" in sys.modules:
+        sys.modules["tqdm"].tqdm.write(line, file=sys.stderr)  # moves a progress bar aside
+    else:
+        click.echo(line, err=True)
+
+
+class Notes(logging.Handler):
+    """Makes a note of each log message."""
+
+    def emit(self, record):
+        note(record.getMessage())
+
+
+@contextmanager
+def warnings_as_notes():
+    """Within the block Python's warnings and the warnings in logs appear as notes."""
+    handler = Notes(logging.WARNING)
+    logging.getLogger().addHandler(handler)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("default", UserWarning)
+            warnings.showwarning = lambda message, *_, **__: note(message)
+            yield
+    finally:
+        logging.getLogger().removeHandler(handler)
 
 
 def print_json(data) -> None:

@@ -29,18 +29,19 @@ def image(what, output, channels, log):
 
 def facet_columns(what, output, facets, channels, log, parameters, sensor):
     """A scene with its facets coloured by columns of a table."""
-    from mi_lcair.reports.facet_picture import facet_images, read_table
+    from mi_lcair.rendering.facet_image import FACET, facet_images
     from mi_lcair.reports.image_picture import column_quantity, save_picture
+    from mi_lcair.table import read_table
 
-    table = read_table(facets)
+    table = read_table(facets, (FACET,))
     if not channels:
-        raise InputError(f"{facets}: say which column with -c; it has {', '.join(table)}")
-    chosen = choose(f"column of {facets}", table, channels)
+        raise InputError(f"{facets}: say which column with -c; it has {', '.join(table.columns)}")
+    chosen = choose(f"column of {facets}", table.columns, channels)
     output = output or facets.with_suffix(".png")
     check_writable(output)
     scene = mi_lcair.load(what, **dict(parameters))
     save_picture(
-        output, facet_images(scene, facets, table, chosen, sensor), scene.name, log, column_quantity
+        output, facet_images(scene, table, chosen, sensor), scene.name, log, column_quantity
     )
     click.echo(output)
 
@@ -107,7 +108,8 @@ def brdf(what, output, band, theta_deg):
         )
     if band is None:
         raise InputError(f"material '{what}': give its --band, such as MWIR")
-    from mi_lcair.reports.brdf_view import brdf_view, save_plot
+    from mi_lcair.physics.brdf_view import brdf_view
+    from mi_lcair.reports.brdf_plot import save_plot
 
     view = brdf_view(what, band, theta_deg)
     output = output or Path(f"{Path(what).stem}_{view.band.name}_{theta_deg:g}deg.png")

@@ -41,7 +41,7 @@ def rows(found):
     yield (
         "lobes",
         ", ".join(f"{material or 'unnamed'}: {lobe}" for material, lobe in found.lobe.items())
-        or "no Sandford-Robertson material",
+        or "no material with a fidelity ladder",
     )
     yield "reflections", f"{found.max_bounces}, closure {found.closure}"
     yield "emitter sampling", "on" if found.emitter_sampling else "off"

@@ -41,10 +41,12 @@ def command(options, spectrum, plot, facets):
         mi_lcair.signature, each_pixel=False, by_spectrum=bool(spectrum), facets=bool(facets)
     )
     if spectrum:
-        from mi_lcair.signatures.spectral_intensity import save_plot, write
+        from mi_lcair.signatures.spectral_intensity import write
 
         write(spectrum, result.effective_areas, options.scene)
         if plot:
+            from mi_lcair.reports.spectrum_plot import save_plot
+
             save_plot(plot, result.effective_areas, options.scene)
     if facets:
         result.facets.write(facets)

@@ -7,7 +7,7 @@ import click
 
 import mi_lcair
 from mi_lcair.cli.options import POSITIVE, Fraction, loading_options, progress_bar
-from mi_lcair.cli.output import check_outputs, print_columns, print_json, print_written
+from mi_lcair.cli.output import check_outputs, note, print_columns, print_json, print_written
 
 MOST_ANGLES = 100_000
 
@@ -143,15 +143,12 @@ def command(options, azimuth, elevation, output, plot, **settings):
             ]
         )
     if result.missed:
-        click.echo(
-            f"mi-lcair: note: {result.missed} of {len(result.columns['spp'])} views did not reach the tolerance; raise --max-spp",
-            err=True,
+        note(
+            f"{result.missed} of {len(result.columns['spp'])} views did not reach the tolerance; "
+            "raise --max-spp"
         )
     if result.columns["invalid"].any():
-        click.echo(
-            "mi-lcair: note: some samples were NaN or infinite and count as 0; see column invalid",
-            err=True,
-        )
+        note("some samples were NaN or infinite and count as 0; see column invalid")
     print_written(output, plot)
 
 

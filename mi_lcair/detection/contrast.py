@@ -19,7 +19,8 @@ from mi_lcair.physics.atmosphere import Atmosphere, LineOfSight, atmosphere
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.detector import Detector
 from mi_lcair.physics.spectrum import has_elevations, spectrum
-from mi_lcair.rendering.scene import Scene, declared_parameters, find, load
+from mi_lcair.rendering.scene import Scene, find, load
+from mi_lcair.rendering.scene_files import survey
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.views import Target, View, hidden_share, seen_from
 from mi_lcair.signatures.signature import signature
@@ -221,7 +222,7 @@ def backdrop(scenario: Scenario, detector: Detector) -> Backdrop:
 def target_scene(scenario: Scenario, detector: Detector) -> Scene:
     """The scene as the scenario wants it, in a band that holds the detector's."""
     parameters, source = scenario.scene_parameters(), scenario.target.scene
-    if "band" in declared_parameters(find(source), parameters):
+    if "band" in survey(find(source), parameters):
         parameters["band"] = scenario.sensor.band
     scene = load(source, **parameters)
     wanted, has = detector.band, scene.band
@@ -231,7 +232,7 @@ def target_scene(scenario: Scenario, detector: Detector) -> Scene:
         )
     if scenario.render.lobe is not None and not scene.surfaces():
         raise InputError(
-            f"{scene.name} has no Sandford-Robertson material to set a lobe of; leave lobe out"
+            f"{scene.name} has no material with a fidelity ladder to set a lobe of; leave lobe out"
         )
     return scene
 

@@ -46,7 +46,7 @@ def fragment(name: str, labels: dict, has_materials: bool, sky: str | None) -> s
 def _material(name, material, has_materials):
     own = '        <string name="materials" value="materials.toml"/>\n' if has_materials else ""
     return f"""
-    <bsdf type="sandford_robertson" id={quoteattr(f"{name}_{material}")}>
+    <bsdf type="material" id={quoteattr(f"{name}_{material}")}>
         <string name="material" value={quoteattr(material)}/>
 {own}        <string name="band" value="$band"/>
         <string name="lobe" value="$lobe"/>

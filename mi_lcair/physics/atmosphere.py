@@ -2,6 +2,7 @@
 wavelength.
 """
 
+import os
 import warnings
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,6 +15,7 @@ from mi_lcair.physics import tape7
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.spectral_table import spectral_table
 from mi_lcair.physics.spectrum import BUNDLED
+from mi_lcair.table import LARGEST
 
 VACUUM = "vacuum"
 RANGE, TRANSMITTANCE, PATH_RADIANCE = "range_km", "transmittance", "path_radiance_W_m2_sr_um"
@@ -249,7 +251,7 @@ def atmosphere(source, ranges_m=None) -> Atmosphere:
     path = Path(source)
     if str(source) in atmosphere_names():
         path = BUNDLED / f"path_{source}.csv"
-    elif not path.suffix and not path.exists():
+    elif not path.suffix and not os.path.exists(path):
         raise unknown("atmosphere", str(source), [*atmosphere_names(), "a file"])
     elif tape7.is_tape7(path):
         return _from_tape7(str(source), path, ranges_m)
@@ -263,7 +265,7 @@ def atmosphere(source, ranges_m=None) -> Atmosphere:
 
 
 def _from_csv(name, path) -> Atmosphere:
-    columns = (TRANSMITTANCE, 1.0), (PATH_RADIANCE, np.inf)
+    columns = (TRANSMITTANCE, 1.0), (PATH_RADIANCE, LARGEST)
     table = spectral_table(path, "atmosphere", columns, key=RANGE)
     if table.keys[0] == 0:
         raise InputError(

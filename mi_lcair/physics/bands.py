@@ -11,11 +11,15 @@ from pathlib import Path
 import numpy as np
 
 from mi_lcair.errors import InputError, unknown
+from mi_lcair.physics.spectral_table import LONGEST_UM, SHORTEST_UM, spectral_table
+from mi_lcair.table import LARGEST
 
 LIMITS_UM = {"SWIR": (1.0, 3.0), "MWIR": (3.0, 5.0), "LWIR": (8.0, 12.0)}
-SHORTEST_UM, LONGEST_UM = 0.1, 1000.0
-CSV_HEADER = "wavelength_um,response"
-GAP_UM = 0.1  # rows of a table further apart than this leave out what lies between them
+SMALLEST_RESPONSE = 1e-12  # of a detector at its best wavelength, in whatever unit
+# Rows of a table further apart than this leave out what lies between them. Steps of exactly 0.1 um
+# differ from it by the rounding of decimal fractions.
+GAP_UM = 0.1
+WIDEST_UM = GAP_UM * (1 + 1e-9)
 MOST_PARTS = 4  # of a table with gaps that a message lists
 
 
@@ -92,9 +96,9 @@ class Band:
             np.searchsorted(x, self.lower_um, side="right") - 1,
             np.searchsorted(x, self.upper_um),
         )
-        if first >= 0 and last < len(x) and np.diff(x[first : last + 1]).max() <= GAP_UM:
+        if first >= 0 and last < len(x) and np.diff(x[first : last + 1]).max() <= WIDEST_UM:
             return
-        parts = np.split(x, np.flatnonzero(np.diff(x) > GAP_UM) + 1)
+        parts = np.split(x, np.flatnonzero(np.diff(x) > WIDEST_UM) + 1)
         covered = ", ".join(f"{part[0]:.6g}-{part[-1]:.6g}" for part in parts[:MOST_PARTS]) + (
             ", ..." if len(parts) > MOST_PARTS else ""
         )
@@ -131,7 +135,7 @@ def band(spec: str | Path | Band) -> Band:
     number = r"([+-]?\d*\.?\d+(?:e[+-]?\d+)?|[+-]?\d+\.)"
     if limits := re.fullmatch(rf"{number}\s*-\s*{number}", text, re.IGNORECASE):
         return _from_limits(text, float(limits[1]), float(limits[2]))
-    if isinstance(spec, Path) or text.lower().endswith(".csv") or os.path.isfile(text):
+    if isinstance(spec, Path) or text.lower().endswith(".csv") or os.path.exists(text):
         return _from_response(Path(text))
     raise unknown(
         "band", text, [*LIMITS_UM, "total", "limits in um such as 3.5-4.2", "a .csv file"]
@@ -160,6 +164,7 @@ def _from_limits(text, lower, upper):
 # Quadrature
 
 _legendre = cache(np.polynomial.legendre.leggauss)
+MOST_AT_ONCE = 4096  # nodes of a response that are thinned together: memory
 PANEL_RATIO = 3.0  # the widest panel, as upper / lower limit
 
 
@@ -179,13 +184,29 @@ def _gauss(lower, upper):
     return np.concatenate(nodes), np.concatenate(weights)
 
 
+def _gauss_between(wavelengths):
+    """The nodes and weights of `_gauss` between each two neighbours of rising wavelengths (um)."""
+    lower, upper = wavelengths[:-1], wavelengths[1:]
+    wide = upper > PANEL_RATIO * lower
+    rules = [_gauss(a, b) for a, b in zip(lower[wide], upper[wide])]
+    counts = _node_count(lower, upper)
+    for count in np.unique(counts[~wide]):  # intervals of as many nodes at once
+        chosen = ~wide & (counts == count)
+        a, width = lower[chosen, None], (upper - lower)[chosen, None]
+        x, w = _legendre(int(count))
+        rules.append(((a + width * (x + 1) / 2).ravel(), (width * w / 2).ravel()))
+    nodes, weights = (np.concatenate(part) for part in zip(*rules))
+    order = np.argsort(nodes)
+    return nodes[order], weights[order]
+
+
 def _node_count(lower, upper):
     """How many Gauss nodes a panel needs: Planck's law falls off within it by up to e^(2 s), s from
     Float64's smallest number, and a layer of relative width 1/s at the end takes a number of nodes
     that grows as sqrt(s).
     """
     s = 350 * (1 - lower / upper)
-    return 4 + int(np.ceil(4 * np.sqrt(s)))
+    return 4 + np.ceil(4 * np.sqrt(s)).astype(int)
 
 
 def _gauss_of_measure(nodes, weights, count):
@@ -222,13 +243,9 @@ def _from_response(path):
     first, last = max(used[0] - 1, 0), min(used[-1] + 2, len(response))
     wavelengths, response = wavelengths[first:last], response[first:last]
 
-    nodes, weights = [], []
-    for a, b in zip(wavelengths[:-1], wavelengths[1:]):
-        x, w = _gauss(a, b)
-        w = w * np.interp(x, wavelengths, response)
-        nodes.append(x[w > 0])
-        weights.append(w[w > 0])
-    nodes, weights = np.concatenate(nodes), np.concatenate(weights)
+    nodes, weights = _gauss_between(wavelengths)
+    weights = weights * np.interp(nodes, wavelengths, response)
+    nodes, weights = nodes[weights > 0], weights[weights > 0]
     return _band(
         path.stem,
         *_thinned(nodes, weights),
@@ -243,55 +260,26 @@ def _thinned(nodes, weights):
     than MWIR.
     """
     panel = np.floor(np.log(nodes / nodes[0]) / np.log(PANEL_RATIO))
-    rules = []
-    for p in np.unique(panel):
-        x, w = nodes[panel == p], weights[panel == p]
-        count = _node_count(x[0], x[-1])
-        rules.append(_gauss_of_measure(x, w, count) if count < len(x) else (x, w))
+    rules = [_thinned_panel(nodes[panel == p], weights[panel == p]) for p in np.unique(panel)]
     return (np.concatenate(part) for part in zip(*rules))
 
 
-def _read_response(path):
-    """Wavelengths (um, rising) and responses of a CSV file; lines that start with # and empty lines
-    are skipped.
+def _thinned_panel(x, w):
+    """The Gauss rule of a panel's nodes, piece by piece where they are many: the rule of a piece
+    is exact for what is smooth within it, so that the rule of all pieces is the same.
     """
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except OSError as error:
-        raise InputError(f"band file {path}: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise InputError(f"band file {path}: not a text file") from None
-    lines = [
-        (n, line.strip())
-        for n, line in enumerate(lines, 1)
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
-    if not lines or lines[0][1].replace(" ", "") != CSV_HEADER:
-        found = f"line {lines[0][0]} is '{lines[0][1][:60]}'" if lines else "it is empty"
-        raise InputError(f"band file {path}: {found}; the header must be '{CSV_HEADER}'")
+    if len(x) > MOST_AT_ONCE:
+        pieces = range(0, len(x), MOST_AT_ONCE)
+        rules = [_thinned_panel(*(part[k : k + MOST_AT_ONCE] for part in (x, w))) for k in pieces]
+        x, w = (np.concatenate(part) for part in zip(*rules))
+        return _thinned_panel(x, w)
+    count = _node_count(x[0], x[-1])
+    return _gauss_of_measure(x, w, count) if count < len(x) else (x, w)
 
-    rows = []
-    for n, line in lines[1:]:
-        try:
-            wavelength, response = (float(field) for field in line.split(","))
-        except ValueError:
-            raise InputError(
-                f"band file {path}, line {n}: '{line[:60]}'; must be two numbers"
-            ) from None
-        if not SHORTEST_UM <= wavelength <= LONGEST_UM:
-            raise InputError(
-                f"band file {path}, line {n}: wavelength {wavelength:g}; "
-                f"must be within {SHORTEST_UM:g} to {LONGEST_UM:g} um"
-            )
-        if not 0 <= response < np.inf:
-            raise InputError(
-                f"band file {path}, line {n}: response {response:g}; must be 0 or more"
-            )
-        if rows and wavelength <= rows[-1][0]:
-            raise InputError(
-                f"band file {path}, line {n}: wavelength {wavelength:g} after {rows[-1][0]:g}; must rise"
-            )
-        rows.append((wavelength, response))
-    if len(rows) < 2 or not any(response for _, response in rows):
-        raise InputError(f"band file {path}: needs two rows or more and a response above 0")
-    return np.array(rows).T
+
+def _read_response(path):
+    """Wavelengths (um, rising) and responses of a CSV file `wavelength_um,response`."""
+    table = spectral_table(path, "band file", (("response", LARGEST),))
+    if not table.columns[0].max() >= SMALLEST_RESPONSE:
+        raise InputError(f"band file {path}: needs a response above 0")
+    return table.wavelengths_um, table.columns[0]

@@ -2,11 +2,15 @@
 `theta_deg,dhr[,dhr_std]`.
 """
 
-from pathlib import Path
+import warnings
 
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.table import read_table
+
+SMALLEST_STD = 1e-6  # no instrument is better; the square of its inverse stays finite
+FARTHEST_DEG = 15.0  # from a measured angle to any other one, without a remark
 
 
 def read_directional_table(
@@ -16,47 +20,41 @@ def read_directional_table(
     measured table.
 
     quantity: the name of the value's column; its standard deviation is `<quantity>_std`. Lines that
-    start with # are comments. InputError for a missing file or column, a cell that is no number, a
-    value outside 0..1, a standard deviation that is not positive, an angle outside 0..90, or an
-    angle given twice.
+    start with # are comments. InputError for a missing file or column, a row with more or fewer
+    cells than the header, a cell that is no number, a value outside 0..1, a standard deviation that
+    is not positive, an angle outside 0..90, or an angle given twice.
     """
-    path = Path(path)
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
+    table = read_table(path, ("theta_deg", quantity))
+    std = f"{quantity}_std"
+    columns = table.numbers(
+        [name for name in ("theta_deg", quantity, std) if name in table.columns]
+    )
+    theta, value = columns["theta_deg"], columns[quantity]
+    table.check_range("theta_deg", theta, 0, 90)
+    table.check_range(quantity, value, 0, 1)
+    if std in columns:
+        table.check_range(std, columns[std], SMALLEST_STD, 1)
+    order = np.argsort(theta, kind="stable")
+    repeated = order[1:][np.diff(theta[order]) == 0]
+    if repeated.size:
+        row = repeated.min()
         raise InputError(
-            f"{path}: cannot be read as a text file ({error.__class__.__name__})"
-        ) from None
-    rows = [
-        (number, line.split(","))
-        for number, line in enumerate(lines, 1)
-        if line.strip() and not line.startswith("#")
-    ]
-    columns = [cell.strip() for cell in rows[0][1]] if rows else []
-    if "theta_deg" not in columns or quantity not in columns:
-        raise InputError(
-            f"{path}: the header must name theta_deg and {quantity}; found: {', '.join(columns) or 'nothing'}"
+            f"{path}, line {table.rows[row][0]}: theta_deg {theta[row]:g} appears twice"
         )
-    names = ["theta_deg", quantity] + [name for name in columns if name == f"{quantity}_std"]
-    table = {}
-    for number, cells in rows[1:]:
-        try:
-            theta, value, *std = (float(cells[columns.index(name)]) for name in names)
-        except (ValueError, IndexError):
-            raise InputError(
-                f"{path}, line {number}: {' and '.join(names)} must be numbers"
-            ) from None
-        if not (0 <= theta <= 90 and 0 <= value <= 1):
-            raise InputError(
-                f"{path}, line {number}: theta_deg must lie in 0..90 and {quantity} in 0..1"
-            )
-        if std and not 0 < std[0] < np.inf:
-            raise InputError(f"{path}, line {number}: {names[2]} must be positive")
-        if theta in table:
-            raise InputError(f"{path}, line {number}: theta_deg {theta:g} appears twice")
-        table[theta] = value, *std
-    if not table:
-        raise InputError(f"{path}: no rows; expected theta_deg,{quantity}")
-    angles = sorted(table)
-    value, *std = np.array([table[angle] for angle in angles]).T
-    return np.radians(angles), value, std[0] if std else None
+    return np.radians(theta[order]), value[order], columns[std][order] if std in columns else None
+
+
+def over_the_hemisphere(path, theta: np.ndarray, values: np.ndarray, nodes: np.ndarray):
+    """Values of a measured table at the angles `nodes` [radians] from 0 to pi/2: straight lines
+    between its angles, and the nearest value outside them.
+
+    A Python warning says so where the table ends more than FARTHEST_DEG from 0 or 90 degrees.
+    """
+    first, last = np.degrees(theta[[0, -1]])
+    if first > FARTHEST_DEG or 90 - last > FARTHEST_DEG:
+        measured = f"{first:g}..{last:g} degrees" if last > first else f"{first:g} degrees alone"
+        warnings.warn(
+            f"{path}: measured at {measured}; its nearest value is taken at the other angles of 0..90",
+            stacklevel=2,
+        )
+    return np.interp(nodes, theta, values)

@@ -1,35 +1,50 @@
-"""Named materials: Sandford-Robertson parameters, band by band, with their source."""
+"""Named materials: a reflection model and its parameters, band by band, with their source."""
 
 import json
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mi_lcair.errors import InputError, unknown
+from mi_lcair.files import read_text
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 
+if TYPE_CHECKING:  # the models load Dr.Jit, and names of materials are read without it
+    from mi_lcair.physics.reflection import ReflectionModel
+
 BUILT_IN = Path(__file__).with_name("materials.toml")
-NUMBERS = ("epsilon", "rho_d", "b", "e")
 EVERY_BAND = "any"
 
 
 @dataclass(frozen=True)
 class Material:
-    """Sandford-Robertson parameters of a surface (dimensionless; e is the lobe's width) in one
-    band, "any" = all.
+    """A surface in one band ("any": all): its reflection model, the parameters by name, and the form
+    of the model.
     """
 
     name: str
     band: str
-    epsilon: float
-    rho_d: float
-    b: float
-    e: float
+    model: "ReflectionModel"
+    parameters: dict[str, float]
+    form: str
     source: str
-    form: str = "thesis"
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """The parameters in the model's order."""
+        return tuple(self.parameters[name] for name in self.model.names)
+
+    def surface(self):
+        """What the model's functions take, in Float64. InputError for numbers that no surface can have."""
+        self.model.check_form(self.form)
+        self.model.check_feasible(*self.values, form=self.form)
+        from drjit.llvm.ad import Float64
+
+        return self.model.surface(*map(Float64, self.values), form=self.form)
 
 
 def material(
@@ -121,50 +136,53 @@ def _fitted(name, report):
                 f"{name}: key '{key}' is missing or no {'table' if kind is dict else 'string'}; "
                 f"a fit has parameters, form and band"
             )
-    return _entry(
-        f"{name}: parameters",
-        name,
-        report["band"],
-        {**report["parameters"], "form": report["form"]},
-        name,
-    )
+    keys = {**report["parameters"], "form": report["form"]}
+    if "model" in report:
+        keys["model"] = report["model"]
+    return _entry(f"{name}: parameters", name, report["band"], keys, name)
 
 
 def _entry(where, name, band, keys, file):
     """A checked Material. Whether the numbers are possible together is for the reflection model to
     say.
     """
+    from mi_lcair.physics import reflection
+
     where = f"{where}, band '{band}'"
     try:
         if band != EVERY_BAND:
             band_of(band)
+        model = reflection.model(keys["model"]) if "model" in keys else reflection.DEFAULT
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
-    allowed = (*NUMBERS, "form", "source")
+    allowed = (*model.names, "model", "form", "source")
     for key, value in keys.items():
         if key not in allowed:
             raise InputError(f"{where}: {unknown('key', key, allowed)}")
-        if key in NUMBERS and (type(value) not in (int, float) or not np.isfinite(value)):
+        if key in model.names and (type(value) not in (int, float) or not np.isfinite(value)):
             raise InputError(f"{where}: {key} = {value!r}; must be a number")
-        if key not in NUMBERS and not isinstance(value, str):
+        if key not in model.names and not isinstance(value, str):
             raise InputError(f"{where}: {key} = {value!r}; must be a string")
-    missing = [key for key in NUMBERS if key not in keys]
+    missing = [key for key in model.names if key not in keys]
     if missing:
         raise InputError(f"{where}: lacks {', '.join(missing)}")
-    numbers = {key: float(keys[key]) for key in NUMBERS}
     return Material(
-        name, band, source=keys.get("source", file), form=keys.get("form", "thesis"), **numbers
+        name,
+        band,
+        model,
+        {key: float(keys[key]) for key in model.names},
+        form=keys.get("form", model.forms[0]),
+        source=keys.get("source", file),
     )
 
 
 def _read(path, parse):
     """The table in a TOML or JSON file."""
+    text = read_text(path, f"materials file {path}")
     try:
-        table = parse(Path(path).read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise InputError(f"materials file {path}: {error.strerror}") from None
-    except ValueError as error:  # of the encoding, of TOML, of JSON
-        raise InputError(f"materials file {path}: {' '.join(str(error).split())}") from None
+        table = parse(text)
+    except (ValueError, RecursionError) as error:  # of TOML, of JSON
+        raise InputError(f"materials file {path}: {error}") from None
     if not isinstance(table, dict):
         raise InputError(f"materials file {path}: must be a table of keys")
     return table

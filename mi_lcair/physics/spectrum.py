@@ -2,6 +2,7 @@
 tables.
 """
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from mi_lcair.errors import InputError, unknown
 from mi_lcair.physics import tape7
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.spectral_table import spectral_table
+from mi_lcair.table import LARGEST
 
 BUNDLED = Path(__file__).with_name("lowtran7")
 RADIANCE, ELEVATION = "radiance_W_m2_sr_um", "elevation_deg"
@@ -79,7 +81,7 @@ def _read(source):
     path = Path(source)
     if str(source) in sky_names():
         path = BUNDLED / f"sky_{source}.csv"
-    elif not path.suffix and not path.exists():
+    elif not path.suffix and not os.path.exists(path):
         raise unknown("sky table", str(source), sky_names())
     if tape7.is_tape7(path):
         blocks = tape7.blocks(path)
@@ -89,5 +91,5 @@ def _read(source):
             )
         block = tape7.joined(path, blocks)
         return path, None, block.wavelengths_um, block.total_radiance
-    table = spectral_table(path, "spectrum", ((RADIANCE, np.inf),), key=ELEVATION, keyless=True)
+    table = spectral_table(path, "spectrum", ((RADIANCE, LARGEST),), key=ELEVATION, keyless=True)
     return path, table.keys, table.wavelengths_um, table.columns[0]

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, shown
+from mi_lcair.files import read_text
 
 END = "-9999."
 FREQUENCY, TRANSMITTANCE, THERMAL, SOLAR, TOTAL = (
@@ -22,6 +23,17 @@ FREQUENCY, TRANSMITTANCE, THERMAL, SOLAR, TOTAL = (
     "SOL_SCAT",
     "TOTAL_RAD",
 )
+# Names of MODTRAN 6, and those of two words that older versions write, each with ours.
+ALIASES = {
+    "THRML_EM": THERMAL,
+    "MULT_SCAT": SOLAR,
+    **{name.replace("_", " "): name for name in (TRANSMITTANCE, THERMAL, SOLAR, TOTAL)},
+    **{name.replace("_", " "): name for name in ("THRML_SCT", "SING_SCAT", "GRND_RFLT")},
+    "SURF EMIS": "SURF_EMIS",
+}
+PARTS = ("THRML_SCT", "SING_SCAT", "SURF_EMIS", "GRND_RFLT")  # may be absent or blank
+LARGEST = 1e12  # of any number in the file
+FIRST_WORD = re.compile(rf"^[ \t]*{FREQUENCY}(?=\s|$)", re.MULTILINE)
 NEEDED = (FREQUENCY, TRANSMITTANCE, THERMAL, TOTAL)
 TO_SPACE = 3  # of ITYPE
 RADIANCE_MODES = (1, 2)  # of IEMSCT: thermal radiance, without and with scattered sunlight
@@ -59,17 +71,17 @@ def is_tape7(path: Path) -> bool:
     does.
     """
     try:
-        with open(path, encoding="utf-8") as file:
-            return any(line.split(maxsplit=1)[:1] == [FREQUENCY] for line in file)
-    except (OSError, UnicodeDecodeError):
-        return False
+        text = read_text(path)
+    except InputError:
+        return False  # whoever reads the file says what is wrong
+    return FIRST_WORD.search(text) is not None
 
 
 def blocks(path: Path) -> list[Block]:
     """All blocks of a file, in its order. Raises InputError, with the line, for what holds no
     radiance or is incomplete.
     """
-    lines = path.read_text(encoding="utf-8").splitlines()
+    lines = read_text(path, f"tape7 {path}").splitlines()
     found, start = [], 0
     for n, line in enumerate(lines):
         if line.split() == [END]:
@@ -126,37 +138,44 @@ def _block(path, lines, start, end) -> Block:
     )  # W cm^-2 sr^-1/cm^-1 to W m^-2 sr^-1 um^-1: 1e4 cm^2/m^2 times nu^2/1e4 cm^-1/um
     cards_3 = [card for line in lines[start:header] if (card := CARD_3.fullmatch(line))]
     length = float(cards_3[-1]["range"]) if cards_3 else 0.0
-    sunlight = np.nan_to_num(table.get(SOLAR, np.zeros(len(frequency))))  # blank without sunlight
     return Block(
         header + 1,
         int(card_1["type"]) == TO_SPACE,
         1000 * length if length > 0 else None,
         1e4 / frequency[::-1],
         table[TRANSMITTANCE][::-1],
-        (table[THERMAL] + sunlight)[::-1] * per_um,
+        _path_radiance(table)[::-1] * per_um,
         table[TOTAL][::-1] * per_um,
     )
 
 
+def _path_radiance(table) -> np.ndarray:
+    """What the path emits and scatters: thermal radiance and sunlight, each with its scattered part.
+
+    The first versions print the two with these parts included, so that TOTAL_RAD is the sum of the
+    two and what the surface sends. Where it is nearer to a sum that adds the parts, they are added.
+    """
+    column = {name: np.nan_to_num(table.get(name, 0.0)) for name in (SOLAR, *PARTS)}  # 0 for blanks
+    path = table[THERMAL] + column[SOLAR]
+    scattered = column["THRML_SCT"] + column["SING_SCAT"]
+    missing = table[TOTAL] - path - column["SURF_EMIS"] - column["GRND_RFLT"]
+    return path + scattered if abs(missing - scattered).sum() < abs(missing).sum() else path
+
+
 def _columns(path, lines, header, end) -> dict[str, np.ndarray]:
     """The columns by name, over rising wavenumber, in the file's units; NaN for blanks."""
-    # Older versions write TOT TRANS for TOT_TRANS; both names have the same width.
-    spaced = re.compile(
-        "|".join(name.replace("_", " ") for name in (TRANSMITTANCE, THERMAL, SOLAR, TOTAL))
-    )
-    names = list(
-        re.finditer(r"\S+", spaced.sub(lambda name: name[0].replace(" ", "_"), lines[header]))
-    )
-    absent = [name for name in NEEDED if name not in {match[0] for match in names}]
+    words = re.finditer("|".join([*ALIASES, r"\S+"]), lines[header])
+    names = [(ALIASES.get(word[0], word[0]), word.end()) for word in words]
+    absent = [name for name in NEEDED if name not in dict(names)]
     if absent:
         raise InputError(
             f"tape7 {path}, line {header + 1}: has no column {absent[0]}; MODTRAN's columns in thermal-radiance mode are needed"
         )
     wanted, start = {}, 0
-    for name in names:
-        if name[0] in (*NEEDED, SOLAR):
-            wanted[name[0]] = slice(start, name.end())
-        start = name.end()
+    for name, stop in names:
+        if name in (*NEEDED, SOLAR, *PARTS):
+            wanted[name] = slice(start, stop)
+        start = stop
     rows = [(n, line) for n, line in enumerate(lines[header + 1 : end], header + 2) if line.strip()]
     table = {
         name: np.array([_number(path, n, name, line[place]) for n, line in rows])
@@ -177,6 +196,7 @@ def _columns(path, lines, header, end) -> dict[str, np.ndarray]:
         ),
         ((table[THERMAL] >= 0) & (table[TOTAL] >= 0), f"{THERMAL} and {TOTAL} must be 0 or more"),
         (~(table.get(SOLAR, frequency) < 0), f"{SOLAR} must be 0 or more"),
+        *((~(abs(values) > LARGEST), f"{name} must be finite") for name, values in table.items()),
     ):
         if not allowed.all():
             raise InputError(f"tape7 {path}, line {rows[int(np.argmin(allowed))][0]}: {must}")
@@ -195,5 +215,5 @@ def _number(path, line, name, text) -> float:
         return float(re.sub(r"(?<=\d)([+-]\d{3})$", r"E\1", text))
     except ValueError:
         raise InputError(
-            f"tape7 {path}, line {line}: '{text.strip()}' below {name}; each number must end where its column's name ends"
+            f"tape7 {path}, line {line}: {shown(text.strip())} below {name}; each number must end where its column's name ends"
         ) from None

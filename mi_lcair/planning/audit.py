@@ -15,8 +15,8 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.derivatives import children
 from mi_lcair.plugins.emissivity import emissivity_of
+from mi_lcair.plugins.reflection_bsdf import reflection_layers
 from mi_lcair.plugins.triangles import pointer_id
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.scene import Scene
@@ -289,14 +289,13 @@ def kinds(scene: Scene, table: FacetTable) -> np.ndarray:
         facets = table.shape_index == index
         if facets.any():
             name, bsdf = table.material[facets][0], shape.bsdf()
-            surface = next(
-                (layer for layer in (bsdf, *children(bsdf)) if hasattr(layer, "set_lobe")), None
-            )
+            surface = next(iter(reflection_layers(bsdf)), None)
             made = (
                 pointer_id(mi.BSDFPtr(bsdf))
                 if surface is None
                 else (
-                    *(float(source[0]) for source in surface.sources()),
+                    surface.model.name,
+                    *surface.values,
                     surface.form,
                     surface.emissivity,
                     surface.lobe,

@@ -4,8 +4,9 @@ from cheap probes.
 Full fidelity is the whole BRDF of every material and reflections without end. A plan leaves out
 what the probes show not to matter: it may take a material as a mirror or as diffuse, follow fewer
 reflections, continue them geometrically (closure `tail`), and draw emitters or not. Everything
-stated holds with 95 % confidence, as far as the probes can see. Where a source is so bright that
-one path of all might bring it unannounced, they look again with emitters drawn.
+stated holds with 95 % confidence, as far as the probes can see. A source may be so bright that one
+path more might have met it and changed the mean. Then the probes draw emitters, trace more paths,
+and refuse the plan if neither settles it.
 """
 
 import time
@@ -14,8 +15,10 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.physics.reflection.interface import Rung
 from mi_lcair.planning.probe import BATCHES, T_95, Probe, Settings, probe
 from mi_lcair.plugins.channels import MAX_BOUNCE_CHANNELS
+from mi_lcair.rendering.render import check_bounded
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.window import window_area
 
@@ -24,20 +27,19 @@ LOBE_SHARE, BOUNCE_SHARE = (
     0.35,
     0.15,
 )  # of the tolerance that simpler lobes and fewer bounces may use; noise has the rest
-NARROW = 0.2  # lobe width e above which a mirror is not tried
-NEGLIGIBLE = 1e-6  # reflectance of a part that cannot matter
 WORTHWHILE = 0.8  # a change is made if it costs less than this share
 CONFIDENCE = 2.24  # standard errors, 97.5 %: what the probes do not know of the noise comes on top
 FEW_BATCHES = 2.03  # upper bound (97.5 %) of a standard deviation from BATCHES values
 LARGEST_RATIO = 0.999  # of successive bounces: beyond it noise decides what is left
 LEAST_SPP = 2  # one sample per pixel has no standard error
+MOST_PATHS = 16  # of a probe, in those of the shortest one
 
 
 @dataclass(frozen=True)
 class Plan:
     """Settings for a scene, and what they are predicted to cost.
 
-    lobe: rung for each Sandford-Robertson material. predicted_error: fraction of the mean radiance,
+    lobe: rung for each material with a ladder. predicted_error: fraction of the mean radiance,
     95 %: of the intensity of the target, or rms over the pixels. predicted_seconds: of the run
     alone, compiled; probe_seconds: of finding the plan. left_out: what the plan leaves out and how
     much that is estimated to matter, one line each.
@@ -98,12 +100,14 @@ def plan(
         max_bounces=min(max(own.max_bounces, PROBED_BOUNCES), MOST_BOUNCES),
         emitter_sampling=own.emitter_sampling,
     )
-    done = 0
+    with scene.prepared() as tracer:
+        check_bounded(tracer.emitters, scene.name)
+    done, factor = 0, 1
 
     def look(settings):
         nonlocal done
         done += 1
-        found = probe(scene, settings, each_pixel, seed, sensor)
+        found = probe(scene, settings, each_pixel, seed, sensor, factor)
         if progress:
             progress(done, done + 2)
         return found
@@ -116,11 +120,24 @@ def plan(
             f"something that radiates in band {scene.band.label}"
         )
     drawn = own.emitter_sampling
-    if reference.brightest / (reference.paths * mean) > BOUNCE_SHARE * tolerance:
+    if reference.may_lack > BOUNCE_SHARE * tolerance:
         second = look(replace(full, emitter_sampling=True))
-        if differ(second, reference, BOUNCE_SHARE * tolerance):  # paths alone had missed a source
+        # paths alone have missed a source, or cannot tell
+        if second.may_lack < reference.may_lack or differ(
+            second, reference, BOUNCE_SHARE * tolerance
+        ):
             full, reference, drawn = replace(full, emitter_sampling=True), second, True
-            mean = reference.value.mean()
+    while reference.may_lack > BOUNCE_SHARE * tolerance:
+        needed = factor * reference.may_lack / (BOUNCE_SHARE * tolerance)
+        if needed > MOST_PATHS:
+            raise InputError(
+                f"{scene.name}: no plan for {tolerance:.2%}: a source of up to {reference.chance:.3g} W m^-2 sr^-1 is met "
+                f"by chance alone, and to rule out one that matters takes {needed / factor * reference.paths:.2g} paths; "
+                "allow a larger tolerance, or set --spp yourself"
+            )
+        factor = int(np.ceil(1.2 * needed))
+        reference = look(full)
+    mean = reference.value.mean()
 
     # ------------------------ Lobes ------------------------
     lobe, lobe_error, shown, left_out = simpler_lobes(
@@ -160,7 +177,7 @@ def plan(
     # ----------------------- Samples -----------------------
     pixels = int(np.prod(scene.sensor(sensor).film().crop_size()))
     deviation, left = upper(found.deviation) / mean, tolerance - bias
-    missed = found.brightest / mean  # what a source that one path of all meets brings to that path
+    missed = found.chance / mean  # what a source that no other path has met brings to one path
     if closure == "tail" and not each_pixel:
         deviation = max(deviation, FEW_BATCHES * found.between / mean)
     if each_pixel:  # deviation^2 / spp + missed^2 / (spp^2 pixels) = tolerance^2 - bias^2
@@ -202,43 +219,33 @@ def simpler_lobes(scene, full: Settings, reference: Probe, budget: float, each_p
     them all, what is left out).
     """
     lobe, error, left_out, shown = dict(full.lobe), 0.0, [], reference
-    for material, (rung, exact) in candidates(scene).items():
-        tried = lobe | {material: rung}
-        if exact:
+    for material, rung in candidates(scene).items():
+        tried = lobe | {material: rung.lobe}
+        if rung.exact:
             lobe = tried
             continue
         found = look(replace(full, lobe=tried))
         bound = difference(found, reference, each_pixel)
         if bound <= budget:  # against the reference: it bounds what all changes so far do together
             left_out.append(
-                f"the BRDF of {material or 'an unnamed material'}, taken as {rung}: with what came before at most {bound:.2g} of the mean"
+                f"the BRDF of {material or 'an unnamed material'}, taken as {rung.lobe}: with what came before at most {bound:.2g} of the mean"
             )
             lobe, error, shown = tried, bound, found
     return lobe, error, shown, left_out
 
 
-def candidates(scene: Scene) -> dict[str, tuple[str, bool]]:
-    """For each material that may have one, a lower rung and whether it is exact; surfaces of one
-    name share it, or have none.
+def candidates(scene: Scene) -> dict[str, Rung]:
+    """For each material that may have one, a lower rung of the fidelity ladder; surfaces of one name
+    share it, or have none.
     """
     rungs = {}
     for surface in scene.surfaces():
-        S, sharp = surface.surface, float(surface.e[0]) <= NARROW
-        lobe = (
-            1 - float(surface.epsilon[0]) - float(surface.rho_d[0])
-        )  # what is left for the lobe at normal incidence
-        floor = float(S.floor[0]) * float(S.G[0])
-        if lobe <= NEGLIGIBLE and float(surface.b[0]) <= NEGLIGIBLE:
-            rung = ("diffuse", True)
-        elif sharp:
-            rung = ("mirror", False)
-        else:
-            rung = ("diffuse", False) if floor > NEGLIGIBLE else None
+        rung = surface.model.lower_rung(*surface.values, form=surface.form)
         rungs.setdefault(surface.material, []).append(rung)
     found = {}
     for material, each in rungs.items():
-        if None not in each and len({rung for rung, _ in each}) == 1:
-            found[material] = (each[0][0], all(exact for _, exact in each))
+        if None not in each and len({rung.lobe for rung in each}) == 1:
+            found[material] = Rung(each[0].lobe, exact=all(rung.exact for rung in each))
     return found
 
 

@@ -23,7 +23,7 @@ T_95 = 2.365  # Student's factor for 95 % and BATCHES - 1 degrees of freedom
 
 @dataclass(frozen=True)
 class Settings:
-    """What a plan may change: the lobe of each Sandford-Robertson material, and how paths are
+    """What a plan may change: the rung of each material with a ladder, and how paths are
     followed.
     """
 
@@ -55,8 +55,8 @@ class Probe:
     (`each_pixel`). deviation: of one sample, rms over the pixels, by batch. between: the same from
     the scatter of the batches' means, which also shows the noise that all samples of a batch share,
     that of the tail's ratio. cost: of a path, counted, see `cost`; seconds: per path, after the
-    compile, for the prediction alone. brightest: radiance of a source
-    that paths may have missed; 0 where emitters are drawn.
+    compile, for the prediction alone. chance: bound of what one path may gain from a source that no
+    other has met.
     """
 
     by_bounce: np.ndarray
@@ -65,27 +65,39 @@ class Probe:
     cost: float
     seconds: float
     paths: int
-    brightest: float
+    chance: float
 
     @property
     def value(self) -> np.ndarray:
         """(BATCHES, pixels), all bounces."""
         return self.by_bounce.sum(axis=1)
 
+    @property
+    def may_lack(self) -> float:
+        """What a source that no path has met may add to the mean, as a fraction of it."""
+        return self.chance / (self.paths * self.value.mean())
+
 
 def probe(
-    scene: Scene, settings: Settings, each_pixel: bool, seed: int = 0, sensor: int = 0
+    scene: Scene,
+    settings: Settings,
+    each_pixel: bool,
+    seed: int = 0,
+    sensor: int = 0,
+    factor: int = 1,
 ) -> Probe:
+    """Renders some pixels of a scene BATCHES times, with `factor` times PATHS paths each."""
     camera = scene.sensor(sensor)
     width, height = camera.film().crop_size()
     stride = max(1, width * height // PIXELS)
     stride += stride > 1 and width % stride == 0  # otherwise all pixels would lie in a few columns
     pixels = -(-width * height // stride)
-    spp = max(2, PATHS // pixels // 2 * 2)  # even: in two halves
+    spp = max(2, factor * PATHS // pixels // 2 * 2)  # even: in two halves
     seeds = np.random.SeedSequence(seed).generate_state(BATCHES).tolist()
     prefix = "" if each_pixel else "target."
     looks, deviation, means, segments, times = [], [], [], [], []
     with settings.applied(scene), scene.prepared() as tracer:
+        chance = tracer.chance_contribution(camera)
         for batch in range(BATCHES):
             start = time.perf_counter()
             part = tracer.observe(
@@ -97,23 +109,23 @@ def probe(
             deviation.append(scatter(part, each_pixel, spp))
             means.append(part.channels["target"].mean())
             segments.append(part.channels["segments"].mean())
-        brightest = tracer.emitters.brightest
+            chance = max(chance, part.chance)
     return Probe(
         by_bounce=np.array(looks),
         deviation=np.array(deviation),
         between=float(np.std(means, ddof=1) * np.sqrt(pixels * spp)),
-        cost=cost(float(np.mean(segments)), settings.emitter_sampling),
+        cost=cost(float(np.mean(segments)), tracer.emitters.draws),
         seconds=float(np.median(times[1:])) / (pixels * spp),
         paths=BATCHES * pixels * spp,
-        brightest=brightest,
+        chance=chance,
     )
 
 
-def cost(segments: float, emitter_sampling: bool) -> float:
+def cost(segments: float, draws_emitters: bool) -> float:
     """Of a path of so many rays, in rays. It is counted, not timed: the load of a machine must not
     decide what is chosen. At each reflection emitter sampling costs EMITTER_SAMPLE more.
     """
-    return segments + (EMITTER_SAMPLE * max(segments - 1, 0) if emitter_sampling else 0.0)
+    return segments + (EMITTER_SAMPLE * max(segments - 1, 0) if draws_emitters else 0.0)
 
 
 def scatter(part, each_pixel: bool, spp: int) -> float:

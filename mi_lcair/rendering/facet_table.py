@@ -23,8 +23,8 @@ class FacetTable:
     other as they appear in the scene. A number that no triangle of a model carries has no area.
 
     shape_index: of the scene's shapes (-1: no triangle); type: "model", "sky" or "terrain"; group:
-    the emitter's label, or "other"; material: name of the Sandford-Robertson material, or else the
-    BSDF's class; temperature [K], NaN if the facet has none of its own; area [m^2]; normal and
+    the emitter's label, or "other"; material: name of the material, or else
+    the BSDF's class; temperature [K], NaN if the facet has none of its own; area [m^2]; normal and
     centre (of area) [m], (count, 3), NaN for what is no mesh. triangles: corners of all triangles
     [m], (T, 3, 3), anticlockwise about the normal; triangle_facet (T,). Raises InputError for
     facets that are not numbered soundly or that have several temperatures.

@@ -8,7 +8,8 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.bounce_path import Samples
 from mi_lcair.plugins.channels import sums
-from mi_lcair.rendering.render import DEFAULT_MAX_SPP, PASS_SAMPLES, check_tolerance, growth
+from mi_lcair.rendering.limits import check_memory, check_paths
+from mi_lcair.rendering.render import DEFAULT_MAX_SPP, PASS_SAMPLES, check_reachable, growth
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import Target, View, cameras, check_resolution
 
@@ -24,8 +25,8 @@ class ManyViews:
 
     Names: target (all that the model sends), bounce.N, closure, group.LABEL as in
     `plugins.channels`, and hit: the model's projected area [m^2]. spp: samples per pixel; error:
-    standard error of the target's intensity with what a source met by one path of all may add
-    [W/sr], (V,); invalid: NaN or infinite samples, which count as 0.
+    standard error of the target's intensity, including what one path may gain from a source that
+    no other has met [W/sr], (V,); invalid: NaN or infinite samples, which count as 0.
     """
 
     parts: dict[str, np.ndarray]
@@ -81,6 +82,7 @@ def render_views(
         raise InputError(
             f"spp = {spp} must be {'1 or ' if least == 1 else ''}even: what is drawn twice tells the error"
         )
+    check_paths(resolution**2 * len(views), spp=spp, max_spp=max_spp)
     seeds = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
     target = Target.of(scene)
     area = np.array([target.window_area(view) for view in views])
@@ -90,8 +92,10 @@ def render_views(
     limit = spp or max(least, (max_spp or DEFAULT_MAX_SPP) // least * least)
     done, goal, invalid, totals = 0, spp or least, 0, {}
     with scene.prepared() as tracer:
-        systematic = tracer.systematic_error
-        check_tolerance(None if spp else tolerance, systematic)
+        check_memory(paths * len(views) * least, tracer, "model")
+        if spp is None:
+            check_reachable(tolerance, tracer, scene.name)
+        chance = np.full(len(views), tracer.chance_contribution(sensor))
         while done < goal:
             step = min(goal - done, most)
             step -= step % 2 if step > 1 else 0
@@ -103,14 +107,21 @@ def render_views(
                 paths * len(views),
                 "model",
             )
+            dr.schedule(samples.chance)
             bad, halves = in_halves(samples, step, len(views), resolution)
             invalid += bad
+            if tracer.emitters.draws:
+                of_views = samples.chance.numpy().reshape(resolution, len(views), -1)
+                chance = np.maximum(chance, of_views.max(axis=(0, 2)))
             for name, statistics in halves.items():
                 totals[name] = totals.get(name, 0.0) + statistics * [[step], [step**2]]
             done += step
             parts = {
                 name: np.array(
-                    [total / done, np.hypot(np.sqrt(squares), systematic * total) / done]
+                    [
+                        total / done,
+                        np.hypot(np.sqrt(squares), tracer.systematic_error * total) / done,
+                    ]
                 )
                 * area
                 for name, (total, squares) in totals.items()
@@ -119,7 +130,7 @@ def render_views(
             found = ManyViews(
                 parts=parts,
                 brightest=brightest,
-                error=np.hypot(parts["target"][1], brightest / (done * paths)),
+                error=np.hypot(parts["target"][1], chance * area / (done * paths)),
                 spp=done,
                 invalid=invalid,
             )

@@ -17,6 +17,7 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import brightness_temperature
 from mi_lcair.plugins.sources import Sources
 from mi_lcair.rendering.apparent import apparent
+from mi_lcair.rendering.limits import check_memory, check_paths
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Accumulator
 
@@ -101,11 +102,16 @@ def render(
     width, height = camera.film().crop_size()
     goal = (spp or camera.sampler().sample_count()) if tolerance is None else (spp or PILOT_SPP)
     limit = goal if tolerance is None else (max_spp or DEFAULT_MAX_SPP)
+    check_paths(width * height, spp=goal if tolerance is None else spp, max_spp=max_spp)
     seeds = np.random.SeedSequence(seed)
     done = 0
     with scene.prepared(by_spectrum) as tracer:
-        check_tolerance(tolerance, tracer.systematic_error)
-        total = Accumulator(width * height, tracer.emitters.brightest, tracer.systematic_error)
+        check_memory(width * height, tracer, split)
+        if tolerance is not None:
+            check_reachable(tolerance, tracer, scene.name)
+        total = Accumulator(
+            width * height, tracer.chance_contribution(camera), tracer.systematic_error
+        )
         while done < min(goal, limit):
             step = max(1, min(min(goal, limit) - done, PASS_SAMPLES // (width * height)))
             step -= step % 2 if step > 1 else 0  # even: a pass can be told in two halves
@@ -158,12 +164,24 @@ def render(
     )
 
 
-def check_tolerance(tolerance: float | None, systematic: float) -> None:
-    """Refuses a tolerance that no number of samples reaches."""
-    if tolerance is not None and tolerance <= systematic:
+def check_reachable(tolerance: float, tracer, name: str) -> None:
+    """Raises InputError for a tolerance that no number of samples reaches, and where nothing bounds
+    the radiance of an emitter.
+    """
+    check_bounded(tracer.emitters, name)
+    if tolerance <= tracer.systematic_error:
         raise InputError(
-            f"tolerance = {tolerance:g} cannot be reached: Float32's rounding and tabulated emissivities "
-            f"leave a relative error of {systematic:.1g}; ask for more than that"
+            f"{name}: tolerance = {tolerance:g} cannot be reached: Float32's rounding and tabulated "
+            f"emissivities leave a relative error of {tracer.systematic_error:.1g}; ask for more than that"
+        )
+
+
+def check_bounded(emitters, name: str) -> None:
+    """Raises InputError if the radiance of an emitter has no known bound."""
+    if emitters.unbounded:
+        raise InputError(
+            f"{name}: no tolerance can be confirmed, as nothing bounds the radiance of "
+            f"{', '.join(emitters.unbounded)}; give the number of samples (spp) instead"
         )
 
 

@@ -1,11 +1,11 @@
 """Loading a thermal scene and checking, before anything is rendered, that it can be."""
 
+import os
 import re
-from dataclasses import dataclass
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
-from hashlib import sha256
 from pathlib import Path
-from xml.etree import ElementTree
 
 import mitsuba as mi
 import numpy as np
@@ -13,10 +13,18 @@ import numpy as np
 from mi_lcair import scenes
 from mi_lcair.errors import InputError, mitsuba_error, unknown
 from mi_lcair.physics.bands import Band
-from mi_lcair.plugins.derivatives import deriving_plugins, members
+from mi_lcair.physics.reflection import NAMES
+from mi_lcair.plugins.derivatives import deriving_plugins
+from mi_lcair.plugins.reflection_bsdf import is_reflection_bsdf
+from mi_lcair.rendering.fingerprint import fingerprint, source_digest
+from mi_lcair.rendering.mesh_checks import check_mesh_files, check_shapes
+from mi_lcair.rendering.scene_checks import check_nodes
+from mi_lcair.rendering.scene_files import survey
+from mi_lcair.rendering.scene_origin import check_meshes_near, far_origin, move
+from mi_lcair.rendering.scene_remarks import clipped, shapes_without_bsdf, thin_sheets
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
-NO_ID = re.compile(r"object_\d+")  # what has no id is named by its address in memory
+MOVES = 3  # to the origin; one from very far leaves it only as near as single precision told
 
 
 @dataclass(frozen=True)
@@ -26,7 +34,8 @@ class Scene:
 
     name: the bundled scene's name or the file's; parameters: the $-parameters that were given, as
     text; notes: what a user should know of its materials, one line each; sensors: through which it
-    may be seen; path: its file.
+    may be seen; path: its file; origin: where in the file's coordinates (3,) the loaded scene's
+    origin lies [m], 0 unless the scene had to be moved; digest: of the file and all that it names.
     """
 
     mi: mi.Scene
@@ -37,13 +46,15 @@ class Scene:
     notes: list[str]
     sensors: list
     path: Path
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    digest: bytes = b""
 
     @property
     def remarks(self) -> list[str]:
-        """What a user should know before trusting the picture: the notes, and what the sensors
-        cannot see.
+        """What a user should know before trusting the picture: the notes, thin sheets, and what the
+        sensors cannot see.
         """
-        return [*self.notes, *clipped(self.mi, self.sensors)]
+        return [*self.notes, *thin_sheets(self.mi), *clipped(self.mi, self.sensors)]
 
     @property
     def source(self) -> str:
@@ -54,30 +65,15 @@ class Scene:
 
     @property
     def fingerprint(self) -> str:
-        """16 hexadecimal digits that change with whatever the picture depends on: shapes,
-        materials, emitters, integrator.
+        """16 hexadecimal digits that change with whatever the picture depends on: every property
+        in the scene file, the content of every file that it names, and values changed since.
         """
         said = [str(self.mi.integrator()), self.band.label]
         said += [
-            f"{surface.material} {surface.form} {surface.emissivity} {surface.lobe}"
+            f"{surface.model.name} {surface.material} {surface.form} {surface.emissivity} {surface.lobe}"
             for surface in self.surfaces()
         ]
-        said += [
-            f"{getattr(shape.emitter(), 'group', '')} {getattr(shape.emitter(), 'facet_type', '')}"
-            for shape in self.mi.shapes()
-        ]
-        digest = sha256()
-        for name, value in [*enumerate(said), *mi.traverse(self.mi)]:
-            exact = hasattr(value, "__array__") or isinstance(value, (int, float))
-            digest.update(
-                NO_ID.sub("", str(name)).encode()
-                + (
-                    np.ascontiguousarray(value).tobytes()
-                    if exact
-                    else NO_ID.sub("", str(value)).encode()
-                )
-            )
-        return digest.hexdigest()[:16]
+        return fingerprint(self.digest, self.mi, said)
 
     def sensor(self, index: int):
         if index >= len(self.sensors):
@@ -91,12 +87,12 @@ class Scene:
         return self.mi.integrator().prepared(self.mi, by_spectrum)
 
     def surfaces(self) -> list:
-        """The scene's Sandford-Robertson BSDFs."""
-        return [plugin for plugin in deriving_plugins(self.mi) if hasattr(plugin, "set_lobe")]
+        """The scene's BSDFs of reflection models."""
+        return [plugin for plugin in deriving_plugins(self.mi) if is_reflection_bsdf(plugin)]
 
     def set_lobe(self, lobe: str, material: str | None = None) -> None:
-        """Sets the fidelity rung (brdf, mirror, diffuse) of one Sandford-Robertson material, or of
-        all.
+        """Sets the fidelity rung (brdf, mirror, diffuse) of one material, or of all that
+        have a fidelity ladder.
         """
         surfaces = self.surfaces()
         chosen = [surface for surface in surfaces if material in (None, surface.material)]
@@ -120,73 +116,95 @@ def load(scene, /, **parameters) -> Scene:
         )
     path = find(scene)
     texts = {name: str(value) for name, value in parameters.items()}
-    known = declared_parameters(path, texts)
+    known = survey(path, texts)
     for name in texts:
         if name not in known:
             raise unknown(f"parameter of {path.name}", name, known)
+    with searching(path.parent):
+        try:
+            return parsed_and_checked(path, texts)
+        except RuntimeError as error:
+            raise with_known_plugins(mitsuba_error(error)) from None
+
+
+def parsed_and_checked(path: Path, texts: dict[str, str]) -> Scene:
+    """The Scene of a file; moved to its origin where single precision needs that."""
+    state = parsed(path, texts)
+    check_nodes(state)
+    meshes = check_mesh_files(state)
+    digest, defaults = source_digest(state), shapes_without_bsdf(state)
+    origin = np.zeros(3)
+    loaded = instantiated(state, path)
+    for _ in range(MOVES):
+        step = far_origin(loaded)
+        if step is None:
+            break
+        origin += step
+        state = parsed(path, texts)
+        move(state, origin)
+        loaded = instantiated(state, path)
+    check_meshes_near(meshes, loaded)
+    check_shapes(loaded)
+    scene = checked(loaded, path, texts)
+    notes = [*scene.notes, *defaults]
+    if origin.any():
+        notes.append(
+            f"the scene lies {np.linalg.norm(origin):g} m from its origin; for the renderer's single "
+            "precision it was moved there"
+        )
+    return replace(scene, notes=notes, origin=tuple(map(float, origin)), digest=digest)
+
+
+@contextmanager
+def searching(folder: Path):
+    """Context manager: within, Mitsuba looks for files in this folder first."""
+    resolver = mi.file_resolver()
+    beside = mi.FileResolver(resolver)
+    beside.prepend(str(folder))
+    mi.set_file_resolver(beside)
     try:
-        loaded = instantiated(path, texts)
-    except RuntimeError as error:
-        raise with_known_plugins(mitsuba_error(error)) from None
-    if not isinstance(loaded, mi.Scene):
-        raise InputError(f"{path}: holds no <scene>")
-    return checked(loaded, path, texts)
+        yield
+    finally:
+        mi.set_file_resolver(resolver)
 
 
-def instantiated(path: Path, texts: dict[str, str]):
-    """What `mi.load_file` makes of a scene file, but with Embree's watertight intersections:
-    without them one ray in 1e7 slips through the edge between two facets.
-    """
+def configuration():
+    """How Mitsuba reads scene files here."""
     config = mi.parser.ParserConfig(mi.variant())
     # Mitsuba would merge two equal thermal emitters, and one emitter cannot belong to two shapes
     config.merge_equivalent = config.merge_meshes = False
-    resolver = mi.file_resolver()
-    beside = mi.FileResolver(resolver)
-    beside.prepend(str(path.parent))
-    mi.set_file_resolver(beside)
-    try:
-        state = mi.parser.parse_file(config, str(path), **texts)
-        mi.parser.transform_all(config, state)
-        if state.root.props.plugin_name() == "scene" and mi.variant().startswith("llvm"):
-            state.root.props["embree_use_robust_intersections"] = True
-        return mi.parser.instantiate(config, state)
-    finally:
-        mi.set_file_resolver(resolver)
+    return config
+
+
+def parsed(path: Path, texts: dict[str, str]):
+    """The parsed scene file, with Embree's watertight intersections: without them one ray in 1e7
+    slips through the edge between two facets.
+    """
+    state = mi.parser.parse_file(configuration(), str(path), **texts)
+    mi.parser.transform_all(configuration(), state)
+    if state.root.props.plugin_name() != "scene":
+        raise InputError(f"{path}: holds no <scene>")
+    if mi.variant().startswith("llvm"):
+        state.root.props["embree_use_robust_intersections"] = True
+    return state
+
+
+def instantiated(state, path: Path) -> mi.Scene:
+    """Mitsuba's objects of a parsed scene."""
+    loaded = mi.parser.instantiate(configuration(), state)
+    if not isinstance(loaded, mi.Scene):
+        raise InputError(f"{path}: holds no <scene>")
+    return loaded
 
 
 def find(scene) -> Path:
     """The XML file of a path or a bundled scene's name."""
     path = Path(scene)
     if path.suffix or path.parent != Path("."):
-        if not path.is_file():
+        if not os.path.isfile(path):  # False for a text too long to be a path
             raise InputError(f"scene '{scene}': no such file")
         return path
     return scenes.path(str(scene))
-
-
-def declared_parameters(path: Path, given: dict[str, str]) -> set[str]:
-    """Names of the $-parameters of a scene file and of what it includes, for the values `given` to
-    some of them.
-    """
-    try:
-        root = ElementTree.parse(path).getroot()
-    except (ElementTree.ParseError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: is not XML: {error}") from None
-    values = {default.get("name"): default.get("value") for default in root.iter("default")} | given
-    names = {default.get("name") for default in root.iter("default")}
-    names.update(
-        name
-        for element in root.iter()
-        for value in element.attrib.values()
-        for name in re.findall(r"\$(\w+)", value)
-    )
-    for include in root.iter("include"):
-        file = path.parent / re.sub(
-            r"\$(\w+)", lambda name: str(values.get(name[1], name[0])), include.get("filename", "")
-        )
-        if file.is_file():
-            names |= declared_parameters(file, values)
-    return names
 
 
 def with_known_plugins(error: Exception) -> Exception:
@@ -196,7 +214,7 @@ def with_known_plugins(error: Exception) -> Exception:
         return error
     installed = [file.stem for file in (Path(mi.__file__).parent / "plugins").glob("*.*")]
     nearest = get_close_matches(
-        found[1], ["sandford_robertson", "thermal", "bounce_path", *installed], n=5, cutoff=0.4
+        found[1], [*NAMES, "material", "thermal", "bounce_path", *installed], n=5, cutoff=0.4
     )
     return InputError(f"{error}; the nearest known are: {', '.join(nearest) or 'none'}")
 
@@ -239,40 +257,11 @@ def checked(loaded, path: Path, parameters: dict[str, str]) -> Scene:
 def notes(loaded) -> list[str]:
     found = []
     for plugin in deriving_plugins(loaded):
-        if hasattr(plugin, "set_lobe"):
-            angle = plugin.first_saturated_angle_deg()
-            if angle is not None:
-                found.append(
-                    f"material {plugin.material}: the model would reflect more than arrives beyond {angle:.1f} degrees; "
-                    "its BRDF is scaled down to HDR = 1 there"
-                )
+        if is_reflection_bsdf(plugin):
+            found += [f"material {plugin.material}: {remark}" for remark in plugin.remarks()]
         elif plugin.material_emissivity is not None and plugin.material_emissivity.kind == "table":
             found.append(
                 f"group {plugin.group}: emissivity tabulated by sampling the BSDF, "
                 f"standard error {plugin.material_emissivity.error:.1e}"
             )
     return list(dict.fromkeys(found))
-
-
-def clipped(loaded, sensors) -> list[str]:
-    """Remarks on sensors that may not see the scene whole: Mitsuba cuts each first ray at near_clip
-    and far_clip, 0.01 m and 10 km unless the scene says otherwise.
-    """
-    box, found = loaded.bbox(), []
-    low, high = np.array(box.min), np.array(box.max)
-    for number, sensor in enumerate(sensors):
-        clips, place = members(sensor), members(sensor).get("to_world")
-        if place is None or "near_clip" not in clips:
-            continue
-        eye = np.array(place.matrix)[:3, 3].ravel()[:3]
-        nearest = np.linalg.norm(np.maximum(np.maximum(low - eye, eye - high), 0))
-        farthest = np.linalg.norm(np.maximum(high - eye, eye - low))
-        if nearest < clips["near_clip"] and clips["near_clip"] > 0.01 * np.linalg.norm(high - low):
-            found.append(
-                f"sensor {number}: does not see what is nearer than its near_clip = {clips['near_clip']:g} m"
-            )
-        if farthest > clips["far_clip"]:
-            found.append(
-                f"sensor {number}: does not see what is farther than its far_clip = {clips['far_clip']:g} m"
-            )
-    return found

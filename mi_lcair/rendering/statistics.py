@@ -13,12 +13,12 @@ class Accumulator:
     A channel's variance is that of its sum over the pixels alone, from the scatter of the parts of
     each pixel's samples: an image of variances for every channel would double the memory.
 
-    brightest: radiance of a source that paths may have missed so far. systematic: relative error
-    that no number of samples lowers; it is part of every standard error.
+    chance: what a source that no path has met may add to one path. systematic: relative error that
+    no number of samples lowers; it is part of every standard error.
     """
 
-    def __init__(self, pixels: int, brightest: float = 0.0, systematic: float = 0.0):
-        self.brightest, self.systematic = brightest, systematic
+    def __init__(self, pixels: int, chance: float = 0.0, systematic: float = 0.0):
+        self.chance, self.systematic = chance, systematic
         self.count, self.mean, self.squares, self.parts = (np.zeros(pixels) for _ in range(4))
         self.channels, self.scatter = {}, {}
         self.covariance = 0.0
@@ -34,6 +34,7 @@ class Accumulator:
         self.squares[run] += part.squares + difference**2 * before * share
         self.mean[run] += difference * share
         self.invalid += part.invalid
+        self.chance = max(self.chance, part.chance)
         if part.tail is not None:
             self.tail = part.tail if self.tail is None else self.tail + part.tail
         for k, part_count in enumerate(part.part_count):
@@ -104,11 +105,13 @@ class Accumulator:
     def rms_error(self) -> float | None:
         """Rms standard error over the pixels as a fraction of the mean; None below two samples.
 
-        The scatter of n samples knows nothing of a source that fewer than one path in n meets: it
-        is taken to be met by one path of all.
+        The sample variance cannot see a source that no path has met. The error therefore includes
+        the contribution of one path that meets the brightest source. That is the source's radiance
+        where paths meet it by chance, and less where emitters are drawn and it is out of the
+        camera's sight (`EmitterTable.by_chance`).
         """
         if self.count.min() < 2:
             return None
-        missed = self.brightest**2 / (self.count.mean() * self.count.sum())
+        missed = self.chance**2 / (self.count.mean() * self.count.sum())
         mean, rms = self.mean.mean(), np.sqrt(np.mean(self.standard_error() ** 2) + missed)
         return float(rms / mean) if mean > 0 else 0.0

@@ -3,7 +3,7 @@
 import numpy as np
 
 from mi_lcair.detection.contrast import Contrast
-from mi_lcair.drawing import drawing
+from mi_lcair.drawing import drawing, plain
 
 IRRADIANCE = r"irradiance (W m$^{-2}$ µm$^{-1}$)"
 
@@ -26,7 +26,7 @@ def save_plot(path, contrast: Contrast) -> None:
 
         through.plot(x, spectra["target"], color="C3", linewidth=1.2, label="apparent target")
         through.set_title(
-            f"(b) target through {contrast.path.range_m:.5g} m of {contrast.air.name}: {row.target.value:.4g} W/m² in band",
+            f"(b) target through {contrast.path.range_m:.5g} m of {plain(contrast.air.name)}: {row.target.value:.4g} W/m² in band",
             fontsize=10,
         )
         through.set_ylabel(IRRADIANCE)
@@ -65,6 +65,9 @@ def save_plot(path, contrast: Contrast) -> None:
         parts.set_xlim(contrast.detector.band.lower_um, contrast.detector.band.upper_um)
         parts.legend(fontsize=8, frameon=False, ncols=4, loc="upper center")
         figure.suptitle(
-            f"{contrast.scenario.name}, {contrast.detector.band.label}, up to {row.max_bounces} reflections",
+            plain(
+                f"{contrast.scenario.name}, {contrast.detector.band.label}, "
+                f"up to {row.max_bounces} reflections"
+            ),
             fontsize=11,
         )

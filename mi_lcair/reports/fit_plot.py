@@ -1,22 +1,15 @@
-"""A fit as a picture: measured and fitted BRDF, residuals, emissivity, and the table of parameters."""
+"""A fit as a picture: measured and fitted BRDF, residuals, emissivity, table of parameters."""
 
 from textwrap import wrap
 
 import numpy as np
 
-from mi_lcair.drawing import drawing
+from mi_lcair.drawing import drawing, plain
 from mi_lcair.fitting.model import Hemispherical, Scatterometer
-from mi_lcair.fitting.parameters import NAMES, to_cube
 from mi_lcair.fitting.scatterometer.measurements import Measurements
+from mi_lcair.physics import reflection
 
-SYMBOLS = {
-    "epsilon": r"$\varepsilon$",
-    "rho_d": r"$\rho_d$",
-    "b": r"$b$",
-    "e": r"$e$",
-    "theta_i": r"$\theta_i$",
-    "theta_r": r"$\theta_r$",
-}
+ANGLES = {"theta_i": r"$\theta_i$", "theta_r": r"$\theta_r$"}
 TITLES = {
     "emissivity": ("emissivity", "theta_r"),
     "dhr": ("directional-hemispherical reflectance", "theta_i"),
@@ -39,10 +32,8 @@ def draw_fit(figure, measurements: Measurements, fit, directional: dict) -> None
     """The panels of one fit in a (sub)figure."""
     band = ", {:g}-{:g} um".format(*measurements.band_um) if measurements.band_um else ""
     figure.suptitle(
-        f"{measurements.name}{band}: Sandford-Robertson, {fit.form} form"
-        + (f", {fit.restriction}" if fit.restriction else ""),
+        plain(f"{measurements.name}{band}: {model_of(fit)}"),
         fontsize=12,
-        parse_math=False,
     )
     left, right = figure.subfigures(1, 2, width_ratios=(1.8, 1))
     draw_brdf(*left.subplots(2, 1, sharex=True, height_ratios=(3, 1)), measurements, fit)
@@ -94,7 +85,7 @@ def draw_brdf(axes, below, measurements: Measurements, fit) -> None:
     )
     axes.set_ylabel("BRDF (1/sr)")
     axes.legend(
-        title=f"{SYMBOLS[fixed]}: dots measured\n(hollow: left out), lines fitted",
+        title=f"{ANGLES[fixed]}: dots measured\n(hollow: left out), lines fitted",
         fontsize=8,
         title_fontsize=8,
         ncols=2,
@@ -109,7 +100,7 @@ def draw_brdf(axes, below, measurements: Measurements, fit) -> None:
     reach = max(0.1, 1.1 * abs(residual[used]).max())
     below.set_ylim(-reach, reach)
     below.set_ylabel("measured / fitted\n(decades)")
-    below.set_xlabel(f"{SYMBOLS[swept]} (degrees)")
+    below.set_xlabel(f"{ANGLES[swept]} (degrees)")
     for panel in (axes, below):
         panel.grid(color="0.9", lw=0.6)
         panel.set_axisbelow(True)
@@ -119,9 +110,10 @@ def draw_table(axes, fit) -> None:
     """The parameters with their standard errors and verdicts, and the quality of the fit."""
     axes.axis("off")
     lines = []
-    for name in NAMES:
+    for parameter in reflection.model(fit.model).parameters:
+        name = parameter.name
         lines.append(
-            (SYMBOLS[name], f"{fit.parameters[name]:.4g}", f"± {fit.standard_error[name]:.2g}")
+            (parameter.symbol, f"{fit.parameters[name]:.4g}", f"± {fit.standard_error[name]:.2g}")
         )
         lines += [("", text, None) for text in wrap(fit.verdict[name], 46)]
     lines += [
@@ -139,11 +131,10 @@ def draw_table(axes, fit) -> None:
         axes.text(
             0.17,
             place,
-            value,
+            plain(value),
             fontsize=7.5 if is_verdict else 10 if error else 9,
             color=PALE if is_verdict else INK,
             va="baseline",
-            parse_math=False,
         )
         axes.text(0.45, place, error or "", fontsize=10, color=INK, va="baseline")
 
@@ -154,13 +145,7 @@ def draw_directional(axes, fit, quantity: str, data) -> None:
     """
     title, angle = TITLES[quantity]
     theta = np.linspace(0, 89, 179)
-    axes.plot(
-        theta,
-        Hemispherical(np.radians(theta), quantity, fit.form)(coordinates(fit))[0][0],
-        color="C3",
-        lw=1.5,
-        label="fitted",
-    )
+    axes.plot(theta, directional(fit, quantity, np.radians(theta)), "C3", lw=1.5, label="fitted")
     if data is not None:
         axes.errorbar(
             np.degrees(data.theta),
@@ -176,20 +161,37 @@ def draw_directional(axes, fit, quantity: str, data) -> None:
     axes.legend(fontsize=8, frameon=False)
     axes.set_ylim(0, 1)
     axes.set_xlim(0, 90)
-    axes.set_xlabel(f"{SYMBOLS[angle]} (degrees)")
+    axes.set_xlabel(f"{ANGLES[angle]} (degrees)")
     axes.set_ylabel(title)
     axes.grid(color="0.9", lw=0.6)
     axes.set_axisbelow(True)
 
 
+def model_of(fit) -> str:
+    """The fitted model in words, with its form where it has several, and its restriction."""
+    model = reflection.model(fit.model)
+    form = [f"{fit.form} form"] if len(model.forms) > 1 else []
+    restriction = [fit.restriction] if fit.restriction else []
+    return ", ".join([model.title, *form, *restriction])
+
+
 def coordinates(fit) -> np.ndarray:
-    return to_cube([fit.parameters[name] for name in NAMES])[None]
+    """Coordinates (1, n) of a fit's parameters in its model's cube."""
+    return reflection.model(fit.model).to_cube([list(fit.parameters.values())])
 
 
 def predicted(fit, theta_i, theta_r) -> np.ndarray:
     """The fitted BRDF at some angles, as the instrument would see it."""
     half_angle = np.radians(fit.settings["source_half_angle_deg"])
-    return Scatterometer(theta_i, theta_r, fit.form, half_angle)(coordinates(fit))[0][0]
+    model = reflection.model(fit.model)
+    instrument = Scatterometer(model, fit.form, theta_i, theta_r, half_angle)
+    return instrument(coordinates(fit))[0][0]
+
+
+def directional(fit, quantity: str, theta) -> np.ndarray:
+    """The fitted emissivity or DHR at angles theta [radians]."""
+    model = reflection.model(fit.model)
+    return Hemispherical(model, fit.form, theta, quantity)(coordinates(fit))[0][0]
 
 
 def shades(count: int):

@@ -4,7 +4,7 @@
 
 import numpy as np
 
-from mi_lcair.drawing import drawing
+from mi_lcair.drawing import drawing, plain
 from mi_lcair.signatures.hemispherical_view import MAP_PHI, MAP_THETA, NOTHING, HemisphericalView
 
 PAPER, EDGE = (
@@ -53,13 +53,16 @@ def save_plot(path, view: HemisphericalView) -> None:
         axes.set_ylabel("θ from the normal (degrees)", fontsize=9)
         axes.tick_params(labelsize=8)
         axes.set_title(
-            f"{view.scene}: what facet {view.facet} sees (group {view.group(view.facet)}, "
-            f"{view.facets.material[view.facet]})",
+            plain(
+                f"{view.scene}: what facet {view.facet} sees (group {view.group(view.facet)}, "
+                f"{view.facets.material[view.facet]})"
+            ),
             fontsize=11,
-            parse_math=False,
         )
 
-        entries = [(colour, f"{name}: {share:.4f}") for name, (colour, share) in groups.items()]
+        entries = [
+            (colour, f"{plain(name)}: {share:.4f}") for name, (colour, share) in groups.items()
+        ]
         if len(entries) > MOST_GROUPS:
             entries = entries[:MOST_GROUPS] + [(None, f"and {len(entries) - MOST_GROUPS} more")]
         figure.legend(

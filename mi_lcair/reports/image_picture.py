@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.drawing import drawing
+from mi_lcair.drawing import drawing, plain
+from mi_lcair.errors import InputError
 
 RADIANCE = r"W m$^{-2}$ sr$^{-1}$"
 QUANTITIES = {
@@ -22,6 +23,8 @@ UNITS = {
     "_sr": "sr",
 }  # of columns
 LOG_DECADES = 6
+LARGEST = 1e37  # of a value that is drawn; differences and ratios of larger ones overflow
+SMALLEST = 1e-45  # smaller values, which Float32 does not know, are 0
 LEFT, RIGHT, BOTTOM, TOP, BAR = (
     0.75,
     1.25,
@@ -41,7 +44,7 @@ def column_quantity(name: str) -> tuple[str, str]:
     one.
     """
     suffix = next((suffix for suffix in UNITS if name.endswith(suffix)), "")
-    return name.removesuffix(suffix).replace("_", " ").replace("$", ""), UNITS.get(suffix, "")
+    return name.removesuffix(suffix).replace("_", " "), UNITS.get(suffix, "")
 
 
 def save_picture(
@@ -56,8 +59,10 @@ def save_picture(
     Every panel has its own colour bar, whose label and unit `quantity` tells from the channel's
     name, and pixel axes; `log` makes the colours logarithmic, over six decades at most. Pixels
     without a value are grey: NaN, infinite, a range or a temperature of 0, and with `log` whatever
-    is not positive. Raises InputError where the file cannot be written.
+    is not positive. Raises InputError where the file cannot be written, and for a value beyond
+    LARGEST.
     """
+    channels = {name: drawable(name, values) for name, values in channels.items()}
     single = len(channels) == 1
     height, width = next(iter(channels.values())).shape
     image = np.maximum(np.array([width, height]) / max(width, height), 1 / 30) * (
@@ -82,17 +87,24 @@ def save_picture(
             )
             _draw(panel, bar, name, values, log, *quantity(name))
         if single:
-            panel.set_title(", ".join(filter(None, (title, name))), fontsize=11, parse_math=False)
+            panel.set_title(plain(", ".join(filter(None, (title, name)))), fontsize=11)
         else:
             figure.text(
                 0.5,
                 1 - 0.5 * TOP / size[1],
-                title,
+                plain(title),
                 fontsize=11,
                 ha="center",
                 va="center",
-                parse_math=False,
             )
+
+
+def drawable(name: str, values: np.ndarray) -> np.ndarray:
+    """The values with those below SMALLEST set to 0; InputError for one beyond LARGEST."""
+    size = np.abs(np.where(np.isfinite(values), values, 0))
+    if size.max(initial=0) > LARGEST:
+        raise InputError(f"{name}: holds {size.max():g}; values up to {LARGEST:g} can be drawn")
+    return np.where((size > 0) & (size < SMALLEST), 0, values)
 
 
 def _draw(panel, bar_axes, name: str, values: np.ndarray, log: bool, what: str, unit: str) -> None:
@@ -117,7 +129,7 @@ def _draw(panel, bar_axes, name: str, values: np.ndarray, log: bool, what: str, 
         aspect="auto",
         cmap="viridis" if kind in ("range", "stderr") else "inferno",
     )
-    panel.set_title(name, fontsize=9, parse_math=False)
+    panel.set_title(plain(name), fontsize=9)
     panel.set_xlabel(
         "column (pixel)" if shown.all() else "column (pixel); grey: no value", fontsize=8
     )
@@ -134,7 +146,7 @@ def _draw(panel, bar_axes, name: str, values: np.ndarray, log: bool, what: str, 
         )
 
     bar = panel.figure.colorbar(picture, cax=bar_axes, extend="min" if clipped else "neither")
-    bar.set_label(f"{what} ({unit})" if unit else what, fontsize=8)
+    bar.set_label(f"{plain(what)} ({unit})" if unit else plain(what), fontsize=8)
     if log:
         log_ticks(bar, lower, upper)
     else:

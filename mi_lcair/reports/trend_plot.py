@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mi_lcair.drawing import drawing
+from mi_lcair.drawing import drawing, plain
 from mi_lcair.signatures.trend import Trend
 
 NEGLIGIBLE = 1e-3  # share of the whole below which a part's curve would not be seen
@@ -30,7 +30,8 @@ def save_plot(path, trend: Trend, scene: str) -> None:
         draw(panels[1], f"by what emitted it, at {level:g}°", seen("group", one))
         draw(panels[2], f"by number of reflections, at {level:g}°", seen("bounce", one))
         figure.suptitle(
-            f"{scene}, {trend.band}: intensity of the model by azimuth ({UNIT})", fontsize=12
+            f"{plain(f'{scene}, {trend.band}')}: intensity of the model by azimuth ({UNIT})",
+            fontsize=12,
         )
 
 
@@ -52,7 +53,11 @@ def draw(panel, title: str, curves: dict) -> None:
                 np.append(values, values[0]),
             )
         panel.plot(
-            azimuth, values, linewidth=1.3, label=label, marker="." if len(values) < 8 else None
+            azimuth,
+            values,
+            linewidth=1.3,
+            label=plain(label),
+            marker="." if len(values) < 8 else None,
         )
     panel.set_ylim(0, None)
     panel.set_title(title, fontsize=10)

@@ -1,7 +1,10 @@
 """Batches of a trend on the workers of a Dask cluster (optional extra mi-lcair[dask])."""
 
+import logging
 import socket
 import threading
+from concurrent.futures import CancelledError
+from contextlib import contextmanager
 from functools import lru_cache
 
 import mi_lcair
@@ -15,8 +18,10 @@ _one_at_a_time = (
 
 
 def rendered(sweep, batches, address: str):
-    """Yields the rows of each batch as a worker has done it. InputError where no scheduler answers
-    at `address`.
+    """Yields the rows of each batch as a worker has done it.
+
+    Raises InputError where no scheduler answers at `address`, and ConnectionError where it is lost
+    later.
     """
     try:
         from dask.distributed import Client, as_completed
@@ -31,7 +36,7 @@ def rendered(sweep, batches, address: str):
             f"no Dask scheduler answers at '{address}' ({error.__class__.__name__}); start one with `dask scheduler` and give its "
             "address, such as tcp://127.0.0.1:8786"
         ) from None
-    with client:
+    with quiet(), client:
         try:
             client.wait_for_workers(1, timeout=WORKER_TIMEOUT_S)
         except TimeoutError:
@@ -43,7 +48,24 @@ def rendered(sweep, batches, address: str):
             for number, views in batches
         ]
         for future in as_completed(futures):
-            yield future.result()
+            try:
+                yield future.result()
+            except CancelledError:
+                raise ConnectionError(
+                    f"the Dask scheduler at '{address}' was lost; the batches done so far are kept, "
+                    "and resume goes on with the others"
+                ) from None
+
+
+@contextmanager
+def quiet():
+    """Within the block no log is written: what Dask retries succeeds, or fails in an exception."""
+    disabled = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logging.disable(disabled)
 
 
 def render_here(sweep, number: int, views) -> dict:

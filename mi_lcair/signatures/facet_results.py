@@ -8,6 +8,7 @@ import numpy as np
 from mi_lcair.files import replacing
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.render import BOUNCE_CHANNELS
+from mi_lcair.table import safe_cell
 
 BATCHES = 8  # of each pass: their scatter tells the standard errors
 EDGE_ON = 1e-6  # cosine below which a facet shows nothing but rounding errors
@@ -28,13 +29,18 @@ class FacetResults:
 
     def write(self, path) -> None:
         """The table as a CSV; cells without a value are `nan`."""
-        with replacing(path) as partial, open(partial, "w", newline="") as file:
+        with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
             writer = csv.writer(file)
             writer.writerow(self.columns)
             for row in zip(*self.columns.values()):
-                writer.writerow(
-                    [f"{value:.9g}" if isinstance(value, float) else value for value in row]
-                )
+                writer.writerow(map(cell, row))
+
+
+def cell(value) -> object:
+    """A value as the table holds it; names come from the user's files."""
+    if isinstance(value, float):
+        return f"{value:.9g}"
+    return safe_cell(value) if isinstance(value, str) else value
 
 
 class FacetSums:

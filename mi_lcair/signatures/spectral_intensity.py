@@ -1,9 +1,9 @@
-"""The spectral intensity of a signature as a CSV and as a plot."""
+"""The spectral intensity of a signature, as curves and as a CSV."""
 
 import numpy as np
 
 import mi_lcair
-from mi_lcair.drawing import drawing
+from mi_lcair.errors import escaped
 from mi_lcair.files import replacing
 from mi_lcair.signatures.effective_areas import PARTS, EffectiveAreas
 
@@ -31,9 +31,9 @@ def write(path, areas: EffectiveAreas, scene: str) -> None:
     """
     wavelengths = areas.wavelengths_um()
     found = curves(areas, wavelengths)
-    with replacing(path) as partial, open(partial, "w") as file:
+    with replacing(path) as partial, partial.open("w", encoding="utf-8") as file:
         file.write(
-            f"# spectral intensity of {scene}, band {areas.band.label}, before any atmosphere; mi_lcair {mi_lcair.__version__}\n"
+            f"# spectral intensity of {escaped(scene)}, band {escaped(areas.band.label)}, before any atmosphere; mi_lcair {mi_lcair.__version__}\n"
         )
         file.write(
             ",".join(["wavelength_um", "response", *(f"{name}_{UNIT}" for name in found)]) + "\n"
@@ -44,25 +44,3 @@ def write(path, areas: EffectiveAreas, scene: str) -> None:
             fmt=["%.6f", "%.6g", *["%.9g"] * len(found)],
             delimiter=",",
         )
-
-
-def save_plot(path, areas: EffectiveAreas, scene: str) -> None:
-    """A PNG of the spectral intensity of target and scene, with the groups of each."""
-    wavelengths = areas.wavelengths_um()
-    found = curves(areas, wavelengths)
-    with drawing(path, (11, 4.5), layout="constrained") as figure:
-        for panel, part in zip(figure.subplots(1, 2), PARTS):
-            panel.plot(wavelengths, found[part], color="black", linewidth=1.5, label="total")
-            for name, values in found.items():
-                if name.startswith(f"{part}.") and values.any():
-                    panel.plot(wavelengths, values, linewidth=1, label=name.partition(".")[2])
-            panel.set_title(
-                f"{part}: {np.trapezoid(found[part] * areas.band.response_at(wavelengths), wavelengths):.5g} W/sr in band",
-                fontsize=10,
-            )
-            panel.set_xlabel("wavelength (µm)")
-            panel.set_ylabel(r"spectral intensity (W sr$^{-1}$ µm$^{-1}$)")
-            panel.set_xlim(areas.band.lower_um, areas.band.upper_um)
-            panel.set_ylim(0, 1.25 * max(found[part].max(), 1e-30))  # room for the legend
-            panel.legend(fontsize=8, frameon=False, ncols=3, loc="upper center")
-        figure.suptitle(f"{scene}, {areas.band.label}, by what emitted it", fontsize=11)

@@ -3,6 +3,7 @@ views.
 """
 
 import json
+import os
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -166,7 +167,7 @@ def trend(
         min(batch or views_per_batch(resolution), len(views)),
         mi.variant(),
     )
-    file = TrendFile(path, sweep.header(scene.band.label), views, OWN_COLUMNS)
+    file = TrendFile(path, sweep.header(scene.band.label), sweep.batches())
     if resume:
         file.resume()
     missing = [
@@ -181,7 +182,7 @@ def trend(
 
 def whole_path(value: str) -> str:
     """A parameter that names a file from here, as other processes find it."""
-    return str(Path(value).resolve()) if Path(value).is_file() else value
+    return str(Path(value).resolve()) if os.path.isfile(value) else value
 
 
 def results(scene: Scene, sweep: Sweep, batches, dask: str | None):

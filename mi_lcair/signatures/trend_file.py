@@ -1,43 +1,48 @@
 """The CSV of a trend: whole after each batch, so that an interrupted run can go on."""
 
-import csv
-import io
+import warnings
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.errors import InputError
-from mi_lcair.files import check_writable, replacing
+from mi_lcair.errors import InputError, escaped, printable
+from mi_lcair.files import check_writable, read_text, replacing
 from mi_lcair.rendering.views import View
 
 
 class TrendFile:
-    """Rows by view, and the file that holds them (path None: none). Lines before the columns, `#
-    key: value`, say how they were made.
+    """Rows by view, and the file that holds them (path None: none).
 
-    needed: columns without which a row is none.
+    header: lines `# key: value` before the columns, which say how the rows were made. batches: the
+    views that are rendered together; a line `# batch NUMBER: CHECKSUM` for each that is done
+    protects its rows: the first 16 hexadecimal digits of the SHA-256 of header, columns and rows.
     """
 
-    def __init__(self, path, header: dict[str, str], views, needed):
+    def __init__(self, path, header: dict[str, str], batches):
         self.path = None if path is None else Path(path)
-        self.header, self.views, self.needed, self.rows = header, views, needed, {}
+        self.header = {key: escaped(value) for key, value in header.items()}
+        self.batches = [views for _, views in batches]
+        self.rows: dict[View, dict[str, float]] = {}
+        self.lines: dict[View, str] = {}
         if self.path:
             check_writable(self.path)
 
+    @property
+    def views(self) -> list[View]:
+        return [view for views in self.batches for view in views]
+
     def resume(self) -> None:
-        """Takes the rows of the file, if there is one, that belong to this trend. InputError where
-        it was made otherwise.
+        """Takes the batches of the file, if there is one, whose rows match their checksum.
+
+        A Python warning says how many do not; they are to be rendered again. InputError where the
+        file was made otherwise than this trend.
         """
         if self.path is None:
             raise InputError("resume needs a file that holds the views done so far")
         if not self.path.exists():
             return
-        try:
-            lines = self.path.read_text(encoding="utf-8").splitlines()
-        except (OSError, UnicodeDecodeError):
-            raise InputError(
-                f"{self.path}: cannot be read as a trend's CSV, so that nothing can be resumed"
-            ) from None
+        lines = read_text(self.path).splitlines()
         made = dict(
             line.removeprefix("# ").split(": ", 1)
             for line in lines
@@ -46,23 +51,33 @@ class TrendFile:
         for key, value in self.header.items():
             if made.get(key) != value:
                 raise InputError(
-                    f"{self.path}: made with {key} = {made.get(key, 'nothing')}, and this trend has {value}; resume with the "
-                    "same, or write to another file"
+                    f"{self.path}: made with {key} = {printable(made.get(key, 'nothing'), 100)}, and this trend has "
+                    f"{printable(value, 100)}; resume with the same, or write to another file"
                 )
-        wanted = set(self.views)
-        for number, cells in enumerate(
-            csv.DictReader(line for line in lines if not line.startswith("#")), 1
-        ):
-            try:
-                row = {name: float(cell) for name, cell in cells.items()}
-                view = View(row["azimuth_deg"], row["elevation_deg"])
-                if view not in wanted or not set(self.needed) <= set(row):
-                    raise ValueError
-            except (TypeError, ValueError, KeyError):
-                raise InputError(
-                    f"{self.path}: row {number} is not one of this trend; write to another file"
-                ) from None
-            self.rows[view] = row
+        columns, *rows = [line for line in lines if line and not line.startswith("#")] or [""]
+        found = {}
+        for line in rows:
+            found.setdefault(tuple(line.split(",")[:2]), []).append(line)
+        damaged = 0
+        for number, views in enumerate(self.batches):
+            own = [line for view in views for line in found.pop(cells(view), ())]
+            stated = made.get(f"batch {number}")
+            if stated == self.checksum(columns, own):
+                for view, line in zip(views, own):
+                    self.rows[view] = dict(zip(columns.split(","), map(float, line.split(","))))
+            elif own or stated:
+                damaged += 1
+        if damaged or found:
+            strange = f"; {len(found)} rows of other views are dropped" if found else ""
+            warnings.warn(
+                f"{self.path}: {damaged} of {len(self.batches)} batches do not match their checksum and are "
+                f"rendered again{strange}",
+                stacklevel=2,
+            )
+
+    def checksum(self, columns: str, rows: list[str]) -> str:
+        made = [f"{key}: {value}" for key, value in self.header.items()]
+        return sha256("\n".join([*made, columns, *rows]).encode()).hexdigest()[:16]
 
     def holds(self, views) -> bool:
         """Whether all of these are done."""
@@ -73,19 +88,25 @@ class TrendFile:
         self.rows |= rows
         if self.path is None:
             return
-        text = io.StringIO()
-        for key, value in self.header.items():
-            text.write(f"# {key}: {value}\n")
-        text.write(f"# done: {len(self.rows)} of {len(self.views)} views\n")
-        writer = csv.writer(text, lineterminator="\n")
-        ordered = self.ordered()
-        writer.writerow(ordered[0])
-        writer.writerows(
-            [f"{value:.{12 if name.endswith('_deg') else 9}g}" for name, value in row.items()]
-            for row in ordered
-        )
+        names = list(self.ordered()[0])
+        for view, row in self.rows.items():
+            if view not in self.lines:
+                values = (text(row[name]) for name in names[2:])
+                self.lines[view] = ",".join([*cells(view), *values])
+        done = [(n, views) for n, views in enumerate(self.batches) if self.holds(views)]
+        columns = ",".join(names)
+        content = [
+            *(f"# {key}: {value}" for key, value in self.header.items()),
+            f"# done: {len(self.rows)} of {len(self.views)} views",
+            *(
+                f"# batch {number}: {self.checksum(columns, [self.lines[view] for view in views])}"
+                for number, views in done
+            ),
+            columns,
+            *(self.lines[view] for view in self.views if view in self.rows),
+        ]
         with replacing(self.path) as partial:
-            partial.write_text(text.getvalue(), encoding="utf-8")
+            partial.write_text("\n".join(content) + "\n", encoding="utf-8")
 
     def ordered(self) -> list[dict[str, float]]:
         return [self.rows[view] for view in self.views if view in self.rows]
@@ -93,3 +114,12 @@ class TrendFile:
     def columns(self) -> dict[str, np.ndarray]:
         rows = self.ordered()
         return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+
+def cells(view: View) -> tuple[str, str]:
+    """The first two cells of a view's row: azimuth and elevation in degrees."""
+    return f"{view.azimuth_deg:.12g}", f"{view.elevation_deg:.12g}"
+
+
+def text(value: float) -> str:
+    return f"{value:.9g}"

@@ -1,6 +1,6 @@
-"""The facet models of the bundled scenes, built from dimensions.
+"""Scripts that build the facet models of the bundled scenes from their dimensions.
 
-`python -m mi_lcair.scenes.build FOLDER` writes each as a labelled OBJ. Lengths are in metres. Axes:
-x forward (nose), y left, z up; the origin is the middle of the model's bounding box in x, and lies
-on the axis in y and z.
+`python -m mi_lcair.scenes.build FOLDER` writes each model as a labelled OBJ. Lengths are in m. The
+x axis points forward (nose), y left, z up. The origin lies on the model's axis, at the middle of
+its length.
 """

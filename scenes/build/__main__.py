@@ -1,23 +1,25 @@
-"""`python -m mi_lcair.scenes.build FOLDER` writes every facet model into FOLDER: the labelled OBJ,
-and what `mi-lcair import` makes of it. The bundled scenes use those of scenes/models.
+"""Write every facet model into a folder: `python -m mi_lcair.scenes.build FOLDER`.
+
+For each model it writes the labelled OBJ and the files that `mi-lcair import` makes from it. The
+bundled scenes use the files in scenes/models.
 """
 
 import sys
 from pathlib import Path
 
+from mi_lcair import models3d as facets
 from mi_lcair.scenes.build.airliner import airliner
 from mi_lcair.scenes.build.cylinder import cylinder
 from mi_lcair.scenes.build.surroundings import ir_range, world_sphere
 from mi_lcair.scenes.build.wavefront import wavefront
 
-from mi_lcair import models3d as facets
-
-# an overcast summer day, nearest to the thesis's (3.4.2.2); scenes may name another
+# Default sky: an overcast summer day, the table closest to the thesis's sky (3.4.2.2). A scene may
+# name another one.
 SKY = "midlat_summer_stratus"
 
 
 def models() -> dict[str, str]:
-    """Name -> text of the OBJ."""
+    """Return the models: name -> text of the OBJ."""
     built = {
         "cylinder_bare_aluminum": cylinder("bareAl"),
         "cylinder_gloss_black": cylinder("gloss_black"),

@@ -1,34 +1,37 @@
-"""An airliner of the Airbus A340-300's public dimensions (thesis 3.2.3.3), all at 300 K but its
-exhausts.
+"""An airliner with the public dimensions of the Airbus A340-300 (thesis 3.2.3.3).
 
-Public: length 63.69 m, span 60.30 m, fuselage 5.64 m, wing sweep 30 degrees at the quarter chord.
-Everything else is ASSUMED, after the look of the aircraft: where engines and tail sit and their
-sizes; profiles are symmetrical, wings have no twist, engine intakes are closed by a flat disc;
-flaps, gear, doors and windows are left out.
+The public dimensions are: length 63.69 m, span 60.30 m, fuselage diameter 5.64 m, wing sweep 30
+degrees at the quarter chord. Everything else is ASSUMED from the appearance of the aircraft, such
+as the places and sizes of engines and tail. Profiles are symmetrical and wings have no twist.
+Engine intakes are closed by a flat disc. Flaps, gear, doors and windows are left out. All surfaces
+are at 300 K, except for the exhausts.
 
-Bodies are closed and reach into each other where the aircraft's parts join. A nacelle, its
-turbine's annulus and its exhaust are one body, so that cowl, annulus and cone meet without a gap:
-the annulus is the flat end of the cowl, and faces aft.
+Bodies are closed. Where parts of the aircraft join, their bodies overlap. A nacelle, the annulus of
+its turbine and its exhaust are one body, so that cowl, annulus and cone meet without a gap. The
+annulus is the flat end of the cowl and faces aft.
 """
 
 import numpy as np
+
 from mi_lcair.scenes.build.bodies import Facet, cap, loft, mirrored, patch, revolve, ring
 
 LENGTH, SPAN, FUSELAGE_DIAMETER = 63.69, 60.30, 5.64  # m
-ENGINES = (19.25, 9.37, -9.37, -19.25)  # y (m), from left to right, assumed
-EXHAUST_LENGTH = 6.1  # m: 20 ft, thesis 3.2.3.3
-# m, assumed: a core nozzle, and the cone that leaves it, of the size that the intensities of thesis
-# 4.3 ask for.
+ENGINES = (19.25, 9.37, -9.37, -19.25)  # m, y of the engines from left to right, assumed
+EXHAUST_LENGTH = 6.1  # m, 20 ft in thesis 3.2.3.3
+# m, radii of the core nozzle and of the exhaust cone at its base, assumed. They were chosen with
+# the intensities of thesis 4.3 in view.
 NOZZLE_RADIUS, EXHAUST_RADIUS = 0.55, 0.30
 SKIN = "f*bareAl*300"
 HOT_PARTS = "f*blackbody*800*group=hot_parts"
 PLUME = "f*blackbody*500*group=plume"
-NOSE = LENGTH / 2  # x of the nose; stations below count metres aft of it
+NOSE = LENGTH / 2  # m, x of the nose; stations are distances aft of it in m
 
 
 def airliner() -> dict[str, list[Facet]]:
-    """Closed bodies by name: fuselage, belly, wing, tailplane, fin, and for each engine (1 to 4)
-    nacelle_1 and pylon_1, ...
+    """Return the closed bodies by name.
+
+    They are fuselage, belly, wing, tailplane and fin, and for each engine n = 1 to 4 nacelle_n and
+    pylon_n.
     """
     parts = {
         "fuselage": fuselage(),
@@ -43,12 +46,13 @@ def airliner() -> dict[str, list[Facet]]:
     return parts
 
 
-# Fuselage and belly: circles and ellipses across the axis.
+# Fuselage and belly, whose cross sections are circles and ellipses.
 
 
 def fuselage():
-    """Round throughout: the nose droops, the tail cone rises so that its upper line stays nearly
-    straight.
+    """Return the fuselage, whose cross sections are circles.
+
+    The nose droops. The tail cone rises, so that its upper line is nearly straight.
     """
     radius, columns = FUSELAGE_DIAMETER / 2, 36
     nose_length, tail_station, tip_radius = 7.0, 43.0, 0.25
@@ -67,7 +71,7 @@ def fuselage():
 
 
 def belly():
-    """The fairing below the wing's centre: half an ellipse shows under the fuselage."""
+    """Return the fairing below the wing's centre, half an ellipse under the fuselage."""
     middle, half_length, half_height, aspect, z = 27.5, 9.0, 1.45, 2.0, -1.8
     rings = []
     for t in -np.cos(np.linspace(0, np.pi, 17)):  # -1 at the aft end, 1 at the front
@@ -76,15 +80,15 @@ def belly():
     return loft(rings, f"{SKIN}*belly")
 
 
-# Wings, tail and pylons: one profile, scaled.
+# Wings, tail and pylons, which are scaled copies of one profile.
 
 
 def profile(points=16):
-    """A closed symmetrical profile (points + 1, 2) of chord 1 and thickness 1, sharp trailing edge
-    (-1, 0) first.
+    """Return a closed symmetrical profile (points + 1, 2) of chord 1 and thickness 1.
 
-    Columns are the distance ahead of the leading edge, and height. NACA four-digit thickness with a
-    closed trailing edge.
+    The columns are the distance ahead of the leading edge and the height. The sharp trailing edge
+    (-1, 0) is the first point. The thickness is that of NACA four-digit profiles with a closed
+    trailing edge.
     """
     angle = 2 * np.pi * (np.arange(points + 1) % points) / points
     aft = (1 + np.cos(angle)) / 2
@@ -96,10 +100,10 @@ def profile(points=16):
 
 
 def section(leading_edge, chord, thickness, upper):
-    """A profile in space: `leading_edge` (station, y, z), chord and thickness in m, `upper` the
-    direction of its upper side.
+    """Return a profile in space, (points + 1, 3) in m.
 
-    Its way is right-handed about upper x forward.
+    leading_edge: its station, y and z in m. chord, thickness: in m. upper: unit vector toward the
+    upper side. The points run right-handed about the cross product of upper and forward.
     """
     station, y, z = leading_edge
     ahead, height = profile().T
@@ -111,15 +115,19 @@ def section(leading_edge, chord, thickness, upper):
 
 
 def tip_to_tip(stations, label):
-    """One body over both sides, from the left side's sections (n, points, 3): the root, at y = 0,
-    is the first.
+    """Return one body over both sides of the aircraft.
+
+    stations: sections of the left side, (n, points, 3); the first is the root at y = 0.
     """
     left = patch(stations, label) + cap(stations[-1][::-1], label)
     return left + mirrored(left)
 
 
 def between(stations, counts):
-    """Stations (n, values) with `counts` - 1 more between each and the next, on straight lines."""
+    """Return the stations (n, values) with interpolated ones between them.
+
+    counts: numbers of intervals between each station and the next. The interpolation is linear.
+    """
     rows = [
         np.linspace(a, b, count, endpoint=False)
         for a, b, count in zip(stations, stations[1:], counts)
@@ -127,9 +135,9 @@ def between(stations, counts):
     return np.concatenate([*rows, stations[-1:]])
 
 
-WING_THICKNESS = 0.12  # of the chord
+WING_THICKNESS = 0.12  # thickness of the wing as a share of its chord
 WING = np.array(
-    [  # y, station of the leading edge, chord, z
+    [  # columns: y, station of the leading edge, chord, z; all in m
         (0.0, 20.2, 12.0, -1.65),  # inside the fuselage
         (9.9, 26.5, 7.2, -0.78),  # the kink of the trailing edge
         (29.0, 38.67, 2.55, 0.89),  # where the winglet begins
@@ -138,15 +146,16 @@ WING = np.array(
 
 
 def wing():
-    """Both wings through the fuselage, 5 degrees of dihedral, and winglets that turn up from the
-    tips.
+    """Return both wings as one body through the fuselage.
+
+    The dihedral is 5 degrees. The winglets turn up from the tips.
     """
     sections = [
         section((s, y, z), chord, WING_THICKNESS * chord, (0, 0, 1))
         for y, s, chord, z in between(WING, (8, 14))
     ]
     tip_chord, tip_thickness = 0.75, 0.07
-    tip_y = SPAN / 2 - tip_thickness / 2 * np.sin(np.radians(75))  # its outer side makes the span
+    tip_y = SPAN / 2 - tip_thickness / 2 * np.sin(np.radians(75))  # the outer side is at half span
     for y, s, chord, z, thickness, cant in (
         (29.38, 38.98, 2.35, 1.00, 0.24, 30),
         (29.60, 39.25, 2.15, 1.22, 0.20, 60),
@@ -165,9 +174,9 @@ def wing():
 
 
 def tailplane():
-    stations = np.array(
-        [(0.0, 53.2, 6.2, 1.15), (9.7, 59.6, 2.2, 2.15)]
-    )  # y, station, chord, z: 30 degrees, 6 of dihedral
+    """Return the tailplane: sweep 30 degrees at the quarter chord, dihedral 6 degrees."""
+    # Columns: y, station of the leading edge, chord, z; all in m.
+    stations = np.array([(0.0, 53.2, 6.2, 1.15), (9.7, 59.6, 2.2, 2.15)])
     sections = [
         section((s, y, z), chord, 0.1 * chord, (0, 0, 1))
         for y, s, chord, z in between(stations, (10,))
@@ -176,9 +185,9 @@ def tailplane():
 
 
 def fin():
-    stations = np.array(
-        [(1.8, 50.8, 9.0), (11.3, 59.3, 3.4)]
-    )  # z, station of the leading edge, chord
+    """Return the fin."""
+    # Columns: z, station of the leading edge, chord; all in m.
+    stations = np.array([(1.8, 50.8, 9.0), (11.3, 59.3, 3.4)])
     sections = [
         section((s, 0, z), chord, 0.1 * chord, (0, -1, 0))
         for z, s, chord in between(stations, (12,))
@@ -188,7 +197,9 @@ def fin():
 
 # Engines.
 
-COWL = [  # aft of the front, radius; the first is the rim of the disc that closes the intake
+# Distance aft of the front and radius, in m. The first point is the rim of the disc that closes the
+# intake.
+COWL = [
     (0.0, 0.98),
     (0.08, 1.07),
     (0.3, 1.14),
@@ -203,13 +214,16 @@ COWL = [  # aft of the front, radius; the first is the rim of the disc that clos
 
 
 def engine_front(lateral):
-    """Station and z of the middle of a nacelle's front: ahead of and below the wing's leading edge."""
+    """Return station and z [m] of the middle of a nacelle's front.
+
+    It lies ahead of the wing's leading edge and below it. lateral: y of the engine [m].
+    """
     y, leading_edge, _, z = WING.T
     return np.interp(abs(lateral), y, leading_edge) - 4.7, np.interp(abs(lateral), y, z) - 1.75
 
 
 def nacelle(lateral, number):
-    """Cowl (300 K), turbine annulus (800 K) and exhaust cone (500 K) as one body of revolution."""
+    """Return cowl (300 K), turbine annulus (800 K) and exhaust cone (500 K) as one body."""
     columns = 24
     station, z = engine_front(lateral)
     nozzle = COWL[-1][0]
@@ -228,12 +242,11 @@ def nacelle(lateral, number):
 
 
 def pylon(lateral, number):
-    """From inside the nacelle up into the wing."""
+    """Return the pylon, which reaches from inside the nacelle into the wing."""
     station, z = engine_front(lateral)
-    nose, top = station + 4.7, z + 1.75  # the wing's leading edge
-    stations = np.array(
-        [(z + 0.6, station + 1.0, 3.6), (top, nose + 0.15, 3.2)]
-    )  # z, station of the leading edge, chord
+    nose, top = station + 4.7, z + 1.75  # station and z of the wing's leading edge
+    # Columns: z, station of the leading edge, chord; all in m.
+    stations = np.array([(z + 0.6, station + 1.0, 3.6), (top, nose + 0.15, 3.2)])
     sections = [
         section((s, lateral, z), chord, 0.11 * chord, (0, -1, 0))
         for z, s, chord in between(stations, (4,))

@@ -1,20 +1,21 @@
-"""Closed bodies of plane facets, from grids of points. Lengths in metres.
+"""Closed bodies of plane facets, built from grids of points.
 
-A facet's corners run anticlockwise as seen from outside. Neighbours share their corners, so that a
-body has no gaps.
+Lengths are in m. The corners of a facet run anticlockwise as seen from outside. Neighbours share
+their corners, so that a body has no gaps.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-SAME_POINT = 1e-7  # m; corners that are closer are one
-PLANE = 1e-7  # m; a quadrilateral that is farther from plane is cut in two
+SAME_POINT = 1e-7  # m, distance below which two corners count as one
+PLANE = 1e-7  # m, deviation from a plane above which a quadrilateral is cut into two triangles
 
 
 class Facet(NamedTuple):
-    """A plane facet: its label and its corners (3 or 4, 3) in m, anticlockwise as seen from
-    outside.
+    """A plane facet: its label, and its corners (3 or 4, 3) in m.
+
+    The corners run anticlockwise as seen from outside.
     """
 
     label: str
@@ -22,11 +23,11 @@ class Facet(NamedTuple):
 
 
 def patch(grid, label) -> list[Facet]:
-    """Facets between the points of a grid (rows, columns, 3), row by row; outside is (along a row)
-    x (up the rows).
+    """Return the facets between the points of a grid (rows, columns, 3), row by row.
 
-    Where corners coincide a facet is a triangle, or left out. A quadrilateral that is not plane
-    becomes two triangles.
+    The normal of a facet is the cross product of the direction along a row and the direction to the
+    next row. It points outward. Where two corners coincide, the facet is a triangle or is left out.
+    A quadrilateral that is not plane becomes two triangles.
     """
     grid = np.asarray(grid, float)
     facets = []
@@ -44,30 +45,43 @@ def patch(grid, label) -> list[Facet]:
 
 
 def loft(sections, label) -> list[Facet]:
-    """The closed body through `sections` (n, points, 3): its skin, and a flat cap on each end that
-    is not a point.
+    """Return the closed body through `sections` (n, points, 3).
 
-    Each section is plane, ends where it began, runs right-handed about the way from the first to
-    the last, and has as many points on the way out as on the way back: caps join them pairwise.
-    Sections that are similar and parallel give plane quadrilaterals.
+    It has a skin, and a flat cap on each end that is not a point. Each section is a plane closed
+    curve: its last point is its first. It runs right-handed about the direction from the first
+    section to the last. It has as many points in its first half as in its second, because a cap
+    joins them in pairs. Similar and parallel sections give plane quadrilaterals.
     """
     sections = np.asarray(sections, float)
     return cap(sections[0], label) + patch(sections, label) + cap(sections[-1][::-1], label)
 
 
 def cap(section, label) -> list[Facet]:
-    """The plane facets inside a closed section (points, 3), which runs clockwise as seen from
-    outside.
+    """Return the plane facets inside a closed section (points, 3).
+
+    The section runs clockwise as seen from outside.
     """
     half = len(section) // 2
     return patch([section[half:][::-1], section[: half + 1]], label)
 
 
 def ring(x, radius, columns, centre=(0, 0), aspect=1, turn=0.0):
-    """A closed section (columns + 1, 3) of an ellipse in the plane x, right-handed about +x.
+    """Return an ellipse in the plane x as a closed section (columns + 1, 3), right-handed about +x.
 
-    `radius` is half its height (m), `aspect` its width in heights, `centre` (y, z). The first
-    point, which is the last again, lies `turn` columns beyond +y.
+    Parameters
+    ----------
+    x
+        Position of the plane [m].
+    radius
+        Half the height of the ellipse [m].
+    columns
+        Number of intervals along the ellipse.
+    centre
+        y and z of the centre [m].
+    aspect
+        Width divided by height.
+    turn
+        Angle of the first point from +y, in intervals.
     """
     angle = 2 * np.pi * (np.arange(columns + 1) % columns + turn) / columns
     y, z = aspect * radius * np.cos(angle) + centre[0], radius * np.sin(angle) + centre[1]
@@ -75,20 +89,23 @@ def ring(x, radius, columns, centre=(0, 0), aspect=1, turn=0.0):
 
 
 def revolve(profile, columns, centre=(0, 0), turn=0.0):
-    """Grid of rings (n, columns + 1, 3) about an axis along x at `centre` (y, z), from `profile`
-    (n, 2) of x and radius.
+    """Return a grid of rings (n, columns + 1, 3) about an axis along x at `centre` (y, z).
 
-    Outside is outward where the profile runs toward +x.
+    profile: x and radius of the rings, (n, 2) in m. If it runs toward +x, the facets of the grid
+    face away from the axis.
     """
     return np.stack([ring(x, radius, columns, centre, turn=turn) for x, radius in profile])
 
 
 def mirrored(facets) -> list[Facet]:
-    """The facets on the other side of the plane y = 0, facing outward again; labels as they are."""
+    """Return the mirror images of the facets in the plane y = 0, with the same labels.
+
+    Their corners are reversed, so that they face outward.
+    """
     return [Facet(label, corners[::-1] * (1, -1, 1)) for label, corners in facets]
 
 
 def _off_plane(corners):
-    """How far (m) the diagonals of a quadrilateral pass each other by."""
+    """Return the distance between the diagonals of a quadrilateral [m]."""
     normal = np.cross(corners[2] - corners[0], corners[3] - corners[1])
     return abs(np.dot(corners[1] - corners[0], normal)) / np.linalg.norm(normal)

@@ -1,25 +1,27 @@
 """The cylinder with wings and nose, a notional aircraft (thesis 3.2.3.2), as one closed skin.
 
-The text of the thesis lacks the drawing with its dimensions (Figure 3.6): those here are ASSUMED,
-so that the body fits the 3 m IR range. A cylinder with a tangent ogive as nose and a flat tail
-carries two plane rectangular wings. A wing takes the place of one column of the cylinder's facets:
-its faces meet the cylinder along a generator, in a sharp corner.
+The text of the thesis lacks the drawing with the dimensions (Figure 3.6). The dimensions here are
+ASSUMED, so that the body fits into the 3 m IR range. The body is a cylinder with a tangent ogive as
+nose, a flat tail and two plane rectangular wings. Each wing replaces one column of the cylinder's
+facets. Its faces meet the cylinder along a generator, in a sharp corner.
 """
 
 import numpy as np
+
 from mi_lcair.scenes.build.bodies import mirrored, patch, revolve
 
 LENGTH, NOSE_LENGTH, RADIUS = 1.2, 0.3, 0.15  # m, assumed; the length includes the nose
-SPAN = 1.0  # m, assumed; tip to tip
-COLUMNS = 40  # facets around
-ROWS = 24  # of equal length along the cylinder, without nose and tail
-WING_ROWS = slice(6, 18)  # which of them carry the wings, in the middle of the cylinder
-NOSE_ROWS = 6
-TAIL_RADII = (0, 0.05, 0.1)  # m; inner radii of the rings of the flat tail
-# Span stations as fractions of a wing: facets grow from 2 cm at the root to 4 cm at the tip.
+SPAN = 1.0  # m from tip to tip, assumed
+COLUMNS = 40  # number of facets around the cylinder
+ROWS = 24  # number of rows of equal length along the cylinder, without nose and tail
+WING_ROWS = slice(6, 18)  # rows of the cylinder at which the wings are attached
+NOSE_ROWS = 6  # number of rows along the nose
+TAIL_RADII = (0, 0.05, 0.1)  # m, inner radii of the rings of the flat tail
+# Stations along the span as fractions of a wing. Facets grow from 2 cm at the root to 4 cm at the
+# tip.
 WING_STATIONS = np.cumsum([0, *np.linspace(2, 4, 12)]) / np.linspace(2, 4, 12).sum()
 
-# Kelvin, thesis Table 3.2.
+# Temperatures in K, thesis Table 3.2.
 TEMPERATURES = {
     "bareAl": {
         "nose": 301.7,
@@ -43,15 +45,16 @@ TEMPERATURES = {
 
 
 def ogive_radius(distance):
-    """Radius (m) of the nose at a distance (m) ahead of its base: an arc that leaves the cylinder
-    smoothly.
+    """Return the radius of the nose [m] at a distance [m] ahead of its base.
+
+    The nose is an arc that is tangent to the cylinder.
     """
     arc = (RADIUS**2 + NOSE_LENGTH**2) / (2 * RADIUS)
     return np.sqrt(arc**2 - distance**2) + RADIUS - arc
 
 
 def cylinder(finish):
-    """Facets of the model in one of the two finishes of Table 3.2, "bareAl" or "gloss_black"."""
+    """Return the facets of the model in a finish of Table 3.2, "bareAl" or "gloss_black"."""
     labels = {
         region: f"f*{finish}*{kelvin}*{region}" for region, kelvin in TEMPERATURES[finish].items()
     }
@@ -80,35 +83,36 @@ def cylinder(finish):
 
 
 def skin(profile):
-    """Rings about the x axis, with column 0 centred on +y (left wing) and column COLUMNS / 2 on -y
-    (right wing).
+    """Return rings about the x axis through a profile of x and radius.
+
+    Column 0 is centred on +y (left wing), column COLUMNS / 2 on -y (right wing).
     """
     return revolve(profile, COLUMNS, turn=-0.5)
 
 
 def beside_wings(side, rows, label):
-    """The cylinder's facets in `rows` above and below the wings."""
+    """Return the cylinder's facets above and below the wings in `rows`."""
     strip = side[rows.start : rows.stop + 1]
     half = COLUMNS // 2
     return patch(strip[:, 1 : half + 1], label) + patch(strip[:, half + 1 :], label)
 
 
 def wing(chord, label, edge):
-    """The front or rear half of the left wing, between the stations `chord` (x, ascending): faces,
-    tip and outer edge.
+    """Return the front or rear half of the left wing: upper and lower face, tip and outer edge.
+
+    chord: x of its rows of vertices in ascending order [m]. edge: "front" or "rear".
     """
-    root = np.array(
-        [RADIUS * np.cos(np.pi / COLUMNS), RADIUS * np.sin(np.pi / COLUMNS)]
-    )  # (y, z) of the upper corner
+    # y and z of the upper corner between wing and cylinder
+    root = np.array([RADIUS * np.cos(np.pi / COLUMNS), RADIUS * np.sin(np.pi / COLUMNS)])
     y, z = root[0] + (SPAN / 2 - root[0]) * WING_STATIONS, root[1]
 
     def points(xs, ys, zs):
         return np.stack(np.broadcast_arrays(xs, ys, zs), axis=-1)
 
-    upper = points(chord[:, None], y[::-1], z)  # along -y, up the rows toward +x: outside is +z
+    # Rows run along -y and follow each other toward +x, so that the outside is +z.
+    upper = points(chord[:, None], y[::-1], z)
     lower = points(chord[:, None], y, -z)
     tip = points(chord[:, None], SPAN / 2, np.array([-z, z]))
-    x = chord[-1] if edge == "front" else chord[0]
     border_x, border_z = (chord[-1], [z, -z]) if edge == "front" else (chord[0], [-z, z])
     border = points(border_x, y[:, None], np.array(border_z))
     return patch(upper, label) + patch(lower, label) + patch(tip, label) + patch(border, label)

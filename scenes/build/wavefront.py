@@ -1,16 +1,17 @@
-"""Facets as a labelled Wavefront OBJ (thesis 3.2.2): one object per label
-`{f|s|t}*{material}*{kelvin}*{anything}`.
+"""Facets as a labelled Wavefront OBJ (thesis 3.2.2).
+
+There is one object per label `{f|s|t}*{material}*{kelvin}*{anything}`.
 """
 
 from mi_lcair.scenes.build.bodies import Facet
 
 
 def wavefront(facets: list[Facet], comment: str) -> str:
-    """The text of an OBJ. Objects follow in the order in which their labels first appear;
-    coordinates in m, to 1 um.
+    """Return the text of an OBJ file.
 
-    Corners that print alike are one vertex. The bytes depend on the facets alone: no date, no
-    version.
+    Objects are in the order in which their labels first appear. Coordinates are in m, rounded to
+    1 um. Corners with the same rounded coordinates become one vertex. The text has no date and no
+    version, so that it depends only on the facets and the comment.
     """
     numbers, objects = {}, {}
     for label, corners in facets:
@@ -25,6 +26,6 @@ def wavefront(facets: list[Facet], comment: str) -> str:
 
 
 def _vertex(point):
-    # Rounding also hides the last bits of sine and cosine, which differ between processors; + 0.0
+    # The last bits of sine and cosine differ between processors. Rounding removes them. Adding 0.0
     # turns -0 into 0.
     return "v " + " ".join(f"{round(coordinate, 6) + 0.0:.6f}" for coordinate in point)

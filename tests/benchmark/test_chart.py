@@ -1,5 +1,6 @@
-"""What charts of methods share: which point counts as having reached a tolerance, and the files
-that say so.
+"""The parts that all charts of methods share.
+
+Which point counts as having reached a tolerance, and the files that are written.
 """
 
 import csv
@@ -8,10 +9,11 @@ import pytest
 
 from mi_lcair.benchmark import chart
 from mi_lcair.benchmark.chart import Point, point
+from mi_lcair.reports import method_chart
 
 
 def points(case, method, errors, seconds_per_sample):
-    """A curve with 10, 100, ... samples."""
+    """Points of a method with 10, 100, ... samples."""
     return [
         Point(
             case,
@@ -31,15 +33,17 @@ def points(case, method, errors, seconds_per_sample):
 
 
 SLOW = points("box", "slow", [0.2, 0.04, 0.004, 0.0004], 1e-6)
-LUCKY = points("box", "lucky", [0.0001, 0.3, 0.03, 0.002], 1e-9)  # its first point is an accident
+LUCKY = points(
+    "box", "lucky", [0.0001, 0.3, 0.03, 0.002], 1e-9
+)  # the first error is small by chance
 POINTS = SLOW + LUCKY + points("cavity, closed", "slow", [0.5, 0.4], 1e-6)
 
 
 def test_point_takes_medians_and_quartiles():
-    found = point("box", "slow", 3, [4, 5, 9], [1, 2, 3], 0.5, [1.1, 0.6, 0.8, 1.0, 1.3], 1.0)
-    assert found.samples == 5 and found.seconds == 2 and found.value == 1.0
-    assert (found.error_low, found.error, found.error_high) == pytest.approx((0.1, 0.2, 0.3))
-    assert found.rms == pytest.approx((0.3 / 5) ** 0.5)  # of 0.1, 0.4, 0.2, 0 and 0.3
+    result = point("box", "slow", 3, [4, 5, 9], [1, 2, 3], 0.5, [1.1, 0.6, 0.8, 1.0, 1.3], 1.0)
+    assert result.samples == 5 and result.seconds == 2 and result.value == 1.0
+    assert (result.error_low, result.error, result.error_high) == pytest.approx((0.1, 0.2, 0.3))
+    assert result.rms == pytest.approx((0.3 / 5) ** 0.5)  # the errors are 0.1, 0.4, 0.2, 0 and 0.3
 
 
 @pytest.mark.parametrize(
@@ -54,8 +58,8 @@ def test_point_takes_medians_and_quartiles():
     ],
 )
 def test_reach_asks_for_all_higher_efforts(method, tolerance, effort):
-    found = chart.reach(POINTS, "box", method, tolerance)
-    assert (found and found.effort) == effort
+    reached = chart.reach(POINTS, "box", method, tolerance)
+    assert (reached and reached.effort) == effort
 
 
 def test_reach_by_rms():
@@ -63,7 +67,9 @@ def test_reach_by_rms():
 
 
 def test_cheapest_by_time():
-    assert chart.cheapest(POINTS, "box", 0.05) == LUCKY[2]  # more samples than SLOW[1], less time
+    assert (
+        chart.cheapest(POINTS, "box", 0.05) == LUCKY[2]
+    )  # it has more samples than SLOW[1] but takes less time
     assert chart.cheapest(POINTS, "box", 0.001) == SLOW[3]
     assert chart.cheapest(POINTS, "cavity, closed", 0.05) is None
 
@@ -112,5 +118,5 @@ def test_files(tmp_path):
         and rows[4]["method"] == "lucky"
         and rows[-1]["case"] == "cavity, closed"
     )
-    chart.draw(tmp_path / "a.png", POINTS, "two methods")
+    method_chart.draw(tmp_path / "a.png", POINTS, "two methods")
     assert (tmp_path / "a.png").stat().st_size > 20000

@@ -1,9 +1,10 @@
-"""Each propagation method reproduces a closed form to a stated error, and methods that share
-nothing but the scene agree.
+"""Propagation methods against closed forms and against each other.
 
-The room: a slab of some material in a black room, all at 300 K. What the slab lacks in emission it
-reflects after one bounce, so that it shows the blackbody's radiance, whatever the method, if the
-method integrates the whole of its lobe.
+Each method reproduces a closed form to a stated error. Methods without a common algorithm agree.
+
+One scene is a black room with a floor of some material, all at 300 K. The floor emits less than a
+blackbody and reflects the rest after one bounce. Its radiance is therefore the blackbody's, if a
+method integrates the whole lobe.
 """
 
 from pathlib import Path
@@ -34,8 +35,9 @@ BLACKBODY = {"type": "sandford_robertson", "material": "blackbody", "band": "MWI
 
 
 def plates(plate, **walls):
-    """Shapes of a cube's walls, inside out: walls maps "x0", "x1", "y0", ... to (bsdf,
-    temperature).
+    """Shapes of the walls of a unit cube, which face inward.
+
+    walls: "x0", "x1", "y0", ... -> (bsdf, temperature in K).
     """
     shapes = {}
     for name, (bsdf, temperature) in walls.items():
@@ -52,7 +54,7 @@ def plates(plate, **walls):
 
 @pytest.fixture
 def plate(tmp_path):
-    """plate(name, corners, bsdf, temperature, band): a one-sided rectangle as a shape's dictionary."""
+    """plate(name, corners, bsdf, temperature, band) gives a one-sided rectangle as a dictionary."""
 
     def make(name, corners, bsdf, temperature, band):
         mesh = mi.Mesh(name, 4, 2)
@@ -75,7 +77,7 @@ def plate(tmp_path):
 def problem(
     shapes, origin, target, half_width, answer=1.0, bounces=1, points=16, resolution_deg=22.5
 ) -> Problem:
-    """A problem of these shapes, seen through a square window."""
+    """A problem with these shapes and a square window."""
     T = mi.ScalarTransform4f
     film = {
         "type": "hdrfilm",
@@ -107,8 +109,9 @@ def problem(
 
 @pytest.fixture
 def black_room(plate):
-    """black_room(bsdf): the floor of that material, the other walls black, all at 300 K; seen from
-    30 degrees.
+    """black_room(bsdf) gives a room with that floor and black walls, all at 300 K.
+
+    The sensor looks at the floor at 30 degrees from its normal.
     """
 
     def make(bsdf, **options):
@@ -160,8 +163,9 @@ def test_closed_form(name, make, effort, error):
     ],
 )
 def test_lobe_in_a_black_room(black_room, name, effort, error):
-    """A lobe without a floor that lies in the peak region whole; HDR = 1 - emissivity by the
-    normalized form.
+    """A lobe without a diffuse floor, all of which lies in the peak region.
+
+    The normalized form has HDR = 1 - emissivity.
     """
     lobe = {
         "type": "sandford_robertson",
@@ -176,8 +180,10 @@ def test_lobe_in_a_black_room(black_room, name, effort, error):
 
 
 def test_single_mirror_bounce_stops_there(plate):
-    """Two mirrors face to face: emission of the first, and of the second times the first's
-    reflectance (Eq 3.8), no more.
+    """Two mirrors face each other.
+
+    With one bounce the radiance is the emission of the first, plus the emission of the second times
+    the reflectance of the first (Eq 3.8).
     """
     mirror = {
         "type": "sandford_robertson",
@@ -211,8 +217,9 @@ def upward():
 
 
 def test_quadrature_by_bounces():
-    """In the cavity, 0.5 sum (0.5 (1 - f))^k after N bounces (Eq 3.12 cut short): the quadrature's
-    own bounces are these.
+    """The quadrature's bounces are the terms of Eq 3.12.
+
+    In the cavity the radiance after N bounces is 0.5 times the sum of (0.5 (1 - f))^k, k = 0..N.
     """
     case = problems.cavity(16)
     for bounces in (1, 2):
@@ -221,11 +228,11 @@ def test_quadrature_by_bounces():
         assert value / case.answer == pytest.approx(limit, rel=1e-2)
 
 
-# ---- radiosity and path tracing share no algorithm
+# ---- radiosity and path tracing, which have no algorithm in common
 
 
 def test_radiosity_against_path_tracing(plate):
-    """In a closed cube whose walls differ, and on the bundled diffuse scenes: within 0.3 %."""
+    """They agree within 0.3 % in a closed cube with different walls and on the diffuse scenes."""
     grey = lambda reflectance: {
         "type": "diffuse",
         "reflectance": {"type": "uniform", "value": reflectance},
@@ -246,10 +253,13 @@ def test_radiosity_against_path_tracing(plate):
 
 
 def test_view_factors(plate):
-    """Against Howell's catalogue, C-13 and C-15, wall to wall of the unit cube; rows add up to 1."""
+    """Between the walls of the unit cube they agree with Howell's catalogue, C-13 and C-15.
+
+    Rows add up to 1.
+    """
     walls = {f"{'xyz'[axis]}{side}": (BLACKBODY, 300.0) for axis, side in exact_view_factors.WALLS}
     case = problem(plates(plate, **walls), [0.5, 0.5, 0.9], [0.5, 0.5, 0], 0.4)
-    order = [wall for wall in walls]
+    order = list(walls)
     with case.prepared() as (scene, emitters):
         triangles = case.facets.triangles
         F = view_factors(
@@ -257,21 +267,22 @@ def test_view_factors(plate):
         ).toarray()
     assert F.sum(axis=1) == pytest.approx(np.ones(12), abs=1e-4)
     centre = case.facets.centre.reshape(6, 2, 3).mean(axis=1)
-    wall_of = [
-        "%s%d" % ("xyz"[np.argmax(abs(c - 0.5))], round(c[np.argmax(abs(c - 0.5))])) for c in centre
-    ]
+    axes = np.argmax(abs(centre - 0.5), axis=1)
+    wall_of = [f"{'xyz'[axis]}{round(c[axis])}" for axis, c in zip(axes, centre)]
     by_wall = F.reshape(6, 2, 6, 2).sum(axis=3).mean(axis=1)
     place = [wall_of.index(wall) for wall in order]
     assert by_wall[np.ix_(place, place)] == pytest.approx(exact_view_factors.cube(1), abs=2e-3)
 
 
-# ---- what stands in for later bounces
+# ---- closures
 
 
 @pytest.mark.parametrize("opening", list(exact.CAVITY_BLOCKS))
 def test_closures_on_the_cavity(opening):
-    """`tail` after two reflections within 0.2 % of the limit; `ambient` at the walls' temperature
-    after one is better than four reflections without it, for openings under 0.03 of the sphere.
+    """`tail` after two reflections is within 0.2 % of the limit.
+
+    For openings below 0.03 of the sphere, `ambient` at the walls' temperature after one reflection
+    is better than four reflections without it.
     """
     case = problems.cavity(opening)
     error = lambda bounces, closure: abs(
@@ -294,7 +305,7 @@ def test_settings_are_put_back():
     ) == (24, False, "none", None)
 
 
-# ---- where the deterministic methods look from, and in which directions
+# ---- points and directions of the deterministic methods
 
 
 @pytest.mark.parametrize(
@@ -307,18 +318,20 @@ def test_settings_are_put_back():
     ],
 )
 def test_visible_area(make, area, error):
-    """Exact where nothing is hidden; the furnace's bodies hide each other and the room, and
-    together fill the window.
+    """The areas add up to the visible area, exactly where no facet is hidden.
+
+    In the furnace bodies hide each other and the room, and together they fill the window.
     """
     case = make()
-    found = visible_points(case, 512)
-    assert np.sum(found.area.numpy().astype(float)) == pytest.approx(area, rel=error)
+    points = visible_points(case, 512)
+    assert np.sum(points.area.numpy().astype(float)) == pytest.approx(area, rel=error)
 
 
 @pytest.mark.parametrize("n", [1, 2, 5])
 def test_parts_of_a_triangle(n):
-    """Each part's middle is found in that part again, is the mean of its corners, and the parts are
-    equal.
+    """The parts are equal, and each middle is the mean of its corners.
+
+    `part_index` finds each middle in its own part.
     """
     corners = np.array([[[0, 0, 0], [2, 0, 0], [0, 3, 0.5]]])
     parts = part_corners(corners, n)
@@ -334,15 +347,16 @@ def test_parts_of_a_triangle(n):
 @pytest.mark.parametrize("theta_deg", [0, 7, 30, 55, 85])
 @pytest.mark.parametrize("grid", [Hemisphere(24), Stratified(30, 24)])
 def test_grids_cover_the_hemisphere(grid, theta_deg):
-    """2 pi sr, and pi with the cosine, by the midpoint rule to 0.3 %."""
+    """The weights add up to 2 pi sr, and times the cosine to pi, within 0.3 %."""
     wo, weight = directions(grid, theta_deg)
     assert weight.sum() == pytest.approx(2 * np.pi, rel=3e-3)
     assert (weight * wo[2]).sum() == pytest.approx(np.pi, rel=3e-3)
 
 
 def test_grids_on_bare_aluminium():
-    """At 30 degrees the whole grid gives the plugin's own HDR, and outside the peak region the
-    thesis finds 0.02 (Figure 3.20).
+    """At 30 degrees the whole grid gives the plugin's own HDR.
+
+    Outside the peak region the reflectance is 0.02, as in the thesis (Figure 3.20).
     """
     bsdf = mi.load_dict({"type": "sandford_robertson", "material": "bare_aluminum", "band": "MWIR"})
     si = mi.SurfaceInteraction3f()
@@ -370,8 +384,9 @@ def directions(grid, theta_deg):
 
 
 def test_plan_keeps_to_its_budget():
-    """At least the cells that are asked for, as many bounces as that allows, and no more rays than
-    the budget.
+    """The plan has at least the cells asked for and no more rays than the budget.
+
+    One more bounce would not fit into the budget.
     """
     case = problems.cavity()
     for budget in (4**6, 4**8, 4**11):

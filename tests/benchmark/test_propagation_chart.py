@@ -1,5 +1,6 @@
-"""The chart of propagation methods: how a method is timed and cut off, and what the page says about
-given points.
+"""The chart of propagation methods.
+
+How a method is timed, after which effort it stops, and what the page says about given points.
 """
 
 import re
@@ -16,9 +17,8 @@ from mi_lcair.benchmark.propagation_chart import (
     Closure,
     Effort,
     curve,
-    fields,
-    write,
 )
+from mi_lcair.reports.propagation_page import fields, write
 
 EFFORT = Effort(seconds=1.0, most=100, repetitions=5, same=2, spp=1, seeds=2)
 
@@ -28,7 +28,10 @@ def problem(name="box", answer=10.0) -> Problem:
 
 
 def result() -> Chart:
-    """Two scenes; ours ten times as fast as radiosity on the first, alone on the second."""
+    """Results on two scenes.
+
+    On the first our method is ten times as fast as radiosity. On the second it is the only one.
+    """
     points = [
         Point("box", name, effort, 10 * effort, seconds * effort, 0.2, error / effort, 0, 1, 10, 1)
         for name, seconds, error in (
@@ -59,8 +62,9 @@ def result() -> Chart:
 
 
 def test_curve_repeats_and_stops(monkeypatch):
-    """Random methods with other seeds, the others the same; compile apart; none beyond the first
-    effort that takes too long.
+    """A random method is repeated with other seeds, a deterministic one with fewer repetitions.
+
+    The compile is timed separately. No effort is tried beyond the first that takes too long.
     """
     calls = []
 
@@ -77,17 +81,17 @@ def test_curve_repeats_and_stops(monkeypatch):
     assert points[1].compile_seconds == pytest.approx(2.6)
     calls.clear()
     curve(problem(), Method("same", "3.5", None, lambda case: [1, 256], False), EFFORT)
-    assert calls == [(1, 0), (1, 1), (1, 2)]  # 256 is more than `most`
+    assert calls == [(1, 0), (1, 1), (1, 2)]  # the effort 256 exceeds `most`
 
 
 def test_page_says_what_the_points_say():
-    found = fields(result(), "the command")
-    assert "| box | path tracing (500 ms) | radiosity (5 s) | 10 |" in found["summary"]
-    assert "| hall | path tracing (300 ms) | none reaches it |  |" in found["summary"]
-    assert "mirror, one bounce" in found["tables"].split("### hall")[0].split("never get there")[1]
-    assert found["ambient"] == "on 2 of 3 openings, up to 0.300 of the sphere"
-    assert found["tail_worst"] == "0.020 %"
-    assert "| hall | +30.0 % |" in found["closures"]
+    text = fields(result(), "the command")
+    assert "| box | path tracing (500 ms) | radiosity (5 s) | 10 |" in text["summary"]
+    assert "| hall | path tracing (300 ms) | none reaches it |  |" in text["summary"]
+    assert "mirror, one bounce" in text["tables"].split("### hall")[0].split("never get there")[1]
+    assert text["ambient"] == "on 2 of 3 openings, up to 0.300 of the sphere"
+    assert text["tail_worst"] == "0.020 %"
+    assert "| hall | +30.0 % |" in text["closures"]
 
 
 def test_files(tmp_path):

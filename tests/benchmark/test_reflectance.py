@@ -1,5 +1,7 @@
-"""Each reflectance integral against the exact DHR: accuracy, order, bias, and where it returns a
-confident wrong answer.
+"""Each reflectance integral against the exact DHR.
+
+Accuracy, order of convergence, bias, and cases in which a method agrees with itself on a wrong
+result.
 """
 
 import numpy as np
@@ -20,7 +22,7 @@ from mi_lcair.benchmark.reflectance import (
 from mi_lcair.physics.reflection import sandford_robertson_hemispherical as hemispherical
 from tests.physics.reflection.surfaces import MATERIALS, random_parameters
 
-BROAD = (0.3, 0.1, 0.4, 0.3)  # epsilon, rho_d, b, e: a floor and a lobe of 20 degrees or so
+BROAD = (0.3, 0.1, 0.4, 0.3)  # epsilon, rho_d, b, e of a surface with a floor and a 20 degree lobe
 ALUMINUM = MATERIALS[0]
 QUADRATURES = (uniform_quadrature.method, stratified_quadrature.method)
 RANDOM = [method for method in METHODS if method not in QUADRATURES]
@@ -32,8 +34,8 @@ def relative_error(method, p, effort, repetitions=1, seed=0):
     return method.run(p, effort, repetitions, seed).numpy() / p.exact() - 1
 
 
-# What one estimate must hold for BROAD: effort, relative error (four standard deviations of the
-# random methods).
+# method -> (effort, largest relative error of one estimate for BROAD).
+# For random methods the error is four standard deviations.
 STATED = {
     uniform_quadrature: (200, 1e-4),
     stratified_quadrature: (160, 3e-4),
@@ -58,8 +60,9 @@ def test_reproduces_the_exact_DHR(module, theta_deg, form):
 
 @pytest.mark.parametrize("method", QUADRATURES, ids=lambda method: method.name)
 def test_quadratures_converge_with_their_order(method):
-    """Midpoints: the error falls with N^-2. 45 degrees and these N put whole cells into the regions
-    of the stratified one.
+    """The error of a midpoint rule is proportional to N^-2.
+
+    With 45 degrees and these N, the regions of the stratified quadrature hold whole cells.
     """
     p = problem(*BROAD, 45)
     errors = [np.abs(relative_error(method, p, N)[0]) for N in (72, 144, 288)]
@@ -72,23 +75,27 @@ def test_quadratures_converge_with_their_order(method):
     "parameters, theta_deg", [(BROAD, 30), (BROAD, 75), ((0.05, 0.05, 0.1, 0.1), 60)]
 )
 def test_random_methods_are_unbiased(method, parameters, theta_deg):
-    """The mean of 4096 estimates of 64 samples lies within 4 standard errors; DHR, not HDR (the
-    model is not reciprocal).
+    """The mean of 4096 estimates of 64 samples lies within 4 standard errors of the DHR.
+
+    The HDR is another number, because the model is not reciprocal. For the methods that use a
+    density of i or r, the mean must also differ from it.
     """
     p = problem(*parameters, theta_deg)
     errors = np.concatenate([relative_error(method, p, 64, 1024, seed) for seed in range(4)])
     standard_error = errors.std() / np.sqrt(len(errors))
     assert abs(errors.mean()) < 4 * standard_error
-    other_way = hemispherical.HDR(p.surface, p.theta_i)[0] / p.exact() - 1
-    if method in (half_vector.method, sobol.method):  # the others never look at a density of i or r
-        assert abs(errors.mean() - other_way) > 4 * standard_error
+    HDR_error = hemispherical.HDR(p.surface, p.theta_i)[0] / p.exact() - 1
+    if method in (half_vector.method, sobol.method):
+        assert abs(errors.mean() - HDR_error) > 4 * standard_error
 
 
 @randomly
 def test_repetitions_and_seeds_differ(method):
     p = problem(*BROAD, 30)
     a, b = (method.run(p, 4096, 16, seed).numpy() for seed in (0, 1))
-    assert len(np.unique(np.concatenate([a, b]))) > 20  # rejection counts whole samples
+    assert (
+        len(np.unique(np.concatenate([a, b]))) > 20
+    )  # not 32: counts of accepted samples may agree
     np.testing.assert_array_equal(a, method.run(p, 4096, 16, 0).numpy())
 
 
@@ -100,7 +107,7 @@ def test_counts_its_samples(method, monkeypatch):
     evaluated = []
     p = problem(*BROAD, 30)
     if method is METHODS[1]:
-        normal_importance.best_widths(p)  # not counted, and said so
+        normal_importance.best_widths(p)  # done first, because the search is not counted
     original = type(p).integrand
 
     def integrand(self, i, r):
@@ -113,19 +120,19 @@ def test_counts_its_samples(method, monkeypatch):
     assert sum(evaluated) == 3 * method.samples(effort)
 
 
-# ---- what each rests on
+# ---- parts of the methods
 
 
 @pytest.mark.parametrize("theta_deg", [0, 5, 10, 30, 80, 84, 89])
 def test_regions_tile_the_hemisphere(theta_deg):
-    """A perfect diffuser reflects all, wherever the border between the regions runs."""
+    """A perfect diffuser has reflectance 1 for every border between the regions."""
     p = problem(0, 1, 0, 1, theta_deg)
     assert stratified_quadrature.run(p, 160, 1, 0)[0] == pytest.approx(1, abs=2e-4)
     assert stratified_monte_carlo.run(p, 10**6, 1, 0)[0] == pytest.approx(1, abs=0.005)
 
 
 def test_bound_of_rejection_sampling():
-    """Nowhere below f cos(theta_r), at the peak hardly above it."""
+    """The bound is nowhere below f cos(theta_r), and equals it at the peak at normal incidence."""
     rng = np.random.default_rng(1)
     for k, parameters in enumerate(random_parameters(40)):
         for form in ("thesis", "normalized"):
@@ -143,7 +150,7 @@ def test_bound_of_rejection_sampling():
 
 
 def test_normal_importance_has_the_best_widths():
-    """Of the widths around them none gives a smaller variance, as measured."""
+    """No width close to them gives a smaller measured variance."""
     p = problem(*BROAD, 30)
     best = normal_importance.best_widths(p)
     spread = lambda: np.std(normal_importance.run(p, 256, 4096, 0).numpy())
@@ -155,8 +162,9 @@ def test_normal_importance_has_the_best_widths():
 
 
 def test_scrambled_points_stay_stratified():
-    """Any 64 scrambled Sobol numbers hold one in each 64th of the unit interval, in each dimension
-    and repetition.
+    """The first 64 scrambled Sobol numbers have one in each 64th of the unit interval.
+
+    This holds in each dimension and for each key.
     """
     for digits in sobol.reversed_digits():
         for key in (1, 12345, 2**31 + 7):
@@ -169,15 +177,16 @@ def test_scrambled_points_stay_stratified():
             assert sorted((64 * x).astype(int)) == list(range(64))
 
 
-# ---- what the chart claims
+# ---- claims of the chart
 
 
 @pytest.mark.parametrize(
     "method", [half_vector.method, sobol.method], ids=lambda method: method.name
 )
 def test_few_samples_suffice_for_bare_aluminum(method):
-    """1 % with 4 samples, 0.1 % with 200 (here 128): not only the median error but the rms of many
-    repetitions.
+    """The rms error is below 1 % with 4 samples and below 0.1 % with 128.
+
+    The median error is below 0.3 times these.
     """
     p = problem(*ALUMINUM, 30)
     for samples, error in ((4, 0.01), (128, 0.001)):
@@ -187,11 +196,11 @@ def test_few_samples_suffice_for_bare_aluminum(method):
 
 
 def test_coarse_quadrature_aliases():
-    """A lobe of e = 0.0042 falls between the samples, and nothing in the answer says so.
+    """A lobe of e = 0.0042 falls between the samples, and the result shows no sign of it.
 
-    The DHR is 0.888. Where the peak lies midway between the columns, N = 12, 24 and 48 say 0.03 to
-    0.10, most of it the floor; with N = 100 the answer is anything between 0.32 and 2.2, as the
-    plane of incidence turns.
+    The DHR is 0.888. Where the peak lies midway between the columns, N = 12, 24 and 48 give 0.03 to
+    0.10, most of it from the floor. With N = 100 the result varies between 0.32 and 2.2, depending
+    on the plane of incidence.
     """
     p = problem(*ALUMINUM, 30)
     assert p.exact() == pytest.approx(0.88797, abs=1e-5)
@@ -212,9 +221,10 @@ def test_coarse_quadrature_aliases():
     ],
 )
 def test_stratified_quadrature_aliases_away_from_30_degrees(theta_deg, value, exact):
-    """The thesis's 80^2 + 50^2 samples were found at 30 degrees. Toward grazing the lobe is e /
-    tan(theta) narrow in azimuth, and falls between the columns; at normal incidence it lies beside
-    the peak region. Every repetition says the same.
+    """The thesis's 80^2 + 50^2 samples, chosen at 30 degrees, fail at other angles.
+
+    Toward grazing the lobe has a half width of e / tan(theta) in azimuth and falls between the
+    columns. At normal incidence it lies beside the peak region. All repetitions give one value.
     """
     p = problem(*ALUMINUM, theta_deg)
     values = stratified_quadrature.run(p, 80, 64, 0).numpy()

@@ -7,9 +7,10 @@ import math
 
 import numpy as np
 import pytest
-from mi_lcair.fitting import estimation
 
 from mi_lcair.errors import InputError
+from mi_lcair.fitting import estimation
+from mi_lcair.physics.reflection import MODELS
 from tests.fitting.numpy_model import brdf
 from tests.fitting.results import fit_of
 
@@ -52,6 +53,7 @@ def test_defaults(run, asked):
     ((measurements, options),) = asked.calls
     assert len(measurements.brdf) == 35 and callable(options.pop("progress"))
     assert options == {
+        "model": "auto",
         "form": "auto",
         "loss": "log",
         "robust": False,
@@ -75,6 +77,8 @@ def test_every_option_arrives(run, asked):
         "brdf_cos",
         "--theta-r-positive",
         "source",
+        "--model",
+        "sandford_robertson",
         "--form",
         "thesis",
         "--loss",
@@ -100,6 +104,7 @@ def test_every_option_arrives(run, asked):
     ]
     del options["emissivity"], options["dhr"], options["progress"]
     assert options == {
+        "model": "sandford_robertson",
         "form": "thesis",
         "loss": "cube_root",
         "robust": True,
@@ -118,7 +123,7 @@ def test_table(run, asked):
         == """\
 surface      a plate (mwir.csv)
 band         3-5 um
-model        normalized form with b = 0
+model        sandford_robertson, normalized form with b = 0
 points used  33
 left out     2 theta_i or theta_r beyond 80 degrees
 rms          0.1234 decades
@@ -134,6 +139,13 @@ e          0.1      0.01            determined
 """.replace("a plate", "mwir")
     )
     assert result.stderr == ""  # no progress bar where stderr is no terminal
+
+
+def test_the_table_names_the_model_and_its_own_parameters(run, asked):
+    """A model with one form: the form is not mentioned."""
+    table = run("fit", "mwir.csv", "--model", "microfacet").stdout
+    assert "model        microfacet with b = 0\n" in table
+    assert [line.split()[0] for line in table.splitlines()[-5:]] == [*MODELS["microfacet"].names]
 
 
 def test_table_of_several_files(run, asked):
@@ -175,7 +187,7 @@ def test_files_are_written(run, asked, folder):
     "args, reason",
     [
         ([], "Missing argument 'DATA...'"),
-        (["none.csv"], "none.csv: No such file"),
+        (["none.csv"], "none.csv: cannot be read: No such file"),
         (["mwir.csv", "mwir.csv"], "have the same band, 3-5 um"),
         (["mwir.csv", "--emissivity", "none.csv"], "none.csv: cannot be read"),
         (["mwir.csv", "--emissivity", "dhr.csv"], "must name theta_deg and emissivity"),
@@ -185,6 +197,7 @@ def test_files_are_written(run, asked, folder):
             "--emissivity is given 1 times for 2 data files",
         ),
         (["emissivity.csv"], "no column theta_i_deg and no theta_r_deg and no brdf_per_sr"),
+        (["mwir.csv", "--model", "phong"], "--model"),
         (["mwir.csv", "--form", "phong"], "--form"),
         (["mwir.csv", "--loss", "l1"], "--loss"),
         (["mwir.csv", "--starts", "0"], "--starts"),
@@ -241,4 +254,4 @@ def test_from_a_file_to_a_material(run, folder):
     result = run("fit", "scan.csv", "-o", "fit.json", "--form", "thesis", "--starts", 8)
     assert result.exit_code == 0, result.output
     found = material("fit.json", band("MWIR"))
-    assert {name: getattr(found, name) for name in true} == pytest.approx(true, rel=1e-6)
+    assert found.parameters == pytest.approx(true, rel=1e-6)

@@ -353,7 +353,7 @@ def test_a_scene_without_lobes(folder):
         + '<bsdf type="diffuse"> <spectrum name="reflectance" value="0"/> </bsdf>'
         + text[end:]
     )
-    with pytest.raises(InputError, match="no Sandford-Robertson material"):
+    with pytest.raises(InputError, match="no material with a fidelity ladder"):
         contrast(disc(folder, render__lobe="mirror"))
 
 

@@ -1,11 +1,20 @@
 """A fit with made-up numbers, for the tests of what is done with one."""
 
+from itertools import cycle
+
 import numpy as np
+
 from mi_lcair.fitting.estimation import Fit
-from mi_lcair.fitting.parameters import NAMES
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
+from mi_lcair.physics.reflection import MODELS
 
 PARAMETERS = {"epsilon": 0.1 + 0.2, "rho_d": 1 / 3, "b": 0.05, "e": 0.1}  # two with 17 digits
+VERDICTS = (
+    "not determined by these data: anything in 0..0.5 fits; measure it and give --emissivity",
+    "determined",
+    "at its bound 0: interval 0..0.1",
+    "determined",
+)
 
 
 def measurements(theta_i=(20, 50), theta_r=range(-80, 86, 5), band_um=(3.0, 5.0), file="scan.csv"):
@@ -35,25 +44,36 @@ def emissivity():
     )
 
 
-def fit_of(data, *, emissivity=None, dhr=None, progress=None, seconds=1.25, **settings):
-    """Has the signature of `fit`; leaves out the points beyond 80 degrees."""
+def fit_of(
+    data,
+    *,
+    model="auto",
+    emissivity=None,
+    dhr=None,
+    progress=None,
+    seconds=1.25,
+    **settings,
+):
+    """Has the signature of `fit`; leaves out the points beyond 80 degrees. Parameters of models
+    other than the first lie in the middle of their cube.
+    """
+    first = next(iter(MODELS))
+    model = MODELS[first if model == "auto" else model]
+    middle = dict(zip(model.names, model.values_at(np.full(len(model.names), 0.5)).tolist()))
+    parameters = PARAMETERS if model.name == first else middle
     if progress:
         progress(1, 2)
         progress(2, 2)
     used = np.degrees(abs(data.theta_r)) < 80.1
     theta = np.radians([0.0, 30.0, 60.0]) if emissivity is None else emissivity.theta
     return Fit(
-        parameters=PARAMETERS,
-        standard_error=dict.fromkeys(NAMES, 0.01),
-        interval=dict.fromkeys(NAMES, (0.0, 0.5)),
-        verdict={
-            "epsilon": "not determined by these data: anything in 0..0.5 fits; measure it and give --emissivity",
-            "rho_d": "determined",
-            "b": "at its bound 0: interval 0..0.1",
-            "e": "determined",
-        },
-        correlation=np.eye(4),
-        form="normalized",
+        parameters=parameters,
+        standard_error=dict.fromkeys(parameters, 0.01),
+        interval=dict.fromkeys(parameters, (0.0, 0.5)),
+        verdict=dict(zip(parameters, cycle(VERDICTS))),
+        correlation=np.eye(len(parameters)),
+        model=model.name,
+        form=model.forms[-1],
         restriction="b = 0",
         rms_dex=0.1234,
         used=int(used.sum()),

@@ -1,10 +1,18 @@
 """Measurements with a known answer, made with the NumPy model."""
 
-import numpy as np
-from mi_lcair.fitting.parameters import NAMES
-from mi_lcair.fitting.scatterometer.measurements import Measurements
+from functools import partial
 
+import numpy as np
+from drjit.llvm.ad import Array3f64, Float64
+
+from mi_lcair import fitting
+from mi_lcair.fitting.scatterometer.measurements import Measurements
+from mi_lcair.physics.reflection import MODELS
 from tests.fitting.numpy_model import brdf
+
+MODEL = MODELS["sandford_robertson"]  # of the NumPy model
+NAMES = MODEL.names
+fit = partial(fitting.fit, model=MODEL.name)
 
 # Harkiss 2007, Tables 2.2 and 2.3
 THESIS_SETS = {
@@ -33,6 +41,22 @@ def scan(
     return Measurements(theta_i, theta_r, values, name="synthetic")
 
 
+def scan_of(model, parameters, incidence=(20, 40, 60), step=2, noise=0.0, seed=0) -> Measurements:
+    """As `scan`, of any reflection model, in its first form, made with its own f."""
+    theta_i, theta_r = (
+        np.radians(angles.ravel())
+        for angles in np.meshgrid(
+            np.asarray(incidence, float), np.arange(-80, 80 + step / 2, step), indexing="ij"
+        )
+    )
+    surface = model.surface(*map(Float64, parameters), form=model.forms[0])
+    i = Array3f64(Float64(np.sin(theta_i)), 0, Float64(np.cos(theta_i)))
+    r = Array3f64(Float64(-np.sin(theta_r)), 0, Float64(np.cos(theta_r)))
+    values = np.array(model.f(surface, i, r))
+    values *= 1 + noise * np.random.default_rng(seed).standard_normal(len(values))
+    return Measurements(theta_i, theta_r, values, name="synthetic")
+
+
 def without(measurements: Measurements, gone) -> Measurements:
     """The measurements without the points of the mask `gone`."""
     return Measurements(
@@ -44,7 +68,7 @@ def without(measurements: Measurements, gone) -> Measurements:
 
 
 def relative_errors(fit, parameters) -> np.ndarray:
-    return np.abs(np.array([fit.parameters[name] for name in NAMES]) / parameters - 1)
+    return np.abs(np.array(list(fit.parameters.values())) / parameters - 1)
 
 
 def disc_average(theta_i, theta_r, parameters, half_angle, cells=501) -> np.ndarray:

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from mi_lcair.fitting.descent import explore, levenberg_marquardt
 from scipy.optimize import lsq_linear
+
+from mi_lcair.fitting.descent import explore, levenberg_marquardt
 
 STARTS = np.random.default_rng(1).uniform(0.05, 0.95, (16, 4))
 

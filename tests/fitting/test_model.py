@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from mi_lcair.fitting.model import Hemispherical, Scatterometer
-from mi_lcair.fitting.parameters import to_cube
 
+from mi_lcair.fitting.model import Hemispherical, Scatterometer
 from tests.fitting import numpy_model
-from tests.fitting.synthetic import ROUGH, THESIS_SETS, disc_average
+from tests.fitting.synthetic import MODEL, ROUGH, THESIS_SETS, disc_average
 
 FORMS = ("thesis", "normalized")
 SURFACES = np.array([*THESIS_SETS.values(), ROUGH, (0.05, 0.4, 0.9, 0.7)])
@@ -18,7 +17,7 @@ THETA_I, THETA_R = (
 
 @pytest.mark.parametrize("form", FORMS)
 def test_readings_are_the_thesis_formulas(form):
-    f, _ = Scatterometer(THETA_I, THETA_R, form)(to_cube(SURFACES))
+    f, _ = Scatterometer(MODEL, form, THETA_I, THETA_R)(MODEL.to_cube(SURFACES))
     expected = [numpy_model.brdf(THETA_I, THETA_R, *surface, form=form) for surface in SURFACES]
     np.testing.assert_allclose(f, expected, rtol=1e-11)
 
@@ -32,15 +31,15 @@ def differences(model, u, step=1e-6):
 @pytest.mark.parametrize(
     "model",
     [
-        Scatterometer(THETA_I, THETA_R, "thesis"),
-        Scatterometer(THETA_I, THETA_R, "normalized"),
-        Hemispherical(np.radians([10, 70]), "emissivity", "thesis"),
-        Hemispherical(np.radians([10, 70]), "dhr", "thesis"),
+        Scatterometer(MODEL, "thesis", THETA_I, THETA_R),
+        Scatterometer(MODEL, "normalized", THETA_I, THETA_R),
+        Hemispherical(MODEL, "thesis", np.radians([10, 70]), "emissivity"),
+        Hemispherical(MODEL, "thesis", np.radians([10, 70]), "dhr"),
     ],
     ids=["thesis", "normalized", "emissivity", "dhr"],
 )
 def test_derivatives_are_those_of_the_readings(model):
-    u = to_cube(SURFACES[-2:])
+    u = MODEL.to_cube(SURFACES[-2:])
     expected = differences(model, u)
     np.testing.assert_allclose(model(u)[1], expected, rtol=1e-6, atol=1e-7 * np.abs(expected).max())
 
@@ -57,7 +56,7 @@ def test_emissivity_and_dhr_are_hemispherical_integrals():
     surfaces = SURFACES[-2:]
     for form in FORMS:
         for quantity, reverse in (("dhr", False), ("emissivity", True)):
-            values, _ = Hemispherical(angles, quantity, form)(to_cube(surfaces))
+            values, _ = Hemispherical(MODEL, form, angles, quantity)(MODEL.to_cube(surfaces))
             for row, surface in zip(values, surfaces):
                 for value, angle in zip(row, angles):
                     pair = (T, angle) if reverse else (angle, T)
@@ -72,7 +71,7 @@ def test_aperture_is_the_average_over_the_sources_disc(e):
     theta_i = np.radians(np.repeat([20.0, 55.0], len(offsets)))
     theta_r = theta_i + np.tile(offsets, 2)
     half_angle = np.radians(0.909)
-    f, _ = Scatterometer(theta_i, theta_r, "thesis", half_angle)(to_cube([surface]))
+    f, _ = Scatterometer(MODEL, "thesis", theta_i, theta_r, half_angle)(MODEL.to_cube([surface]))
     expected = disc_average(theta_i, theta_r, surface, half_angle)
     np.testing.assert_allclose(
         f[0], expected, rtol=4e-3
@@ -83,8 +82,9 @@ def test_aperture_is_the_average_over_the_sources_disc(e):
 
 
 def test_an_aperture_of_nearly_nothing_changes_nothing():
-    u = to_cube(SURFACES)
+    u = MODEL.to_cube(SURFACES)
     point, small = (
-        Scatterometer(THETA_I, THETA_R, "thesis", half_angle)(u)[0] for half_angle in (0.0, 1e-6)
+        Scatterometer(MODEL, "thesis", THETA_I, THETA_R, half_angle)(u)[0]
+        for half_angle in (0.0, 1e-6)
     )
     np.testing.assert_allclose(small, point, rtol=1e-4)

@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from mi_lcair.fitting.report import as_dict, check_bands, to_json
-from mi_lcair.fitting.scatterometer.measurements import DirectionalData
 
 from mi_lcair.errors import InputError
+from mi_lcair.fitting.report import as_dict, check_bands, to_json
+from mi_lcair.fitting.scatterometer.measurements import DirectionalData
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.materials import material
 from mi_lcair.reports.fit_plot import draw_brdf, draw_directional, draw_fit, draw_table, save_plot
@@ -74,7 +74,7 @@ def test_a_report_is_a_material(tmp_path):
     path = tmp_path / "fit.json"
     written(path, result(measurements()))
     found = material(str(path), band("MWIR"))
-    assert (found.epsilon, found.rho_d, found.b, found.e) == tuple(PARAMETERS.values())
+    assert found.values == tuple(PARAMETERS.values())
     assert (found.form, found.band) == ("normalized", "3-5")
 
 

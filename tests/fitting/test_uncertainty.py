@@ -2,13 +2,11 @@
 
 import numpy as np
 import pytest
-from mi_lcair.fitting import fit
-from mi_lcair.fitting.parameters import NAMES
-from mi_lcair.fitting.uncertainty import effective_count
 from scipy.optimize import curve_fit
 
+from mi_lcair.fitting.uncertainty import effective_count
 from tests.fitting.numpy_model import brdf
-from tests.fitting.synthetic import ROUGH, scan
+from tests.fitting.synthetic import NAMES, ROUGH, fit, scan
 
 
 def test_standard_errors_and_correlation_are_those_of_scipy():

@@ -2,12 +2,20 @@
 
 import numpy as np
 import pytest
-from mi_lcair.fitting import fit
-from mi_lcair.fitting.model import Scatterometer
-from mi_lcair.fitting.parameters import NAMES, to_cube
-from mi_lcair.fitting.scatterometer.measurements import DirectionalData
 
-from tests.fitting.synthetic import ROUGH, THESIS_SETS, disc_average, relative_errors, scan, without
+from mi_lcair.fitting.model import Scatterometer
+from mi_lcair.fitting.scatterometer.measurements import DirectionalData
+from tests.fitting.synthetic import (
+    MODEL,
+    NAMES,
+    ROUGH,
+    THESIS_SETS,
+    disc_average,
+    fit,
+    relative_errors,
+    scan,
+    without,
+)
 
 ALUMINUM = THESIS_SETS["bare aluminum MWIR"]
 
@@ -185,9 +193,8 @@ def test_a_lobe_far_below_the_instruments_resolution():
     """
     surface, half_angle = (0.1, 0.6, 0.3, 5e-5), np.radians(0.909)
     data = scan(surface, step=2)
-    data.brdf = Scatterometer(data.theta_i, data.theta_r, "thesis", half_angle)(to_cube([surface]))[
-        0
-    ][0]
+    instrument = Scatterometer(MODEL, "thesis", data.theta_i, data.theta_r, half_angle)
+    data.brdf = instrument(MODEL.to_cube([surface]))[0][0]
     data.brdf *= 1 + 0.05 * np.random.default_rng(0).standard_normal(len(data.brdf))
     data.source_half_angle = half_angle
     result = fit(data, form="thesis", starts=8)

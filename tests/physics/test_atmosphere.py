@@ -345,14 +345,14 @@ def test_a_file_of_ones_own(tmp_path):
         ("1,4,0.5,1\n1,4.1,-0.5,1\n", r"line 3: transmittance -0.5; must lie in 0..1"),
         ("1,4,1.01,1\n1,4.1,0.5,1\n", "line 2: transmittance 1.01"),
         ("1,4,0.5,1\n1,4.1,0.5,-1\n", "line 3: path_radiance_W_m2_sr_um -1; must be 0 or more"),
-        ("1,4,0.5,1\n1,4.1,nan,1\n", "line 3: transmittance nan"),
+        ("1,4,0.5,1\n1,4.1,nan,1\n", "line 3: 'nan' in column 'transmittance' is not a number"),
         ("1,4,0.5,1\n1,4,0.5,1\n", "line 3: wavelength_um 4 after 4; must be rising"),
         ("1,4.1,0.5,1\n1,4,0.5,1\n", "line 3: wavelength_um 4 after 4.1"),
         (
             "1,4,0.5,1\n1,4.1,0.5,1\n2,4,0.2,1\n",
             "line 4: every range_km must have the same wavelengths",
         ),
-        ("1,4,0.5\n", "line 2 is '1,4,0.5'"),
+        ("1,4,0.5\n", "line 2: 3 cells where the header names 4"),
         ("0,4,0.5,1\n0,4.1,0.5,1\n", "range_km 0"),
         ("1,4,0.5,1\n", "two rows"),
     ],
@@ -367,6 +367,8 @@ def test_unusable_file(tmp_path, rows, message):
 def test_unusable_choice(tmp_path):
     with pytest.raises(InputError, match="unknown atmosphere 'midlat_sumer'; known: midlat_summer"):
         atmosphere("midlat_sumer")
+    with pytest.raises(InputError, match="unknown atmosphere 'xxx"):
+        atmosphere("x" * 5000)  # too long to be a path
     with pytest.raises(InputError, match="missing.csv: cannot be read"):
         atmosphere(tmp_path / "missing.csv")
     with pytest.raises(InputError, match="ranges_m are for the blocks of a MODTRAN tape7 only"):

@@ -88,10 +88,13 @@ def test_unusable_choice(name, elevation, message):
     [
         ("", "found: nothing"),
         ("wavelength_um,radiance\n3,1\n", "must name wavelength_um and radiance_W_m2_sr_um"),
-        ("wavelength_um,radiance_W_m2_sr_um\n3,1\n4,x\n", "line 3 is '4,x'"),
+        (
+            "wavelength_um,radiance_W_m2_sr_um\n3,1\n4,x\n",
+            "line 3: 'x' in column 'radiance_W_m2_sr_um' is not a number",
+        ),
         ("wavelength_um,radiance_W_m2_sr_um\n3,1\n4,-1\n", "line 3: .* must be 0 or more"),
         ("wavelength_um,radiance_W_m2_sr_um\n3,1\n", "two rows"),
-        ("elevation_deg,wavelength_um,radiance_W_m2_sr_um\n", "two rows"),
+        ("elevation_deg,wavelength_um,radiance_W_m2_sr_um\n", "no rows of data"),
         ("wavelength_um,radiance_W_m2_sr_um\n4,1\n3,1\n", "rising"),
         (
             "elevation_deg,wavelength_um,radiance_W_m2_sr_um\n0,3,1\n0,4,1\n5,3,1\n5,5,1\n",

@@ -139,6 +139,46 @@ def test_path_radiance_holds_sunlight_but_neither_the_scattered_part_twice_nor_t
     assert found.total_radiance[-1] == pytest.approx(2.7 * planck(2000, 280) * 2000**2, rel=1e-4)
 
 
+@pytest.mark.parametrize("apart", [False, True])
+def test_names_of_modtran_6(file, apart):
+    """THRML_EM and MULT_SCAT; whether they hold the scattered parts, TOTAL_RAD tells."""
+    part = planck(MWIR, 280)
+    path = file(
+        block(
+            MWIR,
+            mode=2,
+            PTH_THRML=part,
+            THRML_SCT=0.1 * part,
+            SURF_EMIS=part,
+            SOL_SCAT=0.5 * part,
+            SING_SCAT=0.4 * part,
+            GRND_RFLT=0.2 * part,
+            TOTAL_RAD=(3.2 if apart else 2.7) * part,
+        )
+        .replace("PTH_THRML", " THRML_EM")
+        .replace(" SOL_SCAT", "MULT_SCAT")
+    )
+    (found,) = tape7.blocks(path)
+    share = 2.0 / 3.2 if apart else 1.5 / 2.7
+    np.testing.assert_allclose(found.path_radiance, found.total_radiance * share, rtol=1e-4)
+
+
+def test_a_file_in_latin_1(file):
+    """A place's name on a card."""
+    path = file(block(MWIR))
+    expected = tape7.blocks(path)[0].path_radiance
+    path.write_bytes(path.read_bytes().replace(b"COLUMNS", b"Orl\xe9ans"))
+    np.testing.assert_array_equal(tape7.blocks(path)[0].path_radiance, expected)
+    assert atmosphere(path).ranges_m.tolist() == [2000]
+
+
+@pytest.mark.parametrize("name", ["TOT_TRANS", "PTH_THRML", "TOTAL_RAD", "SOL_SCAT", "SURF_EMIS"])
+def test_numbers_without_bound_are_refused(file, name):
+    text = block(MWIR, mode=2, **{name: np.inf})
+    with pytest.raises(InputError, match=f"line 8: .*{name} must "):
+        tape7.blocks(file(text))
+
+
 def test_columns_that_touch_and_exponents_of_three_digits(file):
     """Five digits before the point fill FREQ's width; Fortran drops the E of E-103."""
     lines = block([12000.0, 12001.0], range_km=1296.0874).splitlines()
@@ -260,7 +300,7 @@ def test_unusable_file(file, text, message):
 
 def test_neither_csv_nor_tape7(tmp_path):
     (tmp_path / "air.tp7").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match="cannot be read as a text file"):
+    with pytest.raises(InputError, match="not a text file"):
         atmosphere(tmp_path / "air.tp7")
 
 

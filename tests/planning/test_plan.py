@@ -14,6 +14,7 @@ from mi_lcair.benchmark.propagation import exact
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.physics.reflection.interface import Rung
 from mi_lcair.planning.plan import candidates, fewest_bounces
 from mi_lcair.planning.probe import BATCHES, Settings
 from mi_lcair.rendering.scene import checked
@@ -261,7 +262,7 @@ def test_surfaces_of_one_name_are_planned_together(plate):
         {},
     )
     scene.surfaces()[0].set_lobe("mirror")
-    assert list(candidates(scene).values()) == [("diffuse", False)]
+    assert list(candidates(scene).values()) == [Rung("diffuse", exact=False)]
     found = mi_lcair.plan(scene)
     assert [surface.lobe for surface in scene.surfaces()] == ["mirror", "brdf"] and len(
         found.lobe

@@ -1,6 +1,4 @@
-"""The reflection models that the battery tests: stock BSDFs, and every rung of
-`sandford_robertson`.
-"""
+"""What the battery tests: stock BSDFs, and every rung of every registered reflection model."""
 
 from dataclasses import dataclass, field
 
@@ -9,11 +7,11 @@ import mitsuba as mi
 import numpy as np
 from drjit.llvm.ad import Float64
 
-from mi_lcair.physics.reflection import sandford_robertson_hemispherical as hemispherical
-from tests.physics.reflection.surfaces import direction, surface
+from mi_lcair.physics import reflection
+from tests.physics.reflection.surfaces import direction
 
 LOBES = ("brdf", "mirror", "diffuse")
-SURFACES = {
+SANDFORD_ROBERTSON = {
     "bare_aluminum-MWIR": {"material": "bare_aluminum", "band": "MWIR"},
     "bare_aluminum-LWIR": {"material": "bare_aluminum", "band": "LWIR"},
     "gloss_black-MWIR": {"material": "gloss_black", "band": "MWIR"},
@@ -44,12 +42,27 @@ SURFACES = {
     "perfect-diffuse": {"epsilon": 0.0, "rho_d": 1.0, "b": 0.0, "e": 1.0},
     "blackbody": {"epsilon": 1.0, "rho_d": 0.0, "b": 0.0, "e": 1.0},
 }
+MICROFACET = {
+    "rough-metal": {"alpha": 0.1, "gamma": 2.0, "n": 10.0, "k": 30.0, "rho_d": 0.0},
+    "polished-metal": {"alpha": 1e-3, "gamma": 1.5, "n": 3.0, "k": 20.0, "rho_d": 0.0},
+    "smooth-paint": {"alpha": 0.02, "gamma": 1.2, "n": 1.5, "k": 0.0, "rho_d": 0.05},
+    "rough-paint": {"alpha": 0.4, "gamma": 3.0, "n": 1.4, "k": 0.2, "rho_d": 0.3},
+    "long-tail": {"alpha": 0.05, "gamma": 0.5, "n": 2.0, "k": 5.0, "rho_d": 0.5},
+    "gamma=1": {"alpha": 0.1, "gamma": 1.0, "n": 2.0, "k": 0.0, "rho_d": 0.9},
+    "alpha=1": {"alpha": 1.0, "gamma": 4.0, "n": 50.0, "k": 100.0, "rho_d": 1.0},
+    "no-facets": {"alpha": 0.3, "gamma": 2.0, "n": 1.0, "k": 0.0, "rho_d": 0.6},
+}
+KNOWN = {"sandford_robertson": SANDFORD_ROBERTSON, "microfacet": MICROFACET}
+RUNGS = {  # the surfaces whose mirror and diffuse rungs are tested too
+    "sandford_robertson": ("bare_aluminum-MWIR", "gloss_black-LWIR", "above-one", "b=1"),
+    "microfacet": ("rough-metal", "smooth-paint"),
+}
 
 
 @dataclass
 class Model:
-    """A reflection model. width: of its lobe, the alpha of Trowbridge and Reitz; plugin: what
-    Mitsuba loads.
+    """A surface that the battery tests. width: of its lobe, the alpha of Trowbridge and Reitz;
+    plugin: what Mitsuba loads.
     """
 
     name: str
@@ -58,7 +71,7 @@ class Model:
 
     @property
     def is_ours(self):
-        return self.plugin["type"] == "sandford_robertson"
+        return self.plugin["type"] in reflection.MODELS
 
     @property
     def is_delta(self):
@@ -78,25 +91,44 @@ class Model:
 
 def exact_HDR(bsdf, theta):
     """The raw model's HDR in Float64, for the parameters that the plugin holds in Float32."""
-    S = surface(*(getattr(bsdf, name)[0] for name in ("epsilon", "rho_d", "b", "e")), bsdf.form)
-    return hemispherical.HDR(S, Float64(theta)).numpy()
+    numbers = [Float64(value) for value in bsdf.values]
+    dr.make_opaque(*numbers)  # one compiled kernel for all values
+    S = bsdf.model.surface(*numbers, form=bsdf.form)
+    return bsdf.model.HDR(S, Float64(theta)).numpy()
 
 
-def sandford_robertson(name, parameters, lobe):
-    width = parameters.get("e", 0.0042 if "aluminum" in name else 0.005) if lobe == "brdf" else 1.0
-    return Model(
-        f"{name}-{lobe}", width, {"type": "sandford_robertson", "lobe": lobe, **parameters}
-    )
+def surfaces_of(model):
+    """The plugin properties of some surfaces by name; of a model that is not known here, points of
+    its cube.
+    """
+    if model.name in KNOWN:
+        return KNOWN[model.name]
+    points = [np.full(len(model.parameters), place) for place in (0.0, 0.3, 0.7, 1.0)]
+    return {f"cube-{u[0]}": dict(zip(model.names, model.values_at(u).tolist())) for u in points}
+
+
+def rung(model, name, lobe):
+    """One surface of a model, on one rung of the ladder."""
+    plugin = {"type": model.name, "lobe": lobe, **surfaces_of(model)[name]}
+    bsdf = mi.load_dict(plugin)
+    width = float(dr.max(model.lobe_width(bsdf.surface))[0]) if lobe == "brdf" else 1.0
+    prefix = "" if model.name == "sandford_robertson" else f"{model.name}-"
+    return Model(f"{prefix}{name}-{lobe}", width, plugin)
 
 
 MODELS = [
     Model("diffuse", 1.0, {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.7}}),
     Model("roughconductor", 0.1, {"type": "roughconductor", "distribution": "ggx", "alpha": 0.1}),
-    *(sandford_robertson(name, parameters, "brdf") for name, parameters in SURFACES.items()),
     *(
-        sandford_robertson(name, SURFACES[name], lobe)
+        rung(model, name, "brdf")
+        for model in reflection.MODELS.values()
+        for name in surfaces_of(model)
+    ),
+    *(
+        rung(model, name, lobe)
+        for model in reflection.MODELS.values()
         for lobe in ("mirror", "diffuse")
-        for name in ("bare_aluminum-MWIR", "gloss_black-LWIR", "above-one", "b=1")
+        for name in RUNGS.get(model.name, tuple(surfaces_of(model))[1:2])
     ),
 ]
 

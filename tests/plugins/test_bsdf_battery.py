@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from mi_lcair.errors import InputError
+from mi_lcair.physics import reflection
 from tests.physics.reflection.surfaces import random_parameters
 from tests.plugins.reflection_models import (
     LOBES,
@@ -142,7 +143,7 @@ def test_at_the_horizon_and_beyond(model):
         )
 
 
-# ---------------------------------------------------------------- What only sandford_robertson has
+# ---------------------------------------------------------------- What the BSDFs of reflection models have
 
 OURS = [model for model in MODELS if model.is_ours]
 every_rung = pytest.mark.parametrize("model", OURS, ids=lambda model: model.name)
@@ -173,8 +174,22 @@ def test_emissivity_is_what_is_not_reflected(model):
     np.testing.assert_allclose(emissivity, 1 - model.HDR(bsdf, ANGLES), rtol=0, atol=1e-5)
 
 
-@pytest.mark.parametrize("form", ["thesis", "normalized"])
-def test_energy_and_emissivity_over_the_whole_box(form):
+def points_of_the_box(model, count=30):
+    """Parameters (count, n) on the feasible set and its faces."""
+    if model.name == "sandford_robertson":
+        return random_parameters(count, seed=4)
+    rng = np.random.default_rng(4)
+    u = rng.random((count, len(model.parameters)))
+    u = np.where(rng.random(u.shape) < 0.2, rng.integers(0, 2, u.shape), u)
+    return np.array([model.values_at(row) for row in u])
+
+
+@pytest.mark.parametrize(
+    "model, form",
+    [(model, form) for model in reflection.MODELS.values() for form in model.forms],
+    ids=lambda value: getattr(value, "name", value),
+)
+def test_energy_and_emissivity_over_the_whole_box(model, form):
     """30 surfaces on the feasible set and its faces: 0 <= emissivity <= 1, and no more is reflected
     than arrives.
 
@@ -182,12 +197,12 @@ def test_energy_and_emissivity_over_the_whole_box(form):
     (probability e^-10).
     """
     count = 1 << 14
-    for k, parameters in enumerate(random_parameters(30, seed=4)):
+    for k, parameters in enumerate(points_of_the_box(model)):
         bsdf = mi.load_dict(
             {
-                "type": "sandford_robertson",
+                "type": model.name,
                 "form": form,
-                **dict(zip(("epsilon", "rho_d", "b", "e"), map(float, parameters))),
+                **dict(zip(model.names, map(float, parameters))),
             }
         )
         emissivity = bsdf.eval_attribute_1("emissivity", seen_at(ANGLES)).numpy()

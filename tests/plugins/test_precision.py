@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from drjit.llvm.ad import Array3f64
 
-from mi_lcair.physics.reflection import sandford_robertson as sr
+from mi_lcair.physics.reflection import sandford_robertson_equations as sr
 from tests.physics import thesis
 from tests.physics.reflection.surfaces import MATERIALS, direction, random_parameters, surface
 from tests.plugins.reflection_models import exact_HDR, interaction, seen_at
@@ -78,7 +78,7 @@ def test_value_in_float32(form):
             .numpy()
             .astype(float)
         )
-        S = surface(*(getattr(bsdf, name)[0] for name in NAMES), form)
+        S = surface(*bsdf.values, form)
         exact = (
             sr.f(S, Array3f64(i), Array3f64(r)).numpy()
             * i[2]
@@ -130,7 +130,7 @@ def test_scatter_of_one_reflectance_sample(material, angles_deg, bound, band):
     scatter = []
     for theta in np.radians(angles_deg):
         theta_i, phi, solid_angle = (
-            grid.ravel() for grid in thesis.hemisphere(theta, 2 * bsdf.e[0])
+            grid.ravel() for grid in thesis.hemisphere(theta, 2 * bsdf.parameters["e"][0])
         )
         value, density = bsdf.eval_pdf(
             mi.BSDFContext(),

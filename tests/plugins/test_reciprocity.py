@@ -10,7 +10,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from mi_lcair.physics.reflection import sandford_robertson as sr
+from mi_lcair.physics.reflection import sandford_robertson_equations as sr
 from tests.physics import thesis
 from tests.physics.reflection.surfaces import MATERIALS, direction, surface
 from tests.plugins.reflection_models import seen_at

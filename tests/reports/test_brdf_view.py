@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from mi_lcair.errors import InputError
-from mi_lcair.reports.brdf_view import brdf_view, save_plot, scale
+from mi_lcair.physics.brdf_view import brdf_view
+from mi_lcair.reports.brdf_plot import save_plot, scale
 from tests.physics import thesis
 
 
@@ -24,7 +25,7 @@ def test_values_are_the_models(name, band, theta_i):
     for row in rows:
         for column in columns:
             angles = np.radians([theta_i, view.theta_r[row], 180 - view.azimuth[column]])
-            expected = thesis.brdf(np, *angles, m.epsilon, m.rho_d, m.b, m.e)
+            expected = thesis.brdf(np, *angles, *m.values)
             assert view.brdf[row, column] == pytest.approx(expected, rel=1e-6)
     row, column = np.unravel_index(view.brdf.argmax(), view.brdf.shape)
     assert (view.theta_r[row], view.azimuth[column]) == (

@@ -1,7 +1,7 @@
-"""The bundled scenes rendered, against their exact answers.
+"""Renders of the bundled scenes against their exact answers.
 
-Standard errors come from the render itself; "inside 3 standard errors" has a significance of 0.27 %
-per comparison, and seeds are fixed.
+Standard errors come from the renders. A deviation of more than 3 standard errors has a probability
+of 0.27 % per comparison. Seeds are fixed.
 """
 
 import numpy as np
@@ -19,7 +19,10 @@ def radiance(name, temperature):
 
 @pytest.mark.parametrize("name", ["total", "MWIR", "LWIR"])
 def test_two_plates(name):
-    """Within 0.2 % and 3 standard errors of L_bb A F (thesis A.1); all of it after one reflection."""
+    """The intensity is L_bb A F (thesis A.1) within 0.2 % and 3 standard errors.
+
+    All of it comes after one reflection.
+    """
     result = mi_lcair.signature(
         mi_lcair.load("two_plates", band=name, resolution=64), spp=4096, seed=1
     )
@@ -32,8 +35,9 @@ def test_two_plates(name):
 
 @pytest.mark.parametrize("sampling", ["true", "false"])
 def test_open_box(sampling):
-    """Reflection and the floor's own emission together (thesis A.2), with emitter sampling on and
-    off.
+    """The intensity is the sum of reflection and emission of the floor (thesis A.2).
+
+    This holds with and without emitter sampling.
     """
     scene = mi_lcair.load("open_box", resolution=64, emitter_sampling=sampling)
     result = mi_lcair.signature(scene, spp=4096, seed=2)
@@ -46,8 +50,9 @@ def test_open_box(sampling):
 
 @pytest.mark.parametrize("opening", list(exact.CAVITY_BLOCKS))
 def test_cavity(opening):
-    """After N = 0..4 reflections and in the limit, one render per opening, within 0.15 % of the
-    sphere's formula.
+    """After N = 0..4 reflections and in the limit the radiance is within 0.15 % of the formula.
+
+    There is one render per opening.
     """
     scene = mi_lcair.load("cavity", opening=opening, resolution=32)
     result = mi_lcair.render(scene, spp=512, seed=3)
@@ -62,8 +67,10 @@ def test_cavity(opening):
 @pytest.mark.parametrize("name", ["MWIR", "LWIR"])
 @pytest.mark.parametrize("material", ["bare_aluminum", "gloss_black"])
 def test_furnace(material, name):
-    """Every pixel within 0.2 % or 4 standard errors of the blackbody, the mean within 0.02 %,
-    whatever the material.
+    """The image shows a blackbody for every material.
+
+    Every pixel is within 0.2 % or 4 standard errors of the blackbody's radiance, the mean within
+    0.02 %.
     """
     result = mi_lcair.render(
         mi_lcair.load("furnace", material=material, band=name, resolution=48), spp=256, seed=4
@@ -77,7 +84,7 @@ def test_furnace(material, name):
 
 @pytest.mark.parametrize("lobe", ["mirror", "diffuse"])
 def test_furnace_of_lower_rungs(lobe):
-    """The isothermal answer holds on every rung of the fidelity ladder."""
+    """The isothermal answer holds for the simpler reflection models, mirror and diffuse, too."""
     result = mi_lcair.render(mi_lcair.load("furnace", lobe=lobe, resolution=32), spp=128, seed=5)
     assert result.mean == pytest.approx(radiance("MWIR", 300), rel=2e-4)
 

@@ -14,7 +14,8 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.rendering.scene import checked
-from mi_lcair.signatures.spectral_intensity import save_plot, write
+from mi_lcair.reports.spectrum_plot import save_plot
+from mi_lcair.signatures.spectral_intensity import write
 from tests.plugins.conftest import plate  # noqa: F401, a fixture
 from tests.plugins.small_scenes import SQUARE, camera
 from tests.scenes.view_factors import WALLS, cube

@@ -6,12 +6,12 @@ from math import pi, tan
 
 import numpy as np
 import pytest
-from mi_lcair.scenes import build_meshes
 
 import mi_lcair
 from mi_lcair.benchmark.propagation import exact
 from mi_lcair.errors import InputError
 from mi_lcair.reports.hemispherical_plot import places, save_plot
+from mi_lcair.scenes import build_meshes
 from mi_lcair.signatures.hemispherical_view import (
     MAP_PHI,
     MAP_THETA,

@@ -4,6 +4,10 @@ cluster of which one dies.
 
 import os
 import signal
+import socket
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import mitsuba as mi
@@ -106,7 +110,8 @@ def test_a_view_that_is_missing_is_rendered_with_its_batch(cylinder, whole, tmp_
     """So that its numbers are those that it has had."""
     path = tmp_path / "trend.csv"
     path.write_text("\n".join(line for line in whole.splitlines() if not line.startswith("90,")))
-    trend(cylinder, path, resume=True)
+    with pytest.warns(UserWarning, match="1 of 3 batches do not match"):
+        trend(cylinder, path, resume=True)
     assert path.read_text() == whole
 
 
@@ -185,21 +190,88 @@ def test_another_trend_is_not_resumed(cylinder, whole, tmp_path, changes, messag
     assert path.read_text() == whole
 
 
+def nth_line(text: str, start: str, change) -> str:
+    """The text with `change` made to the line that begins with `start`."""
+    lines = text.splitlines(keepends=True)
+    place = next(k for k, line in enumerate(lines) if line.startswith(start))
+    return "".join([*lines[:place], change(lines[place]), *lines[place + 1 :]])
+
+
+def cell(k: int, content: str):
+    """Puts another content into the cell k of a line."""
+    return lambda line: (
+        ",".join(
+            [*line.rstrip("\n").split(",")[:k], content, *line.rstrip("\n").split(",")[k + 1 :]]
+        )
+        + ("\n")
+    )
+
+
+def swapped(line: str) -> str:
+    """Intensity and standard error in each other's place."""
+    cells = line.split(",")
+    cells[2], cells[3] = cells[3], cells[2]
+    return ",".join(cells)
+
+
 @pytest.mark.parametrize(
-    "spoil, message",
+    "spoil, batches",
     [
-        (lambda text: text.replace("0.", "x.", 9), "row 1 is not one of this trend"),
-        (lambda text: text.replace(",reached,", ",raeched,"), "row 1 is not one of this trend"),
-        (lambda text: text.replace("\n45,", "\n46,"), "row 2 is not one of this trend"),
-        (lambda text: "", "made with scene = nothing"),
+        (lambda text: nth_line(text, "45,", cell(2, "1234.5")), 1),
+        (lambda text: nth_line(text, "45,", cell(2, "nan")), 1),
+        (lambda text: nth_line(text, "45,", cell(2, "-5")), 1),
+        (lambda text: nth_line(text, "45,", cell(2, "x")), 1),
+        (lambda text: nth_line(text, "45,", cell(2, "\u0663")), 1),
+        (lambda text: nth_line(text, "45,", cell(0, "46")), 1),
+        (lambda text: nth_line(text, "45,", lambda line: line + line), 1),
+        (lambda text: nth_line(text, "45,", lambda line: ""), 1),
+        (lambda text: nth_line(text, "45,", lambda line: line[: len(line) // 2]), 1),
+        (lambda text: nth_line(text, "azimuth_deg", swapped), 3),
+        (
+            lambda text: "".join(
+                swapped(x) if x[0] in "012349" else x for x in text.splitlines(True)
+            ),
+            3,
+        ),
+        (lambda text: text.replace(",reached,", ",raeched,"), 3),
+        (lambda text: text.replace("azimuth_deg,", "", 1), 3),
+        (lambda text: text.replace("# batch 1: ", "# batch 1: 0"), 1),
+        (lambda text: nth_line(text, "# batch 1", lambda line: ""), 1),
     ],
 )
-def test_a_file_of_another_kind_is_not_resumed(cylinder, whole, tmp_path, spoil, message):
+def test_rows_that_were_edited_are_rendered_again(cylinder, whole, tmp_path, spoil, batches):
+    """Whatever was changed, the file ends as the one that nothing has touched, and that is said."""
     path = tmp_path / "trend.csv"
-    head, _, rows = whole.partition("azimuth_deg")
-    path.write_text(head + "azimuth_deg" + spoil(rows) if spoil(rows) else "")
+    path.write_text(spoil(whole))
+    assert path.read_text() != whole
+    with pytest.warns(UserWarning, match=f"{batches} of 3 batches do not match their checksum"):
+        result = trend(cylinder, path, resume=True)
+    assert path.read_text() == whole
+    assert (result.columns["intensity_W_sr"] > 0).all()
+
+
+def test_line_ends_of_another_system_are_no_edit(cylinder, whole, tmp_path):
+    path = tmp_path / "trend.csv"
+    path.write_bytes(whole.replace("\n", "\r\n").encode())
+    trend(cylinder, path, resume=True, progress=lambda *counts: pytest.fail("rendered again"))
+
+
+@pytest.mark.parametrize(
+    "content, message",
+    [
+        (b"", "made with scene = nothing"),
+        (b"a,b\n1,2\n", "made with scene = nothing"),
+        (b"\x89PNG\r\n\x00", "not a text file"),
+        (b"# scene: \x1b[31m\n", "not a text file"),
+        ("# scene: \u202e{}\n".format("x" * 100_000).encode(), r"made with scene = \\u202exx"),
+    ],
+)
+def test_a_file_of_another_kind_is_not_resumed(cylinder, tmp_path, content, message):
+    path = tmp_path / "trend.csv"
+    path.write_bytes(content)
     with pytest.raises(InputError, match=message):
         trend(cylinder, path, resume=True)
+    assert path.read_bytes() == content
 
 
 @pytest.mark.parametrize(
@@ -241,6 +313,54 @@ def test_two_workers_of_which_one_dies(cylinder, tmp_path):
         trend(cylinder, path, dask=workers.scheduler_address, progress=kill, **many)
     assert killed and killed[0] < 36
     assert path.read_text() == apart.read_text()
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_dies(tmp_path):
+    """One line, exit 1, no traceback beside it; what is done is whole, and can be resumed."""
+    pytest.importorskip("dask.distributed")
+    port = free_port()
+    address = f"tcp://127.0.0.1:{port}"
+    environment = {**os.environ, "PYTHONPATH": str(Path(mi_lcair.__file__).parents[1])}
+
+    def start(*args, **streams):
+        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        return subprocess.Popen(
+            [sys.executable, "-m", *map(str, args)],
+            env=environment,
+            cwd=tmp_path,
+            **quiet | streams,
+        )
+
+    dask = "distributed.cli.dask_"
+    processes = [
+        start(f"{dask}scheduler", "--port", port, "--no-dashboard"),
+        start(f"{dask}worker", address, "--nthreads", 1, "--no-dashboard"),
+    ]
+    try:
+        options = ("--azimuth", "0:359:1", "--spp", 256, "--batch", 2, "-o", "t.csv")
+        run = start(
+            *("mi_lcair", "trend", "cylinder_ir_range", *options, "--dask", address),
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        processes.append(run)
+        while not (tmp_path / "t.csv").exists() and run.poll() is None:
+            time.sleep(0.1)
+        processes[0].kill()
+        _, errors = run.communicate(timeout=60)
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
+    assert run.returncode == 1 and "the Dask scheduler at" in errors and errors.count("\n") == 1
+    assert "# batch " in (tmp_path / "t.csv").read_text()
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
 
 
 def test_a_cluster_without_workers(cylinder, monkeypatch):

@@ -1,15 +1,17 @@
-"""The page on real measurements: its own arithmetic, and that all its fields are filled. The fits
-are made up.
+"""The page on real measurements.
+
+Its computations are tested, and all its fields are filled. The fits are invented.
 """
 
 from pathlib import Path
 
 import numpy as np
 import pytest
-from mi_lcair.fitting import read
 from scipy.integrate import quad
 
-from docs.studies import real_data
+from docs.studies import real_data, real_data_tables
+from mi_lcair.fitting import read
+from mi_lcair.physics.reflection import MODELS
 from tests.fitting.results import PARAMETERS, emissivity, fit_of, measurements
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "mwir_brdf"
@@ -29,20 +31,22 @@ def fit_with_candidates(data, **options):
     fit = fit_of(data, **options)
     fit.candidates = [
         {
+            "model": fit.model,
             "form": form,
             "restriction": restriction,
             "rms_dex": rms if restriction is None else 9,
-            "parameters": PARAMETERS,
+            "parameters": fit.parameters,
         }
-        for form, rms in (("thesis", 0.1), ("normalized", 0.2))
+        for form, rms in zip(MODELS[fit.model].forms, (0.1, 0.2))
         for restriction in ("b = 0", None)
     ]
     return fit
 
 
 def test_reflectance_of_a_round_lobe():
-    """f cos(theta_i) = A exp(-(delta / w)^2) around the mirror direction; the scan sees one side of
-    it further than the other.
+    """A lobe f cos(theta_i) = A exp(-(delta / w)^2) has the reflectance of its integral.
+
+    The scan extends further on one side of the mirror direction than on the other.
     """
     A, w = 3.0, np.radians(18)
     theta_i = np.arange(1, 88)
@@ -59,7 +63,7 @@ def test_reflectance_of_a_round_lobe():
 
 
 def test_mirror_excess_is_measured_over_fitted():
-    """The geometric mean over the scans in the range, at theta_i = theta_r alone."""
+    """It is the geometric mean over the scans in the range, at theta_i = theta_r."""
     data = measurements(theta_i=(20, 30, 80), theta_r=(20, 30, 80))
     one = surface(data)
     mirror = np.isclose(data.theta_i, data.theta_r)
@@ -73,7 +77,7 @@ def test_mirror_excess_is_measured_over_fitted():
 
 
 def test_emissivity_errors_cover_the_angles_that_are_asked_for():
-    """At 15 and 60 degrees measured; the error up to 50 degrees is that at 15 alone."""
+    """The emissivity is measured at 15 and 60 degrees. The error up to 50 degrees uses only 15."""
     one = surface()
     errors = one.emissivity_error(one.joint, 80), one.emissivity_error(one.joint, 50)
     one.emissivity.value[1] += 0.3
@@ -102,7 +106,12 @@ def test_values_end_where_their_errors_begin():
     fit = fit_of(measurements())
     fit.standard_error = {"epsilon": 0.04, "rho_d": 0.002, "b": 0.4, "e": 3.0}
     fit.verdict |= {"rho_d": "weakly determined: interval 0..1"}
-    assert real_data.parameters(fit) == ["0.30 ± 0.04 ⁿ", "0.333 ± 0.002 ʷ", "0.1 ± 0.4 ᵇ", "0 ± 3"]
+    assert real_data_tables.parameters(fit) == [
+        "0.30 ± 0.04 ⁿ",
+        "0.333 ± 0.002 ʷ",
+        "0.1 ± 0.4 ᵇ",
+        "0 ± 3",
+    ]
 
 
 def test_the_page_is_filled_and_has_its_pictures(tmp_path, monkeypatch):
@@ -128,13 +137,14 @@ def test_the_page_is_filled_and_has_its_pictures(tmp_path, monkeypatch):
     for name, title in real_data.TITLES.items():
         assert f"![{title}](page/{name}.png)" in page
         assert (tmp_path / "docs" / "page" / f"{name}.png").read_text() == title
-        assert page.count(f"| {title} | ") == 5
+        # alone and joint for each model, the choice, forms, losses and limits
+        assert page.count(f"| {title} | ") == 2 * len(MODELS) + 4
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason="needs the measured files beside the checkout")
 @pytest.mark.parametrize("loss", ["log", "cube_root", "linear"])
 def test_half_of_a_real_surface_is_fitted_without_a_warning(loss):
-    """Its steps reach places where a decrease of the misfit was predicted that is 0 to rounding."""
+    """The fit passes points where the predicted decrease of the misfit is 0 within rounding."""
     measured = read(REAL / "aluminium_sandblasted.csv")
     half = real_data.part(measured, np.unique(measured.theta_r)[0::2])
     assert real_data.fit(half, form="thesis", loss=loss, starts=64).converged

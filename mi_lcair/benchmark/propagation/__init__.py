@@ -1,5 +1,6 @@
-"""Ways to compute what a scene sends toward the observer: those of the thesis (3.5), and path
-tracing.
+"""Methods that compute the intensity of a scene toward the observer.
+
+They are those of the thesis (3.5) and path tracing. `METHODS` lists them all.
 """
 
 from mi_lcair.benchmark.propagation.mirror import MULTIPLE, SINGLE

@@ -1,5 +1,6 @@
-"""Exact answers of the bundled scenes, independent of the renderer. SI units; band radiances L in W
-m^-2 sr^-1.
+"""Exact answers of the bundled scenes, computed without the renderer.
+
+Lengths are in m. Radiances L are in-band radiances of a blackbody in W m^-2 sr^-1.
 """
 
 from math import atan, cos, inf, log, pi, radians, sqrt
@@ -7,6 +8,7 @@ from math import atan, cos, inf, log, pi, radians, sqrt
 PLATE_AREA = 0.2 * 0.1  # m^2, thesis Appendix A.1
 CAVITY_RADIUS = 0.5  # m, thesis 3.2.3.1
 GREY = 0.5  # emissivity of the cavity's walls and of the open box's floor
+# Facets removed -> (rows, columns) of the block of facets that makes the opening, thesis Table B.1.
 CAVITY_BLOCKS = {
     2: (2, 1),
     4: (2, 2),
@@ -20,10 +22,23 @@ CAVITY_BLOCKS = {
 
 
 def perpendicular_view_factor(edge, height, depth):
-    """View factor from a rectangle edge x height to a rectangle edge x depth at right angles to it,
-    sharing `edge` (m).
+    """View factor between two perpendicular rectangles with a common edge.
 
-    Closed form: Howell, A Catalog of Radiation Heat Transfer Configuration Factors, C-14.
+    Parameters
+    ----------
+    edge
+        Length of the common edge [m].
+    height
+        Other side of the rectangle that the radiation leaves [m].
+    depth
+        Other side of the rectangle that receives it [m].
+
+    Returns
+    -------
+    float
+        Share of the radiation from the first rectangle that reaches the second.
+
+    Source: Howell, A Catalog of Radiation Heat Transfer Configuration Factors, C-14.
     """
     h, w = depth / edge, height / edge
     h2, w2, s2 = h * h, w * w, h * h + w * w
@@ -38,23 +53,27 @@ def perpendicular_view_factor(edge, height, depth):
 
 
 def two_plates_intensity(L_800):
-    """Intensity [W/sr] of scene two_plates, from the blackbody's band radiance at 800 K (thesis
-    Appendix A.1).
+    """Intensity [W/sr] of the scene two_plates (thesis Appendix A.1).
+
+    L_800: in-band radiance of a blackbody at 800 K [W m^-2 sr^-1].
     """
     return L_800 * PLATE_AREA * perpendicular_view_factor(0.1, 0.2, 0.2)
 
 
 def open_box_intensity(L_800, L_300):
-    """Intensity [W/sr] of scene open_box, from the blackbody's band radiance at 800 K and 300 K
-    (thesis Appendix A.2).
+    """Intensity [W/sr] of the scene open_box (thesis Appendix A.2).
+
+    L_800, L_300: in-band radiances of a blackbody at 800 K and 300 K [W m^-2 sr^-1].
     """
     reflected = (1 - GREY) * L_800 * perpendicular_view_factor(0.2, 0.1, 0.1)
     return cos(radians(45)) * PLATE_AREA * (reflected + GREY * L_300)
 
 
 def cavity_opening_fraction(opening):
-    """Share of the true sphere's surface that the opening's block covers: (cos top - cos bottom) x
-    columns / 20 / 2.
+    """Share of the sphere's surface that the opening covers.
+
+    opening: number of facets removed. On the sphere the block covers (cos top - cos bottom) / 2 x
+    columns / 20 of the surface. top and bottom are its colatitudes.
     """
     rows, columns = CAVITY_BLOCKS[opening]
     top = pi / 2 - rows / 2 * pi / 20
@@ -62,8 +81,10 @@ def cavity_opening_fraction(opening):
 
 
 def cavity_emissivity(opening, max_bounces=None):
-    """Radiance of a spherical cavity in units of the blackbody's, after max_bounces reflections
-    (None: the limit, Eq 3.12).
+    """Radiance of a spherical cavity divided by the blackbody's radiance (Eq 3.12).
+
+    opening: number of facets removed. max_bounces: reflections that are counted, or None for the
+    limit of infinitely many.
     """
     kept = (1 - GREY) * (1 - cavity_opening_fraction(opening))
     bounces = inf if max_bounces is None else max_bounces

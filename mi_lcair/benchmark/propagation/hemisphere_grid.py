@@ -1,8 +1,9 @@
-"""Grids of theta and phi over the hemisphere of a point, for quadrature by the middles of their
-cells (thesis 3.3, 3.5).
+"""Grids of directions over the hemisphere, for midpoint quadrature (thesis 3.3, 3.5).
 
-All functions: k, number of the cell (array); wi, direction of the observer in the local frame. They
-return the direction of the cell's middle in that frame and its weight, sin(theta) dtheta dphi [sr].
+A grid divides theta and phi into cells. Each has `cells`, their number, and `direction(k, wi)`.
+Here k is an array of cell numbers and wi the direction of the observer in the local frame.
+`direction` returns the direction to the middle of each cell in that frame, and the weight of the
+cell, sin(theta) dtheta dphi [sr].
 """
 
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ HALF_PI = pi / 2
 
 @dataclass(frozen=True)
 class Hemisphere:
-    """n x 2n cells of equal angles, laid without knowing where the observer is (3.5.3)."""
+    """Grid of n x 2n cells of equal angles, the same for every observer (3.5.3)."""
 
     n: int
 
@@ -31,12 +32,12 @@ class Hemisphere:
 
 @dataclass(frozen=True)
 class Peak:
-    """n x n cells over 20 degrees in elevation by 40 in azimuth about the mirror direction, the
-    rest of the hemisphere left out (3.5.5).
+    """Grid of n x n cells over the peak region alone (3.5.5).
 
-    At 30 degrees of elevation, where the thesis draws it, the region spans 20 degrees of arc both
-    ways. Nearer to the normal the same azimuth would be a sliver that misses most of the lobe:
-    there it is widened to keep that arc.
+    The region spans 20 degrees in theta and 40 degrees in phi about the mirror direction. The rest
+    of the hemisphere is left out. At theta = 30 degrees, where the thesis draws the region, its arc
+    is 20 degrees long in both directions. Nearer to the normal 40 degrees of phi would be a shorter
+    arc, narrower than the lobe. There the region is widened in phi so that the arc stays as long.
     """
 
     n: int
@@ -54,8 +55,9 @@ class Peak:
 
 @dataclass(frozen=True)
 class Stratified:
-    """The peak region by n x n cells, and the rest by m x 2m: above it, beside it, below it
-    (3.5.5).
+    """Grid of n x n cells in the peak region and m x 2m cells in the rest (3.5.5).
+
+    The rest is what lies above, beside and below the peak region.
     """
 
     n: int
@@ -69,7 +71,8 @@ class Stratified:
         low, high, middle, half = peak_region(wi)
         inner, solid_angle = Peak(self.n).direction(k, wi)
         row, column = (k - self.n**2) // (2 * self.m), (k - self.n**2) % (2 * self.m)
-        # rows above the region, then below it, then beside it, in proportion to their elevations
+        # The rows of the outer grid are shared out in proportion to the ranges of theta: first the
+        # rows above the region, then those below it, then those beside it.
         above = dr.select(low > 0, dr.clip(dr.round(self.m * low / HALF_PI), 1, self.m - 2), 0)
         below = dr.select(
             high < HALF_PI,
@@ -95,7 +98,7 @@ class Stratified:
 
 
 def peak_region(wi):
-    """Limits in theta, middle in phi and half width in phi of the peak region."""
+    """Limits in theta (lower, upper), middle in phi and half width in phi of the peak region."""
     theta = dr.acos(dr.clip(wi.z, 0, 1))
     half = dr.minimum(PEAK_PHI * dr.maximum(1, 0.5 / dr.maximum(dr.sin(theta), 1e-6)), pi)
     return (
@@ -107,7 +110,11 @@ def peak_region(wi):
 
 
 def cell(row, rows, low, high, column, columns, left, right):
-    """Middle and weight of a cell among rows x columns over low..high in theta, left..right in phi."""
+    """Direction to the middle of a cell, and the weight of the cell [sr].
+
+    The grid has `rows` rows from `low` to `high` in theta and `columns` columns from `left` to
+    `right` in phi [rad].
+    """
     d_theta, d_phi = (high - low) / mi.Float(rows), (right - left) / mi.Float(columns)
     theta, phi = low + (mi.Float(row) + 0.5) * d_theta, left + (mi.Float(column) + 0.5) * d_phi
     sin = dr.sin(theta)

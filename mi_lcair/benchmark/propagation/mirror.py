@@ -1,8 +1,8 @@
-"""The specular assumption (thesis 3.5.1): all of the reflectance rho(theta) in the mirror
-direction.
+"""Mirror reflection: the specular assumption of the thesis (3.5.1).
 
-With one bounce this is the original LCAIR: a facet's own emission, and rho(theta) times the
-emission of what its mirror ray meets (Eq 3.8).
+A surface reflects the whole reflectance rho(theta) in the mirror direction. With one bounce this is
+the original LCAIR: a facet's own emission, plus rho(theta) times the emission of the surface that
+its mirror ray hits (Eq 3.8).
 """
 
 import drjit as dr
@@ -13,8 +13,21 @@ from mi_lcair.benchmark.propagation.problem import Method, Problem, emitted
 
 
 def intensity(problem: Problem, bounces: int, count: int) -> tuple[float, int]:
-    """Intensity [W/sr] after so many mirror bounces, looked at from about `count` points, and the
-    rays that it took.
+    """Compute the intensity with mirror reflections.
+
+    Parameters
+    ----------
+    problem
+        Scene and sensor.
+    bounces
+        Number of reflections that are followed.
+    count
+        Approximate number of points of the visible facets from which rays start.
+
+    Returns
+    -------
+    tuple[float, int]
+        Intensity [W/sr] and number of rays traced.
     """
     points = visible_points(problem, count)
     rays = points.cast
@@ -23,9 +36,8 @@ def intensity(problem: Problem, bounces: int, count: int) -> tuple[float, int]:
         for bounce in range(bounces + 1):
             si = scene.ray_intersect(ray, active)
             L += beta * emitted(si, scene, active)
-            beta *= si.bsdf().eval_diffuse_reflectance(si, active)[
-                0
-            ]  # HDR(theta) of Sandford-Robertson surfaces
+            # For a reflection model's BSDF this is HDR(theta).
+            beta *= si.bsdf().eval_diffuse_reflectance(si, active)[0]
             active &= si.is_valid() & (beta > 0)
             if bounce < bounces:
                 ray = emitters.spawn_ray(si, si.to_world(mi.reflect(si.wi)))
@@ -36,7 +48,7 @@ def intensity(problem: Problem, bounces: int, count: int) -> tuple[float, int]:
 
 
 def method(name: str, bounces) -> Method:
-    """bounces(problem): how many."""
+    """Return a method that follows `bounces(problem)` mirror reflections."""
     return Method(
         name,
         "3.5.1",

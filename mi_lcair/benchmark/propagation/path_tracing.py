@@ -1,5 +1,7 @@
-"""Bounce-limited path tracing, `mi_lcair.render` with its options: emitter sampling, and what
-stands in for later bounces.
+"""Path tracing by `mi_lcair.render`, with its options.
+
+The options are the number of bounces, emitter sampling and the closure, which replaces the bounces
+beyond the last one.
 """
 
 from mi_lcair.benchmark.propagation.problem import Method, Problem
@@ -15,10 +17,27 @@ def intensity(
     emitter_sampling=False,
     closure="none",
 ) -> tuple[float, int]:
-    """Intensity [W/sr] from so many paths a pixel, and the most rays that these can take.
+    """Compute the intensity by path tracing.
 
-    bounces: as many as the problem needs unless told. closure: none, ambient (at the problem's own
-    temperature) or tail.
+    Parameters
+    ----------
+    problem
+        Scene and sensor.
+    spp
+        Paths per pixel.
+    seed
+        Seed of the random numbers.
+    bounces
+        Reflections after which a path ends; None for those that the problem needs.
+    emitter_sampling
+        Whether points on emitters are sampled.
+    closure
+        "none", "ambient" (at the problem's own temperature) or "tail".
+
+    Returns
+    -------
+    tuple[float, int]
+        Intensity [W/sr], and the number of rays if every path reaches its last bounce.
     """
     bounces = problem.bounces if bounces is None else bounces
     temperature = problem.ambient if closure == "ambient" else None
@@ -38,6 +57,10 @@ def intensity(
 
 
 def method(name: str, applies=lambda problem: True, **options) -> Method:
+    """Return path tracing with the given options of `intensity` as a method.
+
+    applies(problem): whether the method is worth a try.
+    """
     return Method(
         name,
         "",

@@ -1,5 +1,7 @@
-"""Where the deterministic methods look from: points of the visible facets, each with the projected
-area that it stands for.
+"""Starting points of the deterministic methods.
+
+These are points of the visible facets. Each carries the projected area of the part of a facet that
+it represents.
 """
 
 from dataclasses import dataclass
@@ -11,16 +13,18 @@ import numpy as np
 from mi_lcair.benchmark.propagation.problem import Problem
 from mi_lcair.rendering.window import window
 
-# subdivision of a part by which its visible share is counted; the middle of one of the 16 is the
-# part's own
+# Each part of a triangle is divided into FINER^2 = 16 smaller ones, over which its visible share is
+# counted. The middle of one of them is the middle of the part itself.
 FINER = 4
 
 
 @dataclass(frozen=True)
 class Points:
-    """Rays of the sensor to points of visible triangles; `area`: the projected area that each
-    stands for, the A cos(theta) V of Eq 3.13 [m^2]; `triangle`: the row of the corners that it lies
-    on; `cast`: how many rays it took to find them.
+    """Points of visible triangles.
+
+    ray: rays of the sensor to the points. area: projected area that each point represents, the
+    A cos(theta) V of Eq 3.13 [m^2]. triangle: row of the triangle that each point lies on. cast:
+    number of rays that were traced to find the points.
     """
 
     ray: mi.Ray3f
@@ -30,23 +34,33 @@ class Points:
 
 
 def visible_points(problem: Problem, count: int, corners=None, owner=None) -> Points:
-    """About `count` points, at least one on each visible triangle of the model, in proportion to
-    projected area.
+    """Return about `count` points on the visible triangles of the model.
 
-    Each triangle is projected and cut to the window exactly; what is left is divided into equal
-    parts. Of each part 16 rays tell how much is in sight, and its middle, or the nearest to it that
-    is in sight, stands for it. corners (T, 3, 3), owner (T,): parts of the scene's triangles and of
-    which triangle; by default the triangles themselves.
+    The number of points on a triangle is proportional to its projected area, and at least one. Each
+    triangle is projected and clipped to the window exactly. The clipped polygon is divided into
+    equal parts. 16 rays to each part determine its visible share. The point of the part is its
+    middle, or the visible point nearest to the middle.
+
+    Parameters
+    ----------
+    problem
+        Scene and sensor.
+    count
+        Approximate number of points.
+    corners : (T, 3, 3)
+        Corners of the triangles or of parts of them; by default the triangles of the scene [m].
+    owner : (T,)
+        Number of the scene's triangle to which each row of `corners` belongs.
     """
     table = problem.facets
     if corners is None:
         corners, owner = table.triangles, np.arange(len(table.triangles))
     origin, right, up, direction = window(problem.scene.sensor(0))
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    faces_us = (normal @ direction < 0) & (table.type[table.triangle_facet[owner]] == "model")
+    faces_sensor = (normal @ direction < 0) & (table.type[table.triangle_facet[owner]] == "model")
     plane = np.stack([(corners - origin) @ axis / (axis @ axis) for axis in (right, up)], axis=-1)
     inside = np.all((plane >= 0) & (plane <= 1), axis=(1, 2))
-    meets = np.all((plane.max(axis=1) > 0) & (plane.min(axis=1) < 1), axis=1) & faces_us
+    meets = np.all((plane.max(axis=1) > 0) & (plane.min(axis=1) < 1), axis=1) & faces_sensor
 
     pieces, row = [plane[meets & inside]], [np.flatnonzero(meets & inside)]
     for k in np.flatnonzero(meets & ~inside):
@@ -72,21 +86,23 @@ def visible_points(problem: Problem, count: int, corners=None, owner=None) -> Po
     start = origin + places[:, :1] * right + places[:, 1:] * up
     ray = mi.Ray3f(mi.Point3f(start.T), mi.Vector3f(np.broadcast_to(direction, start.shape).T))
     hit = problem.scene.mi.ray_intersect_preliminary(ray)
-    found, known = problem.triangles.find(hit.shape, hit.prim_index, hit.is_valid())
-    in_sight = np.flatnonzero((known & (found == mi.UInt32(owner[row[piece]]))).numpy())
+    triangle, known = problem.triangles.find(hit.shape, hit.prim_index, hit.is_valid())
+    in_sight = np.flatnonzero((known & (triangle == mi.UInt32(owner[row[piece]]))).numpy())
     _, first, counts = np.unique(part[in_sight], return_index=True, return_counts=True)
-    seen = in_sight[first]
+    nearest = in_sight[first]
     return Points(
-        dr.gather(mi.Ray3f, ray, mi.UInt32(seen)),
-        mi.Float((area / (FINER * divisions) ** 2)[piece[seen]] * counts),
-        mi.UInt32(row[piece[seen]]),
+        dr.gather(mi.Ray3f, ray, mi.UInt32(nearest)),
+        mi.Float((area / (FINER * divisions) ** 2)[piece[nearest]] * counts),
+        mi.UInt32(row[piece[nearest]]),
         len(piece),
     )
 
 
 def finer_middles(n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Middles of the (FINER n)^2 equal parts of a triangle, as weights of its corners, and in which
-    of its n^2 parts each lies; of one part, the nearest to its middle first.
+    """Middles of the (FINER n)^2 equal parts of a triangle, and the n^2 parts that they lie in.
+
+    Returns the barycentric coordinates of the middles, (FINER^2 n^2, 3), and for each the number of
+    the part. Within a part, the middles nearest to the part's own come first.
     """
     weights = barycentric_middles(FINER * n)
     part = part_index(mi.Point2f(weights[:, 1:].T), mi.UInt32(n)).numpy()
@@ -97,7 +113,7 @@ def finer_middles(n: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def cut(polygon) -> list:
-    """A convex polygon's part inside the unit square (Sutherland and Hodgman 1974)."""
+    """Clip a convex polygon to the unit square (Sutherland and Hodgman 1974)."""
     for axis in (0, 1):
         for sign, limit in ((1, 0.0), (-1, -1.0)):
             kept = []
@@ -112,8 +128,9 @@ def cut(polygon) -> list:
 
 
 def barycentric_middles(n: int) -> np.ndarray:
-    """Middles of the n^2 equal parts of a triangle, as weights of its corners, in the order of
-    `part_index`; (n^2, 3).
+    """Barycentric coordinates of the middles of the n^2 equal parts of a triangle, (n^2, 3).
+
+    The order is that of `part_index`.
     """
     i, j, upper = parts(n)
     third = np.where(upper, 2, 1) / 3
@@ -122,8 +139,9 @@ def barycentric_middles(n: int) -> np.ndarray:
 
 
 def parts(n: int) -> tuple[np.ndarray, ...]:
-    """Row, place in the row, and whether it stands on its head, of the n^2 equal parts of a
-    triangle.
+    """Place of each of the n^2 equal parts of a triangle.
+
+    Returns the row, the place in the row, and whether the part is turned by half a turn.
     """
     i = np.repeat(np.arange(n), 2 * np.arange(n, 0, -1) - 1)
     k = np.arange(n * n) - i * (2 * n - i)
@@ -131,7 +149,7 @@ def parts(n: int) -> tuple[np.ndarray, ...]:
 
 
 def part_corners(corners, n: int) -> np.ndarray:
-    """Corners of the n^2 equal parts of triangles, (T n^2, 3, 3), anticlockwise as they are."""
+    """Corners of the n^2 equal parts of triangles, (T n^2, 3, 3), in the triangles' own sense."""
     i, j, upper = (values[:, None] for values in parts(n))
     u = (i + np.where(upper, [1, 1, 0], [0, 1, 0])) / n
     v = (j + np.where(upper, [0, 1, 1], [0, 0, 1])) / n
@@ -141,7 +159,10 @@ def part_corners(corners, n: int) -> np.ndarray:
 
 
 def part_index(uv, n: mi.UInt32) -> mi.UInt32:
-    """Which of the n^2 parts holds a point, by the weights uv of the second and third corner."""
+    """Number of the part, out of n^2, that contains a point.
+
+    uv: barycentric coordinates of the point that belong to the second and third corner.
+    """
     i = dr.minimum(mi.UInt32(uv.x * n), n - 1)
     j = dr.minimum(mi.UInt32(uv.y * n), n - 1 - i)
     upper = uv.x * n - i + uv.y * n - j > 1

@@ -1,5 +1,6 @@
-"""What propagation methods are compared on: scenes with a window whose intensity is known, and the
-one interface of the methods.
+"""Problems on which propagation methods are compared, and the interface of a method.
+
+A problem is a scene whose intensity through the window of its sensor is known.
 """
 
 from collections.abc import Callable
@@ -10,7 +11,7 @@ from functools import cached_property
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.plugins.triangles import Facets, is_faceted
+from mi_lcair.plugins.triangles import TriangleTable, is_faceted
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.window import window_area
@@ -18,15 +19,30 @@ from mi_lcair.rendering.window import window_area
 
 @dataclass(frozen=True)
 class Problem:
-    """The intensity [W/sr] that the model's facets send through the window of a scene's
-    orthographic sensor.
+    """A scene whose intensity through the window of its orthographic sensor is known.
 
-    answer: that intensity; its standard error, 0 for a closed form, and where it comes from.
-    bounces: reflections after which nothing that matters is left. points: how many points of the
-    visible facets the deterministic methods look from at least. resolution_deg: the coarsest grid
-    of directions that resolves what the surfaces reflect. ambient: temperature [K] of the
-    surroundings, for the closure of paths; None where nothing surrounds the model. diffuse: whether
-    every surface reflects evenly in all directions.
+    Attributes
+    ----------
+    name
+        Name in the charts.
+    scene
+        The loaded scene.
+    answer
+        Intensity of the model's facets through the window [W/sr].
+    standard_error
+        Standard error of `answer` [W/sr]; 0 for a closed form.
+    source
+        How the answer is known.
+    bounces
+        Number of reflections that a method has to count.
+    points
+        Least number of points on the visible facets from which the deterministic methods start.
+    resolution_deg
+        Width in degrees of the coarsest grid of directions that resolves the reflection.
+    ambient
+        Temperature of the surroundings [K], for `closure = ambient`; None without surroundings.
+    diffuse
+        Whether every surface is Lambertian.
     """
 
     name: str
@@ -45,9 +61,9 @@ class Problem:
         return FacetTable(self.scene)
 
     @cached_property
-    def triangles(self) -> Facets:
+    def triangles(self) -> TriangleTable:
         """Which triangle of `facets.triangles` a hit belongs to."""
-        return Facets([shape for shape in self.scene.mi.shapes() if is_faceted(shape)])
+        return TriangleTable([shape for shape in self.scene.mi.shapes() if is_faceted(shape)])
 
     @cached_property
     def has_background(self) -> bool:
@@ -59,8 +75,10 @@ class Problem:
 
     @contextmanager
     def prepared(self):
-        """Within: the surfaces' emission and reflection may be evaluated and rays traced. Gives
-        Mitsuba's scene and the scene's emitters, whose `spawn_ray` leaves a surface.
+        """Context in which emission and reflection can be evaluated and rays traced.
+
+        It gives Mitsuba's scene and the table of emitters, whose `spawn_ray` starts a ray off a
+        surface.
         """
         with self.scene.prepared() as tracer:
             yield self.scene.mi, tracer.emitters
@@ -68,11 +86,21 @@ class Problem:
 
 @dataclass(frozen=True)
 class Method:
-    """A way to compute a problem's intensity.
+    """A method that computes the intensity of a problem.
 
-    section: of the thesis, "" for ours. run(problem, effort, seed) -> (intensity [W/sr], rays
-    traced). efforts(problem) -> the efforts worth a try, rising, none where the method does not
-    apply; an effort is in the method's own words. is_random: whether the seed matters.
+    Attributes
+    ----------
+    name
+        Name in the charts.
+    section
+        Section of the thesis that describes it, or "" for a method of this project.
+    run
+        run(problem, effort, seed) returns the intensity [W/sr] and the number of rays traced.
+    efforts
+        efforts(problem) returns the efforts worth a try in ascending order, or an empty list where
+        the method does not apply. Each method has its own unit of effort, such as paths per pixel.
+    is_random
+        Whether the result depends on the seed.
     """
 
     name: str
@@ -83,5 +111,5 @@ class Method:
 
 
 def emitted(si, scene, active=True) -> mi.Float:
-    """Radiance that what was hit emits toward the ray's origin [W m^-2 sr^-1]."""
+    """Radiance that the surfaces at `si` emit toward the origins of their rays [W m^-2 sr^-1]."""
     return si.emitter(scene, active).eval(si, active)[0]

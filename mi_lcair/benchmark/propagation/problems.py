@@ -1,5 +1,6 @@
-"""The problems of the chart of propagation methods: bundled scenes with a closed form, or with a
-far more precise reference.
+"""The problems of the chart of propagation methods.
+
+They are bundled scenes. Their answer is a closed form or a far more precise render.
 """
 
 from dataclasses import replace
@@ -15,17 +16,17 @@ from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.window import window
 
 RANGE_WALLS = 258.0  # K: between the upper half's 263 K and the lower half's 253 K
-WING_ROOT_FACET = (
-    515  # of the cylinder: the one that owes most to two and more reflections, seen from the tail
-)
-BOUNCES = 10  # of the references
-DIFFUSE, LOBE = (
-    22.5,
-    0.25,
-)  # degrees: a coarse grid; the thesis's for bare aluminium, 80 cells over 20 degrees (Figure 3.19)
+# Facet of the cylinder, as seen from the tail, with the largest share of radiance from two or more
+# reflections.
+WING_ROOT_FACET = 515
+BOUNCES = 10  # reflections in the reference renders
+DIFFUSE = 22.5  # degrees, width of a cell that resolves diffuse reflection
+# degrees, width of a cell that resolves bare aluminium: 80 cells over 20, thesis Figure 3.19
+LOBE = 0.25
 
 
 def two_plates() -> Problem:
+    """The scene two_plates, whose answer is a view factor in closed form."""
     scene = mi_lcair.load("two_plates", resolution=64)
     return Problem(
         "two_plates",
@@ -42,6 +43,7 @@ def two_plates() -> Problem:
 
 
 def open_box() -> Problem:
+    """The scene open_box, whose answer is a view factor in closed form."""
     scene = mi_lcair.load("open_box", resolution=64)
     answer = exact.open_box_intensity(blackbody(scene, 800), blackbody(scene, 300))
     return Problem(
@@ -59,7 +61,10 @@ def open_box() -> Problem:
 
 
 def cavity(opening: int = 8) -> Problem:
-    """The limit of many reflections in the true sphere; the facetted one comes within 0.02 % of it."""
+    """The scene cavity. Its answer is the limit of many reflections in the true sphere.
+
+    opening: number of facets removed. The facetted sphere is within 0.02 % of it.
+    """
     scene = mi_lcair.load("cavity", opening=opening, resolution=64)
     answer = exact.cavity_emissivity(opening) * blackbody(scene, 800) * 0.06**2
     return Problem(
@@ -77,6 +82,7 @@ def cavity(opening: int = 8) -> Problem:
 
 
 def furnace() -> Problem:
+    """The scene furnace, where every pixel has the blackbody's radiance."""
     scene = mi_lcair.load("furnace", resolution=64)
     return Problem(
         "furnace",
@@ -93,7 +99,7 @@ def furnace() -> Problem:
 
 
 def all_problems(quick: bool) -> list[Problem]:
-    """The problems of the chart; quick: with references of less precision."""
+    """Return the problems of the chart; with `quick`, their reference renders have fewer paths."""
     return [
         two_plates(),
         open_box(),
@@ -105,7 +111,10 @@ def all_problems(quick: bool) -> list[Problem]:
 
 
 def cylinder(spp: int) -> Problem:
-    """The whole model, bare aluminium in LWIR, seen from the tail; spp: of the reference."""
+    """The scene cylinder_ir_range: bare aluminium in LWIR, seen from the tail.
+
+    spp: paths per pixel of the reference render.
+    """
     scene = mi_lcair.load("cylinder_ir_range", resolution=64)
     return referred(
         Problem(
@@ -125,7 +134,10 @@ def cylinder(spp: int) -> Problem:
 
 
 def wing_root(spp: int) -> Problem:
-    """A small window inside the facet at the wing root, as seen in `cylinder`."""
+    """A small window inside a facet at the wing root, in the same view as `cylinder`.
+
+    spp: paths per pixel of the reference render.
+    """
     scene = mi_lcair.load("cylinder_ir_range", resolution=64)
     look_at_facet(scene, WING_ROOT_FACET)
     return referred(
@@ -146,12 +158,14 @@ def wing_root(spp: int) -> Problem:
 
 
 def blackbody(scene, temperature: float) -> float:
+    """In-band radiance of a blackbody in the scene's band [W m^-2 sr^-1]."""
     return float(in_band_radiance(scene.band, temperature))
 
 
 def referred(problem: Problem, spp: int) -> Problem:
-    """The problem with path tracing's own answer, from independent seeds whose scatter tells its
-    error.
+    """Return the problem with an answer computed by path tracing.
+
+    The answer is the mean over independent seeds. Its standard error follows from their scatter.
     """
     seeds = 8
     values = [
@@ -167,13 +181,14 @@ def referred(problem: Problem, spp: int) -> Problem:
 
 
 def look_at_facet(scene, facet: int) -> None:
-    """Moves the window of the scene's sensor, without turning it, to a square inside a facet that
-    it sees.
+    """Move the window of the scene's sensor to a square inside a facet that it sees.
+
+    The direction of view stays the same.
     """
     table = FacetTable(scene)
     origin, right, up, direction = window(scene.sensor(0))
     triangles = table.triangles[table.triangle_facet == facet]
-    corners, centre = triangles.reshape(-1, 3), table.centre[facet]
+    centre = table.centre[facet]
     axes = np.stack([right / np.linalg.norm(right), up / np.linalg.norm(up)])
     edges = [(triangle[k], triangle[k - 1]) for triangle in triangles for k in range(3)]
     outer = [

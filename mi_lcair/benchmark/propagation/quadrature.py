@@ -1,10 +1,12 @@
-"""Point-of-view hemispherical quadrature (thesis 3.5.3 and 3.5.5): a ray through each cell of a
-grid over the hemisphere, and so on from whatever these rays meet, bounce after bounce (Eqs 3.6 and
-3.7).
+"""Point-of-view hemispherical quadrature (thesis 3.5.3 and 3.5.5).
 
-With M cells and N bounces M^N rays leave each point. `hemisphere` lays an even grid; `stratified`,
-the thesis's method of choice, a fine one about the mirror direction and a coarse one over the rest,
-in shares of 80^2 : 50^2; `peak` keeps the fine one alone.
+From each point a ray goes through every cell of a grid over the hemisphere. The same is done at
+each surface that such a ray hits, bounce after bounce (Eqs 3.6 and 3.7). With M cells and N bounces
+M^N rays start from each point.
+
+There are three grids. `hemisphere` is even. `stratified`, the method that the thesis chose, is fine
+about the mirror direction and coarse over the rest, with cells in the ratio 80^2 : 50^2. `peak` is
+the fine part alone.
 """
 
 from math import log, sqrt
@@ -17,30 +19,56 @@ from mi_lcair.benchmark.propagation.primary import visible_points
 from mi_lcair.benchmark.propagation.problem import Method, Problem, emitted
 
 LANES = 2**20  # rays in flight at once
-COARSEST_REST = 32  # cells of `stratified` outside the peak: 22.5 degrees wide
-BUDGETS = [4**k for k in range(5, 13)]  # rays
-PEAK_SHARE = 80**2 / (80**2 + 50**2)  # of the cells of `stratified`, thesis 3.3.3
+COARSEST_REST = 32  # least number of cells of `stratified` outside the peak: 22.5 degrees wide
+BUDGETS = [4**k for k in range(5, 13)]  # numbers of rays that are tried
+PEAK_SHARE = 80**2 / (80**2 + 50**2)  # share of `stratified`'s cells in the peak, thesis 3.3.3
 
 
 def intensity(problem: Problem, grid, bounces: int, points: int) -> tuple[float, int]:
-    """Intensity [W/sr] after so many bounces, looked at from about `points` points, and the rays
-    that it took.
+    """Compute the intensity by quadrature over directions.
+
+    Parameters
+    ----------
+    problem
+        Scene and sensor.
+    grid
+        Grid of directions, a class of `hemisphere_grid`.
+    bounces
+        Number of reflections that are followed.
+    points
+        Approximate number of points of the visible facets from which rays start.
+
+    Returns
+    -------
+    tuple[float, int]
+        Intensity [W/sr] and number of rays traced.
     """
-    seen = visible_points(problem, points)
+    visible = visible_points(problem, points)
     with problem.prepared() as (scene, emitters):
-        si = scene.ray_intersect(seen.ray)
-        emission = summed(seen.area * emitted(si, scene))
-        reflection, rays = reflected(scene, emitters, grid, si, seen.area, bounces)
-    return emission + reflection, rays + seen.cast
+        si = scene.ray_intersect(visible.ray)
+        emission = summed(visible.area * emitted(si, scene))
+        reflection, rays = reflected(scene, emitters, grid, si, visible.area, bounces)
+    return emission + reflection, rays + visible.cast
 
 
 def reflected(scene, emitters, grid, si, beta, bounces: int) -> tuple[float, int]:
-    """What the surfaces at `si` reflect, each times its `beta`, summed; and the rays that it took."""
+    """Sum of the reflected radiance at `si`, each weighted by its `beta`, and the rays traced.
+
+    Parameters
+    ----------
+    si
+        Surface points, with directions toward the observer or toward the previous surface.
+    beta
+        Throughput of each point: area, BRDFs, cosines and solid angles up to it.
+    bounces
+        Number of reflections that are still followed.
+    """
     total, rays = 0.0, 0
     if bounces == 0:
         return total, rays
     reflects = dr.compress(si.is_valid() & (beta > 0))
     at_once = max(1, LANES // grid.cells)
+    # The points are worked on in batches, so that no more than LANES rays are in memory.
     for first in range(0, dr.width(reflects), at_once):
         count = min(at_once, dr.width(reflects) - first) * grid.cells
         index = dr.arange(mi.UInt32, count)
@@ -67,14 +95,20 @@ def reflected(scene, emitters, grid, si, beta, bounces: int) -> tuple[float, int
 
 
 def summed(values) -> float:
+    """Sum in Float64."""
     return float(dr.sum(mi.Float64(values))[0])
 
 
 def plan(problem: Problem, budget: int, least: float) -> tuple[int, int, float]:
-    """Bounces, points and cells that spend a budget of rays.
+    """Divide a budget of rays among bounces, points and cells of the grid.
 
-    As many bounces as leave `least` cells, below which a grid does not resolve the reflection; then
-    points and cells alike.
+    There are as many bounces as possible with at least `least` cells in each grid. A coarser grid
+    does not resolve the reflection. The rest of the budget goes to points and cells in equal parts.
+
+    Returns
+    -------
+    tuple[int, int, float]
+        Number of bounces, of points and of cells.
     """
     bounces = min(
         problem.bounces, max(1, int(log(max(budget / problem.points, 1)) / log(least) + 1e-9))
@@ -84,8 +118,10 @@ def plan(problem: Problem, budget: int, least: float) -> tuple[int, int, float]:
 
 
 def method(name: str, section: str, grid, least) -> Method:
-    """grid(cells): a grid of about so many cells; least(degrees): how many cells it has when its
-    cells are so wide.
+    """Return quadrature on one kind of grid as a method.
+
+    grid(cells): returns a grid of about that many cells. least(degrees): number of cells of a grid
+    whose cells are that wide.
     """
 
     def cells_needed(problem):
@@ -107,6 +143,7 @@ def method(name: str, section: str, grid, least) -> Method:
 
 
 def stratified(cells: float) -> Stratified:
+    """Stratified grid of about that many cells."""
     return Stratified(
         round(sqrt(cells * PEAK_SHARE)), max(3, round(sqrt(cells * (1 - PEAK_SHARE) / 2)))
     )

@@ -1,10 +1,11 @@
-"""Classical radiosity (thesis 3.5.2) for diffuse scenes: facets in patches, view factors by casting
-rays, a Neumann series.
+"""Classical radiosity for diffuse scenes (thesis 3.5.2).
 
-Patches are equal parts of the scene's triangles. From each, rays go out cosine-weighted from points
-spread over it (a Kronecker sequence in four dimensions, turned by the seed); F_ij is the share that
-meets patch j. B = E + rho F B is summed up to N terms, N bounces, and the sensor sees B / pi of
-each patch over the area that it sees of it. Surfaces are one-sided.
+Patches are equal parts of the scene's triangles. The view factor F_ij is the share of the rays from
+patch i that hit patch j. The rays have cosine-distributed directions and start from points spread
+over the patch. Points and directions are a Kronecker sequence in four dimensions, shifted by random
+numbers. B = E + rho F B is solved by a Neumann series of N terms, one for each bounce. The radiance
+of a patch is B / pi. The intensity sums it over the projected visible areas. Surfaces are
+one-sided.
 """
 
 import drjit as dr
@@ -15,14 +16,29 @@ from scipy.sparse import csr_array
 from mi_lcair.benchmark.propagation.primary import part_corners, part_index, visible_points
 from mi_lcair.benchmark.propagation.problem import Method, Problem, emitted
 
-STEPS = 1 / 1.1673039782614187 ** np.arange(
-    1, 5
-)  # 1 / the root of x^5 = x + 1: the golden ratio of four dimensions
+# Steps of the Kronecker sequence: powers of 1 / x, where x is the root of x^5 = x + 1. It
+# generalises the golden ratio to four dimensions.
+STEPS = 1 / 1.1673039782614187 ** np.arange(1, 5)
 
 
 def intensity(problem: Problem, patches: int, rays: int, seed: int) -> tuple[float, int]:
-    """Intensity [W/sr] with about so many patches and so many rays from each, and the rays that it
-    took.
+    """Compute the intensity by radiosity.
+
+    Parameters
+    ----------
+    problem
+        Scene and sensor; all surfaces are diffuse.
+    patches
+        Approximate number of patches.
+    rays
+        Rays from each patch, for its view factors.
+    seed
+        Seed of the random shifts.
+
+    Returns
+    -------
+    tuple[float, int]
+        Intensity [W/sr] and number of rays traced.
     """
     table = problem.facets
     sides = np.linalg.norm(
@@ -46,12 +62,14 @@ def intensity(problem: Problem, patches: int, rays: int, seed: int) -> tuple[flo
     for _ in range(problem.bounces):
         term = rho * (F @ term)
         B += term
-    seen = np.bincount(points.triangle.numpy(), points.area.numpy().astype(float), minlength=len(B))
-    return float(seen @ B / np.pi), len(corners) * rays + points.cast
+    visible_area = np.bincount(
+        points.triangle.numpy(), points.area.numpy().astype(float), minlength=len(B)
+    )
+    return float(visible_area @ B / np.pi), len(corners) * rays + points.cast
 
 
 def at_middles(scene, emitters, corners) -> tuple[np.ndarray, np.ndarray]:
-    """Exitance by emission [W m^-2] and reflectance of each patch, from its middle."""
+    """Emitted exitance [W m^-2] and reflectance of each patch, evaluated at its middle."""
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     above = corners.mean(axis=1) + 32 * float(emitters.least_offset[0]) * normal
@@ -63,18 +81,37 @@ def at_middles(scene, emitters, corners) -> tuple[np.ndarray, np.ndarray]:
 def view_factors(
     scene, emitters, triangles, corners, divisions, first, rays: int, seed: int
 ) -> csr_array:
-    """F_ij, the share of what leaves patch i evenly that meets the front of patch j; (P, P),
-    sparse.
+    """Compute the view factors F_ij between patches, as a sparse matrix (P, P).
+
+    F_ij is the share of the radiation from patch i, a Lambertian emitter, that hits the front of
+    patch j.
+
+    Parameters
+    ----------
+    scene, emitters
+        What `Problem.prepared` gives.
+    triangles
+        Table that finds the triangle of a hit.
+    corners : (P, 3, 3)
+        Corners of the patches [m].
+    divisions : (T,)
+        For each triangle, the number n for which it has n^2 patches.
+    first : (T + 1,)
+        Number of the first patch of each triangle.
+    rays
+        Rays from each patch.
+    seed
+        Seed of the random shifts.
     """
     patches = len(corners)
     index = dr.arange(mi.UInt32, patches * rays)
     patch, k = index // dr.opaque(mi.UInt32, rays), index % dr.opaque(mi.UInt32, rays)
-    turn = np.random.default_rng(seed).random((4, patches))
+    shift = np.random.default_rng(seed).random((4, patches))
     sequence = np.outer(STEPS, np.arange(1, rays + 1)) % 1
 
     def coordinate(axis):
         x = dr.gather(mi.Float, mi.Float(sequence[axis]), k) + dr.gather(
-            mi.Float, mi.Float(turn[axis]), patch
+            mi.Float, mi.Float(shift[axis]), patch
         )
         return x - dr.floor(x)
 
@@ -95,19 +132,22 @@ def view_factors(
     triangle, known = triangles.find(pi.shape, pi.prim_index, pi.is_valid())
     known &= hit.wi.z > 0
     n = dr.gather(mi.UInt32, mi.UInt32(divisions.astype(np.uint32)), triangle, known)
-    other = dr.gather(mi.UInt32, mi.UInt32(first.astype(np.uint32)), triangle, known) + part_index(
-        pi.prim_uv, n
-    )
-    dr.eval(known, patch, other)
-    met = known.numpy()
+    receiver = dr.gather(mi.UInt32, mi.UInt32(first.astype(np.uint32)), triangle, known)
+    receiver += part_index(pi.prim_uv, n)
+    dr.eval(known, patch, receiver)
+    received = known.numpy()
     return csr_array(
-        (np.full(met.sum(), 1 / rays), (patch.numpy()[met], other.numpy()[met])),
+        (np.full(received.sum(), 1 / rays), (patch.numpy()[received], receiver.numpy()[received])),
         shape=(patches, patches),
     )
 
 
 def run(problem: Problem, effort: int, seed: int) -> tuple[float, int]:
-    """effort: rays; as many patches as rays from each, so that the errors of both fall together."""
+    """Run radiosity with `effort` rays in total.
+
+    There are as many patches as rays from each patch. The errors from patches and from rays then
+    decrease together.
+    """
     patches = max(round(effort**0.5), len(problem.facets.triangles))
     return intensity(problem, patches, max(1, effort // patches), seed)
 

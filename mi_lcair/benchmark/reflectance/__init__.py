@@ -1,4 +1,7 @@
-"""Ways to integrate a BRDF over the hemisphere (thesis 3.3), one a file; `METHODS` lists them all."""
+"""Methods that integrate a BRDF over the hemisphere (thesis 3.3).
+
+Each method is one file. `METHODS` lists them all.
+"""
 
 from mi_lcair.benchmark.reflectance import (
     half_vector,

@@ -1,4 +1,4 @@
-"""The interface of a method, and the lanes on which it works."""
+"""Interface of the methods, and the arrangement of their samples in arrays."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,12 +9,21 @@ from drjit.llvm import Float64, UInt32
 
 @dataclass(frozen=True)
 class Method:
-    """A way to estimate a DHR.
+    """A method that estimates a directional-hemispherical reflectance (DHR).
 
-    name, section: what a chart calls it, and where the thesis describes it ("" where it does not).
-    efforts: those worth charting, rising. samples(effort): evaluations of the BRDF. run(problem,
-    effort, repetitions, seed): that many independent estimates, a Float64 array, in one vectorised
-    launch.
+    Attributes
+    ----------
+    name
+        Name in the charts.
+    section
+        Section of the thesis that describes it, or "" for a method of this project.
+    efforts
+        Efforts that are charted, in ascending order.
+    samples
+        samples(effort) returns the number of evaluations of the BRDF.
+    run
+        run(problem, effort, repetitions, seed) returns that many independent estimates, a Float64
+        array. They are computed in one vectorised launch.
     """
 
     name: str
@@ -25,7 +34,10 @@ class Method:
 
 
 def lanes(samples: int, repetitions: int) -> tuple[UInt32, UInt32]:
-    """Which repetition and which of its samples each lane works on, one repetition after the other."""
+    """Return for each lane of an array its repetition and the number of its sample.
+
+    All samples of one repetition come before those of the next.
+    """
     lane = dr.arange(UInt32, samples * repetitions)
     count = dr.opaque(UInt32, samples)  # a literal would be compiled anew for each effort
     repetition = lane // count
@@ -33,13 +45,14 @@ def lanes(samples: int, repetitions: int) -> tuple[UInt32, UInt32]:
 
 
 def mean(values: Float64, samples: int) -> Float64:
-    """The mean over the samples of each repetition."""
+    """Return the mean over the samples of each repetition."""
     return dr.block_sum(values, samples) / samples
 
 
 def grid(sample: UInt32, rows: int, columns: int) -> tuple[Float64, Float64]:
-    """Midpoints of a rows x columns grid over the unit square: (row, column) coordinates of each
-    sample.
+    """Return the midpoints of a rows x columns grid over the unit square.
+
+    They are the coordinates of each sample along rows and along columns.
     """
     rows, columns = dr.opaque(UInt32, rows), dr.opaque(UInt32, columns)
     row = sample // columns

@@ -1,10 +1,10 @@
-"""Monte Carlo with normally distributed angles about the specular direction (thesis 3.3.2.1, Figure
-3.17).
+"""Monte Carlo with normally distributed angles about the specular direction (thesis 3.3.2.1).
 
-The thesis states neither the widths of its two normal distributions nor what becomes of samples
-beyond the hemisphere. Here the best case: both are cut off at the hemisphere's edge, so that no
-sample is lost, and the widths in elevation and azimuth are those of least variance for the surface
-and angle at hand. Finding them is not counted as time.
+The thesis (its Figure 3.17) states neither the widths of the two normal distributions nor what is
+done with samples beyond the hemisphere. This file assumes the best case. Both distributions are
+truncated at the edge of the hemisphere, so that no sample is lost. Their widths in theta and phi
+are those of least variance for each surface and angle. The search for these widths is not included
+in the time.
 """
 
 from functools import cache
@@ -18,10 +18,11 @@ from scipy.special import erf
 from mi_lcair.benchmark.reflectance.method import Method, mean
 from mi_lcair.benchmark.reflectance.problem import direction
 
-NODES = 400  # per angle, of the quadrature for the variance; crowded toward the peak
+NODES = 400  # nodes per angle of the quadrature for the variance; they are dense near the peak
 
 
 def run(problem, samples, repetitions, seed):
+    """Return `repetitions` estimates of the DHR, each from `samples` directions."""
     width_theta, width_phi = (dr.opaque(Float64, width) for width in best_widths(problem))
     rng = dr.rng(seed)
     theta, p_theta = truncated_normal(
@@ -35,7 +36,10 @@ def run(problem, samples, repetitions, seed):
 
 
 def truncated_normal(u, center, width, low, high):
-    """A normal variate cut off at `low` and `high`, by its inverse CDF, and its density."""
+    """Return a normal variate truncated at `low` and `high`, and its density.
+
+    u: uniform random number; the variate is the inverse of the cumulative distribution at u.
+    """
     scale = 1 / (dr.sqrt(2) * width)
     cdf_low, cdf_high = dr.erf((low - center) * scale), dr.erf((high - center) * scale)
     x = center + dr.erfinv(dr.lerp(cdf_low, cdf_high, u)) / scale
@@ -51,9 +55,7 @@ def truncated_normal(u, center, width, low, high):
 
 @cache
 def best_widths(problem) -> tuple[float, float]:
-    """Standard deviations in elevation and azimuth [rad] at which one sample has least variance
-    (thesis Eq 2.32).
-    """
+    """Return the standard deviations in theta and phi of least variance [rad] (thesis Eq 2.32)."""
     center, crowding = problem.theta_i[0], 2 * problem.surface.e[0]
     theta, w_theta = crowded(center, crowding, 0, 0.5 * np.pi)
     phi, w_phi = crowded(np.pi, crowding, 0, 2 * np.pi)
@@ -76,14 +78,15 @@ def best_widths(problem) -> tuple[float, float]:
             minimize(log_second_moment, start, method="Nelder-Mead", bounds=bounds)
             for start in starts
         ),
-        key=lambda found: found.fun,
+        key=lambda minimum: minimum.fun,
     )
     return tuple(float(width) for width in np.exp(best.x))
 
 
 def inverse_density(x, center, width, low, high):
-    """1 / density of `truncated_normal`, NumPy; where the density underflows, large instead of
-    infinite.
+    """Return 1 / density of `truncated_normal`, in NumPy.
+
+    Where the density underflows, the result is large but finite.
     """
     mass = 0.5 * (
         erf((high - center) / (np.sqrt(2) * width)) - erf((low - center) / (np.sqrt(2) * width))
@@ -97,7 +100,10 @@ def inverse_density(x, center, width, low, high):
 
 
 def crowded(center, width, low, high):
-    """Nodes and weights of a midpoint rule over low..high, in x = center + width sinh(w)."""
+    """Return nodes and weights of a quadrature over low..high with nodes dense near `center`.
+
+    It is the midpoint rule in w with x = center + width sinh(w).
+    """
     ends = np.arcsinh((np.array([low, high]) - center) / width)
     w = ends[0] + (ends[1] - ends[0]) * (np.arange(NODES) + 0.5) / NODES
     return center + width * np.sinh(w), width * np.cosh(w) * (ends[1] - ends[0]) / NODES

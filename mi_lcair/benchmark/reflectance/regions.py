@@ -1,8 +1,8 @@
-"""The thesis's two regions of the hemisphere (3.3.2.2): the peak, 20 x 40 degrees, and the rest.
+"""The two regions into which the thesis divides the hemisphere (3.3.2.2): peak and rest.
 
-The peak region spans 10 degrees of elevation and 20 of azimuth to each side of the specular
-direction, cut off at the normal and the horizon. Both regions are images of the unit square,
-uniform in theta_r and phi_r.
+The peak region spans 10 degrees in theta and 20 degrees in phi to each side of the specular
+direction. It ends at the normal and at the horizon. Each region is the image of the unit square
+under a map that is uniform in theta_r and phi_r.
 """
 
 import drjit as dr
@@ -11,13 +11,15 @@ from drjit.llvm import Float64
 from mi_lcair.benchmark.reflectance.problem import direction
 
 HALF_THETA, HALF_PHI = dr.pi / 18, dr.pi / 9
-PEAK_SHARE = HALF_PHI / dr.pi  # of all azimuths, those of the peak region
-REST_PER_PEAK = 50 / 80  # samples per dimension: what the thesis found to suffice (3.3.3)
+PEAK_SHARE = HALF_PHI / dr.pi  # share of all azimuths that the peak region covers
+REST_PER_PEAK = 50 / 80  # ratio of samples per dimension, rest to peak, as in the thesis (3.3.3)
 
 
 def in_peak(problem, u_theta, u_phi):
-    """Direction r, and the weight sin(theta) dtheta dphi / (du_theta du_phi), of points of the peak
-    region.
+    """Return directions r in the peak region, and their weights [sr].
+
+    u_theta, u_phi: coordinates in the unit square. The weight is
+    sin(theta) dtheta dphi / (du_theta du_phi).
     """
     low, high = peak_elevations(problem)
     theta = dr.lerp(low, high, u_theta)
@@ -26,8 +28,10 @@ def in_peak(problem, u_theta, u_phi):
 
 
 def in_rest(problem, u_theta, u_phi, beside_share, below_share):
-    """As `in_peak`, of the rest: where u_phi < beside_share, in the azimuths of the peak region,
-    and there below it in elevation where u_theta < below_share, above it elsewhere.
+    """Return directions r in the rest of the hemisphere, and their weights [sr], as `in_peak` does.
+
+    Points with u_phi < beside_share lie in the azimuths of the peak region. Among them those with
+    u_theta < below_share have a smaller theta than the peak region, the others a larger one.
     """
     low, high = peak_elevations(problem)
     horizon = Float64(0.5 * dr.pi)
@@ -48,18 +52,19 @@ def in_rest(problem, u_theta, u_phi, beside_share, below_share):
 
 
 def stretch(u, u_low, u_high, low, high):
-    """u_low..u_high to low..high: the image of u, and its derivative."""
+    """Map u linearly from u_low..u_high to low..high. Return the image and its derivative."""
     slope = (high - low) / (u_high - u_low)
     return low + slope * (u - u_low), slope
 
 
 def strip_share(problem):
-    """The share that elevations below the peak region have in all those below and above it."""
+    """Return the range of theta below the peak region as a share of the ranges below and above."""
     low, high = peak_elevations(problem)
     return low / (low + 0.5 * dr.pi - high)
 
 
 def peak_elevations(problem):
+    """Return the lower and upper limit of the peak region in theta [rad]."""
     return dr.maximum(problem.theta_i - HALF_THETA, 0), dr.minimum(
         problem.theta_i + HALF_THETA, 0.5 * dr.pi
     )

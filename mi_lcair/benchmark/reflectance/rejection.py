@@ -1,18 +1,21 @@
-"""Rejection sampling under a bound on the BRDF (thesis 3.3.2, described there and not chosen).
+"""Rejection sampling under a bound on the BRDF (thesis 3.3.2, which describes it but rejects it).
 
-Directions uniform over the hemisphere, each with a height uniform below the bound; those under f_r
-cos(theta_r) are accepted. Their share is the integral, relative to the volume under the bound: few,
-since the peak is tall and narrow.
+Directions are uniform over the hemisphere. Each has a height that is uniform between 0 and the
+bound. A sample is accepted if its height is below f_r cos(theta_r). The share of accepted samples
+is the integral divided by 2 pi times the bound. Few samples are accepted, because the peak is tall
+and narrow.
 """
 
 import drjit as dr
 from drjit.llvm import Array3f64, Float64
 
 from mi_lcair.benchmark.reflectance.method import Method, mean
-from mi_lcair.physics.reflection import sandford_robertson as sr
+from mi_lcair.physics.reflection import sandford_robertson_equations as sr
+from mi_lcair.physics.reflection.directions import cos_theta, sin2_theta
 
 
 def run(problem, samples, repetitions, seed):
+    """Return `repetitions` estimates of the DHR, each from `samples` directions."""
     rng = dr.rng(seed)
     u_z, u_phi, u_height = (rng.random(Float64, samples * repetitions) for _ in range(3))
     sin_phi, cos_phi = dr.sincos(dr.two_pi * u_phi)
@@ -24,11 +27,12 @@ def run(problem, samples, repetitions, seed):
 
 
 def bound(problem):
-    """f_r cos(theta_r) is nowhere larger [1/sr]: g <= 1, d(theta_r) <= 1, h(alpha) <= h(0),
-    cos(theta_r) <= 1.
+    """Return an upper bound of f_r cos(theta_r) [1/sr].
+
+    It follows from g <= 1, d(theta_r) <= 1, h(alpha) <= h(0) and cos(theta_r) <= 1.
     """
     S, i = problem.surface, problem.incident()
-    cos, sin2 = sr.cos_theta(i), sr.sin2_theta(i)
+    cos, sin2 = cos_theta(i), sin2_theta(i)
     floor = S.floor * sr.g(cos, sin2, S.b) * dr.inv_pi
     return floor + 0.25 * dr.inv_pi * sr.rho_s(S, cos, sin2) * dr.square(S.e) * sr.h(
         Float64(0), S.e

@@ -1,7 +1,7 @@
-"""Ours: `half_vector` with Sobol points in place of random numbers, scrambled anew in each
-repetition.
+"""The method of `half_vector` with scrambled Sobol points in place of random numbers.
 
-Scrambling is Owen's, by hash: Burley, Practical Hash-based Owen Scrambling, JCGT 9(4), 2020.
+Each repetition has its own scrambling. It is Owen's, computed by a hash: Burley, Practical
+Hash-based Owen Scrambling, JCGT 9(4), 2020.
 """
 
 from functools import cache
@@ -18,6 +18,7 @@ DIMENSIONS, BITS = 3, 32
 
 
 def run(problem, samples, repetitions, seed):
+    """Return `repetitions` estimates of the DHR, each from `samples` directions."""
     rng = dr.rng(seed)
     repetition, sample = lanes(samples, repetitions)
     numbers = []
@@ -32,14 +33,15 @@ def run(problem, samples, repetitions, seed):
 
 @cache
 def reversed_digits() -> list[UInt32]:
-    """The first Sobol points, an array for each dimension, their binary digits in reverse."""
+    """Return the first Sobol points with their binary digits in reverse, an array per dimension."""
     points = qmc.Sobol(DIMENSIONS, scramble=False, bits=BITS).random(max(EFFORTS))
     return [dr.brev(UInt32(np.ldexp(column, BITS).astype(np.uint32))) for column in points.T]
 
 
 def laine_karras(x, key):
-    """A hash in which each digit depends on the key and the digits below it only: in reverse,
-    Owen's scrambling.
+    """Return a hash of x in which each digit depends only on the key and on lower digits.
+
+    Applied to reversed digits it is Owen's scrambling.
     """
     x = x + key
     for multiplier in (0x6C50B47C, 0xB82F1E52, 0xC7AFE638, 0x8D22F6E6):

@@ -1,6 +1,7 @@
-"""Uniform Monte Carlo, stratified in the peak region and the rest (thesis 3.3.2.2, Figure 3.18).
+"""Monte Carlo with uniform samples in the peak region and in the rest (thesis 3.3.2.2).
 
-Samples are shared between the two as in the stratified quadrature, 80^2 to 50^2.
+See its Figure 3.18. The numbers of samples are in the same ratio as in the stratified quadrature,
+80^2 : 50^2.
 """
 
 import drjit as dr
@@ -17,11 +18,13 @@ from mi_lcair.benchmark.reflectance.regions import (
 
 
 def counts(samples):
+    """Return the numbers of samples in the peak region and in the rest."""
     peak = round(samples / (1 + REST_PER_PEAK**2))
     return peak, samples - peak
 
 
 def run(problem, samples, repetitions, seed):
+    """Return `repetitions` estimates of the DHR, each from `samples` directions."""
     rng = dr.rng(seed)
     i = problem.incident()
     total = 0

@@ -1,8 +1,7 @@
-"""Numerical quadrature, stratified in the peak region and the rest: the thesis's method of choice
-(3.3.3, Figures 3.19, 3.20).
+"""Numerical quadrature with one grid in the peak region and one in the rest (thesis 3.3.3).
 
-The thesis found 80 samples per dimension to suffice in the peak region and 50 in the rest; other
-efforts keep that ratio.
+This is the method that the thesis chose (its Figures 3.19 and 3.20). It found that 80 samples per
+dimension suffice in the peak region and 50 in the rest. Other efforts keep that ratio.
 """
 
 import drjit as dr
@@ -19,16 +18,18 @@ from mi_lcair.benchmark.reflectance.regions import (
 
 
 def dimensions(N):
-    """Samples per dimension in the peak region and in the rest."""
+    """Return the samples per dimension in the peak region and in the rest."""
     return N, max(round(REST_PER_PEAK * N), 2)
 
 
 def samples(N):
+    """Return the number of evaluations of the BRDF."""
     peak, rest = dimensions(N)
     return peak**2 + rest**2
 
 
 def run(problem, N, repetitions, seed):
+    """Return `repetitions` equal estimates of the DHR, with N samples per dimension in the peak."""
     i = problem.incident()
     peak, rest = dimensions(N)
     _, sample = lanes(peak**2, repetitions)
@@ -40,8 +41,9 @@ def run(problem, N, repetitions, seed):
 
 
 def whole_cells(problem, N):
-    """The shares of `in_rest`, rounded so that no cell of the grid straddles a border of the
-    regions.
+    """Return the shares that `in_rest` takes, rounded to whole cells of the grid.
+
+    No cell then lies on both sides of a border between the regions.
     """
     share, N = strip_share(problem), dr.opaque(Float64, N)
     rows = dr.round(share * N)

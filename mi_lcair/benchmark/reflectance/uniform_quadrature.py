@@ -1,8 +1,7 @@
-"""Numerical quadrature with the same number of samples in elevation and azimuth (thesis 2.5.1, 3.3,
-Figure 3.15).
+"""Numerical quadrature with equal numbers of samples in theta and phi (thesis 2.5.1, 3.3).
 
-Rectangles in theta_r and phi_r, each evaluated at its middle (the corner would converge one order
-slower).
+See its Figure 3.15. The hemisphere is divided into rectangles in theta_r and phi_r. The integrand
+is evaluated at their middles. With corners the convergence would be one order slower.
 """
 
 import drjit as dr
@@ -13,8 +12,10 @@ from mi_lcair.benchmark.reflectance.problem import direction
 
 
 def run(problem, N, repetitions, seed):
-    """N x N samples. Repetitions turn the plane of incidence: where the peak falls between the
-    samples is chance.
+    """Return `repetitions` estimates of the DHR, each from N x N samples.
+
+    The error depends on where the peak lies between the samples. Each repetition therefore has a
+    random plane of incidence.
     """
     repetition, sample = lanes(N * N, repetitions)
     azimuth = dr.two_pi * dr.rng(seed).random(Float64, repetitions)

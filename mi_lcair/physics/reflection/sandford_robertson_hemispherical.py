@@ -11,7 +11,13 @@ from functools import cache
 import drjit as dr
 import numpy as np
 
-from mi_lcair.physics.reflection.sandford_robertson import Surface, e2_H, g, observer_factor, rho_s
+from mi_lcair.physics.reflection.sandford_robertson_equations import (
+    Surface,
+    e2_H,
+    g,
+    observer_factor,
+    rho_s,
+)
 
 NODES = 48  # per panel
 

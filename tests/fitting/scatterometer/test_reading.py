@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mi_lcair.fitting.scatterometer.reading import pool, read, read_directional
 
 from mi_lcair.errors import InputError
+from mi_lcair.fitting.scatterometer.reading import pool, read, read_directional
 
 # theta_i, theta_r [degrees] and BRDF of a surface that is brighter on the specular side: what every
 # layout must give
@@ -489,19 +489,22 @@ def test_directional_tables(file):
     [
         (
             "theta_deg,emissivity\n15,1.2\n",
-            "line 2: theta_deg must lie in 0..90 and emissivity in 0..1",
+            "line 2: emissivity 1.2; must lie in 0..1",
         ),
-        ("theta_deg,emissivity\n15,-0.1\n", "emissivity in 0..1"),
-        ("theta_deg,emissivity\n95,0.1\n", "theta_deg must lie in 0..90"),
+        ("theta_deg,emissivity\n15,-0.1\n", "line 2: emissivity -0.1; must lie in 0..1"),
+        ("theta_deg,emissivity\n95,0.1\n", "line 2: theta_deg 95; must lie in 0..90"),
         ("theta_deg,dhr\n15,0.1\n", "must name theta_deg and emissivity; found: theta_deg, dhr"),
-        ("theta_deg,emissivity,emissivity_std\n15,0.1\n", "emissivity_std must be numbers"),
+        (
+            "theta_deg,emissivity,emissivity_std\n15,0.1\n",
+            "line 2: 2 cells where the header names 3",
+        ),
         (
             "theta_deg,emissivity,emissivity_std\n15,0.1,0\n",
-            "line 2: emissivity_std must be positive",
+            "line 2: emissivity_std 0; must lie in 1e-06..1",
         ),
         ("theta_deg,emissivity\n15,0.1\n15,0.2\n", "line 3: theta_deg 15 appears twice"),
         ("", "found: nothing"),
-        (b"\xff\xfe\x00", "cannot be read as a text file"),
+        (b"\xff\xfe\x00", "not a text file"),
     ],
 )
 def test_bad_directional_tables(file, text, reason):

@@ -4,7 +4,7 @@ import drjit as dr
 import numpy as np
 from drjit.llvm.ad import Array3f64, Float64
 
-from mi_lcair.physics.reflection import sandford_robertson as sr
+from mi_lcair.physics.reflection import sandford_robertson_equations as sr
 
 # epsilon, rho_d, b, e of thesis Tables 2.2 and 2.3: bare aluminum MWIR, LWIR, gloss black MWIR,
 # LWIR

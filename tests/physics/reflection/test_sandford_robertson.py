@@ -10,7 +10,7 @@ from drjit.llvm.ad import Array3f, Array3f64, Float, Float64
 from scipy.stats import chi2
 
 from mi_lcair.errors import InputError
-from mi_lcair.physics.reflection import sandford_robertson as sr
+from mi_lcair.physics.reflection import sandford_robertson_equations as sr
 from tests.physics import thesis
 from tests.physics.reflection.surfaces import MATERIALS, direction, random_parameters, surface
 

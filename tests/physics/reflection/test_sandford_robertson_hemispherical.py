@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from drjit.llvm.ad import Float64
 
-from mi_lcair.physics.reflection import sandford_robertson as sr
+from mi_lcair.physics.reflection import sandford_robertson_equations as sr
 from mi_lcair.physics.reflection import sandford_robertson_hemispherical as hemispherical
 from tests.physics import thesis
 from tests.physics.reflection.surfaces import MATERIALS, random_parameters, surface

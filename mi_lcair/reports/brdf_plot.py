@@ -1,105 +1,13 @@
-"""The BRDF of a material over the hemisphere of reflection (thesis Figures 2.9, 3.14), as numbers
-and as a picture.
-"""
-
-from dataclasses import dataclass
+"""A picture of a BRDF over the hemisphere of reflection (thesis Figures 2.9, 3.14)."""
 
 import numpy as np
-from drjit.llvm.ad import Array3f64, Float64
 
-from mi_lcair.drawing import drawing
-from mi_lcair.errors import InputError
-from mi_lcair.physics.bands import Band
-from mi_lcair.physics.bands import band as band_of
-from mi_lcair.physics.materials import Material, material
-from mi_lcair.physics.reflection import sandford_robertson as sr
-from mi_lcair.physics.reflection import sandford_robertson_hemispherical as hemispherical
+from mi_lcair.drawing import drawing, plain
+from mi_lcair.physics.brdf_view import BRDFView
 from mi_lcair.reports.image_picture import log_ticks
 
-HORIZON = 89.9  # degrees; the last theta_r
 GRAZING = 80.0  # degrees; what is darker only beyond them does not stretch the scale
 PALE = "0.45"
-
-
-@dataclass(frozen=True)
-class BRDFView:
-    """The raw model, f_r [1/sr], of light that comes in at theta_i. theta_r (m,), azimuth (n,),
-    both in degrees: the azimuth is 0 in the mirror direction's half of the plane of incidence and
-    180 in the source's. brdf (m, n); cut: in-plane, f_r at the signed angles cut_theta_r, positive
-    on the mirror direction's side. dhr at theta_i; emissivity: 1 - HDR (Kirchhoff), at theta_i too,
-    but as seen by an observer.
-    """
-
-    material: Material
-    band: Band
-    theta_i: float
-    theta_r: np.ndarray
-    azimuth: np.ndarray
-    brdf: np.ndarray
-    cut_theta_r: np.ndarray
-    cut: np.ndarray
-    dhr: float
-    emissivity: float
-
-
-def brdf_view(name: str, band: str, theta_i_deg: float = 30.0) -> BRDFView:
-    """The BRDF of a material (a name or a fit's JSON file) in a band, for incidence at theta_i_deg
-    degrees.
-    """
-    if not 0 <= theta_i_deg < 90:
-        raise InputError(f"theta = {theta_i_deg:g} degrees must lie in 0..90, 90 excluded")
-    band = band_of(band)
-    found = material(name, band)
-    sr.check_feasible(found.epsilon, found.rho_d, found.b, found.e, found.form)
-    S = sr.surface(
-        *(Float64(number) for number in (found.epsilon, found.rho_d, found.b, found.e)),
-        form=found.form,
-    )
-    theta_r = crowded(0, HORIZON, 2, theta_i_deg, found.e)
-    azimuth = crowded(-180, 180, 2, 0, found.e)
-    cut_theta_r = crowded(-HORIZON, HORIZON, 0.2, theta_i_deg, found.e)
-    grid = np.meshgrid(theta_r, azimuth, indexing="ij")
-    theta_i = Float64(np.radians(theta_i_deg))
-    return BRDFView(
-        found,
-        band,
-        theta_i_deg,
-        theta_r,
-        azimuth,
-        f(S, theta_i_deg, *grid),
-        cut_theta_r,
-        f(S, theta_i_deg, cut_theta_r, np.zeros_like(cut_theta_r)),
-        float(hemispherical.DHR(S, theta_i)[0]),
-        1 - min(1.0, float(hemispherical.HDR(S, theta_i)[0])),
-    )
-
-
-def f(S, theta_i, theta_r, azimuth) -> np.ndarray:
-    """f_r [1/sr] at angles in degrees, azimuth from the mirror direction; shape of theta_r."""
-    theta_i, theta, phi = (np.radians(angle) for angle in (theta_i, theta_r, azimuth))
-    r = Array3f64(
-        np.array(
-            [-np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)]
-        ).reshape(3, -1)
-    )
-    return (
-        sr.f(S, Array3f64(float(np.sin(theta_i)), 0, float(np.cos(theta_i))), r)
-        .numpy()
-        .reshape(np.shape(theta_r))
-    )
-
-
-def crowded(lower: float, upper: float, step: float, peak: float, e: float) -> np.ndarray:
-    """Angles over a range, about a step apart but crowded around a peak of width e [degrees]."""
-    width = np.degrees(e)
-    reach = np.arcsinh(180 / width)
-    around = peak + width * np.sinh(np.linspace(-reach, reach, 121))
-    inside = (around > lower + 1e-6) & (around < upper - 1e-6)
-    return np.unique(
-        np.concatenate(
-            [np.linspace(lower, upper, round((upper - lower) / step) + 1), around[inside]]
-        )
-    )
 
 
 def save_plot(path, view: BRDFView) -> None:
@@ -107,10 +15,9 @@ def save_plot(path, view: BRDFView) -> None:
     with drawing(path, (11, 4.8), layout="constrained") as figure:
         left, right = figure.subfigures(1, 2, width_ratios=(1, 1.15))
         figure.suptitle(
-            f"{view.material.name}, {view.band.label}, incidence {view.theta_i:g}°: DHR {view.dhr:.4f}, "
+            f"{plain(f'{view.material.name}, {view.band.label}')}, incidence {view.theta_i:g}°: DHR {view.dhr:.4f}, "
             f"emissivity at {view.theta_i:g}° {view.emissivity:.4f}",
             fontsize=11,
-            parse_math=False,
         )
         draw_hemisphere(left, view, *scale(view))
         draw_cut(right.subplots(), view, *scale(view))

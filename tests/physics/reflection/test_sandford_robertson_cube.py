@@ -7,18 +7,23 @@ from itertools import product
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mi_lcair.fitting.parameters import (
-    E_MIN,
-    feasible_range,
-    parameters_at,
-    starting_points,
-    to_cube,
-)
 
-from mi_lcair.physics.reflection.sandford_robertson import check_feasible
+from mi_lcair.fitting.cube import parameters_at as values_and_derivatives
+from mi_lcair.physics.reflection import MODELS
+from mi_lcair.physics.reflection.sandford_robertson_cube import E_MIN
 from tests.fitting.numpy_model import G
 
+MODEL = MODELS["sandford_robertson"]
+
 unit = st.floats(0, 1)
+
+
+def parameters_at(u):
+    return values_and_derivatives(MODEL, u)
+
+
+def check_feasible(*values):
+    MODEL.check_feasible(*values, form="thesis")
 
 
 @given(st.lists(st.tuples(unit, unit, unit, unit), min_size=1, max_size=4))
@@ -42,7 +47,7 @@ def test_the_corners_are_the_bounds():
 def test_there_and_back():
     u = np.random.default_rng(0).uniform(0.01, 0.99, (50, 4))
     parameters, _ = parameters_at(u)
-    np.testing.assert_allclose(to_cube(parameters), u, rtol=1e-12)
+    np.testing.assert_allclose(MODEL.to_cube(parameters), u, rtol=1e-12)
     epsilon, rho_d, b, e = parameters.T
     np.testing.assert_allclose(epsilon / G(b), u[:, 0], rtol=1e-12)
     np.testing.assert_allclose(np.log10(e), -5 * (1 - u[:, 3]), rtol=1e-12)
@@ -61,13 +66,17 @@ def test_derivatives():
 
 
 def test_bounds_follow_from_b():
-    low, high = feasible_range(0.4)
+    low, high = MODEL.feasible_range((0.1, 0.2, 0.4, 0.5))
     np.testing.assert_allclose(low, [0, 0, 0, E_MIN])
     np.testing.assert_allclose(high, [G(0.4), G(0.4), 1, 1])
 
 
 def test_starts_are_spread_and_belong_to_their_seed():
-    first, again, other = starting_points(64, 3), starting_points(64, 3), starting_points(64, 4)
+    first, again, other = (
+        MODEL.starting_points(64, 3),
+        MODEL.starting_points(64, 3),
+        MODEL.starting_points(64, 4),
+    )
     assert np.array_equal(first, again) and not np.array_equal(first, other)
     assert np.all((first > 0) & (first < 1))
     e = parameters_at(first)[0][:, 3]

@@ -5,8 +5,9 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
+from mi_lcair.rendering.facet_image import facet_images, seen_facets
 from mi_lcair.rendering.facet_table import FacetTable
-from mi_lcair.reports.facet_picture import facet_images, read_table, seen_facets
+from mi_lcair.table import read_table
 
 
 def test_pixels_show_the_facets_that_lie_there():
@@ -45,7 +46,7 @@ def test_values_go_to_their_facets(table):
         "# made by hand\narea_m2,facet,material,radiance_W_m2_sr\n0.5,1,paint,7\n\n2,0,paint,\n"
     )
     scene = mi_lcair.load("open_box", resolution=16)
-    images = facet_images(scene, file, read_table(file), ["area_m2", "radiance_W_m2_sr"])
+    images = facet_images(scene, read_table(file, ("facet",)), ["area_m2", "radiance_W_m2_sr"])
     assert np.isnan(images["radiance_W_m2_sr"]).all()
     assert (
         set(np.unique(images["area_m2"][3:13, 1:15])) == {2}
@@ -56,29 +57,31 @@ def test_values_go_to_their_facets(table):
 @pytest.mark.parametrize(
     "text, column, reason",
     [
-        ("", "a", "column 'facet'"),
-        ("facet,a\n", "a", "a row for each"),
-        ("face,a\n0,1\n", "a", "column 'facet'"),
-        ("facet,a\n0,1\n1\n", "a", "line 3: has 1 cells; the header has 2"),
+        ("", "a", "must name facet; found: nothing"),
+        ("facet,a\n", "a", "no rows of data"),
+        ("face,a\n0,1\n", "a", "must name facet"),
+        ("facet,a\n0,1\n1\n", "a", "line 3: 1 cells where the header names 2"),
         (
             "facet,a\n0,1\n2,1\n",
             "a",
-            "facet 2 is not in the scene, whose facets are numbered from 0 to 1",
+            "line 3: facet '2' is not in the scene, whose facets are numbered from 0 to 1",
         ),
-        ("facet,a\n0,1\n0.5,1\n", "a", "facet 0.5 is not"),
-        ("facet,a\n-1,1\n", "a", "facet -1 is not"),
+        ("facet,a\n0,1\n0.5,1\n", "a", "line 3: facet '0.5' is not"),
+        ("facet,a\n-1,1\n", "a", "line 2: facet '-1' is not"),
         ("facet,a\n0,1\n1,2\n0,3\n", "a", "facet 0 has 2 rows"),
-        ("facet,a\n,1\n", "a", "facet  is not"),
-        ("facet,a\n0,paint\n", "a", "column 'a' cannot be a colour: .*'paint'"),
-        ("facet,a\none,1\n", "a", "column 'facet'.*'one'"),
+        ("facet,a\n,1\n", "a", "line 2: facet '' is not"),
+        ("facet,a\n0,paint\n", "a", "line 2: 'paint' in column 'a' is not a number"),
+        ("facet,a\none,1\n", "a", "line 2: 'one' in column 'facet' is not a number"),
     ],
 )
 def test_unsound_tables_are_refused(table, text, column, reason):
     file = table(text)
     with pytest.raises(InputError, match=reason):
-        facet_images(mi_lcair.load("two_plates", resolution=4), file, read_table(file), [column])
+        facet_images(
+            mi_lcair.load("two_plates", resolution=4), read_table(file, ("facet",)), [column]
+        )
 
 
 def test_a_table_that_cannot_be_read(tmp_path):
     with pytest.raises(InputError, match="none.csv: cannot be read: No such file"):
-        read_table(tmp_path / "none.csv")
+        read_table(tmp_path / "none.csv", ("facet",))

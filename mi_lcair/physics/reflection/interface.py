@@ -15,8 +15,12 @@ from typing import Any
 
 import drjit as dr
 import numpy as np
+from drjit.llvm.ad import Float64
 
 from mi_lcair.errors import InputError
+from mi_lcair.physics.reflection.directions import cos_theta, sample_cosine
+
+ROUNDING = 1e-12  # of a parameter's range, between the cube and the parameters
 
 
 @dataclass(frozen=True)
@@ -27,6 +31,10 @@ class Parameter:
     unit: "1" if it has none. lower, upper: bounds of a fit, in the parameter's unit. precision:
     half the width of its 95 % interval, relative to its value, up to which a fit calls it
     determined; absolute_precision: or this half width in its own unit.
+
+    advice: what else to measure where the BRDF alone leaves the parameter open; only for parameters
+    that a table of emissivity or DHR determines. at_lower: verdict of a fit whose interval reaches
+    the lower bound, a format of {high}, the interval's other end.
     """
 
     name: str
@@ -37,6 +45,8 @@ class Parameter:
     unit: str = "1"
     precision: float = 0.25
     absolute_precision: float = 0.0
+    advice: str = ""
+    at_lower: str = ""
 
 
 @dataclass(frozen=True)
@@ -104,6 +114,7 @@ class ReflectionModel(ABC):
     parameters: tuple[Parameter, ...]
     forms: tuple[str, ...] = ("standard",)
     reciprocal: bool = True
+    has_emissivity: bool = False
     restrictions: tuple[Restriction, ...] = ()
 
     @property
@@ -150,45 +161,44 @@ class ReflectionModel(ABC):
 
     @abstractmethod
     def floor_HDR(self, S, cos, sin2):
-        """The part of HDR that comes from the diffuse floor, in closed form, from cos(theta_r) and
-        its squared sine.
+        """The part of HDR that comes from the diffuse floor, in closed form.
+
+        cos, sin2: cosine and squared sine of theta_r. All of HDR, for a model without a lobe.
         """
 
-    @abstractmethod
     def lobe_HDR(self, S, theta_r):
-        """The rest of HDR, divided by `lobe_scale`: finite and smooth from 0 to 90 degrees.
-        Float64; it is tabulated.
+        """The rest of HDR, divided by `lobe_scale`, in Float64.
+
+        It is tabulated over sqrt(cos theta_r), so it must be finite and smooth from 0 to 90 degrees.
         """
+        return dr.zeros(type(theta_r), dr.width(theta_r))
 
     def lobe_scale(self, S, cos, sin2):
-        """A closed form that carries what of the lobe's HDR varies too fast for a table over
-        sqrt(cos theta_r).
-        """
+        """A closed form that carries what of the lobe's HDR varies too fast for the table."""
         return type(cos)(1)
 
     def emissivity(self, S, cos, sin2):
-        """The model's own directional emissivity; None where it has none but 1 - HDR (Kirchhoff's
-        law).
-        """
-        return
+        """The model's own directional emissivity, of models with `has_emissivity`."""
+        raise TypeError(f"{self.name} has no emissivity of its own")
 
     # ------------------------------------------------------------------ Drawing directions
+    # The floor is sampled by the cosine, the lobe by these three. A model without a lobe needs none.
 
-    @abstractmethod
     def sample_lobe(self, S, r, u1, u2):
         """A direction i to the source drawn from the lobe, seen from r; it may lie below the
-        surface. u1, u2 in 0..1.
+        surface. u1, u2: uniform in 0..1.
         """
+        return sample_cosine(type(r), u1, u2)
 
-    @abstractmethod
     def lobe_pdf(self, S, i, r):
         """Density of `sample_lobe` [1/sr]."""
+        return cos_theta(i) * dr.inv_pi
 
-    @abstractmethod
     def lobe_width(self, S):
         """Width of the lobe: the tangent of the half-vector's angle at which it has fallen to a
         quarter.
         """
+        return Float64(1)
 
     # ------------------------------------------------------------------ Planning and remarks
 
@@ -218,18 +228,39 @@ class ReflectionModel(ABC):
         """Coordinates (..., n) of parameters (..., n), clipped to the cube."""
 
     @abstractmethod
-    def feasible_range(self, values) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest value (n,) of each parameter, given the others (n,)."""
-
-    @abstractmethod
     def starting_points(self, count: int, seed: int) -> np.ndarray:
-        """(count, n) points of the cube, spread as real surfaces are; the same for the same seed."""
+        """(count, n) points of the cube, spread as real surfaces are; the same for each seed."""
+
+    def feasible_range(self, values) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest value (n,) that each parameter can have next to `values` (n,), where
+        parameters that share a bound make room for it.
+        """
+        lower, upper = zip(*((parameter.lower, parameter.upper) for parameter in self.parameters))
+        return np.array(lower, dtype=float), np.array(upper, dtype=float)
+
+    def nearest_feasible(self, values, held: int) -> np.ndarray:
+        """Feasible parameters (n,) near `values` (n,); that of index `held` keeps its value."""
+        return np.clip(values, *self.feasible_range(values))
+
+    def values_at(self, u) -> np.ndarray:
+        """Parameters (n,) at coordinates u (n,)."""
+        values = self.from_cube([dr.scalar.ArrayXf64(coordinate) for coordinate in u])
+        return self.exact_bounds(np.array([value[0] for value in values]))
+
+    def exact_bounds(self, values: np.ndarray) -> np.ndarray:
+        """Parameters (..., n); one that is a bound to the cube's rounding is the bound itself."""
+        ends = np.array([(one.lower, one.upper) for one in self.parameters], dtype=float).T
+        for bound in ends:
+            near = np.abs(values - bound) <= ROUNDING * (ends[1] - ends[0])
+            values = np.where(near, bound, values)
+        return values
 
     def bound_names(self, u) -> list[str | None]:
-        """For each parameter at coordinates u (n,) the name of the bound that it lies on, or None."""
-        lower, upper = self.feasible_range(self.values_at(u))
+        """For each parameter at coordinates u (n,) the name of the bound it lies on, or None."""
         values = self.values_at(u)
+        lower, upper = self.feasible_range(values)
+        margin = ROUNDING * (upper - lower)
         return [
-            f"{low:g}" if value <= low else f"{high:g}" if value >= high else None
-            for value, low, high in zip(values, lower, upper)
+            f"{low:g}" if value - low <= by else f"{high:g}" if high - value <= by else None
+            for value, low, high, by in zip(values, lower, upper, margin)
         ]

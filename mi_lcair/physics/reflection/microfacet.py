@@ -1,0 +1,221 @@
+r"""The microfacet model: generalised Trowbridge-Reitz facets with Fresnel reflection and a floor.
+
+With c_i, c_r the cosines of source and observer, m = (i + r) / |i + r| the half-vector, m_z its
+cosine and p = i.m = r.m,
+
+    f(i, r) = F(p) D(m) G(i, r) / (4 c_i c_r) + rho_d / pi (1 - F(c_i)) (1 - F(c_r))
+    D(m) = D_0 / (1 + w sin^2 theta_m)^gamma              `microfacet_distribution`
+    F = unpolarised Fresnel reflectance of n + ik         `microfacet_fresnel`
+    G = min(1, 2 m_z c_i / p, 2 m_z c_r / p)
+
+G is the masking and shadowing of facets that pair up to V-shaped cavities. It is exact for every D
+(the facets that are seen fill the projected area of the surface; Heitz 2014, section 5.2), needs no
+integral of D and is symmetric. So the lobe never reflects more than arrives, whatever the
+parameters, f is reciprocal, and normals can be drawn exactly as they are seen.
+
+Smith's masking, of facets without correlation, is another integral for each D. Integrated
+numerically, its height-correlated form describes five of six measured infrared BRDFs worse, by 2 to
+9 % of the rms deviation (gamma up to 4 allowed), and the sixth by 0.4 % better. Smith's masking of
+gamma = 2 beside a D of gamma = 1.24 reflects more than arrives: 1.9 times as much at 88 degrees.
+
+Radiation that facets reflect to each other is left out. Of what reaches a perfect reflector
+(F = 1), this share is lost at the worst angle of incidence. Where a star stands, that is 0 degrees:
+
+    alpha   gamma = 0.5     1       1.5     2       3       4
+    0.001   0.39 *          0.07 *  0.05    0.05    0.04    0.03
+    0.01    0.39 *          0.11 *  0.05    0.05    0.06    0.06
+    0.1     0.43 *          0.21 *  0.07 *  0.06    0.06    0.06
+    0.2     0.46 *          0.29 *  0.15 *  0.07    0.06    0.06
+    0.3     0.49 *          0.35 *  0.23 *  0.14 *  0.07    0.07
+    0.5     0.54 *          0.46 *  0.38 *  0.30 *  0.18 *  0.11
+    0.7     0.58 *          0.54 *  0.50 *  0.45 *  0.37 *  0.30 *
+    1       0.62 *          0.62 *  0.62 *  0.62 *  0.62 *  0.62 *
+
+It appears as absorption: a fit of a rough bright metal, whose emissivity is low, needs the floor.
+
+Sources: K. E. Torrance and E. M. Sparrow, J. Opt. Soc. Am. 57, 1105, 1967; R. L. Cook and
+K. E. Torrance, ACM Trans. Graph. 1, 7, 1982; B. Walter et al., Microfacet models for refraction
+through rough surfaces, EGSR 2007; B. Burley, Physically based shading at Disney, SIGGRAPH course
+2012; E. Heitz, Understanding the masking-shadowing function, JCGT 3(2), 2014; E. Heitz and
+E. d'Eon, Importance sampling microfacet-based BSDFs using the distribution of visible normals,
+EGSR 2014; M. Ribardiere et al., STD: Student's t-distribution of slopes, Comput. Graph. Forum 36,
+2017 (the shape parameter gamma).
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+from drjit.llvm.ad import Float64
+
+from mi_lcair.physics.reflection import interface
+from mi_lcair.physics.reflection import microfacet_distribution as distribution
+from mi_lcair.physics.reflection import microfacet_fresnel as fresnel
+from mi_lcair.physics.reflection import microfacet_hemispherical as hemispherical
+from mi_lcair.physics.reflection.directions import SMALLEST, cos_theta, sin2_theta
+from mi_lcair.physics.reflection.interface import Rung
+from mi_lcair.physics.reflection.microfacet_cube import MicrofacetCube
+
+NARROW = 0.2  # width of a lobe up to which a mirror may stand for it
+NEGLIGIBLE = 1e-6  # reflectance of a part that cannot matter
+WORTH_A_REMARK = 0.05  # share of the radiation that is lost between the facets
+
+
+@dataclass
+class Surface(interface.Surface):
+    """The five parameters of a surface and the numbers in which they enter the equations.
+
+    peak = D_0 [1/sr] and spread = w of `microfacet_distribution`; contrast = n^2 - 1 - k^2 and
+    nk = n k of `microfacet_fresnel`; refracted: the hemispherical mean of 1 - F; tilt: a
+    typical sine of the facets' angles, for `lobe_scale`; q and inverse_exponent: for drawing
+    normals. Dr.Jit floats of one type.
+    """
+
+    alpha: Any
+    gamma: Any
+    n: Any
+    k: Any
+    rho_d: Any
+    peak: Any
+    spread: Any
+    contrast: Any
+    nk: Any
+    refracted: Any
+    tilt: Any
+    q: Any
+    inverse_exponent: Any
+
+
+def visibility(c_i, c_r, p2):
+    """G / (c_i c_r), from the cosines of the two directions and the square of p."""
+    unhidden = 1 / dr.maximum(c_i * c_r, SMALLEST)
+    hidden = (c_i + c_r) / dr.maximum(p2 * dr.maximum(c_i, c_r), SMALLEST)
+    return dr.minimum(unhidden, hidden)
+
+
+def half_vector(i, r):
+    """Squared sine of the half-vector's angle to the normal, and p^2, squared cosine to i and r."""
+    x, y, z = i.x + r.x, i.y + r.y, i.z + r.z
+    xy = dr.square(x) + dr.square(y)
+    xyz = dr.maximum(xy + dr.square(z), SMALLEST)
+    return xy / xyz, 0.25 * xyz
+
+
+class Microfacet(MicrofacetCube):
+    """The microfacet model of this module."""
+
+    def surface(self, alpha, gamma, n, k, rho_d, form: str = "standard") -> Surface:
+        """The `Surface` of these parameters, Dr.Jit Float64 arrays (then `cast`)."""
+        spread = distribution.spread(alpha)
+        contrast = (n - 1) * (n + 1) - dr.square(k)
+        q, inverse_exponent = distribution.quantile_terms(gamma, spread)
+        return Surface(
+            alpha,
+            gamma,
+            n,
+            k,
+            rho_d,
+            peak=distribution.peak(alpha, gamma),
+            spread=spread,
+            contrast=contrast,
+            nk=n * k,
+            refracted=hemispherical.mean_transmittance(contrast, n * k),
+            tilt=dr.detach(alpha + distribution.mean_sin2(alpha, gamma)),
+            q=q,
+            inverse_exponent=inverse_exponent,
+        )
+
+    # ------------------------------------------------------------------ Reflectance
+
+    def f(self, S, i, r):
+        above = (i.z > 0) & (r.z > 0)
+        c_i, c_r = cos_theta(i), cos_theta(r)
+        sin2, p2 = half_vector(i, r)
+        D = distribution.density(sin2, S.peak, S.spread, S.gamma)
+        F = fresnel.reflectance(dr.sqrt(p2), S.contrast, S.nk)
+        lobe = 0.25 * F * D * visibility(c_i, c_r, p2)
+        refracted = [fresnel.transmittance(c, S.contrast, S.nk) for c in (c_i, c_r)]
+        floor = dr.inv_pi * S.rho_d * (refracted[0] * refracted[1])
+        return dr.select(above, lobe + floor, 0)
+
+    def HDR(self, S, theta_r):
+        sin, cos = dr.sincos(theta_r)
+        lobe = hemispherical.lobe_reflectance(S, theta_r, facet_reflectance)
+        return self.floor_HDR(S, cos, dr.square(sin)) + lobe
+
+    def DHR(self, S, theta_i):
+        return self.HDR(S, theta_i)
+
+    def floor_HDR(self, S, cos, sin2):
+        return S.rho_d * S.refracted * fresnel.transmittance(cos, S.contrast, S.nk)
+
+    def lobe_HDR(self, S, theta_r):
+        sin, cos = dr.sincos(theta_r)
+        lobe = hemispherical.lobe_reflectance(S, theta_r, facet_reflectance)
+        return lobe / dr.maximum(self.lobe_scale(S, cos, dr.square(sin)), SMALLEST)
+
+    def lobe_scale(self, S, cos, sin2):
+        """Reflectance of a typical facet, which the lobe's follows at grazing angles.
+
+        A table of the ratio over 1024 even places of sqrt(cos) holds 5e-6 up to 89.5 degrees; of
+        the lobe's HDR itself it misses by 1.2e-5 (strong metals near their Brewster angle).
+        """
+        p = 0.5 * (cos + dr.sqrt(dr.square(cos) + dr.square(S.tilt) * sin2))
+        return fresnel.reflectance(p, S.contrast, S.nk)
+
+    # ------------------------------------------------------------------ Drawing directions
+
+    def sample_lobe(self, S, r, u1, u2):
+        """The reflection of r about a facet that it sees, drawn from these: see `lobe_pdf`."""
+        Vector = type(r)
+        sin2 = distribution.sample_sin2(u2, S.spread, S.q, S.inverse_exponent)
+        sin, cos = dr.sqrt(sin2), dr.sqrt(1 - sin2)
+        sin_r = dr.sqrt(sin2_theta(r))
+        tilted = sin_r > SMALLEST
+        k = sin_r * sin / dr.maximum(cos_theta(r) * cos, SMALLEST)
+        sin_phi, cos_phi = dr.sincos(distribution.sample_visible_azimuth(k, u1))
+        x = dr.select(tilted, r.x / dr.maximum(sin_r, SMALLEST), 1)
+        y = dr.select(tilted, r.y / dr.maximum(sin_r, SMALLEST), 0)
+        m = Vector(sin * (x * cos_phi - y * sin_phi), sin * (y * cos_phi + x * sin_phi), cos)
+        return dr.fma(m, 2 * dr.dot(r, m), -r)
+
+    def lobe_pdf(self, S, i, r):
+        """G_1(r) D / (4 c_r), with G_1 = min(1, 2 m_z c_r / p) [1/sr]."""
+        sin2, p2 = half_vector(i, r)
+        D = distribution.density(sin2, S.peak, S.spread, S.gamma)
+        m_z_over_p = dr.maximum(i.z + r.z, 0) / dr.maximum(2 * p2, SMALLEST)
+        return 0.25 * D * dr.minimum(1 / dr.maximum(cos_theta(r), SMALLEST), 2 * m_z_over_p)
+
+    def lobe_width(self, S):
+        """As the interface says; at most 1, also where D does not fall to a quarter at all."""
+        return distribution.width(S.gamma, S.spread)
+
+    # ------------------------------------------------------------------ Planning and remarks
+
+    def lower_rung(self, *values: float, form: str = "standard") -> Rung | None:
+        alpha, gamma, n, k, rho_d = values
+        if n - 1 <= NEGLIGIBLE and k <= NEGLIGIBLE:  # F = 0
+            return Rung("diffuse", exact=True)
+        Scalar = dr.scalar.ArrayXf64
+        width = distribution.width(Scalar(gamma), distribution.spread(Scalar(alpha)))
+        if width[0] <= NARROW:
+            return Rung("mirror", exact=False)
+        return Rung("diffuse", exact=False) if rho_d > NEGLIGIBLE else None
+
+    def remarks(self, *values: float, form: str = "standard") -> list[str]:
+        S = self.surface(*(Float64(value) for value in values))
+        lost = 1 - hemispherical.lobe_reflectance(S, Float64(0), lambda S, p: Float64(1))[0]
+        if lost <= WORTH_A_REMARK or self.lower_rung(*values) == Rung("diffuse", exact=True):
+            return []
+        return [
+            f"{lost:.0%} of what facets reflect at normal incidence meets other facets; "
+            "the model leaves it out"
+        ]
+
+
+def facet_reflectance(S, p):
+    """F(p) of the surface."""
+    return fresnel.reflectance(p, S.contrast, S.nk)
+
+
+MODEL = Microfacet()

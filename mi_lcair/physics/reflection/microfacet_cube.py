@@ -1,0 +1,108 @@
+"""The parameters of the microfacet model and their feasible set as a cube, on which searches run.
+
+alpha, gamma and n are spread evenly in their logarithms between their bounds, rho_d as it is. k
+enters the BRDF as k^2 only: in k itself the face k = 0, the dielectrics, would be stationary
+whatever the data. So k^2 = K^2 (exp(L u) - 1), with L such that u = 1 is the upper bound.
+"""
+
+from math import log
+
+import drjit as dr
+import numpy as np
+from scipy.stats import qmc
+
+from mi_lcair.errors import InputError
+from mi_lcair.physics.reflection.interface import Parameter, ReflectionModel, Restriction
+
+KNEE2 = 0.01  # K^2: the coordinate is linear in k^2 below it and in log k above
+SMALLEST_K2 = 1e-24  # keeps the derivative of sqrt(k^2) finite on the face k = 0
+ROUNDING = 1e-6  # relative; parameters that passed through Float32 may exceed a bound by theirs
+
+ADVICE = "measure the emissivity and give --emissivity"
+PARAMETERS = (
+    Parameter(
+        "alpha",
+        r"$\alpha$",
+        "roughness: width of the lobe, for gamma = 2 its slope",
+        1e-4,
+        1,
+        at_lower="any lobe narrower than {high:.3g} fits",
+    ),
+    Parameter("gamma", r"$\gamma$", "how fast the lobe falls off; 2 is Trowbridge-Reitz", 0.5, 4),
+    Parameter("n", r"$n$", "refractive index, effective in the band", 1, 50, advice=ADVICE),
+    Parameter(
+        "k",
+        r"$k$",
+        "absorption index, effective in the band; 0 for dielectrics",
+        0,
+        100,
+        advice=ADVICE,
+    ),
+    Parameter("rho_d", r"$\rho_d$", "reflectance of the diffuse floor below the facets", 0, 1),
+)
+LOWER, UPPER = (
+    np.array(bounds, dtype=float) for bounds in zip(*((p.lower, p.upper) for p in PARAMETERS))
+)
+K2_RANGE = float(np.log1p(UPPER[3] ** 2 / KNEE2))
+
+
+class MicrofacetCube(ReflectionModel):
+    """The part of the model that searches use."""
+
+    name = "microfacet"
+    title = "Microfacet"
+    parameters = PARAMETERS
+
+    def check_feasible(self, *values: float, form: str = "standard") -> None:
+        for parameter, value in zip(self.parameters, values):
+            low, high = parameter.lower, parameter.upper
+            if not low * (1 - ROUNDING) <= value <= high * (1 + ROUNDING):
+                raise InputError(
+                    f"{self.name}: {parameter.name} = {value:g} is outside its bounds; "
+                    f"it must lie in {low:g}..{high:g}"
+                )
+        self.check_form(form)
+
+    def from_cube(self, u) -> tuple:
+        alpha, gamma, n = (
+            p.lower * dr.exp(place * log(p.upper / p.lower)) for p, place in zip(PARAMETERS, u[:3])
+        )
+        k2 = KNEE2 * (dr.exp(K2_RANGE * u[3]) - 1)
+        return alpha, gamma, n, dr.sqrt(k2 + SMALLEST_K2), u[4]
+
+    def to_cube(self, values) -> np.ndarray:
+        values = np.clip(np.asarray(values, dtype=float), LOWER, UPPER)
+        u = values.copy()
+        for number in range(3):
+            low, high = LOWER[number], UPPER[number]
+            u[..., number] = np.log(values[..., number] / low) / np.log(high / low)
+        u[..., 3] = np.log1p(values[..., 3] ** 2 / KNEE2) / K2_RANGE
+        return np.clip(u, 0, 1)
+
+    def starting_points(self, count: int, seed: int) -> np.ndarray:
+        """(count, 5) points of the cube, the same for the same seed.
+
+        Real surfaces have lobes of 0.001..1 with exponents 0.7..3 and indices n of 1.2..12. Half of
+        them are metals, k of 1..50. The floor is spread in decades, 1e-4..1.
+        """
+        u = qmc.LatinHypercube(5, rng=np.random.default_rng(seed)).random(count)
+        decades = lambda low, high, place: low * (high / low) ** place
+        k = np.where(u[:, 3] < 0.5, decades(1e-3, 1, 2 * u[:, 3]), decades(1, 50, 2 * u[:, 3] - 1))
+        return self.to_cube(
+            np.column_stack(
+                [
+                    decades(1e-3, 1, u[:, 0]),
+                    decades(0.7, 3, u[:, 1]),
+                    decades(1.2, 12, u[:, 2]),
+                    k,
+                    decades(1e-4, 1, u[:, 4]),
+                ]
+            )
+        )
+
+
+MicrofacetCube.restrictions = (
+    Restriction("rho_d = 0", 4),
+    Restriction("gamma = 2", 1, float(np.log(2 / LOWER[1]) / np.log(UPPER[1] / LOWER[1]))),
+    Restriction("k = 0", 3),
+)

@@ -1,0 +1,116 @@
+"""The parameters of the Sandford-Robertson model, and their feasible set as a cube, on which
+searches run.
+
+With u = (absorbed share, diffuse share of the rest, b^2, place of log e between its bounds), each
+in 0..1,
+
+    epsilon = G u_0,   rho_d = G (1 - u_0) u_1,   b = sqrt(u_2),   e = E_MIN^(1 - u_3),
+
+so that 0 <= epsilon, 0 <= rho_d and epsilon + rho_d <= G(b) hold for every u, and each bound of the
+set is a face of the cube. b enters the BRDF as b^2 only: in b itself the point b = 0 would be
+stationary whatever the data.
+"""
+
+import drjit as dr
+import numpy as np
+
+from mi_lcair.physics.reflection.interface import Parameter, ReflectionModel, Restriction
+from mi_lcair.physics.reflection.sandford_robertson_equations import G
+
+E_MIN = 1e-5  # a lobe 0.001 degrees wide, narrower than any instrument resolves
+SMALLEST_B2 = 1e-24  # keeps the derivative of sqrt(b^2) finite on the face b = 0
+
+
+class SandfordRobertsonCube(ReflectionModel):
+    """The part of the model that searches use."""
+
+    name = "sandford_robertson"
+    title = "Sandford-Robertson"
+    parameters = (
+        Parameter(
+            "epsilon",
+            r"$\varepsilon$",
+            "emissivity, averaged over the hemisphere",
+            0,
+            1,
+            precision=0.1,
+            absolute_precision=0.025,
+            advice="measure it and give --emissivity",
+        ),
+        Parameter(
+            "rho_d", r"$\rho_d$", "reflectance of the diffuse floor, averaged likewise", 0, 1
+        ),
+        Parameter("b", r"$b$", "falloff of emissivity and floor toward grazing angles", 0, 1),
+        Parameter(
+            "e",
+            r"$e$",
+            "width of the specular lobe, as the slope of its microfacets",
+            E_MIN,
+            1,
+            at_lower="any lobe narrower than {high:.3g} fits",
+        ),
+    )
+    forms = ("thesis", "normalized")
+    reciprocal = False
+    restrictions = (Restriction("rho_d = 0", 1), Restriction("b = 0", 2))
+
+    def from_cube(self, u) -> tuple:
+        absorbed, diffuse, b2, place = u
+        on_face = b2 <= SMALLEST_B2
+        b = dr.select(on_face, 0, dr.sqrt(dr.maximum(b2, SMALLEST_B2)))
+        bound = G(b)
+        e = dr.exp((1 - place) * np.log(E_MIN))
+        return bound * absorbed, bound * (1 - absorbed) * diffuse, b, e
+
+    def to_cube(self, values) -> np.ndarray:
+        epsilon, rho_d, b, e = np.moveaxis(np.asarray(values, dtype=float), -1, 0)
+        bound = bound_of_sum(b)
+        rest = np.maximum(bound - epsilon, 1e-300)
+        place = 1 - np.log(np.maximum(e, E_MIN)) / np.log(E_MIN)
+        return np.clip(np.stack([epsilon / bound, rho_d / rest, b * b, place], axis=-1), 0, 1)
+
+    def feasible_range(self, values) -> tuple[np.ndarray, np.ndarray]:
+        bound = float(bound_of_sum(values[2]))
+        return np.array([0, 0, 0, E_MIN]), np.array([bound, bound, 1, 1])
+
+    def nearest_feasible(self, values, held: int) -> np.ndarray:
+        values = np.clip(values, [0, 0, 0, E_MIN], 1)
+        bound = float(bound_of_sum(values[2]))
+        if values[:2].sum() > bound:
+            if held < 2:
+                values[1 - held] = max(bound - values[held], 0)
+            else:
+                values[:2] *= bound / values[:2].sum()
+        return values
+
+    def starting_points(self, count: int, seed: int) -> np.ndarray:
+        """The diffuse share and e are spread in decades (1e-4..1 and 1e-3..1), as real surfaces
+        are.
+        """
+        from scipy.stats import qmc
+
+        u = qmc.LatinHypercube(4, rng=np.random.default_rng(seed)).random(count)
+        return np.column_stack(
+            [
+                0.02 + 0.96 * u[:, 0],
+                10 ** (4 * (u[:, 1] - 1)) * 0.98,
+                u[:, 2] ** 2,
+                1 + 3 * (u[:, 3] - 1) / 5,
+            ]
+        )
+
+    def bound_names(self, u) -> list[str | None]:
+        """epsilon + rho_d = G(b) leaves nothing for the lobe."""
+        full = "epsilon + rho_d = G(b)" if max(u[0], u[1]) >= 1 else None
+        return [
+            "0" if u[0] <= 0 else full,
+            "0" if u[1] <= 0 else full,
+            {0: "0", 1: "1"}.get(u[2]),
+            {0: f"{E_MIN:g}", 1: "1"}.get(u[3]),
+        ]
+
+
+def bound_of_sum(b) -> np.ndarray:
+    """G(b), the most that epsilon + rho_d can be, of an array b."""
+    b = np.asarray(b, dtype=float)
+    return np.array(G(dr.scalar.ArrayXf64(b.ravel()))).reshape(b.shape)

@@ -1,0 +1,228 @@
+"""The Sandford-Robertson reflection model (thesis 2.3.4, Eqs 2.14-2.26) as plain functions over
+Dr.Jit arrays.
+
+Directions are unit 3-vectors in the surface's frame (z along the normal): `i` points to the source,
+`r` to the observer. The model is NOT reciprocal, f(i, r) != f(r, i), so the order matters. Every
+function accepts Dr.Jit arrays of any float type and keeps derivatives; none needs Mitsuba. Squared
+sines come from x and y, never from 1 - cos^2: at e = 0.0042 the latter has no correct digit left in
+Float32.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+
+from mi_lcair.errors import InputError
+from mi_lcair.physics.reflection import interface
+from mi_lcair.physics.reflection.directions import SMALLEST, cos_theta, sin2_theta
+
+FORMS = ("thesis", "normalized")
+
+
+@dataclass
+class Surface(interface.Surface):
+    """The four parameters of a surface and the three combinations in which they enter the BRDF.
+
+    `floor` = rho_d / G^2 (Eq 2.15). `absorbed` = (epsilon + rho_d) / G and `slack` = (G - epsilon
+    - rho_d) / G give the specular reflectance without cancellation, rho_s = slack + absorbed
+    (1 - g). Near the bound epsilon + rho_d = G the textbook form 1 - rho_d(theta) - epsilon(theta)
+    loses every digit in Float32. Dimensionless; Dr.Jit floats of one type.
+    """
+
+    epsilon: Any
+    rho_d: Any
+    b: Any
+    e: Any
+    floor: Any
+    absorbed: Any
+    slack: Any
+    G: Any
+    form: str = "thesis"
+
+
+def surface(epsilon, rho_d, b, e, form: str = "thesis") -> Surface:
+    """A `Surface` from its parameters, best Float64 arrays (then `cast`). form: see `f`."""
+    G_b = G(b)
+    slack = (G_b - epsilon - rho_d) / G_b
+    slack += dr.maximum(
+        -dr.detach(slack), 0
+    )  # parameters that passed through Float32 may exceed G by its rounding
+    return Surface(
+        epsilon,
+        rho_d,
+        b,
+        e,
+        floor=rho_d / dr.square(G_b),
+        absorbed=(epsilon + rho_d) / G_b,
+        slack=slack,
+        G=G_b,
+        form=form,
+    )
+
+
+def check_feasible(epsilon: float, rho_d: float, b: float, e: float, form: str = "thesis") -> None:
+    """Raises InputError for parameters outside 0 <= epsilon, rho_d; epsilon + rho_d <= G(b); 0 <= b
+    <= 1; 0 < e <= 1.
+
+    Parameters that passed through Float32 may exceed G by its rounding.
+    """
+    for name, value in (("epsilon", epsilon), ("rho_d", rho_d)):
+        if not value >= 0:
+            raise InputError(
+                f"sandford_robertson: {name} = {value:g} is outside its bounds; it must be >= 0"
+            )
+    if not 0 <= b <= 1:
+        raise InputError(
+            f"sandford_robertson: b = {b:g} is outside its bounds; it must lie in 0..1"
+        )
+    if not 0 < e <= 1:
+        raise InputError(
+            f"sandford_robertson: e = {e:g} is outside its bounds; it must lie in 0..1, 0 excluded"
+        )
+    bound = G(dr.scalar.ArrayXf64(b))[0]
+    if not epsilon + rho_d <= bound + 1e-7:
+        raise InputError(
+            f"sandford_robertson: epsilon + rho_d = {epsilon + rho_d:g} is outside its bounds; "
+            f"it must be <= G(b) = {bound:.6g} for b = {b:g}"
+        )
+    if form not in FORMS:
+        raise InputError(
+            f"sandford_robertson: form '{form}' is unknown; it must be one of {', '.join(FORMS)}"
+        )
+
+
+def G(b):
+    """G(b) = 2 int_0^(pi/2) g cos sin dtheta, Eq 2.18; 1 at b = 0 and 1/2 at b = 1 (removable
+    limits).
+    """
+    x = dr.maximum(dr.square(b), SMALLEST)
+    u = 1 - x
+    series = 0  # sum_{n>=2} u^(n-2) / (n (n-1)): 1e-16 for u < 0.1
+    for n in range(18, 1, -1):
+        series = series * u + 1 / (n * (n - 1))
+    far = u > 0.1
+    u_far = dr.select(far, u, 0.5)
+    return dr.select(far, (u + x * dr.log(x)) / dr.square(u_far), series)
+
+
+def falloff(cos, sin2, b):
+    """1 / (cos^2 + b^2 sin^2), of which g, 1 - g and d / cos are multiples: one division serves
+    them all.
+    """
+    return dr.rcp(dr.maximum(dr.fma(dr.square(b), sin2, dr.square(cos)), SMALLEST))
+
+
+def g(cos, sin2, b):
+    """g(theta) = 1 / (1 + b^2 tan^2 theta), Eqs 2.16, 2.17 and d(theta), Eq 2.24."""
+    return dr.square(cos) * falloff(cos, sin2, b)
+
+
+def one_minus_g(cos, sin2, b):
+    """1 - g(theta), without the cancellation."""
+    return dr.square(b) * sin2 * falloff(cos, sin2, b)
+
+
+def rho_s(S: Surface, cos, sin2):
+    """Specular reflectance rho_s(theta_i) = 1 - rho_d(theta_i) - epsilon(theta_i), Eq 2.20."""
+    return S.slack + S.absorbed * one_minus_g(cos, sin2, S.b)
+
+
+def emissivity(S: Surface, cos, sin2):
+    """The model's own directional emissivity epsilon g(theta) / G(b), Eq 2.21."""
+    return S.epsilon / S.G * g(cos, sin2, S.b)
+
+
+def sin2_alpha(i, r):
+    """Squared sine of the angle between the half-vector and the normal (Eqs 2.25, 2.26)."""
+    x, y, z = i.x + r.x, i.y + r.y, i.z + r.z
+    xy = dr.square(x) + dr.square(y)
+    return xy / dr.maximum(xy + dr.square(z), SMALLEST)
+
+
+def h(sin2_alpha, e):
+    """Lobe shape h(alpha) = 1 / (e^2 cos^2 alpha + sin^2 alpha)^2, Eq 2.22: Trowbridge-Reitz, pi D
+    / e^2.
+    """
+    # squared last: the derivative of 1 / x^2 passes through 1 / x^4, which overflows Float32 for e
+    # below 1.5e-5
+    return dr.square(1 / dr.fma(dr.square(e), 1 - sin2_alpha, sin2_alpha))
+
+
+def e2_H(cos_i, e):
+    """e^2 H(theta_i), Eq 2.23 without its leading 1/(2 e^2), which a narrow lobe would carry
+    through every product.
+
+    H(theta_i) = (1/4 pi) int over the hemisphere of h(alpha) domega_r.
+    """
+    e2 = dr.square(e)
+    c = (1 - e2) * cos_i
+    c2 = dr.square(c)
+    return 0.5 * (c + (2 * e2 + c2) * dr.rsqrt(c2 + 4 * e2))
+
+
+def observer_factor(S: Surface, cos, sin2):
+    """d(theta_r) / cos(theta_r) of Eq 2.19, without the division by a vanishing cosine; 1 / cos in
+    the normalized form.
+    """
+    if S.form == "normalized":
+        return 1 / dr.maximum(cos, SMALLEST)
+    return cos * falloff(cos, sin2, S.b)
+
+
+def f_d(S: Surface, i, r):
+    """Diffuse floor, Eq 2.15 [1/sr]."""
+    g_i = g(cos_theta(i), sin2_theta(i), S.b)
+    g_r = g(cos_theta(r), sin2_theta(r), S.b)
+    return S.floor * g_i * g_r * dr.inv_pi
+
+
+def f_s(S: Surface, i, r):
+    """Specular lobe, Eq 2.19 [1/sr]."""
+    cos_i = cos_theta(i)
+    lobe = dr.square(S.e) * h(sin2_alpha(i, r), S.e) / e2_H(cos_i, S.e)
+    return (
+        (0.25 * dr.inv_pi)
+        * rho_s(S, cos_i, sin2_theta(i))
+        * lobe
+        * observer_factor(S, cos_theta(r), sin2_theta(r))
+    )
+
+
+def f(S: Surface, i, r):
+    """BRDF f_r(i, r), Eq 2.14 [1/sr]; 0 unless both directions lie above the surface.
+
+    form "thesis" keeps the factor d(theta_r) of Eq 2.19, with which the surface loses energy toward
+    grazing angles; form "normalized" drops it, so that DHR(theta_i) = 1 - epsilon(theta_i) exactly.
+    """
+    above = (i.z > 0) & (r.z > 0)
+    return dr.select(above, f_d(S, i, r) + f_s(S, i, r), 0)
+
+
+def sample_half_vector(w, e, u1, u2):
+    """A microfacet normal, drawn from those of the Trowbridge-Reitz distribution h that are visible
+    from `w` (z > 0).
+
+    u1, u2: uniform in 0..1. Stretch, sample the spherical cap, stretch back (Dupuy and Benyoub, HPG
+    2023, with alpha = e). The reflection of `w` about it has the density `lobe_pdf`.
+    """
+    Vector = type(w)
+    stretched = dr.normalize(Vector(e * w.x, e * w.y, w.z))
+    phi = dr.two_pi * u1
+    z = dr.fma(1 - u2, 1 + stretched.z, -stretched.z)
+    radius = dr.safe_sqrt(1 - dr.square(z))
+    sin_phi, cos_phi = dr.sincos(phi)
+    half = Vector(radius * cos_phi, radius * sin_phi, z) + stretched
+    return dr.normalize(Vector(e * half.x, e * half.y, dr.maximum(half.z, 0)))
+
+
+def lobe_pdf(i, r, e):
+    """Density of the direction i when r is reflected about `sample_half_vector(r, ...)` [1/sr].
+
+    G1(r) D / (4 cos theta_r) = e^2 h(alpha) / (2 pi (cos theta_r + sqrt(cos^2 theta_r + e^2 sin^2
+    theta_r))).
+    """
+    cos = cos_theta(r)
+    e2 = dr.square(e)
+    slope = cos + dr.sqrt(dr.square(cos) + e2 * sin2_theta(r))
+    return e2 * h(sin2_alpha(i, r), e) / (dr.two_pi * slope)

@@ -1,0 +1,69 @@
+"""Which facet each pixel shows, and the columns of a table as images by it."""
+
+import mitsuba as mi
+import numpy as np
+
+from mi_lcair.errors import InputError, shown
+from mi_lcair.rendering.facet_table import FacetTable
+from mi_lcair.rendering.scene import Scene
+from mi_lcair.table import Table
+
+FACET = "facet"  # the column of facet numbers
+
+
+def by_facet(table: Table, name: str, count: int) -> np.ndarray:
+    """The values (count,) of a column by facet number, NaN for a facet that has no row or an empty
+    cell in it.
+
+    table: with a column `facet`. Raises InputError, with the line, for a facet that is not one of
+    `count` or has two rows, and for a cell that is no number.
+    """
+    columns = table.numbers([FACET, name], may_lack=True)
+    facet = columns[FACET]
+    bad = ~((facet >= 0) & (facet < count) & (facet == np.round(facet)))
+    if bad.any():
+        line, cells = table.rows[bad.argmax()]
+        raise InputError(
+            f"{table.file}, line {line}: facet {shown(cells[table.columns.index(FACET)])} is not in "
+            f"the scene, whose facets are numbered from 0 to {count - 1}"
+        )
+    found, rows = np.unique(facet, return_counts=True)
+    if rows.max() > 1:
+        raise InputError(
+            f"{table.file}: facet {found[rows.argmax()]:g} has {rows.max()} rows; it must have one"
+        )
+    values = np.full(count, np.nan)
+    values[facet.astype(int)] = columns[name]
+    return values
+
+
+def seen_facets(scene: Scene, facets: FacetTable, sensor: int = 0) -> np.ndarray:
+    """The facet that each pixel of a sensor shows, (H, W), by the ray through the pixel's centre;
+    -1: none.
+    """
+    ray, shape = pixel_rays(scene.sensor(sensor))
+    hit = scene.mi.ray_intersect_preliminary(ray, coherent=True)
+    return facets.number(hit.shape, hit.prim_index).numpy().astype(np.int32).reshape(shape)
+
+
+def pixel_rays(camera) -> tuple[mi.Ray3f, tuple[int, int]]:
+    """The rays through the pixels' centres, row by row, and (height, width)."""
+    width, height = camera.film().crop_size()
+    row, column = np.indices((height, width)).reshape(2, -1)
+    ray, _ = camera.sample_ray(
+        camera.shutter_open(),
+        0,
+        mi.Point2f((column + 0.5) / width, (row + 0.5) / height),
+        mi.Point2f(0.5),
+    )
+    return ray, (height, width)
+
+
+def facet_images(scene: Scene, table: Table, names, sensor: int = 0) -> dict[str, np.ndarray]:
+    """What a sensor sees, coloured by columns `names` of a table: (H, W) each, NaN where there is
+    no facet or no value.
+    """
+    facets = FacetTable(scene)
+    columns = {name: by_facet(table, name, facets.count) for name in names}
+    seen = seen_facets(scene, facets, sensor)
+    return {name: np.where(seen >= 0, values[seen], np.nan) for name, values in columns.items()}

@@ -1,0 +1,131 @@
+"""Checks of a scene's meshes and textures: of their files before Mitsuba reads them, and of the
+values that came out of these.
+"""
+
+import re
+from pathlib import Path
+
+import mitsuba as mi
+import numpy as np
+
+from mi_lcair.errors import InputError
+from mi_lcair.models3d.obj import check_obj
+from mi_lcair.models3d.ply import check_ply
+from mi_lcair.plugins.beside_scene import beside_scene
+from mi_lcair.plugins.derivatives import children, members
+from mi_lcair.plugins.properties import HOTTEST
+from mi_lcair.plugins.triangles import is_faceted
+from mi_lcair.rendering.scene_checks import BOUNDS, FARTHEST, properties
+
+READERS = {"ply": check_ply, "obj": check_obj}
+OF_MESH = re.compile(r'name = "((?:face|vertex)_\w+)"')  # in the text of a mesh_attribute texture
+
+
+def check_mesh_files(state) -> dict[str, float]:
+    """How far [m] the mesh of each file of a parsed scene reaches from the file's own origin, by
+    its place in the scene and its name.
+
+    Raises InputError for the first file that Mitsuba would misread: a corner that is no vertex
+    makes it drop a facet, or ends the process.
+    """
+    reach = {}
+    for node in state.nodes:
+        check = READERS.get(node.props.plugin_name())
+        values = properties(node) if check else {}
+        name = values.get("filename")
+        path = Path(beside_scene(name)) if isinstance(name, str) else None
+        if path and path.is_file():  # what is missing is Mitsuba's to say
+            place = mi.parser.file_location(state, node)
+            try:
+                box = check(path)
+            except InputError as error:
+                raise InputError(f"{place}: {error}") from None
+            linear = np.eye(3)
+            if "to_world" in values:
+                linear = np.array(values["to_world"].matrix, dtype=float)[:3, :3]
+            corners = np.stack(np.meshgrid(*box.T), axis=-1).reshape(-1, 3) @ linear.T
+            reach[f"{place}: {name}"] = float(abs(corners).max())
+    return reach
+
+
+def check_shapes(scene: mi.Scene) -> None:
+    """Raise InputError for shapes without extent or beyond single precision, and for textures
+    whose values a temperature or a reflectance cannot have.
+    """
+    for shape in scene.shapes():
+        name = f"shape '{shape.id()}'"
+        box = shape.bbox()
+        low, high = np.array(box.min, dtype=float), np.array(box.max, dtype=float)
+        if not (np.isfinite(low).all() and np.isfinite(high).all() and (low <= high).all()):
+            raise InputError(f"{name}: has no extent, or coordinates that are not finite")
+        if max(abs(low).max(), abs(high).max()) > FARTHEST:
+            raise InputError(f"{name}: reaches beyond {FARTHEST:g} m; move it to the origin")
+        if not (high - low).max() > 0:
+            raise InputError(f"{name}: is a point; give it a size above 0")
+        emitter = shape.emitter()
+        if emitter is not None:
+            check_texture(shape, members(emitter).get("temperature"), "temperature", (0, HOTTEST))
+        check_bsdf(shape, shape.bsdf())
+
+
+def check_bsdf(shape, bsdf) -> None:
+    """Checks the textures of a BSDF and of those that it wraps."""
+    if bsdf is None:
+        return
+    for key, value in members(bsdf).items():
+        bounds = BOUNDS[mi.ObjectType.BSDF].get(key)
+        if bounds:
+            check_texture(shape, value, key, bounds)
+    for child in children(bsdf):
+        if isinstance(child, mi.BSDF):
+            check_bsdf(shape, child)
+
+
+def check_texture(shape, texture, what: str, bounds: tuple[float, float]) -> None:
+    """Raise InputError where a texture's values lie outside the bounds of `what` it gives, or where
+    the shape lacks the mesh attribute that it names.
+    """
+    if not isinstance(texture, mi.Texture):
+        return
+    name, of = f"shape '{shape.id()}': {what}", "texel"
+    if texture.class_name() == "MeshAttribute":
+        values, of = mesh_attribute(shape, texture, name)
+    else:
+        arrays = [value for value in members(texture).values() if hasattr(value, "numpy")]
+        values = np.concatenate([array.numpy().ravel() for array in arrays] or [np.empty(0)])
+    lower, upper = bounds
+    is_temperature = what == "temperature"
+    bad = ~((values >= lower) & (values <= upper)) | (is_temperature & (values == 0))
+    if bad.any():
+        right = (
+            f"be positive, at most {upper:g}" if is_temperature else f"lie in {lower:g}..{upper:g}"
+        )
+        unit = " K" if is_temperature else ""
+        raise InputError(
+            f"{name} of {of} {bad.argmax()} = {values[bad][0]:g}{unit}; it must {right}"
+        )
+
+
+def mesh_attribute(shape, texture, name: str) -> tuple[np.ndarray, str]:
+    """The values of the attribute that a `mesh_attribute` texture names, and of what each is: facet
+    or vertex.
+    """
+    found = OF_MESH.search(str(texture))
+    attribute = found[1] if found else "?"
+    buffers = members(shape)
+    known = [key for key in buffers if key.startswith(("face_", "vertex_"))]
+    own = [key for key in known if key not in ("vertex_positions", "vertex_normals")]
+    if attribute not in own or not is_faceted(shape):
+        raise InputError(
+            f"{name} names the mesh attribute '{attribute}', which the shape does not have; it has "
+            f"{', '.join(key for key in own if key != 'vertex_texcoords') or 'none'}"
+        )
+    values = buffers[attribute].numpy()
+    of = "facet" if attribute.startswith("face_") else "vertex"
+    count = shape.face_count() if of == "facet" else shape.vertex_count()
+    if len(values) != count:
+        raise InputError(
+            f"{name}: mesh attribute '{attribute}' has {len(values) // count} numbers for each "
+            f"{of}; it must have 1"
+        )
+    return values, of

@@ -1,0 +1,183 @@
+"""Checks of a parsed scene before Mitsuba makes objects of it: values out of bounds, and what would
+end the process or be passed over in silence.
+"""
+
+import mitsuba as mi
+import numpy as np
+
+from mi_lcair.errors import InputError
+from mi_lcair.physics.bands import band
+from mi_lcair.plugins.beside_scene import beside_scene
+from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST
+
+FARTHEST = 1e9  # m; squares of such lengths are far from the limits of Float32
+MOST_SAMPLES = 2**32 - 1  # per pixel
+SHARE, POSITIVE, EMITTED = (0, 1), (1e-30, 1e30), (0, BRIGHTEST)
+SHARES = (
+    *("reflectance", "specular_reflectance", "specular_transmittance", "diffuse_reflectance"),
+    *("base_color", "opacity", "weight", "roughness", "metallic", "specular", "clearcoat", "sheen"),
+    *("spec_trans", "flatness"),
+)
+# Properties of Mitsuba's own plugins, by the kind of object and their name. Shares of what arrives
+# lie in 0..1; the rest is positive, or not negative.
+BOUNDS = {
+    mi.ObjectType.BSDF: dict.fromkeys(SHARES, SHARE)
+    | dict.fromkeys(("alpha", "alpha_u", "alpha_v", "int_ior", "ext_ior"), POSITIVE)
+    | dict.fromkeys(("eta", "k"), (0, 1e30)),
+    mi.ObjectType.Emitter: dict.fromkeys(("radiance", "irradiance", "intensity", "scale"), EMITTED)
+    | {"temperature": (1e-30, HOTTEST)},
+    mi.ObjectType.Shape: {"radius": POSITIVE},
+    mi.ObjectType.Sensor: {"near_clip": POSITIVE, "far_clip": POSITIVE},
+    mi.ObjectType.Sampler: {"sample_count": (1, MOST_SAMPLES)},
+}
+NUMBERS_OF_TEXTURES = ("value", "color", "color0", "color1", "values")
+SURFACE_EMITTERS = ("thermal", "area", "directionalarea")  # that belong to a shape
+CHECKED_BY_THEMSELVES = ("thermal",)  # plugins that declare their properties
+# What a plugin must be given, because without it the process ends: a property, or children
+REQUIRED_PROPERTY = {"bitmap": "filename"}
+REQUIRED_CHILDREN = {"blendbsdf": (mi.ObjectType.BSDF, 2), "volume": (mi.ObjectType.Volume, 1)}
+
+
+def check_nodes(state) -> None:
+    """Raise InputError, with the place in the file, for the first node of a parsed scene
+    (`mitsuba.parser.ParserState`) that cannot be used.
+    """
+    nodes = [(node, properties(node)) for node in state.nodes]
+    of_shapes = {
+        child
+        for node, values in nodes
+        if node.type == mi.ObjectType.Shape
+        for child in references(values)
+    }
+    for number, (node, values) in enumerate(nodes):
+        try:
+            check_values(node, values, nodes)
+            check_complete(node, values, nodes)
+            plugin = node.props.plugin_name()
+            if plugin in SURFACE_EMITTERS and number not in of_shapes:
+                raise InputError(f"{plugin}: belongs to no shape; put it inside a <shape>")
+        except InputError as error:
+            raise InputError(f"{mi.parser.file_location(state, node)}: {error}") from None
+    check_bands(state, nodes)
+
+
+def properties(node) -> dict:
+    """What a node was given, by name. (A copy: reading would count as a plugin's query.)"""
+    props = mi.Properties(node.props)
+    return {name: props[name] for name in props.keys()}  # noqa: SIM118 Properties is no dict
+
+
+def references(values: dict) -> list[int]:
+    """Numbers of the nodes that a node's properties refer to."""
+    return [
+        value.index()
+        for value in values.values()
+        if isinstance(value, mi.Properties.ResolvedReference)
+    ]
+
+
+def numbers(value) -> np.ndarray:
+    """The numbers of a property: of a float, a colour, a point, a spectrum; none of anything
+    else.
+    """
+    if hasattr(value, "wavelengths"):
+        return np.array(value.values, dtype=float).ravel()
+    if isinstance(value, bool) or not isinstance(
+        value, (int, float, mi.ScalarColor3d, mi.ScalarArray3d)
+    ):
+        return np.empty(0)
+    return np.array(value, dtype=float).ravel()
+
+
+def check_values(node, values: dict, nodes) -> None:
+    """Numbers must be finite, in Float32 too, and within the bounds that their meaning sets."""
+    plugin = node.props.plugin_name()
+    for name, value in values.items():
+        if isinstance(value, mi.ScalarAffineTransform4d | mi.ScalarProjectiveTransform4d):
+            check_transform(name, np.array(value.matrix, dtype=float), node.type)
+            continue
+        found = numbers(value)
+        with np.errstate(over="ignore"):
+            bad = ~np.isfinite(found.astype(np.float32))
+        if bad.any():
+            raise InputError(f"{plugin}: {name} = {found[bad][0]:g}; it must be finite")
+        bounds = BOUNDS.get(node.type, {}).get(name)
+        if bounds:
+            where = f"{plugin}: {name}"
+            if plugin not in CHECKED_BY_THEMSELVES:
+                check_bounds(where, found, bounds)
+            if isinstance(value, mi.Properties.ResolvedReference):
+                child, child_values = nodes[value.index()]
+                if child.type == mi.ObjectType.Texture:
+                    for key in NUMBERS_OF_TEXTURES:
+                        check_bounds(where, numbers(child_values.get(key)), bounds)
+
+
+def check_bounds(where: str, found: np.ndarray, bounds: tuple[float, float]) -> None:
+    """Raise InputError for the first number outside the bounds; NaN is outside."""
+    lower, upper = bounds
+    bad = ~((found >= lower) & (found <= upper))
+    if bad.any():
+        right = "be positive" if lower == POSITIVE[0] else f"lie in {lower:g}..{upper:g}"
+        if lower == POSITIVE[0] and upper < POSITIVE[1]:
+            right += f" and at most {upper:g}"
+        raise InputError(f"{where} = {found[bad][0]:g}; it must {right}")
+
+
+def check_transform(name: str, matrix: np.ndarray, kind) -> None:
+    """A transform must be finite and, for what has a place in the scene, leave it its extent."""
+    if not np.isfinite(matrix).all():
+        raise InputError(f"{name}: the transform holds NaN or infinity; its numbers must be finite")
+    if kind not in (mi.ObjectType.Shape, mi.ObjectType.Sensor, mi.ObjectType.Emitter):
+        return
+    if abs(matrix).max() > FARTHEST:
+        raise InputError(
+            f"{name}: the transform reaches {abs(matrix).max():g} m; at most {FARTHEST:g} m are "
+            "within single precision"
+        )
+    lengths = np.linalg.norm(matrix[:3, :3], axis=0)
+    if abs(np.linalg.det(matrix[:3, :3] / np.maximum(lengths, 1e-30))) < 1e-9:
+        raise InputError(
+            f"{name}: the transform flattens to nothing; each scale must differ from 0"
+        )
+
+
+def check_complete(node, values: dict, nodes) -> None:
+    """Plugins that end the process where something is missing must have it."""
+    plugin = node.props.plugin_name()
+    needed = REQUIRED_PROPERTY.get(plugin)
+    if needed and needed not in values:
+        raise InputError(f"{plugin}: lacks its {needed}")
+    kind, count = REQUIRED_CHILDREN.get(plugin, (None, 0))
+    if sum(nodes[child][0].type == kind for child in references(values)) < count:
+        raise InputError(f"{plugin}: needs {count} {kind.name.lower()} inside it")
+
+
+def check_bands(state, nodes) -> None:
+    """All BSDFs and emitters of a scene must name the same band."""
+    found = []
+    for node, values in nodes:
+        text = values.get("band")
+        if isinstance(text, str) and node.type in (mi.ObjectType.BSDF, mi.ObjectType.Emitter):
+            try:
+                found.append((node, text, band(beside_scene(text))))
+            except InputError:
+                return  # the plugin itself says what is wrong with it
+    emitted = {own.name for node, _, own in found if node.type == mi.ObjectType.Emitter}
+    if len(emitted) > 1:
+        return  # the integrator refuses it and lists the bands
+    for node, text, own in found:
+        other, other_text, first = found[0]
+        if not same_band(own, first):
+            raise InputError(
+                f"{mi.parser.file_location(state, node)}: {node.props.plugin_name()}: band {text} "
+                f"differs from {other_text} at {mi.parser.file_location(state, other)}; a scene "
+                "has one band"
+            )
+
+
+def same_band(a, b) -> bool:
+    """Whether two bands weigh wavelengths alike."""
+    return np.array_equal(a.wavelengths_um, b.wavelengths_um) and np.array_equal(
+        a.weights_um, b.weights_um
+    )

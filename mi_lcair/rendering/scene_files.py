@@ -1,0 +1,120 @@
+"""The files of a scene, looked at before Mitsuba opens any: its XML, what that includes, and what
+either of them names.
+"""
+
+import os
+import re
+from pathlib import Path
+from xml.parsers import expat
+
+from mi_lcair.errors import InputError
+from mi_lcair.files import check_file
+
+DEEPEST = 40  # nested elements; real scenes nest about 6, and Mitsuba's parser recurses
+MOST_INCLUDES = 15  # within each other, as in Mitsuba
+LARGEST_XML = 2**28  # bytes
+OPERATIONS = ("translate", "rotate", "scale", "lookat", "matrix")
+NUMBERS = ("float", "integer", "boolean", "point", "vector", "rgb", "spectrum", *OPERATIONS)
+NAMING = ("name", "id", "type", "filename")  # attributes that hold no number
+
+
+def survey(path: Path, given: dict[str, str]) -> set[str]:
+    """Names of the $-parameters of a scene file and of what it includes.
+
+    given: values of some of them, as text. Raises InputError, with the place, for what Mitsuba's
+    parser would not survive or would pass over in silence: a file that is not XML, is no regular
+    file or too large, or includes itself; elements nested too deep, or inside one that holds none;
+    an empty number.
+    """
+    reader = Survey(path.parent, given)
+    reader.read(path)
+    return reader.names
+
+
+class Survey:
+    """Reads scene files one element at a time.
+
+    names: of the parameters met so far; values: what they stand for; folders: where files are
+    looked for.
+    """
+
+    def __init__(self, folder: Path, given: dict[str, str]):
+        self.values = dict(given)
+        self.names: set[str] = set()
+        self.folders = [folder, Path()]
+        self.open: list[Path] = []  # the files that are being read, each included by the one before
+
+    def read(self, path: Path) -> None:
+        """Reads one file and, through `Element`, what it includes."""
+        if path.resolve() in self.open:
+            raise InputError(f"{path}: includes itself")
+        if len(self.open) > MOST_INCLUDES:
+            raise InputError(f"{path}: is the {len(self.open)}th include within each other")
+        check_file(path, LARGEST_XML)
+        parser = expat.ParserCreate()
+        elements: list[str] = []  # that are open in this file
+
+        def start(tag, attributes):
+            place = (
+                f"{path} (line {parser.CurrentLineNumber}, col {parser.CurrentColumnNumber + 1})"
+            )
+            self.element(tag, attributes, elements[-1] if elements else "", place)
+            elements.append(tag)
+            if len(elements) > DEEPEST:
+                raise InputError(f"{place}: elements are nested more than {DEEPEST} deep")
+
+        parser.StartElementHandler = start
+        parser.EndElementHandler = lambda tag: elements.pop()
+        self.open.append(path.resolve())
+        try:
+            with path.open("rb") as file:
+                parser.ParseFile(file)
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+        except (expat.ExpatError, LookupError, ValueError) as error:
+            if isinstance(error, InputError):
+                raise
+            raise InputError(f"{path}: is not XML: {error}") from None
+        self.open.pop()
+
+    def element(self, tag: str, attributes: dict[str, str], parent: str, place: str) -> None:
+        """Takes note of one element; `parent` is the tag of the one around it."""
+        if parent in OPERATIONS:
+            raise InputError(f"{place}: <{tag}> inside <{parent}> is not read; move it outside")
+        for value in attributes.values():
+            self.names.update(re.findall(r"\$(\w+)", value))
+        values = {name: self.substituted(value) for name, value in attributes.items()}
+        if tag in NUMBERS:
+            empty = [name for name in values if name not in NAMING and not values[name].strip()]
+            if empty:
+                name = f' name="{values["name"]}"' if "name" in values else ""
+                raise InputError(f"{place}: <{tag}{name}> has an empty {empty[0]}; give a number")
+        if tag == "default" and "name" in values:
+            self.names.add(values["name"])
+            self.values.setdefault(values["name"], values.get("value", ""))
+        elif tag == "path":
+            self.folders.append(self.folders[0] / values.get("value", ""))
+        elif tag == "include":
+            self.include(values.get("filename", ""))
+        elif tag == "string":
+            self.check_named(values.get("value", ""))
+        if tag != "include":
+            self.check_named(values.get("filename", ""))
+
+    def substituted(self, text: str) -> str:
+        """The text with the parameters' values in place of their names."""
+        return re.sub(r"\$(\w+)", lambda name: str(self.values.get(name[1], name[0])), text)
+
+    def check_named(self, text: str) -> None:
+        """Raise InputError for a text that names something that is no regular file."""
+        if text:
+            for folder in self.folders:
+                check_file(folder / text)
+
+    def include(self, text: str) -> None:
+        """Reads an included file, where it exists; where it does not, Mitsuba says so."""
+        for folder in (*self.folders, self.open[-1].parent):
+            check_file(folder / text)
+            if text and os.path.isfile(folder / text):
+                self.read(folder / text)
+                return

@@ -1,0 +1,216 @@
+"""Tables in text files: one header line of named columns, rows of cells, `#` comments, with any
+usual separator and decimal mark.
+
+Every table that a user may write is read here, and every text cell that a spreadsheet may open is
+written by `safe_cell`.
+"""
+
+import csv
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from mi_lcair.errors import InputError, escaped, shown
+from mi_lcair.files import read_text
+
+NUMBER = re.compile(r"[+-]?([0-9]+([.,][0-9]*)?|[.,][0-9]+)([eE][+-]?[0-9]+)?")
+NO_VALUE = ("", "nan")  # cells that stand for a missing value, where one may be missing
+SEPARATORS = {"\t": "tab", ";": "semicolon", ",": "comma"}
+LARGEST = 1e12  # of any quantity in a table; above a blackbody's spectral radiance at 40,000 K
+FORMULA = ("=", "+", "-", "@")  # a cell that begins so is a formula to a spreadsheet
+
+
+@dataclass
+class Table:
+    """The cells of a file as text, with the line numbers of their rows, and the header's keys:
+    (value, line number).
+
+    file: what errors call it; is_astm: an ASTM file has its own conventions (radians, a value
+    column of any name). Raises InputError without rows, and for a row that has another number of
+    cells than the header.
+    """
+
+    file: str
+    columns: list[str]
+    rows: list[tuple[int, list[str]]]
+    header: dict[str, tuple[str, int]] = field(default_factory=dict)
+    separator: str = ","
+    is_astm: bool = False
+
+    def __post_init__(self):
+        if not self.rows:
+            raise InputError(f"{self.file}: no rows of data below its header")
+        for number, cells in self.rows:
+            if len(cells) != len(self.columns):
+                hint = (
+                    "; a decimal comma needs semicolons or tabs between the cells"
+                    if self.separator == ","
+                    else ""
+                )
+                raise InputError(
+                    f"{self.file}, line {number}: {len(cells)} cells where the header names "
+                    f"{len(self.columns)}{hint}"
+                )
+
+    def numbers(self, columns, may_lack: bool = False) -> dict[str, np.ndarray]:
+        """The named columns as Float64.
+
+        may_lack: an empty cell or `nan` is a value that is missing, NaN. Raises InputError, with
+        the line, for any other cell that is no finite number.
+        """
+        marks = {}  # decimal mark: the first line that has it
+        values = {}
+        for column in columns:
+            place, found = self.columns.index(column), np.empty(len(self.rows))
+            for row, (number, cells) in enumerate(self.rows):
+                cell = cells[place]
+                if "," in cell:
+                    marks.setdefault(",", number)
+                elif "." in cell:
+                    marks.setdefault(".", number)
+                if NUMBER.fullmatch(cell):
+                    found[row] = float(cell.replace(",", "."))
+                    if np.isfinite(found[row]):
+                        continue
+                elif may_lack and cell.lower() in NO_VALUE:
+                    found[row] = np.nan
+                    continue
+                raise InputError(
+                    f"{self.file}, line {number}: {shown(cell)} in column '{column}' is not a number"
+                )
+            values[column] = found
+        if len(marks) == 2:
+            raise InputError(
+                f"{self.file}: which is the decimal mark? line {marks['.']} has a point, line {marks[',']} a "
+                f"comma; use one of them throughout"
+            )
+        return values
+
+    def check_range(self, column: str, values, lowest: float, highest: float) -> None:
+        """Raises InputError, with the line, where a value of a column is outside its limits (or is
+        missing).
+        """
+        allowed = (values >= lowest) & (values <= highest)
+        if not allowed.all():
+            row = int(np.argmin(allowed))
+            limits = (
+                f"be {lowest:g} or more, at most {highest:g}"
+                if highest >= LARGEST
+                else f"lie in {lowest:g}..{highest:g}"
+            )
+            raise InputError(
+                f"{self.file}, line {self.rows[row][0]}: {column} {values[row]:g}; must {limits}"
+            )
+
+
+def read_table(path: str | Path, needed, kind: str = "") -> Table:
+    """The table in a CSV file whose header names at least the columns `needed`.
+
+    kind: what errors call the file, before its path. Raises InputError for a file that holds no
+    such table. The message quotes the header only where it names one of these columns: any other
+    file's first line is no business of the message.
+    """
+    file = f"{kind} {path}".strip()
+    text = read_text(path, file)
+    columns = header_of(file, text, needed)
+    if not set(needed) <= set(columns):
+        found = ", ".join(columns) if set(needed) & set(columns) else "none of them"
+        raise InputError(
+            f"{file}: the header must name {listed(needed)}; found: {found if columns else 'nothing'}"
+        )
+    return parse_csv(file, text, has_keys=False)
+
+
+def header_of(file: str, text: str, needed) -> list[str]:
+    """The names in the first line that is no comment; none where there is no such line."""
+    for number, line in lines_of(text):
+        if not line.lstrip().startswith("#"):
+            return column_names(file, number, line, needed)[0]
+    return []
+
+
+def column_names(file: str, number: int, line: str, example) -> tuple[list[str], str]:
+    """The columns that a header line names, and the separator between them."""
+    separator = next((mark for mark in SEPARATORS if mark in line), ",")
+    columns = split(file, number, line, separator)
+    if not columns or any(NUMBER.fullmatch(cell) for cell in columns):
+        raise InputError(
+            f"{file}, line {number}: no header line; name the columns, such as {','.join(example)}"
+        )
+    return columns, separator
+
+
+def listed(names) -> str:
+    """ "a, b and c" of some names."""
+    *first, last = names
+    return f"{', '.join(first)} and {last}" if first else last
+
+
+def lines_of(text: str):
+    """(line number from 1, line) of each line that is not blank."""
+    return (
+        (number, line)
+        for number, line in enumerate(re.split(r"\r\n|\r|\n", text), 1)
+        if line.strip()
+    )
+
+
+def split(file: str, number: int, line: str, separator: str, width: int = 0) -> list[str]:
+    """The cells of a line, without quotes, blanks around them, and empty ones at the end beyond
+    `width` cells.
+    """
+    try:
+        cells = [
+            cell.strip()
+            for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+        ]
+    except (csv.Error, StopIteration):
+        raise InputError(f"{file}, line {number}: cannot be split into cells") from None
+    while len(cells) > width and not cells[-1]:
+        cells.pop()
+    return cells
+
+
+def parse_csv(file: str, text: str, has_keys: bool = True) -> Table:
+    """The table in the text of a CSV file: comments, one header line, rows separated by comma,
+    semicolon or tab.
+
+    has_keys: comments of the form `# key: value` are the table's header keys.
+    """
+    header, rows, columns = {}, [], None
+    for number, line in lines_of(text):
+        if line.lstrip().startswith("#"):
+            key, colon, value = line.lstrip().lstrip("#").partition(":")
+            if colon and has_keys:
+                set_key(file, header, key, value, number)
+        elif columns is None:
+            columns, separator = column_names(
+                file, number, line, ("theta_i_deg", "theta_r_deg", "brdf_per_sr")
+            )
+        elif any(cells := split(file, number, line, separator, len(columns))):
+            rows.append((number, cells))
+    if columns is None:
+        raise InputError(f"{file}: nothing but comments; expected a header line and rows")
+    if twice := {column for column in columns if columns.count(column) > 1}:
+        raise InputError(f"{file}: column {shown(min(twice))} appears twice; which one is meant?")
+    return Table(file, columns, rows, header, separator)
+
+
+def set_key(file: str, header: dict, key: str, value: str, number: int) -> None:
+    """Enter a key of the header, in lower case; InputError where it contradicts an earlier line."""
+    key, value = "_".join(key.lower().split()), value.strip()
+    earlier, line = header.setdefault(key, (value, number))
+    if earlier != value:
+        raise InputError(
+            f"{file}, line {number}: {shown(key)} differs from line {line}; which one holds?"
+        )
+
+
+def safe_cell(text: str) -> str:
+    """A cell of text that no spreadsheet takes for a formula: with a quote before one that looks
+    like it.
+    """
+    text = escaped(text)
+    return f"'{text}" if text.startswith(FORMULA) else text

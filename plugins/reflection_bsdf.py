@@ -1,0 +1,295 @@
+"""The BSDF that every reflection model shares: tables, fidelity ladder, emissivity, derivatives; and BSDF `material`."""
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mi_lcair.errors import InputError
+from mi_lcair.physics import materials, reflection
+from mi_lcair.physics.bands import band
+from mi_lcair.physics.directional_table import over_the_hemisphere, read_directional_table
+from mi_lcair.physics.reflection.directions import SMALLEST, cos_theta, sample_cosine, sin2_theta
+from mi_lcair.plugins.beside_scene import beside_scene
+from mi_lcair.plugins.derivatives import attached, check_attached, children, flatten
+from mi_lcair.plugins.uniform_table import interpolate, refine
+
+LOBES = ("brdf", "mirror", "diffuse")
+# The table of HDR has even steps in t, cos(theta) = t^2. Straight lines between its nodes are right to
+# 5e-6 up to 89.5 degrees. Every fourth node is a quadrature; cubics through these add less than 1e-6.
+STEPS = 1024
+STEPS_PER_QUADRATURE = 4
+ALARM = 1e-5  # HDR above 1 by less is the table's own error, and no reason for a remark
+
+
+class ReflectionBSDF(mi.BSDF):
+    r"""BSDF `material`: a material, whichever reflection model it was measured in.
+
+    ============== ======= ==========================================================================
+    material       string  a material's name, or a path to a fit's JSON
+    band           string  the band that the material must have been measured for
+    materials      string  a TOML file of the user's own, consulted first
+    allow_band     boolean take the nearest band if it was not measured for `band`            (false)
+    form           string  form of the model                                         (the material's)
+    emissivity     string  kirchhoff: 1 - HDR(theta); model: the model's own formula, if it has one;
+                           or a CSV theta_deg,emissivity                                  (kirchhoff)
+    lobe           string  brdf; mirror: all of HDR(theta) in the mirror direction;
+                           diffuse: all of it Lambertian                                       (brdf)
+    ============== ======= ==========================================================================
+
+    .. code-block:: xml
+
+        <bsdf type="material">
+            <string name="material" value="gloss_black"/> <string name="band" value="MWIR"/>
+        </bsdf>
+
+    The plugin of a model, which has its name, takes these properties too, or the
+    model's parameters as numbers. All parameters are differentiable.
+
+    `si.wi` points to the observer and `wo` to the source. Models need not be reciprocal, so the
+    order matters; TransportMode.Importance swaps them. The surface is one-sided: it reflects and
+    emits on the side of its normal. Where a model would reflect more than arrives,
+    HDR(theta_r) > 1, the BRDF is divided by HDR(theta_r) and the emissivity is 0.
+    """
+
+    model: reflection.ReflectionModel | None = None  # None: the one that the material names
+
+    def __init__(self, props):
+        mi.BSDF.__init__(self, props)
+        values, form = self.read_surface(props)
+        self.form = props.get("form", form)
+        self.model.check_form(self.form)
+        self.model.check_feasible(*values, form=self.form)
+        self.parameters = {name: mi.Float(value) for name, value in zip(self.model.names, values)}
+
+        self.emissivity = props.get("emissivity", "kirchhoff")
+        self.measured = None
+        if self.emissivity not in ("kirchhoff", "model"):
+            path, cos = beside_scene(self.emissivity), np.linspace(0, 1, STEPS + 1) ** 2
+            theta, emissivity, _ = read_directional_table(path)
+            self.measured = mi.Float(over_the_hemisphere(path, theta, emissivity, np.arccos(cos)))
+            dr.make_opaque(self.measured)
+        elif self.emissivity == "model" and not self.model.has_emissivity:
+            raise InputError(
+                f"{self.model.name}: emissivity = model, but the model has no formula of its own; "
+                "use kirchhoff or a measured table"
+            )
+        self.set_lobe(props.get("lobe", "brdf"))
+        self.derive()
+
+    def read_surface(self, props) -> tuple[tuple[float, ...], str]:
+        """Values of the parameters and the form, from a material or from numbers; sets `model` and `material`."""
+        if "material" not in props:
+            self.material = self.id()
+            return self.read_numbers(props)
+        self.material = props["material"]
+        entry = materials.material(
+            beside_scene(self.material),
+            band(beside_scene(props["band"])) if "band" in props else None,
+            beside_scene(props["materials"]) if "materials" in props else None,
+            props.get("allow_band", False),
+        )
+        if self.model not in (None, entry.model):
+            raise InputError(
+                f"{self.model.name}: material '{entry.name}' is one of the model {entry.model.name}; "
+                'use <bsdf type="material">, which takes any'
+            )
+        self.model = entry.model
+        return entry.values, entry.form
+
+    def read_numbers(self, props) -> tuple[tuple[float, ...], str]:
+        if self.model is None:
+            raise InputError("material: give `material`, the name of one, and `band`")
+        missing = [name for name in self.model.names if name not in props]
+        if missing:
+            raise InputError(
+                f"{self.model.name}: give `material` and `band`, or {', '.join(missing)}"
+            )
+        return tuple(props[name] for name in self.model.names), self.model.forms[0]
+
+    def set_lobe(self, lobe: str) -> None:
+        """Choose the rung of the fidelity ladder: brdf, mirror or diffuse."""
+        if lobe not in LOBES:
+            raise InputError(
+                f"{self.model.name}: lobe '{lobe}' is unknown; it must be one of {', '.join(LOBES)}"
+            )
+        self.lobe = lobe
+        asymmetry = 0 if self.model.reciprocal else mi.BSDFFlags.NonSymmetric
+        kind = {
+            "brdf": mi.BSDFFlags.GlossyReflection | asymmetry,
+            "mirror": mi.BSDFFlags.DeltaReflection | 0,
+            "diffuse": mi.BSDFFlags.DiffuseReflection | 0,
+        }[lobe]
+        self.m_components = [kind | mi.BSDFFlags.FrontSide]
+        self.m_flags = self.m_components[0]
+
+    # ------------------------------------------------ Parameters and what is derived from them
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """The parameters as numbers, in the model's order."""
+        return tuple(float(dr.detach(number)[0]) for number in self.sources())
+
+    def sources(self):
+        return tuple(self.parameters.values())
+
+    def traverse(self, cb):
+        for name, value in self.parameters.items():
+            cb.put(name, value, mi.ParamFlags.Differentiable)
+
+    def parameters_changed(self, keys=()):
+        self.model.check_feasible(*self.values, form=self.form)
+        self.derive()
+
+    def derive(self) -> None:
+        """Derive everything that `eval` and `sample` look up, in Float64 and with derivatives."""
+        dr.make_opaque(*self.sources())
+        Float64 = dr.float64_array_t(mi.Float)
+        S = self.model.surface(*(Float64(number) for number in self.sources()), form=self.form)
+        cos = dr.square(dr.linspace(Float64, 0, 1, STEPS // STEPS_PER_QUADRATURE + 1))
+        lobe = refine(self.model.lobe_HDR(S, dr.acos(cos)), STEPS_PER_QUADRATURE)
+        self.derived = S.cast(mi.Float), mi.Float(lobe)
+        dr.make_opaque(self.derived)
+
+    def refresh(self) -> None:
+        if attached(self.sources()) and not attached(flatten(self.derived)):
+            self.derive()
+
+    @property
+    def surface(self):
+        return self.derived[0]
+
+    def remarks(self) -> list[str]:
+        """What a user should know of this surface when a scene is loaded, one line each."""
+        angle = self.first_saturated_angle_deg()
+        found = self.model.remarks(*self.values, form=self.form)
+        if angle is not None:
+            found = [
+                f"the model would reflect more than arrives beyond {angle:.1f} degrees; "
+                "its BRDF is scaled down to HDR = 1 there",
+                *found,
+            ]
+        return found
+
+    # ------------------------------------------------ Hemispherical reflectance and emissivity
+
+    def raw_HDR(self, cos, sin2):
+        """Parts of HDR(theta_r) (thesis Eq 2.9) of the raw model: floor and lobe."""
+        check_attached(self)
+        S = self.surface
+        lobe = self.model.lobe_scale(S, cos, sin2) * interpolate(self.derived[1], dr.sqrt(cos))
+        return self.model.floor_HDR(S, cos, sin2), lobe
+
+    def HDR(self, w):
+        """HDR as rendered: at most 1, 0 from below."""
+        floor, lobe = self.raw_HDR(cos_theta(w), sin2_theta(w))
+        return dr.select(w.z > 0, dr.minimum(floor + lobe, 1), 0)
+
+    def first_saturated_angle_deg(self) -> float | None:
+        """The smallest angle at which the raw model has HDR > 1; None if it never does."""
+        theta = np.linspace(0, 0.5 * np.pi, 1801)[:-1]
+        floor, lobe = self.raw_HDR(mi.Float(np.cos(theta)), mi.Float(np.sin(theta) ** 2))
+        above = dr.detach(floor + lobe).numpy() > 1 + ALARM
+        return float(np.degrees(theta[above.argmax()])) if above.any() else None
+
+    def lobe_probability(self, w):
+        """Probability to sample the lobe instead of the floor, at the angle of `w`."""
+        floor, lobe = (dr.detach(part) for part in self.raw_HDR(cos_theta(w), sin2_theta(w)))
+        return dr.select(floor + lobe > 0, lobe / dr.maximum(floor + lobe, SMALLEST), 1)
+
+    def has_attribute(self, name, active=True):
+        return name == "emissivity"
+
+    def eval_attribute_1(self, name, si, active=True):
+        """The attribute `emissivity`: directional emissivity toward si.wi, 0 from below."""
+        cos, sin2 = cos_theta(si.wi), sin2_theta(si.wi)
+        if name != "emissivity":
+            value = mi.Float(0)
+        elif self.measured is not None:
+            value = interpolate(self.measured, dr.sqrt(cos))
+        elif self.emissivity == "model":
+            value = self.model.emissivity(self.surface, cos, sin2)
+        else:
+            value = 1 - self.HDR(si.wi)
+        return dr.select(active & (si.wi.z > 0), value, 0)
+
+    # ------------------------------------------------ Mitsuba's interface
+
+    def brdf_cos(self, ctx, wi, wo):
+        """What `eval` returns for the rungs that are no delta function: f cos(theta) [1/sr]."""
+        i, r = (wo, wi) if ctx.mode == mi.TransportMode.Radiance else (wi, wo)
+        above = (i.z > 0) & (r.z > 0)
+        if self.lobe == "diffuse":
+            return dr.select(above, self.HDR(r) * dr.inv_pi * wo.z, 0)
+        floor, lobe = self.raw_HDR(cos_theta(r), sin2_theta(r))
+        value = self.model.f(self.surface, i, r) * wo.z / dr.maximum(floor + lobe, 1)
+        return dr.select(above, value, 0)
+
+    def density(self, wi, wo):
+        """Density of `sample` for the rungs that are no delta function [1/sr]; detached from the
+        parameters.
+        """
+        density = dr.inv_pi * cos_theta(wo)
+        if self.lobe == "brdf":
+            lobe = self.model.lobe_pdf(dr.detach(self.surface), wo, wi)
+            density = dr.lerp(density, lobe, self.lobe_probability(wi))
+        return dr.select((wi.z > 0) & (wo.z > 0), density, 0)
+
+    def sample(self, ctx, si, sample1, sample2, active=True):
+        bs = dr.zeros(mi.BSDFSample3f)
+        bs.eta = 1
+        bs.sampled_component = 0
+        bs.sampled_type = mi.UInt32(self.m_flags)
+        active = active & (si.wi.z > 0)
+        if self.lobe == "mirror":
+            bs.wo = mi.Vector3f(-si.wi.x, -si.wi.y, si.wi.z)
+            bs.pdf = dr.select(active, mi.Float(1), 0)
+            return bs, mi.Spectrum(dr.select(active, self.HDR(si.wi), 0))
+
+        bs.wo = sample_cosine(mi.Vector3f, sample2.x, sample2.y)
+        if self.lobe == "brdf":
+            S = dr.detach(self.surface)
+            reflected = self.model.sample_lobe(S, dr.detach(si.wi), sample2.x, sample2.y)
+            bs.wo = dr.select(sample1 < self.lobe_probability(si.wi), reflected, bs.wo)
+        bs.pdf = self.density(si.wi, bs.wo)
+        active &= bs.pdf > 0
+        value = self.brdf_cos(ctx, si.wi, bs.wo)
+        weight = dr.select(active, value / dr.select(active, bs.pdf, 1), 0)
+        return bs, mi.Spectrum(weight)
+
+    def eval(self, ctx, si, wo, active=True):
+        if self.lobe == "mirror":
+            return mi.Spectrum(0)
+        return mi.Spectrum(dr.select(active, self.brdf_cos(ctx, si.wi, wo), 0))
+
+    def pdf(self, ctx, si, wo, active=True):
+        if self.lobe == "mirror":
+            return mi.Float(0)
+        return dr.select(active, self.density(si.wi, wo), 0)
+
+    def eval_pdf(self, ctx, si, wo, active=True):
+        return self.eval(ctx, si, wo, active), self.pdf(ctx, si, wo, active)
+
+    def eval_diffuse_reflectance(self, si, active=True):
+        return mi.Spectrum(dr.select(active, self.HDR(si.wi), 0))
+
+    def to_string(self):
+        numbers = ", ".join(
+            f"{name} = {value:g}" for name, value in zip(self.parameters, self.values)
+        )
+        return (
+            f"{self.model.title.replace(' ', '')}[material = {self.material}, {numbers}, form = {self.form}, "
+            f"emissivity = {self.emissivity}, lobe = {self.lobe}]"
+        )
+
+
+def is_reflection_bsdf(plugin) -> bool:
+    """Whether a plugin is the BSDF of a reflection model, also one that was loaded under another variant."""
+    return isinstance(getattr(plugin, "model", None), reflection.ReflectionModel)
+
+
+def reflection_layers(bsdf) -> list:
+    """The BSDFs of reflection models in a BSDF: itself, or what it wraps."""
+    return [layer for layer in (bsdf, *children(bsdf)) if is_reflection_bsdf(layer)]
+
+
+mi.register_bsdf("material", ReflectionBSDF)

@@ -1,0 +1,117 @@
+"""Triangles that overlap in one plane: all of them found, neighbours left alone, in bearable time."""
+
+import time
+
+import numpy as np
+import pytest
+
+from mi_lcair.models3d import coincident
+from mi_lcair.models3d.coincident import overlaps
+
+SQUARE = np.array([[[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0]]], float)
+OTHER_DIAGONAL = np.array([[[0, 0, 0], [0, 1, 0], [1, 0, 0]], [[1, 0, 0], [0, 1, 0], [1, 1, 0]]])
+
+
+def turned(corners, seed):
+    """The corners in another place, to single precision."""
+    chance = np.random.default_rng(seed)
+    rotation = np.linalg.qr(chance.normal(size=(3, 3)))[0]
+    return (corners @ rotation.T + chance.uniform(-5, 5, 3)).astype(np.float32).astype(float)
+
+
+def counts(corners):
+    found = overlaps(corners)
+    return len(found.back_to_back), len(found.same_side)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize(
+    "second, expected",
+    [
+        (SQUARE, (0, 2)),
+        (SQUARE[:, ::-1], (2, 0)),
+        (OTHER_DIAGONAL, (4, 0)),
+        (SQUARE + [0.7, 0.2, 0], (0, 3)),
+        (SQUARE * 0.1 + [0.4, 0.2, 0], (0, 2)),
+        (SQUARE + [1, 0.3, 0], (0, 0)),  # they share a part of an edge
+        (SQUARE + [1, 1, 0], (0, 0)),  # a corner
+        (SQUARE + [0, 0, 0.001], (0, 0)),
+        (SQUARE[..., [0, 2, 1]], (0, 0)),  # at a right angle, along an edge
+    ],
+)
+def test_two_squares(second, expected, seed):
+    assert counts(turned(np.concatenate([SQUARE, second]), seed)) == expected
+
+
+def test_numbers():
+    """Pairs are numbered as the triangles are."""
+    corners = np.concatenate([SQUARE, SQUARE + [5, 0, 0], SQUARE[1:, ::-1]])
+    assert overlaps(corners).back_to_back.tolist() == [[1, 4]]
+
+
+@pytest.mark.parametrize("corners", [np.empty((0, 3, 3)), SQUARE[:1], np.zeros((3, 3, 3))])
+def test_nothing_to_compare(corners):
+    assert counts(corners) == (0, 0)
+
+
+def grid(n):
+    """2 n^2 triangles over a unit square."""
+    x, y = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
+    return np.concatenate(
+        [half + np.stack([x, y, 0 * x], axis=-1).reshape(-1, 1, 3) for half in SQUARE]
+    ) / [n, n, 1]
+
+
+def test_tessellations_have_none():
+    """Flat and curved, and the six sides of a cube."""
+    flat = grid(60)
+    curved = flat.copy()
+    curved[..., 2] = 0.3 * np.sin(7 * flat[..., 0]) * np.cos(5 * flat[..., 1])
+    cube = np.concatenate(
+        [
+            side + shift
+            for side in (flat, flat[..., [2, 0, 1]], flat[..., [1, 2, 0]])
+            for shift in (0, [1, 1, 1])
+        ]
+    )
+    for corners in (flat, curved, cube, turned(flat, 1), turned(curved, 2)):
+        assert counts(corners) == (0, 0)
+
+
+def test_random_triangles_against_a_direct_search():
+    """Overlaps of 300 triangles in a few planes, by shared points of a fine grid."""
+    chance = np.random.default_rng(3)
+    flat = chance.uniform(0, 1, (300, 3, 2)) * 0.3 + chance.uniform(0, 1, (300, 1, 2))
+    height = chance.integers(0, 3, 300)
+    corners = np.concatenate([flat, np.repeat(height[:, None, None] / 3.0, 3, axis=1)], axis=2)
+    found = overlaps(corners)
+    found = {tuple(pair) for pair in np.concatenate([found.back_to_back, found.same_side])}
+    points = np.stack(np.meshgrid(*[np.linspace(0, 1.3, 200)] * 2), axis=-1).reshape(-1, 2)
+    edges = np.roll(flat, -1, axis=1) - flat
+    side = edges[:, :, None, 0] * (points[:, 1] - flat[:, :, None, 1]) - edges[:, :, None, 1] * (
+        points[:, 0] - flat[:, :, None, 0]
+    )
+    inside = ((side > 0).all(axis=1) | (side < 0).all(axis=1)).astype(float)
+    shared = np.triu((inside @ inside.T > 0) & (height[:, None] == height), 1)
+    assert {tuple(pair) for pair in np.argwhere(shared)} <= found
+    assert len(found) < 1.3 * shared.sum()  # those that share less than a point of the grid
+
+
+def test_large_planes(monkeypatch):
+    """Above ALL_PAIRS triangles exact copies are still found, and what covers a centroid."""
+    monkeypatch.setattr(coincident, "ALL_PAIRS", 100)
+    flat = grid(40)
+    assert counts(flat) == (0, 0)
+    assert counts(np.concatenate([flat, flat[500:510, ::-1]]))[0] >= 10
+    assert counts(np.concatenate([flat, SQUARE * 0.5 + [0.2, 0.2, 0]]))[1] > 400
+
+
+def test_time():
+    """180,000 triangles, flat and curved: by arrays, not pair by pair."""
+    flat = grid(300)
+    curved = flat.copy()
+    curved[..., 2] = np.sin(7 * flat[..., 0])
+    for corners in (flat, curved):
+        begin = time.process_time()
+        overlaps(corners)
+        assert time.process_time() - begin < 10

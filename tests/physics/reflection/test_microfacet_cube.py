@@ -1,0 +1,93 @@
+"""What planning and searches ask of the microfacet model: rungs, remarks, bounds, the cube."""
+
+import drjit as dr
+import numpy as np
+import pytest
+from drjit.llvm.ad import Float64
+
+from mi_lcair.errors import InputError
+from mi_lcair.physics.reflection import microfacet_distribution as distribution
+from mi_lcair.physics.reflection.interface import Rung
+from mi_lcair.physics.reflection.microfacet import MODEL
+from tests.physics.reflection.surfaces import direction
+from tests.physics.reflection.test_microfacet import surface
+
+
+def test_lower_rungs_and_remarks():
+    assert MODEL.lower_rung(0.5, 2, 1, 0, 0.4) == Rung("diffuse", exact=True)
+    assert MODEL.lower_rung(0.01, 2, 1.5, 0, 0.4) == Rung("mirror", exact=False)
+    assert MODEL.lower_rung(0.5, 2, 1.5, 0, 0.4) == Rung("diffuse", exact=False)
+    assert MODEL.lower_rung(0.5, 2, 1.5, 0, 0) is None
+    assert MODEL.remarks(0.01, 2, 1.5, 0, 0.4) == MODEL.remarks(0.5, 2, 1, 0, 0.4) == []
+    (remark,) = MODEL.remarks(0.5, 2, 1.5, 0, 0.4)
+    assert remark.startswith("30%")
+
+
+def test_lobe_width_is_where_the_distribution_has_fallen_to_a_quarter():
+    for alpha, gamma in ((0.001, 1), (0.1, 2), (0.3, 3.5)):
+        S = surface(alpha, gamma, 2, 0, 0)
+        tan2 = dr.square(MODEL.lobe_width(S))
+        quarter = distribution.density(tan2 / (1 + tan2), S.peak, S.spread, S.gamma)
+        assert quarter[0] == pytest.approx(0.25 * S.peak[0], rel=1e-12)
+    assert MODEL.lobe_width(surface(1, 2, 2, 0, 0))[0] == 1
+
+
+@pytest.mark.parametrize(
+    "change, words",
+    [
+        ({0: 0.0}, ("alpha = 0 ", "0.0001..1")),
+        ({0: 1.5}, ("alpha = 1.5 ", "0.0001..1")),
+        ({1: 0.4}, ("gamma = 0.4 ", "0.5..4")),
+        ({2: 0.9}, ("n = 0.9 ", "1..50")),
+        ({3: -0.1}, ("k = -0.1 ", "0..100")),
+        ({4: 1.1}, ("rho_d = 1.1 ", "0..1")),
+        ({4: float("nan")}, ("rho_d = nan ", "0..1")),
+    ],
+)
+def test_infeasible_parameters_are_named_with_value_and_bound(change, words):
+    values = [change.get(number, value) for number, value in enumerate((0.1, 2, 1.5, 0, 0.5))]
+    with pytest.raises(InputError) as error:
+        MODEL.check_feasible(*values)
+    assert all(word in str(error.value) for word in words) and "\n" not in str(error.value)
+
+
+def test_the_bounds_themselves_are_feasible_also_in_float32():
+    for values in zip(*((p.lower, p.upper) for p in MODEL.parameters)):
+        MODEL.check_feasible(*values)
+        MODEL.check_feasible(*(float(np.float32(value)) for value in values))
+    with pytest.raises(InputError, match="form 'smith' is unknown"):
+        MODEL.check_feasible(0.1, 2, 1.5, 0, 0.5, form="smith")
+
+
+def test_cube():
+    """There and back; faces are bounds; the simpler cases are what they are called."""
+    u = np.random.default_rng(0).random((50, 5))
+    values = np.array([MODEL.values_at(row) for row in u])
+    np.testing.assert_allclose(MODEL.to_cube(values), u, atol=1e-12)
+    lower, upper = MODEL.feasible_range(values[0])
+    np.testing.assert_allclose(MODEL.values_at(np.zeros(5)), lower, rtol=1e-12, atol=1e-11)
+    np.testing.assert_allclose(MODEL.values_at(np.ones(5)), upper, rtol=1e-12)
+    assert MODEL.bound_names(np.array([0, 1, 0.5, 0, 1])) == ["0.0001", "4", None, "0", "1"]
+    for restriction in MODEL.restrictions:
+        held = u[0].copy()
+        held[restriction.coordinate] = restriction.value
+        name, value = restriction.name.split(" = ")
+        assert MODEL.values_at(held)[MODEL.names.index(name)] == pytest.approx(
+            float(value), abs=1e-11
+        )
+
+
+def test_k_0_is_no_stationary_face():
+    """F depends on k^2; along the cube's coordinate it has a slope at the face."""
+    u = [dr.opaque(Float64, x) for x in (0.5, 0.5, 0.1, 0.0, 0.5)]
+    dr.enable_grad(u[3])
+    dr.backward(MODEL.f(MODEL.surface(*MODEL.from_cube(u)), direction(0.5, np.pi), direction(0.5)))
+    assert abs(dr.grad(u[3])[0]) > 1e-3
+
+
+def test_starting_points():
+    points = MODEL.starting_points(200, seed=1)
+    assert points.shape == (200, 5) and np.all((points >= 0) & (points <= 1))
+    np.testing.assert_array_equal(points, MODEL.starting_points(200, seed=1))
+    for row in points[:20]:
+        MODEL.check_feasible(*MODEL.values_at(row))

@@ -1,0 +1,152 @@
+"""HDR of the microfacet model against independent quadrature, closed forms and its own bounds."""
+
+import dataclasses
+
+import drjit as dr
+import numpy as np
+import pytest
+from drjit.llvm.ad import Float, Float64
+from scipy.integrate import dblquad, quad
+
+from mi_lcair.physics.reflection import microfacet_hemispherical as hemispherical
+from mi_lcair.physics.reflection.microfacet import MODEL, facet_reflectance
+from tests.physics.reflection import microfacet_equations as printed
+from tests.physics.reflection.test_microfacet import random_parameters, surface
+
+ANGLES = np.radians([0, 0.5, 17.9, 30, 44.9, 45.1, 60, 80, 88, 89.5, 89.99])
+
+
+@pytest.mark.parametrize(
+    "parameters, theta_deg",
+    [
+        ((0.4, 1.64, 1.44, 0.21, 0.1), 30),
+        ((0.3, 0.68, 2.1, 1.3, 0.64), 60),
+        ((0.2, 2.5, 11, 0, 0.0), 75),
+        ((0.9, 4, 50, 100, 1.0), 85),
+    ],
+)
+def test_independent_quadrature(parameters, theta_deg):
+    """scipy's adaptive rule over the directions of the printed BRDF; it asks for 1e-7."""
+    theta = np.radians(theta_deg)
+    r = (np.sin(theta), 0.0, np.cos(theta))
+
+    def integrand(phi, theta_i):
+        sin, cos = np.sin(theta_i), np.cos(theta_i)
+        i = (sin * np.cos(phi), sin * np.sin(phi), cos)
+        return 2 * printed.brdf(np, i, r, *parameters).real * cos * sin
+
+    exact = sum(
+        dblquad(integrand, *ends, 0, np.pi, epsabs=1e-7, epsrel=1e-7)[0]
+        for ends in ((0, theta), (theta, np.pi / 2))
+    )
+    assert MODEL.HDR(surface(*parameters), Float64(theta))[0] == pytest.approx(exact, abs=1e-6)
+
+
+@pytest.mark.parametrize("n, k", [(1, 0), (1.0001, 0), (1.5, 0), (3, 30), (50, 0), (50, 100)])
+def test_mean_transmittance(n, k):
+    T = lambda c: 2 * c * (1 - printed.fresnel(np, c, n, k)) if (n, k) != (1, 0) else 2 * c
+    exact = quad(T, 0, 1, points=[1e-3, 0.01, 0.1], epsabs=1e-12, limit=500)[0]
+    S = surface(0.1, 2, n, k, 0)
+    assert S.refracted[0] == pytest.approx(exact, abs=1e-9)
+
+
+def test_limits():
+    """F = 0: a perfect diffuse reflector and a blackbody. The sharpest lobe: a mirror of F."""
+    HDR = lambda *parameters: MODEL.HDR(surface(*parameters), Float64(ANGLES)).numpy()
+    np.testing.assert_allclose(HDR(0.3, 2, 1, 0, 1), 1, rtol=1e-12)
+    np.testing.assert_allclose(HDR(0.3, 2, 1, 0, 0), 0, atol=1e-15)
+    mirror = [printed.fresnel(np, np.cos(theta), 1.5, 0.3) for theta in ANGLES[:8]]
+    np.testing.assert_allclose(HDR(1e-4, 4, 1.5, 0.3, 0)[:8], mirror, atol=1e-6)
+
+
+def test_dhr_is_hdr():
+    S = surface(0.19, 1.64, 1.44, 0.21, 0.3)
+    np.testing.assert_array_equal(MODEL.DHR(S, Float64(ANGLES)), MODEL.HDR(S, Float64(ANGLES)))
+
+
+def test_more_nodes_change_nothing(monkeypatch):
+    """1e-8 over the whole box, with 2.5 times as many nodes of each kind."""
+    surfaces = [surface(*parameters) for parameters in random_parameters(30, seed=4)]
+    found = [MODEL.HDR(S, Float64(ANGLES)).numpy() for S in surfaces]
+    monkeypatch.setattr(hemispherical, "POLAR", (100, 40, 40, 100, 50, 50))
+    monkeypatch.setattr(hemispherical, "AZIMUTHS", (30, 20, 50))
+    for S, HDR in zip(surfaces, found):
+        np.testing.assert_allclose(MODEL.HDR(S, Float64(ANGLES)), HDR, rtol=0, atol=1e-8)
+
+
+def test_no_more_is_reflected_than_arrives():
+    """400 surfaces with a white floor, at 28 angles to 90 degrees; 1e-9 is the quadrature's."""
+    theta = Float64(np.radians([*np.linspace(0, 87.5, 22), 88, 89, 89.5, 89.9, 89.99, 90]))
+    for parameters in random_parameters(400, seed=5):
+        HDR = MODEL.HDR(surface(*parameters[:4], 1), theta).numpy()
+        assert HDR.min() >= 0 and HDR.max() <= 1 + 1e-9, parameters
+
+
+def test_parts_are_the_whole():
+    """Lobe times its scale plus floor; many surfaces at once as one by one."""
+    parameters = random_parameters(20, seed=6)
+    cos, sin2 = Float64(np.cos(ANGLES)), Float64(np.sin(ANGLES) ** 2)
+    for row in parameters:
+        S = surface(*row)
+        parts = MODEL.lobe_scale(S, cos, sin2) * MODEL.lobe_HDR(S, Float64(ANGLES))
+        parts += MODEL.floor_HDR(S, cos, sin2)
+        np.testing.assert_allclose(parts, MODEL.HDR(S, Float64(ANGLES)), rtol=1e-12, atol=1e-17)
+    many = MODEL.surface(*(Float64(column) for column in parameters.T)).repeat(len(ANGLES))
+    together = MODEL.HDR(many, Float64(np.tile(ANGLES, 20))).numpy().reshape(20, -1)
+    alone = [MODEL.HDR(surface(*row), Float64(ANGLES)).numpy() for row in parameters]
+    np.testing.assert_allclose(together, alone, rtol=1e-12)
+
+
+@pytest.mark.parametrize("alpha", [1e-4, 0.01, 0.1])
+@pytest.mark.parametrize("gamma", [0.5, 1.2, 2, 4])
+@pytest.mark.parametrize("n, k", [(1.001, 0), (50, 0), (50, 100)])
+def test_a_table_holds_1e_5(alpha, gamma, n, k):
+    """1024 even nodes in sqrt(cos), Float32, interpolated to 89.5 degrees."""
+    S, nodes = surface(alpha, gamma, n, k, 0), np.linspace(0, 1, 1024)
+    table = MODEL.lobe_HDR(S, Float64(np.arccos(nodes**2))).numpy().astype(np.float32)
+    assert np.all(np.isfinite(table))
+    places = np.linspace(np.sqrt(np.cos(np.radians(89.5))), 1, 1500)
+    cos = Float64(places**2)
+    scale = MODEL.lobe_scale(S, cos, 1 - dr.square(cos)).numpy()
+    exact = hemispherical.lobe_reflectance(S, dr.acos(cos), facet_reflectance).numpy()
+    assert np.abs(np.interp(places, nodes, table) * scale - exact).max() < 1e-5
+
+
+@pytest.mark.parametrize("held", range(5), ids=MODEL.names)
+def test_derivatives_agree_with_central_differences(held):
+    theta = Float64(np.radians([0, 30, 60, 80, 88, 89.5]))
+    for parameters in (
+        (0.19, 1.64, 1.44, 0.21, 0.1),
+        (0.01, 0.9, 10, 20, 0.3),
+        (0.5, 3, 1.2, 1, 0.9),
+    ):
+        numbers = [dr.opaque(Float64, value) for value in parameters]
+        dr.enable_grad(numbers[held])
+        value = MODEL.HDR(MODEL.surface(*numbers), theta)
+        dr.set_grad(numbers[held], 1)
+        dr.forward_to(value)
+        found = dr.grad(value).numpy()
+        step = 1e-4 * parameters[held]
+        at = lambda x: MODEL.HDR(
+            surface(*parameters[:held], x, *parameters[held + 1 :]), theta
+        ).numpy()
+        expected = (at(parameters[held] + step) - at(parameters[held] - step)) / (2 * step)
+        np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize(
+    "alpha, gamma, lost",
+    [(0.01, 1, 0.11), (0.1, 2, 0.06), (0.5, 2, 0.30), (0.3, 4, 0.07), (1, 1, 0.62)],
+)
+def test_losses_are_those_of_the_docstring(alpha, gamma, lost):
+    theta = Float64(np.radians([*range(90), 89.5]))
+    S = surface(alpha, gamma, 1.5, 0, 0)
+    HDR = hemispherical.lobe_reflectance(S, theta, lambda S, p: Float64(1)).numpy()
+    assert 1 - HDR.min() == pytest.approx(lost, abs=0.0051)
+
+
+def test_surfaces_keep_their_digits():
+    """`cast` narrows every field; none of them needs more than Float32."""
+    S = surface(1e-4, 4, 50, 100, 1).cast(Float)
+    for field in dataclasses.fields(S):
+        assert np.isfinite(getattr(S, field.name)[0]), field.name

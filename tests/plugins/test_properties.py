@@ -1,0 +1,99 @@
+"""Properties of the project's plugins: every value of the wrong kind or out of bounds is one line,
+and each plugin's manual page says what its declaration says.
+"""
+
+import re
+
+import mitsuba as mi
+import pytest
+
+from mi_lcair.errors import InputError, mitsuba_error
+from mi_lcair.plugins import bounce_path, thermal
+
+PLUGINS = {"thermal": thermal, "bounce_path": bounce_path}
+CLASSES = {"thermal": "Thermal", "bounce_path": "BouncePath"}
+WRONG = {
+    "float": (True, "300 K", mi.ScalarColor3d(1, 2, 3), float("nan"), float("inf")),
+    "float or texture": (True, "300 K", mi.ScalarColor3d(1, 2, 3), float("nan")),
+    "integer": (True, 2.5, "2", 2**31, -1),
+    "boolean": (1, "false", 0.0),
+    "string": (3, True, 2.5),
+}
+BESIDE = {"thermal": {"temperature": 300.0, "band": "LWIR"}, "bounce_path": {}}
+
+
+def declared():
+    return [(name, entry) for name, module in PLUGINS.items() for entry in module.PROPERTIES]
+
+
+def load(plugin, **properties):
+    try:
+        return mi.load_dict({"type": plugin, **BESIDE[plugin], **properties})
+    except RuntimeError as error:
+        raise mitsuba_error(error) from None
+
+
+@pytest.mark.parametrize("plugin, entry", declared(), ids=lambda value: getattr(value, "name", ""))
+def test_wrong_kinds_are_refused(plugin, entry):
+    """Also what Python would take for a number: True, "2", 2.0 for an integer."""
+    for value in WRONG[entry.kind]:
+        with pytest.raises(InputError, match=f"{plugin}: {entry.name}") as caught:
+            load(plugin, **{entry.name: value})
+        assert "\n" not in str(caught.value) and "must" in str(caught.value)
+
+
+@pytest.mark.parametrize("plugin, entry", declared(), ids=lambda value: getattr(value, "name", ""))
+def test_bounds(plugin, entry):
+    """A number just outside its bounds is refused."""
+    outside = [0.0] if entry.is_positive else []
+    outside += [entry.lower - 1, entry.upper * 1.001 + 1]
+    for value in outside:
+        if entry.kind.startswith(("float", "integer")) and abs(value) < float("inf"):
+            value = int(value) if entry.kind == "integer" else value
+            with pytest.raises(InputError, match=f"{entry.name} = "):
+                load(plugin, **{entry.name: value})
+
+
+@pytest.mark.parametrize(
+    "plugin, properties, message",
+    [
+        ("thermal", {"group": "a" * 65}, "at most 64"),
+        ("thermal", {"group": "hot parts"}, "must consist of letters"),
+        ("thermal", {"facet_type": "see"}, "unknown.*model, sky, terrain"),
+        ("thermal", {"elevation_deg": 4.5}, "`elevation_deg` chooses from a `spectrum`"),
+        ("bounce_path", {"closure": "tale"}, "closure 'tale' is unknown"),
+    ],
+)
+def test_strings(plugin, properties, message):
+    with pytest.raises(InputError, match=message):
+        load(plugin, **properties)
+
+
+@pytest.mark.parametrize("plugin", PLUGINS)
+def test_manual(plugin):
+    """The table in a plugin's docstring has the declared names, kinds and defaults."""
+    module = PLUGINS[plugin]
+    rows = manual(getattr(module, CLASSES[plugin]).__doc__)
+    assert {entry.name for entry in module.PROPERTIES} == set(rows)
+    for entry in module.PROPERTIES:
+        kind, text = rows[entry.name]
+        assert kind == entry.kind, entry.name
+        default = re.search(r"\((\S+)\)", text)
+        given = str(entry.default).lower() if isinstance(entry.default, bool) else entry.default
+        assert entry.default is None or f"({given})" in text, (entry.name, default)
+
+
+def manual(docstring: str) -> dict[str, tuple[str, str]]:
+    """Rows of the table in a plugin's docstring: name -> (kind, text of all its lines)."""
+    lines = docstring.splitlines()
+    rules = [number for number, line in enumerate(lines) if re.fullmatch(r"\s*=+ =+ =+", line)]
+    ends = [match.start() for match in re.finditer("=+", lines[rules[0]])]
+    rows = {}
+    for line in lines[rules[0] + 1 : rules[1]]:
+        name, kind, text = line[: ends[1]].strip(), line[ends[1] : ends[2]], line[ends[2] :]
+        if name:
+            rows[name] = kind.strip(), text
+            last = name
+        else:
+            rows[last] = rows[last][0], rows[last][1] + " " + text
+    return rows

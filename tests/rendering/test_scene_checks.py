@@ -1,0 +1,246 @@
+"""What a scene file must not say: each case is one line that names the place and what would be
+right, before Mitsuba, which would end the process or pass over it in silence, sees it.
+"""
+
+import re
+
+import numpy as np
+import pytest
+
+import mi_lcair
+from mi_lcair.errors import InputError
+from tests.rendering.scene_text import (
+    FACETS,
+    HALVES,
+    PAINT,
+    PATH,
+    SENSOR,
+    SQUARE,
+    THERMAL,
+    mesh,
+    shape,
+    write,
+    write_ply,
+)
+
+PLACE = r"scene\.xml \(line \d+, col \d+\): "
+
+
+def refused(path, message, **parameters):
+    with pytest.raises(InputError, match=message) as caught:
+        mi_lcair.load(path, **parameters)
+    assert str(caught.value).isprintable() and "Traceback" not in str(caught.value)
+
+
+def texture(name: str, kind: str, inside: str = "") -> str:
+    return f'<texture type="{kind}" name="{name}">{inside}</texture>'
+
+
+def diffuse(value: str) -> str:
+    return f'<bsdf type="diffuse">{value}</bsdf>'
+
+
+def placed(operation: str) -> str:
+    return f'<transform name="to_world">{operation}</transform>'
+
+
+@pytest.mark.parametrize(
+    "element, message",
+    [
+        # Mitsuba ends the process
+        (shape(diffuse(texture("reflectance", "bitmap")) + THERMAL), "bitmap: lacks its filename"),
+        (
+            shape(PAINT + re.sub("<float.*?/>", texture("temperature", "bitmap"), THERMAL)),
+            "bitmap: lacks its filename",
+        ),
+        (shape('<bsdf type="blendbsdf"/>' + THERMAL), "blendbsdf: needs 2 bsdf inside"),
+        (shape(diffuse(texture("reflectance", "volume")) + THERMAL), "volume: needs 1 volume"),
+        ("<shape type='rectangle'>" * 5000 + "</shape>" * 5000, "nested more than 40 deep"),
+        # values that Mitsuba takes
+        (shape(diffuse('<float name="reflectance" value="1.5"/>')), "reflectance = 1.5; .*0..1"),
+        (shape(diffuse('<float name="reflectance" value="nan"/>')), "reflectance = nan"),
+        (shape(diffuse('<spectrum name="reflectance" value="-1"/>')), "reflectance = -1"),
+        (shape(diffuse('<rgb name="reflectance" value="2, 0, 0"/>')), "reflectance = 2"),
+        (
+            shape(diffuse(texture("reflectance", "uniform", '<float name="value" value="350"/>'))),
+            "reflectance = 350",
+        ),
+        (
+            shape('<bsdf type="roughconductor"> <float name="alpha" value="-1"/> </bsdf>'),
+            "alpha = -1; it must be positive",
+        ),
+        (
+            shape(
+                '<bsdf type="roughconductor"> <float name="specular_reflectance" value="3"/> </bsdf>'
+            ),
+            "specular_reflectance = 3",
+        ),
+        (
+            shape(PAINT + '<emitter type="area"> <float name="radiance" value="-5"/> </emitter>'),
+            "area: radiance = -5",
+        ),
+        (
+            shape(PAINT + '<emitter type="area"> <float name="radiance" value="1e39"/> </emitter>'),
+            "area: radiance = 1e\\+39; it must be finite",
+        ),
+        ('<emitter type="constant"> <float name="radiance" value="1e20"/> </emitter>', "1e\\+20"),
+        (shape(PAINT + '<float name="radius" value="0"/>', "sphere"), "radius = 0"),
+        (shape(PAINT + '<float name="radius" value="nan"/>', "sphere"), "radius = nan"),
+        (shape(PAINT + placed('<scale value="0"/>')), "flattens to nothing"),
+        (shape(PAINT + placed('<scale x="nan"/>')), "NaN or infinity"),
+        (shape(PAINT + placed('<translate x="1e30"/>')), "reaches 1e\\+30 m"),
+        (
+            SENSOR.replace("</film>", '</film> <float name="far_clip" value="inf"/>'),
+            "far_clip = inf",
+        ),
+        (
+            SENSOR.replace(
+                "</film>",
+                '</film> <sampler type="independent"> <integer name="sample_count" value="0"/> </sampler>',
+            ),
+            "sample_count = 0; it must lie in 1..",
+        ),
+        (
+            shape(PAINT + THERMAL.replace("300", "")),
+            '<float name="temperature"> has an empty value',
+        ),
+        (shape(PAINT + THERMAL.replace("300", " ")), "has an empty value"),
+        (shape(PAINT + placed('<translate x=""/>')), "<translate> has an empty x"),
+        # what Mitsuba passes over
+        (
+            shape(PAINT + placed(f'<translate x="1">{shape(PAINT + THERMAL)}</translate>')),
+            "<shape> inside <translate> is not read",
+        ),
+        (THERMAL, "thermal: belongs to no shape"),
+        (shape(PAINT.replace("LWIR", "MWIR") + THERMAL), "band MWIR differs from LWIR"),
+        (shape(PAINT.replace("LWIR", "7-12")), "band 7-12 differs from LWIR"),
+        (shape(PAINT + THERMAL.replace("<float name", "<string name")), "is a string; .*a float"),
+        (
+            '<integrator type="bounce_path"> <string name="emitter_sampling" value="false"/> </integrator>',
+            "'false' is a string; it must be a boolean",
+        ),
+        (shape('<bsdf type="hair"/>' + THERMAL), "transmits"),
+    ],
+)
+def test_refused(tmp_path, element, message):
+    others = [shape(PAINT + THERMAL)]
+    if "integrator" not in element:
+        others.append(PATH)
+    if "sensor" not in element:
+        others.append(SENSOR)
+    where = "" if "hair" in element else PLACE
+    refused(write(tmp_path, *others, element), f"{where}.*{message}")
+
+
+@pytest.mark.parametrize(
+    "band, given", [("8-12", "LWIR"), ("lwir", "LWIR"), ("response.csv", "response.csv")]
+)
+def test_one_band_by_several_names(tmp_path, band, given):
+    (tmp_path / "response.csv").write_text("wavelength_um,response\n8,1\n12,1\n")
+    scene = mi_lcair.load(
+        write(
+            tmp_path,
+            PATH,
+            SENSOR,
+            shape(PAINT + THERMAL.replace("LWIR", given)).replace("LWIR", band, 1),
+        )
+    )
+    assert scene.band.lower_um == 8
+
+
+def test_a_parameter_without_a_value_is_empty(tmp_path):
+    path = write(
+        tmp_path,
+        '<default name="T" value="300"/>',
+        PATH,
+        SENSOR,
+        shape(PAINT + THERMAL.replace("300", "$T")),
+    )
+    assert mi_lcair.load(path)
+    refused(path, "has an empty value", T="")
+
+
+def test_shapes_without_bsdf_are_remarked(tmp_path):
+    """Mitsuba's default is a grey of 0.5 on what does not emit, and black on what does."""
+    scene = mi_lcair.load(write(tmp_path, PATH, SENSOR, shape(THERMAL), shape(""), shape(PAINT)))
+    remarks = [remark for remark in scene.remarks if "has no BSDF" in remark]
+    assert [re.search("reflects (.*)", remark)[1] for remark in remarks] == [
+        "nothing",
+        "half of what arrives",
+    ]
+
+
+# ---------------------------------------------------------------- Meshes
+
+
+def plate(tmp_path, faces=HALVES, **attributes):
+    write_ply(tmp_path / "plate.ply", SQUARE, faces, **attributes)
+    return lambda emitter, bsdf=PAINT: write(tmp_path, PATH, SENSOR, mesh(bsdf + emitter))
+
+
+def test_facet_temperatures(tmp_path):
+    assert mi_lcair.load(plate(tmp_path, temperature=[300, 310])(FACETS))
+
+
+def test_missing_attribute(tmp_path):
+    """It would read 0, and the facets would emit nothing."""
+    path = plate(tmp_path, temperature=[300, 310])(
+        FACETS.replace("face_temperature", "face_temprature")
+    )
+    refused(
+        path, "mesh attribute 'face_temprature', which the shape does not have.*face_temperature"
+    )
+    refused(
+        write(tmp_path, PATH, SENSOR, shape(PAINT + FACETS)),
+        "which the shape does not have; .*none",
+    )
+
+
+def test_attribute_of_a_reflectance(tmp_path):
+    reflectance = """<bsdf type="diffuse"> <texture type="mesh_attribute" name="reflectance">
+        <string name="name" value="vertex_shade"/> </texture> </bsdf>"""
+    refused(
+        plate(tmp_path)(THERMAL, reflectance), "reflectance names the mesh attribute 'vertex_shade'"
+    )
+
+
+@pytest.mark.parametrize("temperature", [-5, 0, 1e10, np.nan])
+def test_impossible_facet_temperatures(tmp_path, temperature):
+    refused(plate(tmp_path, temperature=[300, temperature])(FACETS), "temperature of facet 1 = ")
+
+
+@pytest.mark.parametrize("index", [4, 5, 10**6, 2**31 - 1, -1])
+def test_corner_that_is_no_vertex(tmp_path, index):
+    """Mitsuba drops the facet, takes vertex 0 or dies."""
+    path = plate(tmp_path, [[0, 1, 2], [0, 2, index]])(THERMAL)
+    refused(path, f"{PLACE}.*plate.ply: face 1 names vertex {index}; the mesh has 4")
+
+
+def test_damaged_obj(tmp_path):
+    """Mitsuba drops the second face."""
+    (tmp_path / "plate.obj").write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4x\n")
+    path = write(
+        tmp_path, PATH, SENSOR, mesh(PAINT + THERMAL, "plate.obj").replace('"ply"', '"obj"')
+    )
+    refused(path, "plate.obj, line 6: a face must be indices")
+
+
+# ---------------------------------------------------------------- Thin sheets
+
+
+def test_thin_sheets_are_remarked(tmp_path):
+    """Facets back to back, and one on the other: which is seen is left to rounding."""
+    write_ply(tmp_path / "plate.ply", SQUARE, [*HALVES, [0, 2, 1]])
+    scene = mi_lcair.load(write(tmp_path, PATH, SENSOR, mesh(PAINT + THERMAL)))
+    assert any("1 pair of triangles" in r and "back to back" in r for r in scene.remarks)
+    smaller = placed('<scale value="0.5"/>')
+    write_ply(tmp_path / "plate.ply", SQUARE, HALVES)
+    scene = mi_lcair.load(
+        write(tmp_path, PATH, SENSOR, mesh(PAINT + THERMAL), mesh(smaller + PAINT + THERMAL))
+    )
+    assert any("2 pairs of triangles" in r and "one on the other" in r for r in scene.remarks)
+    apart = placed('<translate z="0.001"/>')
+    scene = mi_lcair.load(
+        write(tmp_path, PATH, SENSOR, mesh(PAINT + THERMAL), mesh(apart + PAINT + THERMAL))
+    )
+    assert not any("triangles" in remark for remark in scene.remarks)

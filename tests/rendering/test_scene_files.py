@@ -1,0 +1,90 @@
+"""Files that a scene names: only regular ones of bearable size are opened."""
+
+import os
+
+import pytest
+
+import mi_lcair
+from mi_lcair.errors import InputError
+from mi_lcair.rendering import scene_files
+from tests.rendering.scene_text import PAINT, PATH, SENSOR, THERMAL, mesh, shape, write
+
+SCENE = (PATH, SENSOR, shape(PAINT + THERMAL))
+
+
+def refused(path, message, **parameters):
+    with pytest.raises(InputError, match=message) as caught:
+        mi_lcair.load(path, **parameters)
+    assert str(caught.value).isprintable()
+
+
+NAMED = {
+    "include": '<include filename="{}"/>',
+    "mesh": mesh(PAINT, "{}"),
+    "spectrum": shape('<bsdf type="diffuse"> <spectrum name="reflectance" filename="{}"/> </bsdf>'),
+    "materials": shape(PAINT.replace("</bsdf>", '<string name="materials" value="{}"/> </bsdf>')),
+    "emissivity": shape(PAINT.replace("</bsdf>", '<string name="emissivity" value="{}"/> </bsdf>')),
+    "texture": shape(
+        '<bsdf type="diffuse"> <texture type="bitmap" name="reflectance">'
+        '<string name="filename" value="{}"/> </texture> </bsdf>'
+    ),
+}
+
+
+@pytest.mark.parametrize("use", NAMED)
+def test_pipes_and_devices(tmp_path, use):
+    """Opening a pipe waits for ever; a device may never end."""
+    os.mkfifo(tmp_path / "pipe.csv")
+    for name in ("pipe.csv", "/dev/zero"):
+        refused(write(tmp_path, *SCENE, NAMED[use].format(name)), f"{name}: is no regular file")
+
+
+def test_pipe_named_by_a_parameter(tmp_path):
+    os.mkfifo(tmp_path / "pipe.csv")
+    path = write(tmp_path, '<default name="band" value="LWIR"/>', PATH, SENSOR, shape(THERMAL))
+    path.write_text(path.read_text().replace("LWIR", "$band").replace('"$band"', '"LWIR"', 1))
+    assert mi_lcair.load(path)
+    refused(path, "pipe.csv: is no regular file", band="pipe.csv")
+
+
+def test_a_scene_that_is_a_pipe(tmp_path):
+    os.mkfifo(tmp_path / "scene.xml")
+    refused(tmp_path / "scene.xml", "no such file")
+
+
+def test_enormous_files(tmp_path):
+    """A sparse file of 20 GiB takes no room on disk, and would fill the memory."""
+    with open(tmp_path / "plate.ply", "wb") as file:
+        file.truncate(scene_files.LARGEST + 1)
+    refused(write(tmp_path, *SCENE, NAMED["mesh"].format("plate.ply")), "has 16384 MiB; at most")
+
+
+def test_includes(tmp_path):
+    """A file that includes itself, by itself or through another; one that includes a third."""
+    refused(write(tmp_path, *SCENE, '<include filename="scene.xml"/>'), "includes itself")
+    write(tmp_path, '<include filename="scene.xml"/>', name="part.xml")
+    refused(write(tmp_path, *SCENE, '<include filename="part.xml"/>'), "includes itself")
+    write(tmp_path, shape(PAINT), name="part.xml")
+    path = write(tmp_path, *SCENE, '<include filename="part.xml"/>')
+    assert len(mi_lcair.load(path).mi.shapes()) == 2
+
+
+def test_includes_in_folders_of_the_scene(tmp_path):
+    """Also through <path>, and the parameters of what is found there are known."""
+    (tmp_path / "parts").mkdir()
+    write(
+        tmp_path / "parts",
+        '<default name="T" value="300"/>',
+        shape(PAINT + THERMAL.replace("300", "$T")),
+        name="part.xml",
+    )
+    path = write(tmp_path, PATH, SENSOR, '<path value="parts"/>', '<include filename="part.xml"/>')
+    assert mi_lcair.load(path, T=310).parameters == {"T": "310"}
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"\xff\xfe", b'<?xml version="1.0" encoding="nope"?><scene/>', b"<a><b></a>"]
+)
+def test_not_xml(tmp_path, content):
+    (tmp_path / "scene.xml").write_bytes(content)
+    refused(tmp_path / "scene.xml", "scene.xml: is not XML")

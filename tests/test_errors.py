@@ -1,0 +1,47 @@
+"""Text from outside becomes one printable line of bearable length."""
+
+import pytest
+
+from mi_lcair.errors import LONGEST, InputError, escaped, mitsuba_error, printable, shown, unknown
+
+
+@pytest.mark.parametrize(
+    "text, line",
+    [
+        ("plain: é ½ 漢", "plain: é ½ 漢"),
+        ("two  blanks", "two  blanks"),
+        ("b is\n 2\r\n", "b is 2"),
+        ("a\tb\u2028c\x85d\xa0e", "a b c d e"),
+        ("\x1b[31mred\x07", r"\x1b[31mred\x07"),
+        ("\u202egnp.exe", r"\u202egnp.exe"),
+        ("file\udcff", r"file\udcff"),
+        ("a" * 2_000_000, "a" * 329 + " ... " + "a" * 166),
+    ],
+)
+def test_a_message_is_one_printable_line(text, line):
+    for shown_line in (printable(text), str(InputError(text))):
+        assert shown_line == line and shown_line.isprintable() and len(shown_line) <= LONGEST
+    assert printable(line) == line  # once is enough
+
+
+def test_an_escaped_text_keeps_its_blanks():
+    assert escaped("  a\n\tb ") == r"  a\n\tb "
+
+
+def test_a_piece_of_a_file_is_quoted_and_short():
+    assert shown("x\x1b") == r"'x\x1b'" and len(shown("x" * 10_000)) == 32
+
+
+def test_a_long_name_among_many_is_told_in_one_line():
+    known = [f"material_{k}" for k in range(10_000)]
+    message = str(unknown("material", "m" * 10_000 + "\n", known))
+    assert len(message) <= LONGEST and message.endswith(", ...") and "material_0" in message
+
+
+def test_a_line_break_in_a_name_does_not_hide_the_message():
+    """Mitsuba passes an exception of a plugin on as text, of which the last line is taken."""
+    text = f"[parser.cpp:1] At scene.xml (line 2): failed: Traceback (most recent call last):\n  x\nmi_lcair.errors.InputError: {InputError('unknown material: gloss' + chr(10) + 'mi-lcair: note: all is well')}"
+    assert (
+        str(mitsuba_error(RuntimeError(text)))
+        == "scene.xml (line 2): unknown material: gloss mi-lcair: note: all is well"
+    )

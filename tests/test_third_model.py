@@ -1,0 +1,117 @@
+"""What a new reflection model costs: one file of physics, one of Mitsuba, one line of registration.
+
+A copy of the project gets the model of tests/data/third_model, and everything that a model takes
+part in is tried there: scene files, materials, ladder, emissivity, derivatives, fit and plan.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+FILES = ROOT / "tests" / "data" / "third_model"
+
+USE_IT = r"""
+import json, sys
+from pathlib import Path
+import mi_lcair
+import drjit as dr, mitsuba as mi, numpy as np
+from mi_lcair import scenes
+from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.fitting import fit
+from mi_lcair.fitting.scatterometer.measurements import Measurements
+
+print("plugin", mi.load_dict({"type": "minnaert", "rho": 0.6, "k": 1.5}))
+
+# A material of the user's own in a bundled scene: isothermal, so that Kirchhoff's law is seen.
+Path("own.toml").write_text('[moon.MWIR]\nmodel = "minnaert"\nrho = 0.6\nk = 1.5\nsource = "test"\n')
+text = (scenes.FOLDER / "furnace.xml").read_text()
+for folder in ("meshes", "furnace.toml"):
+    text = text.replace(f'value="{folder}', f'value="{scenes.FOLDER / folder}')
+text = text.replace('<string name="material" value="$material"/>',
+                    '<string name="material" value="$material"/> <string name="materials" value="own.toml"/>')
+Path("furnace.xml").write_text(text)
+scene = mi_lcair.load("furnace.xml", material="moon", resolution=16)
+(body,) = [surface for surface in scene.surfaces() if surface.material == "moon"]
+assert body.model.name == "minnaert" and body.values == tuple(np.float32([0.6, 1.5]).tolist())
+exact = in_band_radiance(scene.band, 300.0)
+assert abs(mi_lcair.render(scene, spp=256).mean / exact - 1) < 2e-3
+scene.set_lobe("diffuse", "moon")
+assert abs(mi_lcair.render(scene, spp=256).mean / exact - 1) < 2e-3
+scene.set_lobe("brdf", "moon")
+
+# The derivative of the emission toward the normal: -1 for rho.
+plate = mi.load_dict({"type": "scene", "integrator": {"type": "bounce_path", "max_bounces": 0},
+    "shape": {"type": "rectangle", "bsdf": {"type": "minnaert", "rho": 0.6, "k": 1.5},
+              "emitter": {"type": "thermal", "band": "MWIR", "temperature": 300.0}},
+    "sensor": {"type": "orthographic", "to_world": mi.ScalarTransform4f().look_at([0, 0, 2], [0, 0, 0], [0, 1, 0])
+               @ mi.ScalarTransform4f().scale([0.1, 0.1, 1]),
+               "film": {"type": "hdrfilm", "width": 1, "height": 1, "pixel_format": "luminance", "rfilter": {"type": "box"}}}})
+params = mi.traverse(plate)
+key = next(key for key in params.keys() if key.endswith(".rho"))
+dr.enable_grad(params[key])
+params.update()
+image = mi.render(plate, params, spp=16)
+dr.backward(image)
+assert abs(dr.grad(params[key])[0] / -exact - 1) < 1e-4
+
+plan = mi_lcair.plan(mi_lcair.load("furnace.xml", material="moon", resolution=16), 0.02, each_pixel=True)
+assert "moon" in plan.lobe
+
+# The fit finds its parameters, and tells it from the other models.
+theta = np.radians(np.arange(2.0, 80, 6))
+theta_i, theta_r = (grid.ravel() for grid in np.meshgrid(theta, np.concatenate([-theta, theta])))
+rng = np.random.default_rng(0)
+brdf = 0.6 * 2.5 / (2 * np.pi) * (np.cos(theta_i) * np.cos(theta_r)) ** 0.5
+data = Measurements(theta_i=theta_i, theta_r=theta_r, brdf=brdf * np.exp(0.02 * rng.standard_normal(len(brdf))))
+found = fit(data, model="auto")
+assert found.model == "minnaert", found.candidates
+np.testing.assert_allclose(list(found.parameters.values()), [0.6, 1.5], rtol=0.02)
+assert set(found.verdict.values()) == {"determined"}, found.verdict
+print("all of it works")
+"""
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory):
+    """A copy of the project with the model added as CONTRIBUTING.md says."""
+    root = tmp_path_factory.mktemp("project")
+    for folder in ("mi_lcair", "plugins", "fitting", "scenes", "tests"):
+        shutil.copytree(ROOT / folder, root / folder, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", root)
+    shutil.copy(FILES / "minnaert.py", root / "mi_lcair" / "physics" / "reflection")
+    shutil.copy(FILES / "minnaert_bsdf.py", root / "plugins")
+    registry = root / "mi_lcair" / "physics" / "reflection" / "__init__.py"
+    before = registry.read_text()
+    after = before.replace(
+        '    "sandford_robertson",\n', '    "sandford_robertson",\n    "minnaert",\n'
+    )
+    assert len(after.splitlines()) == len(before.splitlines()) + 1
+    registry.write_text(after)
+    return root
+
+
+def python(root, *arguments):
+    environment = os.environ | {"PYTHONPATH": str(root)}
+    return subprocess.run(
+        [sys.executable, *arguments], cwd=root, env=environment, capture_output=True, text=True
+    )
+
+
+@pytest.mark.slow
+def test_everything_takes_the_new_model(copy):
+    done = python(copy, "-c", USE_IT)
+    assert done.returncode == 0 and "all of it works" in done.stdout, done.stderr
+
+
+@pytest.mark.slow
+def test_the_batteries_take_it_without_an_edit(copy):
+    """Tests that run over the registry find the new model; all of them pass."""
+    files = ["tests/physics/reflection/test_models.py", "tests/plugins/test_bsdf_battery.py"]
+    done = python(copy, "-m", "pytest", "-q", "-k", "minnaert", *files)
+    assert done.returncode == 0, done.stdout
+    assert int(done.stdout.split(" passed")[0].split()[-1]) >= 20
