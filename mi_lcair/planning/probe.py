@@ -55,8 +55,8 @@ class Probe:
     (`each_pixel`). deviation: of one sample, rms over the pixels, by batch. between: the same from
     the scatter of the batches' means, which also shows the noise that all samples of a batch share,
     that of the tail's ratio. cost: of a path, counted, see `cost`; seconds: per path, after the
-    compile, for the prediction alone. chance: bound of what one path may gain from a source that
-    no other has met.
+    compile, for the prediction alone. chance: bound of what one path may gain from a source that no
+    other has met.
     """
 
     by_bounce: np.ndarray
@@ -108,24 +108,24 @@ def probe(
             looks.append([part.channels[name].mean(axis=0) for name in names])
             deviation.append(scatter(part, each_pixel, spp))
             means.append(part.channels["target"].mean())
-            chance = max(chance, part.chance)
             segments.append(part.channels["segments"].mean())
+            chance = max(chance, part.chance)
     return Probe(
         by_bounce=np.array(looks),
         deviation=np.array(deviation),
         between=float(np.std(means, ddof=1) * np.sqrt(pixels * spp)),
-        cost=cost(float(np.mean(segments)), settings.emitter_sampling),
+        cost=cost(float(np.mean(segments)), tracer.emitters.draws),
         seconds=float(np.median(times[1:])) / (pixels * spp),
         paths=BATCHES * pixels * spp,
         chance=chance,
     )
 
 
-def cost(segments: float, emitter_sampling: bool) -> float:
+def cost(segments: float, draws_emitters: bool) -> float:
     """Of a path of so many rays, in rays. It is counted, not timed: the load of a machine must not
     decide what is chosen. At each reflection emitter sampling costs EMITTER_SAMPLE more.
     """
-    return segments + (EMITTER_SAMPLE * max(segments - 1, 0) if emitter_sampling else 0.0)
+    return segments + (EMITTER_SAMPLE * max(segments - 1, 0) if draws_emitters else 0.0)
 
 
 def scatter(part, each_pixel: bool, spp: int) -> float:

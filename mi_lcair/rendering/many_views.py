@@ -9,13 +9,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.plugins.bounce_path import Samples
 from mi_lcair.plugins.channels import sums
 from mi_lcair.rendering.limits import check_memory, check_paths
-from mi_lcair.rendering.render import (
-    DEFAULT_MAX_SPP,
-    PASS_SAMPLES,
-    check_bounded,
-    check_tolerance,
-    growth,
-)
+from mi_lcair.rendering.render import DEFAULT_MAX_SPP, PASS_SAMPLES, check_reachable, growth
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import Target, View, cameras, check_resolution
 
@@ -99,10 +93,8 @@ def render_views(
     done, goal, invalid, totals = 0, spp or least, 0, {}
     with scene.prepared() as tracer:
         check_memory(paths * len(views) * least, tracer, "model")
-        systematic = tracer.systematic_error
         if spp is None:
-            check_bounded(tracer.emitters, scene.name)
-            check_tolerance(tolerance, systematic)
+            check_reachable(tolerance, tracer, scene.name)
         chance = np.full(len(views), tracer.chance_contribution(sensor))
         while done < goal:
             step = min(goal - done, most)
@@ -126,7 +118,10 @@ def render_views(
             done += step
             parts = {
                 name: np.array(
-                    [total / done, np.hypot(np.sqrt(squares), systematic * total) / done]
+                    [
+                        total / done,
+                        np.hypot(np.sqrt(squares), tracer.systematic_error * total) / done,
+                    ]
                 )
                 * area
                 for name, (total, squares) in totals.items()

@@ -108,8 +108,7 @@ def render(
     with scene.prepared(by_spectrum) as tracer:
         check_memory(width * height, tracer, split)
         if tolerance is not None:
-            check_bounded(tracer.emitters, scene.name)
-            check_tolerance(tolerance, tracer.systematic_error)
+            check_reachable(tolerance, tracer, scene.name)
         total = Accumulator(
             width * height, tracer.chance_contribution(camera), tracer.systematic_error
         )
@@ -165,21 +164,24 @@ def render(
     )
 
 
+def check_reachable(tolerance: float, tracer, name: str) -> None:
+    """Raises InputError for a tolerance that no number of samples reaches, and where nothing bounds
+    the radiance of an emitter.
+    """
+    check_bounded(tracer.emitters, name)
+    if tolerance <= tracer.systematic_error:
+        raise InputError(
+            f"{name}: tolerance = {tolerance:g} cannot be reached: Float32's rounding and tabulated "
+            f"emissivities leave a relative error of {tracer.systematic_error:.1g}; ask for more than that"
+        )
+
+
 def check_bounded(emitters, name: str) -> None:
     """Raises InputError if the radiance of an emitter has no known bound."""
     if emitters.unbounded:
         raise InputError(
             f"{name}: no tolerance can be confirmed, as nothing bounds the radiance of "
             f"{', '.join(emitters.unbounded)}; give the number of samples (spp) instead"
-        )
-
-
-def check_tolerance(tolerance: float, systematic: float) -> None:
-    """Refuses a tolerance that no number of samples reaches."""
-    if tolerance <= systematic:
-        raise InputError(
-            f"tolerance = {tolerance:g} cannot be reached: Float32's rounding and tabulated "
-            f"emissivities leave a relative error of {systematic:.1g}; ask for more than that"
         )
 
 

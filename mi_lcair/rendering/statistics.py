@@ -13,8 +13,8 @@ class Accumulator:
     A channel's variance is that of its sum over the pixels alone, from the scatter of the parts of
     each pixel's samples: an image of variances for every channel would double the memory.
 
-    chance: what a source that no path has met may add to one path. systematic: relative error
-    that no number of samples lowers; it is part of every standard error.
+    chance: what a source that no path has met may add to one path. systematic: relative error that
+    no number of samples lowers; it is part of every standard error.
     """
 
     def __init__(self, pixels: int, chance: float = 0.0, systematic: float = 0.0):
