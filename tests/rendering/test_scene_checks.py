@@ -119,6 +119,13 @@ def placed(operation: str) -> str:
             '<integrator type="bounce_path"> <string name="emitter_sampling" value="false"/> </integrator>',
             "'false' is a string; it must be a boolean",
         ),
+        (
+            shape(
+                PAINT
+                + THERMAL.replace("</emitter>", '<float name="to_world" value="1"/> </emitter>')
+            ),
+            '"to_world" has the wrong type',
+        ),
         (shape('<bsdf type="hair"/>' + THERMAL), "transmits"),
     ],
 )
