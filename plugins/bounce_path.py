@@ -12,13 +12,13 @@ from mitsuba.python.ad.integrators.common import RBIntegrator, mis_weight
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.plugins.channels import Channels, Pixels, pixel_statistics
 from mi_lcair.plugins.derivatives import derivations, deriving_plugins, leaves, tracing, value_along
-from mi_lcair.plugins.emissivity import Table
-from mi_lcair.plugins.emitter_table import EmitterTable
+from mi_lcair.plugins.emission.emissivity import Table
+from mi_lcair.plugins.emission.emitter_table import EmitterTable
+from mi_lcair.plugins.paths.channels import Channels, Pixels, pixel_statistics
+from mi_lcair.plugins.paths.rounding import rounding_error
+from mi_lcair.plugins.paths.tail import Tail
 from mi_lcair.plugins.properties import HOTTEST, Property, read
-from mi_lcair.plugins.rounding import rounding_error
-from mi_lcair.plugins.tail import Tail
 
 PROPERTIES = (
     Property("max_bounces", "integer", 4, lower=0, upper=10_000),

@@ -17,7 +17,7 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.physics.reflection.interface import Rung
 from mi_lcair.planning.probe import BATCHES, T_95, Probe, Settings, probe
-from mi_lcair.plugins.channels import MAX_BOUNCE_CHANNELS
+from mi_lcair.plugins.paths.channels import MAX_BOUNCE_CHANNELS
 from mi_lcair.rendering.render import check_bounded
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.window import window_area

@@ -7,7 +7,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.bounce_path import Samples
-from mi_lcair.plugins.channels import sums
+from mi_lcair.plugins.paths.channels import sums
 from mi_lcair.rendering.limits import check_memory, check_paths
 from mi_lcair.rendering.render import DEFAULT_MAX_SPP, PASS_SAMPLES, check_reachable, growth
 from mi_lcair.rendering.scene import Scene

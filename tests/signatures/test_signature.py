@@ -7,7 +7,7 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.rounding import rounding_error
+from mi_lcair.plugins.paths.rounding import rounding_error
 
 SCENE = """<scene version="3.0.0">
     <default name="sensor" value="orthographic"/> <default name="crop" value="8"/> <default name="scale" value="2"/>

@@ -7,8 +7,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.plugins.sources import WAVELENGTHS, Sources
-from mi_lcair.plugins.tail import COUNTS, Tail, add_tail
+from mi_lcair.plugins.emission.sources import WAVELENGTHS, Sources
+from mi_lcair.plugins.paths.tail import COUNTS, Tail, add_tail
 
 SUMMED_IN_FLOAT32 = 8
 MAX_BOUNCE_CHANNELS = 65  # the last one holds every bounce count from 64 on

@@ -8,7 +8,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.plugins.rounding import rounding_error
+from mi_lcair.plugins.paths.rounding import rounding_error
 
 COUNTS = 5  # bounce counts that are kept apart: the tail needs two, its error up to five
 LARGEST_RATIO = 0.999  # of successive counts: where they fall more slowly, noise decides the rest
