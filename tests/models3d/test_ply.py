@@ -7,7 +7,7 @@ import pytest
 
 from mi_lcair.errors import InputError
 from mi_lcair.models3d.ply import check_ply
-from tests.rendering.scene_text import HALVES, SQUARE, write_ply
+from tests.rendering.loading.scene_text import HALVES, SQUARE, write_ply
 
 TEXT = """ply
 format ascii 1.0

@@ -4,8 +4,8 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from mi_lcair.plugins.field_of_view import FieldOfView
-from mi_lcair.plugins.radiance_bound import radiance_bound
+from mi_lcair.plugins.emission.field_of_view import FieldOfView
+from mi_lcair.plugins.emission.radiance_bound import radiance_bound
 from tests.plugins.conftest import FILM, plate  # noqa: F401, fixture
 from tests.plugins.small_scenes import GREY, SQUARE, blackbody, camera
 
@@ -86,5 +86,7 @@ def test_field_of_view(kind):
 
 
 def test_any_other_sensor_sees_everything():
-    field = FieldOfView(mi.load_dict({"type": "radiancemeter", "film": {**FILM, "width": 1, "height": 1}}))
+    field = FieldOfView(
+        mi.load_dict({"type": "radiancemeter", "film": {**FILM, "width": 1, "height": 1}})
+    )
     assert not field.excludes(np.full((1, 3, 3), 1e9)).any()

@@ -7,7 +7,7 @@ import pytest
 import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.files import LARGEST_MESH
-from tests.rendering.scene_text import PAINT, PATH, SENSOR, THERMAL, mesh, shape, write
+from tests.rendering.loading.scene_text import PAINT, PATH, SENSOR, THERMAL, mesh, shape, write
 
 SCENE = (PATH, SENSOR, shape(PAINT + THERMAL))
 

@@ -9,7 +9,7 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
-from tests.rendering.scene_text import (
+from tests.rendering.loading.scene_text import (
     FACETS,
     HALVES,
     PAINT,

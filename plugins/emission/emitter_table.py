@@ -9,10 +9,10 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.field_of_view import FieldOfView
-from mi_lcair.plugins.radiance_bound import radiance_bound
-from mi_lcair.plugins.sources import OTHER, Sources
-from mi_lcair.plugins.triangles import (
+from mi_lcair.plugins.emission.field_of_view import FieldOfView
+from mi_lcair.plugins.emission.radiance_bound import radiance_bound
+from mi_lcair.plugins.emission.sources import OTHER, Sources
+from mi_lcair.plugins.emission.triangles import (
     Choice,
     TriangleTable,
     is_faceted,
