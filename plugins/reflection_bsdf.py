@@ -11,19 +11,27 @@ from mi_lcair.physics.directional_table import over_the_hemisphere, read_directi
 from mi_lcair.physics.reflection.directions import SMALLEST, cos_theta, sample_cosine, sin2_theta
 from mi_lcair.plugins.beside_scene import beside_scene
 from mi_lcair.plugins.derivatives import attached, check_attached, children, flatten
+from mi_lcair.plugins.properties import Property, read
+from mi_lcair.plugins.uniform_table import interpolate, refine
 
 LOBES = ("brdf", "mirror", "diffuse")
-NODES = 1024  # of the table of HDR, on cos(theta) = t^2: 4e-6 after linear interpolation up to 89.5 degrees
+OF_MATERIALS = (
+    Property("material", "string"),
+    Property("band", "string", is_file=True),
+    Property("materials", "string", is_file=True),
+    Property("allow_band", "boolean", False),
+)
+OF_EVERY_SURFACE = (
+    Property("form", "string"),
+    Property("emissivity", "string", "kirchhoff"),
+    Property("lobe", "string", "brdf", choices=LOBES),
+)
+PROPERTIES = OF_MATERIALS + OF_EVERY_SURFACE
+# The table of HDR has even steps in t, cos(theta) = t^2. Straight lines between its nodes are right to
+# 5e-6 up to 89.5 degrees. Every fourth node is a quadrature; cubics through these add less than 1e-6.
+STEPS = 1024
+STEPS_PER_QUADRATURE = 4
 ALARM = 1e-5  # HDR above 1 by less is the table's own error, and no reason for a remark
-
-
-def interpolate(table, x):
-    """Piecewise linear `table` over 0 <= x <= 1 (uniform nodes)."""
-    last = dr.width(table) - 1
-    x = x * last
-    index = dr.minimum(mi.UInt32(x), last - 1)
-    low, high = dr.gather(mi.Float, table, index), dr.gather(mi.Float, table, index + 1)
-    return dr.lerp(low, high, x - mi.Float(index))
 
 
 class ReflectionBSDF(mi.BSDF):
@@ -60,16 +68,18 @@ class ReflectionBSDF(mi.BSDF):
 
     def __init__(self, props):
         mi.BSDF.__init__(self, props)
-        values, form = self.read_surface(props)
-        self.form = props.get("form", form)
+        plugin = self.model.name if self.model else "material"
+        given = read(props, plugin, OF_EVERY_SURFACE)
+        values, form = self.read_surface(props, plugin)
+        self.form = given["form"] or form
         self.model.check_form(self.form)
         self.model.check_feasible(*values, form=self.form)
         self.parameters = {name: mi.Float(value) for name, value in zip(self.model.names, values)}
 
-        self.emissivity = props.get("emissivity", "kirchhoff")
+        self.emissivity = given["emissivity"]
         self.measured = None
         if self.emissivity not in ("kirchhoff", "model"):
-            path, cos = beside_scene(self.emissivity), np.linspace(0, 1, NODES) ** 2
+            path, cos = beside_scene(self.emissivity), np.linspace(0, 1, STEPS + 1) ** 2
             theta, emissivity, _ = read_directional_table(path)
             self.measured = mi.Float(over_the_hemisphere(path, theta, emissivity, np.arccos(cos)))
             dr.make_opaque(self.measured)
@@ -78,20 +88,23 @@ class ReflectionBSDF(mi.BSDF):
                 f"{self.model.name}: emissivity = model, but the model has no formula of its own; "
                 "use kirchhoff or a measured table"
             )
-        self.set_lobe(props.get("lobe", "brdf"))
+        self.set_lobe(given["lobe"])
         self.derive()
 
-    def read_surface(self, props) -> tuple[tuple[float, ...], str]:
-        """Values of the parameters and the form, from a material or from numbers; sets `model` and `material`."""
+    def read_surface(self, props, plugin: str) -> tuple[tuple[float, ...], str]:
+        """Values of the parameters and the form, from a material or from numbers; sets `model` and
+        `material`.
+        """
         if "material" not in props:
             self.material = self.id()
             return self.read_numbers(props)
-        self.material = props["material"]
+        given = read(props, plugin, OF_MATERIALS)
+        self.material = given["material"]
         entry = materials.material(
             beside_scene(self.material),
-            band(beside_scene(props["band"])) if "band" in props else None,
-            beside_scene(props["materials"]) if "materials" in props else None,
-            props.get("allow_band", False),
+            None if given["band"] is None else band(given["band"]),
+            given["materials"],
+            given["allow_band"],
         )
         if self.model not in (None, entry.model):
             raise InputError(
@@ -104,12 +117,14 @@ class ReflectionBSDF(mi.BSDF):
     def read_numbers(self, props) -> tuple[tuple[float, ...], str]:
         if self.model is None:
             raise InputError("material: give `material`, the name of one, and `band`")
-        missing = [name for name in self.model.names if name not in props]
+        declared = tuple(Property(name, "float") for name in self.model.names)
+        given = read(props, self.model.name, declared)
+        missing = [name for name, value in given.items() if value is None]
         if missing:
             raise InputError(
                 f"{self.model.name}: give `material` and `band`, or {', '.join(missing)}"
             )
-        return tuple(props[name] for name in self.model.names), self.model.forms[0]
+        return tuple(given.values()), self.model.forms[0]
 
     def set_lobe(self, lobe: str) -> None:
         """Choose the rung of the fidelity ladder: brdf, mirror or diffuse."""
@@ -150,8 +165,9 @@ class ReflectionBSDF(mi.BSDF):
         dr.make_opaque(*self.sources())
         Float64 = dr.float64_array_t(mi.Float)
         S = self.model.surface(*(Float64(number) for number in self.sources()), form=self.form)
-        cos = dr.square(dr.linspace(Float64, 0, 1, NODES))
-        self.derived = S.cast(mi.Float), mi.Float(self.model.lobe_HDR(S, dr.acos(cos)))
+        cos = dr.square(dr.linspace(Float64, 0, 1, STEPS // STEPS_PER_QUADRATURE + 1))
+        lobe = refine(self.model.lobe_HDR(S, dr.acos(cos)), STEPS_PER_QUADRATURE)
+        self.derived = S.cast(mi.Float), mi.Float(lobe)
         dr.make_opaque(self.derived)
 
     def refresh(self) -> None:

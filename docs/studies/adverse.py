@@ -13,13 +13,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from tests.stability.adverse_scenes import ADVERSE, Adverse
 from tqdm import tqdm
 
 import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.files import replacing
 from mi_lcair.rendering.scene import Scene
+from tests.stability.adverse_scenes import ADVERSE, Adverse
 
 SEEDS, TOLERANCE, MAX_SPP, PLAN_TOLERANCE = 20, 0.5, 2**15, 0.1
 STANDARD_ERRORS = 3  # how far a mean may lie from the truth

@@ -19,8 +19,8 @@ from mi_lcair.physics.atmosphere import Atmosphere, LineOfSight, atmosphere
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.detector import Detector
 from mi_lcair.physics.spectrum import has_elevations, spectrum
+from mi_lcair.rendering.loading.files import survey
 from mi_lcair.rendering.scene import Scene, find, load
-from mi_lcair.rendering.scene_files import survey
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.views import Target, View, hidden_share, seen_from
 from mi_lcair.signatures.signature import signature

@@ -15,9 +15,9 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.emissivity import emissivity_of
+from mi_lcair.plugins.emission.emissivity import emissivity_of
+from mi_lcair.plugins.emission.triangles import pointer_id
 from mi_lcair.plugins.reflection_bsdf import reflection_layers
-from mi_lcair.plugins.triangles import pointer_id
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.scene import Scene
 

@@ -17,7 +17,7 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.physics.reflection.interface import Rung
 from mi_lcair.planning.probe import BATCHES, T_95, Probe, Settings, probe
-from mi_lcair.plugins.channels import MAX_BOUNCE_CHANNELS
+from mi_lcair.plugins.paths.channels import MAX_BOUNCE_CHANNELS
 from mi_lcair.rendering.render import check_bounded
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.window import window_area
@@ -27,7 +27,7 @@ LOBE_SHARE, BOUNCE_SHARE = (
     0.35,
     0.15,
 )  # of the tolerance that simpler lobes and fewer bounces may use; noise has the rest
-WORTHWHILE = 0.8  # a change is made if it costs less than this share of the time
+WORTHWHILE = 0.8  # a change is made if it costs less than this share
 CONFIDENCE = 2.24  # standard errors, 97.5 %: what the probes do not know of the noise comes on top
 FEW_BATCHES = 2.03  # upper bound (97.5 %) of a standard deviation from BATCHES values
 LARGEST_RATIO = 0.999  # of successive bounces: beyond it noise decides what is left
@@ -168,7 +168,7 @@ def plan(
     settings = Settings(lobe=lobe, max_bounces=bounces, emitter_sampling=drawn, closure=closure)
     other = replace(settings, emitter_sampling=not drawn)
     found, alternative = look(settings), look(other)
-    cost = [probed.seconds * np.mean(probed.deviation**2) for probed in (found, alternative)]
+    cost = [probed.cost * np.mean(probed.deviation**2) for probed in (found, alternative)]
     if cost[1] < WORTHWHILE * cost[0] and not (
         drawn and differ(found, alternative, BOUNCE_SHARE * tolerance)
     ):

@@ -15,6 +15,9 @@ from mi_lcair.rendering.settings import changed
 BATCHES = 8
 PATHS = 2**13  # of one look
 PIXELS = 2**11  # at most, spread over the image
+EMITTER_SAMPLE = (
+    2  # rays that the sample of an emitter costs; between 0.6 and 2.7 in the bundled scenes
+)
 T_95 = 2.365  # Student's factor for 95 % and BATCHES - 1 degrees of freedom
 
 
@@ -51,13 +54,15 @@ class Probe:
     by_bounce: (BATCHES, bounces, pixels), of what is looked at: the model's facets, or all
     (`each_pixel`). deviation: of one sample, rms over the pixels, by batch. between: the same from
     the scatter of the batches' means, which also shows the noise that all samples of a batch share,
-    that of the tail's ratio. seconds: per path, after the compile. chance: bound of what one path
-    may gain from a source that no other has met.
+    that of the tail's ratio. cost: of a path, counted, see `cost`; seconds: per path, after the
+    compile, for the prediction alone. chance: bound of what one path may gain from a source that no
+    other has met.
     """
 
     by_bounce: np.ndarray
     deviation: np.ndarray
     between: float
+    cost: float
     seconds: float
     paths: int
     chance: float
@@ -90,26 +95,37 @@ def probe(
     spp = max(2, factor * PATHS // pixels // 2 * 2)  # even: in two halves
     seeds = np.random.SeedSequence(seed).generate_state(BATCHES).tolist()
     prefix = "" if each_pixel else "target."
-    looks, deviation, means, times = [], [], [], []
+    looks, deviation, means, segments, times = [], [], [], [], []
     with settings.applied(scene), scene.prepared() as tracer:
         chance = tracer.chance_contribution(camera)
         for batch in range(BATCHES):
             start = time.perf_counter()
-            part = tracer.observe(camera, seeds[batch], spp, 0, pixels, "target", stride=stride)
+            part = tracer.observe(
+                camera, seeds[batch], spp, 0, pixels, "target", stride=stride, count_segments=True
+            )
             times.append(time.perf_counter() - start)
             names = [name for name in part.channels if name.startswith(f"{prefix}bounce.")]
             looks.append([part.channels[name].mean(axis=0) for name in names])
             deviation.append(scatter(part, each_pixel, spp))
             means.append(part.channels["target"].mean())
+            segments.append(part.channels["segments"].mean())
             chance = max(chance, part.chance)
     return Probe(
         by_bounce=np.array(looks),
         deviation=np.array(deviation),
         between=float(np.std(means, ddof=1) * np.sqrt(pixels * spp)),
+        cost=cost(float(np.mean(segments)), tracer.emitters.draws),
         seconds=float(np.median(times[1:])) / (pixels * spp),
         paths=BATCHES * pixels * spp,
         chance=chance,
     )
+
+
+def cost(segments: float, draws_emitters: bool) -> float:
+    """Of a path of so many rays, in rays. It is counted, not timed: the load of a machine must not
+    decide what is chosen. At each reflection emitter sampling costs EMITTER_SAMPLE more.
+    """
+    return segments + (EMITTER_SAMPLE * max(segments - 1, 0) if draws_emitters else 0.0)
 
 
 def scatter(part, each_pixel: bool, spp: int) -> float:

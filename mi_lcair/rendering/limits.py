@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.channels import MAX_BOUNCE_CHANNELS
-from mi_lcair.plugins.sources import WAVELENGTHS
+from mi_lcair.plugins.emission.sources import WAVELENGTHS
+from mi_lcair.plugins.paths.channels import MAX_BOUNCE_CHANNELS
 
 MOST_SPP = 2**32 - 1  # paths through a pixel: their numbers are 32-bit integers
 MOST_PATHS = 2**40  # of one render; a processor follows some 10^7 paths in a second

@@ -15,7 +15,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.atmosphere import Atmosphere
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import brightness_temperature
-from mi_lcair.plugins.sources import Sources
+from mi_lcair.plugins.emission.sources import Sources
 from mi_lcair.rendering.apparent import apparent
 from mi_lcair.rendering.limits import check_memory, check_paths
 from mi_lcair.rendering.scene import Scene
@@ -35,7 +35,7 @@ class Render:
     K; range.Y m]. parts: name -> (mean over the pixels, its standard error or None) of everything
     that was recorded, Float64, under the names of `plugins.channels`; covariance: of the means of
     those in COVARYING, in their order in `parts`, None without them. sources: what `source.N` stand
-    for. mean: mean radiance; rms_error: rms over the pixels of the standard error, with what a
+    for. mean: mean radiance, mean_error: its standard error; rms_error: rms over the pixels of the standard error, with what a
     source that too few paths meet may add, as a fraction of the mean (None for one sample per
     pixel); reached: whether the tolerance was met (None without one); invalid: NaN or infinite
     samples, left out; closure_error: estimated error of closure = tail [W m^-2 sr^-1], None
@@ -50,6 +50,7 @@ class Render:
     sources: Sources
     spp: int
     mean: float
+    mean_error: float | None
     rms_error: float | None
     reached: bool | None
     invalid: int
@@ -107,8 +108,10 @@ def render(
     with scene.prepared(by_spectrum) as tracer:
         check_memory(width * height, tracer, split)
         if tolerance is not None:
-            check_bounded(tracer.emitters, scene.name)
-        total = Accumulator(width * height, tracer.chance_contribution(camera))
+            check_reachable(tolerance, tracer, scene.name)
+        total = Accumulator(
+            width * height, tracer.chance_contribution(camera), tracer.systematic_error
+        )
         while done < min(goal, limit):
             step = max(1, min(min(goal, limit) - done, PASS_SAMPLES // (width * height)))
             step -= step % 2 if step > 1 else 0  # even: a pass can be told in two halves
@@ -151,6 +154,7 @@ def render(
         sources=tracer.emitters.sources,
         spp=done,
         mean=float(total.mean.mean()),
+        mean_error=total.mean_error(),
         rms_error=rms_error,
         reached=reached,
         invalid=total.invalid,
@@ -158,6 +162,18 @@ def render(
         closure_error=closure_error,
         seconds=time.perf_counter() - start,
     )
+
+
+def check_reachable(tolerance: float, tracer, name: str) -> None:
+    """Raises InputError for a tolerance that no number of samples reaches, and where nothing bounds
+    the radiance of an emitter.
+    """
+    check_bounded(tracer.emitters, name)
+    if tolerance <= tracer.systematic_error:
+        raise InputError(
+            f"{name}: tolerance = {tolerance:g} cannot be reached: Float32's rounding and tabulated "
+            f"emissivities leave a relative error of {tracer.systematic_error:.1g}; ask for more than that"
+        )
 
 
 def check_bounded(emitters, name: str) -> None:

@@ -16,12 +16,12 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.physics.reflection import NAMES
 from mi_lcair.plugins.derivatives import deriving_plugins
 from mi_lcair.plugins.reflection_bsdf import is_reflection_bsdf
-from mi_lcair.rendering.fingerprint import fingerprint, source_digest
-from mi_lcair.rendering.mesh_checks import check_mesh_files, check_shapes
-from mi_lcair.rendering.scene_checks import check_nodes
-from mi_lcair.rendering.scene_files import survey
-from mi_lcair.rendering.scene_origin import check_meshes_near, far_origin, move
-from mi_lcair.rendering.scene_remarks import clipped, shapes_without_bsdf, thin_sheets
+from mi_lcair.rendering.loading.files import survey
+from mi_lcair.rendering.loading.fingerprint import fingerprint, source_digest
+from mi_lcair.rendering.loading.meshes import check_mesh_files, check_shapes
+from mi_lcair.rendering.loading.nodes import check_nodes
+from mi_lcair.rendering.loading.origin import check_meshes_near, far_origin, move
+from mi_lcair.rendering.loading.remarks import clipped, shapes_without_bsdf, thin_sheets
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
 MOVES = 3  # to the origin; one from very far leaves it only as near as single precision told

@@ -1,10 +1,15 @@
-"""Materials: the numbers of the thesis, the band that they hold for, and files of the user's own."""
+"""Materials: the numbers of the thesis and of the fits to measured surfaces, the band that they
+hold for, and files of the user's own.
+"""
 
 import json
+import re
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
+from drjit.llvm.ad import Float64
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics import materials
@@ -23,6 +28,19 @@ PRINTED = {
     ("blackbody", "total"): (1, 0, 0, 1),
     ("diffuse", "SWIR"): (0, 1, 0, 1),
 }
+# Directional emissivities that come with the measured BRDFs (sample: angle in degrees, emissivity,
+# standard deviation), commit 41121a6 of github.com/MT-MRT/JSSS-GonioreflectometryBRDF
+MEASURED = {
+    "rough_paint": [(15, 0.94304, 0.0602), (60, 0.90294, 0.0577), (80, 0.71751, 0.0464)],
+    "smooth_paint": [(15, 0.90662, 0.0579), (60, 0.85687, 0.0548), (80, 0.59857, 0.0396)],
+    "sandblasted_steel": [(15, 0.32112, 0.0273), (60, 0.36525, 0.0288), (80, 0.36811, 0.0289)],
+}
+THESIS = re.compile(r"Harkiss 2007, section \d\.\d")
+FIT = re.compile(
+    r"^github\.com/\S+, commit [0-9a-f]{40}, CC0-1\.0, sample [^;]+; fitted by "
+    r"mi-lcair fit \S+\.csv --emissivity \S+\.csv --model (?P<model>\w+): "
+    r"BRDF rms (?P<rms>0\.\d+) decades \(\d+ points\), emissivity rms (?P<emissivity>0\.\d+)$"
+)
 NUMBERS = "epsilon = 0.5\nrho_d = 0.1\nb = 0.2\ne = 0.1\n"
 
 
@@ -43,15 +61,40 @@ def test_built_in_materials_have_the_printed_numbers(name, where):
     assert found.name == name and found.form == "thesis" and found.band in (where, "any")
 
 
-def test_every_built_in_entry_states_its_source_and_ideal_surfaces_alone_hold_in_every_band():
-    entries = [
+def entries():
+    """(name, band, table) of each built-in entry."""
+    return [
         (name, where, entry)
         for name, bands in tomllib.loads(materials.BUILT_IN.read_text()).items()
         for where, entry in bands.items()
     ]
-    assert all("Harkiss 2007" in entry["source"] for _, _, entry in entries)
-    assert {name for name, where, _ in entries if where == "any"} == {"blackbody", "diffuse"}
-    assert names() == list(dict.fromkeys(name for name, _, _ in entries))
+
+
+def test_every_built_in_entry_states_its_source_and_ideal_surfaces_alone_hold_in_every_band():
+    """The section of the thesis, or the data, the command and the misfit of a fit; the misfit is
+    within what the file promises.
+    """
+    for name, where, entry in entries():
+        fit = FIT.match(entry["source"])
+        if name not in MEASURED:
+            assert THESIS.search(entry["source"]) and "model" not in entry and fit is None, name
+        else:
+            assert where == "2-5.7" and fit["model"] == entry["model"], name
+            assert float(fit["rms"]) < 0.3 and float(fit["emissivity"]) < 0.06, name
+    assert {name for name, where, _ in entries() if where == "any"} == {"blackbody", "diffuse"}
+    assert names() == list(dict.fromkeys(name for name, _, _ in entries()))
+    assert set(MEASURED) < set(names())
+
+
+@pytest.mark.parametrize("name", MEASURED)
+def test_measured_surfaces_have_the_measured_emissivity(name):
+    """Within 2.5 standard deviations of the measurement, as the file promises."""
+    theta_deg, measured, std = np.transpose(MEASURED[name])
+    entry = material(name, band("MWIR"))
+    emissivity = 1 - entry.model.HDR(entry.surface(), Float64(np.radians(theta_deg))).numpy()
+    assert np.all(np.abs(emissivity - measured) < 2.5 * std)
+    with pytest.raises(InputError, match="not measured for band LWIR 8-12 um, only for 2-5.7"):
+        material(name, band("LWIR"))
 
 
 @pytest.mark.parametrize("wanted, taken", [("3.5-4.2", "MWIR"), ("3-5", "MWIR"), ("8-8.5", "LWIR")])
@@ -100,7 +143,7 @@ def test_a_users_file_comes_first_and_the_built_in_materials_stay_known(user_fil
     assert (
         names(path)[:2] == ["gloss_black", "steel"]
         and "diffuse" in names(path)
-        and len(names(path)) == 6
+        and len(names(path)) == len(names()) + 1
     )
     assert material("gloss_black", band("MWIR"), path).parameters["epsilon"] == 0.5
     assert material("gloss_black", band("MWIR"), str(path)).source == str(path)

@@ -289,3 +289,21 @@ def test_what_cannot_be_planned():
         np.ones((BATCHES, 33, 4)) * np.linspace(1.0, 1.2, 33)[:, None]
     )  # counts that grow with each reflection
     assert fewest_bounces(looks, 1e-3, False)[2] > 0.9
+
+
+@pytest.mark.parametrize("name", ["open_box", "furnace"])
+def test_no_clock_decides(monkeypatch, name):
+    """The plan is the same on a machine where one probe in two takes a thousand times longer."""
+
+    def choices():
+        found = mi_lcair.plan(mi_lcair.load(name, resolution=16), seed=3).as_dict()
+        return {key: value for key, value in found.items() if not key.endswith("_seconds")}
+
+    usual = choices()
+    for slow in (0, 1):
+        calls = iter(range(10**6))
+        ticks = np.cumsum(
+            [1000.0 if k // (2 * BATCHES + 2) % 2 == slow else 1.0 for k in range(10**4)]
+        )
+        monkeypatch.setattr("time.perf_counter", lambda: ticks[next(calls)])
+        assert choices() == usual

@@ -55,20 +55,17 @@ def plate(tmp_path):
 
 @pytest.fixture
 def corner(plate):
-    """corner(integrator, bsdf=..., ...): a Sandford-Robertson floor, hotter than the two grey walls
-    that stand on it.
+    """corner(integrator, bsdf=..., ...): a floor, hotter than the two grey walls that stand on it.
+
+    bsdf: of the floor; where it names no `type`, what is to differ from a Sandford-Robertson one.
     """
 
     def make(integrator, bsdf=None, floor_temperature=500.0, resolution=8, **shapes):
         grey = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.4}}
-        bsdf = {
-            "type": "sandford_robertson",
-            "epsilon": 0.3,
-            "rho_d": 0.1,
-            "b": 0.2,
-            "e": 0.1,
-            **(bsdf or {}),
-        }
+        bsdf = bsdf or {}
+        if "type" not in bsdf:
+            bsdf = {"epsilon": 0.3, "rho_d": 0.1, "b": 0.2, "e": 0.1, **bsdf}
+            bsdf["type"] = "sandford_robertson"
         T = mi.ScalarTransform4f
         look = T().look_at(
             origin=[0.1, -0.4, 0.9], target=[0.1, 0.05, 0.05], up=[0, 1, 0]

@@ -10,6 +10,9 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
+from tests.physics.reflection.surfaces import direction
+from tests.plugins.reflection_models import seen_at
+
 SEEDS, SPP = 6, 256
 STEPS = {
     "floor.bsdf.epsilon": 0.02,
@@ -19,6 +22,8 @@ STEPS = {
     "floor.emitter.temperature": 2.0,
     "left.emitter.temperature": 2.0,
 }
+MICROFACET = {"type": "microfacet", "alpha": 0.2, "gamma": 2, "n": 3, "k": 2, "rho_d": 0.2}
+MICROFACET_STEPS = {"alpha": 0.01, "gamma": 0.1, "n": 0.2, "k": 0.2, "rho_d": 0.05}
 NARROW = {"epsilon": 0.11, "rho_d": 0.02, "b": 0.05, "e": 0.0042}
 
 
@@ -127,6 +132,34 @@ def test_forward_and_reverse(corner, lobe, emitter_sampling):
     in_reverse = reverse(make, list(STEPS), "enable, update")
     for key, step in STEPS.items():
         assert_derivatives(make, key, step, in_reverse=in_reverse)
+
+
+def test_microfacet(corner):
+    def make():
+        return corner({"type": "bounce_path", "max_bounces": 2}, MICROFACET)
+
+    steps = {f"floor.bsdf.{name}": step for name, step in MICROFACET_STEPS.items()}
+    in_reverse = reverse(make, list(steps), "enable, update")
+    for key, step in steps.items():
+        assert_derivatives(make, key, step, in_reverse=in_reverse)
+
+
+def test_microfacet_at_k_0():
+    """k enters the BRDF as k^2 only. At its bound 0 its derivative is therefore 0, and the others
+    are finite.
+    """
+    bsdf = mi.load_dict({**MICROFACET, "k": 0.0})
+    parameters = mi.traverse(bsdf)
+    for name in MICROFACET_STEPS:
+        dr.enable_grad(parameters[name])
+        parameters.set_dirty(name)
+    parameters.update()
+    si = seen_at(np.radians([0, 45, 89]))
+    wo = direction(np.radians([1, 50, 88]), np.pi, mi.Vector3f)
+    dr.backward(bsdf.eval(mi.BSDFContext(), si, wo)[0] + bsdf.eval_attribute_1("emissivity", si))
+    derivatives = {name: dr.grad(parameters[name])[0] for name in MICROFACET_STEPS}
+    assert all(np.isfinite(derivative) for derivative in derivatives.values())
+    assert derivatives.pop("k") == 0 and 0 not in derivatives.values()
 
 
 @pytest.mark.parametrize("order", ["update, enable", "computed"])

@@ -12,7 +12,7 @@ import mi_lcair
 from docs.studies.leaks import LAMP, cube, lost
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.derivatives import members
-from mi_lcair.plugins.emitter_table import EmitterTable
+from mi_lcair.plugins.emission.emitter_table import EmitterTable
 
 
 def share(folder, reflectance, max_bounces, closure="none", spp=4, seed=0):

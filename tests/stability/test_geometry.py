@@ -14,7 +14,7 @@ from docs.studies.leaks import write_ply
 from mi_lcair.benchmark.propagation.exact import perpendicular_view_factor
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.plugins.emitter_table import EmitterTable
+from mi_lcair.plugins.emission.emitter_table import EmitterTable
 
 SCENE = """<scene version="3.0.0">
     <integrator type="bounce_path">

@@ -11,7 +11,7 @@ import numpy as np
 from mi_lcair.physics.materials import BUILT_IN
 from mi_lcair.physics.spectrum import BUNDLED
 from mi_lcair.plugins.beside_scene import beside_scene
-from mi_lcair.rendering.scene_checks import properties
+from mi_lcair.rendering.loading.nodes import properties
 
 NO_ID = re.compile(r"object_\d+")  # what has no id is named by its address in memory
 

@@ -5,8 +5,8 @@ import numpy as np
 
 from mi_lcair.models3d.coincident import overlaps
 from mi_lcair.plugins.derivatives import members
-from mi_lcair.plugins.triangles import is_faceted
-from mi_lcair.rendering.scene_checks import properties, references
+from mi_lcair.plugins.emission.triangles import is_faceted
+from mi_lcair.rendering.loading.nodes import properties, references
 
 WITHOUT_BSDF = ("instance", "shapegroup", "merge")
 

@@ -9,7 +9,7 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
-from tests.rendering.scene_text import (
+from tests.rendering.loading.scene_text import (
     FACETS,
     HALVES,
     PAINT,
@@ -118,6 +118,13 @@ def placed(operation: str) -> str:
         (
             '<integrator type="bounce_path"> <string name="emitter_sampling" value="false"/> </integrator>',
             "'false' is a string; it must be a boolean",
+        ),
+        (
+            shape(
+                PAINT
+                + THERMAL.replace("</emitter>", '<float name="to_world" value="1"/> </emitter>')
+            ),
+            '"to_world" has the wrong type',
         ),
         (shape('<bsdf type="hair"/>' + THERMAL), "transmits"),
     ],

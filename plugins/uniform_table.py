@@ -1,0 +1,33 @@
+"""Tables over 0..1 with evenly spaced nodes: looked up by straight lines, refined by cubics."""
+
+import drjit as dr
+import mitsuba as mi
+
+
+def interpolate(table, x):
+    """Piecewise linear `table` over 0 <= x <= 1 (uniform nodes)."""
+    last = dr.width(table) - 1
+    x = x * last
+    index = dr.minimum(mi.UInt32(x), last - 1)
+    low, high = dr.gather(mi.Float, table, index), dr.gather(mi.Float, table, index + 1)
+    return dr.lerp(low, high, x - mi.Float(index))
+
+
+def refine(table, factor: int):
+    """The table with `factor` steps for each of its own, on the cubics through the four nodes
+    nearest to each step; derivatives are kept.
+
+    At least four nodes. At the ends the cubic of the neighbouring step is used.
+    """
+    Float, steps = type(table), dr.width(table) - 1
+    node = dr.arange(mi.UInt32, steps * factor + 1)
+    first = dr.clip(mi.Int32(node // factor) - 1, 0, steps - 3)
+    x = Float(node) / factor - Float(first)
+    weights = (  # Lagrange's, for nodes at 0, 1, 2 and 3
+        (x - 1) * (x - 2) * (3 - x) / 6,
+        x * (x - 2) * (x - 3) / 2,
+        x * (x - 1) * (3 - x) / 2,
+        x * (x - 1) * (x - 2) / 6,
+    )
+    neighbour = lambda k: dr.gather(Float, table, mi.UInt32(first + k))
+    return sum(weight * neighbour(k) for k, weight in enumerate(weights))
