@@ -72,6 +72,7 @@ READERS = {
         ("0.85,0.2", "line 2: . cells where the header names "),
         ("0.8x", "line 2: '0.8x' in column '.*' is not a number"),
         ("\u0663", "is not a number"),
+        ("1e31", "is not a number"),
         ("0.5\x1b[31m", "not a text file"),
     ],
 )
