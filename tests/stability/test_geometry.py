@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import mi_lcair
-from mi_lcair.errors import InputError
 from docs.studies.leaks import write_ply
 from mi_lcair.benchmark.propagation.exact import perpendicular_view_factor
+from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
