@@ -31,7 +31,8 @@ def check_file(path: Path, largest: int = LARGEST_MESH, what: str = "") -> None:
         raise InputError(f"{what or path}: is no regular file; name a file on disk")
     if status.st_size > largest:
         raise InputError(
-            f"{what or path}: has {status.st_size / 2**20:.0f} MiB; at most {largest / 2**20:.0f} are read"
+            f"{what or path}: has {status.st_size / 2**20:.0f} MiB; "
+            f"at most {largest / 2**20:.0f} are read"
         )
 
 

@@ -79,13 +79,14 @@ class Table:
                     found[row] = np.nan
                     continue
                 raise InputError(
-                    f"{self.file}, line {number}: {shown(cell)} in column '{column}' is not a number"
+                    f"{self.file}, line {number}: {shown(cell)} in column "
+                    f"'{column}' is not a number"
                 )
             values[column] = found
         if len(marks) == 2:
             raise InputError(
-                f"{self.file}: which is the decimal mark? line {marks['.']} has a point, line {marks[',']} a "
-                f"comma; use one of them throughout"
+                f"{self.file}: which is the decimal mark? line {marks['.']} has a point, "
+                f"line {marks[',']} a comma; use one of them throughout"
             )
         return values
 
@@ -119,7 +120,8 @@ def read_table(path: str | Path, needed, kind: str = "") -> Table:
     if not set(needed) <= set(columns):
         found = ", ".join(columns) if set(needed) & set(columns) else "none of them"
         raise InputError(
-            f"{file}: the header must name {listed(needed)}; found: {found if columns else 'nothing'}"
+            f"{file}: the header must name {listed(needed)}; "
+            f"found: {found if columns else 'nothing'}"
         )
     return parse_csv(file, text, has_keys=False)
 

@@ -117,7 +117,8 @@ def csv(header: str, *rows: str) -> bytes:
 
 TABLE_WORDS = tuple(
     b"theta_deg emissivity emissivity_std wavelength_um response elevation_deg transmittance "
-    b"range_km path_radiance_W_m2_sr_um radiance_W_m2_sr_um facet kelvin , ; # nan 1e308 1e-310".split()
+    b"range_km path_radiance_W_m2_sr_um radiance_W_m2_sr_um facet kelvin , ; # nan 1e308 "
+    b"1e-310".split()
 )
 AIR = "range_km,wavelength_um,path_radiance_W_m2_sr_um,transmittance"
 STEPS = np.arange(3, 5.05, 0.1)
@@ -242,7 +243,8 @@ seed = 1
     ),
     use_scenario,
     tuple(
-        b"[pose] yaw_deg = 5 true -1 [] {} inf nan 1e300 position_m = [1,2,3] lobe 'diffuse' 'total' "
+        b"[pose] yaw_deg = 5 true -1 [] {} inf nan 1e300 position_m = [1,2,3] lobe 'diffuse' "
+        b"'total' "
         b"extrapolate optics_transmittance 0 1e-300 2000 ''' ".split()
     ),
     may_die=True,
@@ -268,9 +270,7 @@ MATERIALS = Kind(
         b"[\"a b\".any]\nepsilon = 0.5\nrho_d = 0\nb = 0\ne = 1\nform = 'normalized'\n",
     ),
     use_materials,
-    tuple(
-        b"model any total epsilon rho_d b e form thesis [ ] [[a]] = inf nan true 1979-05-27 ''".split()
-    ),
+    tuple(b"model any total epsilon rho_d b e form thesis [ ] [[a]] = inf nan true ''".split()),
 )
 FIT = Kind(
     "fit",
