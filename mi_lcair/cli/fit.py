@@ -14,6 +14,17 @@ from mi_lcair.physics.reflection import NAMES
 FILE = click.Path(path_type=Path)
 
 
+def known_form(ctx, param, value):
+    """The form, if any model has it; the models are loaded for a form that is given alone."""
+    if value != "auto":
+        from mi_lcair.physics.reflection import MODELS
+
+        forms = dict.fromkeys(form for model in MODELS.values() for form in model.forms)
+        if value not in forms:
+            raise click.BadParameter(f"'{value}' is not one of auto, {', '.join(forms)}")
+    return value
+
+
 @click.command("fit")
 @click.argument("files", nargs=-1, required=True, type=FILE, metavar="DATA...")
 @click.option("-o", "--output", type=FILE, help="The report and material to write, FILE.json.")
@@ -52,6 +63,7 @@ FILE = click.Path(path_type=Path)
 @click.option(
     "--form",
     metavar="FORM",
+    callback=known_form,
     default="auto",
     show_default=True,
     help="Form of the model, such as thesis or normalized (auto: the one that fits best).",

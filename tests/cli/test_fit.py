@@ -198,7 +198,7 @@ def test_files_are_written(run, asked, folder):
         ),
         (["emissivity.csv"], "no column theta_i_deg and no theta_r_deg and no brdf_per_sr"),
         (["mwir.csv", "--model", "phong"], "--model"),
-        (["mwir.csv", "--form", "phong"], "form 'phong' is unknown"),
+        (["mwir.csv", "--form", "phong"], "--form"),
         (["mwir.csv", "--loss", "l1"], "--loss"),
         (["mwir.csv", "--starts", "0"], "--starts"),
         (["mwir.csv", "--max-angle-deg", "0"], "--max-angle-deg"),
