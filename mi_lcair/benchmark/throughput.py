@@ -51,8 +51,9 @@ def measure(
     """Measure the speed of `bounce_path` and of Mitsuba's own integrators in the furnace.
 
     All contestants run in turn in one process. They trace the same geometry with the same number of
-    bounces and samples. `bounce_path` uses `material` (bare aluminum, MWIR) and `thermal`. The
-    stock integrators use `roughconductor` (GGX with the width of the lobe) and `area`. Speeds are
+    bounces and samples. `bounce_path` uses `thermal` and the Sandford-Robertson model (bare
+    aluminum, MWIR), in one row the microfacet model with a lobe of that width. The stock
+    integrators use `roughconductor` (GGX with that width) and `area`. Speeds are
     medians after the compile. Ratios are those of speeds, ours / theirs. The last row compares
     `bounce_path` with the rate at which the same scene answers random rays, when nothing else is
     computed.
@@ -76,23 +77,23 @@ def measure(
         One row for each contestant, and one for `bounce_path` against ray intersection alone.
     """
 
-    def ours(**options):
-        return scene({"type": "bounce_path", "max_bounces": bounces, **options}, thermal=True)
+    def ours(model="sandford_robertson", **options):
+        integrator = {"type": "bounce_path", "max_bounces": bounces, **options}
+        return furnace(integrator, model, resolution)
 
     def stock(kind):
-        return scene({"type": kind, "max_depth": bounces + 1, "rr_depth": NEVER}, thermal=False)
+        integrator = {"type": kind, "max_depth": bounces + 1, "rr_depth": NEVER}
+        return furnace(integrator, "roughconductor", resolution)
 
     def renders(loaded):
         return lambda seed: loaded.integrator().render(loaded, seed=seed, spp=spp)
-
-    def scene(integrator, thermal):
-        return furnace(integrator, thermal, resolution)
 
     bare = ours()
     split, whole = ours(), ours()
     paths = resolution**2 * spp
     contestants = {  # name: (run(seed), rays per path, name of what it is measured against)
         "bounce_path": (renders(bare), bounces + 1, "prb_basic"),
+        "bounce_path, microfacet": (renders(ours("microfacet")), bounces + 1, "prb_basic"),
         "prb_basic": (renders(stock("prb_basic")), bounces + 1, ""),
         "bounce_path, emitter sampling": (
             renders(ours(emitter_sampling=True)),
@@ -189,24 +190,25 @@ def intersect(loaded, paths: int, rays: int, seed: int):
     return hits
 
 
-def furnace(integrator: dict, thermal: bool, resolution: int):
+def furnace(integrator: dict, model: str, resolution: int):
     """Return the furnace's geometry and camera with this project's plugins or with Mitsuba's own.
 
-    thermal: True for `material` and `thermal`, False for `roughconductor` and `area`.
+    model: the bodies' BSDF, all metals with lobes of one width. A reflection model goes with
+    `thermal`, `roughconductor` with `area`.
     """
     T = mi.ScalarTransform4f
     metal = material("bare_aluminum", band("MWIR"))
     width = float(metal.model.lobe_width(metal.surface())[0])
     grey = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.2}}
-    body = (
-        {"type": "material", "material": "bare_aluminum", "band": "MWIR"}
-        if thermal
-        else {"type": "roughconductor", "distribution": "ggx", "alpha": width}
-    )
+    body = {
+        "sandford_robertson": {"material": "bare_aluminum", "band": "MWIR"},
+        "microfacet": {"alpha": width, "gamma": 2.0, "n": 10.0, "k": 30.0, "rho_d": 0.0},
+        "roughconductor": {"distribution": "ggx", "alpha": width},
+    }[model] | {"type": model}
     emitter = (
-        {"type": "thermal", "band": "MWIR", "temperature": 300.0}
-        if thermal
-        else {"type": "area", "radiance": {"type": "uniform", "value": 1.87}}
+        {"type": "area", "radiance": {"type": "uniform", "value": 1.87}}
+        if model == "roughconductor"
+        else {"type": "thermal", "band": "MWIR", "temperature": 300.0}
     )
     meshes = scenes.FOLDER / "meshes"
 

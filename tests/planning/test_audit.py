@@ -193,6 +193,27 @@ def test_emissivity_of_the_model_loses_energy(plate):
     agree(result.total["balance"], 0, 5)
 
 
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        {"alpha": 0.3, "gamma": 2.0, "n": 10.0, "k": 30.0, "rho_d": 0.0},
+        {"alpha": 0.4, "gamma": 3.0, "n": 1.4, "k": 0.2, "rho_d": 0.3},
+    ],
+    ids=["metal", "paint"],
+)
+def test_a_reciprocal_model_creates_nothing(plate, parameters):
+    """Emissivity + DHR = 1 in each direction. Between two near plates, where much arrives at grazing
+    angles, no energy is created or lost.
+    """
+    surface = {"type": "microfacet", **parameters}
+    floor, lid = plate("floor", SQUARE, surface, 300.0), plate("lid", LID, surface, 350.0)
+    result = audited(2**18, floor=floor, lid=lid)
+    created, error = result.shares["bsdf"]["created"]
+    assert abs(created) <= 4 * error and error < 1e-3
+    agree(result.total["balance"], 0)
+    assert result.remarks == []
+
+
 def test_a_scaled_brdf_is_named(plate):
     """b = 0.05, e = 0.3: HDR would exceed 1 near grazing, where a good part of the flux between
     near plates arrives.

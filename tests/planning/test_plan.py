@@ -67,6 +67,28 @@ def test_a_broad_lobe_is_kept(corner):
         assert set(mi_lcair.plan(scene, 0.01, each_pixel).lobe.values()) == {"brdf"}
 
 
+@pytest.mark.parametrize(
+    "parameters, lobe",
+    [
+        ({"alpha": 1e-3, "gamma": 2.0, "n": 10.0, "k": 30.0, "rho_d": 0.0}, "mirror"),
+        ({"alpha": 0.15, "gamma": 2.0, "n": 10.0, "k": 30.0, "rho_d": 0.0}, "brdf"),
+        ({"alpha": 0.219, "gamma": 2.0, "n": 1.328, "k": 0.283, "rho_d": 0.015}, "brdf"),
+        ({"alpha": 0.3, "gamma": 2.0, "n": 1.0, "k": 0.0, "rho_d": 0.5}, "diffuse"),
+    ],
+    ids=["narrow metal", "broad metal", "rough paint", "no facets"],
+)
+def test_microfacet_beside_hot_walls(corner, parameters, lobe):
+    """A mirror stands for a narrow lobe alone; a surface without facets is diffuse."""
+    floor = {"type": "microfacet", **parameters}
+    scene = checked(
+        corner({"type": "bounce_path", "max_bounces": 4}, floor, floor_temperature=200.0),
+        Path("corner.xml"),
+        {},
+    )
+    for each_pixel in (False, True):
+        assert set(mi_lcair.plan(scene, 0.01, each_pixel).lobe.values()) == {lobe}
+
+
 @pytest.mark.parametrize("opening", [8, 80])
 def test_reflections_of_a_cavity(opening):
     """emissivity 0.5: each reflection in a small opening's cavity brings half of the one before,
