@@ -63,7 +63,7 @@ def command(file, output, check, temperatures, material, materials, scale, sky, 
     result["files"] = (
         [str(path) for path in facets.export(model, output, materials, sky)] if output else []
     )
-    for remark in _remarks(result):
+    for remark in _remarks(result, materials):
         note(remark)
     if json:
         print_json(result)
@@ -71,7 +71,16 @@ def command(file, output, check, temperatures, material, materials, scale, sky, 
         _print_table(result, output)
 
 
-def _remarks(result):
+def _remarks(result, materials):
+    from mi_lcair.physics.materials import emits_nothing
+
+    for material in result["area_by_material"]:
+        if emits_nothing(material, materials):
+            yield (
+                f"material {material} reflects all that arrives and emits nothing: its facets are black but "
+                "for what they reflect; name a material that absorbs, such as blackbody, where they "
+                "are to radiate by their temperature"
+            )
     if result["temperature_min"] < COLD:
         yield f"the lowest temperature is {result['temperature_min']:g} K"
     if result["inward"]:

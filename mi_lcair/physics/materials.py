@@ -76,6 +76,19 @@ def names(file: str | Path | None = None) -> list[str]:
     return list({**(_read(file, tomllib.loads) if file else {}), **_read(BUILT_IN, tomllib.loads)})
 
 
+def emits_nothing(name: str, file: str | Path | None = None) -> bool:
+    """Whether the entries of a material say `emits = false`: it reflects all that arrives. Loads no
+    reflection model.
+    """
+    for path in filter(None, (file, BUILT_IN)):
+        bands = _read(path, tomllib.loads).get(name)
+        if isinstance(bands, dict):
+            return all(
+                isinstance(entry, dict) and entry.get("emits") is False for entry in bands.values()
+            )
+    return False
+
+
 def _fitness(measured, wanted):
     """How well parameters for the band named `measured` serve in `wanted`: (covers it, overlap in
     um, -width).
@@ -155,10 +168,14 @@ def _entry(where, name, band, keys, file):
         model = reflection.model(keys["model"]) if "model" in keys else reflection.DEFAULT
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
-    allowed = (*model.names, "model", "form", "source")
+    allowed = (*model.names, "model", "form", "source", "emits")
     for key, value in keys.items():
         if key not in allowed:
             raise InputError(f"{where}: {unknown('key', key, allowed)}")
+        if key == "emits":
+            if not isinstance(value, bool):
+                raise InputError(f"{where}: emits = {value!r}; must be true or false")
+            continue
         if key in model.names and (type(value) not in (int, float) or not np.isfinite(value)):
             raise InputError(f"{where}: {key} = {value!r}; must be a number")
         if key not in model.names and not isinstance(value, str):

@@ -11,6 +11,7 @@ from mi_lcair.plugins.paths.channels import sums
 from mi_lcair.rendering.limits import check_memory, check_paths
 from mi_lcair.rendering.render import DEFAULT_MAX_SPP, PASS_SAMPLES, check_reachable, growth
 from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.statistics import check_valid
 from mi_lcair.rendering.views import Target, View, cameras, check_resolution
 
 # of the brightest view's intensity: a fainter view, from which nothing may be seen at all, need not
@@ -116,6 +117,7 @@ def render_views(
             for name, statistics in halves.items():
                 totals[name] = totals.get(name, 0.0) + statistics * [[step], [step**2]]
             done += step
+            check_valid(invalid, done * paths * len(views), scene.name)
             parts = {
                 name: np.array(
                     [

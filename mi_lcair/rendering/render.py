@@ -19,7 +19,7 @@ from mi_lcair.plugins.emission.sources import Sources
 from mi_lcair.rendering.apparent import apparent
 from mi_lcair.rendering.limits import check_memory, check_paths
 from mi_lcair.rendering.scene import Scene
-from mi_lcair.rendering.statistics import Accumulator
+from mi_lcair.rendering.statistics import Accumulator, check_valid
 
 BOUNCE_CHANNELS = 17  # in the image; the last holds every bounce count from 16 on
 PASS_SAMPLES = 2**20  # paths in flight at once: a pass takes seconds, and Ctrl-C waits for its end
@@ -124,6 +124,7 @@ def render(
                     tracer.observe(camera, pass_seed, step, first, pixels, split, facets),
                 )
             done += step
+            check_valid(total.invalid, done * width * height, scene.name)
             if tolerance is not None and done >= goal:
                 goal = samples_needed(total, done, tolerance)
             if progress:

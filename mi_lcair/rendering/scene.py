@@ -21,7 +21,12 @@ from mi_lcair.rendering.loading.fingerprint import fingerprint, source_digest
 from mi_lcair.rendering.loading.meshes import check_mesh_files, check_shapes
 from mi_lcair.rendering.loading.nodes import check_nodes
 from mi_lcair.rendering.loading.origin import check_meshes_near, far_origin, move
-from mi_lcair.rendering.loading.remarks import clipped, shapes_without_bsdf, thin_sheets
+from mi_lcair.rendering.loading.remarks import (
+    clipped,
+    shapes_without_bsdf,
+    surfaces_that_emit_nothing,
+    thin_sheets,
+)
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
 MOVES = 3  # to the origin; one from very far leaves it only as near as single precision told
@@ -264,4 +269,4 @@ def notes(loaded) -> list[str]:
                 f"group {plugin.group}: emissivity tabulated by sampling the BSDF, "
                 f"standard error {plugin.material_emissivity.error:.1e}"
             )
-    return list(dict.fromkeys(found))
+    return list(dict.fromkeys([*found, *surfaces_that_emit_nothing(loaded)]))

@@ -2,8 +2,29 @@
 
 import numpy as np
 
+from mi_lcair.errors import InputError
+
 # beginnings of the names of what a sum may be made of
 COVARYING = ("source.", "target.source.", "target.hit")
+# share of NaN or infinite samples above which a result is refused. They are left out (or count as
+# 0), which changes a mean by their share or more: a tenth of the usual tolerance of 1 %
+MOST_INVALID = 1e-3
+
+
+def check_valid(invalid: int, paths: int, name: str) -> None:
+    """Raises InputError if too many of the samples of a scene of that name are NaN or infinite."""
+    if invalid > MOST_INVALID * paths:
+        raise InputError(
+            f"{name}: {invalid} of {paths} samples are NaN or infinite, more than can be left out; "
+            "look for extreme values in the scene: clip distances, scales, radiances"
+        )
+
+
+def invalid_remark(invalid: int, paths: int) -> list[str]:
+    """What a user should know of samples that were left out, if there were any."""
+    if not invalid:
+        return []
+    return [f"{invalid} of {paths} samples were NaN or infinite and do not count"]
 
 
 class Accumulator:

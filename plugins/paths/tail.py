@@ -11,7 +11,7 @@ import numpy as np
 from mi_lcair.plugins.paths.rounding import rounding_error
 
 COUNTS = 5  # bounce counts that are kept apart: the tail needs two, its error up to five
-LARGEST_RATIO = 0.999  # of successive counts: where they fall more slowly, noise decides the rest
+LARGEST_RATIO = 0.999  # of successive counts, which stands for one that does not fall at all
 PASSING = 10  # see extrapolation_error
 
 
@@ -67,7 +67,7 @@ def extrapolation_error(counts) -> float:
     error.
     """
     newest, r = counts[-1], ratio(*counts[-2:])
-    if r >= LARGEST_RATIO:
+    if r >= 1:
         return newest / (1 - LARGEST_RATIO)
     rounding = rounding_error(0) * newest * r / (1 - r) ** 2
     changes = [

@@ -34,7 +34,9 @@ def files(folder):
 def test_table(run, folder):
     """A box that lacks its bottom has the volume that it would have with it."""
     result = run("import", "model.obj", "-o", "boxes")
-    assert (result.exit_code, result.stderr) == (0, ""), result.output
+    assert result.exit_code == 0, result.output
+    (note,) = result.stderr.splitlines()
+    assert note.startswith("mi-lcair: note: material diffuse reflects all that arrives")
     assert (
         result.stdout
         == """\
@@ -252,3 +254,12 @@ def test_needs_no_renderer(folder):
         check=True,
         env={**os.environ, "PYTHONPATH": str(CHECKOUT)},
     )
+
+
+def test_a_material_that_emits_nothing_is_told_of(run, folder):
+    """`diffuse` reflects all that arrives: a terrain of it would be black."""
+    (folder / "model.obj").write_text(cube(label="t*diffuse*300*"))
+    notes = run("import", "model.obj", "--check").stderr
+    assert "material diffuse reflects all that arrives and emits nothing" in notes
+    (folder / "model.obj").write_text(cube(label="t*gloss_black*300*"))
+    assert "emits nothing" not in run("import", "model.obj", "--check").stderr
