@@ -23,7 +23,8 @@ class BouncePath(RBIntegrator):
     =================== ======= ============================================================================
     max_bounces         integer reflections after which a path ends; 0 = emission only                  (4)
     emitter_sampling    boolean at each reflection also look at a point drawn from what emits, with multiple
-                                importance sampling                                                 (false)
+                                importance sampling; lights that no path can hit (point, spot,
+                                directional) are drawn in any case                                  (false)
     closure             string  stands in for the reflections beyond max_bounces                     (none)
                                 none; ambient: one more reflection, and whatever surface that ray
                                 meets radiates as a blackbody at ambient_temperature, an escape adds
@@ -196,7 +197,9 @@ class BouncePath(RBIntegrator):
                 dr.ADMode.Primal, scene, sampler, ray, None, None, mi.Bool(True), channels, facets
             )
             if self.closure == "tail":
-                dr.eval(L, channels, chance)  # add_tail sums, and would trace the paths for that alone
+                dr.eval(
+                    L, channels, chance
+                )  # add_tail sums, and would trace the paths for that alone
                 tail, self.tail_error = channels.add_tail()
                 L += tail
             samples = (

@@ -151,9 +151,7 @@ class EmitterTable:
             choice = Choice(np.concatenate(parts))
             self.choice, self.triangle_count = choice, len(choice.probability) - len(others)
             self.probability = mi.Float(choice.probability)
-            of_others = [
-                0.0 if bounds.get(e) is None else float(bounds[e].max()) for e in others
-            ]
+            of_others = [0.0 if bounds.get(e) is None else float(bounds[e].max()) for e in others]
             if self.triangles is not None:
                 self.density = table.density(choice.probability[: self.triangle_count])
                 of_others = np.append(radiance, of_others)

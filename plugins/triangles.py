@@ -127,7 +127,5 @@ class TriangleTable:
     def density(self, probability):
         """Per area [1/m^2], of a triangle drawn with this probability and a uniform point on it."""
         return mi.Float(
-            np.divide(
-                probability, self.area, out=np.zeros_like(self.area), where=self.area > 0
-            )
+            np.divide(probability, self.area, out=np.zeros_like(self.area), where=self.area > 0)
         )

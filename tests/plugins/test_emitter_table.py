@@ -58,9 +58,7 @@ def floor_radiance():
     """Mean radiance of the part of the grey floor in view, under the plate of radiance 1."""
     x, weight = np.polynomial.legendre.leggauss(16)
     x, y = np.meshgrid(x * WINDOW / 2, x * WINDOW / 2)
-    return 0.5 * np.sum(
-        view_factor_of_unit_square(x, y, HEIGHT) * weight[:, None] * weight / 4
-    )
+    return 0.5 * np.sum(view_factor_of_unit_square(x, y, HEIGHT) * weight[:, None] * weight / 4)
 
 
 def floor_scene(integrator, **shapes):

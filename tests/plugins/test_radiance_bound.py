@@ -86,5 +86,7 @@ def test_field_of_view(kind):
 
 
 def test_any_other_sensor_sees_everything():
-    field = FieldOfView(mi.load_dict({"type": "radiancemeter", "film": {**FILM, "width": 1, "height": 1}}))
+    field = FieldOfView(
+        mi.load_dict({"type": "radiancemeter", "film": {**FILM, "width": 1, "height": 1}})
+    )
     assert not field.excludes(np.full((1, 3, 3), 1e9)).any()

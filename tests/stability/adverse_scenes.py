@@ -158,7 +158,11 @@ def caustic(folder):
     """
     return (
         shape(
-            "sphere", '<scale value="1"/>', MIRROR, "", '<boolean name="flip_normals" value="true"/>'
+            "sphere",
+            '<scale value="1"/>',
+            MIRROR,
+            "",
+            '<boolean name="flip_normals" value="true"/>',
         )
         + shape("disk", '<scale value="1"/>', DIFFUSE.format(DARK), at(COLD))
         + shape("rectangle", square(0.008, x=0.1, z=1e-3), BLACK, at(HOT))
@@ -193,7 +197,9 @@ HEIGHT = 0.5  # m, of the sources above the floor
 
 def area_source(folder):
     """Mitsuba's own `area` emitter, 4 mm."""
-    emitter = f'<emitter type="area"> <spectrum name="radiance" value="{radiance(HOT):.9g}"/> </emitter>'
+    emitter = (
+        f'<emitter type="area"> <spectrum name="radiance" value="{radiance(HOT):.9g}"/> </emitter>'
+    )
     return FLOOR + shape("rectangle", square(0.004, z=HEIGHT, down=True), BLACK, emitter)
 
 
@@ -292,7 +298,9 @@ ADVERSE = {
         radiance(COLD) + (radiance(HOT) - radiance(COLD)) * 0.006**2 / window(1),
         half_window=1,
     ),
-    "slit": Adverse(slit, radiance(COLD) + (radiance(HOT) - radiance(COLD)) * 2e-5, 5e-3, half_window=0.5),
+    "slit": Adverse(
+        slit, radiance(COLD) + (radiance(HOT) - radiance(COLD)) * 2e-5, 5e-3, half_window=0.5
+    ),
     "mirrored_speck": Adverse(
         mirrored_speck,
         radiance(COLD) / 2 + radiance(HOT) * 0.006**2 / window(0.5),

@@ -73,7 +73,9 @@ def test_an_emitter_without_a_bound_gets_no_tolerance(tmp_path):
     mi.register_emitter("unknown", Unknown)
     scene = ADVERSE["area_source"].load(tmp_path, False)
     file = tmp_path / "adverse.xml"
-    file.write_text(re.sub(r'<emitter type="area">.*?</emitter>', '<emitter type="unknown"/>', file.read_text()))
+    file.write_text(
+        re.sub(r'<emitter type="area">.*?</emitter>', '<emitter type="unknown"/>', file.read_text())
+    )
     scene = mi_lcair.load(file)
     for call in (mi_lcair.render, mi_lcair.signature, mi_lcair.plan):
         with pytest.raises(InputError, match="nothing bounds the radiance of Unknown"):
