@@ -34,7 +34,8 @@ class BouncePath(RBIntegrator):
     =================== ======= ============================================================================
     max_bounces         integer reflections after which a path ends, 0..10000; 0 = emission only        (4)
     emitter_sampling    boolean at each reflection also look at a point drawn from what emits, with multiple
-                                importance sampling                                                 (false)
+                                importance sampling; lights that no path can hit (point, spot,
+                                directional) are drawn in any case                                  (false)
     closure             string  stands in for the reflections beyond max_bounces                     (none)
                                 none; ambient: one more reflection, and whatever surface that ray
                                 meets radiates as a blackbody at ambient_temperature, an escape adds
@@ -262,11 +263,20 @@ class PathTracer(RBIntegrator):
                 facets,
             )
             if self.closure == "tail":
+<<<<<<< HEAD
                 # add_tail sums, and would trace the paths for that alone
                 dr.eval(L, channels, chance)
                 added, tail = channels.add_tail()
                 L += added
             by_name = (
+=======
+                dr.eval(
+                    L, channels, chance
+                )  # add_tail sums, and would trace the paths for that alone
+                tail, self.tail_error = channels.add_tail()
+                L += tail
+            samples = (
+>>>>>>> emitters
                 channels.samples(
                     L[0], self.emitters.labels, self.emitters.sources, split == "target"
                 )

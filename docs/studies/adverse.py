@@ -4,7 +4,7 @@ number on it is computed here.
     python -m docs.studies.adverse [PAGE]
 
 Each of the scenes of tests/stability/adverse_scenes.py is rendered to a tolerance SEEDS times, with
-and without emitter sampling, and planned and carried out as often. Takes about 40 minutes.
+and without emitter sampling, and planned and carried out as often. Takes about half an hour.
 """
 
 import sys
