@@ -263,20 +263,11 @@ class PathTracer(RBIntegrator):
                 facets,
             )
             if self.closure == "tail":
-<<<<<<< HEAD
                 # add_tail sums, and would trace the paths for that alone
                 dr.eval(L, channels, chance)
                 added, tail = channels.add_tail()
                 L += added
             by_name = (
-=======
-                dr.eval(
-                    L, channels, chance
-                )  # add_tail sums, and would trace the paths for that alone
-                tail, self.tail_error = channels.add_tail()
-                L += tail
-            samples = (
->>>>>>> emitters
                 channels.samples(
                     L[0], self.emitters.labels, self.emitters.sources, split == "target"
                 )
