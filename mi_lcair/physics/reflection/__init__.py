@@ -1,7 +1,8 @@
-"""Reflection models, one a file, and the interface that they share (`interface`).
+"""The reflection models, one in each file, and their common interface (`interface`).
 
-A model is registered by its name in `NAMES`. The file NAME.py here holds it as `MODEL`; longer ones
-have companions NAME_*.py. The Mitsuba plugin of that name is plugins/NAME_bsdf.py.
+A model is registered by its name in `NAMES`. The file NAME.py in this folder holds the model as
+`MODEL`. Long models are split into files NAME_*.py. The Mitsuba plugin of the model is
+plugins/NAME_bsdf.py.
 """
 
 import importlib
@@ -9,7 +10,8 @@ import importlib
 from mi_lcair.errors import unknown
 from mi_lcair.physics.reflection.interface import ReflectionModel
 
-NAMES = (  # the first is meant where a material or a fit names no model
+# The first model is used where a material or a fit names no model.
+NAMES = (
     "sandford_robertson",
     "microfacet",
 )
@@ -18,7 +20,7 @@ DEFAULT = MODELS[NAMES[0]]
 
 
 def model(name: str) -> ReflectionModel:
-    """The reflection model of that name; InputError for a name that is not registered."""
+    """The reflection model `name`. Raises InputError for a name that is not registered."""
     if name not in MODELS:
         raise unknown("reflection model", name, MODELS)
     return MODELS[name]
