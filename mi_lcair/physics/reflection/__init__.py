@@ -1,7 +1,8 @@
-"""Reflection models, one a file, and the interface that they share (`interface`).
+"""The reflection models, one in each file, and their common interface (`interface`).
 
-A model is registered by its name in `NAMES`. The file NAME.py here holds it as `MODEL`; longer ones
-have companions NAME_*.py. The Mitsuba plugin of that name is plugins/NAME_bsdf.py.
+A model is registered by its name in `NAMES`. The file NAME.py in this folder holds the model as
+`MODEL`. Long models are split into files NAME_*.py. The Mitsuba plugin of the model is
+plugins/NAME_bsdf.py.
 """
 
 import importlib
@@ -12,7 +13,8 @@ from mi_lcair.errors import unknown
 if TYPE_CHECKING:
     from mi_lcair.physics.reflection.interface import ReflectionModel
 
-NAMES = (  # the first is meant where a material or a fit names no model
+# The first model is used where a material or a fit names no model.
+NAMES = (
     "sandford_robertson",
     "microfacet",
 )
