@@ -4,24 +4,17 @@ import drjit as dr
 import numpy as np
 from drjit.llvm.ad import Float64
 
-ROUNDING = 1e-12  # of a parameter's range, between cube and parameters
-
 
 def parameters_at(model, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Parameters (m, n) of a reflection model at coordinates u (m, n), and their derivatives
     (m, n parameters, n coordinates).
-
-    A value that is a bound to rounding is the bound itself.
     """
     # Each comes from a graph of its own. In a shared graph a parameter of which another is made
     # would be an interior node, and lose its tangent there.
     values, slopes = with_tangents(
         lambda *u: tuple(model.from_cube(u)[k] for k in range(len(u))), np.atleast_2d(u)
     )
-    lower, upper = np.array([(one.lower, one.upper) for one in model.parameters], dtype=float).T
-    for bound in (lower, upper):
-        values = np.where(np.abs(values - bound) <= ROUNDING * (upper - lower), bound, values)
-    return values, slopes
+    return model.exact_bounds(values), slopes
 
 
 def with_tangents(

@@ -7,6 +7,8 @@ LONGEST = 500  # characters of a message
 MOST_NAMED = 300  # characters of a list of known names
 MOST_QUOTED = 60  # characters of a name that is not known
 
+OF_MITSUBA = re.compile(r"^\[\w+\.cpp:\d+\] ")  # how an exception of Mitsuba's own begins
+
 
 def escaped(text: object) -> str:
     r"""The text with every character that a terminal would act on written as an escape such as
@@ -73,18 +75,19 @@ def mitsuba_error(error: BaseException) -> Exception:
 
     An exception in a Python plugin arrives as "[file.cpp:123] At scene.xml (line 3, col 5): failed
     to ...: Traceback
-    ...", with the exception itself as the last line. All that the loader refuses is the scene's fault, an InputError; an
-    exception of another kind in a plugin is ours, a RuntimeError.
+    ...", with the exception itself as the last line. All that the loader refuses, in a plugin's
+    base class too, is the scene's fault, an InputError; an exception of another kind in a plugin is
+    ours, a RuntimeError.
     """
-    text = re.sub(r"^\[\w+\.cpp:\d+\] ", "", str(error))
+    text = OF_MITSUBA.sub("", str(error))
     where, is_traceback, traceback = text.partition("Traceback (most recent call last):")
     if not is_traceback:
         return InputError(text)
     kind, _, message = traceback.strip().splitlines()[-1].partition(": ")
     if kind.rstrip(":").endswith("KeyboardInterrupt"):  # with a colon and nothing after it
         return KeyboardInterrupt()
+    is_of_scene = kind.endswith("InputError") or OF_MITSUBA.match(message)
+    message = OF_MITSUBA.sub("", message)
     place = re.search(r"At (.*?): failed", where)
     message = f"{place[1]}: {message}" if place else message
-    return (
-        InputError(message) if kind.endswith("InputError") else RuntimeError(f"{kind}: {message}")
-    )
+    return InputError(message) if is_of_scene else RuntimeError(f"{kind}: {message}")

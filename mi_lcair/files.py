@@ -10,37 +10,53 @@ from pathlib import Path
 from mi_lcair.errors import InputError
 from mi_lcair.interrupts import held_back
 
-LARGEST = 2**28  # bytes of a file that is read whole
+LARGEST = 2**28  # bytes of a text that is read whole
+LARGEST_MESH = 2**34  # bytes of a mesh, an image or any other file of numbers
 NO_TEXT = re.compile(r"[\x00-\x08\x0e-\x1f\x7f-\x9f]")  # in Latin-1; no text file holds them
 
 
-def read_bytes(path: str | Path, what: str = "") -> bytes:
-    """The content of a file.
+def check_file(path: Path, largest: int = LARGEST_MESH, what: str = "") -> None:
+    """Raise InputError for what exists but is no regular file (a pipe, a device), or is too large.
 
-    what: what errors call it (default: its path). Raises InputError for what cannot be read, for
-    what is no regular file (a pipe or a device may have no end) and for more than LARGEST bytes.
+    Opening a pipe waits for ever, and a device may never end. what: what errors call the file
+    (default: its path).
     """
-    path, what = Path(path), what or str(path)
     try:
-        mode = path.stat().st_mode
-        if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
-            raise InputError(f"{what}: is no regular file; a pipe or a device may have no end")
+        status = path.stat()
+    except (OSError, ValueError):
+        return  # whoever opens it says why it cannot
+    if stat.S_ISDIR(status.st_mode):
+        return
+    if not stat.S_ISREG(status.st_mode):
+        raise InputError(f"{what or path}: is no regular file; name a file on disk")
+    if status.st_size > largest:
+        raise InputError(
+            f"{what or path}: has {status.st_size / 2**20:.0f} MiB; "
+            f"at most {largest / 2**20:.0f} are read"
+        )
+
+
+def read_bytes(path: str | Path, what: str = "", largest: int = LARGEST_MESH) -> bytes:
+    """The content of a file; InputError as `check_file`, and for what cannot be read.
+
+    what: what errors call the file (default: its path).
+    """
+    path = Path(path)
+    check_file(path, largest, what)
+    try:
         with path.open("rb") as file:
-            data = file.read(LARGEST + 1)
+            return file.read()
     except OSError as error:
-        raise InputError(f"{what}: cannot be read: {error.strerror}") from None
+        raise InputError(f"{what or path}: cannot be read: {error.strerror}") from None
     except ValueError as error:  # a null character in the name
-        raise InputError(f"{what}: cannot be read: {error}") from None
-    if len(data) > LARGEST:
-        raise InputError(f"{what}: has more than {LARGEST >> 20} MB; is it the right file?")
-    return data
+        raise InputError(f"{what or path}: cannot be read: {error}") from None
 
 
 def read_text(path: str | Path, what: str = "") -> str:
     """The text of a file in UTF-8, or in Latin-1 where it is not; InputError as `read_bytes`, and
     for what is no text.
     """
-    data = read_bytes(path, what)
+    data = read_bytes(path, what, LARGEST)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:

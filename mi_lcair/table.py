@@ -19,6 +19,7 @@ NUMBER = re.compile(r"[+-]?([0-9]+([.,][0-9]*)?|[.,][0-9]+)([eE][+-]?[0-9]+)?")
 NO_VALUE = ("", "nan")  # cells that stand for a missing value, where one may be missing
 SEPARATORS = {"\t": "tab", ";": "semicolon", ",": "comma"}
 LARGEST = 1e12  # of any quantity in a table; above a blackbody's spectral radiance at 40,000 K
+FARTHEST = 1e30  # from 0, of any number; products and squares of larger ones overflow
 FORMULA = ("=", "+", "-", "@")  # a cell that begins so is a formula to a spreadsheet
 
 
@@ -58,7 +59,7 @@ class Table:
         """The named columns as Float64.
 
         may_lack: an empty cell or `nan` is a value that is missing, NaN. Raises InputError, with
-        the line, for any other cell that is no finite number.
+        the line, for any other cell that is no number within FARTHEST of 0.
         """
         marks = {}  # decimal mark: the first line that has it
         values = {}
@@ -72,19 +73,20 @@ class Table:
                     marks.setdefault(".", number)
                 if NUMBER.fullmatch(cell):
                     found[row] = float(cell.replace(",", "."))
-                    if np.isfinite(found[row]):
+                    if abs(found[row]) <= FARTHEST:
                         continue
                 elif may_lack and cell.lower() in NO_VALUE:
                     found[row] = np.nan
                     continue
                 raise InputError(
-                    f"{self.file}, line {number}: {shown(cell)} in column '{column}' is not a number"
+                    f"{self.file}, line {number}: {shown(cell)} in column "
+                    f"'{column}' is not a number"
                 )
             values[column] = found
         if len(marks) == 2:
             raise InputError(
-                f"{self.file}: which is the decimal mark? line {marks['.']} has a point, line {marks[',']} a "
-                f"comma; use one of them throughout"
+                f"{self.file}: which is the decimal mark? line {marks['.']} has a point, "
+                f"line {marks[',']} a comma; use one of them throughout"
             )
         return values
 
@@ -118,7 +120,8 @@ def read_table(path: str | Path, needed, kind: str = "") -> Table:
     if not set(needed) <= set(columns):
         found = ", ".join(columns) if set(needed) & set(columns) else "none of them"
         raise InputError(
-            f"{file}: the header must name {listed(needed)}; found: {found if columns else 'nothing'}"
+            f"{file}: the header must name {listed(needed)}; "
+            f"found: {found if columns else 'nothing'}"
         )
     return parse_csv(file, text, has_keys=False)
 

@@ -4,6 +4,7 @@ counted by them.
 
 from contextlib import contextmanager
 from dataclasses import dataclass
+from math import hypot
 
 import drjit as dr
 import mitsuba as mi
@@ -11,11 +12,13 @@ from mitsuba.python.ad.integrators.common import RBIntegrator, mis_weight
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.plugins.channels import Channels, Pixels, pixel_statistics
-from mi_lcair.plugins.derivatives import deriving_plugins, leaves, tracing, value_along
-from mi_lcair.plugins.emitter_table import EmitterTable
+from mi_lcair.plugins.derivatives import derivations, deriving_plugins, leaves, tracing, value_along
+from mi_lcair.plugins.emission.emissivity import Table
+from mi_lcair.plugins.emission.emitter_table import EmitterTable
+from mi_lcair.plugins.paths.channels import Channels, Pixels, pixel_statistics
+from mi_lcair.plugins.paths.rounding import rounding_error
+from mi_lcair.plugins.paths.tail import Tail
 from mi_lcair.plugins.properties import HOTTEST, Property, read
-from mi_lcair.plugins.tail import Tail
 
 PROPERTIES = (
     Property("max_bounces", "integer", 4, lower=0, upper=10_000),
@@ -31,7 +34,8 @@ class BouncePath(RBIntegrator):
     =================== ======= ============================================================================
     max_bounces         integer reflections after which a path ends, 0..10000; 0 = emission only        (4)
     emitter_sampling    boolean at each reflection also look at a point drawn from what emits, with multiple
-                                importance sampling                                                 (false)
+                                importance sampling; lights that no path can hit (point, spot,
+                                directional) are drawn in any case                                  (false)
     closure             string  stands in for the reflections beyond max_bounces                     (none)
                                 none; ambient: one more reflection, and whatever surface that ray
                                 meets radiates as a blackbody at ambient_temperature, an escape adds
@@ -136,7 +140,8 @@ class PathTracer(RBIntegrator):
 
     scene; emitters: their table, with the band, the labels and the sources; max_bounces,
     emitter_sampling, closure: the settings when it was made; ambient_radiance: of closure =
-    ambient, else None.
+    ambient, else None; systematic_error: relative error of a radiance that no number of samples
+    lowers, of Float32's rounding and of tabulated emissivities.
 
     It is an integrator of its own because RBIntegrator's renders call `sample` with the scene alone
     and leave no room for what was derived from it.
@@ -146,6 +151,7 @@ class PathTracer(RBIntegrator):
         super().__init__(mi.Properties())
         emitters = EmitterTable(scene, integrator.emitter_sampling, by_spectrum)
         ambient = integrator.closure == "ambient"
+        tables = [part for part in derivations(scene) if isinstance(part, Table)]
         vars(self).update(
             scene=scene,
             emitters=emitters,
@@ -157,6 +163,10 @@ class PathTracer(RBIntegrator):
             )
             if ambient
             else None,
+            systematic_error=hypot(
+                rounding_error(integrator.max_bounces),
+                max((table.relative_error for table in tables), default=0.0),
+            ),
             is_complete=True,
         )
 
@@ -188,9 +198,12 @@ class PathTracer(RBIntegrator):
         split: str | None = "image",
         facets=None,
         stride: int = 1,
+        count_segments: bool = False,
     ) -> Pixels:
         """Statistics of the pixels of one pass, see `sampled`."""
-        found = self.sampled(sensor, seed, spp, first, pixels, split, facets, stride)
+        found = self.sampled(
+            sensor, seed, spp, first, pixels, split, facets, stride, count_segments
+        )
         return pixel_statistics(found, spp, split == "target")
 
     def sampled(
@@ -203,6 +216,7 @@ class PathTracer(RBIntegrator):
         split: str | None = "image",
         facets=None,
         stride: int = 1,
+        count_segments: bool = False,
     ) -> Samples:
         """One pass: `spp` paths through each of `pixels` pixels from number `first` on (row by
         row), every `stride`-th; `spp` consecutive ones per pixel.
@@ -210,8 +224,8 @@ class PathTracer(RBIntegrator):
         split: the channels recorded beside the radiance: None, "image", "target": also what of each
         lies on the model's facets, or "model": nothing but what lies there, and no other paths are
         followed. facets: a numbering with `number(shape, prim_index, active)` and `add(facet, L,
-        channels, spp, first)`, which receives the samples by the facet seen first. To be called
-        within `prepared`.
+        channels, spp, first)`, which receives the samples by the facet seen first. count_segments:
+        also how many rays each path followed. To be called within `prepared`.
         """
         count = pixels * spp
         sampler = sensor.sampler().clone()
@@ -235,6 +249,7 @@ class PathTracer(RBIntegrator):
                     self.closure,
                     self.emitters.sources if split else None,
                     split == "model",
+                    count_segments,
                 )
             (L, _), _, channels, chance = self.walk(
                 dr.ADMode.Primal,
@@ -390,6 +405,8 @@ class PathTracer(RBIntegrator):
             bounce += 1
             active = active_next
 
+        if dr.hint(channels is not None and channels.segments is not None, mode="scalar"):
+            channels.segments = mi.Float(bounce)
         return (L if primal else δL, L), valid, channels, chance
 
 

@@ -11,9 +11,22 @@ from mi_lcair.physics.directional_table import over_the_hemisphere, read_directi
 from mi_lcair.physics.reflection.directions import SMALLEST, cos_theta, sample_cosine, sin2_theta
 from mi_lcair.plugins.beside_scene import beside_scene
 from mi_lcair.plugins.derivatives import attached, check_attached, children, flatten
+from mi_lcair.plugins.properties import Property, read
 from mi_lcair.plugins.uniform_table import interpolate, refine
 
 LOBES = ("brdf", "mirror", "diffuse")
+OF_MATERIALS = (
+    Property("material", "string"),
+    Property("band", "string", is_file=True),
+    Property("materials", "string", is_file=True),
+    Property("allow_band", "boolean", False),
+)
+OF_EVERY_SURFACE = (
+    Property("form", "string"),
+    Property("emissivity", "string", "kirchhoff"),
+    Property("lobe", "string", "brdf", choices=LOBES),
+)
+PROPERTIES = OF_MATERIALS + OF_EVERY_SURFACE
 # The table of HDR has even steps in t, cos(theta) = t^2. Straight lines between its nodes are right to
 # 5e-6 up to 89.5 degrees. Every fourth node is a quadrature; cubics through these add less than 1e-6.
 STEPS = 1024
@@ -42,7 +55,7 @@ class ReflectionBSDF(mi.BSDF):
             <string name="material" value="gloss_black"/> <string name="band" value="MWIR"/>
         </bsdf>
 
-    A model's own plugin (`sandford_robertson`, `microfacet`) takes these properties too, or the
+    The plugin of a model, which has its name, takes these properties too, or the
     model's parameters as numbers. All parameters are differentiable.
 
     `si.wi` points to the observer and `wo` to the source. Models need not be reciprocal, so the
@@ -55,13 +68,15 @@ class ReflectionBSDF(mi.BSDF):
 
     def __init__(self, props):
         mi.BSDF.__init__(self, props)
-        values, form = self.read_surface(props)
-        self.form = props.get("form", form)
+        plugin = self.model.name if self.model else "material"
+        given = read(props, plugin, OF_EVERY_SURFACE)
+        values, form = self.read_surface(props, plugin)
+        self.form = given["form"] or form
         self.model.check_form(self.form)
         self.model.check_feasible(*values, form=self.form)
         self.parameters = {name: mi.Float(value) for name, value in zip(self.model.names, values)}
 
-        self.emissivity = props.get("emissivity", "kirchhoff")
+        self.emissivity = given["emissivity"]
         self.measured = None
         if self.emissivity not in ("kirchhoff", "model"):
             path, cos = beside_scene(self.emissivity), np.linspace(0, 1, STEPS + 1) ** 2
@@ -73,20 +88,23 @@ class ReflectionBSDF(mi.BSDF):
                 f"{self.model.name}: emissivity = model, but the model has no formula of its own; "
                 "use kirchhoff or a measured table"
             )
-        self.set_lobe(props.get("lobe", "brdf"))
+        self.set_lobe(given["lobe"])
         self.derive()
 
-    def read_surface(self, props) -> tuple[tuple[float, ...], str]:
-        """Values of the parameters and the form, from a material or from numbers; sets `model` and `material`."""
+    def read_surface(self, props, plugin: str) -> tuple[tuple[float, ...], str]:
+        """Values of the parameters and the form, from a material or from numbers; sets `model` and
+        `material`.
+        """
         if "material" not in props:
             self.material = self.id()
             return self.read_numbers(props)
-        self.material = props["material"]
+        given = read(props, plugin, OF_MATERIALS)
+        self.material = given["material"]
         entry = materials.material(
             beside_scene(self.material),
-            band(beside_scene(props["band"])) if "band" in props else None,
-            beside_scene(props["materials"]) if "materials" in props else None,
-            props.get("allow_band", False),
+            None if given["band"] is None else band(given["band"]),
+            given["materials"],
+            given["allow_band"],
         )
         if self.model not in (None, entry.model):
             raise InputError(
@@ -99,12 +117,14 @@ class ReflectionBSDF(mi.BSDF):
     def read_numbers(self, props) -> tuple[tuple[float, ...], str]:
         if self.model is None:
             raise InputError("material: give `material`, the name of one, and `band`")
-        missing = [name for name in self.model.names if name not in props]
+        declared = tuple(Property(name, "float") for name in self.model.names)
+        given = read(props, self.model.name, declared)
+        missing = [name for name, value in given.items() if value is None]
         if missing:
             raise InputError(
                 f"{self.model.name}: give `material` and `band`, or {', '.join(missing)}"
             )
-        return tuple(props[name] for name in self.model.names), self.model.forms[0]
+        return tuple(given.values()), self.model.forms[0]
 
     def set_lobe(self, lobe: str) -> None:
         """Choose the rung of the fidelity ladder: brdf, mirror or diffuse."""

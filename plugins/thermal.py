@@ -12,9 +12,9 @@ from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.spectrum import spectrum
 from mi_lcair.plugins.derivatives import check_attached, held, is_traced, members, same_variables
-from mi_lcair.plugins.emissivity import Table, emissivity_of, reflects
+from mi_lcair.plugins.emission.emissivity import Table, emissivity_of, reflects
+from mi_lcair.plugins.emission.triangles import Choice, TriangleTable, is_faceted
 from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST, Property, read
-from mi_lcair.plugins.triangles import Choice, TriangleTable, is_faceted
 
 PROPERTIES = (
     Property("temperature", "float or texture", upper=HOTTEST, is_positive=True, unit="K"),

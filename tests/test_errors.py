@@ -40,7 +40,11 @@ def test_a_long_name_among_many_is_told_in_one_line():
 
 def test_a_line_break_in_a_name_does_not_hide_the_message():
     """Mitsuba passes an exception of a plugin on as text, of which the last line is taken."""
-    text = f"[parser.cpp:1] At scene.xml (line 2): failed: Traceback (most recent call last):\n  x\nmi_lcair.errors.InputError: {InputError('unknown material: gloss' + chr(10) + 'mi-lcair: note: all is well')}"
+    error = InputError("unknown material: gloss\nmi-lcair: note: all is well")
+    text = (
+        "[parser.cpp:1] At scene.xml (line 2): failed: Traceback (most recent call last):\n  x\n"
+        f"mi_lcair.errors.InputError: {error}"
+    )
     assert (
         str(mitsuba_error(RuntimeError(text)))
         == "scene.xml (line 2): unknown material: gloss mi-lcair: note: all is well"

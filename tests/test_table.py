@@ -6,12 +6,18 @@ import os
 import numpy as np
 import pytest
 
+import mi_lcair
 from mi_lcair import files
+from mi_lcair.detection.scenario import Scenario
 from mi_lcair.errors import InputError
+from mi_lcair.fitting.scatterometer.reading import read as scatterometer
+from mi_lcair.models3d import read as read_model
 from mi_lcair.physics.atmosphere import atmosphere
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.directional_table import over_the_hemisphere, read_directional_table
+from mi_lcair.physics.materials import names
 from mi_lcair.physics.spectrum import spectrum
+from mi_lcair.rendering.image import read_exr
 from mi_lcair.table import read_table, safe_cell
 
 
@@ -66,6 +72,7 @@ READERS = {
         ("0.85,0.2", "line 2: . cells where the header names "),
         ("0.8x", "line 2: '0.8x' in column '.*' is not a number"),
         ("\u0663", "is not a number"),
+        ("1e31", "is not a number"),
         ("0.5\x1b[31m", "not a text file"),
     ],
 )
@@ -100,9 +107,24 @@ def test_what_has_no_end_is_refused(kind, tmp_path):
             READERS[kind][2](path)
 
 
+def test_no_command_waits_for_a_pipe(tmp_path):
+    for name in ("pipe.exr", "pipe.toml", "pipe.csv", "pipe.obj", "pipe.xml"):
+        os.mkfifo(tmp_path / name)
+    for read in (
+        lambda: read_exr(tmp_path / "pipe.exr"),
+        lambda: Scenario.read(tmp_path / "pipe.toml"),
+        lambda: names(tmp_path / "pipe.toml"),
+        lambda: read_model(tmp_path / "pipe.obj"),
+        lambda: scatterometer(tmp_path / "pipe.csv"),
+        lambda: mi_lcair.load(tmp_path / "pipe.xml"),
+    ):
+        with pytest.raises(InputError, match="no regular file|no such file"):
+            read()
+
+
 def test_a_file_that_is_too_large_is_refused(file, monkeypatch):
     monkeypatch.setattr(files, "LARGEST", 2**20)
-    with pytest.raises(InputError, match="has more than 1 MB"):
+    with pytest.raises(InputError, match="has 1 MiB; at most 1 are read"):
         read_table(file("a,b\n" + "1,2\n" * 2**18), ("a", "b"))
 
 

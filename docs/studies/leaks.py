@@ -15,7 +15,7 @@ import mitsuba as mi
 import numpy as np
 
 import mi_lcair  # it chooses the LLVM and must precede the use of Dr.Jit
-from mi_lcair.plugins.emitter_table import EmitterTable
+from mi_lcair.plugins.emission.emitter_table import EmitterTable
 from mi_lcair.scenes import build_meshes
 
 REFLECTIONS = 10  # number of reflections that each path is followed

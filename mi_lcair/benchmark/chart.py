@@ -1,17 +1,14 @@
-"""Error against cost: what every chart of methods shares, from points to picture, CSV and tables."""
+"""Error against cost: what every chart of methods shares, from points to CSV and tables."""
 
 import csv
 import math
 from dataclasses import astuple, dataclass, fields
-from itertools import cycle
 
 import numpy as np
 
-from mi_lcair.drawing import drawing
 from mi_lcair.files import replacing
 
 TOLERANCES = (0.05, 0.01, 0.001)
-MARKERS = "osD^v<>PX*hp"
 
 
 @dataclass(frozen=True)
@@ -98,7 +95,7 @@ def cheapest(points, case: str, tolerance: float) -> Point | None:
 
 def write_csv(path, points, remark: str) -> None:
     """A row for each point, columns as in `Point`, under a comment line."""
-    with replacing(path) as partial, open(partial, "w", newline="") as file:
+    with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
         file.write(f"# {remark}\n")
         rows = csv.writer(file, lineterminator="\n")
         rows.writerow(field.name for field in fields(Point))
@@ -106,71 +103,6 @@ def write_csv(path, points, remark: str) -> None:
             [cell if isinstance(cell, str) else f"{cell:.6g}" for cell in astuple(p)]
             for p in points
         )
-
-
-def draw(path, points, title: str, cases=None, samples="samples", floor=1e-7) -> None:
-    """A PNG with a row for each case: error against time and against samples, log-log, one colour
-    and marker a method.
-
-    The line is the median, the band its quartiles, the dashed line the rms. Errors below `floor`
-    lie on it; a method of one effort is one marker.
-    """
-    cases = cases or names(points, "case")
-    with drawing(path, (11, 1.2 + 3.1 * len(cases)), dpi=120, layout="constrained") as figure:
-        styles = {
-            method: {"color": f"C{k % 10}", "marker": marker}
-            for k, (method, marker) in enumerate(zip(names(points, "method"), cycle(MARKERS)))
-        }
-        rows = figure.subplots(len(cases), 2, sharey="row", squeeze=False)
-        lines = {}
-        for row, case in zip(rows, cases):
-            for panel, field, label in zip(
-                row, ("seconds", "samples"), ("time after the compile (s)", samples)
-            ):
-                lines |= draw_curves(panel, points, case, field, styles, floor)
-                panel.set_xlabel(label, fontsize=9)
-            row[0].set_ylabel("relative error")
-            row[0].set_title(case, fontsize=10, loc="left")
-        figure.suptitle(title, fontsize=11)
-        figure.legend(
-            lines.values(),
-            lines.keys(),
-            loc="outside lower center",
-            ncols=3,
-            fontsize=8,
-            frameon=False,
-        )
-
-
-def draw_curves(panel, points, case: str, field: str, styles: dict, floor: float) -> dict:
-    """Error against a field of the points, "seconds" or "samples", of one case in a panel; the line
-    of each method drawn.
-    """
-    from matplotlib.ticker import LogLocator
-
-    lines = {}
-    for method, style in styles.items():
-        found = curve(points, case, method)
-        if not found:
-            continue
-        x = [getattr(p, field) for p in found]
-        low, error, high, rms = (
-            np.maximum([getattr(p, name) for p in found], floor)
-            for name in ("error_low", "error", "error_high", "rms")
-        )
-        (lines[method],) = panel.plot(x, error, linewidth=1.2, markersize=4, label=method, **style)
-        if len(found) > 1:
-            panel.fill_between(x, low, high, color=style["color"], alpha=0.13, linewidth=0)
-            panel.plot(x, rms, color=style["color"], linewidth=0.8, linestyle="--")
-        else:
-            panel.vlines(x, low, high, color=style["color"], alpha=0.5)
-    for tolerance in TOLERANCES:
-        panel.axhline(tolerance, color="0.6", linewidth=0.6, linestyle=":")
-    panel.set_xscale("log")
-    panel.set_yscale("log")
-    panel.minorticks_off()  # they take more time to draw than all the rest
-    panel.yaxis.set_major_locator(LogLocator(numticks=12))
-    return lines
 
 
 # ---- Markdown

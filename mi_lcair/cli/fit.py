@@ -9,35 +9,20 @@ import click
 from mi_lcair.cli.options import json_option
 from mi_lcair.cli.output import print_columns, print_json
 from mi_lcair.errors import InputError
+from mi_lcair.physics.reflection import NAMES
 
 FILE = click.Path(path_type=Path)
 
 
-class Known(click.ParamType):
-    """A choice whose names are looked up when the option is used: models load Dr.Jit."""
+def known_form(ctx, param, value):
+    """The form, if any model has it; the models are loaded for a form that is given alone."""
+    if value != "auto":
+        from mi_lcair.physics.reflection import MODELS
 
-    name = "known"
-
-    def __init__(self, names):
-        self.names = names
-
-    def get_metavar(self, param, ctx):
-        return f"[{'|'.join(self.names())}]"
-
-    def convert(self, value, param, ctx):
-        return click.Choice(self.names()).convert(value, param, ctx)
-
-
-def model_names() -> list[str]:
-    from mi_lcair.physics.reflection import MODELS
-
-    return ["auto", *MODELS]
-
-
-def form_names() -> list[str]:
-    from mi_lcair.physics.reflection import MODELS
-
-    return ["auto", *dict.fromkeys(form for model in MODELS.values() for form in model.forms)]
+        forms = dict.fromkeys(form for model in MODELS.values() for form in model.forms)
+        if value not in forms:
+            raise click.BadParameter(f"'{value}' is not one of auto, {', '.join(forms)}")
+    return value
 
 
 @click.command("fit")
@@ -70,17 +55,18 @@ def form_names() -> list[str]:
 )
 @click.option(
     "--model",
-    type=Known(model_names),
+    type=click.Choice(["auto", *NAMES]),
     default="auto",
     show_default=True,
     help="Reflection model; auto takes the simplest that the data ask for.",
 )
 @click.option(
     "--form",
-    type=Known(form_names),
+    metavar="FORM",
+    callback=known_form,
     default="auto",
     show_default=True,
-    help="Form of the model, where it has several.",
+    help="Form of the model, such as thesis or normalized (auto: the one that fits best).",
 )
 @click.option(
     "--loss",

@@ -63,7 +63,7 @@ def command(file, output, check, temperatures, material, materials, scale, sky, 
     result["files"] = (
         [str(path) for path in facets.export(model, output, materials, sky)] if output else []
     )
-    for remark in _remarks(result):
+    for remark in _remarks(result, materials):
         note(remark)
     if json:
         print_json(result)
@@ -71,7 +71,16 @@ def command(file, output, check, temperatures, material, materials, scale, sky, 
         _print_table(result, output)
 
 
-def _remarks(result):
+def _remarks(result, materials):
+    from mi_lcair.physics.materials import emits_nothing
+
+    for material in result["area_by_material"]:
+        if emits_nothing(material, materials):
+            yield (
+                f"material {material} reflects all that arrives and emits nothing: its facets are black but "
+                "for what they reflect; name a material that absorbs, such as blackbody, where they "
+                "are to radiate by their temperature"
+            )
     if result["temperature_min"] < COLD:
         yield f"the lowest temperature is {result['temperature_min']:g} K"
     if result["inward"]:
@@ -79,6 +88,14 @@ def _remarks(result):
             f"{result['inward']} model facet{'s face' if result['inward'] > 1 else ' faces'} inward; the back of a facet "
             "neither emits nor reflects"
         )
+    for key, how in (("back_to_back", "back to back"), ("one_on_the_other", "one on the other")):
+        if result[key]["count"]:
+            a, b = result[key]["first"]
+            others = f" ({result[key]['count'] - 1} more pairs)" if result[key]["count"] > 1 else ""
+            yield (
+                f"facets {a} and {b} lie {how} in one plane{others}; which of them is seen is left "
+                "to rounding"
+            )
 
 
 def _print_table(result, output):

@@ -46,6 +46,14 @@ def note(text: object) -> None:
         click.echo(line, err=True)
 
 
+def note_invalid(result) -> None:
+    """Say on stderr how many samples of a result (its `invalid` and `paths`) do not count, if any."""
+    from mi_lcair.rendering.statistics import invalid_remark
+
+    for remark in invalid_remark(result.invalid, result.paths):
+        note(remark)
+
+
 class Notes(logging.Handler):
     """Makes a note of each log message."""
 

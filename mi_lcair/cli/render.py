@@ -6,7 +6,7 @@ import click
 
 import mi_lcair
 from mi_lcair.cli.options import scene_options
-from mi_lcair.cli.output import print_columns, print_json
+from mi_lcair.cli.output import note_invalid, print_columns, print_json
 from mi_lcair.cli.plan import rows as plan_rows
 from mi_lcair.errors import InputError
 
@@ -53,6 +53,7 @@ def command(options, output, atmosphere, range_m):
         air = {"atmosphere": read(atmosphere), "range_m": range_m}
     result = options.run_planned(mi_lcair.render, each_pixel=True, **air)
     write_exr(output, result.channels, result.header)
+    note_invalid(result)
 
     if options.json:
         print_json(

@@ -6,7 +6,13 @@ import click
 
 import mi_lcair
 from mi_lcair.cli.options import scene_options
-from mi_lcair.cli.output import check_outputs, print_columns, print_json, print_written
+from mi_lcair.cli.output import (
+    check_outputs,
+    note_invalid,
+    print_columns,
+    print_json,
+    print_written,
+)
 from mi_lcair.cli.plan import rows as plan_rows
 from mi_lcair.errors import InputError
 
@@ -40,6 +46,7 @@ def command(options, spectrum, plot, facets):
     result = options.run_planned(
         mi_lcair.signature, each_pixel=False, by_spectrum=bool(spectrum), facets=bool(facets)
     )
+    note_invalid(result)
     if spectrum:
         from mi_lcair.signatures.spectral_intensity import write
 

@@ -19,8 +19,10 @@ from mi_lcair.physics.atmosphere import Atmosphere, LineOfSight, atmosphere
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.detector import Detector
 from mi_lcair.physics.spectrum import has_elevations, spectrum
-from mi_lcair.rendering.scene import Scene, declared_parameters, find, load
+from mi_lcair.rendering.loading.files import survey
+from mi_lcair.rendering.scene import Scene, find, load
 from mi_lcair.rendering.settings import changed
+from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.rendering.views import Target, View, hidden_share, seen_from
 from mi_lcair.signatures.signature import signature
 
@@ -148,7 +150,7 @@ def measured(scenario: Scenario, progress) -> Contrast:
         )
     view = seen_from(scene, View(observer.azimuth_deg, observer.elevation_deg), sampling.resolution)
     bounces = sampling.max_bounces or (scene.mi.integrator().max_bounces,)
-    rows = []
+    rows, invalid, paths = [], 0, 0
     for k, count in enumerate(bounces):
 
         def step(done, total):
@@ -159,6 +161,7 @@ def measured(scenario: Scenario, progress) -> Contrast:
             found = signature(
                 view, sampling.spp, seed=sampling.seed, by_spectrum=True, progress=step
             )
+        invalid, paths = invalid + found.invalid, paths + found.paths
         if not found.effective_areas.projected_area > 0:
             raise InputError("no ray met the target; raise resolution or spp of [render]")
         seen = found.target
@@ -190,6 +193,7 @@ def measured(scenario: Scenario, progress) -> Contrast:
         rows=rows,
         remarks=[
             *view.remarks,
+            *invalid_remark(invalid, paths),
             *remarks(
                 rows, detector, target, observer.range_m, hidden_share(view, observer.range_m)
             ),
@@ -221,7 +225,7 @@ def backdrop(scenario: Scenario, detector: Detector) -> Backdrop:
 def target_scene(scenario: Scenario, detector: Detector) -> Scene:
     """The scene as the scenario wants it, in a band that holds the detector's."""
     parameters, source = scenario.scene_parameters(), scenario.target.scene
-    if "band" in declared_parameters(find(source), parameters):
+    if "band" in survey(find(source), parameters):
         parameters["band"] = scenario.sensor.band
     scene = load(source, **parameters)
     wanted, has = detector.band, scene.band

@@ -2,6 +2,7 @@
 a TOML file, read and checked.
 """
 
+import os
 import tomllib
 from dataclasses import MISSING, asdict, dataclass, field, fields, is_dataclass
 from pathlib import Path
@@ -11,7 +12,8 @@ from typing import get_args, get_origin
 import numpy as np
 
 from mi_lcair import scenes
-from mi_lcair.errors import InputError, unknown
+from mi_lcair.errors import InputError, shortened, unknown
+from mi_lcair.files import read_text
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.detector import LOCK_ON, Detector
 
@@ -28,6 +30,8 @@ FILES = (
     ("background", "sky"),
     ("sensor", "response"),
 )  # or bundled names
+SMALLEST, LARGEST = 1e-30, 1e12  # sizes of numbers whose squares and ratios stay finite
+SIZES = f"{SMALLEST:g}..{LARGEST:g}"
 POLAR = ("range_m", "azimuth_deg", "elevation_deg")
 REPLACES = {
     ("background", "sky"): ("temperature",),
@@ -233,15 +237,13 @@ class Scenario:
         InputError for whatever cannot be used.
         """
         path, name = Path(source), Path(source).stem
-        if not path.suffix and not path.is_file():
+        if not path.suffix and not os.path.isfile(path):
             path, name = scenes.scenario_path(str(source)), str(source)
+        text = read_text(path, f"scenario '{source}'")
         try:
-            text = path.read_text(encoding="utf-8-sig")
             tree = tomllib.loads(text)
-        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-            raise InputError(
-                f"scenario '{source}': {getattr(error, 'strerror', None) or error}"
-            ) from None
+        except (ValueError, RecursionError) as error:
+            raise InputError(f"scenario '{source}': {error}") from None
         try:
             known = {
                 entry.name: entry.type for entry in fields(Scenario) if is_dataclass(entry.type)
@@ -276,12 +278,12 @@ def locate(tree: dict, folder: Path) -> None:
         if (
             isinstance(part, dict)
             and isinstance(value := part.get(key), str)
-            and (Path(value).suffix or (folder / value).is_file())
+            and (Path(value).suffix or os.path.isfile(folder / value))
         ):
             part[key] = str(folder / value)
     parameters = tree["target"].get("parameters") if isinstance(tree.get("target"), dict) else None
     for key, value in parameters.items() if isinstance(parameters, dict) else ():
-        if isinstance(value, str) and (folder / value).is_file():
+        if isinstance(value, str) and os.path.isfile(folder / value):
             parameters[key] = str(folder / value)
 
 
@@ -339,8 +341,10 @@ def converted(value, kind, where: str):
             converted(item, get_args(kind)[0], where)
             for item in (value if isinstance(value, list) else [value])
         )
-    if kind is float and type(value) is int:
+    if kind is float and type(value) is int and abs(value) <= LARGEST:
         value = float(value)
     if type(value) is not kind or kind is float and not np.isfinite(value):
-        raise InputError(f"{where} = {value!r}; must be {EXPECTED[kind]}")
+        raise InputError(f"{where} = {shortened(repr(value), 100)}; must be {EXPECTED[kind]}")
+    if kind is float and value and not SMALLEST <= abs(value) <= LARGEST:
+        raise InputError(f"{where} = {value:g}; must be 0, or of a size within {SIZES}")
     return value

@@ -4,12 +4,13 @@ ready to render.
 
 import re
 from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.files import filling
+from mi_lcair.files import LARGEST, filling, read_bytes
 from mi_lcair.models3d.label import GROUPS
 from mi_lcair.models3d.model import Model
 from mi_lcair.models3d.scene_xml import fragment, scene
@@ -28,10 +29,12 @@ def export(
     them) with the face attributes `temperature` (K) and `facet` (number in the model); model.xml,
     which places them in a scene; scene.xml, which looks at them; copies of materials (TOML) and of
     sky, the table whose spectra sky facets with an elevation_deg emit, unless that is the name of a
-    bundled one. The folder is made if it is absent; other files in it are left alone. Raises
-    InputError; nothing is written then.
+    bundled one. The folder is made if it is absent; other files in it are left alone, and so are a
+    model.xml and a scene.xml that somebody has edited. Raises InputError; nothing is written then.
     """
     folder = Path(folder)
+    for file in ("model.xml", "scene.xml"):
+        check_own(folder / file)
     name = (
         re.sub("--+", "-", _plain(folder.resolve().name)) or "model"
     )  # no comment of an XML may hold two hyphens
@@ -55,11 +58,32 @@ def export(
             (partial / copy).write_bytes(content)
         labels = {stem: label for stem, (label, _) in parts.items()}
         (partial / "model.xml").write_text(
-            fragment(name, labels, bool(materials), sky), encoding="utf-8"
+            signed(fragment(name, labels, bool(materials), sky)), encoding="utf-8"
         )
-        (partial / "scene.xml").write_text(scene(name, *_bounds(model), sky), encoding="utf-8")
+        (partial / "scene.xml").write_text(
+            signed(scene(name, *_bounds(model), sky)), encoding="utf-8"
+        )
         files = sorted(file.name for file in partial.iterdir())
     return [folder / file for file in files]
+
+
+def signed(text: str) -> str:
+    """The text of a scene file with a last line that tells whether it was edited since."""
+    checksum = sha256(text.encode()).hexdigest()[:16]
+    return f"{text}<!-- written by mi-lcair import, checksum {checksum} -->\n"
+
+
+def check_own(path: Path) -> None:
+    """Raise InputError for a file that `export` has not written, or that was edited since."""
+    if not path.is_file():
+        return
+    text = path.read_text(encoding="utf-8", errors="replace")
+    head, line, _ = text.rpartition("<!-- written by mi-lcair import")
+    if not line or signed(head) != text:
+        raise InputError(
+            f"{path}: was written by somebody else or edited since it was imported; move it away, or "
+            "name another folder"
+        )
 
 
 def _parts(model):
@@ -115,10 +139,7 @@ def _bounds(model):
 
 
 def _content(path):
-    try:
-        return Path(path).read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    return read_bytes(path, largest=LARGEST)
 
 
 def _plain(name):

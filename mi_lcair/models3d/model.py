@@ -5,12 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, shown
 from mi_lcair.models3d.label import Label, find_material, kelvin, parse, unlabelled
 from mi_lcair.models3d.obj import read_obj
-from mi_lcair.models3d.polygons import triangulate
+from mi_lcair.models3d.polygons import MOST_CLIPPED, triangulate
 from mi_lcair.models3d.welding import weld
 from mi_lcair.physics import materials as known_materials
+from mi_lcair.table import read_table
 
 FARTHEST = 1e9  # m; squares of such lengths are far from the limits of Float32
 # from the origin; of a model at 10,000 times its size Float32 coordinates leave 1 % of error in
@@ -102,6 +103,12 @@ def read(
     corners = weld_to[obj.corners]
     triangles, triangle_facet, off_plane, crossed = triangulate(vertices, corners, obj.first)
     if crossed.any():
+        size = int(np.diff(obj.first)[crossed.argmax()])
+        if size > MOST_CLIPPED:
+            raise InputError(
+                f"{path}, line {obj.lines[crossed.argmax()]}: the face has {size} corners and is not "
+                f"convex; split it into polygons of at most {MOST_CLIPPED}"
+            )
         raise InputError(
             f"{path}, line {obj.lines[crossed.argmax()]}: the face crosses itself or folds back on itself"
             f"{_others(int(crossed.sum()) - 1)}; split it into simple polygons"
@@ -152,33 +159,23 @@ def _labels(obj, known, material, has_temperatures):
 
 def _read_temperatures(path, count):
     """Temperatures (F,) in kelvin from a CSV facet,kelvin that names each facet once."""
+    table = read_table(path, ("facet", "kelvin"))
+    facet_column, kelvin_column = (table.columns.index(name) for name in ("facet", "kelvin"))
     temperature = np.zeros(count)
-    number = 0
-    try:
-        with open(path, encoding="utf-8-sig") as file:
-            lines = ((number, line.strip()) for number, line in enumerate(file, 1))
-            lines = ((number, line) for number, line in lines if line and not line.startswith("#"))
-            number, header = next(lines, (1, ""))
-            if [cell.strip() for cell in header.split(",")] != ["facet", "kelvin"]:
-                raise InputError(f"the first line must be facet,kelvin, not '{header[:40]}'")
-            for number, line in lines:
-                cells = [cell.strip() for cell in line.split(",")]
-                if len(cells) != 2:
-                    raise InputError(f"{len(cells)} cells where the header names 2")
-                facet = int(cells[0]) if cells[0].isdecimal() and len(cells[0]) < 10 else -1
-                if not 0 <= facet < count:
-                    raise InputError(
-                        f"facet '{cells[0][:40]}' does not exist; facets are numbered 0..{count - 1}"
-                    )
-                if temperature[facet]:
-                    raise InputError(f"facet {facet} is given twice")
-                temperature[facet] = kelvin(cells[1])
-    except InputError as error:
-        raise InputError(f"{path}, line {number}: {error}") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: is not text in UTF-8; give a CSV facet,kelvin") from None
+    for number, cells in table.rows:
+        cell = cells[facet_column]
+        try:
+            facet = int(cell) if cell.isascii() and cell.isdecimal() and len(cell) < 10 else -1
+            if not 0 <= facet < count:
+                raise InputError(
+                    f"facet {shown(cell)} does not exist; facets are numbered 0..{count - 1}"
+                )
+            if temperature[facet]:
+                raise InputError(f"facet {facet} is given twice")
+            mark = "." if table.separator == "," else ","
+            temperature[facet] = kelvin(cells[kelvin_column].replace(mark, "."))
+        except InputError as error:
+            raise InputError(f"{path}, line {number}: {error}") from None
     missing = np.flatnonzero(temperature == 0)
     if len(missing):
         raise InputError(

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.files import read_bytes
 
 KINDS = {
     b"v": "vertex",
@@ -16,6 +17,14 @@ KINDS = {
     b"o": "object",
     b"g": "group",
 }  # the statements that matter, by keyword
+# Statements that may be passed over: they hold no surface and no name of one. (All others do, or
+# are damaged.)
+PASSED_OVER = tuple(
+    b"vt vn vp s mtllib usemtl maplib usemap l p mg lod bevel c_interp d_interp shadow_obj "
+    b"trace_obj end".split()
+)
+KINDS_OF = [word.decode() for word in (*KINDS, *PASSED_OVER)]
+LONGEST_KEYWORD = 12  # bytes
 VERTEX = "a vertex must be three numbers"
 FACE = "a face must be indices of three vertices or more, such as f 1 2 3 or f 1/1/1 2/2/1 3/3/1"
 AT_ONCE = 20_000  # lines; more would not be faster, only need more memory
@@ -46,10 +55,10 @@ def read_obj(path: str | Path) -> Obj:
     """Reads an OBJ file.
 
     Understands v, f (v, v/vt, v//vn, v/vt/vn, negative indices), o, g, comments and continued
-    lines; all else is passed over. A face takes the label of its group if that has one ('*' makes a
+    lines, and passes over PASSED_OVER. A face takes the label of its group if that has one ('*' makes a
     label), else of its object. Raises InputError, with the line, for a vertex that is not three
-    finite numbers, and for a face that has fewer than three corners, an index that is not a number,
-    or one that names no vertex.
+    finite numbers, for a face that has fewer than three corners, corners of unlike form, an index
+    that is not a number, or one that names no vertex, and for a statement that is not known.
     """
     path = Path(path)
     vertices, corners, sizes, lines, name = (
@@ -57,8 +66,9 @@ def read_obj(path: str | Path) -> Obj:
         *([np.empty(0, int)] for _ in range(4)),
     )
     vertex_count, names, label_of = 0, [], {"object": -1, "group": -1}
+    unknown = None  # what is wrong with the first statement that is not known
+    text = Text(read_bytes(path))
     try:
-        text = Text(path.read_bytes())
         for kind, begin, end in text.runs():
             if kind == "vertex":
                 vertices.append(text.parsed(_parse_vertices, begin, end, VERTEX))
@@ -77,6 +87,8 @@ def read_obj(path: str | Path) -> Obj:
                 lines.append(text.line(np.arange(begin, end)))
                 label = label_of["group"] if label_of["group"] >= 0 else label_of["object"]
                 name.append(np.full(end - begin, label))
+            elif kind is None:
+                unknown = unknown or text.unknown(begin, end)
             else:
                 for statement in range(begin, end):
                     label_of["group"] = label_of[kind] = -1  # an object starts afresh
@@ -85,11 +97,11 @@ def read_obj(path: str | Path) -> Obj:
                         names.append((text.line(statement), kind, label))
     except InputError as error:
         raise InputError(f"{path}, {error}") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
     first = np.concatenate([[0], *sizes]).cumsum()
     if len(first) == 1:
         raise InputError(f"{path}: no faces; a Wavefront OBJ has lines such as f 1 2 3")
+    if unknown:
+        raise InputError(f"{path}, {unknown}")
     obj = Obj(
         path,
         *map(np.concatenate, (vertices, corners)),
@@ -136,7 +148,7 @@ class Text:
 
     def runs(self):
         """(kind, begin, end) of statements of one kind that follow each other, no more than
-        AT_ONCE.
+        AT_ONCE; the kind is None for those that do not matter.
         """
         begins = self.begins[:-2]
         keyword, next_byte = self.content[begins], self.content[begins + 1]
@@ -144,8 +156,24 @@ class Text:
         limits = np.concatenate([[0], np.flatnonzero(np.diff(keyword)) + 1, [len(keyword)]])
         for begin, end in zip(limits[:-1], limits[1:]):
             kind = KINDS.get(keyword[begin : begin + 1].tobytes())
-            for at in range(begin, end, AT_ONCE) if kind else ():
+            for at in range(begin, end, AT_ONCE):
                 yield kind, at, min(at + AT_ONCE, end)
+
+    def unknown(self, begin, end) -> str | None:
+        """What is wrong with the first of some statements whose keyword is not in PASSED_OVER; None
+        if there is none. A keyword with nothing after it is no face and no name.
+        """
+        begins = self.begins[begin:end]
+        reach = np.minimum(begins[:, None] + np.arange(LONGEST_KEYWORD), len(self.content) - 1)
+        letters = self.content[reach]
+        letters[np.logical_or.accumulate(letters <= BLANK, axis=1)] = 0
+        keywords = letters.view(f"S{LONGEST_KEYWORD}").ravel()
+        for statement in begin + np.flatnonzero(~np.isin(keywords, (b"", *PASSED_OVER))):
+            line = self.content[self.begins[statement] : self.begins[statement + 1]].tobytes()
+            word, *rest = line.decode(errors="replace").split() or [""]
+            if rest:
+                return f"line {self.line(statement)}: statement '{word[:20]}' is not one of {', '.join(KINDS_OF)}"
+        return None
 
     def line(self, statement):
         """The number, from 1, of the line on which a statement begins; also for an array of them."""
@@ -193,13 +221,37 @@ def _parse_faces(content, begins):
     """
     # Whatever lies between a slash and the next blank goes: where the last mark so far is a
     # slash's, which are odd.
+    is_blank, is_slash = content <= BLANK, content == SLASH
     position = 2 * np.arange(len(content), dtype=np.int32)
-    marks = np.where(content <= BLANK, position, np.where(content == SLASH, position + 1, 0))
+    marks = np.where(is_blank, position, np.where(is_slash, position + 1, 0))
     is_kept = np.maximum.accumulate(marks) % 2 == 0
+    _check_rest(content, ~is_kept, begins)
     indices, sizes = _numbers(np.where(is_kept, content, np.uint8(BLANK)), begins, int)
     if sizes.min() < 3 or len(indices) != np.count_nonzero(_word_starts(content)):
         raise ValueError
     return indices, sizes
+
+
+def _check_rest(content, is_rest, begins):
+    """ValueError where what follows the slashes of a corner is not up to two numbers, or differs in
+    kind between a face's corners: a lost blank makes one corner of two.
+    """
+    if not is_rest.any():
+        return
+    is_slash = content == SLASH
+    is_digit = (content >= ord("0")) & (content <= ord("9"))
+    is_sign = (
+        (content == ord("-")) & np.append(True, is_slash[:-1]) & np.append(is_digit[1:], False)
+    )
+    starts = np.flatnonzero(_word_starts(content))
+    slashes = np.add.reduceat(is_slash.astype(np.int64), starts)
+    if (is_rest & ~(is_slash | is_digit | is_sign)).any() or slashes.max() > 2:
+        raise ValueError
+    has_number = np.logical_or.reduceat(is_rest & is_digit, starts)
+    face = np.searchsorted(begins, starts, side="right") - 1
+    kinds = np.unique((3 * face + slashes)[has_number])
+    if (np.diff(kinds // 3) == 0).any():
+        raise ValueError
 
 
 def _numbers(content, begins, kind):

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.files import read_bytes
 
 TYPES = {
     "char": "i1",
@@ -30,6 +31,7 @@ TYPES = {
 }
 ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": ""}
 LISTS_OF_CORNERS = ("vertex_index", "vertex_indices")
+ELEMENT = re.compile(r"element [A-Za-z0-9_]+ [0-9]{1,12}")
 LONGEST_HEADER = 2**16  # bytes
 
 
@@ -51,10 +53,7 @@ def check_ply(path: str | Path) -> np.ndarray:
     is shorter than the header says, coordinates that are not finite, a face that is no triangle, or
     one whose corner is no vertex.
     """
-    try:
-        content = Path(path).read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    content = read_bytes(path)
     try:
         order, elements, begin = header(content)
         vertices, sizes, corners = body(content, order, elements, begin)
@@ -88,7 +87,7 @@ def header(content: bytes) -> tuple[str, list[Element], int]:
             continue
         if words[0] == "format" and len(words) == 3 and words[1] in ORDERS:
             order = ORDERS[words[1]]
-        elif words[0] == "element" and len(words) == 3 and re.fullmatch(r"[0-9]{1,12}", words[2]):
+        elif words[0] == "element" and ELEMENT.fullmatch(" ".join(words)):
             elements.append((words[1], int(words[2]), []))
         elif words[0] == "property" and elements and (entry := _property(words[1:])):
             elements[-1][2].append(entry)
@@ -129,7 +128,11 @@ def body(content: bytes, order: str, elements: list[Element], begin: int):
 
 
 def _property(words):
-    """(name, type, type of a list's count or None) of the words after "property", or None."""
+    """(name, type, type of a list's count or None) of the words after "property"; None if they are
+    no property.
+    """
+    if not words or not re.fullmatch(r"[A-Za-z0-9_]+", words[-1]):
+        return None
     if len(words) == 2 and words[0] in TYPES:
         return words[1], TYPES[words[0]], None
     is_list = len(words) == 4 and words[0] == "list" and words[1] in TYPES and words[2] in TYPES
@@ -176,13 +179,15 @@ def _rows(data, element, order):
     if not any(count for _, _, count in element.properties):
         raise _short(element)
     raise InputError(
-        f"its element '{element.name}' ends early or has lists of different lengths; all faces must "
-        "be triangles"
+        f"its element '{element.name}' ends early or has lists of different lengths; all faces "
+        "must be triangles"
     )
 
 
 def _row_type(data, element, order):
     """The NumPy type of the row at the beginning of the data."""
+    if not element.properties:
+        raise InputError(f"its element '{element.name}' has no properties")
     fields, at = [], 0
     for name, kind, count in element.properties:
         field = np.dtype(order + kind)

@@ -5,6 +5,7 @@ import numpy as np
 SLIVER = (
     1e-6  # a triangle whose height is this fraction of its longest edge has no area to speak of
 )
+MOST_CLIPPED = 2000  # corners of a facet that is not convex; the time grows with their square
 ROUNDING = 1e-9  # of a product of two lengths, as a fraction of the polygon's size squared
 
 
@@ -13,8 +14,8 @@ def triangulate(vertices, corners, first):
 
     vertices (V, 3); corners (N,), first (F + 1,) as in `Obj`. Returns triangles (T, 3) of vertices,
     the facet (T,) of each in rising order, the greatest distance (F,) of a facet's corners from its
-    mean plane, and a mask (F,) of the facets that cross or fold back on themselves, whose triangles
-    mean nothing. Slivers are left out: a facet without any triangle is degenerate.
+    mean plane, and a mask (F,) of the facets that cross or fold back on themselves, or that have
+    more than MOST_CLIPPED corners and are not convex: their triangles mean nothing. Slivers are left out: a facet without any triangle is degenerate.
     """
     sizes = np.diff(first)
     off_plane, crossed = np.zeros(len(sizes)), np.zeros(len(sizes), bool)
@@ -69,7 +70,7 @@ def _same_size(vertices, polygons):
         names = polygons[polygon]
         ears = (
             None
-            if size == 4 or folded[polygon]
+            if size == 4 or folded[polygon] or size > MOST_CLIPPED
             else clip_ears(_projected(points[polygon], normals[polygon]), names)
         )
         crossed[polygon] = ears is None

@@ -3,6 +3,7 @@
 import numpy as np
 
 from mi_lcair.models3d import checks
+from mi_lcair.models3d.coincident import overlaps
 from mi_lcair.models3d.label import TYPES
 from mi_lcair.models3d.model import Model
 
@@ -15,7 +16,9 @@ def report(model: Model) -> dict:
     their mean plane than 1e-4 of their size). Others: triangles; volume, signed, and volume_by_type
     [m^3] (openings count as closed, exact copies once); open_edges, where a facet has no neighbour;
     area_by_material [m^2]; non_planar_mm, the greatest distance of a corner from its facet's mean
-    plane; bounding_box [m]; temperature_min and temperature_max [K].
+    plane; bounding_box [m]; temperature_min and temperature_max [K]; back_to_back and
+    one_on_the_other: how many pairs of facets overlap in one plane, facing opposite ways or the
+    same way, and the first pair's numbers (None without one).
     """
     areas = np.bincount(model.triangle_facet, checks.triangle_areas(model), model.count)
     duplicate, copy = checks.repeated(model)
@@ -23,6 +26,7 @@ def report(model: Model) -> dict:
     volumes = np.where(copy, 0, checks.signed_volumes(model, edges))
     facets = {TYPES[kind]: model.facets_of(kind) for kind in TYPES}
     material = np.array([label.material for label in model.labels])[model.label]
+    sheets = overlaps(model.vertices[model.triangles])
     return {
         "facets": model.count,
         "triangles": len(model.triangles),
@@ -42,4 +46,13 @@ def report(model: Model) -> dict:
         "bounding_box": model.box,
         "temperature_min": model.temperature.min(),
         "temperature_max": model.temperature.max(),
+        "back_to_back": _facet_pairs(model, sheets.back_to_back),
+        "one_on_the_other": _facet_pairs(model, sheets.same_side),
     }
+
+
+def _facet_pairs(model, triangles):
+    """How many pairs of facets pairs of triangles (P, 2) belong to, and the first."""
+    facets = np.sort(model.triangle_facet[triangles], axis=1)
+    facets = np.unique(facets[facets[:, 0] != facets[:, 1]], axis=0)
+    return {"count": len(facets), "first": facets[0].tolist() if len(facets) else None}

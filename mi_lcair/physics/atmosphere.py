@@ -1,7 +1,9 @@
-"""What the air between target and sensor lets through and adds, as functions of range and
-wavelength.
+"""Atmospheres: transmittance and path radiance of the air between target and sensor.
+
+Both are functions of range and wavelength.
 """
 
+import os
 import warnings
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,23 +20,33 @@ from mi_lcair.table import LARGEST
 
 VACUUM = "vacuum"
 RANGE, TRANSMITTANCE, PATH_RADIANCE = "range_km", "transmittance", "path_radiance_W_m2_sr_um"
-SMALLEST_TRANSMITTANCE = 5e-7  # a 0 printed with six decimals is less than this
-# of a path that tells what it is like: with six decimals its source function is good to 1 %
+# Upper bound of a transmittance that is printed as 0 with six decimals.
+SMALLEST_TRANSMITTANCE = 5e-7
+# Smallest emissivity of a path from which its source function is computed. Columns with six
+# decimals then give the source function to 1 %.
 SMALLEST_EMISSIVITY = 1e-4
-CLEAR = 1e-12  # optical depth of a row without any, whose logarithm is finite
-ROUNDING = (
-    1e-3  # rise of transmittance, or share of the largest radiance, that a coarse table may have
-)
-RANGES_AT_ONCE = 1024  # of a long list; bounds the memory
+# Optical depth of a row with transmittance 1. It is above 0, so that its logarithm is finite.
+CLEAR = 1e-12
+# Tolerance for the rounding of a printed table: rise of the transmittance with range, or radiance
+# at transmittance 1 as a share of the largest radiance.
+ROUNDING = 1e-3
+RANGES_AT_ONCE = 1024  # ranges of a long list that are computed together, to bound the memory
 
 
 @dataclass(frozen=True, eq=False)
 class LineOfSight:
-    """One line of sight between target and sensor, over rising wavelengths [um] (n,); empty arrays
-    for vacuum.
+    """Transmittance and path radiance of one line of sight between target and sensor.
 
-    transmittance: (n,), 0..1; radiance: what the path itself sends to the sensor [W m^-2 sr^-1
-    um^-1], (n,).
+    Attributes
+    ----------
+    range_m
+        Length of the path [m].
+    wavelengths_um
+        Rising wavelengths [um], (n,); empty for vacuum, as are the other arrays.
+    transmittance
+        Transmittance of the path, 0..1, (n,).
+    radiance
+        Radiance that the path itself emits and scatters to the sensor [W m^-2 sr^-1 um^-1], (n,).
     """
 
     range_m: float
@@ -43,10 +55,10 @@ class LineOfSight:
     radiance: np.ndarray
 
     def at(self, wavelengths_um) -> tuple[np.ndarray, np.ndarray]:
-        """Transmittance and radiance at these wavelengths (um), on straight lines between the rows.
+        """Interpolate transmittance and radiance linearly at these wavelengths [um].
 
-        Raises InputError outside the rows; whether they have gaps in a band,
-        Atmosphere.check_covers tells.
+        Raises InputError for wavelengths outside the table. Gaps between its rows are not checked
+        here; `Atmosphere.check_covers` checks them for a band.
         """
         x = np.asarray(wavelengths_um, dtype=float)
         if not self.wavelengths_um.size:
@@ -54,7 +66,8 @@ class LineOfSight:
         first, last = self.wavelengths_um[[0, -1]]
         if x.size and not (first <= x.min() and x.max() <= last):
             raise InputError(
-                f"atmosphere: wavelengths {x.min():g}-{x.max():g} um are outside its {first:.4g}-{last:.4g} um"
+                f"atmosphere: wavelengths {x.min():g}-{x.max():g} um are outside its "
+                f"{first:.4g}-{last:.4g} um"
             )
         return tuple(
             np.interp(x, self.wavelengths_um, values)
@@ -64,14 +77,27 @@ class LineOfSight:
 
 @dataclass(frozen=True, eq=False)
 class Atmosphere:
-    """Transmittance and path radiance [W m^-2 sr^-1 um^-1], (n, k), at rising ranges [m] (n,) and
-    wavelengths [um] (k,).
+    """A table of transmittance and path radiance over range and wavelength.
 
-    Between the ranges, and from the first down to 0, the optical depth of each wavelength is a
-    power of range: Bouguer's law where the power is 1; in a band of unresolved lines the strong
-    ones saturate and it is less (down to 1/2, Goody and Yung 1989, 4.5). The path radiance is (1 -
-    transmittance) times a source function (the Planck function of the air, where it only emits)
-    that is linear in range. Vacuum has empty arrays: it covers every band and range.
+    Between the tabulated ranges, and from the first one down to 0, the optical depth at each
+    wavelength is a power of range. The power is 1 where Bouguer's law holds. It is smaller, down to
+    1/2, in a band of unresolved lines whose strong lines saturate (Goody and Yung 1989, 4.5). The
+    path radiance is (1 - transmittance) times a source function that is linear in range. In air
+    that only emits, the source function is Planck's function at the air's temperature.
+
+    Attributes
+    ----------
+    name
+        Name or path with which the atmosphere was read.
+    ranges_m
+        Rising ranges [m], (n,). For vacuum all arrays are empty; vacuum covers every band and
+        range.
+    wavelengths_um
+        Rising wavelengths [um], (k,).
+    transmittance
+        Transmittance, 0..1, (n, k).
+    path_radiance
+        Path radiance [W m^-2 sr^-1 um^-1], (n, k).
     """
 
     name: str
@@ -82,22 +108,24 @@ class Atmosphere:
 
     @property
     def is_vacuum(self) -> bool:
+        """Whether this is vacuum, which transmits everything and emits nothing."""
         return self.wavelengths_um.size == 0
 
     def path(self, range_m: float, extrapolate: bool = False) -> LineOfSight:
-        """The line of sight of this length [m].
+        """The line of sight of length `range_m` [m].
 
-        Raises InputError for a range that is not positive, or beyond the last one of the table;
-        with `extrapolate` the optical depth goes on there with its last power, and a Python warning
-        says so.
+        Raises InputError for a range that is not positive, or that lies beyond the last one of the
+        table. With `extrapolate`, the optical depth beyond the table follows its last power of
+        range instead, and a Python warning says so.
         """
         ranges = self._checked([range_m], extrapolate)
         transmittance, radiance = self._along(ranges, slice(None))
         return LineOfSight(float(ranges[0]), self.wavelengths_um, transmittance[0], radiance[0])
 
     def check_covers(self, band: Band) -> None:
-        """Raises InputError where the table does not cover the band, and for `total`, which has no
-        wavelengths.
+        """Raise InputError if the table does not cover the band.
+
+        The band `total` has no wavelengths and is always refused, except by vacuum.
         """
         if self.is_vacuum:
             return
@@ -109,7 +137,10 @@ class Atmosphere:
         band.check_covered(self.wavelengths_um, f"atmosphere '{self.name}'")
 
     def transmittance_mean(self, band: Band, range_m: float, extrapolate: bool = False) -> float:
-        """Mean transmittance in the band, weighted by the detector's response alone."""
+        """Mean transmittance in the band, weighted by the detector's response only.
+
+        range_m and extrapolate are those of `path`.
+        """
         mean = self.band_transmittance(
             band, np.ones((1, len(self.wavelengths_um))), [range_m], extrapolate
         )
@@ -118,11 +149,29 @@ class Atmosphere:
     def band_transmittance(
         self, band: Band, spectra, ranges_m, extrapolate: bool = False
     ) -> np.ndarray:
-        """Mean transmittance in the band, weighted by the response and each of `spectra`, at many
-        ranges: (spectra, ranges).
+        """Mean transmittance in the band at many ranges, weighted by response and spectrum.
 
-        spectra: (spectra, k), at the atmosphere's wavelengths_um, in any unit; one that is 0 in the
-        band: weighted by the response alone. ranges_m: (ranges,).
+        Parameters
+        ----------
+        band
+            Band with the detector's response.
+        spectra
+            Source spectra in any unit, (s, k), at the atmosphere's wavelengths_um. A spectrum that
+            is 0 in the whole band is replaced by a constant one.
+        ranges_m
+            Ranges [m], (r,).
+        extrapolate
+            Whether ranges beyond the table are allowed; see `path`.
+
+        Returns
+        -------
+        numpy.ndarray
+            Mean transmittances, 0..1, (s, r).
+
+        Raises
+        ------
+        InputError
+            If the table does not cover the band or a range.
         """
         spectra = np.atleast_2d(np.asarray(spectra, dtype=float))
         if self.is_vacuum:
@@ -136,8 +185,26 @@ class Atmosphere:
         ).T
 
     def band_path_radiance(self, band: Band, ranges_m, extrapolate: bool = False) -> np.ndarray:
-        """In-band radiance of the path, times the response [W m^-2 sr^-1], at many ranges:
-        (ranges,).
+        """In-band path radiance, weighted by the response, at many ranges.
+
+        Parameters
+        ----------
+        band
+            Band with the detector's response.
+        ranges_m
+            Ranges [m], (r,).
+        extrapolate
+            Whether ranges beyond the table are allowed; see `path`.
+
+        Returns
+        -------
+        numpy.ndarray
+            In-band path radiances [W m^-2 sr^-1], (r,).
+
+        Raises
+        ------
+        InputError
+            If the table does not cover the band or a range.
         """
         if self.is_vacuum:
             return np.zeros(len(self._checked(ranges_m, extrapolate)))
@@ -147,13 +214,14 @@ class Atmosphere:
         )
 
     def _rows(self, band):
-        """The rows that count in the band, and their weights (um)."""
+        """Indices of the wavelengths with a weight in the band, and their weights [um]."""
         self.check_covers(band)
         weights = band.row_weights(self.wavelengths_um)
         rows = np.flatnonzero(weights)
         return rows, weights[rows]
 
     def _in_pieces(self, ranges_m, extrapolate, function):
+        """Values of `function` at checked ranges [m], computed for RANGES_AT_ONCE at a time."""
         ranges = self._checked(ranges_m, extrapolate)
         return np.concatenate(
             [
@@ -163,19 +231,25 @@ class Atmosphere:
         )
 
     def _checked(self, ranges_m, extrapolate) -> np.ndarray:
+        """The ranges [m] as an array; see `path` for what is refused."""
         ranges = np.asarray(ranges_m, dtype=float)
         usable = (ranges > 0) & np.isfinite(ranges)
         if not usable.all():
             wrong = ranges[~usable][0]
             raise InputError(
-                f"atmosphere '{self.name}': {'zero range' if wrong == 0 else f'range {wrong:g} m'}; "
+                f"atmosphere '{self.name}': "
+                f"{'zero range' if wrong == 0 else f'range {wrong:g} m'}; "
                 "the range to the target must be positive and finite, in metres"
             )
         if not self.is_vacuum and ranges.size and ranges.max() > (last := self.ranges_m[-1]):
-            beyond = f"atmosphere '{self.name}': range {ranges.max():g} m is beyond its last one, {last:g} m"
+            beyond = (
+                f"atmosphere '{self.name}': range {ranges.max():g} m is beyond its last one, "
+                f"{last:g} m"
+            )
             if not extrapolate:
                 raise InputError(
-                    f"{beyond}; choose a shorter one, or in a scenario set extrapolate = true of [atmosphere]"
+                    f"{beyond}; choose a shorter one, or in a scenario set extrapolate = true of "
+                    "[atmosphere]"
                 )
             warnings.warn(
                 f"{beyond}: its optical depth is extrapolated with its last power of range",
@@ -185,38 +259,37 @@ class Atmosphere:
 
     @cached_property
     def _knots(self):
-        """At the tabulated ranges: optical depths and source functions (n, k); and the powers (n +
-        1, k) of range with which the optical depth rises to the first, between them, and from the
-        last on.
+        """Optical depths and source functions (n, k), and the depths' powers of range (n + 1, k).
+
+        The depths and source functions are those at the tabulated ranges. The powers are those
+        below the first range, between neighbouring ranges, and beyond the last range.
         """
         positive = self.transmittance[self.transmittance > 0]
-        # An opaque row states only a bound of its optical depth; we take the bound, below every
-        # other row's transmittance.
+        # A printed transmittance of 0 gives only a lower bound of the optical depth. The bound is
+        # used, from a transmittance smaller than that of every other entry.
         smallest = min([SMALLEST_TRANSMITTANCE, *([positive.min() / 2] if positive.size else [])])
         depths = -np.log(np.clip(self.transmittance, smallest, 1 - CLEAR))
         powers = np.diff(np.log(depths), axis=0) / np.diff(np.log(self.ranges_m))[:, None]
         if len(powers):
             first, last = np.clip(powers[0], 0.5, 1), np.clip(powers[-1], 0, 1)
-            first[self.transmittance[0] <= smallest] = (
-                1  # opaque before the table begins: its own power is unknown
-            )
+            # A path that is opaque at the first range does not show its power below that range.
+            first[self.transmittance[0] <= smallest] = 1
         else:
             first = last = np.ones(depths.shape[1])
         emissivity = 1 - self.transmittance
         source = self.path_radiance / np.where(emissivity > 0, emissivity, np.inf)
-        for n in range(
-            len(source) - 2, -1, -1
-        ):  # where a path is too clear to tell, the next longer one does
+        # A path that is too clear gives no source function. It takes that of the next longer path.
+        for n in range(len(source) - 2, -1, -1):
             source[n] = np.where(emissivity[n] > SMALLEST_EMISSIVITY, source[n], source[n + 1])
         return depths, source, np.vstack([first, powers, last])
 
     def _along(self, ranges, rows):
-        """Transmittance and path radiance at ranges [m] and rows of the table, (ranges, rows)."""
+        """Transmittance and path radiance at ranges [m] and wavelength indices, (ranges, rows)."""
         if self.is_vacuum:
             return np.ones((len(ranges), 0)), np.zeros((len(ranges), 0))
         depths, source, powers = (values[:, rows] for values in self._knots)
         knots = self.ranges_m
-        interval = np.searchsorted(knots, ranges)  # 0: before the first
+        interval = np.searchsorted(knots, ranges)  # 0 for ranges below the first one
         before = np.maximum(interval - 1, 0)
         beyond = np.minimum(interval, len(knots) - 1)
         depth = depths[before] * (ranges / knots[before])[:, None] ** powers[interval]
@@ -229,34 +302,51 @@ class Atmosphere:
 
 
 def atmosphere_names() -> list[str]:
-    """The bundled atmospheres (LOWTRAN7, horizontal paths near the ground; their headers say how
-    they were made), and vacuum.
+    """Names of the bundled atmospheres, and "vacuum".
+
+    The bundled ones are horizontal paths near the ground, computed with LOWTRAN7. The headers of
+    their files say how they were made.
     """
     return [*sorted(file.stem.removeprefix("path_") for file in BUNDLED.glob("path_*.csv")), VACUUM]
 
 
 def atmosphere(source, ranges_m=None) -> Atmosphere:
-    """The atmosphere that `source` holds.
+    """Read an atmosphere by its name or from a file.
 
-    source: one of atmosphere_names(); or the path of a CSV with the columns range_km,
-    wavelength_um, transmittance and path_radiance_W_m2_sr_um, in any order, every range with the
-    same wavelengths; or of a MODTRAN tape7 (physics/tape7.py) whose blocks have the same
-    wavelengths at each range (several blocks at one range are joined). ranges_m: of each block of a
-    tape7, in place of those in the file. Raises InputError for an unknown name, a file that holds
-    no atmosphere.
+    Parameters
+    ----------
+    source
+        One of `atmosphere_names()`, the path of a CSV file, or the path of a MODTRAN tape7. The CSV
+        has the columns range_km, wavelength_um, transmittance and path_radiance_W_m2_sr_um in any
+        order, with the same wavelengths for every range. The blocks of the tape7 (see
+        `mi_lcair.physics.tape7`) have the same wavelengths at each range; several blocks at one
+        range are joined. An `Atmosphere` is returned as it is.
+    ranges_m
+        Range [m] of each block of a tape7. It replaces the ranges in the file.
+
+    Returns
+    -------
+    Atmosphere
+        The table.
+
+    Raises
+    ------
+    InputError
+        If the name is unknown or the file holds no atmosphere.
     """
     if isinstance(source, Atmosphere):
         return source
     path = Path(source)
     if str(source) in atmosphere_names():
         path = BUNDLED / f"path_{source}.csv"
-    elif not path.suffix and not path.exists():
+    elif not path.suffix and not os.path.exists(path):
         raise unknown("atmosphere", str(source), [*atmosphere_names(), "a file"])
     elif tape7.is_tape7(path):
         return _from_tape7(str(source), path, ranges_m)
     if ranges_m is not None:
         raise InputError(
-            f"atmosphere '{source}': ranges_m are for the blocks of a MODTRAN tape7 only; leave them out"
+            f"atmosphere '{source}': ranges_m are for the blocks of a MODTRAN tape7 only; leave "
+            "them out"
         )
     if str(source) == VACUUM:
         return Atmosphere(VACUUM, *np.zeros((2, 0)), *np.zeros((2, 0, 0)))
@@ -274,22 +364,26 @@ def _from_csv(name, path) -> Atmosphere:
 
 
 def plausible(air: Atmosphere) -> Atmosphere:
-    """Refuses air that clears with range, or that emits without absorbing, beyond the rounding of a
-    printed table.
+    """Return the atmosphere if it is physically possible, else raise InputError.
+
+    Refused are a transmittance that rises with range, and a path radiance where the transmittance
+    is 1. Deviations within the rounding of a printed table are accepted.
     """
     rise = np.diff(air.transmittance, axis=0)
     if rise.size and rise.max() > ROUNDING:
         n, k = np.unravel_index(np.argmax(rise), rise.shape)
         raise InputError(
-            f"atmosphere '{air.name}': at {air.wavelengths_um[k]:.6g} um the transmittance rises from {air.transmittance[n, k]:g} at "
-            f"{air.ranges_m[n]:g} m to {air.transmittance[n + 1, k]:g} at {air.ranges_m[n + 1]:g} m; it must fall with range"
+            f"atmosphere '{air.name}': at {air.wavelengths_um[k]:.6g} um the transmittance rises "
+            f"from {air.transmittance[n, k]:g} at {air.ranges_m[n]:g} m to "
+            f"{air.transmittance[n + 1, k]:g} at {air.ranges_m[n + 1]:g} m; it must fall with range"
         )
     glow = np.where(air.transmittance == 1, air.path_radiance, 0)
     if glow.max() > ROUNDING * air.path_radiance.max():
         n, k = np.unravel_index(np.argmax(glow), glow.shape)
         raise InputError(
-            f"atmosphere '{air.name}': at {air.wavelengths_um[k]:.6g} um and {air.ranges_m[n]:g} m the transmittance is 1 and the path radiance "
-            f"{glow[n, k]:g}; air that absorbs nothing emits nothing"
+            f"atmosphere '{air.name}': at {air.wavelengths_um[k]:.6g} um and "
+            f"{air.ranges_m[n]:g} m the transmittance is 1 and the path radiance {glow[n, k]:g}; "
+            "air that absorbs nothing emits nothing"
         )
     return air
 
@@ -312,18 +406,19 @@ def _from_tape7(name, path, ranges_m) -> Atmosphere:
     ranges = np.asarray(ranges_m, dtype=float)
     if ranges.shape != (len(blocks),) or not np.all((ranges > 0) & np.isfinite(ranges)):
         raise InputError(
-            f"atmosphere {path}: ranges_m = {ranges_m}; must be a positive number of metres for each of its {len(blocks)} blocks"
+            f"atmosphere {path}: ranges_m = {ranges_m}; must be a positive number of metres for "
+            f"each of its {len(blocks)} blocks"
         )
     lines_of_sight = [
         tape7.joined(path, [block for block, length in zip(blocks, ranges) if length == distinct])
         for distinct in np.unique(ranges)
     ]
     first = lines_of_sight[0]
-    for other in lines_of_sight[1:]:
-        if not np.array_equal(other.wavelengths_um, first.wavelengths_um):
+    for block in lines_of_sight[1:]:
+        if not np.array_equal(block.wavelengths_um, first.wavelengths_um):
             raise InputError(
-                f"atmosphere {path}: the ranges of the blocks with headers in lines {first.line} and {other.line} have "
-                "different wavelengths; run every range with the same ones"
+                f"atmosphere {path}: the ranges of the blocks with headers in lines {first.line} "
+                f"and {block.line} have different wavelengths; run every range with the same ones"
             )
     return plausible(
         Atmosphere(

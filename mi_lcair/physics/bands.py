@@ -1,5 +1,6 @@
-"""Spectral bands: a set of wavelengths and quadrature weights, by name, by limits or from a
-detector's response.
+"""Spectral bands, given by name, by limits or by a detector's response.
+
+A band is a set of wavelengths with quadrature weights.
 """
 
 import os.path
@@ -15,22 +16,34 @@ from mi_lcair.physics.spectral_table import LONGEST_UM, SHORTEST_UM, spectral_ta
 from mi_lcair.table import LARGEST
 
 LIMITS_UM = {"SWIR": (1.0, 3.0), "MWIR": (3.0, 5.0), "LWIR": (8.0, 12.0)}
-SMALLEST_RESPONSE = 1e-12  # of a detector at its best wavelength, in whatever unit
-# Rows of a table further apart than this leave out what lies between them. Steps of exactly 0.1 um
-# differ from it by the rounding of decimal fractions.
+# Smallest accepted response of a detector at its best wavelength, in the unit of the file.
+SMALLEST_RESPONSE = 1e-12
+# A table has a gap where neighbouring rows are further apart than GAP_UM. The margin in WIDEST_UM
+# accepts steps of exactly 0.1 um, which differ from it by the rounding of decimal fractions.
 GAP_UM = 0.1
 WIDEST_UM = GAP_UM * (1 + 1e-9)
-MOST_PARTS = 4  # of a table with gaps that a message lists
+MOST_PARTS = 4  # parts of a table with gaps that an error message lists
 
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """A quadrature rule over wavelength: the in-band value of L(wavelength) is sum(weights_um *
-    L(wavelengths_um)).
+    """A quadrature rule over wavelength.
 
-    The weights (um) hold the detector's response, 1 for a band without one. `total` covers every
-    wavelength and has empty arrays: only closed forms apply to it. response: its rows (wavelength
-    um, value), (2, n); none: 1 throughout.
+    The in-band value of a spectrum L is sum(weights_um * L(wavelengths_um)).
+
+    Attributes
+    ----------
+    name
+        Name of the band, such as "MWIR" or "3.5-4.2".
+    wavelengths_um
+        Nodes of the rule [um], (n,). Empty for the band `total`, which covers every wavelength;
+        only closed forms apply to it.
+    weights_um
+        Weights of the rule [um], (n,), including the detector's response.
+    lower_um, upper_um
+        Limits of the band [um].
+    response
+        Rows of the detector's response, wavelength [um] and value, (2, n); None if it is 1.
     """
 
     name: str
@@ -42,10 +55,11 @@ class Band:
 
     @property
     def is_total(self) -> bool:
+        """Whether this is the band `total`, which covers every wavelength."""
         return self.wavelengths_um.size == 0
 
     def response_at(self, wavelengths_um) -> np.ndarray:
-        """The detector's response at these wavelengths (um), 0 outside the band."""
+        """The detector's response at these wavelengths [um]; 0 outside the band."""
         wavelengths_um = np.asarray(wavelengths_um, dtype=float)
         inside = (self.lower_um <= wavelengths_um) & (wavelengths_um <= self.upper_um)
         return inside * (
@@ -53,10 +67,13 @@ class Band:
         )
 
     def row_weights(self, wavelengths_um) -> np.ndarray:
-        """The weight (um) of each row of a tabulated spectrum in its in-band value: straight lines
-        between rows, times the response, exactly.
+        """Weight [um] of each row of a tabulated spectrum in its in-band value, (n,).
 
-        wavelengths_um: rising (n,). The table must cover the band; `total` has no limits to cover.
+        The weights integrate the spectrum, on straight lines between its rows, times the response
+        exactly.
+
+        wavelengths_um: rising wavelengths of the rows [um], (n,). They must cover the band, which
+        must not be `total`.
         """
         breaks = [
             self.lower_um,
@@ -67,7 +84,8 @@ class Band:
         nodes = np.unique(np.concatenate([breaks, wavelengths_um[inside]]))
         step, count = np.diff(nodes) / 6, len(wavelengths_um)
         weights = np.zeros(count)
-        # between two nodes the product of two lines is a parabola: Simpson's rule is exact
+        # Between two nodes spectrum and response are straight lines. Their product is a parabola,
+        # which Simpson's rule integrates exactly.
         for x, share_of_step in (
             (nodes[:-1], step),
             ((nodes[:-1] + nodes[1:]) / 2, 4 * step),
@@ -84,12 +102,13 @@ class Band:
         return weights
 
     def integral(self, wavelengths_um, values) -> np.ndarray:
-        """In-band value of a tabulated spectrum (see row_weights); values: (..., n)."""
+        """In-band value (...) of tabulated spectra, values (..., n); see `row_weights`."""
         return values @ self.row_weights(wavelengths_um)
 
     def check_covered(self, wavelengths_um, what: str) -> None:
-        """Raises InputError, which begins with `what`, where a table with these rising rows (um)
-        does not cover the band.
+        """Raise InputError if a table with these rising wavelengths [um] does not cover the band.
+
+        The message begins with `what`, the name of the table.
         """
         x = wavelengths_um
         first, last = (
@@ -119,10 +138,15 @@ class Band:
 def band(spec: str | Path | Band) -> Band:
     """The band that `spec` describes.
 
-    spec: "MWIR", "LWIR", "SWIR" or "total" in any case, limits "3.5-4.2" in um, the path of a CSV
-    file with the header `wavelength_um,response` (straight lines between its rows, nothing
-    outside), or a Band, which is returned. Raises InputError for anything else, and for a file that
-    holds no response.
+    spec is one of
+    - "MWIR", "LWIR", "SWIR" or "total", in upper or lower case;
+    - limits in um, such as "3.5-4.2";
+    - the path of a CSV file with the header `wavelength_um,response`: the response is linear
+    between
+      its rows and 0 outside them;
+    - a `Band`, which is returned as it is.
+
+    Raises InputError for anything else, and for a file that holds no response.
     """
     if isinstance(spec, Band):
         return spec
@@ -164,13 +188,14 @@ def _from_limits(text, lower, upper):
 # Quadrature
 
 _legendre = cache(np.polynomial.legendre.leggauss)
-MOST_AT_ONCE = 4096  # nodes of a response that are thinned together: memory
-PANEL_RATIO = 3.0  # the widest panel, as upper / lower limit
+MOST_AT_ONCE = 4096  # nodes of a response that are thinned together, to bound the memory
+PANEL_RATIO = 3.0  # upper / lower limit of the widest panel of a quadrature
 
 
 def _gauss(lower, upper):
-    """Gauss-Legendre nodes and weights (um) that integrate Planck's law over lower to upper (um) at
-    any temperature.
+    """Gauss-Legendre nodes and weights [um] from `lower` to `upper` [um].
+
+    They integrate Planck's law at any temperature.
     """
     edges = np.geomspace(
         lower, upper, 1 + max(1, int(np.ceil(np.log(upper / lower) / np.log(PANEL_RATIO) - 1e-9)))
@@ -185,12 +210,12 @@ def _gauss(lower, upper):
 
 
 def _gauss_between(wavelengths):
-    """The nodes and weights of `_gauss` between each two neighbours of rising wavelengths (um)."""
+    """Nodes and weights of `_gauss` between each two neighbours of rising wavelengths [um]."""
     lower, upper = wavelengths[:-1], wavelengths[1:]
     wide = upper > PANEL_RATIO * lower
     rules = [_gauss(a, b) for a, b in zip(lower[wide], upper[wide])]
     counts = _node_count(lower, upper)
-    for count in np.unique(counts[~wide]):  # intervals of as many nodes at once
+    for count in np.unique(counts[~wide]):  # all intervals with the same number of nodes at once
         chosen = ~wide & (counts == count)
         a, width = lower[chosen, None], (upper - lower)[chosen, None]
         x, w = _legendre(int(count))
@@ -201,19 +226,21 @@ def _gauss_between(wavelengths):
 
 
 def _node_count(lower, upper):
-    """How many Gauss nodes a panel needs: Planck's law falls off within it by up to e^(2 s), s from
-    Float64's smallest number, and a layer of relative width 1/s at the end takes a number of nodes
-    that grows as sqrt(s).
+    """Number of Gauss nodes that a panel needs.
+
+    Within a panel Planck's law falls by a factor of up to e^(2 s), where Float64's smallest number
+    bounds s. A layer of relative width 1/s at the panel's end needs a number of nodes that grows as
+    sqrt(s).
     """
     s = 350 * (1 - lower / upper)
     return 4 + np.ceil(4 * np.sqrt(s)).astype(int)
 
 
 def _gauss_of_measure(nodes, weights, count):
-    """The Gauss rule of `count` nodes for a sum over many nodes: equal for all polynomials of
-    degree below 2 count.
+    """The Gauss rule with `count` nodes that replaces a weighted sum over many nodes.
 
-    Lanczos's recurrence for the Jacobi matrix, then its eigenvectors (Golub and Welsch 1969).
+    Rule and sum are equal for all polynomials of degree below 2 count. Lanczos's recurrence gives
+    the Jacobi matrix, whose eigenvectors give the rule (Golub and Welsch 1969).
     """
     total = weights.sum()
     basis = np.empty((count + 1, len(nodes)))
@@ -222,7 +249,7 @@ def _gauss_of_measure(nodes, weights, count):
     for k in range(count):
         new = nodes * basis[k]
         diagonal[k] = new @ basis[k]
-        for _ in range(2):  # once loses orthogonality to rounding
+        for _ in range(2):  # a single pass would lose orthogonality to rounding
             new -= (basis[: k + 1] @ new) @ basis[: k + 1]
         beside[k] = np.linalg.norm(new)
         basis[k + 1] = new / beside[k]
@@ -237,9 +264,8 @@ def _gauss_of_measure(nodes, weights, count):
 
 def _from_response(path):
     wavelengths, response = _read_response(path)
-    used = np.flatnonzero(
-        response
-    )  # the support: up to the neighbours of the first and the last value above 0
+    # The response is above 0 up to the neighbours of its first and last value above 0.
+    used = np.flatnonzero(response)
     first, last = max(used[0] - 1, 0), min(used[-1] + 2, len(response))
     wavelengths, response = wavelengths[first:last], response[first:last]
 
@@ -256,8 +282,9 @@ def _from_response(path):
 
 
 def _thinned(nodes, weights):
-    """As few nodes as a smooth band of the same width has: a response of 1000 rows costs no more
-    than MWIR.
+    """A rule with as few nodes as a smooth band of the same width has.
+
+    A response of 1000 rows then costs no more than the band MWIR.
     """
     panel = np.floor(np.log(nodes / nodes[0]) / np.log(PANEL_RATIO))
     rules = [_thinned_panel(nodes[panel == p], weights[panel == p]) for p in np.unique(panel)]
@@ -265,8 +292,10 @@ def _thinned(nodes, weights):
 
 
 def _thinned_panel(x, w):
-    """The Gauss rule of a panel's nodes, piece by piece where they are many: the rule of a piece
-    is exact for what is smooth within it, so that the rule of all pieces is the same.
+    """The Gauss rule that replaces the nodes x and weights w of one panel.
+
+    Many nodes are thinned in pieces first. The rule of a piece is exact for polynomials, so that
+    the rule made from all pieces is the same as that made from all nodes.
     """
     if len(x) > MOST_AT_ONCE:
         pieces = range(0, len(x), MOST_AT_ONCE)
@@ -278,7 +307,7 @@ def _thinned_panel(x, w):
 
 
 def _read_response(path):
-    """Wavelengths (um, rising) and responses of a CSV file `wavelength_um,response`."""
+    """Rising wavelengths [um] and responses of a CSV file `wavelength_um,response`."""
     table = spectral_table(path, "band file", (("response", LARGEST),))
     if not table.columns[0].max() >= SMALLEST_RESPONSE:
         raise InputError(f"band file {path}: needs a response above 0")

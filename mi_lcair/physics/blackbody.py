@@ -1,8 +1,7 @@
-"""Planck's law: spectral and in-band radiance of a blackbody, and the temperature that an in-band
-radiance stands for.
+"""Planck's law: spectral radiance, in-band radiance and brightness temperature of a blackbody.
 
-Temperatures are floats, NumPy arrays or Dr.Jit arrays of any float type; Dr.Jit is never imported
-here.
+Temperatures are floats, NumPy arrays or Dr.Jit arrays of any float type. This module never imports
+Dr.Jit.
 """
 
 import sys
@@ -17,16 +16,19 @@ STEFAN_BOLTZMANN = 2 * np.pi**5 * BOLTZMANN**4 / (15 * PLANCK**3 * LIGHT_SPEED**
 C1 = 2 * PLANCK * LIGHT_SPEED**2 * 1e24  # W m^-2 sr^-1 um^4, first radiation constant for radiance
 C2 = PLANCK * LIGHT_SPEED / BOLTZMANN * 1e6  # um K, second radiation constant
 
-KNOTS = 4096  # of the spline through which more brightness temperatures than that are found
-LARGEST_EXPONENT = 800.0  # there Planck's law is 0 in Float64, from 0.1 um up
+# More brightness temperatures than this are interpolated by a spline with this many knots.
+KNOTS = 4096
+# Exponent c2 / (wavelength T) at which Planck's law is 0 in Float64, for all wavelengths from 0.1
+# um.
+LARGEST_EXPONENT = 800.0
 
 
 def spectral_radiance(wavelength_um, temperature):
-    """Spectral radiance of a blackbody, W m^-2 sr^-1 um^-1 (Planck's law).
+    """Spectral radiance of a blackbody [W m^-2 sr^-1 um^-1] by Planck's law.
 
-    wavelength_um: um; temperature: K; floats, NumPy arrays or Dr.Jit arrays, broadcast against each
-    other. At 0 K and below it is 0. Dr.Jit: computed in Float64, given back in the type of the
-    argument, differentiable.
+    wavelength_um [um] and temperature [K] are floats, NumPy arrays or Dr.Jit arrays, broadcast
+    against each other. The radiance at 0 K and below is 0. For Dr.Jit arrays it is computed in
+    Float64, returned in the type of the argument, and differentiable.
     """
     like = next((a for a in (temperature, wavelength_um) if _drjit(a)), None)
     if like is None:
@@ -39,12 +41,13 @@ def spectral_radiance(wavelength_um, temperature):
 
 
 def in_band_radiance(band: Band, temperature):
-    """Radiance of a blackbody within a band, weighted by its response, W m^-2 sr^-1.
+    """In-band radiance of a blackbody, weighted by the band's response [W m^-2 sr^-1].
 
-    temperature: K; a float or NumPy array (Float64 comes back) or a Dr.Jit array (computed in
-    Float64, given back in its own type, with the derivative attached, which is finite everywhere).
-    At 0 K and below it is 0, NaN stays NaN. Relative error under 1e-6 from 30 K to 6000 K, where
-    Float64 does not underflow; `total` is sigma T^4 / pi.
+    temperature [K] is a float, a NumPy array or a Dr.Jit array. The first two return Float64. For a
+    Dr.Jit array the radiance is computed in Float64 and returned in the array's type, with its
+    derivative attached; the derivative is finite everywhere. The radiance at 0 K and below is 0;
+    NaN gives NaN. The relative error is under 1e-6 from 30 K to 6000 K where Float64 does not
+    underflow. The band `total` gives sigma T^4 / pi.
     """
     dr = _drjit(temperature)
     if dr is None:
@@ -60,14 +63,14 @@ def in_band_radiance(band: Band, temperature):
 
 
 def brightness_temperature(band: Band, radiance):
-    """The temperature of the blackbody that has this in-band radiance, K: the inverse of
-    in_band_radiance.
+    """Temperature [K] of the blackbody with this in-band radiance.
 
-    radiance: W m^-2 sr^-1, a float or NumPy array of any shape; Float64 of that shape comes back. 0
-    gives 0 K, negative or NaN gives NaN. Relative error about 1e-10 or less for 1e-40 and more.
+    This is the inverse of `in_band_radiance`. radiance [W m^-2 sr^-1] is a float or a NumPy array;
+    the result is Float64 of the same shape. A radiance of 0 gives 0 K; a negative one or NaN gives
+    NaN. The relative error is about 1e-10 or less for radiances of 1e-40 and more.
     """
     radiance = np.asarray(radiance, dtype=float)
-    result = np.where(radiance >= 0, radiance, np.nan)  # 0 and infinity are their own answers
+    result = np.where(radiance >= 0, radiance, np.nan)  # 0 gives 0 K, infinity gives infinity
     solved = (radiance > 0) & (radiance < np.inf)
     values = radiance[solved]
     if band.is_total:
@@ -86,11 +89,10 @@ def _drjit(array):
 
 
 def _planck(m, wavelength, temperature):
-    """Spectral radiance and its derivative by the temperature, in the functions of module `m`
-    (NumPy or Dr.Jit).
+    """Spectral radiance and its derivative with respect to temperature.
 
-    The exponent is capped through the temperature: nothing overflows and no derivative divides by
-    0.
+    m: the module whose functions are used, NumPy or Dr.Jit. A lower limit of the temperature caps
+    the exponent, so that nothing overflows and no derivative divides by 0.
     """
     x = C2 / (wavelength * m.maximum(temperature, C2 / (LARGEST_EXPONENT * wavelength)))
     half = m.exp(-x / 2)
@@ -100,13 +102,13 @@ def _planck(m, wavelength, temperature):
 
 
 def _total(m, temperature):
-    """sigma T^4 / pi, in the functions of module `m`."""
+    """sigma T^4 / pi, with the functions of module `m` (NumPy or Dr.Jit)."""
     t = m.maximum(temperature, 0)
     return STEFAN_BOLTZMANN / np.pi * (t * t) * (t * t)
 
 
 def _radiance_and_slope(band, temperature):
-    """In-band radiance and its derivative by the temperature, NumPy."""
+    """In-band radiance and its derivative with respect to temperature, in NumPy."""
     value = slope = 0.0
     for wavelength, weight in zip(band.wavelengths_um, band.weights_um):
         node_value, node_slope = _planck(np, wavelength, temperature)
@@ -115,8 +117,10 @@ def _radiance_and_slope(band, temperature):
 
 
 def _traced_sum(dr, band, temperature):
-    """In-band radiance and its derivative by the temperature, Dr.Jit, detached: one loop, however
-    many nodes.
+    """In-band radiance and its derivative with respect to temperature, in Dr.Jit, detached.
+
+    One symbolic loop runs over the nodes, so that the kernel's size does not depend on their
+    number.
     """
     Float64 = type(dr.ravel(temperature))  # one-dimensional, also for a tensor or a nested array
     UInt32 = dr.uint32_array_t(Float64)
@@ -134,16 +138,15 @@ def _traced_sum(dr, band, temperature):
         body=add_node,
         label="in-band radiance",
     )
-    return dr.select(
-        dr.isnan(temperature), temperature, value
-    ), slope  # Dr.Jit's loop turns a literal NaN into 0
+    # Dr.Jit's loop turns a literal NaN into 0.
+    return dr.select(dr.isnan(temperature), temperature, value), slope
 
 
 def _interpolate(band, radiance):
-    """As `_solve`, for an image's worth of radiances: a Hermite spline of ln T over ln L through
-    exact knots.
+    """Brightness temperatures of many radiances, by a Hermite spline of ln T over ln L.
 
-    Relative error 2e-13 over 40 decades of SWIR, less over the range of an image.
+    `_solve` gives the knots. The relative error is 2e-13 over 40 decades of radiance in SWIR, and
+    less over the range of an image.
     """
     from scipy.interpolate import CubicHermiteSpline
 
@@ -155,12 +158,12 @@ def _interpolate(band, radiance):
 
 
 def _solve(band, radiance):
-    """Newton's method for ln L(u) = ln radiance in u = 1/T, for positive radiances in one
-    dimension.
+    """Brightness temperatures [K] of positive radiances (n,), by Newton's method.
 
-    ln L is convex and falls in u, so the steps from a u that is too small rise to the root and
-    never pass it. Such a u is the smallest of the nodes' own brightness temperatures' inverses, for
-    the mean spectral radiance.
+    The method solves ln L(u) = ln radiance for u = 1/T. ln L is convex and falls with u. Steps that
+    start at a u below the root therefore rise to the root and never pass it. The start is the
+    smallest inverse brightness temperature of the nodes at the mean spectral radiance; it lies
+    below the root.
     """
     target = np.log(radiance)
     mean = target - np.log(band.weights_um.sum())
@@ -171,6 +174,7 @@ def _solve(band, radiance):
         value, slope = _radiance_and_slope(band, 1 / u)
         step = (np.log(value) - target) * value * u * u / slope
         u = u + step
-        if np.all(np.abs(step) < 1e-8 * u):  # what remains is its square
+        # Convergence is quadratic: the remaining relative error is the square of the last step's.
+        if np.all(np.abs(step) < 1e-8 * u):
             break
     return 1 / u

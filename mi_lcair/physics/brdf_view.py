@@ -1,4 +1,4 @@
-"""The BRDF of a material over the hemisphere of reflection (thesis Figures 2.9, 3.14), as numbers."""
+"""Tables of a material's BRDF over the hemisphere of reflection (thesis Figures 2.9, 3.14)."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -11,16 +11,37 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.materials import Material, material
 
-HORIZON = 89.9  # degrees; the last theta_r
+HORIZON = 89.9  # largest tabulated theta_r [degrees]
 
 
 @dataclass(frozen=True)
 class BRDFView:
-    """The raw model, f_r [1/sr], of light that comes in at theta_i. theta_r (m,), azimuth (n,),
-    both in degrees: the azimuth is 0 in the mirror direction's half of the plane of incidence and
-    180 in the source's. brdf (m, n); cut: in-plane, f_r at the signed angles cut_theta_r, positive
-    on the mirror direction's side. dhr at theta_i; emissivity: 1 - HDR (Kirchhoff), at theta_i too,
-    but as seen by an observer.
+    """The BRDF of a material for one angle of incidence, with its hemispherical values.
+
+    Attributes
+    ----------
+    material
+        The material, with its reflection model and parameters.
+    band
+        Band in which the parameters hold.
+    theta_i
+        Angle of incidence [degrees].
+    theta_r
+        Angles of reflection [degrees], (m,).
+    azimuth
+        Azimuths of reflection [degrees], (n,): 0 in the half-plane of the mirror direction and 180
+        in that of the source.
+    brdf
+        BRDF at theta_r and azimuth [1/sr], (m, n).
+    cut_theta_r
+        Signed angles in the plane of incidence [degrees], (k,), positive on the side of the mirror
+        direction.
+    cut
+        BRDF at cut_theta_r [1/sr], (k,).
+    dhr
+        Directional-hemispherical reflectance for radiation that arrives at theta_i.
+    emissivity
+        Directional emissivity for an observer at theta_i: 1 - HDR (Kirchhoff).
     """
 
     material: Material
@@ -36,23 +57,41 @@ class BRDFView:
 
 
 def brdf_view(name: str, band: str, theta_i_deg: float = 30.0) -> BRDFView:
-    """The BRDF of a material (a name or a fit's JSON file) in a band, for incidence at theta_i_deg
-    degrees.
+    """Tabulate the BRDF of a material for one angle of incidence.
+
+    Parameters
+    ----------
+    name
+        Name of a material, or path of a fit's JSON file.
+    band
+        Band in any form that `mi_lcair.physics.bands.band` reads.
+    theta_i_deg
+        Angle of incidence, 0 <= theta_i_deg < 90 [degrees].
+
+    Returns
+    -------
+    BRDFView
+        The tables, dense around the lobe.
+
+    Raises
+    ------
+    InputError
+        If the angle is out of range, or the material or the band is unknown.
     """
     if not 0 <= theta_i_deg < 90:
         raise InputError(f"theta = {theta_i_deg:g} degrees must lie in 0..90, 90 excluded")
     band = band_of(band)
-    found = material(name, band)
-    S = found.surface()
-    width = float(found.model.lobe_width(S)[0])
+    surface_material = material(name, band)
+    model, S = surface_material.model, surface_material.surface()
+    width = float(model.lobe_width(S)[0])
     theta_r = crowded(0, HORIZON, 2, theta_i_deg, width)
     azimuth = crowded(-180, 180, 2, 0, width)
     cut_theta_r = crowded(-HORIZON, HORIZON, 0.2, theta_i_deg, width)
     grid = np.meshgrid(theta_r, azimuth, indexing="ij")
     theta_i = Float64(np.radians(theta_i_deg))
-    f = partial(brdf, found.model, S, theta_i_deg)
+    f = partial(brdf, model, S, theta_i_deg)
     return BRDFView(
-        material=found,
+        material=surface_material,
         band=band,
         theta_i=theta_i_deg,
         theta_r=theta_r,
@@ -60,13 +99,16 @@ def brdf_view(name: str, band: str, theta_i_deg: float = 30.0) -> BRDFView:
         brdf=f(*grid),
         cut_theta_r=cut_theta_r,
         cut=f(cut_theta_r, np.zeros_like(cut_theta_r)),
-        dhr=float(found.model.DHR(S, theta_i)[0]),
-        emissivity=1 - min(1.0, float(found.model.HDR(S, theta_i)[0])),
+        dhr=float(model.DHR(S, theta_i)[0]),
+        emissivity=1 - min(1.0, float(model.HDR(S, theta_i)[0])),
     )
 
 
 def brdf(model, S, theta_i, theta_r, azimuth) -> np.ndarray:
-    """f_r [1/sr] at angles in degrees, azimuth from the mirror direction; shape of theta_r."""
+    """BRDF [1/sr] at theta_r and azimuth (arrays of one shape), in that shape.
+
+    All angles are in degrees. The azimuth is measured from the mirror direction.
+    """
     theta_i, theta, phi = (np.radians(angle) for angle in (theta_i, theta_r, azimuth))
     r = Array3f64(
         np.array(
@@ -81,9 +123,9 @@ def brdf(model, S, theta_i, theta_r, azimuth) -> np.ndarray:
 
 
 def crowded(lower: float, upper: float, step: float, peak: float, width: float) -> np.ndarray:
-    """Angles [degrees] over a range, about a step apart but crowded around a peak.
+    """Angles [degrees] from lower to upper, about a step apart and denser around a peak.
 
-    width: of the peak, a tangent.
+    width: tangent of the peak's angular width.
     """
     width = np.degrees(width)
     reach = np.arcsinh(180 / width)

@@ -1,4 +1,4 @@
-"""A detector of one pixel: the whole of its field of view is one signal (thesis 3.8)."""
+"""A detector with a single pixel, which integrates its whole field of view (thesis 3.8)."""
 
 from dataclasses import dataclass
 
@@ -8,18 +8,34 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 
-LOCK_ON = 10.0  # signal over noise that a lock-on asks for (thesis 3.8)
+LOCK_ON = 10.0  # signal-to-noise ratio that a lock-on requires (thesis 3.8)
 
 
 @dataclass(frozen=True)
 class Detector:
-    """Band with its response, optics and noise; irradiances in W m^-2, weighted by the response.
+    """Spectral band, optics and noise of a detector.
 
-    band: as bands.band takes it. optics_transmittance: in (0, 1]. field_of_view_deg: the full angle
-    of a cone, in (0, 180]. nei: noise-equivalent irradiance, behind the optics; one that is stated
-    at the aperture, as in the thesis, holds the optics in it: leave optics_transmittance 1. snr:
-    the signal over noise that is asked for. The signal is the contrast irradiance at the aperture
-    times optics_transmittance, and detected where its size reaches snr * nei.
+    The signal is the contrast irradiance at the aperture times optics_transmittance. It is detected
+    if its absolute value is at least snr * nei. Irradiances are weighted by the band's response.
+
+    Attributes
+    ----------
+    band
+        Band with the detector's response, in any form that `mi_lcair.physics.bands.band` reads.
+    optics_transmittance
+        Transmittance of the optics, in (0, 1].
+    field_of_view_deg
+        Full angle of the conical field of view, in (0, 180] [degrees]; None if it is not limited.
+    nei
+        Noise-equivalent irradiance behind the optics [W m^-2]. A value stated at the aperture, as
+        in the thesis, includes the optics; optics_transmittance is then left at 1.
+    snr
+        Required signal-to-noise ratio.
+
+    Raises
+    ------
+    InputError
+        If a value is out of its range.
     """
 
     band: Band
@@ -39,12 +55,13 @@ class Detector:
             value = getattr(self, name)
             if value is not None and not (0 < value <= largest and np.isfinite(value)):
                 raise InputError(
-                    f"sensor: {name} = {value}; must be positive and {'finite' if largest == np.inf else f'at most {largest:g}'}"
+                    f"sensor: {name} = {value}; must be positive and "
+                    f"{'finite' if largest == np.inf else f'at most {largest:g}'}"
                 )
 
     @property
     def solid_angle(self) -> float | None:
-        """Of the field of view, sr; None without one."""
+        """Solid angle of the field of view [sr]; None if field_of_view_deg is None."""
         return (
             None
             if self.field_of_view_deg is None
@@ -52,14 +69,16 @@ class Detector:
         )
 
     def signal(self, irradiance):
-        """What a contrast irradiance at the aperture, positive or negative, leaves behind the
-        optics [W m^-2].
+        """Signal behind the optics [W m^-2] for a contrast irradiance at the aperture [W m^-2].
+
+        The contrast may be positive or negative.
         """
         return self.optics_transmittance * np.asarray(irradiance)[()]
 
     def detects(self, irradiance):
-        """Whether a contrast irradiance at the aperture [W m^-2] is detected. Raises InputError
-        without a nei.
+        """Whether a contrast irradiance at the aperture [W m^-2] is detected.
+
+        Raises InputError if nei is None.
         """
         if self.nei is None:
             raise InputError(
@@ -68,7 +87,8 @@ class Detector:
         return np.abs(self.signal(irradiance)) >= self.snr * self.nei
 
     def nei_max(self, irradiance):
-        """The largest nei with which a contrast irradiance at the aperture [W m^-2] is detected (Eq
-        3.14) [W m^-2].
+        """Largest nei [W m^-2] at which a contrast irradiance is detected (thesis Eq 3.14).
+
+        irradiance: contrast irradiance at the aperture [W m^-2].
         """
         return np.abs(self.signal(irradiance)) / self.snr

@@ -1,5 +1,6 @@
-"""Measured directional quantities: CSV `theta_deg,emissivity[,emissivity_std]` or
-`theta_deg,dhr[,dhr_std]`.
+"""Tables of measured directional quantities.
+
+They are CSV files `theta_deg,emissivity[,emissivity_std]` or `theta_deg,dhr[,dhr_std]`.
 """
 
 import warnings
@@ -9,20 +10,37 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.table import read_table
 
-SMALLEST_STD = 1e-6  # no instrument is better; the square of its inverse stays finite
-FARTHEST_DEG = 15.0  # from a measured angle to any other one, without a remark
+# Smallest accepted standard deviation. No instrument is better, and 1 / std^2 stays finite.
+SMALLEST_STD = 1e-6
+# Largest distance from the table's first angle to 0 degrees, and from its last angle to 90 degrees,
+# that causes no warning.
+FARTHEST_DEG = 15.0
 
 
 def read_directional_table(
     path, quantity: str = "emissivity"
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """Angles [radians, ascending], values [0..1] and their standard deviations (or None) of a
-    measured table.
+    """Read angles, values and standard deviations of a measured table.
 
-    quantity: the name of the value's column; its standard deviation is `<quantity>_std`. Lines that
-    start with # are comments. InputError for a missing file or column, a row with more or fewer
-    cells than the header, a cell that is no number, a value outside 0..1, a standard deviation that
-    is not positive, an angle outside 0..90, or an angle given twice.
+    Parameters
+    ----------
+    path
+        CSV file. Lines that start with # are comments.
+    quantity
+        Name of the column of values. Their standard deviations are in `<quantity>_std`.
+
+    Returns
+    -------
+    tuple
+        Ascending angles [radians], values (0..1) and standard deviations, (n,) each. The last is
+        None if the file has no such column.
+
+    Raises
+    ------
+    InputError
+        If the file or a column is missing, a row has more or fewer cells than the header, a cell is
+        no number, a value lies outside 0..1, a standard deviation is not positive, or an angle lies
+        outside 0..90 degrees or appears twice.
     """
     table = read_table(path, ("theta_deg", quantity))
     std = f"{quantity}_std"
@@ -45,16 +63,33 @@ def read_directional_table(
 
 
 def over_the_hemisphere(path, theta: np.ndarray, values: np.ndarray, nodes: np.ndarray):
-    """Values of a measured table at the angles `nodes` [radians] from 0 to pi/2: straight lines
-    between its angles, and the nearest value outside them.
+    """Values of a measured table at other angles over the hemisphere.
 
-    A Python warning says so where the table ends more than FARTHEST_DEG from 0 or 90 degrees.
+    They are interpolated linearly between the measured angles. Outside them the nearest value is
+    used. A Python warning says so if the table ends more than FARTHEST_DEG from 0 or 90 degrees.
+
+    Parameters
+    ----------
+    path
+        Name of the table, for the warning.
+    theta
+        Ascending measured angles [radians], (n,).
+    values
+        Measured values, (n,).
+    nodes
+        Angles from 0 to pi/2 at which values are returned [radians], (m,).
+
+    Returns
+    -------
+    numpy.ndarray
+        Values at `nodes`, (m,).
     """
     first, last = np.degrees(theta[[0, -1]])
     if first > FARTHEST_DEG or 90 - last > FARTHEST_DEG:
         measured = f"{first:g}..{last:g} degrees" if last > first else f"{first:g} degrees alone"
         warnings.warn(
-            f"{path}: measured at {measured}; its nearest value is taken at the other angles of 0..90",
+            f"{path}: measured at {measured}; its nearest value is taken at the other angles of "
+            "0..90",
             stacklevel=2,
         )
     return np.interp(nodes, theta, values)

@@ -1,33 +1,49 @@
-"""Named materials: a reflection model and its parameters, band by band, with their source."""
+"""Named materials: a reflection model with its parameters for each band, and their source."""
 
 import json
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from drjit.llvm.ad import Float64
 
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import read_text
-from mi_lcair.physics import reflection
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
-from mi_lcair.physics.reflection import ReflectionModel
+
+# The models load Dr.Jit. Reading the names of materials does not need it.
+if TYPE_CHECKING:
+    from mi_lcair.physics.reflection import ReflectionModel
 
 BUILT_IN = Path(__file__).with_name("materials.toml")
-EVERY_BAND = "any"
+EVERY_BAND = "any"  # band name of an entry that holds at every wavelength
 
 
 @dataclass(frozen=True)
 class Material:
-    """A surface in one band ("any": all): its reflection model, the parameters by name, and the form
-    of the model.
+    """A reflection model with the parameters of one surface in one band.
+
+    Attributes
+    ----------
+    name
+        Name of the material.
+    band
+        Band in which the parameters hold; "any" for all bands.
+    model
+        The reflection model.
+    parameters
+        Parameters by name, in the model's units.
+    form
+        Form of the model's equations.
+    source
+        Publication or file from which the parameters come.
     """
 
     name: str
     band: str
-    model: ReflectionModel
+    model: "ReflectionModel"
     parameters: dict[str, float]
     form: str
     source: str
@@ -38,22 +54,44 @@ class Material:
         return tuple(self.parameters[name] for name in self.model.names)
 
     def surface(self):
-        """What the model's functions take, in Float64. InputError for numbers that no surface can have."""
+        """The model's `Surface` with these parameters, in Float64.
+
+        Raises InputError for parameters that no surface can have.
+        """
         self.model.check_form(self.form)
         self.model.check_feasible(*self.values, form=self.form)
+        from drjit.llvm.ad import Float64
+
         return self.model.surface(*map(Float64, self.values), form=self.form)
 
 
 def material(
     name: str, band: Band | None, file: str | Path | None = None, allow_band: bool = False
 ) -> Material:
-    """The material `name` in a band.
+    """The material `name` with its parameters for a band.
 
-    name: a key of the user's TOML `file`, of the built-in materials, or the path of a fit's JSON
-    file. band: where it is to be used; the entry measured there, or in a wider band, is taken
-    (None: only an entry for any band will do). With allow_band the entry that overlaps most, or
-    else lies nearest, is taken instead of refusing. Raises InputError for an unknown name, a band
-    that it was not measured for, and a file that cannot be used.
+    Parameters
+    ----------
+    name
+        Key of the user's TOML `file` or of the built-in materials, or path of a fit's JSON file.
+    band
+        Band in which the material is used. An entry that was measured in this band or in a wider
+        one is taken. None accepts only an entry for any band.
+    file
+        TOML file of the user's own materials.
+    allow_band
+        Whether to take, where no entry covers the band, the entry that overlaps it most or lies
+        nearest to it, instead of raising InputError.
+
+    Returns
+    -------
+    Material
+        The entry.
+
+    Raises
+    ------
+    InputError
+        If the name is unknown, the material was not measured in the band, or a file cannot be used.
     """
     entries = _fits(name) if str(name).lower().endswith(".json") else _toml_entries(name, file)
     best = max(entries, key=lambda entry: _fitness(entry.band, band))
@@ -69,20 +107,34 @@ def material(
 
 
 def names(file: str | Path | None = None) -> list[str]:
-    """The names that `material` knows, those of the user's TOML `file` first."""
+    """Names of all materials, those of the user's TOML `file` first."""
     return list({**(_read(file, tomllib.loads) if file else {}), **_read(BUILT_IN, tomllib.loads)})
 
 
+def emits_nothing(name: str, file: str | Path | None = None) -> bool:
+    """Whether the entries of a material say `emits = false`: it reflects all that arrives. Loads no
+    reflection model.
+    """
+    for path in filter(None, (file, BUILT_IN)):
+        bands = _read(path, tomllib.loads).get(name)
+        if isinstance(bands, dict):
+            return all(
+                isinstance(entry, dict) and entry.get("emits") is False for entry in bands.values()
+            )
+    return False
+
+
 def _fitness(measured, wanted):
-    """How well parameters for the band named `measured` serve in `wanted`: (covers it, overlap in
-    um, -width).
+    """Rank of an entry for the band named `measured` when the band `wanted` is asked for.
+
+    The larger tuple fits better: (whether it covers `wanted`, overlap [um], -width [um]).
     """
     measured = None if measured == EVERY_BAND else band_of(measured)
     if measured is None or wanted is None:
         return measured is None, 0.0, -np.inf
     covers = measured.lower_um <= wanted.lower_um and wanted.upper_um <= measured.upper_um
     overlap = min(measured.upper_um, wanted.upper_um) - max(measured.lower_um, wanted.lower_um)
-    # an average over the whole spectrum says nothing about a part of it
+    # An average over the whole spectrum gives no information about a part of it.
     return (
         covers and measured.is_total == wanted.is_total,
         overlap,
@@ -91,6 +143,7 @@ def _fitness(measured, wanted):
 
 
 def _toml_entries(name, file):
+    """All entries of the material `name`, from the user's file if it has them, else built-in."""
     for path in filter(None, (file, BUILT_IN)):
         bands = _read(path, tomllib.loads).get(name)
         if bands is None:
@@ -107,8 +160,10 @@ def _toml_entries(name, file):
 
 
 def _fits(name):
-    """The entries of a fit's JSON file: keys `parameters`, `form` and `band`, or one such report a
-    band in `materials`.
+    """The entries of a fit's JSON file.
+
+    The file is one report with the keys `parameters`, `form` and `band`, or holds one such report
+    for each band in the table `materials`.
     """
     name = str(name)
     file = _read(name, json.loads)
@@ -123,9 +178,11 @@ def _fits(name):
 
 
 def _fitted(name, report):
+    """The entry of one report of a fit."""
     if report.get("band", "") is None:
         raise InputError(
-            f"{name}: the fitted data did not state their band; add '# band_um: 3 5' to their file and fit again"
+            f"{name}: the fitted data did not state their band; add '# band_um: 3 5' to their file "
+            "and fit again"
         )
     for key, kind in (("parameters", dict), ("form", str), ("band", str)):
         if not isinstance(report.get(key), kind):
@@ -140,9 +197,12 @@ def _fitted(name, report):
 
 
 def _entry(where, name, band, keys, file):
-    """A checked Material. Whether the numbers are possible together is for the reflection model to
-    say.
+    """A Material with checked keys and types.
+
+    The reflection model checks later whether the parameters are possible together.
     """
+    from mi_lcair.physics import reflection
+
     where = f"{where}, band '{band}'"
     try:
         if band != EVERY_BAND:
@@ -150,10 +210,14 @@ def _entry(where, name, band, keys, file):
         model = reflection.model(keys["model"]) if "model" in keys else reflection.DEFAULT
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
-    allowed = (*model.names, "model", "form", "source")
+    allowed = (*model.names, "model", "form", "source", "emits")
     for key, value in keys.items():
         if key not in allowed:
             raise InputError(f"{where}: {unknown('key', key, allowed)}")
+        if key == "emits":
+            if not isinstance(value, bool):
+                raise InputError(f"{where}: emits = {value!r}; must be true or false")
+            continue
         if key in model.names and (type(value) not in (int, float) or not np.isfinite(value)):
             raise InputError(f"{where}: {key} = {value!r}; must be a number")
         if key not in model.names and not isinstance(value, str):
@@ -176,7 +240,8 @@ def _read(path, parse):
     text = read_text(path, f"materials file {path}")
     try:
         table = parse(text)
-    except (ValueError, RecursionError) as error:  # of TOML, of JSON
+    # Both parsers raise ValueError. Deeply nested files raise RecursionError.
+    except (ValueError, RecursionError) as error:
         raise InputError(f"materials file {path}: {error}") from None
     if not isinstance(table, dict):
         raise InputError(f"materials file {path}: must be a table of keys")

@@ -1,7 +1,10 @@
-"""CSV files of spectra: # comments, a header of named columns, rows of numbers; one spectrum, or
-one for each key.
+"""CSV files of spectra.
+
+A file has # comments, a header of named columns, and rows of numbers. It holds one spectrum, or one
+spectrum for each value of a key column.
 """
 
+import os
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -17,8 +20,16 @@ SHORTEST_UM, LONGEST_UM = 0.1, 1000.0
 
 @dataclass(frozen=True, eq=False)
 class SpectralTable:
-    """Columns over rising wavelengths (um, (n,)): (n,) each, or (keys, n) where a column of keys
-    tells spectra apart.
+    """Columns of numbers over wavelength.
+
+    Attributes
+    ----------
+    keys
+        Rising keys of the spectra, (k,); None if the file holds a single spectrum.
+    wavelengths_um
+        Rising wavelengths [um], (n,).
+    columns
+        The columns, (n,) each, or (k, n) if the file has keys.
     """
 
     keys: np.ndarray | None
@@ -33,16 +44,34 @@ def spectral_table(
     key: str | None = None,
     keyless: bool = False,
 ) -> SpectralTable:
-    """Reads the wavelengths and `columns` (name, largest value; none may be negative), in whatever
-    order the file has them.
+    """Read wavelengths and columns of a CSV file, in whatever order the file has them.
 
-    key: the column whose values, in rising order, stand for one spectrum each, all of the same
-    wavelengths (None: one spectrum alone); keyless: the file may lack it. kind: what errors call
-    the file. Raises InputError with the line that cannot be used.
+    Parameters
+    ----------
+    path
+        The CSV file.
+    kind
+        What error messages call the file, such as "spectrum".
+    columns
+        Name and largest accepted value of each column. Negative values are refused.
+    key
+        Column that tells spectra apart: rows with the same key are one spectrum, and all spectra
+        have the same wavelengths. None for a file with a single spectrum.
+    keyless
+        Whether the file may lack the column `key`.
+
+    Returns
+    -------
+    SpectralTable
+        The columns in the order of `columns`.
+
+    Raises
+    ------
+    InputError
+        With the line that cannot be used.
     """
-    written = (
-        path.stat().st_mtime_ns if path.exists() else None
-    )  # a file that was edited is another one
+    # The time of the last change is part of the cache's key, so that an edited file is read again.
+    written = path.stat().st_mtime_ns if os.path.exists(path) else None
     return _read(path, written, kind, columns, key, keyless)
 
 
@@ -68,13 +97,14 @@ def _read(path, written, kind, columns, key, keyless) -> SpectralTable:
         if np.any(np.diff(wavelengths) <= 0):
             k = int(np.argmax(np.diff(wavelengths) <= 0))
             raise InputError(
-                f"{what}, line {numbers[block[k + 1]]}: {WAVELENGTH} {wavelengths[k + 1]:g} after {wavelengths[k]:g}; must be rising"
+                f"{what}, line {numbers[block[k + 1]]}: {WAVELENGTH} {wavelengths[k + 1]:g} after "
+                f"{wavelengths[k]:g}; must be rising"
             )
         if not np.array_equal(wavelengths, table[WAVELENGTH][blocks[0]]):
             raise InputError(
                 f"{what}, line {numbers[block[0]]}: every {key} must have the same wavelengths"
             )
-    found = [np.array([table[name][block] for block in blocks]) for name, _ in columns]
+    spectra = [np.array([table[name][block] for block in blocks]) for name, _ in columns]
     if key not in table:
-        return SpectralTable(None, wavelengths, tuple(column[0] for column in found))
-    return SpectralTable(keys, wavelengths, tuple(found))
+        return SpectralTable(None, wavelengths, tuple(column[0] for column in spectra))
+    return SpectralTable(keys, wavelengths, tuple(spectra))

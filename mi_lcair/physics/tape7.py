@@ -1,9 +1,9 @@
-"""MODTRAN's output file tape7 in its thermal-radiance modes: blocks of fixed-width columns, turned
-into our units.
+"""Reader of MODTRAN's output file tape7 in the thermal-radiance modes.
 
-A block: the cards of its run (card 1 first, the path in card 3), a header of names that end where
-their numbers end, rows over rising wavenumber with blanks for what the mode does not compute, and
--9999. at its end.
+The file consists of blocks. A block has the cards of its run (card 1 first, the path in card 3), a
+header of column names, rows over rising wavenumber, and -9999. at its end. The columns have fixed
+widths: each number ends where its column's name ends. Columns that the mode does not compute are
+blank. The reader converts the columns to this project's units.
 """
 
 import re
@@ -23,7 +23,8 @@ FREQUENCY, TRANSMITTANCE, THERMAL, SOLAR, TOTAL = (
     "SOL_SCAT",
     "TOTAL_RAD",
 )
-# Names of MODTRAN 6, and those of two words that older versions write, each with ours.
+# The column names of MODTRAN 6, and the names in two words of older versions, with the names that
+# this module uses.
 ALIASES = {
     "THRML_EM": THERMAL,
     "MULT_SCAT": SOLAR,
@@ -31,30 +32,40 @@ ALIASES = {
     **{name.replace("_", " "): name for name in ("THRML_SCT", "SING_SCAT", "GRND_RFLT")},
     "SURF EMIS": "SURF_EMIS",
 }
-PARTS = ("THRML_SCT", "SING_SCAT", "SURF_EMIS", "GRND_RFLT")  # may be absent or blank
-LARGEST = 1e12  # of any number in the file
+PARTS = ("THRML_SCT", "SING_SCAT", "SURF_EMIS", "GRND_RFLT")  # columns that may be absent or blank
+LARGEST = 1e12  # largest number that the file may hold
 FIRST_WORD = re.compile(rf"^[ \t]*{FREQUENCY}(?=\s|$)", re.MULTILINE)
 NEEDED = (FREQUENCY, TRANSMITTANCE, THERMAL, TOTAL)
-TO_SPACE = 3  # of ITYPE
-RADIANCE_MODES = (1, 2)  # of IEMSCT: thermal radiance, without and with scattered sunlight
-MODES = {0: "transmittance", 3: "solar irradiance"}
+TO_SPACE = 3  # ITYPE of a path to space or to the ground
+RADIANCE_MODES = (1, 2)  # IEMSCT of thermal radiance without and with scattered sunlight
+MODES = {0: "transmittance", 3: "solar irradiance"}  # meaning of the other values of IEMSCT
 
-CARD_1 = re.compile(
-    r"\s*(?:[A-Z]\s*)*-?\d+[A-Z]?\s+(?P<type>\d+)\s+(?P<mode>\d+)\s", re.IGNORECASE
-)  # letters, MODEL, ITYPE, IEMSCT
-CARD_3 = re.compile(
-    r".{30}(?P<range>.{10})\s*-?\d+\.\d*\s+-?\d+\.\d*\s+\d+(\s+-?\d+\.\d*)*\s*"
-)  # H1 H2 ANGLE RANGE BETA RO LEN
+# Letters, MODEL, ITYPE, IEMSCT.
+CARD_1 = re.compile(r"\s*(?:[A-Z]\s*)*-?\d+[A-Z]?\s+(?P<type>\d+)\s+(?P<mode>\d+)\s", re.IGNORECASE)
+# H1, H2, ANGLE, RANGE, BETA, RO, LEN.
+CARD_3 = re.compile(r".{30}(?P<range>.{10})\s*-?\d+\.\d*\s+-?\d+\.\d*\s+\d+(\s+-?\d+\.\d*)*\s*")
 
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """The spectra of one line of sight, over rising wavelengths [um]; radiances [W m^-2 sr^-1
-    um^-1].
+    """The spectra of one line of sight.
 
-    path_radiance: what the path emits and scatters to the sensor; total_radiance: with what the
-    surface at its end emits and reflects. range_m: of card 3, None where that says 0 or is absent.
-    to_space: ITYPE 3, a path to space or the ground.
+    Attributes
+    ----------
+    line
+        Number of the header's line in the file.
+    to_space
+        Whether the path goes to space or to the ground (ITYPE 3).
+    range_m
+        Range on card 3 [m]; None if the card is absent or says 0.
+    wavelengths_um
+        Rising wavelengths [um], (n,).
+    transmittance
+        Transmittance of the path, 0..1, (n,).
+    path_radiance
+        Radiance that the path emits and scatters to the sensor [W m^-2 sr^-1 um^-1], (n,).
+    total_radiance
+        Path radiance plus the radiance of the surface at the end of the path, (n,).
     """
 
     line: int
@@ -67,43 +78,45 @@ class Block:
 
 
 def is_tape7(path: Path) -> bool:
-    """Whether the file has a line that begins with the name FREQ, as the header of tape7's columns
-    does.
-    """
+    """Whether the file has a line that begins with FREQ, the first column name of a tape7."""
     try:
         text = read_text(path)
     except InputError:
-        return False  # whoever reads the file says what is wrong
+        return False  # the reader that the caller then chooses reports the error
     return FIRST_WORD.search(text) is not None
 
 
 def blocks(path: Path) -> list[Block]:
-    """All blocks of a file, in its order. Raises InputError, with the line, for what holds no
-    radiance or is incomplete.
+    """All blocks of a file, in its order.
+
+    Raises InputError, with the line, for a block that holds no radiance or is incomplete.
     """
     lines = read_text(path, f"tape7 {path}").splitlines()
-    found, start = [], 0
+    parsed, start = [], 0
     for n, line in enumerate(lines):
         if line.split() == [END]:
-            found.append(_block(path, lines, start, n))
+            parsed.append(_block(path, lines, start, n))
             start = n + 1
     if any(line.strip() for line in lines[start:]):
         raise InputError(
-            f"tape7 {path}: the block from line {start + 1} on has no end ({END}); the run was cut short, run it again"
+            f"tape7 {path}: the block from line {start + 1} on has no end ({END}); the run was cut "
+            "short, run it again"
         )
-    return found
+    return parsed
 
 
 def joined(path: Path, parts: list[Block]) -> Block:
-    """Blocks of one line of sight and different wavelengths as one. Raises InputError where they
-    overlap.
+    """Join blocks of one line of sight with different wavelengths into one block.
+
+    Raises InputError if their wavelengths overlap.
     """
     parts = sorted(parts, key=lambda block: block.wavelengths_um[0])
-    for one, other in zip(parts, parts[1:]):
-        if other.wavelengths_um[0] < one.wavelengths_um[-1]:
+    for left, right in zip(parts, parts[1:]):
+        if right.wavelengths_um[0] < left.wavelengths_um[-1]:
             raise InputError(
-                f"tape7 {path}: the blocks with headers in lines {one.line} and {other.line} cannot be joined: "
-                "same range, overlapping wavelengths; give each range once, in one block or in blocks of different bands"
+                f"tape7 {path}: the blocks with headers in lines {left.line} and {right.line} "
+                "cannot be joined: same range, overlapping wavelengths; give each range once, in "
+                "one block or in blocks of different bands"
             )
     wavelengths, first = np.unique(
         np.concatenate([block.wavelengths_um for block in parts]), return_index=True
@@ -116,26 +129,28 @@ def joined(path: Path, parts: list[Block]) -> Block:
 
 
 def _block(path, lines, start, end) -> Block:
+    """The block in the lines from index `start` to the line before `end`."""
     header = next(
         (n for n in range(start, end) if lines[n].split(maxsplit=1)[:1] == [FREQUENCY]), None
     )
     card_1 = CARD_1.match(lines[start])
     if header is None or card_1 is None:
         raise InputError(
-            f"tape7 {path}, line {start + 1}: a block must begin with card 1 (MODEL, ITYPE, IEMSCT, ...) and "
-            f"have a line of column names ({FREQUENCY} ...)"
+            f"tape7 {path}, line {start + 1}: a block must begin with card 1 (MODEL, ITYPE, "
+            f"IEMSCT, ...) and have a line of column names ({FREQUENCY} ...)"
         )
     mode = int(card_1["mode"])
     if mode not in RADIANCE_MODES:
         raise InputError(
-            f"tape7 {path}, line {start + 1}: IEMSCT = {mode} ({MODES.get(mode, 'no thermal radiance')}); run MODTRAN with "
+            f"tape7 {path}, line {start + 1}: IEMSCT = {mode} "
+            f"({MODES.get(mode, 'no thermal radiance')}); run MODTRAN with "
             "IEMSCT = 1 (thermal radiance) or 2 (with scattered sunlight) on card 1"
         )
     table = _columns(path, lines, header, end)
     frequency = table[FREQUENCY]
-    per_um = (
-        frequency[::-1] ** 2
-    )  # W cm^-2 sr^-1/cm^-1 to W m^-2 sr^-1 um^-1: 1e4 cm^2/m^2 times nu^2/1e4 cm^-1/um
+    # From W cm^-2 sr^-1 / cm^-1 to W m^-2 sr^-1 um^-1: 1e4 cm^2 per m^2, times nu^2 / 1e4 cm^-1
+    # per um.
+    per_um = frequency[::-1] ** 2
     cards_3 = [card for line in lines[start:header] if (card := CARD_3.fullmatch(line))]
     length = float(cards_3[-1]["range"]) if cards_3 else 0.0
     return Block(
@@ -150,12 +165,14 @@ def _block(path, lines, start, end) -> Block:
 
 
 def _path_radiance(table) -> np.ndarray:
-    """What the path emits and scatters: thermal radiance and sunlight, each with its scattered part.
+    """Radiance that the path emits and scatters: thermal radiance plus scattered sunlight.
 
-    The first versions print the two with these parts included, so that TOTAL_RAD is the sum of the
-    two and what the surface sends. Where it is nearer to a sum that adds the parts, they are added.
+    Early versions of MODTRAN include the scattered parts THRML_SCT and SING_SCAT in PTH_THRML and
+    SOL_SCAT. TOTAL_RAD is then the sum of these two and of the surface's radiance. The scattered
+    parts are added here only if that brings the sum nearer to TOTAL_RAD.
     """
-    column = {name: np.nan_to_num(table.get(name, 0.0)) for name in (SOLAR, *PARTS)}  # 0 for blanks
+    # Blanks count as 0.
+    column = {name: np.nan_to_num(table.get(name, 0.0)) for name in (SOLAR, *PARTS)}
     path = table[THERMAL] + column[SOLAR]
     scattered = column["THRML_SCT"] + column["SING_SCAT"]
     missing = table[TOTAL] - path - column["SURF_EMIS"] - column["GRND_RFLT"]
@@ -169,7 +186,8 @@ def _columns(path, lines, header, end) -> dict[str, np.ndarray]:
     absent = [name for name in NEEDED if name not in dict(names)]
     if absent:
         raise InputError(
-            f"tape7 {path}, line {header + 1}: has no column {absent[0]}; MODTRAN's columns in thermal-radiance mode are needed"
+            f"tape7 {path}, line {header + 1}: has no column {absent[0]}; MODTRAN's columns in "
+            "thermal-radiance mode are needed"
         )
     wanted, start = {}, 0
     for name, stop in names:
@@ -185,6 +203,7 @@ def _columns(path, lines, header, end) -> dict[str, np.ndarray]:
     frequency = table[FREQUENCY]
     if len(rows) < 2:
         raise InputError(f"tape7 {path}, line {header + 1}: needs two rows or more below it")
+    # Each condition is an array over the rows. The first row that fails is reported.
     for allowed, must in (
         (
             np.append(frequency[0] > 0, np.diff(frequency) > 0),
@@ -204,16 +223,19 @@ def _columns(path, lines, header, end) -> dict[str, np.ndarray]:
 
 
 def _number(path, line, name, text) -> float:
-    """NaN for a blank. Fortran drops the E of an exponent of three digits."""
+    """The number in a cell; NaN for a blank cell.
+
+    Fortran omits the E before an exponent of three digits.
+    """
     if not text.strip():
         return np.nan
     try:
-        if (
-            text[-1] == " "
-        ):  # then the number goes on in the next column, or this one holds a part of the one before
+        # A number that does not end at the column's end belongs in part to a neighbouring column.
+        if text[-1] == " ":
             raise ValueError
         return float(re.sub(r"(?<=\d)([+-]\d{3})$", r"E\1", text))
     except ValueError:
         raise InputError(
-            f"tape7 {path}, line {line}: {shown(text.strip())} below {name}; each number must end where its column's name ends"
+            f"tape7 {path}, line {line}: {shown(text.strip())} below {name}; each number must end "
+            "where its column's name ends"
         ) from None

@@ -1,11 +1,11 @@
-"""Where the energy goes: flux emitted, absorbed and escaped, followed forward from what emits,
-material by material.
+"""Energy audit: the flux that a scene emits, absorbs and lets escape, by material.
 
-What a surface absorbs is by Kirchhoff's law its emissivity in the direction from which the flux
-arrives; what it reflects is the integral of its BRDF over the directions in which it leaves, DHR.
-The renderer goes the other way, from the observer, with 1 - HDR for emission. That the two accounts
-meet is therefore a test of materials: emissivity + DHR = 1 holds in each direction only for
-reciprocal BRDFs; emissivities of another origin may create energy.
+The audit follows photons forward from the emitters. By Kirchhoff's law a surface absorbs its
+emissivity in the direction from which the flux arrives. It reflects the integral of its BRDF over
+the outgoing directions, DHR. The renderer traces the opposite way, from the observer, and takes
+1 - HDR as the emissivity. The audit is therefore a test of the materials: emissivity + DHR = 1
+holds in each direction only for reciprocal BRDFs. An emissivity from another source may create
+energy.
 """
 
 from dataclasses import dataclass, fields
@@ -15,27 +15,34 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.emissivity import emissivity_of
+from mi_lcair.plugins.emission.emissivity import emissivity_of
+from mi_lcair.plugins.emission.triangles import pointer_id
 from mi_lcair.plugins.reflection_bsdf import reflection_layers
-from mi_lcair.plugins.triangles import pointer_id
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.scene import Scene
 
-BATCHES = 8  # their scatter tells the standard errors
-MAX_REFLECTIONS = 1000  # what then still travels is reported as unfinished
-SURVIVAL = 0.05  # least probability to follow a photon further
-SIGNIFICANT = 1e-3  # share of a flux from which an imbalance is named
-NAMED = 5  # facets named at most
+BATCHES = 8  # independent batches of photons; their scatter gives the standard errors
+MAX_REFLECTIONS = 1000  # flux that still travels after so many is reported as unfinished
+SURVIVAL = 0.05  # smallest probability of following a photon further
+SIGNIFICANT = 1e-3  # an imbalance is reported if it exceeds this share of the flux
+NAMED = 5  # largest number of facets that a remark names
 
 
 @dataclass
 class Flux:
-    """Fluxes of one material, or of all, W, one value per batch; BATCHES times a batch's mean is
-    the sum over all photons.
+    """Fluxes, W, as arrays of shape (BATCHES, facets).
 
-    incident = absorbed + reflected - created; behind: what reaches the back of a one-sided surface,
-    which neither reflects nor emits; scaled: what arrives at angles where the BRDF is scaled down
-    to HDR = 1.
+    Each entry is the sum over the photons of one batch. A photon carries its share of the flux of
+    all batches, so that the sum over the batches is the flux.
+
+    Attributes
+    ----------
+    emitted, incident, absorbed, reflected : ndarray
+        Flux that leaves by emission, arrives, is absorbed and is reflected.
+    behind : ndarray
+        Flux that reaches the back of a one-sided surface, which neither reflects nor emits.
+    scaled : ndarray
+        Part of `incident` that arrives at angles where the BRDF is scaled down to HDR = 1.
     """
 
     emitted: np.ndarray
@@ -47,15 +54,31 @@ class Flux:
 
     @property
     def created(self) -> np.ndarray:
+        """Flux beyond what arrives; negative where flux is lost."""
         return self.absorbed + self.reflected + self.behind - self.incident
 
 
 @dataclass(frozen=True)
 class Audit:
-    """Fluxes [W] as {name: (value, standard error)}: of the scene (emitted, absorbed, escaped,
-    behind, created, unfinished and the balance, emitted + created less all others, 0 but for its
-    error), and of each material. shares: the same over what is emitted (by "scene") or over what
-    reaches the material. remarks: what is wrong, with the facets responsible, one line each.
+    """Fluxes of a scene, with their standard errors.
+
+    Attributes
+    ----------
+    scene, band : str
+        Names of the scene and of its band.
+    total : dict
+        {name: (value, standard error)}, W, with the names emitted, absorbed, escaped, behind,
+        created, unfinished and balance. The balance is emitted + created less the other fluxes. It
+        is 0 except for its error.
+    materials : dict
+        {material: {name: (value, standard error)}}, W, with the names of `Flux`.
+    shares : dict
+        The same fluxes as shares: those of "scene" of the emitted flux, those of a material of the
+        flux that arrives there.
+    remarks : list of str
+        One line for each imbalance, with the facets that cause most of it.
+    photons : int
+        Number of photons that were followed.
     """
 
     scene: str
@@ -67,6 +90,8 @@ class Audit:
     photons: int
 
     def as_dict(self) -> dict:
+        """The audit as a dictionary, for JSON."""
+
         def plain(flux, unit="W"):
             return {
                 name: {unit: value, "standard_error": error}
@@ -85,9 +110,28 @@ class Audit:
 
 
 def audit(scene: Scene, photons: int = 2**18, seed: int = 0, progress=None) -> Audit:
-    """Follows `photons` from each thermal emitter until they are absorbed or escape.
+    """Follow photons from the emitters of a scene until they are absorbed or escape.
 
-    Raises InputError for a scene with other emitters. progress: called with (emitters done, all).
+    Parameters
+    ----------
+    scene : Scene
+        Scene whose emitters are all thermal.
+    photons : int
+        Photons from each emitter.
+    seed : int
+        Seed of the random numbers.
+    progress : callable, optional
+        Called with (emitters done, all emitters).
+
+    Returns
+    -------
+    Audit
+
+    Raises
+    ------
+    InputError
+        If the scene has an emitter that is not thermal, or a surface without an emitter whose
+        absorption is unknown.
     """
     table = FacetTable(scene)
     emitters = list(scene.mi.emitters())
@@ -125,7 +169,10 @@ def audit(scene: Scene, photons: int = 2**18, seed: int = 0, progress=None) -> A
 
 
 def scaling_cosines(scene: Scene, table: FacetTable) -> np.ndarray:
-    """Of each facet the cosine below which its BRDF is scaled down, 0 where it never is."""
+    """Cosine of incidence below which the BRDF of each facet is scaled down, shape (facets,).
+
+    It is 0 for a facet whose BRDF is never scaled.
+    """
     angles = {}
     for surface in scene.surfaces():
         angle = surface.first_saturated_angle_deg()
@@ -136,14 +183,42 @@ def scaling_cosines(scene: Scene, table: FacetTable) -> np.ndarray:
 def follow(
     scene, leaving, emitters, source, passive, photons, seed, table, grazing, by_facet, ends
 ) -> None:
-    """Adds the fates of photons from one emitter to `by_facet` and `ends`."""
+    """Follow photons from one emitter, and add their fluxes to `by_facet` and `ends`.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene that the photons travel in.
+    leaving : EmitterTable
+        Spawns rays that leave a surface.
+    emitters : list of mitsuba.Emitter
+        All emitters of the scene.
+    source : mitsuba.Emitter
+        Emitter that the photons start from.
+    passive : list of (mitsuba.Shape, emissivity)
+        Shapes without an emitter; see `absorptance`.
+    photons : int
+        Number of photons, a multiple of BATCHES.
+    seed : int
+        Seed of the random numbers.
+    table : FacetTable
+        Facets of the scene.
+    grazing : ndarray, shape (facets,)
+        Cosines below which BRDFs are scaled down; see `scaling_cosines`.
+    by_facet : Flux
+        Fluxes by batch and facet, W; changed in place.
+    ends : dict of str to ndarray, shape (BATCHES,)
+        Flux that has "escaped" and is "unfinished", W; changed in place.
+    """
     sampler = mi.load_dict({"type": "independent"})
     draw = np.random.SeedSequence([seed, 1])
 
-    def start(width):
+    def reseed(width):
+        """Give the sampler a new seed and a new number of photons."""
         sampler.seed(int(draw.spawn(1)[0].generate_state(1)[0]), width)
 
     def add(array, batch, facet, values):
+        """Add values by batch and facet to an array (BATCHES, facets)."""
         np.add(
             array,
             np.bincount(batch * table.count + facet, values, BATCHES * table.count).reshape(
@@ -152,7 +227,9 @@ def follow(
             out=array,
         )
 
-    start(photons)
+    # Start at a random point on a random side of the emitter, in a cosine-weighted direction. The
+    # density of the directions is cos / (2 pi), and the flux of a photon is 2 pi L / density.
+    reseed(photons)
     si, density = source.sample_surface(sampler.next_2d(), mi.Bool(True))
     si.wi = mi.warp.square_to_cosine_hemisphere(sampler.next_2d())
     si.wi.z = dr.mulsign(si.wi.z, sampler.next_1d() - 0.5)
@@ -164,6 +241,7 @@ def follow(
     batch, active = mi.UInt32(batch), flux > 0
     throughput = mi.Float(1)
     for _ in range(MAX_REFLECTIONS):
+        # Drop the photons that have ended, so that the kernels shrink with each reflection.
         kept = dr.compress(active)
         if not len(kept):
             return
@@ -172,13 +250,15 @@ def follow(
         )
         si = scene.mi.ray_intersect(ray)
         hit, lane = si.is_valid(), batch.numpy()
-        start(len(kept))
+        reseed(len(kept))
+        # Split the arriving flux into what is absorbed, reflected, and lost behind a surface.
         absorbed = dr.select(hit, absorptance(emitters, passive, si, hit), 0)
         ctx = mi.BSDFContext(mi.TransportMode.Importance)
         bs, weight = si.bsdf().sample(ctx, si, sampler.next_1d(), sampler.next_2d(), hit)
         reflected = dr.select(hit, weight[0], 0)
         behind = hit & (absorbed == 0) & (reflected == 0) & (si.wi.z < 0)
 
+        # Record it by batch and facet. A photon that hits nothing has escaped.
         facet = table.number(si.shape, si.prim_index, hit).numpy()
         on, arriving = hit.numpy(), flux.numpy().astype(float)
         ends["escaped"] += np.bincount(lane[~on], arriving[~on], BATCHES)
@@ -192,6 +272,7 @@ def follow(
         ):
             add(array, lane, facet, arriving * share)
 
+        # Russian roulette: weak photons end, and the survivors carry their flux.
         throughput *= reflected
         survival = dr.clip(throughput, SURVIVAL, 1)
         active = hit & (reflected > 0) & (sampler.next_1d() < survival)
@@ -201,36 +282,60 @@ def follow(
 
 
 def passive_emissivity(index: int, shape):
-    """Of a shape without an emitter, number `index` of the scene: what it does not reflect."""
+    """Emissivity of a shape without an emitter: the share that its BSDF does not reflect.
+
+    `index` is the number of the shape in the scene. Raises InputError if it is not known.
+    """
     try:
         return emissivity_of(shape.bsdf())
     except InputError as error:
         raise InputError(
-            f"shape {shape.id() or index} has no emitter, and what it absorbs is not known ({error}); give it another BSDF"
+            f"shape {shape.id() or index} has no emitter, and what it absorbs is not known "
+            f"({error}); give it another BSDF"
         ) from None
 
 
 def absorptance(emitters, passive, si, active):
-    """Kirchhoff's: the emissivity toward where the flux comes from. A surface without an emitter,
-    one of the pairs (shape, emissivity) of `passive`, absorbs what its BSDF does not reflect.
+    """Share of the arriving flux that is absorbed: by Kirchhoff's law, the emissivity.
+
+    The emissivity is that toward the origin of the flux. A surface without an emitter absorbs what
+    its BSDF does not reflect.
+
+    Parameters
+    ----------
+    emitters : list of mitsuba.Emitter
+        All emitters of the scene.
+    passive : list of (mitsuba.Shape, emissivity)
+        Shapes without an emitter, and their emissivities; see `passive_emissivity`.
+    si : mitsuba.SurfaceInteraction3f
+        Points where the flux arrives.
+    active : mitsuba.Bool
+        Points that are evaluated; the others get 0.
+
+    Returns
+    -------
+    mitsuba.Float
     """
-    found = mi.Float(0)
+    absorbed = mi.Float(0)
     for emitter in emitters:
-        mine = active & (si.shape == mi.ShapePtr(emitter.get_shape()))
-        found = dr.select(mine, emitter.emissivity(si, mine), found)
+        on_shape = active & (si.shape == mi.ShapePtr(emitter.get_shape()))
+        absorbed = dr.select(on_shape, emitter.emissivity(si, on_shape), absorbed)
     for shape, emissivity in passive:
-        mine = active & (si.shape == mi.ShapePtr(shape))
-        found = dr.select(mine, emissivity.eval(shape.bsdf(), si, mine), found)
-    return found
+        on_shape = active & (si.shape == mi.ShapePtr(shape))
+        absorbed = dr.select(on_shape, emissivity.eval(shape.bsdf(), si, on_shape), absorbed)
+    return absorbed
 
 
 def account(scene: Scene, table: FacetTable, by_facet: Flux, ends: dict, photons: int) -> Audit:
+    """The Audit of fluxes by batch and facet (`by_facet`) and of where the others end (`ends`)."""
+
     def figure(batches):
+        """(sum, standard error) of the values of the batches."""
         batches = np.asarray(batches) * BATCHES
         return float(batches.mean()), float(batches.std(ddof=1) / np.sqrt(BATCHES))
 
     def share(part, whole):
-        """Of sums by batch: their ratio, with the error of a ratio."""
+        """(ratio, standard error) of two sums over the batches."""
         ratio = part.sum() / whole.sum() if whole.any() else 0.0
         return float(ratio), float(
             (part - ratio * whole).std(ddof=1) / np.sqrt(BATCHES) / max(whole.mean(), 1e-300)
@@ -281,16 +386,18 @@ def account(scene: Scene, table: FacetTable, by_facet: Flux, ends: dict, photons
 
 
 def kinds(scene: Scene, table: FacetTable) -> np.ndarray:
-    """Of each facet the name of its material; unlike materials of one name, or of none, are told
-    apart by the first shape that has them.
+    """Name of the material of each facet, shape (facets,).
+
+    Different materials may have the same name, or none. The id of the first shape that has the
+    material is then appended to the name.
     """
-    shapes, kind, first = list(scene.mi.shapes()), table.material.copy(), {}
+    shapes, kind, variants = list(scene.mi.shapes()), table.material.copy(), {}
     for index, shape in enumerate(shapes):
         facets = table.shape_index == index
         if facets.any():
             name, bsdf = table.material[facets][0], shape.bsdf()
             surface = next(iter(reflection_layers(bsdf)), None)
-            made = (
+            reflection = (
                 pointer_id(mi.BSDFPtr(bsdf))
                 if surface is None
                 else (
@@ -302,48 +409,53 @@ def kinds(scene: Scene, table: FacetTable) -> np.ndarray:
                 )
             )
             given = getattr(shape.emitter(), "given_emissivity", None)
-            like = first.setdefault(name, {})
-            like.setdefault(
-                (made, None if given is None else float(given[0])),
+            # Shapes with the same reflection and emissivity share a material.
+            of_name = variants.setdefault(name, {})
+            of_name.setdefault(
+                (reflection, None if given is None else float(given[0])),
                 (shape.id() or f"shape {index}", []),
             )[1].append(facets)
-    for name, likes in first.items():
-        for shape_id, masks in likes.values():
+    for name, of_name in variants.items():
+        for shape_id, masks in of_name.values():
             for facets in masks:
-                kind[facets] = name if len(likes) == 1 else f"{name} ({shape_id})"
+                kind[facets] = name if len(of_name) == 1 else f"{name} ({shape_id})"
     return kind
 
 
 def remarks(kind: np.ndarray, by_facet: Flux, total: dict, materials: dict) -> list[str]:
-    """What a user should look into, with the facets that contribute most."""
+    """Remarks on significant imbalances, with the facets that contribute most, one line each."""
 
     def worst(values):
+        """The numbers of the facets with the largest values, as text."""
         order = np.argsort(-values)[:NAMED]
         return ", ".join(str(facet) for facet in order if values[facet] > 0)
 
-    found, emitted = [], total["emitted"][0]
+    lines, emitted = [], total["emitted"][0]
     for material, flux in materials.items():
         (created, error), incident = flux["created"], flux["incident"][0]
-        mine = kind == material
+        of_material = kind == material
         if abs(created) > max(4 * error, SIGNIFICANT * incident):
             verb = "creates" if created > 0 else "loses"
-            share = np.sign(created) * by_facet.created.sum(axis=0) * mine
-            found.append(
-                f"material {material} {verb} {abs(created) / incident:.2%} of what arrives: its emissivity and what it reflects do "
-                f"not add up to 1; most at facets {worst(share)}"
+            share = np.sign(created) * by_facet.created.sum(axis=0) * of_material
+            lines.append(
+                f"material {material} {verb} {abs(created) / incident:.2%} of what arrives: its "
+                "emissivity and what it reflects do not add up to 1; most at facets "
+                f"{worst(share)}"
             )
         if flux["scaled"][0] > SIGNIFICANT * incident > 0:
-            found.append(
-                f"material {material} has its BRDF scaled down at grazing angles, where {flux['scaled'][0] / incident:.2%} of its "
-                f"incident flux arrives; most at facets {worst(by_facet.scaled.sum(axis=0) * mine)}"
+            lines.append(
+                f"material {material} has its BRDF scaled down at grazing angles, where "
+                f"{flux['scaled'][0] / incident:.2%} of its incident flux arrives; most at facets "
+                f"{worst(by_facet.scaled.sum(axis=0) * of_material)}"
             )
     if total["behind"][0] > SIGNIFICANT * emitted:
-        found.append(
-            f"{total['behind'][0] / emitted:.2%} of the emitted flux ends at the back of one-sided surfaces; most at facets "
-            f"{worst(by_facet.behind.sum(axis=0))}"
+        lines.append(
+            f"{total['behind'][0] / emitted:.2%} of the emitted flux ends at the back of "
+            f"one-sided surfaces; most at facets {worst(by_facet.behind.sum(axis=0))}"
         )
     if total["unfinished"][0] > SIGNIFICANT * emitted:
-        found.append(
-            f"{total['unfinished'][0] / emitted:.2%} of the emitted flux still travels after {MAX_REFLECTIONS} reflections"
+        lines.append(
+            f"{total['unfinished'][0] / emitted:.2%} of the emitted flux still travels after "
+            f"{MAX_REFLECTIONS} reflections"
         )
-    return found
+    return lines

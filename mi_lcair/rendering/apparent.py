@@ -6,7 +6,7 @@ from scipy.interpolate import BarycentricInterpolator
 from mi_lcair.physics.atmosphere import Atmosphere
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import spectral_radiance
-from mi_lcair.plugins.sources import Source, Sources
+from mi_lcair.plugins.emission.sources import Source, Sources
 
 
 def apparent(

@@ -8,8 +8,8 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.derivatives import children, members
-from mi_lcair.plugins.emitter_table import OTHER
-from mi_lcair.plugins.triangles import ABSENT, is_faceted, pointer_id
+from mi_lcair.plugins.emission.emitter_table import OTHER
+from mi_lcair.plugins.emission.triangles import ABSENT, is_faceted, pointer_id
 from mi_lcair.rendering.scene import Scene
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.files import replacing
+from mi_lcair.files import check_file, replacing
 
 MAGIC = b"\x76\x2f\x31\x01"
 
@@ -93,8 +93,9 @@ def read_exr(path: str | Path) -> tuple[dict[str, np.ndarray], dict[str, str | i
     """
     import OpenEXR
 
+    check_file(Path(path))
     try:
-        with open(path, "rb") as file:
+        with Path(path).open("rb") as file:
             if file.read(len(MAGIC)) != MAGIC:
                 raise InputError(f"'{path}' is not an OpenEXR image")
     except OSError as error:

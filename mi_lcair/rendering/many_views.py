@@ -7,13 +7,11 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.bounce_path import Samples
-from mi_lcair.rendering.render import (
-    DEFAULT_MAX_SPP,
-    PASS_SAMPLES,
-    check_bounded,
-    growth,
-)
+from mi_lcair.plugins.paths.channels import sums
+from mi_lcair.rendering.limits import check_memory, check_paths
+from mi_lcair.rendering.render import DEFAULT_MAX_SPP, PASS_SAMPLES, check_reachable, growth
 from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.statistics import check_valid
 from mi_lcair.rendering.views import Target, View, cameras, check_resolution
 
 # of the brightest view's intensity: a fainter view, from which nothing may be seen at all, need not
@@ -85,6 +83,7 @@ def render_views(
         raise InputError(
             f"spp = {spp} must be {'1 or ' if least == 1 else ''}even: what is drawn twice tells the error"
         )
+    check_paths(resolution**2 * len(views), spp=spp, max_spp=max_spp)
     seeds = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
     target = Target.of(scene)
     area = np.array([target.window_area(view) for view in views])
@@ -92,10 +91,11 @@ def render_views(
     paths = resolution**2
     most = max(least, PASS_SAMPLES // (paths * len(views)) // 2 * 2)  # in one pass
     limit = spp or max(least, (max_spp or DEFAULT_MAX_SPP) // least * least)
-    done, goal, invalid, sums = 0, spp or least, 0, {}
+    done, goal, invalid, totals = 0, spp or least, 0, {}
     with scene.prepared() as tracer:
+        check_memory(paths * len(views) * least, tracer, "model")
         if spp is None:
-            check_bounded(tracer.emitters, scene.name)
+            check_reachable(tolerance, tracer, scene.name)
         chance = np.full(len(views), tracer.chance_contribution(sensor))
         while done < goal:
             step = min(goal - done, most)
@@ -115,11 +115,18 @@ def render_views(
                 of_views = samples.chance.numpy().reshape(resolution, len(views), -1)
                 chance = np.maximum(chance, of_views.max(axis=(0, 2)))
             for name, statistics in halves.items():
-                sums[name] = sums.get(name, 0.0) + statistics * [[step], [step**2]]
+                totals[name] = totals.get(name, 0.0) + statistics * [[step], [step**2]]
             done += step
+            check_valid(invalid, done * paths * len(views), scene.name)
             parts = {
-                name: np.array([total / done, np.sqrt(squares) / done]) * area
-                for name, (total, squares) in sums.items()
+                name: np.array(
+                    [
+                        total / done,
+                        np.hypot(np.sqrt(squares), tracer.systematic_error * total) / done,
+                    ]
+                )
+                * area
+                for name, (total, squares) in totals.items()
             }
             brightest = tracer.emitters.brightest * area
             found = ManyViews(
@@ -156,13 +163,7 @@ def in_halves(samples: Samples, spp: int, views: int, resolution: int) -> tuple[
     dr.eval(finite, values)
 
     def statistics(value):
-        halves = (
-            dr.block_sum(value, max(1, spp // 2))
-            .numpy()
-            .astype(float)
-            .reshape(resolution, views, -1, 2)
-            / spp
-        )
+        halves = sums(value, max(1, spp // 2)).reshape(resolution, views, -1, 2) / spp
         return halves.sum(axis=(0, 2, 3)) / resolution**2, (
             (halves[..., 0] - halves[..., 1]) ** 2
         ).sum(axis=(0, 2)) / resolution**4

@@ -15,10 +15,11 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.atmosphere import Atmosphere
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import brightness_temperature
-from mi_lcair.plugins.sources import Sources
+from mi_lcair.plugins.emission.sources import Sources
 from mi_lcair.rendering.apparent import apparent
+from mi_lcair.rendering.limits import check_memory, check_paths
 from mi_lcair.rendering.scene import Scene
-from mi_lcair.rendering.statistics import Accumulator
+from mi_lcair.rendering.statistics import Accumulator, check_valid
 
 BOUNCE_CHANNELS = 17  # in the image; the last holds every bounce count from 16 on
 PASS_SAMPLES = 2**20  # paths in flight at once: a pass takes seconds, and Ctrl-C waits for its end
@@ -34,7 +35,7 @@ class Render:
     K; range.Y m]. parts: name -> (mean over the pixels, its standard error or None) of everything
     that was recorded, Float64, under the names of `plugins.channels`; covariance: of the means of
     those in COVARYING, in their order in `parts`, None without them. sources: what `source.N` stand
-    for. mean: mean radiance; rms_error: rms over the pixels of the standard error, with what a
+    for. mean: mean radiance, mean_error: its standard error; rms_error: rms over the pixels of the standard error, with what a
     source that too few paths meet may add, as a fraction of the mean (None for one sample per
     pixel); reached: whether the tolerance was met (None without one); invalid: NaN or infinite
     samples, left out; closure_error: estimated error of closure = tail [W m^-2 sr^-1], None
@@ -49,6 +50,7 @@ class Render:
     sources: Sources
     spp: int
     mean: float
+    mean_error: float | None
     rms_error: float | None
     reached: bool | None
     invalid: int
@@ -100,12 +102,16 @@ def render(
     width, height = camera.film().crop_size()
     goal = (spp or camera.sampler().sample_count()) if tolerance is None else (spp or PILOT_SPP)
     limit = goal if tolerance is None else (max_spp or DEFAULT_MAX_SPP)
+    check_paths(width * height, spp=goal if tolerance is None else spp, max_spp=max_spp)
     seeds = np.random.SeedSequence(seed)
     done = 0
     with scene.prepared(by_spectrum) as tracer:
+        check_memory(width * height, tracer, split)
         if tolerance is not None:
-            check_bounded(tracer.emitters, scene.name)
-        total = Accumulator(width * height, tracer.chance_contribution(camera))
+            check_reachable(tolerance, tracer, scene.name)
+        total = Accumulator(
+            width * height, tracer.chance_contribution(camera), tracer.systematic_error
+        )
         while done < min(goal, limit):
             step = max(1, min(min(goal, limit) - done, PASS_SAMPLES // (width * height)))
             step -= step % 2 if step > 1 else 0  # even: a pass can be told in two halves
@@ -118,6 +124,7 @@ def render(
                     tracer.observe(camera, pass_seed, step, first, pixels, split, facets),
                 )
             done += step
+            check_valid(total.invalid, done * width * height, scene.name)
             if tolerance is not None and done >= goal:
                 goal = samples_needed(total, done, tolerance)
             if progress:
@@ -148,6 +155,7 @@ def render(
         sources=tracer.emitters.sources,
         spp=done,
         mean=float(total.mean.mean()),
+        mean_error=total.mean_error(),
         rms_error=rms_error,
         reached=reached,
         invalid=total.invalid,
@@ -155,6 +163,18 @@ def render(
         closure_error=closure_error,
         seconds=time.perf_counter() - start,
     )
+
+
+def check_reachable(tolerance: float, tracer, name: str) -> None:
+    """Raises InputError for a tolerance that no number of samples reaches, and where nothing bounds
+    the radiance of an emitter.
+    """
+    check_bounded(tracer.emitters, name)
+    if tolerance <= tracer.systematic_error:
+        raise InputError(
+            f"{name}: tolerance = {tolerance:g} cannot be reached: Float32's rounding and tabulated "
+            f"emissivities leave a relative error of {tracer.systematic_error:.1g}; ask for more than that"
+        )
 
 
 def check_bounded(emitters, name: str) -> None:

@@ -1,5 +1,6 @@
 """Loading a thermal scene and checking, before anything is rendered, that it can be."""
 
+import os
 import re
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -15,12 +16,17 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.physics.reflection import NAMES
 from mi_lcair.plugins.derivatives import deriving_plugins
 from mi_lcair.plugins.reflection_bsdf import is_reflection_bsdf
-from mi_lcair.rendering.fingerprint import fingerprint, source_digest
-from mi_lcair.rendering.mesh_checks import check_mesh_files, check_shapes
-from mi_lcair.rendering.scene_checks import check_nodes
-from mi_lcair.rendering.scene_files import survey
-from mi_lcair.rendering.scene_origin import check_meshes_near, far_origin, move
-from mi_lcair.rendering.scene_remarks import clipped, shapes_without_bsdf, thin_sheets
+from mi_lcair.rendering.loading.files import survey
+from mi_lcair.rendering.loading.fingerprint import fingerprint, source_digest
+from mi_lcair.rendering.loading.meshes import check_mesh_files, check_shapes
+from mi_lcair.rendering.loading.nodes import check_nodes
+from mi_lcair.rendering.loading.origin import check_meshes_near, far_origin, move
+from mi_lcair.rendering.loading.remarks import (
+    clipped,
+    shapes_without_bsdf,
+    surfaces_that_emit_nothing,
+    thin_sheets,
+)
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
 MOVES = 3  # to the origin; one from very far leaves it only as near as single precision told
@@ -200,7 +206,7 @@ def find(scene) -> Path:
     """The XML file of a path or a bundled scene's name."""
     path = Path(scene)
     if path.suffix or path.parent != Path("."):
-        if not path.is_file():
+        if not os.path.isfile(path):  # False for a text too long to be a path
             raise InputError(f"scene '{scene}': no such file")
         return path
     return scenes.path(str(scene))
@@ -263,4 +269,4 @@ def notes(loaded) -> list[str]:
                 f"group {plugin.group}: emissivity tabulated by sampling the BSDF, "
                 f"standard error {plugin.material_emissivity.error:.1e}"
             )
-    return list(dict.fromkeys(found))
+    return list(dict.fromkeys([*found, *surfaces_that_emit_nothing(loaded)]))

@@ -2,8 +2,29 @@
 
 import numpy as np
 
+from mi_lcair.errors import InputError
+
 # beginnings of the names of what a sum may be made of
 COVARYING = ("source.", "target.source.", "target.hit")
+# share of NaN or infinite samples above which a result is refused. They are left out (or count as
+# 0), which changes a mean by their share or more: a tenth of the usual tolerance of 1 %
+MOST_INVALID = 1e-3
+
+
+def check_valid(invalid: int, paths: int, name: str) -> None:
+    """Raises InputError if too many of the samples of a scene of that name are NaN or infinite."""
+    if invalid > MOST_INVALID * paths:
+        raise InputError(
+            f"{name}: {invalid} of {paths} samples are NaN or infinite, more than can be left out; "
+            "look for extreme values in the scene: clip distances, scales, radiances"
+        )
+
+
+def invalid_remark(invalid: int, paths: int) -> list[str]:
+    """What a user should know of samples that were left out, if there were any."""
+    if not invalid:
+        return []
+    return [f"{invalid} of {paths} samples were NaN or infinite and do not count"]
 
 
 class Accumulator:
@@ -12,10 +33,13 @@ class Accumulator:
 
     A channel's variance is that of its sum over the pixels alone, from the scatter of the parts of
     each pixel's samples: an image of variances for every channel would double the memory.
+
+    chance: what a source that no path has met may add to one path. systematic: relative error that
+    no number of samples lowers; it is part of every standard error.
     """
 
-    def __init__(self, pixels: int, chance: float = 0.0):
-        self.chance = chance  # what a source that no path has met may add to one path
+    def __init__(self, pixels: int, chance: float = 0.0, systematic: float = 0.0):
+        self.chance, self.systematic = chance, systematic
         self.count, self.mean, self.squares, self.parts = (np.zeros(pixels) for _ in range(4))
         self.channels, self.scatter = {}, {}
         self.covariance = 0.0
@@ -70,17 +94,34 @@ class Accumulator:
         return {
             name: (
                 float(values.mean()),
-                None if scale is None else float(np.sqrt(self.scatter[name] * scale)),
+                None
+                if scale is None
+                else float(
+                    np.hypot(np.sqrt(self.scatter[name] * scale), self.systematic * values.mean())
+                ),
             )
             for name, values in self.channels.items()
         }
 
-    def standard_error(self) -> np.ndarray:
-        """Standard error of each pixel's mean; infinite below two samples."""
+    def scatter_error(self) -> np.ndarray:
+        """Standard error of each pixel's mean from its samples alone; infinite below two."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(
                 self.count > 1, np.sqrt(self.squares / (self.count * (self.count - 1))), np.inf
             )
+
+    def standard_error(self) -> np.ndarray:
+        """Standard error of each pixel's mean; infinite below two samples."""
+        return np.hypot(self.scatter_error(), self.systematic * self.mean)
+
+    def mean_error(self) -> float | None:
+        """Standard error of the mean over the pixels, whose samples are independent; None below two
+        samples.
+        """
+        if self.count.min() < 2:
+            return None
+        scatter = np.sqrt(np.sum(self.scatter_error() ** 2)) / len(self.mean)
+        return float(np.hypot(scatter, self.systematic * self.mean.mean()))
 
     def rms_error(self) -> float | None:
         """Rms standard error over the pixels as a fraction of the mean; None below two samples.

@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.derivatives import members
-from mi_lcair.plugins.triangles import is_faceted
+from mi_lcair.plugins.emission.triangles import is_faceted
 from mi_lcair.rendering.scene import Scene
 
 MARGIN = 1.01  # of the window over the model, and of the camera's distance over its radius

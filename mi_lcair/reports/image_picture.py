@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from mi_lcair.drawing import drawing, plain
+from mi_lcair.errors import InputError
 
 RADIANCE = r"W m$^{-2}$ sr$^{-1}$"
 QUANTITIES = {
@@ -22,6 +23,8 @@ UNITS = {
     "_sr": "sr",
 }  # of columns
 LOG_DECADES = 6
+LARGEST = 1e37  # of a value that is drawn; differences and ratios of larger ones overflow
+SMALLEST = 1e-45  # smaller values, which Float32 does not know, are 0
 LEFT, RIGHT, BOTTOM, TOP, BAR = (
     0.75,
     1.25,
@@ -56,8 +59,10 @@ def save_picture(
     Every panel has its own colour bar, whose label and unit `quantity` tells from the channel's
     name, and pixel axes; `log` makes the colours logarithmic, over six decades at most. Pixels
     without a value are grey: NaN, infinite, a range or a temperature of 0, and with `log` whatever
-    is not positive. Raises InputError where the file cannot be written.
+    is not positive. Raises InputError where the file cannot be written, and for a value beyond
+    LARGEST.
     """
+    channels = {name: drawable(name, values) for name, values in channels.items()}
     single = len(channels) == 1
     height, width = next(iter(channels.values())).shape
     image = np.maximum(np.array([width, height]) / max(width, height), 1 / 30) * (
@@ -92,6 +97,14 @@ def save_picture(
                 ha="center",
                 va="center",
             )
+
+
+def drawable(name: str, values: np.ndarray) -> np.ndarray:
+    """The values with those below SMALLEST set to 0; InputError for one beyond LARGEST."""
+    size = np.abs(np.where(np.isfinite(values), values, 0))
+    if size.max(initial=0) > LARGEST:
+        raise InputError(f"{name}: holds {size.max():g}; values up to {LARGEST:g} can be drawn")
+    return np.where((size > 0) & (size < SMALLEST), 0, values)
 
 
 def _draw(panel, bar_axes, name: str, values: np.ndarray, log: bool, what: str, unit: str) -> None:

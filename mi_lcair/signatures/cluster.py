@@ -33,15 +33,16 @@ def rendered(sweep, batches, address: str):
         client = Client(address, timeout=TIMEOUT_S)
     except (OSError, ValueError) as error:
         raise InputError(
-            f"no Dask scheduler answers at '{address}' ({error.__class__.__name__}); start one with `dask scheduler` and give its "
-            "address, such as tcp://127.0.0.1:8786"
+            f"no Dask scheduler answers at '{address}' ({error.__class__.__name__}); "
+            "start one with `dask scheduler` and give its address, such as tcp://127.0.0.1:8786"
         ) from None
     with quiet(), client:
         try:
             client.wait_for_workers(1, timeout=WORKER_TIMEOUT_S)
         except TimeoutError:
             raise InputError(
-                f"the Dask scheduler at '{address}' has no worker; start one with `dask worker {address}`"
+                f"the Dask scheduler at '{address}' has no worker; "
+                f"start one with `dask worker {address}`"
             ) from None
         futures = [
             client.submit(render_here, sweep, number, views, pure=False, retries=RETRIES)
@@ -52,8 +53,8 @@ def rendered(sweep, batches, address: str):
                 yield future.result()
             except CancelledError:
                 raise ConnectionError(
-                    f"the Dask scheduler at '{address}' was lost; the batches done so far are kept, "
-                    "and resume goes on with the others"
+                    f"the Dask scheduler at '{address}' was lost; the batches done so far are "
+                    "kept, and resume goes on with the others"
                 ) from None
 
 
@@ -95,6 +96,7 @@ def loaded(source: str, parameters: tuple, fingerprint: str):
     scene = mi_lcair.load(source, **dict(parameters))
     if scene.fingerprint != fingerprint:
         raise InputError(
-            f"scene '{source}' is another one on the Dask worker at {socket.gethostname()}; its files, or its version of mi_lcair, differ"
+            f"scene '{source}' is another one on the Dask worker at {socket.gethostname()}; "
+            "its files, or its version of mi_lcair, differ"
         )
     return scene

@@ -15,7 +15,7 @@ from mi_lcair.errors import InputError, unknown
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
-from mi_lcair.plugins.sources import Source
+from mi_lcair.plugins.emission.sources import Source
 from mi_lcair.rendering.render import Render
 from mi_lcair.rendering.statistics import COVARYING
 

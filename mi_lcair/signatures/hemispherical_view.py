@@ -25,7 +25,8 @@ class HemisphericalView:
     neighbour: facet numbers (n,), largest view factor first; NOTHING (-1), always the last, is what
     escapes. solid_angle [sr] and view_factor (n,): means over the facet's area; they add up to 2 pi
     and 1. map: facet seen from the centre of the facet, (MAP_THETA, MAP_PHI), theta 0..90 degrees
-    from the normal downward, phi -180..180 degrees to the right.
+    from the normal downward, phi -180..180 degrees to the right. origin: of the loaded scene in the
+    file's coordinates [m].
     """
 
     scene: str
@@ -36,6 +37,7 @@ class HemisphericalView:
     view_factor: np.ndarray
     map: np.ndarray
     rays: int
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def group(self, number: int) -> str:
         return "nothing" if number == NOTHING else self.facets.group[number]
@@ -64,7 +66,7 @@ class HemisphericalView:
             "group": table.group[self.facet],
             "material": table.material[self.facet],
             "area_m2": float(table.area[self.facet]),
-            "centre_m": table.centre[self.facet].tolist(),
+            "centre_m": (table.centre[self.facet] + self.origin).tolist(),
             "normal": table.normal[self.facet].tolist(),
             "rays": self.rays,
             "solid_angle_sr": float(self.solid_angle.sum()),
@@ -116,6 +118,7 @@ def hemispherical_view(
         view_factor=shares[1][neighbour],
         map=facets_around,
         rays=len(sample),
+        origin=scene.origin,
     )
 
 

@@ -118,7 +118,7 @@ def signature(
     if sums is not None:
         *_, direction = window(scene.sensor(sensor))
         by_facet = sums.results(area, -direction)
-    scene_error = None if "stderr.Y" not in image.channels else standard_error(image, area)
+    scene_error = None if image.mean_error is None else image.mean_error * area
     return Signature(
         band=image.band.name,
         scene=intensity(image, "", image.mean * area, scene_error, area),
@@ -171,9 +171,3 @@ def intensity(
 def scaled(part: tuple[float, float | None], area: float) -> tuple[float, float | None]:
     mean, error = part
     return mean * area, None if error is None else error * area
-
-
-def standard_error(image: Render, area: float) -> float:
-    """Of the intensity: the pixels' errors are independent."""
-    errors = image.channels["stderr.Y"].astype(np.float64)
-    return float(np.sqrt(np.sum(errors**2)) / errors.size * area)

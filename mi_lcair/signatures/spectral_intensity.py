@@ -11,7 +11,7 @@ UNIT = "W_sr_um"
 
 
 def curves(areas: EffectiveAreas, wavelengths_um) -> dict[str, np.ndarray]:
-    """Spectral intensity [W sr^-1 um^-1] of target and scene, and of each of their groups, by name."""
+    """Spectral intensity [W sr^-1 um^-1] of target, scene and their groups, by name."""
     spectra = areas.spectrum(wavelengths_um)
     groups = [source.group for source in areas.sources] + ["blackbodies"] * (
         spectra.shape[1] - len(areas.sources)
@@ -33,7 +33,8 @@ def write(path, areas: EffectiveAreas, scene: str) -> None:
     found = curves(areas, wavelengths)
     with replacing(path) as partial, partial.open("w", encoding="utf-8") as file:
         file.write(
-            f"# spectral intensity of {escaped(scene)}, band {escaped(areas.band.label)}, before any atmosphere; mi_lcair {mi_lcair.__version__}\n"
+            f"# spectral intensity of {escaped(scene)}, band {escaped(areas.band.label)}, "
+            f"before any atmosphere; mi_lcair {mi_lcair.__version__}\n"
         )
         file.write(
             ",".join(["wavelength_um", "response", *(f"{name}_{UNIT}" for name in found)]) + "\n"

@@ -3,6 +3,7 @@ views.
 """
 
 import json
+import os
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -181,7 +182,7 @@ def trend(
 
 def whole_path(value: str) -> str:
     """A parameter that names a file from here, as other processes find it."""
-    return str(Path(value).resolve()) if Path(value).is_file() else value
+    return str(Path(value).resolve()) if os.path.isfile(value) else value
 
 
 def results(scene: Scene, sweep: Sweep, batches, dask: str | None):

@@ -51,8 +51,8 @@ class TrendFile:
         for key, value in self.header.items():
             if made.get(key) != value:
                 raise InputError(
-                    f"{self.path}: made with {key} = {printable(made.get(key, 'nothing'), 100)}, and this trend has "
-                    f"{printable(value, 100)}; resume with the same, or write to another file"
+                    f"{self.path}: made with {key} = {printable(made.get(key, 'nothing'), 100)}, "
+                    f"and this trend has {printable(value, 100)}; resume with the same, or write to another file"
                 )
         columns, *rows = [line for line in lines if line and not line.startswith("#")] or [""]
         found = {}
@@ -70,8 +70,8 @@ class TrendFile:
         if damaged or found:
             strange = f"; {len(found)} rows of other views are dropped" if found else ""
             warnings.warn(
-                f"{self.path}: {damaged} of {len(self.batches)} batches do not match their checksum and are "
-                f"rendered again{strange}",
+                f"{self.path}: {damaged} of {len(self.batches)} batches do not match their "
+                f"checksum and are rendered again{strange}",
                 stacklevel=2,
             )
 

@@ -9,6 +9,7 @@ import pytest
 
 from mi_lcair.benchmark import chart
 from mi_lcair.benchmark.chart import Point, point
+from mi_lcair.reports import method_chart
 
 
 def points(case, method, errors, seconds_per_sample):
@@ -117,5 +118,5 @@ def test_files(tmp_path):
         and rows[4]["method"] == "lucky"
         and rows[-1]["case"] == "cavity, closed"
     )
-    chart.draw(tmp_path / "a.png", POINTS, "two methods")
+    method_chart.draw(tmp_path / "a.png", POINTS, "two methods")
     assert (tmp_path / "a.png").stat().st_size > 20000

@@ -17,9 +17,8 @@ from mi_lcair.benchmark.propagation_chart import (
     Closure,
     Effort,
     curve,
-    fields,
-    write,
 )
+from mi_lcair.reports.propagation_page import fields, write
 
 EFFORT = Effort(seconds=1.0, most=100, repetitions=5, same=2, spp=1, seeds=2)
 

@@ -12,6 +12,7 @@ from drjit.llvm import Float64
 from mi_lcair.benchmark import reflectance_chart
 from mi_lcair.benchmark.chart import Point
 from mi_lcair.benchmark.reflectance import Method
+from mi_lcair.reports import reflectance_page
 
 
 def test_time_is_shared_among_repetitions_and_compile_is_apart():
@@ -44,9 +45,8 @@ def test_time_is_shared_among_repetitions_and_compile_is_apart():
 def points(monkeypatch):
     """A measurement on one material with few samples per launch."""
     monkeypatch.setattr(reflectance_chart, "MATERIALS", reflectance_chart.MATERIALS[:1])
-    monkeypatch.setattr(
-        reflectance_chart, "QUICK", {"lanes": 2**10, "repetitions": 2, "launches": 1}
-    )
+    for module in (reflectance_chart, reflectance_page):
+        monkeypatch.setattr(module, "QUICK", {"lanes": 2**10, "repetitions": 2, "launches": 1})
     steps = []
     measured = reflectance_chart.measure(True, lambda *step: steps.append(step))
     assert steps[-1] == (len(measured), len(measured)) and len(steps) == len(measured)
@@ -54,7 +54,7 @@ def points(monkeypatch):
 
 
 def test_page(points, monkeypatch, tmp_path):
-    reflectance_chart.write(tmp_path, points, quick=True)
+    reflectance_page.write(tmp_path, points, quick=True)
     assert {file.name for file in tmp_path.iterdir()} == {
         "reflectance.png",
         "reflectance.csv",
@@ -86,8 +86,8 @@ def test_factors_are_ratios_of_points():
         at(ours, 3, 1000, 0.0005),
         at(theirs, 500, 250000, 0.005),
     ]
-    assert reflectance_chart.factor_row(points, "box", theirs) == (
+    assert reflectance_page.factor_row(points, "box", theirs) == (
         "| box | uniform quadrature | 250 000 | 0.5 % | 250 ms "
         "| 2 500, 2 500 | 250, 250 | 250, 250 |"
     )
-    assert reflectance_chart.needs_row(points, "box") == "| box | 10 | 100 | 100 | 1 000 |"
+    assert reflectance_page.needs_row(points, "box") == "| box | 10 | 100 | 100 | 1 000 |"

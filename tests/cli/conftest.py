@@ -84,6 +84,8 @@ class Renderer:
         }
         target = {**scene, "intensity": 11.5, "by_bounce": [10.0, 11.0], **self.results}
         return SimpleNamespace(
+            invalid=self.results.get("invalid", 0),
+            paths=2**32,
             as_dict=lambda: {
                 "band": "total",
                 **scene,
@@ -91,7 +93,7 @@ class Renderer:
                 "scene": scene,
                 "seconds": 1.5,
                 "paths": 2**32,
-            }
+            },
         )
 
     def asked(self, scene, progress, **sampling):

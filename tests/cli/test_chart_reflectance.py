@@ -6,6 +6,7 @@ import pytest
 
 from mi_lcair.benchmark import reflectance_chart
 from mi_lcair.benchmark.chart import Point
+from mi_lcair.reports import reflectance_page
 
 POINTS = [
     Point("aluminum MWIR", "ours", n, 10.0**n, 1e-6 * 10**n, 0.1, error, 0, 1, 0.9, error)
@@ -28,7 +29,7 @@ def measured(monkeypatch):
         (folder / "reflectance.md").write_text("a page")
 
     monkeypatch.setattr(reflectance_chart, "measure", measure)
-    monkeypatch.setattr(reflectance_chart, "write", write)
+    monkeypatch.setattr(reflectance_page, "write", write)
     return asked
 
 

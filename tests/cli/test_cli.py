@@ -408,3 +408,12 @@ def test_progress_is_drawn_on_a_terminal(monkeypatch):
         progress(16, 64)
         progress(100, 128)
     assert "16/64" in terminal.getvalue() and "100/128" in terminal.getvalue()
+
+
+@pytest.mark.parametrize("command", [["render", "-o", "image.exr"], ["signature"]])
+@pytest.mark.parametrize("json", [[], ["--json"]])
+def test_invalid_samples_are_told_of_on_stderr(run, renderer, folder, command, json):
+    renderer.results = {"invalid": 3}
+    result = run(command[0], "scene", *command[1:], *json)
+    assert result.exit_code == 0
+    assert "mi-lcair: note: 3 of " in result.stderr and "NaN or infinite" in result.stderr

@@ -10,6 +10,7 @@ import pytest
 
 from mi_lcair.errors import InputError
 from mi_lcair.fitting import estimation
+from mi_lcair.physics.reflection import MODELS
 from tests.fitting.numpy_model import brdf
 from tests.fitting.results import fit_of
 
@@ -140,6 +141,13 @@ e          0.1      0.01            determined
     assert result.stderr == ""  # no progress bar where stderr is no terminal
 
 
+def test_the_table_names_the_model_and_its_own_parameters(run, asked):
+    """A model with one form: the form is not mentioned."""
+    table = run("fit", "mwir.csv", "--model", "microfacet").stdout
+    assert "model        microfacet with b = 0\n" in table
+    assert [line.split()[0] for line in table.splitlines()[-5:]] == [*MODELS["microfacet"].names]
+
+
 def test_table_of_several_files(run, asked):
     lines = run("fit", "mwir.csv", "lwir.csv").stdout.splitlines()
     assert lines[0].split() == ["surface", "mwir", "(mwir.csv)", "lwir", "(lwir.csv)"]
@@ -179,7 +187,7 @@ def test_files_are_written(run, asked, folder):
     "args, reason",
     [
         ([], "Missing argument 'DATA...'"),
-        (["none.csv"], "none.csv: No such file"),
+        (["none.csv"], "none.csv: cannot be read: No such file"),
         (["mwir.csv", "mwir.csv"], "have the same band, 3-5 um"),
         (["mwir.csv", "--emissivity", "none.csv"], "none.csv: cannot be read"),
         (["mwir.csv", "--emissivity", "dhr.csv"], "must name theta_deg and emissivity"),

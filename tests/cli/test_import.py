@@ -34,7 +34,9 @@ def files(folder):
 def test_table(run, folder):
     """A box that lacks its bottom has the volume that it would have with it."""
     result = run("import", "model.obj", "-o", "boxes")
-    assert (result.exit_code, result.stderr) == (0, ""), result.output
+    assert result.exit_code == 0, result.output
+    (note,) = result.stderr.splitlines()
+    assert note.startswith("mi-lcair: note: material diffuse reflects all that arrives")
     assert (
         result.stdout
         == """\
@@ -133,16 +135,45 @@ def test_remarks(run, folder):
     ]
 
 
-def test_files_are_replaced_and_others_left_alone(run, folder):
+def test_files_are_replaced_and_others_left_alone(run, refused, folder):
+    """What an earlier import wrote is replaced; what somebody has written or edited is not."""
     (folder / "boxes").mkdir()
-    for name in ("scene.xml", "mine.txt"):
-        (folder / "boxes" / name).write_text("old")
+    (folder / "boxes" / "mine.txt").write_text("old")
+    (folder / "model.obj").write_text(cube())
     assert run("import", "model.obj", "-o", "boxes").exit_code == 0
-    assert (folder / "boxes" / "mine.txt").read_text() == "old" and "old" not in (
-        folder / "boxes" / "scene.xml"
-    ).read_text()
-    assert len(list((folder / "boxes").iterdir())) == 6
+    small = (folder / "boxes" / "scene.xml").read_text()
+    (folder / "model.obj").write_text(cube(size=2))
+    assert run("import", "model.obj", "-o", "boxes").exit_code == 0
+    assert (folder / "boxes" / "mine.txt").read_text() == "old"
+    assert (folder / "boxes" / "scene.xml").read_text() != small
+    assert len(list((folder / "boxes").iterdir())) == 4
     assert run("import", "model.obj", "-o", ".").exit_code == 0 and (folder / "scene.xml").is_file()
+    for file in ("scene.xml", "model.xml"):
+        path = folder / "boxes" / file
+        written = path.read_text()
+        for own in ("my own", written.replace('value="LWIR"', 'value="MWIR"'), written + " "):
+            path.write_text(own)
+            assert f"{file}: was written by somebody else or edited" in refused(
+                "import", "model.obj", "-o", "boxes"
+            )
+            assert path.read_text() == own
+        path.write_text(written)
+
+
+def test_thin_sheets_are_remarked(run, folder):
+    """Two facets back to back, as a wing without thickness: which is seen is left to rounding."""
+    square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+    (folder / "model.obj").write_text(f"o f*bareAl*300*\n{square}f 1 2 3 4\nf 4 3 2 1\n")
+    result = run("import", "model.obj", "--check")
+    assert any("facets 0 and 1 lie back to back" in line for line in result.stderr.splitlines()), (
+        result.stderr
+    )
+    (folder / "model.obj").write_text(
+        f"o f*bareAl*300*\n{square}f 1 2 3 4\n" + square.replace("1", "0.5") + "f 5 6 7 8\n"
+    )
+    assert "facets 0 and 1 lie one on the other" in run("import", "model.obj", "--check").stderr
+    (folder / "model.obj").write_text(cube())
+    assert "lie" not in run("import", "model.obj", "--check").stderr
 
 
 @pytest.mark.parametrize(
@@ -223,3 +254,12 @@ def test_needs_no_renderer(folder):
         check=True,
         env={**os.environ, "PYTHONPATH": str(CHECKOUT)},
     )
+
+
+def test_a_material_that_emits_nothing_is_told_of(run, folder):
+    """`diffuse` reflects all that arrives: a terrain of it would be black."""
+    (folder / "model.obj").write_text(cube(label="t*diffuse*300*"))
+    notes = run("import", "model.obj", "--check").stderr
+    assert "material diffuse reflects all that arrives and emits nothing" in notes
+    (folder / "model.obj").write_text(cube(label="t*gloss_black*300*"))
+    assert "emits nothing" not in run("import", "model.obj", "--check").stderr

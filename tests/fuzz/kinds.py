@@ -1,6 +1,7 @@
 """The kinds of file that are mutated: one entry each in `KINDS`."""
 
 import math
+import re
 import tempfile
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 import mi_lcair
 from mi_lcair.models3d import export, read, report
 from tests.fuzz.mutants import Kind
+from tests.fuzz.text_kinds import TEXT_KINDS
 from tests.models3d.shapes import cube
 
 MOST_PATHS = 100_000  # a mutant that asks for more is loaded but not rendered
@@ -56,7 +58,7 @@ def ply(ascii: bool = False) -> bytes:
     ).encode()
     if not ascii:
         return header + vertices.tobytes() + faces.tobytes()
-    rows = ["%g %g %g" % tuple(vertex) for vertex in vertices]
+    rows = ["{:g} {:g} {:g}".format(*vertex) for vertex in vertices]
     rows += ["3 {} {} {} {}".format(*face["corners"], face["temperature"]) for face in faces]
     return header + "\n".join(rows).encode() + b"\n"
 
@@ -65,8 +67,12 @@ SCENE = """<scene version="3.0.0">
     <default name="temperature" value="300"/>
     <integrator type="bounce_path"> <integer name="max_bounces" value="2"/> </integrator>
     <sensor type="orthographic">
-        <transform name="to_world"> <lookat origin="0.5, 0.5, 2" target="0.5, 0.5, 0" up="0, 1, 0"/> </transform>
-        <film type="hdrfilm"> <integer name="width" value="4"/> <integer name="height" value="4"/> </film>
+        <transform name="to_world">
+            <lookat origin="0.5, 0.5, 2" target="0.5, 0.5, 0" up="0, 1, 0"/>
+        </transform>
+        <film type="hdrfilm">
+            <integer name="width" value="4"/> <integer name="height" value="4"/>
+        </film>
         <sampler type="independent"> <integer name="sample_count" value="4"/> </sampler>
     </sensor>
     <bsdf type="sandford_robertson" id="paint">
@@ -77,7 +83,9 @@ SCENE = """<scene version="3.0.0">
     <shape type="sphere">
         <point name="center" x="2" y="0" z="0"/> <float name="radius" value="0.5"/>
         <bsdf type="roughconductor"> <float name="alpha" value="0.2"/> </bsdf>
-        <emitter type="thermal"> <string name="band" value="LWIR"/> <float name="temperature" value="$temperature"/> </emitter>
+        <emitter type="thermal">
+            <string name="band" value="LWIR"/> <float name="temperature" value="$temperature"/>
+        </emitter>
     </shape>
     <shape type="rectangle">
         <transform name="to_world"> <scale value="2"/> <translate x="3"/> </transform>
@@ -90,7 +98,9 @@ MESH = """<shape type="%s">
         <ref id="paint"/>
         <emitter type="thermal">
             <string name="band" value="LWIR"/> <string name="group" value="plate"/>
-            <texture type="mesh_attribute" name="temperature"> <string name="name" value="face_temperature"/> </texture>
+            <texture type="mesh_attribute" name="temperature">
+                <string name="name" value="face_temperature"/>
+            </texture>
         </emitter>
     </shape>"""
 
@@ -110,17 +120,21 @@ def use_ply(path: Path) -> None:
 
 
 XML_WORDS = (
+    *b"diffuse roughconductor conductor plastic principled dielectric null measured".split(),
+    *b"blendbsdf mask twosided hair bumpmap area constant point directional envmap".split(),
+    *b"cube disk cylinder instance sphere ply bitmap volume checkerboard uniform".split(),
+    *b"hdrfilm specfilm multijitter perspective radiancemeter face_normals flip_normals".split(),
+    *b"to_uv near_clip far_clip shutter_open crop_width fov radius scale value name type".split(),
+    *b"id true false material lobe form closure tail float integer string boolean".split(),
+    *b"spectrum rgb texture transform ref".split(),
     b"<shape type='rectangle'/>",
     b"<include filename='mutant.xml'/>",
-    b"<bsdf type='hair'/>",
     b"<texture type='bitmap' name='reflectance'/>",
     b"<emitter type='area'/>",
     b"<!--",
     b"]]>",
     b"&lt;",
     b"&x;",
-    *b"float integer string boolean spectrum rgb texture transform ref sphere ply mask twosided".split(),
-    *b"radius scale value name type id true false material lobe form closure tail".split(),
 )
 PLY_WORDS = tuple(b"property float double int uchar list element vertex face ascii 3 4 -1".split())
 
@@ -132,6 +146,7 @@ PLY = Kind(
     PLY_WORDS,
     {"scene.xml": (SCENE % MESH % ("ply", "mutant.ply")).encode()},
     may_die=True,
+    value=re.compile(rb"(?<=\s)-?[\w.]+(?=\s)"),
 )
 XML = Kind(
     "scene",
@@ -141,6 +156,7 @@ XML = Kind(
     XML_WORDS,
     {"plate.ply": ply()},
     may_die=True,
+    value=re.compile(rb'(?<==")[^"<>]*(?=")|(?<=<)\w+'),
 )
 
-KINDS = (OBJ, PLY, XML)
+KINDS = (OBJ, PLY, XML, *TEXT_KINDS)

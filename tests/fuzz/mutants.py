@@ -20,10 +20,12 @@ from pathlib import Path
 
 from mi_lcair.errors import InputError
 
+GENTLE = 0.8  # share of mutations that exchange one value, for kinds that say what a value is
 LONGEST_LINE = 1000  # characters of a refusal
 MEMORY = 12 * 2**30  # bytes of address space of a worker
 TRICKY_NUMBERS = (
-    b"0 -1 1.5 nan inf -inf 1e39 1e-320 1e308 -0.0 4294967296 9223372036854775808 1,5 0x10 \xd9\xa3 1_0"
+    b"0 -1 1.5 nan inf -inf 1e39 1e-320 1e308 -0.0 4294967296 9223372036854775808 "
+    b"1,5 0x10 \xd9\xa3 1_0"
 ).split()
 TRICKY_TEXT = (
     b"",
@@ -51,7 +53,8 @@ class Kind:
     use: what a user does with such a file, given its path, raises InputError to refuse it and
     returns whatever; words: pieces of the file's language that mutations insert; beside: other
     files, name to content, that must lie in the same folder; may_die: whether only a process of its
-    own may use it.
+    own may use it. value: pattern of a single value of the language, so that most mutations
+    change nothing but a value and leave a file that can still be parsed.
     """
 
     name: str
@@ -61,6 +64,7 @@ class Kind:
     words: tuple[bytes, ...] = ()
     beside: dict[str, bytes] | None = None
     may_die: bool = False
+    value: re.Pattern | None = None
 
 
 @dataclass(frozen=True)
@@ -86,7 +90,10 @@ def mutants(kind: Kind, count: int, seed: int = 0) -> Iterator[bytes]:
     for _ in range(count):
         content = chance.choice(kind.examples)
         for _ in range(chance.choice((1, 1, 1, 2, 4))):
-            content = chance.choice(MUTATIONS)(content, kind.words, chance)
+            if kind.value and chance.random() < GENTLE:
+                content = exchange_value(content, kind, chance)
+            else:
+                content = chance.choice(MUTATIONS)(content, kind.words, chance)
         yield content
 
 
@@ -227,6 +234,12 @@ def replace(pattern, choices, content, chance):
         return content
     place = chance.choice(found)
     return content[: place.start()] + chance.choice(choices) + content[place.end() :]
+
+
+def exchange_value(content, kind, chance):
+    """Another value of the same file, a word or a number in place of one value."""
+    values = [match[0] for match in kind.value.finditer(content)]
+    return replace(kind.value, (*values, *kind.words, *TRICKY_NUMBERS), content, chance)
 
 
 def swap_lines(content, words, chance):

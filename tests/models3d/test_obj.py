@@ -185,3 +185,43 @@ def test_no_file(tmp_path):
     for path in (tmp_path / "none.obj", tmp_path):
         with pytest.raises(InputError, match="cannot be read: (No such file|Is a directory)"):
             read_obj(path)
+
+
+FACES = "o f*bareAl*300*\n" + "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n" * 4
+
+
+@pytest.mark.parametrize(
+    "statement, message",
+    [
+        ("f 1/1/12/2/1 3/3/1 4/4/1", "line 18: a face must be indices"),  # a blank is lost
+        ("f 1/12/2 3/3 4/4", "line 18: a face must be indices"),
+        ("f 1/1 2/x 3/3 4/4", "line 18: a face must be indices"),
+        ("f 1/1 2/2\x013/3 4/4 1/1", "line 18: a face must be indices"),
+        ("f 1 2 3/1-4", "line 18: a face must be indices"),
+        ("ff 1 2 3", "line 18: statement 'ff' is not one of v, f, o, g, vt"),
+        ("F 1 2 3", "line 18: statement 'F' is not one of"),
+        ("f1 2 3 4", "line 18: statement 'f1' is not one of"),
+        ("oo s*blackbody*250*", "line 18: statement 'oo' is not one of"),
+        (
+            "a_keyword_longer_than_any other",
+            "line 18: statement 'a_keyword_longer_tha' is not one of",
+        ),
+        ("curv2 1 2", "line 18: statement 'curv2'"),
+    ],
+)
+def test_damaged_statements(tmp_path, statement, message):
+    """Each would have dropped a corner, a facet or a label."""
+    path = tmp_path / "model.obj"
+    path.write_text(FACES + statement + "\nf 1 2 3\n")
+    with pytest.raises(InputError, match=message):
+        read_obj(path)
+
+
+def test_statements_that_are_passed_over(tmp_path):
+    path = tmp_path / "model.obj"
+    path.write_text(
+        "mtllib a.mtl\n\n  \nvt 0 0\nvn 0 0 1\ns off\n"
+        + FACES
+        + "usemtl x\nf 1/1/1 2/1/1 3/1/1\nl 1 2\n"
+    )
+    assert len(read_obj(path).lines) == 1

@@ -7,7 +7,7 @@ import pytest
 
 from mi_lcair.errors import InputError
 from mi_lcair.models3d.ply import check_ply
-from tests.rendering.scene_text import HALVES, SQUARE, write_ply
+from tests.rendering.loading.scene_text import HALVES, SQUARE, write_ply
 
 TEXT = """ply
 format ascii 1.0
@@ -75,6 +75,13 @@ def test_extent(tmp_path):
         ("2 3 0 7", "2 inf 0 7", "vertex 2 is not finite"),
         ("2 3 0 7", "2 three 0 7", "a word that is no number"),
         ("list uchar int", "list float int", "cannot be understood"),
+        (
+            "element face 2\n",
+            "element edge 2\nelement face 2\n",
+            "element 'edge' has no properties",
+        ),
+        ("temperature_0", "temp\u00e9rature_0", "cannot be understood"),
+        ("element face", "element fac\u00e9", "cannot be understood"),
     ],
 )
 def test_refused(tmp_path, old, new, message):

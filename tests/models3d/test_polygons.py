@@ -1,8 +1,12 @@
 """Triangulation: areas and outlines of polygons that are known, whatever their shape and position."""
 
+import time
+
 import numpy as np
 import pytest
 
+from mi_lcair.errors import InputError
+from mi_lcair.models3d import read
 from mi_lcair.models3d.polygons import clip_ears, triangulate
 
 L = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 3), (0, 3)]  # area 4
@@ -194,3 +198,31 @@ def test_distance_from_the_plane():
     points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0.01], [0, 1, 0]])
     triangles, _, off_plane, _ = triangulate(points, np.arange(4), np.array([0, 4]))
     assert off_plane == pytest.approx([0.0025], rel=1e-4) and len(triangles) == 2
+
+
+@pytest.mark.parametrize("amplitude, allowed", [(0.0, True), (0.2, False)])
+def test_enormous_polygons(tmp_path, amplitude, allowed):
+    """A convex one is cut in a time that grows with its corners; another is refused, because its
+    time grows with their square.
+    """
+    angle = np.linspace(0, 2 * np.pi, 20_000, endpoint=False)
+    radius = 1 + amplitude * np.cos(5 * angle)
+    path = tmp_path / "model.obj"
+    path.write_text(
+        "o f*bareAl*300*\n"
+        + "".join(
+            f"v {x:.9f} {y:.9f} 0\n" for x, y in zip(radius * np.cos(angle), radius * np.sin(angle))
+        )
+        + "f "
+        + " ".join(map(str, range(1, 20_001)))
+        + "\n"
+    )
+    begin = time.process_time()
+    if allowed:
+        assert len(read(path).triangles) == 19_998
+    else:
+        with pytest.raises(
+            InputError, match="line 20002: the face has 20000 corners and is not convex"
+        ):
+            read(path)
+    assert time.process_time() - begin < 10

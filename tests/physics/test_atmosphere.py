@@ -367,6 +367,8 @@ def test_unusable_file(tmp_path, rows, message):
 def test_unusable_choice(tmp_path):
     with pytest.raises(InputError, match="unknown atmosphere 'midlat_sumer'; known: midlat_summer"):
         atmosphere("midlat_sumer")
+    with pytest.raises(InputError, match="unknown atmosphere 'xxx"):
+        atmosphere("x" * 5000)  # too long to be a path
     with pytest.raises(InputError, match="missing.csv: cannot be read"):
         atmosphere(tmp_path / "missing.csv")
     with pytest.raises(InputError, match="ranges_m are for the blocks of a MODTRAN tape7 only"):

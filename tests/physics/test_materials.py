@@ -14,7 +14,7 @@ from drjit.llvm.ad import Float64
 from mi_lcair.errors import InputError
 from mi_lcair.physics import materials
 from mi_lcair.physics.bands import band
-from mi_lcair.physics.materials import material, names
+from mi_lcair.physics.materials import emits_nothing, material, names
 
 # (name, band): epsilon, rho_d, b, e as printed in Harkiss 2007, Tables 2.2 and 2.3, and section
 # 3.4.1 (emissivity 96 %)
@@ -285,3 +285,20 @@ def test_an_unusable_fit_is_one_line_that_names_file_and_key(user_file, text, me
 def test_a_missing_file_is_named(name, file):
     with pytest.raises(InputError, match="missing.*: No such file or directory"):
         material(name, band("MWIR"), file)
+
+
+@pytest.mark.parametrize("name", names())
+def test_what_emits_nothing_says_so(name):
+    """The key `emits` of the built-in materials against what their models reflect."""
+    bands = tomllib.loads(materials.BUILT_IN.read_text(encoding="utf-8"))[name]
+    theta = Float64(0.0, 1.0)
+    for entry in bands:
+        found = material(name, None if entry == "any" else band(entry))
+        reflects_all = min(found.model.HDR(found.surface(), theta)) > 1 - 1e-9
+        assert reflects_all == emits_nothing(name)
+
+
+def test_emits_must_be_true_or_false(user_file):
+    own = user_file('[a.any]\nemits = "no"\n')
+    with pytest.raises(InputError, match="emits = 'no'; must be true or false"):
+        material("a", None, own)

@@ -1,6 +1,4 @@
-"""The energy audit: closed forms of what escapes, and scenes that break the balance in ways that it
-must name.
-"""
+"""Tests of the energy audit: closed forms, and scenes whose imbalance it must report."""
 
 from pathlib import Path
 
@@ -34,8 +32,9 @@ def agree(figure, expected, sigmas=4):
 
 
 def test_open_box():
-    """A blackbody wall over a grey floor: what the floor receives is its view factor, what it
-    absorbs is half of that.
+    """A blackbody wall over a grey floor, against view factors.
+
+    The floor receives the view factor times the wall's flux, and absorbs half of that.
     """
     result = mi_lcair.audit(mi_lcair.load("open_box"), 2**16)
     wall, floor = (0.02 * np.pi * float(in_band_radiance(band("total"), T)) for T in (800, 300))
@@ -43,8 +42,8 @@ def test_open_box():
     agree(result.total["emitted"], wall + 0.5 * floor)
     agree(result.materials["diffuse"]["incident"], F * wall)
     agree(result.materials["diffuse"]["absorbed"], 0.5 * F * wall)
-    # of what the floor reflects more than F returns to the wall: it leaves mostly from near the
-    # common edge
+    # More than the share F of what the floor reflects returns to the wall, because most of it
+    # leaves from near the common edge.
     assert (
         F * (0.5 * floor + 0.5 * F * wall)
         < result.materials["blackbody"]["absorbed"][0]
@@ -66,9 +65,7 @@ def test_closed_room_keeps_everything():
 
 
 def test_a_mesh_turned_inside_out_keeps_its_flux():
-    """A cube with flip_normals emits into its inside: nothing escapes, half of all that arrives is
-    absorbed.
-    """
+    """A cube with flip_normals emits inward: nothing escapes, half of what arrives is absorbed."""
     grey = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.5}}
     result = audited(
         room={
@@ -90,15 +87,14 @@ def test_a_surface_of_unknown_absorption_is_refused(plate):
     lens = {**plate("lens", LID, {"type": "dielectric"})}
     with pytest.raises(
         InputError,
-        match="shape lens has no emitter, and what it absorbs is not known .*; give it another BSDF",
+        match="shape lens has no emitter, and what it absorbs is not known "
+        ".*; give it another BSDF",
     ):
         audited(floor=plate("floor", SQUARE, black, 300.0), lens=lens)
 
 
 def test_a_reflector_that_absorbs_nothing(plate):
-    """Between two plates of reflectance 1 nothing is absorbed, and nothing is emitted but by the
-    third.
-    """
+    """A plate of reflectance 1 neither absorbs nor emits; a black plate does both."""
     white = {"type": "sandford_robertson", "epsilon": 0.0, "rho_d": 1.0, "b": 0.0, "e": 1.0}
     black = {"type": "sandford_robertson", "epsilon": 1.0, "rho_d": 0.0, "b": 0.0, "e": 1.0}
     result = audited(
@@ -106,17 +102,13 @@ def test_a_reflector_that_absorbs_nothing(plate):
     )
     agree(result.total["emitted"], 100 * np.pi * L_300)
     agree(result.total["absorbed"], result.total["emitted"][0] - result.total["escaped"][0], 5)
-    assert sorted(name.partition(" (")[2] for name in result.materials) == [
-        "floor)",
-        "lid)",
-    ]  # neither has a name: told apart by their shapes
+    # Neither material has a name. The audit appends the names of their shapes.
+    assert sorted(name.partition(" (")[2] for name in result.materials) == ["floor)", "lid)"]
     assert abs(result.total["created"][0]) < 1e-6 * result.total["emitted"][0]
 
 
 def test_emissivity_of_another_origin_creates_energy(plate):
-    """A grey lid of reflectance 0.5 that is told to emit 0.9: it absorbs 0.9 and reflects 0.5 of
-    what arrives.
-    """
+    """A lid of reflectance 0.5 and emissivity 0.9 absorbs and reflects 1.4 of what arrives."""
     black = {"type": "sandford_robertson", "epsilon": 1.0, "rho_d": 0.0, "b": 0.0, "e": 1.0}
     grey = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.5}}
     lid = plate("lid", LID, grey, 300.0)
@@ -133,9 +125,7 @@ def test_emissivity_of_another_origin_creates_energy(plate):
 
 
 def test_what_only_reflects_absorbs_the_rest(plate):
-    """A lid without an emitter, of a stock BSDF: what arrives is reflected or absorbed, none is
-    lost.
-    """
+    """A lid without an emitter, with a BSDF of Mitsuba's, absorbs what it does not reflect."""
     black = {"type": "sandford_robertson", "epsilon": 1.0, "rho_d": 0.0, "b": 0.0, "e": 1.0}
     lid = plate(
         "lid", LID, {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.5}}, 300.0
@@ -150,8 +140,9 @@ def test_what_only_reflects_absorbs_the_rest(plate):
 
 
 def test_one_creates_what_another_loses(plate):
-    """Two grey plates of one class: one emits too much, one too little by as much; each is named,
-    and the shares are exact.
+    """Two grey plates with the same BSDF class, one emitting too much and one too little.
+
+    The audit names each of them, and their shares are exact.
     """
 
     def grey(name, corners, emissivity):
@@ -175,8 +166,9 @@ def test_one_creates_what_another_loses(plate):
 
 
 def test_emissivity_of_the_model_loses_energy(plate):
-    """emissivity = model with the thesis's form: d(theta_r) takes from the lobe what the emissivity
-    does not give back.
+    """The thesis's form with emissivity = model loses energy.
+
+    d(theta_r) reduces the lobe, and the emissivity does not grow by the same amount.
     """
     glossy = {
         "type": "sandford_robertson",
@@ -215,8 +207,9 @@ def test_a_reciprocal_model_creates_nothing(plate, parameters):
 
 
 def test_a_scaled_brdf_is_named(plate):
-    """b = 0.05, e = 0.3: HDR would exceed 1 near grazing, where a good part of the flux between
-    near plates arrives.
+    """A BRDF whose HDR would exceed 1 near grazing (b = 0.05, e = 0.3) is reported.
+
+    Much of the flux between two near plates arrives there.
     """
     broad = {
         "type": "sandford_robertson",
@@ -246,11 +239,11 @@ def test_the_back_of_a_surface_is_named(plate):
 
 
 def test_a_perfect_closed_reflector_is_unfinished(monkeypatch):
-    """Reflectance 1 all around: nothing is absorbed however long it travels, and that is said."""
+    """In a closed room of reflectance 1 no flux is absorbed, and the audit says so."""
     monkeypatch.setattr("mi_lcair.planning.audit.MAX_REFLECTIONS", 20)
     scene = mi_lcair.load("furnace")
     parameters = mi.traverse(scene.mi)
-    for key in parameters.keys():
+    for key in parameters.keys():  # noqa: SIM118, Mitsuba's parameters are no dictionary
         if key.endswith(("bsdf.epsilon", "body.epsilon")):
             parameters[key] = 1e-4
         elif key.endswith(("bsdf.rho_d", "body.rho_d")):

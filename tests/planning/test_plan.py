@@ -1,6 +1,4 @@
-"""Plans: what they choose where the right choice is known, whether their error holds, and that they
-leave the scene alone.
-"""
+"""Tests of plans: known best settings, the predicted error, and that the scene is unchanged."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +13,8 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.reflection.interface import Rung
-from mi_lcair.planning.plan import candidates, fewest_bounces
+from mi_lcair.planning.bounces import fewest_bounces
+from mi_lcair.planning.lobes import candidates
 from mi_lcair.planning.probe import BATCHES, Settings
 from mi_lcair.rendering.scene import checked
 from tests.plugins.conftest import corner, plate  # noqa: F401, fixtures
@@ -24,8 +23,9 @@ from tests.scenes.view_factors import WALLS
 
 
 def test_diffuse_plates_need_no_lobe_and_one_reflection():
-    """A diffuse reflector and a blackbody: `diffuse` is exact, and looking at the emitter pays
-    though the scene does not.
+    """`diffuse` is exact for a diffuse reflector and a blackbody.
+
+    Emitter sampling is cheaper here, although the scene switches it off.
     """
     found = mi_lcair.plan(
         mi_lcair.load("two_plates", resolution=32, max_bounces=4, emitter_sampling="false")
@@ -38,7 +38,7 @@ def test_diffuse_plates_need_no_lobe_and_one_reflection():
     assert found.emitter_sampling and found.left_out == []
 
 
-def test_a_furnace_must_not_look_at_its_emitters():
+def test_a_furnace_does_not_sample_its_emitters():
     found = mi_lcair.plan(mi_lcair.load("furnace", resolution=16, emitter_sampling="true"))
     assert not found.emitter_sampling and found.lobe["bare_aluminum"] == "mirror"
 
@@ -53,7 +53,7 @@ def test_gloss_black_in_the_range_needs_a_mirror_and_two_reflections():
 
 
 def test_a_broad_lobe_is_kept(corner):
-    """e = 0.15 beside a hot wall: the mirror shows another picture, in each pixel and in all."""
+    """e = 0.15 beside a hot wall: a mirror would change each pixel and their mean."""
     scene = checked(
         corner(
             {"type": "bounce_path", "max_bounces": 4},
@@ -91,16 +91,16 @@ def test_microfacet_beside_hot_walls(corner, parameters, lobe):
 
 @pytest.mark.parametrize("opening", [8, 80])
 def test_reflections_of_a_cavity(opening):
-    """emissivity 0.5: each reflection in a small opening's cavity brings half of the one before,
-    and a tail mends the rest.
-    """
+    """Each reflection halves the radiance (emissivity 0.5), and a geometric tail adds the rest."""
     found = mi_lcair.plan(mi_lcair.load("cavity", opening=opening, resolution=16))
     assert found.closure == "tail" and found.max_bounces <= 4 and found.predicted_error <= 0.01
 
 
 def test_the_error_holds():
-    """Of 12 plans for 0.5 %, each carried out with another seed, at most 2 miss (2 % chance for a
-    method that holds 95 %).
+    """At most 2 of 12 plans for 0.5 % miss the tolerance.
+
+    Each plan is rendered with another seed. Plans that hold with 95 % confidence fail this test
+    with a probability of 2 %.
     """
     missed = 0
     intensity = exact.open_box_intensity(
@@ -116,7 +116,7 @@ def test_the_error_holds():
 
 
 def test_each_pixel():
-    """The rms error over the pixels, as a render at that plan reports it, is what was predicted."""
+    """A render under the plan reports the predicted rms error over the pixels."""
     scene = mi_lcair.load("cylinder_ir_range", finish="gloss_black", resolution=64)
     found = mi_lcair.plan(scene, 0.02, each_pixel=True)
     with found.applied(scene):
@@ -137,11 +137,12 @@ def test_the_scene_is_left_as_it_was():
 
 
 def test_geometric_series():
-    """Counts that fall by a constant ratio: the tail closes them exactly from the third on; without
-    it, log(budget) / log(ratio).
+    """A tail is exact for bounces that fall by a constant ratio.
+
+    Bounces that fall faster need no tail.
     """
-    looks = np.broadcast_to(0.5 ** np.arange(33)[None, :, None], (BATCHES, 33, 4))
-    n, closure, missing = fewest_bounces(looks, 1e-3, False)
+    by_bounce = np.broadcast_to(0.5 ** np.arange(33)[None, :, None], (BATCHES, 33, 4))
+    n, closure, missing = fewest_bounces(by_bounce, 1e-3, False)
     assert (n, closure) == (2, "tail") and missing < 1e-8
     falling = np.broadcast_to(np.r_[1, 0.5, 0.001, np.zeros(30)][None, :, None], (BATCHES, 33, 4))
     assert fewest_bounces(falling, 1e-3, False)[:2] == (1, "none") and fewest_bounces(
@@ -157,8 +158,9 @@ def test_unusable_tolerance(tolerance):
 
 @pytest.mark.parametrize("resolution", [40, 46, 64])
 def test_every_resolution_has_its_noise(resolution):
-    """Whatever number of samples a probe takes for each pixel: two_plates needs thousands of paths
-    for 1 %.
+    """The probe sees the noise at any number of samples per pixel.
+
+    two_plates needs thousands of paths for 1 %.
     """
     found = mi_lcair.plan(
         mi_lcair.load("two_plates", resolution=resolution, emitter_sampling="false")
@@ -169,8 +171,9 @@ def test_every_resolution_has_its_noise(resolution):
 
 @pytest.fixture
 def speck(plate):
-    """speck(emitter_sampling): a grey plate at 300 K, lit by a source of 3000 K, 5 mm wide, behind
-    the camera.
+    """speck(emitter_sampling): a grey plate at 300 K that a small source illuminates.
+
+    The source is 5 mm wide, has 3000 K, and lies behind the camera.
     """
 
     def make(emitter_sampling):
@@ -203,8 +206,9 @@ def speck(plate):
 @pytest.mark.parametrize("emitter_sampling", [False, True])
 @pytest.mark.parametrize("each_pixel", [False, True])
 def test_a_source_that_paths_miss_is_drawn(speck, emitter_sampling, each_pixel):
-    """No probe without emitter sampling meets it, and 0 % of noise is seen; the plan looks again,
-    and keeps on looking.
+    """A plan samples a source that no path hits.
+
+    Probes without emitter sampling miss the source and see no noise. The plan must detect this.
     """
     scene = speck(emitter_sampling)
     found = mi_lcair.plan(scene, 0.02, each_pixel)
@@ -216,8 +220,10 @@ def test_a_source_that_paths_miss_is_drawn(speck, emitter_sampling, each_pixel):
 
 
 def test_a_tail_for_a_model_beside_other_surroundings(plate):
-    """A grey room of reflectance 0.5, the model, and beside it one of 0.8, its background, both
-    open to the same window: each has its own ratio.
+    """The tail of the model does not depend on the surroundings beside it.
+
+    The model is a grey room of reflectance 0.5, the background another one of reflectance 0.8. The
+    same sensor sees both, and each has its own ratio of successive bounces.
     """
 
     def room(name, x, reflectance, temperature, facet_type):
@@ -263,8 +269,9 @@ def test_a_tail_for_a_model_beside_other_surroundings(plate):
 
 
 def test_surfaces_of_one_name_are_planned_together(plate):
-    """Two without a name, one diffuse and one glossy: what is exact for the one is not taken for
-    the other; each gets its own lobe back.
+    """Two surfaces without a name, one diffuse and one glossy, share one entry of the plan.
+
+    `diffuse` is exact for one and an estimate for the other. Each gets its own lobe back.
     """
     glossy = {"type": "sandford_robertson", "epsilon": 0.1, "rho_d": 0.05, "b": 0.2, "e": 0.3}
     matt = {"type": "sandford_robertson", "epsilon": 0.5, "rho_d": 0.5, "b": 0.0, "e": 1.0}
@@ -307,7 +314,24 @@ def test_what_cannot_be_planned():
             ],
         )
         mi_lcair.plan(replaced)
-    looks = (
-        np.ones((BATCHES, 33, 4)) * np.linspace(1.0, 1.2, 33)[:, None]
-    )  # counts that grow with each reflection
-    assert fewest_bounces(looks, 1e-3, False)[2] > 0.9
+    # Radiance that grows with each reflection cannot be truncated.
+    growing = np.ones((BATCHES, 33, 4)) * np.linspace(1.0, 1.2, 33)[:, None]
+    assert fewest_bounces(growing, 1e-3, False)[2] > 0.9
+
+
+@pytest.mark.parametrize("name", ["open_box", "furnace"])
+def test_no_clock_decides(monkeypatch, name):
+    """The plan does not change if every second probe takes a thousand times longer."""
+
+    def choices():
+        found = mi_lcair.plan(mi_lcair.load(name, resolution=16), seed=3).as_dict()
+        return {key: value for key, value in found.items() if not key.endswith("_seconds")}
+
+    usual = choices()
+    for slow in (0, 1):
+        calls = iter(range(10**6))
+        ticks = np.cumsum(
+            [1000.0 if k // (2 * BATCHES + 2) % 2 == slow else 1.0 for k in range(10**4)]
+        )
+        monkeypatch.setattr("time.perf_counter", lambda: ticks[next(calls)])
+        assert choices() == usual

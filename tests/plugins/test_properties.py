@@ -2,16 +2,18 @@
 and each plugin's manual page says what its declaration says.
 """
 
+import importlib
 import re
 
 import mitsuba as mi
 import pytest
 
 from mi_lcair.errors import InputError, mitsuba_error
-from mi_lcair.plugins import bounce_path, thermal
+from mi_lcair.physics import reflection
+from mi_lcair.plugins import bounce_path, reflection_bsdf, thermal
 
-PLUGINS = {"thermal": thermal, "bounce_path": bounce_path}
-CLASSES = {"thermal": "Thermal", "bounce_path": "BouncePath"}
+PLUGINS = {"thermal": thermal, "bounce_path": bounce_path, "material": reflection_bsdf}
+CLASSES = {"thermal": "Thermal", "bounce_path": "BouncePath", "material": "ReflectionBSDF"}
 WRONG = {
     "float": (True, "300 K", mi.ScalarColor3d(1, 2, 3), float("nan"), float("inf")),
     "float or texture": (True, "300 K", mi.ScalarColor3d(1, 2, 3), float("nan")),
@@ -19,7 +21,11 @@ WRONG = {
     "boolean": (1, "false", 0.0),
     "string": (3, True, 2.5),
 }
-BESIDE = {"thermal": {"temperature": 300.0, "band": "LWIR"}, "bounce_path": {}}
+BESIDE = {
+    "thermal": {"temperature": 300.0, "band": "LWIR"},
+    "bounce_path": {},
+    "material": {"material": "gloss_black", "band": "LWIR"},
+}
 
 
 def declared():
@@ -81,6 +87,27 @@ def test_manual(plugin):
         default = re.search(r"\((\S+)\)", text)
         given = str(entry.default).lower() if isinstance(entry.default, bool) else entry.default
         assert entry.default is None or f"({given})" in text, (entry.name, default)
+
+
+@pytest.mark.parametrize("name", reflection.NAMES)
+def test_parameters_of_models(name):
+    """A model's own plugin takes its parameters as floats, and says so in its manual."""
+    model = reflection.model(name)
+    module = importlib.import_module(f"mi_lcair.plugins.{name}_bsdf")
+    plugin = next(
+        entry
+        for entry in vars(module).values()
+        if isinstance(entry, type) and issubclass(entry, reflection_bsdf.ReflectionBSDF)
+    )
+    floats = [key for key, (kind, _) in manual(plugin.__doc__).items() if kind == "float"]
+    assert floats == list(model.names)
+    for parameter in model.names:
+        for value in WRONG["float"][:3]:
+            with pytest.raises(InputError, match=f"{name}: {parameter}.*must be a float"):
+                try:
+                    mi.load_dict({"type": name, parameter: value})
+                except RuntimeError as error:
+                    raise mitsuba_error(error) from None
 
 
 def manual(docstring: str) -> dict[str, tuple[str, str]]:

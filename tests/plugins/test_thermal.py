@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.emissivity import Table, emissivity_of
+from mi_lcair.plugins.emission.emissivity import Table, emissivity_of
 from tests.physics import thesis
 from tests.plugins.reflection_models import exact_HDR, seen_at, uniform
 from tests.plugins.small_scenes import (

@@ -207,7 +207,6 @@ def test_not_xml(tmp_path):
 
 def test_facet_without_temperature(tmp_path):
     """A facet whose temperature is not positive: which one."""
-    mesh = mi.load_dict({"type": "rectangle"})
     flat = mi.Mesh("plate", 4, 2)
     values = mi.traverse(flat)
     values["vertex_positions"], values["faces"] = (

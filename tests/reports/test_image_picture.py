@@ -141,10 +141,27 @@ def test_a_constant_lies_in_the_middle_of_its_scale(tmp_path, figures, value, li
     assert figures[0].axes[1].get_ylim() == pytest.approx(limits)
 
 
+@pytest.mark.parametrize("log", [False, True])
+def test_numbers_that_cannot_be_drawn(tmp_path, log):
+    """Differences and ratios of the values stay finite; what is too large is refused."""
+    for values in ([1e-320, 1e-310], [5e-324, 1e37], [-1e37, 1e37], [np.nan, np.inf]):
+        save_picture(tmp_path / "a.png", {"Y": np.array([values, values])}, log=log)
+    for values in ([1e308, -1e308], [3e38, 0]):
+        with pytest.raises(InputError, match="Y: holds .*; values up to 1e.37 can be drawn"):
+            save_picture(tmp_path / "b.png", {"Y": np.array([values, values])}, log=log)
+    assert [file.name for file in tmp_path.iterdir()] == ["a.png"]
+
+
 def test_names_are_no_formulas(tmp_path, figures):
     """A title or channel that would be (broken) mathematics between dollar signs is drawn as it is."""
     for channels in (["$\\bad$.Y"], ["$\\bad$.Y", "Y"]):
         save_picture(tmp_path / "a.png", {name: np.ones((2, 2)) for name in channels}, "$\\worse$")
+
+
+def test_names_are_one_short_line(tmp_path, figures):
+    save_picture(tmp_path / "a.png", {"a\x1b[31m\nb": np.ones((2, 2))}, "t" * 10_000)
+    (title,) = [figures[0].axes[0].get_title()]
+    assert len(title) <= 120 and title.isprintable() and title.endswith(r"a\x1b[31m b")
 
 
 def test_a_montage_gives_each_channel_its_own_scale(tmp_path, figures):

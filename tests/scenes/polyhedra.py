@@ -1,8 +1,7 @@
-"""The facet models read back from the text of their OBJs, and the geometry of polyhedra. Lengths in
-metres.
+"""The facet models, read from the text of their OBJs, and the geometry of polyhedra.
 
-Volumes come from the shapes of cross sections, never from the order of the corners, which they
-test.
+Lengths are in m. `stacked_volume` computes a volume from cross sections alone. It does not use the
+order of the corners, so that it can test that order.
 """
 
 from collections import defaultdict
@@ -13,12 +12,12 @@ import numpy as np
 
 from mi_lcair.scenes.build.__main__ import models
 
-PRINTED = 1e-6  # m, the last decimal of a coordinate
+PRINTED = 1e-6  # m, last decimal of a printed coordinate
 TEXTS = models()
 
 
 def read(text):
-    """vertices (n, 3), and per face its indices, its corners (k, 3) and the words of its label."""
+    """Return vertices (n, 3), and for each face its indices, corners (k, 3) and label."""
     vertices, faces, labels, label = [], [], [], None
     for line in text.splitlines():
         key, *rest = line.split(maxsplit=1)
@@ -39,17 +38,20 @@ MODELS = {name: read(text) for name, text in TEXTS.items()}
 
 
 def area_vector(corners):
-    """Area (m^2) times normal of a plane polygon."""
+    """Return area [m^2] times normal of a plane polygon."""
     return np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0) / 2
 
 
 def volume(polygons):
-    """Enclosed volume (m^3) by Gauss's theorem, positive where the polygons face outward."""
+    """Return the volume [m^3] by Gauss's theorem, positive if the polygons face outward."""
     return sum(corners[0] @ area_vector(corners) for corners in polygons) / 3
 
 
 def bodies(model):
-    """Connected bodies, each a list of face numbers: faces that share a vertex belong together."""
+    """Return the connected bodies as lists of face numbers.
+
+    Faces that share a vertex belong to the same body.
+    """
     body = np.arange(len(model.vertices))
     while True:
         lowest = body.copy()
@@ -65,10 +67,11 @@ def bodies(model):
 
 
 def stacked_volume(polygons, axis):
-    """Volume (m^3) of a body whose vertices lie in parallel planes across `axis`, similar
-    star-shaped polygons in each.
+    """Return the volume [m^3] of a body from its cross sections.
 
-    Neighbours with areas A and B at a distance d enclose d / 3 (A + sqrt(A B) + B).
+    The vertices of the body lie in planes perpendicular to `axis` and form similar star-shaped
+    polygons there. Neighbouring sections of areas A and B at a distance d enclose
+    d / 3 (A + sqrt(A B) + B).
     """
     points = np.unique(np.round(np.concatenate(polygons), 6), axis=0)
     heights, areas = [], []
@@ -86,8 +89,9 @@ def stacked_volume(polygons, axis):
 
 
 def inside(points, polygons):
-    """Which points lie inside a closed body: those from which its facets fill the whole sphere of
-    directions.
+    """Return which points lie inside a closed body.
+
+    From such a point the facets cover a solid angle of 4 pi.
     """
     triangles = np.array(
         [corners[[0, k, k + 1]] for corners in polygons for k in range(1, len(corners) - 1)]

@@ -1,5 +1,7 @@
-"""The airliner has the public dimensions, filled bodies that join without gaps, and exhausts that
-stand free.
+"""The airliner's dimensions and bodies.
+
+It has the public dimensions. Its bodies are solid and join without gaps. No other body intersects
+its exhausts.
 """
 
 from collections import Counter, defaultdict
@@ -31,7 +33,7 @@ ENGINES = {1: 19.25, 2: 9.37, 3: -9.37, 4: -19.25}  # y in m
 
 @pytest.fixture(scope="module")
 def parts():
-    """The airliner's bodies by the name in their labels: lists of corners."""
+    """The airliner's bodies, name in their labels -> list of the facets' corners."""
     model = MODELS["a340"]
     named = {}
     for body in bodies(model):
@@ -60,7 +62,7 @@ def test_airliner_has_the_public_dimensions(parts):
 
 
 def test_airliner_wing_sweeps_back_30_degrees(parts):
-    """Quarter-chord line from kink to tip, and a dihedral of 5 degrees."""
+    """The quarter-chord line sweeps by 30 degrees from kink to tip; the dihedral is 5 degrees."""
     wing = np.concatenate(parts["wing"])
     stations = []
     for lateral in (9.9, 29.0):
@@ -87,8 +89,9 @@ def test_airliner_bodies_are_filled(parts, name, axis):
 
 
 def test_airliner_wing_is_filled(parts):
-    """Both wings out to 29 m as stacks of profiles; what is left are two winglets of 3 m^2 and a
-    few cm of thickness.
+    """Up to 29 m the wings are stacks of profiles.
+
+    The rest of their volume is two winglets of 3 m^2 with a thickness of a few cm.
     """
     inner = [corners for corners in parts["wing"] if np.abs(corners[:, 1]).max() < 29 + PRINTED]
     winglets = volume(parts["wing"]) - stacked_volume(inner, axis=1)
@@ -97,8 +100,9 @@ def test_airliner_wing_is_filled(parts):
 
 @pytest.mark.parametrize("number", ENGINES)
 def test_airliner_engine_has_annulus_and_cone(parts, number):
-    """The annulus faces straight aft, fills the gap between cowl and cone, and the cone is 20 ft
-    long: 6.1 m.
+    """The annulus faces aft and fills the gap between cowl and cone.
+
+    The cone is 6.1 m (20 ft) long.
     """
     model = MODELS["a340"]
     by_label = defaultdict(list)
@@ -115,7 +119,7 @@ def test_airliner_engine_has_annulus_and_cone(parts, number):
     assert base - tip == pytest.approx(6.1, abs=2 * PRINTED)
     assert np.allclose(np.concatenate(annulus)[:, 0], base)
     assert np.concatenate(cowl)[:, 0].min() == base
-    # The whole is the cone and the stack of the cowl's rings, whose front disc adds no volume.
+    # The body consists of the cone and the stack of the cowl's rings. The front disc has no volume.
     cowl_rings = [corners for corners in cowl if np.ptp(corners[:, 0]) > 0]
     expected = polygon * 0.3**2 * 6.1 / 3 + stacked_volume(cowl_rings, axis=0)
     assert volume(parts[f"nacelle_{number}"]) == pytest.approx(expected, rel=1e-5)
@@ -131,8 +135,9 @@ def test_airliner_is_bare_aluminium_at_300_K_but_for_the_exhausts():
 
 
 def test_airliner_parts_reach_into_each_other(parts):
-    """No gap where parts join: the hidden end of each lies wholly inside its neighbour, or in the
-    middle of the wing.
+    """There is no gap where parts join.
+
+    The hidden end of each part lies inside its neighbour.
     """
 
     def end(name, axis, side):
@@ -150,9 +155,7 @@ def test_airliner_parts_reach_into_each_other(parts):
 
 
 def test_airliner_exhausts_stand_free(parts):
-    """No corner of annulus or cone on the left side lies inside a pylon, the wing or any other
-    body.
-    """
+    """No corner of an annulus or a cone lies inside another body, tested on the left side."""
     model = MODELS["a340"]
     hot = np.concatenate(
         [corners for corners, label in zip(model.corners, model.labels) if label[1] == "blackbody"]

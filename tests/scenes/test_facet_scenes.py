@@ -1,5 +1,7 @@
-"""The scenes made of imported models: as built, seen from where they say, closed, and with the
-spectra of their skies.
+"""The scenes with imported models.
+
+Their files are as built, the observers are at the stated places, the range is closed, and the sky
+has the spectra of its table.
 """
 
 import mitsuba as mi
@@ -17,7 +19,7 @@ from mi_lcair.scenes.build.__main__ import main
 
 
 def test_models_are_as_built(tmp_path):
-    """Every file in scenes/models is what `python -m mi_lcair.scenes.build` writes."""
+    """Every file in scenes/models equals what `python -m mi_lcair.scenes.build` writes."""
     main(tmp_path)
     built = {
         path.relative_to(tmp_path): path.read_bytes()
@@ -36,22 +38,22 @@ def test_models_are_as_built(tmp_path):
     "position, distance, sideways", [(1, 1119, 500), (2, 510, 500), (3, 1128, 500)]
 )
 def test_positions(position, distance, sideways):
-    """The observer at the thesis's ranges: 2 km out, 500 m to the side, below the aircraft by its
-    height (3.8.3).
+    """The observer is at the ranges of the thesis (3.8.3).
+
+    It is 2 km from the threshold, 500 m to the side, and on the ground below the aircraft.
     """
     *_, view = window(mi_lcair.load("a340_landing", position=position, resolution=4).sensor(0))
     out, height = {1: (1000, 50), 2: (2000, 100), 3: (3000, 150)}[position]
-    observer = np.array(
-        [out - 2000, sideways, -height]
-    )  # as seen from the aircraft, which heads for the threshold, +x
+    # Position relative to the aircraft, which heads for the threshold, +x.
+    observer = np.array([out - 2000, sideways, -height])
     assert np.linalg.norm(observer) == pytest.approx(distance, abs=0.5)
     np.testing.assert_allclose(-view, observer / np.linalg.norm(observer), atol=1e-5)
 
 
 def isothermal(scene, temperature):
-    """Sets every facet of the scene to one temperature."""
+    """Set every facet of the scene to one temperature."""
     parameters = mi.traverse(scene.mi)
-    for key in parameters.keys():
+    for key in parameters.keys():  # noqa: SIM118  SceneParameters is no dict
         if (
             key[0].endswith("face_temperature")
             if isinstance(key, tuple)
@@ -67,8 +69,9 @@ def isothermal(scene, temperature):
     [("bare_aluminum", "brdf"), ("gloss_black", "brdf"), ("bare_aluminum", "mirror")],
 )
 def test_isothermal_range_is_a_blackbody(finish, lobe):
-    """At one temperature model and walls show the blackbody's radiance, whatever reflects: nothing
-    leaks, nothing is created.
+    """At one temperature model and walls have the blackbody's radiance for every reflection model.
+
+    No energy is lost and none is created.
     """
     scene = isothermal(
         mi_lcair.load("cylinder_ir_range", finish=finish, lobe=lobe, max_bounces=32, resolution=32),
@@ -83,18 +86,19 @@ def test_isothermal_range_is_a_blackbody(finish, lobe):
 @pytest.mark.parametrize("band_name", ["MWIR", "LWIR"])
 @pytest.mark.parametrize("sky", ["us_standard_clear", "midlat_summer_altostratus"])
 def test_the_sky_has_its_table_s_radiance(sky, band_name):
-    """Each ring, straight from the table, at the middle of its elevation; the terrain is a
-    blackbody at 302.5 K.
+    """Each ring has the radiance of the table at the elevation of its middle.
+
+    The terrain is a blackbody at 302.5 K.
     """
     scene = mi_lcair.load("a340_landing", sky=sky, band=band_name, resolution=4)
     with scene.prepared(by_spectrum=True) as tracer:
         sources = tracer.emitters.sources.list
-    found = {source.name: source.in_band for source in sources if source.group == "sky"}
+    sky_radiance = {source.name: source.in_band for source in sources if source.group == "sky"}
     expected = {
         f"{sky} {k}.5 deg": spectrum(sky, k + 0.5).in_band_radiance(band(band_name))
         for k in range(4, 90, 9)
     }
-    assert found == pytest.approx(expected, rel=1e-6)
+    assert sky_radiance == pytest.approx(expected, rel=1e-6)
     others = {
         source.group: (source.temperature, source.in_band)
         for source in sources
@@ -112,25 +116,29 @@ def test_the_sky_has_its_table_s_radiance(sky, band_name):
 
 
 def test_hot_parts_show_from_behind_only():
-    """Position 1 sees the turbine annuli, 3 does not; 2 sees them nearly edge-on: pitched by 10
-    degrees they face the observer, 11.3 degrees below, at a cosine of sin(10) sin(11.3) = 0.034.
-    All see plumes.
+    """The observer sees the turbine annuli at position 1, but not at position 3.
+
+    At position 2 they are nearly edge-on. They are pitched by 10 degrees and the observer is 11.3
+    degrees below, so that the cosine is sin(10) sin(11.3) = 0.034. The plumes are visible from all
+    positions.
     """
-    seen = {
+    by_seen = {
         position: mi_lcair.signature(
             mi_lcair.load("a340_landing", position=position, resolution=128), spp=16
         ).target.by_seen
         for position in (1, 2, 3)
     }
-    assert seen[3]["hot_parts"] == 0 and 0 < seen[2]["hot_parts"] < 0.15 * seen[1]["hot_parts"]
+    behind, beside, ahead = (by_seen[position]["hot_parts"] for position in (1, 2, 3))
+    assert ahead == 0 and 0 < beside < 0.15 * behind
     assert all(
-        part["plume"] > 100 and part["sky"] == part["terrain"] == 0 for part in seen.values()
+        part["plume"] > 100 and part["sky"] == part["terrain"] == 0 for part in by_seen.values()
     )
 
 
 def test_splits_of_the_range():
-    """First hits on the model make the target; group and seen each sum to both, after import,
-    render and signature.
+    """The splits by emitting group and by first hit both add up to the intensity.
+
+    This holds for the target, whose pixels show the model first, and for the whole scene.
     """
     result = mi_lcair.signature(
         mi_lcair.load("cylinder_ir_range", resolution=64), spp=64, by_spectrum=True, facets=True
@@ -148,7 +156,7 @@ def test_splits_of_the_range():
 
 
 def test_facets_of_the_range():
-    """1944 facets of the model, then 160 of the room, in one numbering."""
+    """The facets are numbered as 1944 of the model followed by 160 of the room."""
     table = FacetTable(mi_lcair.load("cylinder_ir_range", resolution=4))
     assert table.count == 1944 + 160 and list(np.unique(table.type[:1944])) == ["model"]
     assert sorted(np.unique(table.type[1944:])) == ["sky", "terrain"] and table.area[

@@ -1,5 +1,6 @@
-"""The bundled meshes have the areas, openings and orientations that the thesis states, byte for
-byte from the script.
+"""The bundled meshes have the areas, openings and orientations that the thesis states.
+
+The files are byte for byte what the script writes.
 """
 
 from collections import Counter
@@ -16,8 +17,8 @@ from mi_lcair.scenes import build_meshes
 MESHES = sorted(build_meshes.meshes())
 CAVITIES = sorted(exact.CAVITY_BLOCKS)
 
-# Of the 20 x 20 sphere, m^2, to four decimals. Thesis Table B.1 prints 0.0487, 0.1926, 0.2820,
-# 0.4240, 0.6540, 0.8749 where these differ.
+# Areas of the openings of the sphere with 20 x 20 facets, in m^2, to four decimals. Six of them
+# differ from thesis Table B.1, which has 0.0487, 0.1926, 0.2820, 0.4240, 0.6540 and 0.8749.
 OPENING_AREAS = {
     2: 0.0244,
     4: 0.0488,
@@ -32,7 +33,7 @@ SPHERE_AREA = 3.1062  # m^2; the thesis prints 3.106
 
 
 def read(name):
-    """Corners (F, 3, 3) of the mesh as Mitsuba's `ply` loader sees it, and its triangles (F, 3)."""
+    """Return corners (F, 3, 3) and triangles (F, 3) of a mesh as Mitsuba loads it."""
     mesh = mi.load_dict(
         {"type": "ply", "filename": str(scenes.FOLDER / "meshes" / name), "face_normals": True}
     )
@@ -43,7 +44,7 @@ def read(name):
 
 
 def area_vectors(corners):
-    """Normal times area (F, 3) of each triangle."""
+    """Return normal times area (F, 3) of each triangle."""
     return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
 
 
@@ -52,14 +53,15 @@ def area(corners):
 
 
 def boundary_edges(triangles):
-    """Edges (as vertex pairs, in their direction of travel) that no neighbour travels the other
-    way.
+    """Return the edges, as pairs of vertices, that belong to one triangle only.
+
+    The order of the vertices is that in which the triangle passes through them.
     """
     edges = Counter(
         (triangle[i], triangle[i - 2]) for triangle in triangles.tolist() for i in range(3)
     )
     assert max(edges.values()) == 1, (
-        "two facets travel an edge in the same direction: their normals disagree"
+        "two facets have an edge in the same direction: their normals disagree"
     )
     return [edge for edge in edges if edge[::-1] not in edges]
 
@@ -89,9 +91,8 @@ def test_script_writes_the_meshes(tmp_path, monkeypatch):
 )
 def test_plates_stand_where_the_thesis_puts_them(name, normal, corner, opposite):
     corners, _ = read(name)
-    assert np.allclose(
-        area_vectors(corners), 0.01 * np.array(normal), atol=1e-9
-    )  # two triangles of half a plate
+    # Each of the two triangles has half the area of a plate.
+    assert np.allclose(area_vectors(corners), 0.01 * np.array(normal), atol=1e-9)
     assert np.allclose(corners.min(axis=(0, 1)), corner, atol=1e-8)
     assert np.allclose(corners.max(axis=(0, 1)), opposite, atol=1e-8)
 
@@ -103,7 +104,7 @@ def test_cavity_has_the_thesis_areas_and_facets(opening):
     sphere = area(vertices[build_meshes.triangles(facets)[0]])
     assert round(sphere, 4) == SPHERE_AREA
     assert round(sphere - area(corners), 4) == OPENING_AREAS[opening]
-    quads, poles = 360, 40  # two triangles each, one each
+    quads, poles = 360, 40  # quadrilaterals have two triangles, facets at the poles one
     assert len(corners) == 2 * (quads - opening) + poles
 
 
@@ -124,20 +125,20 @@ def test_cavity_is_tight_but_for_one_opening_centred_on_the_axis(opening):
     for _ in range(len(following)):
         vertex = following.pop(vertex)
     assert vertex == start, "the boundary is one closed loop"
-    # The opening's vector area closes the mesh's: along +x alone, so that the axis meets the
-    # opening's middle.
+    # The vector areas of mesh and opening add up to 0. That of the mesh points along +x, so that
+    # the axis passes through the middle of the opening.
     opening_vector = area_vectors(corners).sum(axis=0)
     assert opening_vector[0] > 0 and np.allclose(opening_vector[1:], 0, atol=1e-7)
 
 
 @pytest.mark.parametrize("opening", CAVITIES)
 def test_cavity_opening_covers_its_share_of_directions(opening):
-    """The opening's solid angle, facet by facet, against spherical trigonometry.
+    """The solid angle of the opening agrees with spherical trigonometry.
 
-    It exceeds the fraction f of the sphere formula by slivers: upper and lower edges of facets are
-    arcs of great circles, which bulge beyond the parallels. A spherical strip of width w from the
-    equator up to a great-circle arc with both ends at latitude t has the excess 2 atan(sin t tan(w
-    / 2)).
+    It is larger than the fraction f of the sphere's formula. The upper and lower edges of facets
+    appear as arcs of great circles, which lie beyond the parallels. A spherical strip of width w
+    from the equator to a great-circle arc whose ends are at latitude t has the area
+    2 atan(sin t tan(w / 2)).
     """
     corners, _ = read(f"cavity_{opening}.ply")
     a, b, c = np.moveaxis(corners / np.linalg.norm(corners, axis=-1, keepdims=True), 1, 0)
@@ -162,7 +163,8 @@ def test_cavity_opening_covers_its_share_of_directions(opening):
 def test_furnace_bodies_are_closed(name, inward, size, surface):
     corners, triangles = read(name)
     assert not boundary_edges(triangles)
-    facing = np.sum(area_vectors(corners) * corners.mean(axis=1), axis=1)  # convex about the origin
+    # The bodies are convex about the origin, so that the sign tells in and out.
+    facing = np.sum(area_vectors(corners) * corners.mean(axis=1), axis=1)
     assert np.all(facing < 0 if inward else facing > 0)
     assert np.allclose(np.ptp(corners, axis=(0, 1)), size, rtol=1e-6)
     assert area(corners) == pytest.approx(surface, rel=2e-5)
@@ -180,7 +182,7 @@ def test_furnace_bodies_are_closed(name, inward, size, surface):
     ],
 )
 def test_facets_are_the_polygons_that_the_thesis_counts(name, facets):
-    """Numbered from 0; the triangles of one lie in one plane, and share it with no other facet's."""
+    """Facets are numbered from 0, and each is in a plane of its own."""
     mesh = mi.load_dict(
         {"type": "ply", "filename": str(scenes.FOLDER / "meshes" / name), "face_normals": True}
     )

@@ -1,7 +1,6 @@
-"""The facet models are closed, face the right way, and have the dimensions, volumes and
-temperatures that they claim.
+"""The facet models are closed, face the right way, and have the stated dimensions.
 
-Dimensions and temperatures are written out here once more.
+Volumes and temperatures are tested as well. The expected numbers are repeated here.
 """
 
 from collections import Counter, defaultdict
@@ -24,7 +23,7 @@ from tests.scenes.polyhedra import (
     volume,
 )
 
-TABLE_3_2 = {  # thesis: position -> K, gloss black and bare aluminium
+TABLE_3_2 = {  # thesis Table 3.2: position -> K for gloss black and for bare aluminium
     "nose": (292.1, 301.7),
     "front fuselage": (293.1, 302.1),
     "rear fuselage": (294.2, 303.2),
@@ -49,8 +48,9 @@ TABLE_3_2 = {  # thesis: position -> K, gloss black and bare aluminium
     ],
 )
 def test_every_body_is_closed(name, count):
-    """Each edge is travelled once in either direction, and each body is a sphere by Euler's
-    formula: no gap, no handle.
+    """Each edge occurs once in each direction, and Euler's formula holds as for a sphere.
+
+    The bodies therefore have no gap and no handle.
     """
     model = MODELS[name]
     found = bodies(model)
@@ -66,8 +66,9 @@ def test_every_body_is_closed(name, count):
 
 @pytest.mark.parametrize("name", MODELS)
 def test_facets_are_plane_and_not_degenerate(name):
-    """Plane but for the rounding of coordinates; sides longer than 1 mm, corners convex, so that a
-    fan of triangles fits.
+    """Facets are plane to the rounding of coordinates, and their sides are longer than 1 mm.
+
+    They are convex, so that a fan of triangles covers them.
     """
     for corners in MODELS[name].corners:
         assert len(corners) in (3, 4)
@@ -96,7 +97,7 @@ def test_facet_counts(name, fewest, most):
 
 @pytest.mark.parametrize("name", ["cylinder_bare_aluminum", "a340"])
 def test_left_and_right_are_mirror_images(name):
-    """Facet by facet, by the centres of facets."""
+    """The mirror image of each facet's centre is the centre of a facet."""
     centres = np.array([corners.mean(axis=0) for corners in MODELS[name].corners])
     distances, _ = cKDTree(centres).query(centres * (1, -1, 1))
     assert distances.max() < 2 * PRINTED
@@ -137,11 +138,12 @@ FINISHES = [("cylinder_gloss_black", "gloss_black", 0), ("cylinder_bare_aluminum
 
 @pytest.mark.parametrize("name, finish, column", FINISHES)
 def test_cylinder_has_the_temperatures_of_table_3_2(name, finish, column):
-    """By where a facet lies: only wings reach beyond the radius; the nose begins 0.3 m behind the
-    tip.
+    """The place of a facet determines its temperature.
+
+    Only wings extend beyond the radius. The nose ends 0.3 m behind the tip.
     """
     model = MODELS[name]
-    seen = Counter()
+    places = Counter()
     for corners, (kind, material, kelvin, region) in zip(model.corners, model.labels):
         x, y, _ = corners.mean(axis=0)
         if np.abs(corners[:, 1]).max() > 0.1501:
@@ -150,14 +152,15 @@ def test_cylinder_has_the_temperatures_of_table_3_2(name, finish, column):
             place = "nose" if x > 0.3 else f"{'front' if x > -0.15 else 'rear'} fuselage"
         assert (kind, material, float(kelvin)) == ("f", finish, TABLE_3_2[place][column])
         assert region.replace("_", " ") == place
-        seen[place] += 1
-    assert seen.keys() == TABLE_3_2.keys()
+        places[place] += 1
+    assert places.keys() == TABLE_3_2.keys()
 
 
 @pytest.mark.parametrize("name", ["cylinder_bare_aluminum", "cylinder_gloss_black"])
 def test_cylinder_has_its_dimensions(name):
-    """1.2 m long, 1 m span, corners on a radius of 0.15 m; the 40-gon stands on a side, so it is
-    lower by its apothem.
+    """The model is 1.2 m long with a span of 1 m, and its corners are on a radius of 0.15 m.
+
+    The 40-gon stands on a side, so that half its height is its apothem.
     """
     vertices = MODELS[name].vertices
     assert np.allclose(vertices.max(axis=0), (0.6, 0.5, 0.15 * cos(pi / 40)), atol=PRINTED)
@@ -168,19 +171,19 @@ def test_cylinder_has_its_dimensions(name):
 
 @pytest.mark.parametrize("name", ["cylinder_bare_aluminum", "cylinder_gloss_black"])
 def test_cylinder_encloses_cylinder_nose_and_wings(name):
-    """Prism and two boxes exactly; the nose lies under the ogive of revolution, by less than its
-    chords' sagitta.
+    """The volume is that of a prism, two boxes and a nose.
 
-    Ogive: V = pi (L rho^2 - L^3 / 3 - (rho - R) rho^2 asin(L / rho)). Six chords of an arc of
-    length s and radius rho lie at most (s / 6)^2 / (8 rho) below it, over a lateral area below 2 pi
-    R s.
+    The nose is smaller than the ogive of revolution by less than the sagitta of its chords. The
+    volume of the ogive is V = pi (L rho^2 - L^3 / 3 - (rho - R) rho^2 asin(L / rho)). Six chords of
+    an arc of length s and radius rho are at most (s / 6)^2 / (8 rho) below it. The lateral area is
+    below 2 pi R s.
     """
     polygon = 20 * sin(pi / 20)  # area of the 40-gon of radius 1
     rho = (0.15**2 + 0.3**2) / 0.3
     ogive = 0.3 * rho**2 - 0.3**3 / 3 - (rho - 0.15) * rho**2 * asin(0.3 / rho)
     arc = rho * asin(0.3 / rho)
-    # Stations are even in x, so the steepest chord is longer than arc / 6: by 1 / cos of the slope,
-    # 53 degrees at the tip.
+    # Stations have equal distances in x. The steepest chord is therefore longer than arc / 6, by
+    # 1 / cos of the slope, which is 53 degrees at the tip.
     sagitta = (0.05 / cos(asin(0.3 / rho))) ** 2 / (8 * rho)
     wings = 2 * (0.5 - 0.15 * cos(pi / 40)) * 0.45 * 0.3 * sin(pi / 40)
     most = polygon * (0.15**2 * 0.9 + ogive) + wings
@@ -189,8 +192,9 @@ def test_cylinder_encloses_cylinder_nose_and_wings(name):
 
 
 def test_wing_root_is_a_sharp_corner_of_small_facets():
-    """Along the root of the left wing's upper side a wing facet and a fuselage facet share each
-    edge, within a few cm.
+    """Along the root of the left wing's upper side a wing facet and a fuselage facet share an edge.
+
+    These facets are a few cm in size.
     """
     model = MODELS["cylinder_bare_aluminum"]
     owners = defaultdict(list)
@@ -221,7 +225,7 @@ def test_wing_root_is_a_sharp_corner_of_small_facets():
         assert max(np.ptp(model.corners[number], axis=0).max() for number in pair) < 0.04
 
 
-# What surrounds the models
+# The surroundings of the models
 
 
 def test_ir_range_is_a_room_of_3_m():
@@ -250,9 +254,8 @@ def test_world_sphere_has_ten_rings_of_sky_and_a_terrain():
     for corners, (kind, material, kelvin, word) in zip(model.corners, model.labels):
         elevation = np.degrees(np.arcsin(corners[:, 2] / 10e3))
         middle = (elevation.min() + elevation.max()) / 2
-        assert np.ptp(elevation) == pytest.approx(
-            9, abs=1e-5
-        )  # a µm at the zenith is worth 1e-8 degrees, by arcsin 1e-5
+        # At the zenith a rounding of 1 um changes the elevation from arcsin by 1e-5 degrees.
+        assert np.ptp(elevation) == pytest.approx(9, abs=1e-5)
         assert area_vector(corners) @ corners.mean(axis=0) < 0
         assert material == "blackbody"
         if middle > 0:
@@ -267,8 +270,10 @@ def test_world_sphere_has_ten_rings_of_sky_and_a_terrain():
 
 
 def test_world_sphere_is_filled():
-    """Stacked 20-gons, against the ball: the polygons take 1.6 % away, the chords of 9 degrees less
-    than 0.7 %.
+    """The volume is that of stacked 20-gons.
+
+    The 20-gons have 1.6 % less volume than the ball. The chords of 9 degrees take away less than
+    0.7 %.
     """
     model = MODELS["world_sphere"]
     assert -volume(model.corners) == pytest.approx(stacked_volume(model.corners, axis=2), rel=1e-9)

@@ -1,5 +1,6 @@
-"""The bundled scenes can be listed without Mitsuba, describe every parameter, and agree with their
-own headers.
+"""The list of bundled scenes.
+
+It needs no Mitsuba. Every parameter has a description. The headers state the exact answers.
 """
 
 import re
@@ -19,7 +20,7 @@ L_800, L_300 = 7393.018822, 146.1998351
 
 
 def used(name):
-    """Names after a $ in the scene's XML and in what it includes, with the default values."""
+    """Return the names after a $ in the scene's XML and in the files that it includes."""
     text = scenes.path(name).read_text()
     for key, (default, _) in scenes.parameters(name).items():
         text = re.sub(rf'(<include filename="[^"]*)\${key}\b', rf"\g<1>{default}", text)
@@ -44,7 +45,8 @@ def test_unknown_scene_names_the_nearest():
 
 def test_listing_needs_no_renderer():
     code = (
-        "import sys; from mi_lcair import scenes; [(scenes.title(n), scenes.parameters(n)) for n in scenes.names()];"
+        "import sys; from mi_lcair import scenes;"
+        "[(scenes.title(n), scenes.parameters(n)) for n in scenes.names()];"
         "sys.exit('mitsuba' in sys.modules or 'drjit' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], cwd=scenes.FOLDER.parent).returncode == 0
@@ -82,16 +84,16 @@ def test_every_parameter_is_used_and_declared(name):
     ],
 )
 def test_parameters_that_the_scene_is_about(name, expected):
-    found = {parameter: default for parameter, (default, _) in scenes.parameters(name).items()}
-    assert expected.items() <= found.items()
-    assert {"max_bounces", "emitter_sampling", "resolution", "spp"} <= found.keys()
+    defaults = {parameter: default for parameter, (default, _) in scenes.parameters(name).items()}
+    assert expected.items() <= defaults.items()
+    assert {"max_bounces", "emitter_sampling", "resolution", "spp"} <= defaults.keys()
 
 
 # -------------------------------------------------------------------- Exact answers
 
 
 def test_view_factors():
-    """Against the numbers computed by quadrature elsewhere, and reciprocity for unequal plates."""
+    """They agree with a separate quadrature, and with reciprocity for unequal plates."""
     assert exact.perpendicular_view_factor(0.1, 0.2, 0.2) == pytest.approx(
         0.1492997958867619, rel=1e-12
     )
@@ -100,9 +102,8 @@ def test_view_factors():
     )
     forth, back = exact.perpendicular_view_factor(1, 2, 3), exact.perpendicular_view_factor(1, 3, 2)
     assert 2 * forth == pytest.approx(3 * back, rel=1e-12)
-    assert exact.perpendicular_view_factor(1e5, 1, 1) == pytest.approx(
-        1 - 0.5**0.5, rel=1e-4
-    )  # crossed strings
+    # For a long edge the method of crossed strings gives the limit.
+    assert exact.perpendicular_view_factor(1e5, 1, 1) == pytest.approx(1 - 0.5**0.5, rel=1e-4)
 
 
 def test_intensities_and_emissivities():

@@ -1,5 +1,6 @@
-"""Exact view factors between the patches of a box's walls (Howell's catalogue, C-13 and C-15;
-Gross, Spindler and Hahne 1981).
+"""Exact view factors between patches on the walls of a box.
+
+Source: Howell's catalogue, C-13 and C-15; Gross, Spindler and Hahne 1981.
 """
 
 import numpy as np
@@ -8,7 +9,10 @@ WALLS = [(axis, side) for axis in range(3) for side in (0, 1)]  # of the unit cu
 
 
 def parallel(a, b, distance):
-    """From rectangle a to b, (4,) arrays x1, x2, y1, y2, in planes at that distance."""
+    """Return the view factor from rectangle a to rectangle b in parallel planes.
+
+    a, b: (4,) arrays x1, x2, y1, y2. distance: of the planes.
+    """
 
     def G(x, y, ξ, η):
         u, v, z2 = x - ξ, y - η, distance**2
@@ -28,8 +32,10 @@ def parallel(a, b, distance):
 
 
 def perpendicular(a, b):
-    """From a to b in perpendicular planes: x and ξ are distances from the planes' common line, y
-    and η run along it.
+    """Return the view factor from rectangle a to rectangle b in perpendicular planes.
+
+    a, b: (4,) arrays. The first two entries are distances from the planes' common line, the last
+    two coordinates along it.
     """
 
     def G(x, y, ξ, η):
@@ -50,8 +56,9 @@ def perpendicular(a, b):
 
 
 def cube(n):
-    """F (6 n^2, 6 n^2) of the unit cube's walls in n x n patches, wall by wall in the order of
-    WALLS; rows sum to 1.
+    """Return the view factors (6 n^2, 6 n^2) between n x n patches on each wall of the unit cube.
+
+    Patches are ordered wall by wall, as in WALLS. Rows add up to 1.
     """
     edges = np.linspace(0, 1, n + 1)
     patches = [
@@ -74,9 +81,8 @@ def cube(n):
                 )
             elif axis != other:
                 along = 3 - axis - other
-                away = sorted(
-                    abs(x - other_side) for x in span[other]
-                )  # from the common line, in the first wall
+                # Distances from the common line of the two walls.
+                away = sorted(abs(x - other_side) for x in span[other])
                 back = sorted(abs(x - side) for x in other_span[axis])
                 F[row, column] = perpendicular([*away, *span[along]], [*back, *other_span[along]])
     return F

@@ -1,9 +1,8 @@
-"""A quadrature that looks converged and is wrong: N x N nodes, uniform in theta and phi, over bare
-aluminium's lobe.
+"""A quadrature that appears converged but is wrong.
 
-The lobe is 2 e = 0.5 degrees wide and the nodes lie 90 / N and 360 / N degrees apart; one of them
-happens to stand near its top, at N and again at 2 N, since the nodes of the one are among those of
-the other.
+It has N x N nodes, uniform in theta and phi, over the lobe of bare aluminium. The lobe is
+2 e = 0.5 degrees wide and the nodes are 90 / N and 360 / N degrees apart. One node is close to the
+peak by chance. It is so for 2 N as well, because the nodes for 2 N include those for N.
 """
 
 import numpy as np
@@ -18,7 +17,10 @@ ALUMINIUM = surface(*MATERIALS[0])  # MWIR, Float64
 
 
 def uniform_DHR(theta_i_deg, count, shift):
-    """DHR (Eq 2.8) by count x count nodes; shift: 0.5 midpoints, 0 left ends."""
+    """Return the DHR (Eq 2.8) from count x count nodes.
+
+    shift: 0.5 for midpoints, 0 for left ends.
+    """
     theta, phi = (
         (np.arange(count) + shift) * np.pi / 2 / count,
         (np.arange(count) + shift) * 2 * np.pi / count,
@@ -42,8 +44,9 @@ def test_agreement_between_N_and_2N_proves_nothing(theta_i_deg, count, agreement
 
 
 def test_midpoints_miss_the_lobe():
-    """At 60 degrees: 3 % of the reflectance at 20 x 20, which is the diffuse floor, and still half
-    at 400 x 400.
+    """At 60 degrees 20 x 20 midpoints give 3 % of the reflectance, which is the diffuse floor.
+
+    400 x 400 midpoints give half of it.
     """
     exact = hemispherical.DHR(ALUMINIUM, Float64(np.radians(60)))[0]
     assert uniform_DHR(60, 20, 0.5) / exact == pytest.approx(0.025, abs=0.002)
@@ -51,8 +54,10 @@ def test_midpoints_miss_the_lobe():
 
 
 def test_a_node_on_the_lobe():
-    """A node on its very top (90 / 30 divides 60): 84 times too much at 30 x 30, still 10 times at
-    90 x 90.
+    """A node at the peak gives 84 times the reflectance with 30 x 30 nodes.
+
+    With 90 x 90 nodes it still gives 10 times the reflectance. At 60 degrees one node is at the
+    peak, because 60 is a multiple of 90 / 30.
     """
     exact = hemispherical.DHR(ALUMINIUM, Float64(np.radians(60)))[0]
     assert uniform_DHR(60, 30, 0) / exact == pytest.approx(83.9, rel=0.01)
@@ -60,7 +65,7 @@ def test_a_node_on_the_lobe():
 
 
 def test_what_resolves_it():
-    """Where nodes are dense enough both rules agree with the quadrature of hemispherical.py."""
+    """With enough nodes both rules agree with the project's own quadrature."""
     exact = hemispherical.DHR(ALUMINIUM, Float64(np.radians(30)))[0]
     assert [uniform_DHR(30, 1000, shift) / exact for shift in (0, 0.5)] == pytest.approx(
         [1, 1], abs=1e-4

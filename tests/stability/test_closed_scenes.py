@@ -1,5 +1,6 @@
-"""Closed scenes of reflectance 0.999 and 1: how many reflections they need, and what becomes of the
-energy.
+"""Closed scenes of reflectance 0.999 and 1.
+
+The number of reflections that they need, and the conservation of energy.
 """
 
 import drjit as dr
@@ -11,11 +12,11 @@ import mi_lcair
 from docs.studies.leaks import LAMP, cube, lost
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.derivatives import members
-from mi_lcair.plugins.emitter_table import EmitterTable
+from mi_lcair.plugins.emission.emitter_table import EmitterTable
 
 
 def share(folder, reflectance, max_bounces, closure="none", spp=4, seed=0):
-    """The cube rendered, and its radiance in units of the blackbody's at its temperature."""
+    """Render the cube; return the image and its mean radiance divided by the blackbody's."""
     scene = cube(folder, reflectance=reflectance, max_bounces=max_bounces, closure=closure)
     result = mi_lcair.render(scene, spp=spp, seed=seed, split=None)
     return result, result.mean / float(in_band_radiance(scene.band, 300))
@@ -23,36 +24,41 @@ def share(folder, reflectance, max_bounces, closure="none", spp=4, seed=0):
 
 @pytest.mark.parametrize("bounces", [10, 100, 1000, 4000])
 def test_geometric_law(tmp_path, bounces):
-    """1 - rho^(N + 1): with rho = 0.999, 4603 reflections bring 99 % of the radiance and 10 bring 1
-    %. Every path is the same: what misses is rounding, or a path that was lost.
+    """The radiance after N reflections is 1 - rho^(N + 1) of its limit.
+
+    With rho = 0.999 it is 99 % after 4603 reflections and 1 % after 10. All paths have the same
+    radiance. A deviation is therefore rounding or a lost path.
     """
-    result, found = share(tmp_path, 0.999, bounces)
-    assert found == pytest.approx(1 - 0.999 ** (bounces + 1), rel=1e-3)
+    result, fraction = share(tmp_path, 0.999, bounces)
+    assert fraction == pytest.approx(1 - 0.999 ** (bounces + 1), rel=1e-3)
     assert result.invalid == 0
 
 
 def test_tail(tmp_path):
-    """The geometric closure is exact but for the rounding of rho, which it multiplies by 1 / (1 -
-    rho) = 1000.
+    """The closure `tail` is exact except for rounding.
+
+    It multiplies the rounding of rho by 1 / (1 - rho) = 1000.
     """
-    result, found = share(tmp_path, 0.999, 10, "tail")
-    assert found == pytest.approx(1, abs=2e-3)
-    assert abs(found - 1) <= 3 * result.closure_error / result.mean
+    result, fraction = share(tmp_path, 0.999, 10, "tail")
+    assert fraction == pytest.approx(1, abs=2e-3)
+    assert abs(fraction - 1) <= 3 * result.closure_error / result.mean
 
 
 def test_reflectance_one(tmp_path):
-    """Emits nothing and absorbs nothing: black at every N, also with closure = tail (0 / 0), and no
-    NaN.
+    """Without emission the image is black for every N, and has no NaN.
+
+    This includes closure = tail, which is 0 / 0.
     """
     for bounces, closure in ((100, "none"), (10, "tail")):
-        result, found = share(tmp_path, 1, bounces, closure)
-        assert found == 0 and result.invalid == 0
+        result, fraction = share(tmp_path, 1, bounces, closure)
+        assert fraction == 0 and result.invalid == 0
 
 
 def test_energy_balance(tmp_path):
-    """rho = 1 and a lamp on one face in six: whatever the number of reflections, each spreads the
-    lamp's flux over all faces, so that a sixth of its radiance is added without end and without
-    loss.
+    """With rho = 1 and a lamp on one of six faces, each reflection adds the same radiance.
+
+    The flux of the lamp is spread over all faces and none is lost. Each reflection therefore adds a
+    sixth of the lamp's radiance.
     """
     scene = cube(tmp_path, reflectance=1, max_bounces=32, walls="", lid=LAMP)
     result = mi_lcair.render(scene, spp=512)
@@ -63,17 +69,19 @@ def test_energy_balance(tmp_path):
 
 @pytest.mark.parametrize("name", ["furnace", "cylinder_ir_range"])
 def test_no_ray_escapes(name):
-    """A million rays; python -m docs.studies.leaks makes 1e8. One in 1e7 meets the outline of a
-    body in the very edge between a front and a back, and Embree may return the back, which is
-    black.
+    """Of a million rays none escapes; `python -m docs.studies.leaks` traces 1e8.
+
+    One ray in 1e7 hits the outline of a body exactly in the edge between a front and a back. Embree
+    may then return the back, which is black.
     """
     rays, escaped, back = lost(mi_lcair.load(name), 100_000)
     assert rays > 900_000 and escaped == 0 and back <= 2
 
 
 def test_rays_at_the_very_edges_of_facets():
-    """From inside the furnace at 500,000 points of the room's edges and diagonals. Without Embree's
-    robust mode 0.5 % slip through.
+    """Of 500,000 rays at points on the edges and diagonals of the furnace's room none escapes.
+
+    Without Embree's robust mode 0.5 % escape.
     """
     scene = mi_lcair.load("furnace").mi
     room = next(members(shape) for shape in scene.shapes() if shape.bbox().max.x > 0.99)
@@ -100,8 +108,10 @@ def test_no_ray_escapes_from_a_cube_of_any_size(tmp_path, half):
 
 
 def test_a_ray_that_starts_in_the_edge_of_two_walls(tmp_path):
-    """Exactly in the edge x = -1, z = 1, coming from the middle: whatever wall is hit, the next ray
-    meets another wall.
+    """After a hit exactly in the edge between two walls, the next ray hits another wall.
+
+    The edge is x = -1, z = 1, and the rays come from the middle. It does not matter which of the
+    two walls is hit.
     """
     scene = cube(tmp_path)
     rng = np.random.default_rng(0)

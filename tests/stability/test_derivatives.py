@@ -1,7 +1,7 @@
-"""Derivatives of the BRDF at the corners of the box: Float32 against Float64, and Float64 against
-finite differences.
+"""Derivatives of the BRDF with respect to its parameters, at the limits of the parameters.
 
-Where a corner lies on a bound the difference is one-sided, taken into the feasible set.
+Float32 is compared with Float64, and Float64 with finite differences. On a bound the difference is
+one-sided, toward the inside of the feasible set.
 """
 
 import drjit as dr
@@ -14,7 +14,8 @@ from mi_lcair.physics.reflection import sandford_robertson_hemispherical as hemi
 from tests.physics.reflection.surfaces import direction
 
 G_05 = float(sr.G(Float64(0.05))[0])
-# epsilon, rho_d, b, e; the side of each difference: 0 central, +-1 one-sided, None not asked for
+# name -> (epsilon, rho_d, b, e), and the side of each difference: 0 central, +-1 one-sided, None if
+# it is not tested
 CORNERS = {
     "b = 0": ((0.3, 0.1, 0.0, 0.1), (0, 0, 1, 0)),
     "b = 1e-4": ((0.3, 0.1, 1e-4, 0.1), (0, 0, 0, 0)),
@@ -31,7 +32,11 @@ CORNERS = {
 
 
 def directions(e, count=2000):
-    """(i, r) in Float32: r to 89.999 degrees, i from the lobe about its mirror direction."""
+    """Return directions (i, r) in Float32.
+
+    r is up to 89.999 degrees from the normal. i is drawn from the lobe about the mirror direction
+    of r.
+    """
     rng = np.random.default_rng(0)
     r = direction(
         np.radians(
@@ -47,11 +52,13 @@ def directions(e, count=2000):
 
 
 def value(parameters, i, r, form):
+    """Return the BRDF in Float64 [1/sr]."""
     numbers = [dr.opaque(Float64, float(number)) for number in parameters]
     return sr.f(sr.surface(*numbers, form=form), Array3f64(i), Array3f64(r)).numpy()
 
 
 def derivative(parameters, k, i, r, form, Type, Vector):
+    """Return the derivative of the BRDF with respect to parameter k, computed with `Type`."""
     numbers = [dr.opaque(Float64, float(number)) for number in parameters]
     dr.enable_grad(numbers[k])
     f = sr.f(sr.surface(*numbers, form=form).cast(Type), Vector(i), Vector(r))
@@ -61,7 +68,7 @@ def derivative(parameters, k, i, r, form, Type, Vector):
 
 
 def difference(parameters, k, side, evaluate, relative_step=1e-5):
-    """Second order, central or one-sided."""
+    """Return a finite difference of second order, central or one-sided."""
     step = relative_step * max(parameters[k], 1e-3 if k < 3 else 0)
     at = lambda n: evaluate((*parameters[:k], parameters[k] + n * step, *parameters[k + 1 :]))
     if side == 0:
@@ -72,8 +79,10 @@ def difference(parameters, k, side, evaluate, relative_step=1e-5):
 @pytest.mark.parametrize("form", sr.FORMS)
 @pytest.mark.parametrize("corner", CORNERS)
 def test_of_the_brdf(corner, form):
-    """Scaled by |derivative| + 1e-3 of the value. At b = 0 the slope goes as b log b, and a
-    difference finds some of that.
+    """Errors are relative to |derivative| + 1e-3 of the value.
+
+    For small b the derivative is proportional to b log b. At b = 0 a finite difference therefore
+    deviates from the limit, 0.
     """
     parameters, sides = CORNERS[corner]
     i, r = directions(parameters[3])
@@ -81,10 +90,9 @@ def test_of_the_brdf(corner, form):
     for k, side in enumerate(sides):
         exact = derivative(parameters, k, i, r, form, Float64, Array3f64)
         scale = np.abs(exact) + 1e-3 * f + 1e-12
-        found = derivative(parameters, k, i, r, form, Float, Array3f)
-        assert np.all(np.abs(found - exact) <= 5e-3 * scale), (
-            f"Float32, parameter {k}"
-        )  # false for NaN
+        float32 = derivative(parameters, k, i, r, form, Float, Array3f)
+        # The comparison is false for NaN.
+        assert np.all(np.abs(float32 - exact) <= 5e-3 * scale), f"Float32, parameter {k}"
         if side is not None:
             expected = difference(parameters, k, side, lambda at: value(at, i, r, form))
             assert np.quantile(np.abs(exact - expected) / scale, 0.99) <= (
@@ -101,8 +109,9 @@ def test_of_the_brdf(corner, form):
 @pytest.mark.parametrize("form", sr.FORMS)
 @pytest.mark.parametrize("corner", CORNERS)
 def test_of_the_emissivity(corner, form):
-    """1 - min(1, HDR), to 90 - 1e-6 degrees; 0 beyond the first saturated angle, where nothing is
-    emitted.
+    """The derivative of 1 - min(1, HDR) agrees with finite differences up to 90 - 1e-6 degrees.
+
+    It is 0 beyond the first angle at which HDR reaches 1, where the emissivity is 0.
     """
     parameters, sides = CORNERS[corner]
     theta = Float64(np.radians([0, 30, 80, 89, 89.9, 89.99, 90 - 1e-6]))
@@ -118,23 +127,23 @@ def test_of_the_emissivity(corner, form):
         result = 1 - dr.minimum(hemispherical.HDR(sr.surface(*numbers, form=form), theta), 1)
         dr.set_grad(numbers[k], 1)
         dr.forward_to(result)
-        found = dr.grad(result).numpy()
-        assert np.all(np.isfinite(found))
-        np.testing.assert_array_equal(found[HDR(parameters) > 1 + 1e-9], 0)
+        slope = dr.grad(result).numpy()
+        assert np.all(np.isfinite(slope))
+        np.testing.assert_array_equal(slope[HDR(parameters) > 1 + 1e-9], 0)
         if side is not None:
-            seen = []  # a difference must not reach across the kink where HDR passes 1
+            # HDR at the points of the difference, which is wrong if HDR passes 1 between them.
+            evaluated = []
             expected = difference(
                 parameters,
                 k,
                 side,
-                lambda at: seen.append(HDR(at)) or 1 - seen[-1],
+                lambda at: evaluated.append(HDR(at)) or 1 - evaluated[-1],
                 1e-3 if k == 3 else 1e-5,
             )
-            smooth = np.max(seen, axis=0) < 1
-            noise = (
-                1e-12 / (1e-3 * parameters[k]) if k == 3 else 0
-            )  # of the quadrature, over the step
+            smooth = np.max(evaluated, axis=0) < 1
+            # The noise of the quadrature divided by the step.
+            noise = 1e-12 / (1e-3 * parameters[k]) if k == 3 else 0
             scale = np.abs(expected[smooth]).max(initial=0) + 1e-3
             np.testing.assert_allclose(
-                found[smooth], expected[smooth], rtol=5e-3, atol=1e-3 * scale + noise
+                slope[smooth], expected[smooth], rtol=5e-3, atol=1e-3 * scale + noise
             )

@@ -1,8 +1,8 @@
-"""A 3000 K source of 1 cm above a 300 K plate: one path in 30,000 meets it, with 100,000 times the
-radiance of all else.
+"""A small hot source: 3000 K, 1 cm, above a plate of 300 K.
 
-In MWIR it brings 60 % of what the plate shows. Without emitter sampling a short render has not seen
-it, and its scatter cannot know.
+One path in 30,000 hits the source, whose radiance is 100,000 times that of the plate. In MWIR the
+source causes 60 % of the plate's radiance. Without emitter sampling no path of a short render hits
+it, and the sample variance does not include it.
 """
 
 import numpy as np
@@ -14,25 +14,35 @@ from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 
 SCENE = """<scene version="3.0.0">
-    <integrator type="bounce_path"> <integer name="max_bounces" value="1"/> <boolean name="emitter_sampling" value="{sampling}"/> </integrator>
+    <integrator type="bounce_path">
+        <integer name="max_bounces" value="1"/>
+        <boolean name="emitter_sampling" value="{sampling}"/>
+    </integrator>
     <sensor type="orthographic">
-        <transform name="to_world"> <scale x="0.5" y="0.5"/> <lookat origin="0, 0, 0.5" target="0, 0, 0" up="0, 1, 0"/> </transform>
+        <transform name="to_world">
+            <scale x="0.5" y="0.5"/> <lookat origin="0, 0, 0.5" target="0, 0, 0" up="0, 1, 0"/>
+        </transform>
         <film type="hdrfilm">
-            <integer name="width" value="8"/> <integer name="height" value="8"/> <string name="pixel_format" value="luminance"/>
+            <integer name="width" value="8"/> <integer name="height" value="8"/>
+            <string name="pixel_format" value="luminance"/>
             <rfilter type="box"/>
         </film>
     </sensor>
     <shape type="rectangle">
         <bsdf type="diffuse"> <spectrum name="reflectance" value="0.5"/> </bsdf>
-        <emitter type="thermal"> <string name="band" value="MWIR"/> <float name="temperature" value="300"/> </emitter>
+        <emitter type="thermal">
+            <string name="band" value="MWIR"/> <float name="temperature" value="300"/>
+        </emitter>
     </shape>
     <shape type="ply">
         <string name="filename" value="hot.ply"/> <boolean name="face_normals" value="true"/>
         <bsdf type="diffuse"> <spectrum name="reflectance" value="0"/> </bsdf>
-        <emitter type="thermal"> <string name="band" value="MWIR"/> <float name="temperature" value="3000"/> </emitter>
+        <emitter type="thermal">
+            <string name="band" value="MWIR"/> <float name="temperature" value="3000"/>
+        </emitter>
     </shape>
 </scene>"""
-HALF = 0.005  # m, of the source's edge; it hangs 1 m above the plate
+HALF = 0.005  # m, half the edge of the source, which is 1 m above the plate
 
 
 @pytest.fixture
@@ -47,8 +57,9 @@ def scene(tmp_path):
 
 
 def exact():
-    """Radiance of each of the 8 x 8 pixels [W m^-2 sr^-1], of a source so small that it is a point:
-    1e-4.
+    """Return the radiance of the 8 x 8 pixels [W m^-2 sr^-1].
+
+    The source is treated as a point, with an error of 1e-4.
     """
     cold, hot = (float(in_band_radiance(band("MWIR"), temperature)) for temperature in (300, 3000))
     x = (np.arange(512) + 0.5) / 512 - 0.5
@@ -66,8 +77,10 @@ def images(scene, spp, seeds):
 
 
 def test_emitter_sampling_bounds_and_reports(scene):
-    """The stated standard errors cover: 95.4 % of pixels inside two of them (64 x 40 pixels: +- 1.5
-    %), and the mean. No sample is a firefly: the largest pixel of 16 samples lies within 8 of them.
+    """With emitter sampling, intervals of two standard errors contain the true value.
+
+    This holds for 95.4 % of the pixels (+- 1.5 % from 64 x 40 pixels), and for the mean. In renders
+    of 16 samples every pixel is within 8 standard errors.
     """
     Y, error = images(scene(True), 256, 40)
     inside = np.abs(Y - exact()) <= 2 * error
@@ -79,8 +92,10 @@ def test_emitter_sampling_bounds_and_reports(scene):
 
 
 def test_without_it_the_scatter_misleads(scene):
-    """What `stderr.Y` is worth then: of 64-sample pixels 1 % show the source, 900 W m^-2 sr^-1
-    each, and of the rest none is covered.
+    """Without emitter sampling, `stderr.Y` does not contain the error.
+
+    In renders of 64 samples 1 % of the pixels show the source, with 900 W m^-2 sr^-1 each. The
+    intervals of the others do not contain the true value.
     """
     Y, error = images(scene(False), 64, 20)
     inside = np.abs(Y - exact()) <= 2 * error
@@ -88,8 +103,10 @@ def test_without_it_the_scatter_misleads(scene):
 
 
 def test_a_tolerance_is_not_met_by_a_source_that_was_not_seen(scene):
-    """5 % asked for: the pilot's scatter is 0 and its mean 60 % too low. What a missed source could
-    add keeps it from stopping.
+    """A tolerance of 5 % is not reported as reached by a render that missed the source.
+
+    In the first samples the scatter is 0 and the mean is 60 % too low. The render continues,
+    because the error estimate includes the contribution of a source that no path has hit.
     """
     result = mi_lcair.render(scene(False), tolerance=0.05, max_spp=1024, seed=3)
     assert result.reached is False and result.spp == 1024

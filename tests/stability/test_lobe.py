@@ -1,7 +1,7 @@
-"""The reflection model at the ends of its box: lobes of width 1e-5 to 1, angles to 90 - 1e-6
-degrees, b = 0 and 1, the bound.
+"""The Sandford-Robertson BSDF at the limits of its parameters and angles.
 
-tests/plugins/test_precision.py covers e >= 0.0015 to 89.5 degrees; this goes on from there.
+Lobe widths are 1e-5 to 1, angles up to 90 - 1e-6 degrees, b = 0 and 1, and epsilon + rho_d on its
+bound. tests/plugins/test_precision.py covers e >= 0.0015 up to 89.5 degrees.
 """
 
 import mitsuba as mi
@@ -18,22 +18,24 @@ from tests.plugins.test_precision import theta_of
 
 WIDTHS = [1e-5, 1e-4, 1e-3, 4.2e-3, 0.1, 1]
 ANGLES_DEG = np.array([0, 1e-3, 30, 60, 80, 85, 89, 89.9, 89.99, 89.999, 90 - 1e-6])
-CORNERS = [
+CORNERS = [  # epsilon / G(b), rho_d / G(b), b
     (0.3, 0.1, 0),
     (0.3, 0.1, 1e-4),
     (0.3, 0.1, 0.05),
     (0.3, 0.7, 0.05),
     (0.3, 0.7, 1),
     (0, 0, 1),
-]  # shares of G(b); b
-SAMPLES = 20_000
+]
+SAMPLES = 20_000  # number of samples per angle
 
 
 @pytest.mark.parametrize("form", sr.FORMS)
 @pytest.mark.parametrize("e", WIDTHS)
 def test_mean_weight_of_a_sample_is_HDR(e, form):
-    """Within 5 standard errors, and 2e-4 of HDR for the rounding of the half-vector's slope. Every
-    weight is finite; of these surfaces none exceeds 10.
+    """The mean weight is HDR within 5 standard errors and 2e-4 of HDR.
+
+    The 2e-4 allow for the rounding of the half-vector's slope. Every weight is finite and at most
+    10 for these surfaces.
     """
     for corner in CORNERS:
         bsdf = load(feasible(*corner, e), form)
@@ -46,7 +48,7 @@ def test_mean_weight_of_a_sample_is_HDR(e, form):
         )
         weight = weight[0].numpy().astype(float).reshape(-1, SAMPLES)
         HDR = np.minimum(exact_HDR(bsdf, theta_of(seen_at(np.radians(ANGLES_DEG)).wi)), 1)
-        assert np.all((weight >= 0) & (weight <= 10))  # false for NaN
+        assert np.all((weight >= 0) & (weight <= 10))  # the comparison is false for NaN
         assert np.all(
             np.abs(weight.mean(axis=1) - HDR)
             <= 5 * weight.std(axis=1) / np.sqrt(SAMPLES) + 2e-4 * HDR + 1e-9
@@ -62,9 +64,10 @@ def test_mean_weight_of_a_sample_is_HDR(e, form):
     ],
 )
 def test_largest_weight_of_a_sample(parameters, bound):
-    """At most 1 for the thesis's materials; up to 216 on the bound epsilon + rho_d = G with a small
-    b, where rho_s grows from nothing at the observer's angle to 1 at the horizon, and the lobe is
-    drawn as if it did not.
+    """The largest weight is 1 for the thesis's materials, but 216 for an extreme surface.
+
+    That surface has epsilon + rho_d on the bound G(b) and a small b. Its rho_s increases from
+    almost 0 at the observer's angle to 1 at the horizon. The sampling of the lobe ignores this.
     """
     bsdf = load(parameters)
     theta = np.concatenate(
@@ -84,16 +87,19 @@ def test_largest_weight_of_a_sample(parameters, bound):
 @pytest.mark.parametrize("form", sr.FORMS)
 @pytest.mark.parametrize("quantity", [hemispherical.HDR, hemispherical.DHR])
 def test_quadrature_to_the_horizon(monkeypatch, quantity, form):
-    """Against 400 nodes a panel, relative where HDR exceeds 1: 1e-10 to 89.9 degrees, 2e-6 beyond."""
+    """The quadrature agrees with one of 400 nodes per panel.
+
+    The error is below 1e-10 up to 89.9 degrees and 2e-6 beyond. It is relative where HDR exceeds 1.
+    """
     theta = Float64(np.radians(ANGLES_DEG))
     for e in WIDTHS:
         for corner in CORNERS:
             S = surface(*feasible(*corner, e), form)
-            found = quantity(S, theta).numpy()
+            value = quantity(S, theta).numpy()
             with monkeypatch.context() as patch:
                 patch.setattr(hemispherical, "NODES", 400)
                 exact = quantity(S, theta).numpy()
-            error = np.abs(found - exact) / np.maximum(exact, 1)
+            error = np.abs(value - exact) / np.maximum(exact, 1)
             assert error[ANGLES_DEG <= 89.9].max() <= 1e-10 and error.max() <= 2e-6, (e, corner)
 
 
@@ -102,8 +108,10 @@ def test_quadrature_to_the_horizon(monkeypatch, quantity, form):
     "e, bound", [(1e-5, 5e-3), (1e-4, 1e-3), (1e-3, 1e-3), (4.2e-3, 2e-4), (0.1, 2e-5), (1, 2e-5)]
 )
 def test_tabulated_HDR_beyond_89_degrees(e, bound, form):
-    """Absolute; the table's nodes, uniform in sqrt(cos theta), no longer resolve a knee that lies
-    below cos = 1e-3.
+    """The absolute error of the table is below a bound that depends on e.
+
+    The nodes are uniform in sqrt(cos theta). They do not resolve a sharp bend of HDR at
+    cos theta < 1e-3.
     """
     theta = np.pi / 2 - np.radians(np.geomspace(1e-6, 1, 300))
     for corner in CORNERS:
@@ -118,8 +126,9 @@ def test_tabulated_HDR_beyond_89_degrees(e, bound, form):
 @pytest.mark.parametrize("form", sr.FORMS)
 @pytest.mark.parametrize("e", WIDTHS)
 def test_float32_at_the_edges(e, form):
-    """A cut through the map of docs/stability: the value and the weight of a sample to 1e-4 up to
-    89.9 degrees, 3e-3 beyond.
+    """The value and the weight of a sample have an error of 1e-4 up to 89.9 degrees, 3e-3 beyond.
+
+    This is a section of the map in docs/stability.
     """
     from_horizon = 90 - ANGLES_DEG
     for corner in CORNERS:
@@ -128,8 +137,8 @@ def test_float32_at_the_edges(e, form):
             assert error[ANGLES_DEG <= 89.9].max() <= 1e-4 and error.max() <= 3e-3, corner
 
 
-# The first angle, in degrees, at which HDR exceeds 1 for epsilon = rho_d = 0, as docs/stability.md
-# prints it. None: nowhere.
+# First angle in degrees at which HDR exceeds 1 for epsilon = rho_d = 0, as in docs/stability.md.
+# form -> b -> angle for each of SATURATED_WIDTHS, or None if HDR never exceeds 1
 SATURATED = {
     "thesis": {
         0.0: (89.6, 87.4, 81.6, 69.3, 60.1),
@@ -145,17 +154,14 @@ SATURATED_WIDTHS = (0.0042, 0.03, 0.1, 0.3, 1.0)
 
 @pytest.mark.parametrize("form", sr.FORMS)
 def test_where_HDR_exceeds_one(form):
-    """What the plugin reports when the scene loads is what Float64 finds, and beyond that angle
-    nothing is emitted.
-    """
+    """The angle that the plugin reports agrees with Float64. Beyond it the emissivity is 0."""
     for b, row in SATURATED[form].items():
         for e, expected in zip(SATURATED_WIDTHS, row):
             bsdf = load((0, 0, b, e), form)
-            found = bsdf.first_saturated_angle_deg()
+            angle = bsdf.first_saturated_angle_deg()
             if expected is None:
-                assert found is None, (b, e)
+                assert angle is None, (b, e)
             else:
-                assert found == pytest.approx(expected, abs=0.1), (b, e)
-                assert (
-                    bsdf.eval_attribute_1("emissivity", seen_at(np.radians(found + 0.1)))[0] <= 1e-5
-                )
+                assert angle == pytest.approx(expected, abs=0.1), (b, e)
+                beyond = seen_at(np.radians(angle + 0.1))
+                assert bsdf.eval_attribute_1("emissivity", beyond)[0] <= 1e-5

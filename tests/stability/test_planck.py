@@ -1,6 +1,6 @@
-"""Planck's law at 3 K and 30,000 K, at 0.1 and 1000 um: radiance, in-band radiance, its inverse and
-derivatives.
+"""Planck's law from 3 K to 30,000 K and from 0.1 to 1000 um.
 
+Radiance, in-band radiance, its inverse and derivatives are tested.
 tests/physics/test_blackbody.py covers the bands and temperatures of thermal scenes.
 """
 
@@ -18,17 +18,18 @@ BANDS = ("SWIR", "MWIR", "LWIR", "0.1-0.2", "500-1000", "0.1-1000", "0.1-0.1001"
 
 
 def planck(wavelength, temperature):
-    """mpmath."""
+    """Return the spectral radiance [W m^-2 sr^-1 um^-1], computed by mpmath."""
     wavelength = mpmath.mpf(wavelength)
     return blackbody.C1 / wavelength**5 / mpmath.expm1(blackbody.C2 / (wavelength * temperature))
 
 
 def below(wavelength, temperature):
-    """Radiance below a wavelength in um, from x = c2 / (wavelength T) on, by the series in exp(-x)
-    or in x; mpmath.
+    """Return the radiance below a wavelength in um [W m^-2 sr^-1], computed by mpmath.
+
+    It is an integral from x = c2 / (wavelength T) to infinity, by a series in exp(-x) or in x.
     """
     x = blackbody.C2 / (mpmath.mpf(wavelength) * temperature)
-    if x < 1:  # int_0^x t^3 / (e^t - 1) dt by the Bernoulli numbers
+    if x < 1:  # int_0^x t^3 / (e^t - 1) dt is a series with Bernoulli numbers
         terms = (mpmath.bernoulli(n) * x**n / ((n + 3) * mpmath.factorial(n)) for n in range(60))
         value = mpmath.pi**4 / 15 - x**3 * sum(terms)
     else:
@@ -45,15 +46,17 @@ def with_derivative(function, Type, temperature):
     temperature = Type(temperature)
     dr.enable_grad(temperature)
     value = function(temperature)
-    dr.backward(value, flags=dr.ADFlag.AllowNoGrad)  # where the value is a literal 0
+    # The flag allows a value that is a literal 0 and has no gradient.
+    dr.backward(value, flags=dr.ADFlag.AllowNoGrad)
     return value[0], dr.grad(temperature)[0]
 
 
 @pytest.mark.parametrize("wavelength", [0.1, 1, 10, 1000])
 @pytest.mark.parametrize("temperature", TEMPERATURES)
 def test_spectral_radiance(wavelength, temperature):
-    """1e-12 in Float64, of value and derivative; exactly 0 where Float64 underflows (30 K at 0.1
-    um: 1.7e-2070).
+    """Value and derivative have a relative error of 1e-12 in Float64.
+
+    They are 0 where Float64 underflows. At 30 K and 0.1 um the value is 1.7e-2070.
     """
     with mpmath.workdps(30):
         exact = planck(wavelength, temperature)
@@ -69,8 +72,10 @@ def test_spectral_radiance(wavelength, temperature):
 @pytest.mark.parametrize("name", BANDS)
 @pytest.mark.parametrize("temperature", TEMPERATURES)
 def test_in_band_radiance_and_its_inverse(name, temperature):
-    """Value and inverse: 1e-11, of one value and of an image's worth; the derivative: 1e-6 against
-    a difference of the exact value.
+    """Value and inverse have a relative error of 1e-11, the derivative of 1e-6.
+
+    The inverse is tested for one value and for an array. The derivative is compared with a finite
+    difference of the exact value.
     """
     limits = band(name)
     with mpmath.workdps(60):
@@ -98,8 +103,8 @@ def test_in_band_radiance_and_its_inverse(name, temperature):
         assert image[0] == pytest.approx(temperature, rel=1e-10) and np.all(np.diff(image) > 0)
 
 
-# The coldest temperature, in K, whose radiance Float32 tells from 0: an image shows 0 K for all
-# that is colder.
+# The lowest temperature in K whose radiance is not 0 in Float32. An image shows 0 K for colder
+# surfaces.
 COLDEST = {"SWIR": 49.5, "MWIR": 30.3, "LWIR": 13.2}
 
 

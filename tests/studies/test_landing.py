@@ -1,5 +1,6 @@
-"""The page of the landing airliner: what it derives without rendering agrees with rendering, and
-its text has every number.
+"""The page of the landing airliner.
+
+Results that are derived without a render agree with renders. Every field of the text is filled.
 """
 
 from dataclasses import replace
@@ -28,7 +29,10 @@ def base():
     ],
 )
 def test_changes_that_are_not_rendered(base, change, rendered):
-    """From the effective areas against a render with the same paths: another sky, other air."""
+    """Another sky and another atmosphere give the same result from effective areas and by a render.
+
+    The render has the same paths.
+    """
     anew = mi_lcair.contrast(landing.scenario(3, "LWIR", **FEW, **rendered)).rows[-1].total.value
     derived = landing.from_areas(base, change)
     assert derived == pytest.approx(anew, rel=1e-3)
@@ -36,31 +40,31 @@ def test_changes_that_are_not_rendered(base, change, rendered):
 
 
 def test_heat_and_size_follow_effective_areas(base):
-    """The plumes' share of the intensity: at other temperatures by the blackbody's ratio, with
-    other areas by theirs.
-    """
-    seen = base.rows[-1].irradiance
+    """The plumes' irradiance is proportional to the blackbody's radiance and to their area."""
+    irradiances = base.rows[-1].irradiance
     plume = sum(
-        seen.areas.area[0, k]
-        for k, source in enumerate(seen.areas.sources)
+        irradiances.areas.area[0, k]
+        for k, source in enumerate(irradiances.areas.sources)
         if source.group == "plume"
     )
-    transmittance, _ = base.path.at(seen.wavelengths_um)
+    transmittance, _ = base.path.at(irradiances.wavelengths_um)
 
     def irradiance(temperature):
         return (
             plume
-            * seen.in_band(transmittance * spectral_radiance(seen.wavelengths_um, temperature))
+            * irradiances.in_band(
+                transmittance * spectral_radiance(irradiances.wavelengths_um, temperature)
+            )
             / base.path.range_m**2
         )
 
     gained = landing.from_areas(base, landing.heated("plume", 50.0)) - base.rows[-1].total.value
     assert gained == pytest.approx(irradiance(550.0) - irradiance(500.0), rel=1e-9)
     hot = sum(
-        seen.areas.area[0, k]
-        * seen.in_band(transmittance * spectral_radiance(seen.wavelengths_um, 800.0))
+        irradiances.areas.area[0, k]
+        * irradiances.in_band(transmittance * spectral_radiance(irradiances.wavelengths_um, 800.0))
         / base.path.range_m**2
-        for k, source in enumerate(seen.areas.sources)
+        for k, source in enumerate(irradiances.areas.sources)
         if source.group == "hot_parts"
     )
     gained = landing.from_areas(base, landing.larger_exhausts) - base.rows[-1].total.value
@@ -68,7 +72,10 @@ def test_heat_and_size_follow_effective_areas(base):
 
 
 def test_lost_jacobian(base):
-    """Of a blackbody at 294 K, which the overcast sky nearly is, from Planck's law per wavenumber."""
+    """The factor is close to that of a blackbody at 294 K, computed per wavenumber.
+
+    The overcast sky is nearly such a blackbody.
+    """
     nu = np.linspace(1e4 / 12, 1e4 / 8, 20001)  # cm^-1
     per_nu = spectral_radiance(1e4 / nu, 294.0) / nu**2  # W cm^-2 sr^-1 / cm^-1
     as_if = np.trapezoid((per_nu * 1e4)[::-1], (1e4 / nu)[::-1])

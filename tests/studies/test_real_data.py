@@ -1,5 +1,6 @@
-"""The page on real measurements: its own arithmetic, and that all its fields are filled. The fits
-are made up.
+"""The page on real measurements.
+
+Its computations are tested, and all its fields are filled. The fits are invented.
 """
 
 from pathlib import Path
@@ -43,8 +44,9 @@ def fit_with_candidates(data, **options):
 
 
 def test_reflectance_of_a_round_lobe():
-    """f cos(theta_i) = A exp(-(delta / w)^2) around the mirror direction; the scan sees one side of
-    it further than the other.
+    """A lobe f cos(theta_i) = A exp(-(delta / w)^2) has the reflectance of its integral.
+
+    The scan extends further on one side of the mirror direction than on the other.
     """
     A, w = 3.0, np.radians(18)
     theta_i = np.arange(1, 88)
@@ -61,7 +63,7 @@ def test_reflectance_of_a_round_lobe():
 
 
 def test_mirror_excess_is_measured_over_fitted():
-    """The geometric mean over the scans in the range, at theta_i = theta_r alone."""
+    """It is the geometric mean over the scans in the range, at theta_i = theta_r."""
     data = measurements(theta_i=(20, 30, 80), theta_r=(20, 30, 80))
     one = surface(data)
     mirror = np.isclose(data.theta_i, data.theta_r)
@@ -75,7 +77,7 @@ def test_mirror_excess_is_measured_over_fitted():
 
 
 def test_emissivity_errors_cover_the_angles_that_are_asked_for():
-    """At 15 and 60 degrees measured; the error up to 50 degrees is that at 15 alone."""
+    """The emissivity is measured at 15 and 60 degrees. The error up to 50 degrees uses only 15."""
     one = surface()
     errors = one.emissivity_error(one.joint, 80), one.emissivity_error(one.joint, 50)
     one.emissivity.value[1] += 0.3
@@ -142,7 +144,7 @@ def test_the_page_is_filled_and_has_its_pictures(tmp_path, monkeypatch):
 @pytest.mark.skipif(not REAL.is_dir(), reason="needs the measured files beside the checkout")
 @pytest.mark.parametrize("loss", ["log", "cube_root", "linear"])
 def test_half_of_a_real_surface_is_fitted_without_a_warning(loss):
-    """Its steps reach places where a decrease of the misfit was predicted that is 0 to rounding."""
+    """The fit passes points where the predicted decrease of the misfit is 0 within rounding."""
     measured = read(REAL / "aluminium_sandblasted.csv")
     half = real_data.part(measured, np.unique(measured.theta_r)[0::2])
     assert real_data.fit(half, form="thesis", loss=loss, starts=64).converged

@@ -11,7 +11,7 @@ from functools import cached_property
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.plugins.triangles import TriangleTable, is_faceted
+from mi_lcair.plugins.emission.triangles import TriangleTable, is_faceted
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.window import window_area

@@ -17,13 +17,14 @@ def command(folder, quick, json):
     """The thesis's ways to follow radiation from facet to facet, and path tracing, on six scenes."""
     from mi_lcair.benchmark import propagation_chart
     from mi_lcair.files import filling
+    from mi_lcair.reports import propagation_page
 
     with filling(
         folder
     ) as partial:  # before the work, so that a folder that cannot be written is refused at once
         with progress_bar("curves") as progress:
             result = propagation_chart.measure(quick, progress)
-        propagation_chart.write(partial, result)
+        propagation_page.write(partial, result)
     if json:
         print_json(
             {

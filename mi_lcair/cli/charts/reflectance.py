@@ -15,13 +15,14 @@ def command(folder, quick, json):
     """Seven ways to integrate a BRDF over the hemisphere, on the materials of the thesis."""
     from mi_lcair.benchmark import reflectance_chart
     from mi_lcair.files import filling
+    from mi_lcair.reports import reflectance_page
 
     with filling(
         folder
     ) as partial:  # before the work, so that a folder that cannot be written is refused at once
         with progress_bar("points") as progress:
             points = reflectance_chart.measure(quick, progress)
-        reflectance_chart.write(partial, points, quick)
+        reflectance_page.write(partial, points, quick)
     if json:
         print_json({"points": [asdict(point) for point in points]})
         return

@@ -1,24 +1,43 @@
-"""Reflection models, one a file, and the interface that they share (`interface`).
+"""The reflection models, one in each file, and their common interface (`interface`).
 
-A model is registered by its name in `NAMES`. The file NAME.py here holds it as `MODEL`; longer ones
-have companions NAME_*.py. The Mitsuba plugin of that name is plugins/NAME_bsdf.py.
+A model is registered by its name in `NAMES`. The file NAME.py in this folder holds the model as
+`MODEL`. Long models are split into files NAME_*.py. The Mitsuba plugin of the model is
+plugins/NAME_bsdf.py.
 """
 
 import importlib
+from typing import TYPE_CHECKING
 
 from mi_lcair.errors import unknown
-from mi_lcair.physics.reflection.interface import ReflectionModel
 
-NAMES = (  # the first is meant where a material or a fit names no model
+if TYPE_CHECKING:
+    from mi_lcair.physics.reflection.interface import ReflectionModel
+
+# The first model is used where a material or a fit names no model.
+NAMES = (
     "sandford_robertson",
     "microfacet",
 )
-MODELS = {name: importlib.import_module(f"{__name__}.{name}").MODEL for name in NAMES}
-DEFAULT = MODELS[NAMES[0]]
 
 
-def model(name: str) -> ReflectionModel:
+def __getattr__(name):
+    """MODELS, DEFAULT and ReflectionModel, imported at the first use.
+
+    The names alone are known without Dr.Jit, which the models load.
+    """
+    if name == "ReflectionModel":
+        from mi_lcair.physics.reflection.interface import ReflectionModel
+
+        return ReflectionModel
+    if name not in ("MODELS", "DEFAULT"):
+        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+    models = {key: model(key) for key in NAMES}
+    globals().update(MODELS=models, DEFAULT=models[NAMES[0]])
+    return globals()[name]
+
+
+def model(name: str) -> "ReflectionModel":
     """The reflection model of that name; InputError for a name that is not registered."""
-    if name not in MODELS:
-        raise unknown("reflection model", name, MODELS)
-    return MODELS[name]
+    if name not in NAMES:
+        raise unknown("reflection model", name, NAMES)
+    return importlib.import_module(f"{__name__}.{name}").MODEL

@@ -1,23 +1,30 @@
-"""Directions in the frame of a surface, z along its normal, as Dr.Jit 3-vectors of any float type."""
+"""Directions in the frame of a surface, whose z axis is the normal.
+
+They are Dr.Jit 3-vectors of any float type.
+"""
 
 import drjit as dr
 
-# Keeps 0/0 out of limits that are 0 or 1. Its square, in derivatives, is a normal Float32 number.
+# Smallest denominator. It replaces 0 where a quotient has a removable limit. Its square, which
+# occurs in derivatives, is a normal Float32 number.
 SMALLEST = 1e-18
 
 
 def cos_theta(w):
-    """Cosine to the normal, 0 below the horizon."""
+    """Cosine of the angle between direction w and the normal; 0 below the horizon."""
     return dr.maximum(w.z, 0)
 
 
 def sin2_theta(w):
+    """Squared sine of the angle between direction w and the normal."""
     return dr.square(w.x) + dr.square(w.y)
 
 
 def sample_cosine(Vector, u1, u2):
-    """A direction of density cos(theta) / pi; shares its azimuth, and so its sine and cosine, with
-    `sample_half_vector`.
+    """A random direction with density cos(theta) / pi [1/sr], of the type Vector.
+
+    u1, u2: uniform random numbers in 0..1. u1 gives the azimuth as in the Sandford-Robertson
+    model's `sample_half_vector`; the compiler then computes its sine and cosine once for both.
     """
     sin_phi, cos_phi = dr.sincos(dr.two_pi * u1)
     radius = dr.sqrt(u2)

@@ -1,12 +1,12 @@
-"""What a reflection model is: the interface between one model's equations and everything that
-renders, plans or fits.
+"""The interface of reflection models, through which the renderer, the plan and the fits use them.
 
 A model is one object, an instance of a subclass of `ReflectionModel`. Its functions take a
-`Surface`: the parameters of one surface, or of many at once, with whatever the model derives from
-them. They accept Dr.Jit arrays of any float type and keep derivatives; none needs Mitsuba.
+`Surface`: the parameters of one surface, or of many at once, and the numbers that the model derives
+from them. The functions accept Dr.Jit arrays of any float type and keep derivatives. None of them
+needs Mitsuba.
 
-Directions are unit 3-vectors in the surface's frame, z along its normal. `i` points to the source
-and `r` to the observer. A model need not be reciprocal, so the order matters.
+Directions are unit 3-vectors in the surface's frame, whose z axis is the normal. `i` points to the
+source and `r` to the observer. A model need not be reciprocal, so the order matters.
 """
 
 from abc import ABC, abstractmethod
@@ -20,19 +20,35 @@ from drjit.llvm.ad import Float64
 from mi_lcair.errors import InputError
 from mi_lcair.physics.reflection.directions import cos_theta, sample_cosine
 
+# Rounding error between coordinates of the cube and parameters, relative to a parameter's range.
+ROUNDING = 1e-12
+
 
 @dataclass(frozen=True)
 class Parameter:
     """One parameter of a model.
 
-    name: as in scene files, materials and reports; symbol: in TeX, for plots; meaning: one line;
-    unit: "1" if it has none. lower, upper: bounds of a fit, in the parameter's unit. precision:
-    half the width of its 95 % interval, relative to its value, up to which a fit calls it
-    determined; absolute_precision: or this half width in its own unit.
-
-    advice: what else to measure where the BRDF alone leaves the parameter open; only for parameters
-    that a table of emissivity or DHR determines. at_lower: verdict of a fit whose interval reaches
-    the lower bound, a format of {high}, the interval's other end.
+    Attributes
+    ----------
+    name
+        Name in scene files, materials and reports.
+    symbol
+        Symbol for plots, in TeX.
+    meaning
+        Description in one line.
+    lower, upper
+        Bounds of a fit, in the parameter's unit.
+    unit
+        Unit; "1" for a dimensionless parameter.
+    precision, absolute_precision
+        A fit calls the parameter determined if half the width of its 95 % interval is at most
+        `precision` times its value, or at most `absolute_precision` in its unit.
+    advice
+        What else to measure if the BRDF alone does not determine the parameter. Only for parameters
+        that a table of emissivity or DHR determines.
+    at_lower
+        Verdict of a fit whose interval reaches the lower bound: a format string with {high}, the
+        other end of the interval.
     """
 
     name: str
@@ -49,8 +65,9 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Restriction:
-    """A simpler case of a model, in which one coordinate of its cube is held: its name, the
-    coordinate, the value.
+    """A simpler case of a model, in which one coordinate of its cube has a fixed value.
+
+    name: name of the case; coordinate: index of the coordinate; value: its fixed value, 0..1.
     """
 
     name: str
@@ -60,8 +77,10 @@ class Restriction:
 
 @dataclass(frozen=True)
 class Rung:
-    """A simpler reflection that may stand for a surface: "mirror" or "diffuse"; exact: it is the
-    same, not an estimate.
+    """A simpler reflection that may replace a surface's model in a cheaper render.
+
+    lobe: "mirror" or "diffuse". exact: True if the simpler reflection equals the model for these
+    parameters, False if it is an approximation.
     """
 
     lobe: str
@@ -70,22 +89,24 @@ class Rung:
 
 @dataclass
 class Surface:
-    """Parameters of a surface and what a model derives from them once; Dr.Jit floats of one type,
-    or plain attributes.
+    """Parameters of a surface, and the numbers that a model derives from them once.
 
-    A model subclasses it as a dataclass. Fields annotated `str` or `bool` are carried along
-    unchanged.
+    A model subclasses this class as a dataclass. The fields are Dr.Jit floats of one type. Values
+    of type `str` or `bool` are also allowed and are never converted.
     """
 
     def cast(self, Float) -> "Surface":
-        """The same surface in another float type; the derived numbers keep the digits of the wider
-        one.
+        """The same surface in another float type.
+
+        The derived numbers are converted, not recomputed: they keep the precision in which they
+        were computed.
         """
         return self._map(Float)
 
     def repeat(self, count: int) -> "Surface":
-        """Each of many surfaces `count` times in a row; a single surface (width 1) fits any number
-        of lanes as it is.
+        """Each of many surfaces, `count` times in a row.
+
+        A single surface (width 1) is returned unchanged. It applies to any number of lanes.
         """
         return self._map(lambda x: dr.repeat(x, count) if dr.width(x) > 1 else x)
 
@@ -100,11 +121,29 @@ class Surface:
 
 
 class ReflectionModel(ABC):
-    """A reflection model: all that scene loading, rendering, planning and fitting may know of it.
+    """A reflection model: all that scene loading, rendering, planning and fitting may use of it.
 
-    name: in scene files and materials; title: in words; parameters: in the order in which functions
-    take them; forms: variants of the equations, the default first; reciprocal: whether f(i, r) =
-    f(r, i); restrictions: simpler cases that a fit may choose.
+    In all methods, S is the `Surface`, i and r are the directions to source and observer (unit
+    3-vectors in the surface's frame), cos and sin2 are cosine and squared sine of a direction's
+    angle to the normal, and u1, u2 are uniform random numbers in 0..1. `values` are parameters in
+    the order of `parameters`, and u are coordinates of the unit cube.
+
+    Attributes
+    ----------
+    name
+        Name in scene files and materials.
+    title
+        Name in text and plots.
+    parameters
+        The parameters, in the order in which the methods take them.
+    forms
+        Variants of the equations, the default first.
+    reciprocal
+        Whether f(i, r) = f(r, i).
+    has_emissivity
+        Whether the model has an equation for its directional emissivity.
+    restrictions
+        Simpler cases that a fit may choose.
     """
 
     name: str
@@ -124,12 +163,13 @@ class ReflectionModel(ABC):
 
     @abstractmethod
     def surface(self, *values, form: str) -> Any:
-        """The `Surface` of parameter values, Dr.Jit Float64 arrays in the order of `parameters`."""
+        """The `Surface` with these parameters, Dr.Jit Float64 arrays in the model's order."""
 
     @abstractmethod
     def check_feasible(self, *values: float, form: str) -> None:
-        """Raise InputError, naming parameter, value and bound, for numbers that no surface can
-        have.
+        """Raise InputError for parameters that no surface can have.
+
+        The message names the parameter, its value and its bound.
         """
 
     def check_form(self, form: str) -> None:
@@ -147,113 +187,132 @@ class ReflectionModel(ABC):
 
     @abstractmethod
     def HDR(self, S, theta_r):
-        """Hemispherical-directional reflectance at theta_r [rad], int f_r cos(theta_i) domega_i, in
-        Float64.
+        """Hemispherical-directional reflectance at theta_r [rad], in Float64.
+
+        HDR(theta_r) = int f_r(i, r) cos(theta_i) domega_i.
         """
 
     @abstractmethod
     def DHR(self, S, theta_i):
-        """Directional-hemispherical reflectance at theta_i [rad], int f_r cos(theta_r) domega_r, in
-        Float64.
+        """Directional-hemispherical reflectance at theta_i [rad], in Float64.
+
+        DHR(theta_i) = int f_r(i, r) cos(theta_r) domega_r.
         """
 
     @abstractmethod
     def floor_HDR(self, S, cos, sin2):
         """The part of HDR that comes from the diffuse floor, in closed form.
 
-        cos, sin2: cosine and squared sine of theta_r. All of HDR, for a model without a lobe.
+        cos, sin2: cosine and squared sine of theta_r. For a model without a lobe this is all of
+        HDR.
         """
 
     def lobe_HDR(self, S, theta_r):
-        """The rest of HDR, divided by `lobe_scale`, in Float64.
+        """The lobe's part of HDR at theta_r [rad], divided by `lobe_scale`, in Float64.
 
-        It is tabulated over sqrt(cos theta_r), so it must be finite and smooth from 0 to 90 degrees.
+        HDR = floor_HDR + lobe_scale * lobe_HDR. The renderer tabulates lobe_HDR over
+        sqrt(cos theta_r), so it must be finite and smooth from 0 to 90 degrees.
         """
         return dr.zeros(type(theta_r), dr.width(theta_r))
 
     def lobe_scale(self, S, cos, sin2):
-        """A closed form that carries what of the lobe's HDR varies too fast for the table."""
+        """The factor of the lobe's HDR that varies too fast for a table, in closed form."""
         return type(cos)(1)
 
     def emissivity(self, S, cos, sin2):
-        """The model's own directional emissivity, of models with `has_emissivity`."""
+        """Directional emissivity by the model's own equation, for models with `has_emissivity`."""
         raise TypeError(f"{self.name} has no emissivity of its own")
 
     # ------------------------------------------------------------------ Drawing directions
-    # The floor is sampled by the cosine, the lobe by these three. A model without a lobe needs none.
+    # The renderer samples the floor with a density proportional to the cosine, and the lobe with
+    # the next three methods. A model without a lobe need not define them.
 
     def sample_lobe(self, S, r, u1, u2, u3):
-        """A direction i to the source drawn from the lobe, seen from r; it may lie below the
-        surface.
+        """A random direction i to the source, drawn from the lobe for the observer's direction r.
 
-        u1, u2, u3: uniform in 0..1. u3 has fewer digits than the others where the lobe is faint; it
-        is meant to choose between a few cases, and not needed by every lobe.
+        It may lie below the surface. u1, u2, u3: uniform random numbers in 0..1. u3 has fewer
+        digits where the lobe is faint. It serves to choose between a few cases; not every lobe
+        needs it.
         """
         return sample_cosine(type(r), u1, u2)
 
     def lobe_pdf(self, S, i, r):
-        """Density of `sample_lobe` [1/sr]."""
+        """Probability density [1/sr] with which `sample_lobe` draws i for the direction r."""
         return cos_theta(i) * dr.inv_pi
 
     def lobe_width(self, S):
-        """Width of the lobe: the tangent of the half-vector's angle at which it has fallen to a
-        quarter.
+        """Width of the lobe.
+
+        It is the tangent of the half-vector's angle at which the lobe has fallen to a quarter.
         """
         return Float64(1)
 
     # ------------------------------------------------------------------ Planning and remarks
 
     def lower_rung(self, *values: float, form: str) -> Rung | None:
-        """What may stand for a surface with these parameters in a cheaper render; None where
-        nothing may.
-        """
+        """The simpler reflection that may replace these parameters in a cheaper render, or None."""
         return None
 
     def remarks(self, *values: float, form: str) -> list[str]:
-        """What a user should know when a scene with this surface is loaded, one line each."""
+        """Remarks for the user when a scene with this surface is loaded, one line each."""
         return []
 
     # ------------------------------------------------------------------ Searching
 
     @abstractmethod
     def from_cube(self, u) -> tuple:
-        """Parameters from coordinates in the unit cube (Dr.Jit arrays, one per parameter),
-        differentiable.
+        """Parameters at coordinates u of the unit cube, differentiable.
 
-        Every point of the cube is feasible, and each bound of the feasible set is a face of the
-        cube.
+        u: Dr.Jit arrays, one for each parameter. Every point of the cube is feasible, and each
+        bound of the feasible set is a face of the cube.
         """
 
     @abstractmethod
     def to_cube(self, values) -> np.ndarray:
-        """Coordinates (..., n) of parameters (..., n), clipped to the cube."""
+        """Coordinates (..., n) of the parameters `values` (..., n), clipped to the cube."""
 
     @abstractmethod
     def starting_points(self, count: int, seed: int) -> np.ndarray:
-        """(count, n) points of the cube, spread as real surfaces are; a seed gives the same ones."""
+        """Random points (count, n) of the cube, distributed like real surfaces.
+
+        The same seed gives the same points.
+        """
 
     def feasible_range(self, values) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest value (n,) that each parameter can have next to `values` (n,), where
-        parameters that share a bound make room for it.
+        """Lowest and highest feasible value (n,) of each parameter near `values` (n,).
+
+        Parameters that share a bound with it may change to make the value feasible.
         """
         lower, upper = zip(*((parameter.lower, parameter.upper) for parameter in self.parameters))
         return np.array(lower, dtype=float), np.array(upper, dtype=float)
 
     def nearest_feasible(self, values, held: int) -> np.ndarray:
-        """Feasible parameters (n,) near `values` (n,); that of index `held` keeps its value."""
+        """Feasible parameters (n,) near `values` (n,).
+
+        The parameter with index `held` keeps its value if that is feasible.
+        """
         return np.clip(values, *self.feasible_range(values))
 
     def values_at(self, u) -> np.ndarray:
-        """Parameters (n,) at coordinates u (n,)."""
+        """Parameters (n,) at coordinates u (n,), as NumPy numbers."""
         values = self.from_cube([dr.scalar.ArrayXf64(coordinate) for coordinate in u])
-        return np.array([value[0] for value in values])
+        return self.exact_bounds(np.array([value[0] for value in values]))
+
+    def exact_bounds(self, values: np.ndarray) -> np.ndarray:
+        """Parameters (..., n), set to their bound where they differ from it by rounding only."""
+        bounds = [(parameter.lower, parameter.upper) for parameter in self.parameters]
+        ends = np.array(bounds, dtype=float).T
+        for bound in ends:
+            near = np.abs(values - bound) <= ROUNDING * (ends[1] - ends[0])
+            values = np.where(near, bound, values)
+        return values
 
     def bound_names(self, u) -> list[str | None]:
-        """For each parameter at coordinates u (n,) the name of the bound it lies on, or None."""
+        """Name of the bound on which each parameter lies at coordinates u (n,), or None."""
         values = self.values_at(u)
         lower, upper = self.feasible_range(values)
-        margin = 1e-12 * (upper - lower)  # of rounding between the cube and the parameters
+        margin = ROUNDING * (upper - lower)
         return [
-            f"{low:g}" if value - low <= by else f"{high:g}" if high - value <= by else None
-            for value, low, high, by in zip(values, lower, upper, margin)
+            f"{low:g}" if value - low <= near else f"{high:g}" if high - value <= near else None
+            for value, low, high, near in zip(values, lower, upper, margin)
         ]

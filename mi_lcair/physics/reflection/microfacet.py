@@ -8,18 +8,20 @@ cosine and p = i.m = r.m,
     F = unpolarised Fresnel reflectance of n + ik         `microfacet_fresnel`
     G = min(1, 2 m_z c_i / p, 2 m_z c_r / p)
 
-G is the masking and shadowing of facets that pair up to V-shaped cavities. It is exact for every D
-(the facets that are seen fill the projected area of the surface; Heitz 2014, section 5.2), needs no
-integral of D and is symmetric. So the lobe never reflects more than arrives, whatever the
-parameters, f is reciprocal, and normals can be drawn exactly as they are seen.
+G is the masking and shadowing of facets that form V-shaped cavities. It is exact for every D: the
+visible facets fill the projected area of the surface (Heitz 2014, section 5.2). It needs no
+integral of D and is symmetric. Therefore, for all parameters, the lobe conserves energy, f is
+reciprocal, and the visible normals can be sampled exactly.
 
-Smith's masking, of facets without correlation, is another integral for each D. Integrated
-numerically, its height-correlated form describes five of six measured infrared BRDFs worse, by 2 to
-9 % of the rms deviation (gamma up to 4 allowed), and the sixth by 0.4 % better. Smith's masking of
-gamma = 2 beside a D of gamma = 1.24 reflects more than arrives: 1.9 times as much at 88 degrees.
+Smith's masking assumes facets without correlation. It needs a different integral for each D. Its
+height-correlated form, integrated numerically, was compared with this one on six measured infrared
+BRDFs (gamma up to 4 allowed). It describes five of them worse, by 2 to 9 % of the rms deviation,
+and the sixth by 0.4 % better. Smith's masking for gamma = 2 must not be combined with another D:
+with gamma = 1.24 the surface reflects 1.9 times the incident radiation at 88 degrees.
 
-Radiation that facets reflect to each other is left out. Of what reaches a perfect reflector
-(F = 1), this share is lost at the worst angle of incidence. Where a star stands, that is 0 degrees:
+The model omits radiation that facets reflect to each other. The table gives the share of the
+incident radiation that a perfect reflector (F = 1) loses thereby at the worst angle of incidence. A
+star marks surfaces whose worst angle is 0 degrees.
 
     alpha   gamma = 0.5     1       1.5     2       3       4
     0.001   0.39 *          0.07 *  0.05    0.05    0.04    0.03
@@ -31,7 +33,8 @@ Radiation that facets reflect to each other is left out. Of what reaches a perfe
     0.7     0.58 *          0.54 *  0.50 *  0.45 *  0.37 *  0.30 *
     1       0.62 *          0.62 *  0.62 *  0.62 *  0.62 *  0.62 *
 
-It appears as absorption: a fit of a rough bright metal, whose emissivity is low, needs the floor.
+The loss appears as absorption. A fit of a rough metal with a low emissivity therefore needs the
+floor, which makes up for it.
 
 Sources: K. E. Torrance and E. M. Sparrow, J. Opt. Soc. Am. 57, 1105, 1967; R. L. Cook and
 K. E. Torrance, ACM Trans. Graph. 1, 7, 1982; B. Walter et al., Microfacet models for refraction
@@ -56,19 +59,31 @@ from mi_lcair.physics.reflection.directions import SMALLEST, cos_theta
 from mi_lcair.physics.reflection.interface import Rung
 from mi_lcair.physics.reflection.microfacet_cube import MicrofacetCube
 
-NARROW = 0.2  # width of a lobe up to which a mirror may stand for it
-NEGLIGIBLE = 1e-6  # reflectance of a part that cannot matter
-WORTH_A_REMARK = 0.05  # share of the radiation that is lost between the facets
+NARROW = 0.2  # largest width of a lobe that a mirror may replace
+NEGLIGIBLE = 1e-6  # largest reflectance of a part of the model that is neglected
+WORTH_A_REMARK = 0.05  # share of the radiation lost between facets above which the user is told
 
 
 @dataclass
 class Surface(interface.Surface):
     """The five parameters of a surface and the numbers in which they enter the equations.
 
-    peak = D_0 [1/sr] and spread = w of `microfacet_distribution`; contrast = n^2 - 1 - k^2 and
-    nk = n k of `microfacet_fresnel`; refracted: the hemispherical mean of 1 - F; tilt: a
-    typical sine of the facets' angles, for `lobe_scale`; q and inverse_exponent: for drawing
-    normals. Dr.Jit floats of one type.
+    All fields are Dr.Jit floats of one type.
+
+    Attributes
+    ----------
+    alpha, gamma, n, k, rho_d
+        The parameters.
+    peak, spread
+        D_0 [1/sr] and w of `microfacet_distribution`.
+    contrast, nk
+        n^2 - 1 - k^2 and n k of `microfacet_fresnel`.
+    refracted
+        Hemispherical mean of 1 - F.
+    tilt
+        Typical sine of the facets' angles to the surface, for `lobe_scale`.
+    q, inverse_exponent
+        Numbers for sampling normals; see `microfacet_distribution.quantile_terms`.
     """
 
     alpha: Any
@@ -87,14 +102,17 @@ class Surface(interface.Surface):
 
 
 def visibility(c_i, c_r, p2):
-    """G / (c_i c_r), from the cosines of the two directions and the square of p."""
+    """G / (c_i c_r) for the cosines c_i and c_r of the two directions and p2 = p^2."""
     unhidden = 1 / dr.maximum(c_i * c_r, SMALLEST)
     hidden = (c_i + c_r) / dr.maximum(p2 * dr.maximum(c_i, c_r), SMALLEST)
     return dr.minimum(unhidden, hidden)
 
 
 def half_vector(i, r):
-    """Squared sine of the half-vector's angle to the normal, and p^2, squared cosine to i and r."""
+    """Squared sine of the half-vector's angle to the normal, and p^2.
+
+    p is the cosine of the half-vector's angle to i, which equals that to r.
+    """
     x, y, z = i.x + r.x, i.y + r.y, i.z + r.z
     xy = dr.square(x) + dr.square(y)
     xyz = dr.maximum(xy + dr.square(z), SMALLEST)
@@ -102,10 +120,13 @@ def half_vector(i, r):
 
 
 class Microfacet(MicrofacetCube):
-    """The microfacet model of this module."""
+    """The microfacet model; the module's docstring gives its equations."""
 
     def surface(self, alpha, gamma, n, k, rho_d, form: str = "standard") -> Surface:
-        """The `Surface` of these parameters, Dr.Jit Float64 arrays (then `cast`)."""
+        """The `Surface` with these parameters, Dr.Jit Float64 arrays.
+
+        Use `Surface.cast` for another float type: Float64 is needed to derive the numbers.
+        """
         spread = distribution.spread(alpha)
         contrast = (n - 1) * (n + 1) - dr.square(k)
         q, inverse_exponent = distribution.quantile_terms(gamma, spread)
@@ -155,10 +176,11 @@ class Microfacet(MicrofacetCube):
         return lobe / dr.maximum(self.lobe_scale(S, cos, dr.square(sin)), SMALLEST)
 
     def lobe_scale(self, S, cos, sin2):
-        """Reflectance of a typical facet, which the lobe's follows at grazing angles.
+        """Fresnel reflectance of a typical facet.
 
-        A table of the ratio over 1024 even places of sqrt(cos) holds 5e-6 up to 89.5 degrees; of
-        the lobe's HDR itself it misses by 1.2e-5 (strong metals near their Brewster angle).
+        At grazing angles the lobe's HDR is proportional to it. A table of the ratio at 1024 even
+        values of sqrt(cos) has an error of at most 5e-6 up to 89.5 degrees. The same table of the
+        lobe's HDR itself has an error of 1.2e-5, for strong metals near their Brewster angle.
         """
         p = 0.5 * (cos + dr.sqrt(dr.square(cos) + dr.square(S.tilt) * sin2))
         return fresnel.reflectance(p, S.contrast, S.nk)
@@ -166,12 +188,16 @@ class Microfacet(MicrofacetCube):
     # ------------------------------------------------------------------ Drawing directions
 
     def sample_lobe(self, S, r, u1, u2, u3):
-        """The reflection of r about a facet that it sees, drawn from these: see `lobe_pdf`."""
+        """Reflect r about the normal of a random facet that is visible from r.
+
+        `lobe_pdf` is the density of the result.
+        """
+        # Elevation and azimuth of the normal of a facet, visible or not.
         sin2 = distribution.sample_sin2(u2, S.spread, S.q, S.inverse_exponent)
         sin, cos = dr.sqrt(sin2), dr.sqrt(1 - sin2)
         sin_phi, cos_phi = dr.sincos(dr.two_pi * u1)
-        # This facet and its mirror image across the normal are the two sides of a V-shaped cavity.
-        # Each is seen in proportion to its projected area, r.z cos +- across.
+        # The facet and its mirror image across the normal are the two sides of a V-shaped cavity.
+        # Each is visible in proportion to its projected area, r.z cos + across or r.z cos - across.
         across = sin * dr.fma(r.x, cos_phi, r.y * sin_phi)
         sin = dr.select((2 * u3 - 1) * (r.z * cos) < across, sin, -sin)
         m = type(r)(sin * cos_phi, sin * sin_phi, cos)
@@ -185,7 +211,10 @@ class Microfacet(MicrofacetCube):
         return 0.25 * D * dr.minimum(1 / dr.maximum(cos_theta(r), SMALLEST), 2 * m_z_over_p)
 
     def lobe_width(self, S):
-        """As the interface says; at most 1, also where D does not fall to a quarter at all."""
+        """Width of the lobe as the interface defines it, but at most 1.
+
+        It is 1 also if D does not fall to a quarter at any angle.
+        """
         return distribution.width(S.gamma, S.spread)
 
     # ------------------------------------------------------------------ Planning and remarks
@@ -212,7 +241,7 @@ class Microfacet(MicrofacetCube):
 
 
 def facet_reflectance(S, p):
-    """F(p) of the surface."""
+    """Fresnel reflectance F of a facet at the cosine p."""
     return fresnel.reflectance(p, S.contrast, S.nk)
 
 

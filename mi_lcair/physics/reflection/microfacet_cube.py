@@ -1,8 +1,9 @@
-"""The parameters of the microfacet model and their feasible set as a cube, on which searches run.
+"""The parameters of the microfacet model, mapped to the unit cube on which searches run.
 
-alpha, gamma and n are spread evenly in their logarithms between their bounds, rho_d as it is. k
-enters the BRDF as k^2 only: in k itself the face k = 0, the dielectrics, would be stationary
-whatever the data. So k^2 = K^2 (exp(L u) - 1), with L such that u = 1 is the upper bound.
+The coordinates of alpha, gamma and n are linear in their logarithms between the bounds. That of
+rho_d is rho_d itself. k enters the BRDF as k^2 only. With k as a coordinate, the face k = 0
+(dielectrics) would be stationary for all data. The coordinate u of k is therefore defined by
+k^2 = K^2 (exp(L u) - 1), where L is chosen such that u = 1 is the upper bound.
 """
 
 from math import log
@@ -14,9 +15,10 @@ from scipy.stats import qmc
 from mi_lcair.errors import InputError
 from mi_lcair.physics.reflection.interface import Parameter, ReflectionModel, Restriction
 
-KNEE2 = 0.01  # K^2: the coordinate is linear in k^2 below it and in log k above
-SMALLEST_K2 = 1e-24  # keeps the derivative of sqrt(k^2) finite on the face k = 0
-ROUNDING = 1e-6  # relative; parameters that passed through Float32 may exceed a bound by theirs
+KNEE2 = 0.01  # K^2: the coordinate of k is linear in k^2 below it and in log k above it
+SMALLEST_K2 = 1e-24  # added to k^2, so that the derivative of its root is finite at k = 0
+# Relative excess over a bound that is accepted, for parameters that were rounded to Float32.
+ROUNDING = 1e-6
 
 ADVICE = "measure the emissivity and give --emissivity"
 PARAMETERS = (
@@ -47,7 +49,7 @@ K2_RANGE = float(np.log1p(UPPER[3] ** 2 / KNEE2))
 
 
 class MicrofacetCube(ReflectionModel):
-    """The part of the model that searches use."""
+    """The microfacet model's parameters and search coordinates."""
 
     name = "microfacet"
     title = "Microfacet"
@@ -80,10 +82,11 @@ class MicrofacetCube(ReflectionModel):
         return np.clip(u, 0, 1)
 
     def starting_points(self, count: int, seed: int) -> np.ndarray:
-        """(count, 5) points of the cube, the same for the same seed.
+        """Random points (count, 5) of the cube; the same seed gives the same points.
 
-        Real surfaces have lobes of 0.001..1 with exponents 0.7..3 and indices n of 1.2..12. Half of
-        them are metals, k of 1..50. The floor is spread in decades, 1e-4..1.
+        Real surfaces have lobes of width 0.001..1, exponents 0.7..3 and refractive indices 1.2..12.
+        Half of the points are metals with k of 1..50. The floor's reflectance is spread evenly in
+        its logarithm over 1e-4..1.
         """
         u = qmc.LatinHypercube(5, rng=np.random.default_rng(seed)).random(count)
         decades = lambda low, high, place: low * (high / low) ** place

@@ -5,7 +5,7 @@ With theta the angle of a facet's normal m to the surface's normal and a = alpha
     D(m) = D_0 (1 + w sin^2 theta)^(-gamma),   w = (1 - a) / a,
     D_0 = B((gamma - 1) L) / (pi a B(L)),      L = ln(1 / a),     B(x) = x / (1 - exp(-x)),
 
-so that int D cos(theta) domega = 1 over the hemisphere. B(0) = 1 are the removable limits at
+so that int D cos(theta) domega = 1 over the hemisphere. B(0) = 1 gives the removable limits at
 gamma = 1 and at alpha = 1 (facets in all directions). gamma = 2 is the distribution of Trowbridge
 and Reitz (GGX, Walter et al. 2007).
 """
@@ -14,15 +14,15 @@ from math import log
 
 import drjit as dr
 
-# Sampling is done beside the limits alpha = 1 and gamma = 1: with at least this w, and with at
-# least this |gamma - 1|. The density of the samples then differs from D cos by less than 2e-5 of
-# itself.
+# The sampling equations are singular at alpha = 1 and gamma = 1. Sampling therefore uses at least
+# this w and at least this |gamma - 1|. The relative error of the samples' density is then below
+# 2e-5.
 SMALLEST_SPREAD = 1e-6
 SMALLEST_EXPONENT = 1e-6
 
 
 def bernoulli(x):
-    """B(x) = x / (1 - exp(-x)), to 1e-15; x a Float64 array."""
+    """B(x) = x / (1 - exp(-x)) for a Float64 array x, with an error of 1e-15."""
     x2 = dr.square(x)
     near = dr.abs(x) < 0.1
     series = 1 + x / 2 + x2 / 12 * (1 - x2 / 60 * (1 - x2 / 42 * (1 - x2 / 40)))
@@ -31,37 +31,38 @@ def bernoulli(x):
 
 
 def peak(alpha, gamma):
-    """D_0 [1/sr], D towards the surface's normal; Float64 arrays."""
+    """D_0 [1/sr], the value of D along the surface's normal, from Float64 arrays."""
     L = -2 * dr.log(alpha)
     return bernoulli((gamma - 1) * L) / (dr.pi * dr.square(alpha) * bernoulli(L))
 
 
 def spread(alpha):
-    """w = (1 - alpha^2) / alpha^2."""
+    """w = (1 - alpha^2) / alpha^2, without cancellation near alpha = 1."""
     a = dr.square(alpha)
     return (1 - alpha) * (1 + alpha) / a
 
 
 def density(sin2, peak, spread, gamma):
-    """D [1/sr] at the squared sine of the normal's angle."""
-    # The base is 1 or more. A bare (a cos^2 + sin^2)^-gamma, or its derivative, overflows Float32
-    # for narrow lobes.
+    """D [1/sr] for facets with the squared sine sin2 of their normal's angle.
+
+    peak and spread are the results of the functions `peak` and `spread`.
+    """
+    # The base 1 + w sin^2 is at least 1. The equivalent (a cos^2 + sin^2)^-gamma, or its
+    # derivative, overflows Float32 for narrow lobes.
     return peak * dr.exp(-gamma * dr.log(dr.fma(spread, sin2, 1)))
 
 
 def width(gamma, spread):
-    """Tangent of the angle at which D falls to a quarter of its top; 1 where that lies beyond 45
-    degrees.
-    """
+    """Tangent of the angle at which D has fallen to a quarter of its maximum, at most 1."""
     sin2 = (dr.exp(log(4) / gamma) - 1) / dr.maximum(spread, SMALLEST_SPREAD)
     sin2 = dr.minimum(sin2, 0.5)
     return dr.sqrt(sin2 / (1 - sin2))
 
 
 def mean_sin2(alpha, gamma):
-    """Mean squared sine of a normal's angle under D cos; Float64 arrays.
+    """Mean squared sine of a normal's angle, with the weight D cos; Float64 arrays.
 
-    (B((1 - gamma) L) / B((2 - gamma) L) - a) / (1 - a), with the limit 1/2 at alpha = 1.
+    It is (B((1 - gamma) L) / B((2 - gamma) L) - a) / (1 - a), with the limit 1/2 at alpha = 1.
     """
     L = -2 * dr.log(alpha)
     a = dr.square(alpha)
@@ -71,8 +72,9 @@ def mean_sin2(alpha, gamma):
 
 
 def quantile_terms(gamma, spread):
-    """(q, 1 / (gamma - 1)) of `sample_sin2`, with q = 1 - a^(gamma - 1), without derivatives;
-    Float64 arrays.
+    """q = 1 - a^(gamma - 1) and 1 / (gamma - 1) for `sample_sin2`.
+
+    Arguments and results are Float64 arrays. The results carry no derivatives.
     """
     exponent = dr.detach(gamma) - 1
     exponent = dr.select(exponent < 0, -1, 1) * dr.maximum(dr.abs(exponent), SMALLEST_EXPONENT)
@@ -82,11 +84,27 @@ def quantile_terms(gamma, spread):
 
 
 def sample_sin2(u, spread, q, inverse_exponent):
-    """Squared sine of a normal's angle, of density D cos; q and inverse_exponent are those of
-    `quantile_terms`.
+    """Squared sine of a random normal's angle, with density D cos.
 
-    u is the share of normals within theta, (1 - (1 + w sin^2 theta)^(1 - gamma)) / q.
+    The function inverts u = (1 - (1 + w sin^2 theta)^(1 - gamma)) / q, the share of normals with
+    angles below theta.
+
+    Parameters
+    ----------
+    u
+        Uniform random number in 0..1.
+    spread
+        w, from `spread`.
+    q, inverse_exponent
+        Results of `quantile_terms`.
+
+    Returns
+    -------
+    Dr.Jit array
+        sin^2(theta), 0..1.
     """
+    # (1 - u q)^(1 / (1 - gamma)) - 1 is written with ln and sinh, so that it loses no digits near
+    # 0.
     z = -u * q
     near = dr.abs(z) < 0.5
     z_near, z_far = dr.select(near, z, 0), dr.select(near, 0, z)

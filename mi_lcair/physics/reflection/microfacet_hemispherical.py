@@ -1,14 +1,15 @@
 """Hemispherical reflectance of the microfacet lobe, by quadrature over facet normals.
 
-HDR = int F D G p / cos(theta_r) domega_m over the normals m that reflect r upward. With
+HDR = int F D G p / cos(theta_r) domega_m, over the normals m that reflect r upward. With
 c = cos(theta_r), z = m_z and p = r.m = c z (1 + k cos phi), k = tan(theta_r) tan(theta_m), the
-visible projection G p / c is the least of
+visible projected area G p / c is the smallest of
 
     p / c   (no facet hides another),    2 z   (masking),    2 z (2 p z - c) / c   (shadowing).
 
-These succeed each other in the azimuth phi, and each such stretch has Gauss nodes of its own. In
-theta_m, stretches begin and end at the angles of `breaks`. There the azimuthal integral has a
-term of power 3/2, which the map of each panel smooths. The result holds 1e-8 for all parameters.
+Each of the three applies in one interval of the azimuth phi, and each interval has its own Gauss
+nodes. The panels in theta_m begin and end at the angles of `breaks`. At these angles the azimuthal
+integral has a term of power 3/2, which the change of variable in each panel makes smooth. The error
+of the result is at most 1e-8 for all parameters.
 """
 
 from functools import cache
@@ -20,25 +21,36 @@ from mi_lcair.physics.reflection import microfacet_fresnel as fresnel
 from mi_lcair.physics.reflection.microfacet_distribution import density
 
 POLAR = (40, 16, 16, 40, 20, 20)  # nodes of each panel in theta_m
-AZIMUTHS = (12, 8, 24)  # nodes of each stretch in phi: shadowing, none, masking
-MEAN_NODES = 48  # of the hemispherical mean
-GRAZING_KNEE = 0.01  # cosine around which F of the strongest metals varies
+AZIMUTHS = (12, 8, 24)  # nodes of each interval in phi: shadowing, neither, masking
+MEAN_NODES = 48  # nodes of the hemispherical mean
+GRAZING_KNEE = 0.01  # cosine near which F of the strongest metals varies fastest
 REACH = np.arcsinh(1 / GRAZING_KNEE)
 
 gauss = cache(np.polynomial.legendre.leggauss)
 
 
 def unit_rule(count):
-    """Nodes and weights in 0..1."""
+    """Gauss-Legendre nodes and weights on 0..1, NumPy arrays (count,)."""
     x, weight = gauss(count)
     return 0.5 * (x + 1), 0.5 * weight
 
 
 def lobe_reflectance(S, theta_r, reflectance):
-    """HDR of the lobe at theta_r [rad], 0 <= theta_r < pi/2; Float64, derivatives attached to S.
+    """HDR of the lobe, with derivatives attached to S.
 
-    S: a surface, one for all angles (width 1) or one per angle. reflectance: of a facet, a function
-    of S and p.
+    Parameters
+    ----------
+    S
+        Float64 `Surface`: one for all angles (width 1), or one for each angle.
+    theta_r
+        Angles of the observer, 0 <= theta_r < pi/2 [rad], Float64 (n,).
+    reflectance
+        Function of S and the cosine p: the reflectance of a facet.
+
+    Returns
+    -------
+    Float64
+        Reflectances of the lobe, (n,).
     """
     S_polar = S.repeat(sum(POLAR))
     theta, weight = polar_nodes(theta_r, dr.detach(S_polar.alpha))
@@ -53,10 +65,10 @@ def lobe_reflectance(S, theta_r, reflectance):
 def breaks(theta_r):
     """The angles theta_m, ascending from 0, between which the azimuthal integral is smooth.
 
-    Shadowing begins at (90 - theta_r) / 3. The horizon cuts from (90 - theta_r) / 2 to
-    (90 + theta_r) / 2, where all ends. For theta_r above 45 degrees, masking reaches from
-    90 - theta_r to theta_r, and every facet is partly hidden from 45 on. For smaller theta_r, every
-    facet is from (90 + theta_r) / 3 on.
+    In degrees: shadowing begins at (90 - theta_r) / 3. From (90 - theta_r) / 2 on some azimuths
+    reflect r below the horizon, and from (90 + theta_r) / 2 on all do. For theta_r above 45,
+    masking reaches from 90 - theta_r to theta_r, and every facet is partly hidden from 45 on. For
+    smaller theta_r, every facet is partly hidden from (90 + theta_r) / 3 on.
     """
     level = 0.5 * dr.pi
     steep = theta_r > 0.25 * dr.pi
@@ -74,14 +86,15 @@ def breaks(theta_r):
 
 
 def polar_nodes(theta_r, alpha):
-    """Angles theta_m and their weights, sum(POLAR) for each theta_r in a row, dense at the lobe's
-    top and at the breaks.
+    """Angles theta_m and their weights, sum(POLAR) in a row for each theta_r.
+
+    The angles are dense at the lobe's maximum and at the `breaks`.
     """
     Float = type(theta_r)
     count, nodes = dr.width(theta_r), sum(POLAR)
     x, weight = (np.concatenate(parts) for parts in zip(*map(unit_rule, POLAR)))
     panel = np.repeat(np.arange(len(POLAR)), POLAR)
-    at_top = panel == 0  # smooth there: only the panel's end is a break
+    at_top = panel == 0  # the first panel begins at the maximum; only its end is a break
     place = np.where(at_top, x * (2 - x), x * x * (3 - 2 * x))
     weight = weight * np.where(at_top, 2 * (1 - x), 6 * x * (1 - x))
     place, weight = (Float(np.tile(numbers, count)) for numbers in (place, weight))
@@ -97,19 +110,21 @@ def polar_nodes(theta_r, alpha):
 
 
 def azimuthal_integral(S, theta_r, theta, reflectance):
-    """int F G p / c dphi over all azimuths that reflect upward; one value per lane."""
+    """int F G p / c dphi over all azimuths that reflect upward, one value for each lane."""
     Float = type(theta)
     sin, z = dr.sincos(theta)
     sin_r, c = dr.sincos(theta_r)
     tau2 = dr.square(sin / z)
     k = sin_r * sin / (c * z)
+    # Azimuths at which the reflection reaches the horizon, shadowing ends and masking begins.
     lowest = azimuth(0.5 * (tau2 - 1), k)
     unhidden = tau2 < 1
     end_shadow = dr.select(
         unhidden, azimuth((3 * tau2 - 1) / (3 - dr.minimum(tau2, 1)), k), azimuth(tau2, k)
     )
     end_masking = dr.select(unhidden, azimuth(1, k), end_shadow)
-    width = dr.clip(c * z / (sin_r * sin), 1e-3 * z / sin, 10)  # 1e-3: F varies no faster in p
+    # Azimuth over which the integrand changes. F varies in p no faster than over 1e-3.
+    width = dr.clip(c * z / (sin_r * sin), 1e-3 * z / sin, 10)
     dr.eval(k, z, c, lowest, end_shadow, end_masking, width)
     count = dr.width(theta)
     total = 0
@@ -119,7 +134,8 @@ def azimuthal_integral(S, theta_r, theta, reflectance):
         length, scale, first = (
             dr.repeat(v + dr.zeros(Float, count), nodes) for v in (start - end, width, start)
         )
-        stretched = dr.asinh(length / scale)  # dense at the start, where p and so F vary fastest
+        # The nodes are dense at the start, where p, and with it F, varies fastest.
+        stretched = dr.asinh(length / scale)
         phi = first - scale * dr.sinh(stretched * x)
         z_, c_, k_ = (dr.repeat(v, nodes) for v in (z, c, k))
         p_over_c = z_ * dr.fma(k_, dr.cos(phi), 1)
@@ -131,12 +147,15 @@ def azimuthal_integral(S, theta_r, theta, reflectance):
 
 
 def azimuth(cos_times_k, k):
-    """The azimuth of which k cos(phi) has this value, 0..pi; the nearest where there is none."""
+    """Azimuth phi in 0..pi at which k cos(phi) = cos_times_k.
+
+    If there is no such azimuth, the end of 0..pi that comes nearest.
+    """
     return dr.acos(dr.clip(cos_times_k / dr.maximum(k, 1e-30), -1, 1))
 
 
 def mean_transmittance(contrast, nk):
-    """int_0^1 (1 - F(c)) 2 c dc, the hemispherical mean of 1 - F; Float64, derivatives attached."""
+    """Hemispherical mean of 1 - F, int_0^1 (1 - F(c)) 2 c dc, with derivatives, in Float64."""
     Float = type(contrast)
     x, weight = unit_rule(MEAN_NODES)
     x, weight = (

@@ -1,7 +1,7 @@
-"""The Sandford-Robertson model: its equations, integrals and search coordinates in one object.
+"""The Sandford-Robertson model, with its equations, integrals and search coordinates.
 
 The equations are in `sandford_robertson_equations`, their hemispherical integrals in
-`sandford_robertson_hemispherical`, the search coordinates in `sandford_robertson_cube`.
+`sandford_robertson_hemispherical`, and the search coordinates in `sandford_robertson_cube`.
 """
 
 import drjit as dr
@@ -11,8 +11,8 @@ from mi_lcair.physics.reflection import sandford_robertson_hemispherical as hemi
 from mi_lcair.physics.reflection.interface import Rung
 from mi_lcair.physics.reflection.sandford_robertson_cube import SandfordRobertsonCube
 
-NARROW = 0.2  # width e of a lobe up to which a mirror may stand for it
-NEGLIGIBLE = 1e-6  # reflectance of a part that cannot matter
+NARROW = 0.2  # largest width e of a lobe that a mirror may replace
+NEGLIGIBLE = 1e-6  # largest reflectance of a part of the model that is neglected
 
 
 class SandfordRobertson(SandfordRobertsonCube):

@@ -1,5 +1,4 @@
-"""The parameters of the Sandford-Robertson model, and their feasible set as a cube, on which
-searches run.
+"""The Sandford-Robertson model's parameters, mapped to the unit cube on which searches run.
 
 With u = (absorbed share, diffuse share of the rest, b^2, place of log e between its bounds), each
 in 0..1,
@@ -7,8 +6,8 @@ in 0..1,
     epsilon = G u_0,   rho_d = G (1 - u_0) u_1,   b = sqrt(u_2),   e = E_MIN^(1 - u_3),
 
 so that 0 <= epsilon, 0 <= rho_d and epsilon + rho_d <= G(b) hold for every u, and each bound of the
-set is a face of the cube. b enters the BRDF as b^2 only: in b itself the point b = 0 would be
-stationary whatever the data.
+feasible set is a face of the cube. b enters the BRDF as b^2 only. With b as a coordinate, the point
+b = 0 would be stationary for all data.
 """
 
 import drjit as dr
@@ -17,12 +16,12 @@ import numpy as np
 from mi_lcair.physics.reflection.interface import Parameter, ReflectionModel, Restriction
 from mi_lcair.physics.reflection.sandford_robertson_equations import G
 
-E_MIN = 1e-5  # a lobe 0.001 degrees wide, narrower than any instrument resolves
-SMALLEST_B2 = 1e-24  # keeps the derivative of sqrt(b^2) finite on the face b = 0
+E_MIN = 1e-5  # smallest e: a lobe 0.001 degrees wide, narrower than any instrument resolves
+SMALLEST_B2 = 1e-24  # lower limit of b^2, so that the derivative of its root is finite at b = 0
 
 
 class SandfordRobertsonCube(ReflectionModel):
-    """The part of the model that searches use."""
+    """The Sandford-Robertson model's parameters and search coordinates."""
 
     name = "sandford_robertson"
     title = "Sandford-Robertson"
@@ -84,8 +83,10 @@ class SandfordRobertsonCube(ReflectionModel):
         return values
 
     def starting_points(self, count: int, seed: int) -> np.ndarray:
-        """The diffuse share and e are spread in decades (1e-4..1 and 1e-3..1), as real surfaces
-        are.
+        """Random points (count, 4) of the cube; the same seed gives the same points.
+
+        As in real surfaces, the diffuse share and e are spread evenly in their logarithms, over
+        1e-4..1 and 1e-3..1.
         """
         from scipy.stats import qmc
 
@@ -100,7 +101,7 @@ class SandfordRobertsonCube(ReflectionModel):
         )
 
     def bound_names(self, u) -> list[str | None]:
-        """epsilon + rho_d = G(b) leaves nothing for the lobe."""
+        """Names of the bounds; at the bound epsilon + rho_d = G(b) there is no lobe."""
         full = "epsilon + rho_d = G(b)" if max(u[0], u[1]) >= 1 else None
         return [
             "0" if u[0] <= 0 else full,
@@ -111,6 +112,6 @@ class SandfordRobertsonCube(ReflectionModel):
 
 
 def bound_of_sum(b) -> np.ndarray:
-    """G(b), the most that epsilon + rho_d can be, of an array b."""
+    """G(b), the upper bound of epsilon + rho_d, for an array b."""
     b = np.asarray(b, dtype=float)
     return np.array(G(dr.scalar.ArrayXf64(b.ravel()))).reshape(b.shape)

@@ -1,11 +1,13 @@
-"""The Sandford-Robertson reflection model (thesis 2.3.4, Eqs 2.14-2.26) as plain functions over
-Dr.Jit arrays.
+"""The equations of the Sandford-Robertson reflection model (thesis 2.3.4, Eqs 2.14-2.26).
 
-Directions are unit 3-vectors in the surface's frame (z along the normal): `i` points to the source,
-`r` to the observer. The model is NOT reciprocal, f(i, r) != f(r, i), so the order matters. Every
-function accepts Dr.Jit arrays of any float type and keeps derivatives; none needs Mitsuba. Squared
-sines come from x and y, never from 1 - cos^2: at e = 0.0042 the latter has no correct digit left in
-Float32.
+Directions are unit 3-vectors in the surface's frame, whose z axis is the normal. `i` points to the
+source and `r` to the observer. The model is not reciprocal, f(i, r) != f(r, i), so the order
+matters. In all functions, cos and sin2 are cosine and squared sine of a direction's angle to the
+normal.
+
+Every function accepts Dr.Jit arrays of any float type and keeps derivatives. None needs Mitsuba.
+Squared sines are computed from x and y and never as 1 - cos^2. At e = 0.0042 the latter has no
+correct digit in Float32.
 """
 
 from dataclasses import dataclass
@@ -22,12 +24,13 @@ FORMS = ("thesis", "normalized")
 
 @dataclass
 class Surface(interface.Surface):
-    """The four parameters of a surface and the three combinations in which they enter the BRDF.
+    """The four parameters of a surface and the combinations in which they enter the BRDF.
 
-    `floor` = rho_d / G^2 (Eq 2.15). `absorbed` = (epsilon + rho_d) / G and `slack` = (G - epsilon
-    - rho_d) / G give the specular reflectance without cancellation, rho_s = slack + absorbed
-    (1 - g). Near the bound epsilon + rho_d = G the textbook form 1 - rho_d(theta) - epsilon(theta)
-    loses every digit in Float32. Dimensionless; Dr.Jit floats of one type.
+    `floor` = rho_d / G^2 (Eq 2.15). `absorbed` = (epsilon + rho_d) / G and
+    `slack` = (G - epsilon - rho_d) / G give the specular reflectance without cancellation,
+    rho_s = slack + absorbed (1 - g). Near the bound epsilon + rho_d = G, the textbook form
+    1 - rho_d(theta) - epsilon(theta) loses every digit in Float32. All fields but `form` are
+    dimensionless Dr.Jit floats of one type.
     """
 
     epsilon: Any
@@ -42,12 +45,15 @@ class Surface(interface.Surface):
 
 
 def surface(epsilon, rho_d, b, e, form: str = "thesis") -> Surface:
-    """A `Surface` from its parameters, best Float64 arrays (then `cast`). form: see `f`."""
+    """The `Surface` with these parameters.
+
+    The parameters should be Float64 arrays; use `Surface.cast` for another float type. form: see
+    `f`.
+    """
     G_b = G(b)
     slack = (G_b - epsilon - rho_d) / G_b
-    slack += dr.maximum(
-        -dr.detach(slack), 0
-    )  # parameters that passed through Float32 may exceed G by its rounding
+    # Parameters that were rounded to Float32 may exceed G by the rounding. slack is then 0.
+    slack += dr.maximum(-dr.detach(slack), 0)
     return Surface(
         epsilon,
         rho_d,
@@ -62,10 +68,10 @@ def surface(epsilon, rho_d, b, e, form: str = "thesis") -> Surface:
 
 
 def check_feasible(epsilon: float, rho_d: float, b: float, e: float, form: str = "thesis") -> None:
-    """Raises InputError for parameters outside 0 <= epsilon, rho_d; epsilon + rho_d <= G(b); 0 <= b
-    <= 1; 0 < e <= 1.
+    """Raise InputError for parameters that no surface can have.
 
-    Parameters that passed through Float32 may exceed G by its rounding.
+    The bounds are 0 <= epsilon, 0 <= rho_d, epsilon + rho_d <= G(b), 0 <= b <= 1 and 0 < e <= 1.
+    Parameters that were rounded to Float32 may exceed G(b) by the rounding.
     """
     for name, value in (("epsilon", epsilon), ("rho_d", rho_d)):
         if not value >= 0:
@@ -93,12 +99,13 @@ def check_feasible(epsilon: float, rho_d: float, b: float, e: float, form: str =
 
 
 def G(b):
-    """G(b) = 2 int_0^(pi/2) g cos sin dtheta, Eq 2.18; 1 at b = 0 and 1/2 at b = 1 (removable
-    limits).
+    """G(b) = 2 int_0^(pi/2) g cos sin dtheta, Eq 2.18.
+
+    The removable limits are 1 at b = 0 and 1/2 at b = 1.
     """
     x = dr.maximum(dr.square(b), SMALLEST)
     u = 1 - x
-    series = 0  # sum_{n>=2} u^(n-2) / (n (n-1)): 1e-16 for u < 0.1
+    series = 0  # sum over n >= 2 of u^(n-2) / (n (n-1)), with an error of 1e-16 for u < 0.1
     for n in range(18, 1, -1):
         series = series * u + 1 / (n * (n - 1))
     far = u > 0.1
@@ -107,8 +114,9 @@ def G(b):
 
 
 def falloff(cos, sin2, b):
-    """1 / (cos^2 + b^2 sin^2), of which g, 1 - g and d / cos are multiples: one division serves
-    them all.
+    """1 / (cos^2 + b^2 sin^2), a common factor of g, 1 - g and d / cos.
+
+    Computing it once saves divisions.
     """
     return dr.rcp(dr.maximum(dr.fma(dr.square(b), sin2, dr.square(cos)), SMALLEST))
 
@@ -119,7 +127,7 @@ def g(cos, sin2, b):
 
 
 def one_minus_g(cos, sin2, b):
-    """1 - g(theta), without the cancellation."""
+    """1 - g(theta), computed without cancellation."""
     return dr.square(b) * sin2 * falloff(cos, sin2, b)
 
 
@@ -134,26 +142,26 @@ def emissivity(S: Surface, cos, sin2):
 
 
 def sin2_alpha(i, r):
-    """Squared sine of the angle between the half-vector and the normal (Eqs 2.25, 2.26)."""
+    """Squared sine of alpha, the angle between half-vector and normal (Eqs 2.25, 2.26)."""
     x, y, z = i.x + r.x, i.y + r.y, i.z + r.z
     xy = dr.square(x) + dr.square(y)
     return xy / dr.maximum(xy + dr.square(z), SMALLEST)
 
 
 def h(sin2_alpha, e):
-    """Lobe shape h(alpha) = 1 / (e^2 cos^2 alpha + sin^2 alpha)^2, Eq 2.22: Trowbridge-Reitz, pi D
-    / e^2.
+    """Shape of the lobe, h(alpha) = 1 / (e^2 cos^2 alpha + sin^2 alpha)^2, Eq 2.22.
+
+    It is pi D / e^2 with the distribution D of Trowbridge and Reitz.
     """
-    # squared last: the derivative of 1 / x^2 passes through 1 / x^4, which overflows Float32 for e
-    # below 1.5e-5
+    # The reciprocal is squared, not the square inverted: the derivative of 1 / x^2 contains 1 /
+    # x^4, which overflows Float32 for e below 1.5e-5.
     return dr.square(1 / dr.fma(dr.square(e), 1 - sin2_alpha, sin2_alpha))
 
 
 def e2_H(cos_i, e):
-    """e^2 H(theta_i), Eq 2.23 without its leading 1/(2 e^2), which a narrow lobe would carry
-    through every product.
+    """e^2 H(theta_i), where H(theta_i) = (1/4 pi) int h(alpha) domega_r, Eq 2.23.
 
-    H(theta_i) = (1/4 pi) int over the hemisphere of h(alpha) domega_r.
+    The factor e^2 cancels the leading 1/(2 e^2) of Eq 2.23, which is very large for a narrow lobe.
     """
     e2 = dr.square(e)
     c = (1 - e2) * cos_i
@@ -162,8 +170,9 @@ def e2_H(cos_i, e):
 
 
 def observer_factor(S: Surface, cos, sin2):
-    """d(theta_r) / cos(theta_r) of Eq 2.19, without the division by a vanishing cosine; 1 / cos in
-    the normalized form.
+    """d(theta_r) / cos(theta_r) of Eq 2.19; 1 / cos(theta_r) in the normalized form.
+
+    The first is computed without a division by the cosine, which vanishes at grazing angles.
     """
     if S.form == "normalized":
         return 1 / dr.maximum(cos, SMALLEST)
@@ -192,19 +201,21 @@ def f_s(S: Surface, i, r):
 def f(S: Surface, i, r):
     """BRDF f_r(i, r), Eq 2.14 [1/sr]; 0 unless both directions lie above the surface.
 
-    form "thesis" keeps the factor d(theta_r) of Eq 2.19, with which the surface loses energy toward
-    grazing angles; form "normalized" drops it, so that DHR(theta_i) = 1 - epsilon(theta_i) exactly.
+    The form "thesis" has the factor d(theta_r) of Eq 2.19, by which the surface loses energy toward
+    grazing angles. The form "normalized" has no such factor, so that DHR(theta_i) =
+    1 - epsilon(theta_i) exactly.
     """
     above = (i.z > 0) & (r.z > 0)
     return dr.select(above, f_d(S, i, r) + f_s(S, i, r), 0)
 
 
 def sample_half_vector(w, e, u1, u2):
-    """A microfacet normal, drawn from those of the Trowbridge-Reitz distribution h that are visible
-    from `w` (z > 0).
+    """A random microfacet normal among those visible from the direction w (z > 0).
 
-    u1, u2: uniform in 0..1. Stretch, sample the spherical cap, stretch back (Dupuy and Benyoub, HPG
-    2023, with alpha = e). The reflection of `w` about it has the density `lobe_pdf`.
+    The normals have the Trowbridge-Reitz distribution with the width e. u1, u2: uniform random
+    numbers in 0..1. The method stretches w, samples a spherical cap, and stretches back (Dupuy and
+    Benyoub, HPG 2023, with alpha = e). The reflection of w about the normal has the density
+    `lobe_pdf`.
     """
     Vector = type(w)
     stretched = dr.normalize(Vector(e * w.x, e * w.y, w.z))
@@ -217,10 +228,10 @@ def sample_half_vector(w, e, u1, u2):
 
 
 def lobe_pdf(i, r, e):
-    """Density of the direction i when r is reflected about `sample_half_vector(r, ...)` [1/sr].
+    """Density [1/sr] of the direction i, the reflection of r about `sample_half_vector(r, ...)`.
 
-    G1(r) D / (4 cos theta_r) = e^2 h(alpha) / (2 pi (cos theta_r + sqrt(cos^2 theta_r + e^2 sin^2
-    theta_r))).
+    It is G1(r) D / (4 cos theta_r)
+    = e^2 h(alpha) / (2 pi (cos theta_r + sqrt(cos^2 theta_r + e^2 sin^2 theta_r))).
     """
     cos = cos_theta(r)
     e2 = dr.square(e)

@@ -1,9 +1,9 @@
 """Hemispherical reflectances of the Sandford-Robertson model, by one-dimensional quadrature.
 
-The azimuthal integral of the lobe is known in closed form, so HDR and DHR are integrals over one
-elevation angle; their integrand peaks at the other angle with a width of about 2e and has a knee
-near the horizon of width b or e. Three panels of Gauss-Legendre nodes, crowded toward the peak and
-the horizon, resolve both (1e-10 in Float64).
+The azimuthal integral of the lobe is known in closed form, so that HDR and DHR are integrals over
+one elevation angle. The integrand has a peak of width about 2e at the other elevation angle, and a
+knee of width b or e near the horizon. Three panels of Gauss-Legendre nodes, dense at the peak and
+at the horizon, resolve both with an error of 1e-10 in Float64.
 """
 
 from functools import cache
@@ -19,15 +19,15 @@ from mi_lcair.physics.reflection.sandford_robertson_equations import (
     rho_s,
 )
 
-NODES = 48  # per panel
+NODES = 48  # nodes of each panel
 
 
 def azimuthal_lobe(theta_i, theta_r, e):
-    """int_0^(2 pi) h(alpha) dphi, Eq 2.22 integrated over the azimuth between i and r, exactly.
+    """int_0^(2 pi) h(alpha) dphi: Eq 2.22, integrated exactly over the azimuth between i and r.
 
-    With q = 1 + cos(i, r), e^2 cos^2 alpha + sin^2 alpha = (q - k) / q, whose square's reciprocal
-    is a sum of standard integrals; written in half sums and half differences of the angles no term
-    cancels.
+    With q = 1 + cos(i, r) and k = (1 - e^2) (cos theta_i + cos theta_r)^2 / 2, the denominator of
+    Eq 2.22 is the square of (q - k) / q. The integral of (q / (q - k))^2 is a sum of standard
+    integrals. Half sums and half differences of the angles avoid cancellation.
     """
     half_sum, half_difference = 0.5 * (theta_i + theta_r), 0.5 * (theta_i - theta_r)
     sin_p, cos_p = dr.sincos(half_sum)
@@ -41,11 +41,10 @@ def azimuthal_lobe(theta_i, theta_r, e):
 
 
 def HDR(S: Surface, theta_r):
-    """Hemispherical-directional reflectance int f_r cos(theta_i) domega_i (Eq 2.9), at theta_r in
-    radians.
+    """Hemispherical-directional reflectance, int f_r cos(theta_i) domega_i (Eq 2.9).
 
-    S: Float64 surface, one for all angles (width 1) or one per angle; theta_r: Float64 array, 0 <=
-    theta_r < pi/2. 1e-10, derivatives attached to S.
+    S: Float64 surface, one for all angles (width 1) or one for each angle. theta_r: Float64 array,
+    0 <= theta_r < pi/2 [rad]. The error is 1e-10. Derivatives are attached to S.
     """
     sin_r, cos_r = dr.sincos(theta_r)
     floor = S.rho_d / S.G * g(cos_r, dr.square(sin_r), S.b)
@@ -53,8 +52,10 @@ def HDR(S: Surface, theta_r):
 
 
 def HDR_lobe(S: Surface, theta_r):
-    """The lobe's part of HDR without its factor d(theta_r) / cos(theta_r): finite up to 90 degrees,
-    where it tends to cos(theta_r) off grazing.
+    """The lobe's part of HDR, divided by d(theta_r) / cos(theta_r).
+
+    It is finite up to 90 degrees. Away from grazing angles it is about proportional to
+    cos(theta_r).
     """
 
     def integrand(theta_i, theta_r, S):
@@ -66,8 +67,9 @@ def HDR_lobe(S: Surface, theta_r):
 
 
 def DHR(S: Surface, theta_i):
-    """Directional-hemispherical reflectance int f_r cos(theta_r) domega_r (Eq 2.8), at theta_i in
-    radians; as `HDR`.
+    """Directional-hemispherical reflectance, int f_r cos(theta_r) domega_r (Eq 2.8).
+
+    S and theta_i [rad] are as in `HDR`, and so are error and derivatives.
     """
 
     def integrand(theta_r, theta_i, S):
@@ -89,11 +91,25 @@ gauss = cache(np.polynomial.legendre.leggauss)
 
 
 def integrate_elevation(integrand, peak, S: Surface):
-    """int_0^(pi/2) integrand(theta, peak, S) dtheta for an integrand that peaks at theta = peak
-    with a width of about 2e.
+    """int_0^(pi/2) integrand(theta, peak, S) dtheta, for a peak of width about 2e at theta = peak.
 
-    Panels [0, peak], [peak, middle], [middle, pi/2]; in each theta = anchor +- width sinh(w), w
-    uniform Gauss nodes. The nodes are detached: they are where we look, not what we integrate.
+    The panels are [0, peak], [peak, middle] and [middle, pi/2]. In each, theta = anchor +-
+    width sinh(w) at Gauss nodes w. The nodes carry no derivatives: the integral does not depend on
+    them.
+
+    Parameters
+    ----------
+    integrand
+        Function of theta, peak and S, one value for each lane.
+    peak
+        Angles of the peak [rad], Float64 (n,).
+    S
+        Float64 `Surface`: one for all angles (width 1), or one for each angle.
+
+    Returns
+    -------
+    Float64
+        Integrals, (n,).
     """
     Float = type(peak)
     x, weights = gauss(NODES)
@@ -103,9 +119,8 @@ def integrate_elevation(integrand, peak, S: Surface):
     lobe_width = 2 * dr.detach(S.e)
     horizon_width = dr.maximum(dr.minimum(dr.detach(S.b), lobe_width), 1e-4)
     to_middle = 0.5 * (0.5 * dr.pi - theta_0)
-    below_width = dr.minimum(
-        lobe_width, 2 * to_middle + horizon_width
-    )  # a peak near the horizon has its knee below it
+    # If the peak is near the horizon, the knee of the integrand lies below the peak.
+    below_width = dr.minimum(lobe_width, 2 * to_middle + horizon_width)
     total = 0
     for anchor, sign, length, width in (
         (theta_0, -1, theta_0, below_width),

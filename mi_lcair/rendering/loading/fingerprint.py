@@ -1,5 +1,6 @@
 """The fingerprint of a scene: a number that changes with whatever the picture depends on."""
 
+import os
 import re
 from hashlib import file_digest, sha256
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 from mi_lcair.physics.materials import BUILT_IN
 from mi_lcair.physics.spectrum import BUNDLED
 from mi_lcair.plugins.beside_scene import beside_scene
-from mi_lcair.rendering.scene_checks import properties
+from mi_lcair.rendering.loading.nodes import properties
 
 NO_ID = re.compile(r"object_\d+")  # what has no id is named by its address in memory
 
@@ -66,7 +67,7 @@ def exact(value) -> str | bytes:
 def named_file(text: str) -> Path | None:
     """The file that a property names, beside the scene or where the text itself leads."""
     try:
-        found = [path for path in (Path(beside_scene(text)), Path(text)) if path.is_file()]
+        found = [path for path in (Path(beside_scene(text)), Path(text)) if os.path.isfile(path)]
     except (OSError, ValueError):  # a name that no file system takes
         return None
     return found[0] if found else None

@@ -8,10 +8,11 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mi_lcair.plugins.paths.rounding import rounding_error
+
 COUNTS = 5  # bounce counts that are kept apart: the tail needs two, its error up to five
-LARGEST_RATIO = 0.999  # of successive counts: where they fall more slowly, noise decides the rest
+LARGEST_RATIO = 0.999  # of successive counts, which stands for one that does not fall at all
 PASSING = 10  # see extrapolation_error
-OPERATIONS = 8  # Float32 operations by which two successive counts of a path differ
 
 
 @dataclass(frozen=True)
@@ -66,9 +67,9 @@ def extrapolation_error(counts) -> float:
     error.
     """
     newest, r = counts[-1], ratio(*counts[-2:])
-    if r >= LARGEST_RATIO:
+    if r >= 1:
         return newest / (1 - LARGEST_RATIO)
-    rounding = 2.0**-24 * np.sqrt(OPERATIONS) * newest * r / (1 - r) ** 2
+    rounding = rounding_error(0) * newest * r / (1 - r) ** 2
     changes = [
         max(0.0, abs(c + continued(b, c) - continued(a, b)) * r**age - 2 * rounding / r)
         for age, (a, b, c) in enumerate(zip(counts[-3::-1], counts[-2::-1], counts[::-1]))

@@ -6,8 +6,8 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
-from mi_lcair.rendering import scene_files
-from tests.rendering.scene_text import PAINT, PATH, SENSOR, THERMAL, mesh, shape, write
+from mi_lcair.files import LARGEST_MESH
+from tests.rendering.loading.scene_text import PAINT, PATH, SENSOR, THERMAL, mesh, shape, write
 
 SCENE = (PATH, SENSOR, shape(PAINT + THERMAL))
 
@@ -55,7 +55,7 @@ def test_a_scene_that_is_a_pipe(tmp_path):
 def test_enormous_files(tmp_path):
     """A sparse file of 20 GiB takes no room on disk, and would fill the memory."""
     with open(tmp_path / "plate.ply", "wb") as file:
-        file.truncate(scene_files.LARGEST + 1)
+        file.truncate(LARGEST_MESH + 1)
     refused(write(tmp_path, *SCENE, NAMED["mesh"].format("plate.ply")), "has 16384 MiB; at most")
 
 

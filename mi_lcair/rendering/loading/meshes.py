@@ -13,9 +13,9 @@ from mi_lcair.models3d.obj import check_obj
 from mi_lcair.models3d.ply import check_ply
 from mi_lcair.plugins.beside_scene import beside_scene
 from mi_lcair.plugins.derivatives import children, members
+from mi_lcair.plugins.emission.triangles import is_faceted
 from mi_lcair.plugins.properties import HOTTEST
-from mi_lcair.plugins.triangles import is_faceted
-from mi_lcair.rendering.scene_checks import BOUNDS, FARTHEST, properties
+from mi_lcair.rendering.loading.nodes import BOUNDS, FARTHEST, properties
 
 READERS = {"ply": check_ply, "obj": check_obj}
 OF_MESH = re.compile(r'name = "((?:face|vertex)_\w+)"')  # in the text of a mesh_attribute texture

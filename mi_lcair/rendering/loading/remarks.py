@@ -1,12 +1,14 @@
 """What a user should know of a loaded scene before trusting its picture."""
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from mi_lcair.models3d.coincident import overlaps
 from mi_lcair.plugins.derivatives import members
-from mi_lcair.plugins.triangles import is_faceted
-from mi_lcair.rendering.scene_checks import properties, references
+from mi_lcair.plugins.emission.triangles import is_faceted
+from mi_lcair.plugins.reflection_bsdf import reflection_layers
+from mi_lcair.rendering.loading.nodes import properties, references
 
 WITHOUT_BSDF = ("instance", "shapegroup", "merge")
 
@@ -25,6 +27,30 @@ def shapes_without_bsdf(state) -> list[str]:
                 f"BSDF; Mitsuba's default stands for it and reflects {reflects}"
             )
     return found
+
+
+def surfaces_that_emit_nothing(scene: mi.Scene) -> list[str]:
+    """Remarks on thermal emitters whose surface reflects all that arrives at it."""
+    cos = np.tile([1.0, 0.5, 0.1, -1.0, -0.5, -0.1], 16)
+    texture = np.random.default_rng(0).random((2, len(cos)))
+    remarks = []
+    for emitter in scene.emitters():
+        if not hasattr(emitter, "group"):
+            continue
+        shape = emitter.get_shape()
+        si = dr.zeros(mi.SurfaceInteraction3f, len(cos))
+        si.wi, si.shape = mi.Vector3f(np.sqrt(1 - cos**2), 0 * cos, cos), mi.ShapePtr(shape)
+        si.n, si.sh_frame = mi.Normal3f(0, 0, 1), mi.Frame3f(mi.Normal3f(0, 0, 1))
+        si.uv = mi.Point2f(texture)
+        if dr.all(dr.detach(emitter.emissivity(si, mi.Bool(True))) < 1e-5):
+            layers = reflection_layers(shape.bsdf())
+            material = f"material {layers[0].material}" if layers else "its BSDF"
+            remarks.append(
+                f"group {emitter.group}, shape '{shape.id()}': {material} reflects all that arrives, "
+                "so that the thermal emitter emits nothing and the surface is black but for what it "
+                "reflects; use a material that absorbs, or give the emitter an `emissivity`"
+            )
+    return remarks
 
 
 def thin_sheets(scene: mi.Scene) -> list[str]:

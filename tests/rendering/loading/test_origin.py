@@ -5,7 +5,7 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
-from tests.rendering.scene_text import HALVES, SQUARE, mesh, write, write_ply
+from tests.rendering.loading.scene_text import HALVES, SQUARE, mesh, write, write_ply
 
 PLACES = (0.0, 1e3, 1e4, 1e5, 1e7)
 

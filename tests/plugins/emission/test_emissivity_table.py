@@ -9,7 +9,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from mi_lcair.plugins.emissivity import NODES, emissivity_of
+from mi_lcair.plugins.emission.emissivity import NODES, emissivity_of
 from tests.plugins.small_scenes import INTEGRATORS, SQUARE, blackbody, camera, scene
 from tests.plugins.test_derivatives import assert_derivatives
 

@@ -7,7 +7,7 @@ import pytest
 import mi_lcair
 from docs.studies.leaks import cube
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.plugins.tail import COUNTS, Tail, add_tail, continued, extrapolation_error
+from mi_lcair.plugins.paths.tail import COUNTS, Tail, add_tail, continued, extrapolation_error
 from mi_lcair.rendering.scene import load
 from mi_lcair.rendering.settings import changed
 

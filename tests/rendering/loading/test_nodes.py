@@ -9,7 +9,7 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
-from tests.rendering.scene_text import (
+from tests.rendering.loading.scene_text import (
     FACETS,
     HALVES,
     PAINT,
@@ -119,7 +119,14 @@ def placed(operation: str) -> str:
             '<integrator type="bounce_path"> <string name="emitter_sampling" value="false"/> </integrator>',
             "'false' is a string; it must be a boolean",
         ),
-        (shape('<bsdf type="hair"/>' + THERMAL), "transmits"),
+        (
+            shape(
+                PAINT
+                + THERMAL.replace("</emitter>", '<float name="to_world" value="1"/> </emitter>')
+            ),
+            '"to_world" has the wrong type',
+        ),
+        (shape('<bsdf type="hair"/>'), "hair: works in spectral variants"),
     ],
 )
 def test_refused(tmp_path, element, message):
@@ -128,8 +135,7 @@ def test_refused(tmp_path, element, message):
         others.append(PATH)
     if "sensor" not in element:
         others.append(SENSOR)
-    where = "" if "hair" in element else PLACE
-    refused(write(tmp_path, *others, element), f"{where}.*{message}")
+    refused(write(tmp_path, *others, element), f"{PLACE}.*{message}")
 
 
 @pytest.mark.parametrize(

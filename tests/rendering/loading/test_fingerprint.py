@@ -5,7 +5,7 @@ import shutil
 import pytest
 
 import mi_lcair
-from tests.rendering.scene_text import (
+from tests.rendering.loading.scene_text import (
     FACETS,
     HALVES,
     SENSOR,

@@ -4,16 +4,15 @@ either of them names.
 
 import os
 import re
-import stat
 from pathlib import Path
 from xml.parsers import expat
 
 from mi_lcair.errors import InputError
+from mi_lcair.files import check_file
 
 DEEPEST = 40  # nested elements; real scenes nest about 6, and Mitsuba's parser recurses
 MOST_INCLUDES = 15  # within each other, as in Mitsuba
 LARGEST_XML = 2**28  # bytes
-LARGEST = 2**34  # bytes of any other file that a scene names
 OPERATIONS = ("translate", "rotate", "scale", "lookat", "matrix")
 NUMBERS = ("float", "integer", "boolean", "point", "vector", "rgb", "spectrum", *OPERATIONS)
 NAMING = ("name", "id", "type", "filename")  # attributes that hold no number
@@ -30,25 +29,6 @@ def survey(path: Path, given: dict[str, str]) -> set[str]:
     reader = Survey(path.parent, given)
     reader.read(path)
     return reader.names
-
-
-def check_file(path: Path, largest: int = LARGEST) -> None:
-    """Raise InputError for what exists but is no regular file (a pipe, a device), or is too large.
-
-    Opening a pipe waits for ever, and a device may never end.
-    """
-    try:
-        status = os.stat(path)
-    except (OSError, ValueError):
-        return  # whoever opens it says why it cannot
-    if stat.S_ISDIR(status.st_mode):
-        return
-    if not stat.S_ISREG(status.st_mode):
-        raise InputError(f"{path}: is no regular file; name a file on disk")
-    if status.st_size > largest:
-        raise InputError(
-            f"{path}: has {status.st_size / 2**20:.0f} MiB; at most {largest / 2**20:.0f} are read"
-        )
 
 
 class Survey:

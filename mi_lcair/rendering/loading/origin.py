@@ -7,7 +7,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.models3d.model import SIZES_AWAY
-from mi_lcair.rendering.scene_checks import properties, references
+from mi_lcair.rendering.loading.nodes import properties, references
 
 FAR = (
     10  # sizes of the scene away from its origin: then it is moved; Float32 still holds 1e-6 of it

@@ -54,7 +54,8 @@ class Table:
 
     It follows from the BSDF's parameters as `derivatives` demands: `derived` holds the tables,
     front before back, with the derivatives of the parameters, and `refresh` makes them again where
-    a parameter has changed. error: the largest standard error of an entry.
+    a parameter has changed. error: the largest standard error of an entry; relative_error: of all
+    emission, rms over the entries.
 
     HDR is the mean weight of the BSDF's own `sample`, not the integral of its `eval`: paths reflect
     by `sample`, and what they do not reflect must be emitted, or an isothermal room would not
@@ -67,7 +68,7 @@ class Table:
     def __init__(self, bsdf, flags: int):
         self.bsdf, self.flags = bsdf, flags
         self.sides = [side for side, flag in SIDES if flags & flag]
-        self.derived, self.made_of, self.error = None, None, 0.0
+        self.derived, self.made_of, self.error, self.relative_error = None, None, 0.0, 0.0
         self.derive()
 
     def class_name(self) -> str:
@@ -108,7 +109,8 @@ class Table:
         self.made_of = held(self.sources()), self.numbers()
         with_derivatives = attached(self.sources())
         HDR = [sampled_HDR(self.bsdf, side, with_derivatives) for side in self.sides]
-        self.error = max((standard_error(runs).max() for runs in HDR), default=0.0)
+        errors = [standard_error(runs) for runs in HDR]
+        self.error = float(np.max(errors, initial=0.0))
         for runs in HDR:
             if is_anisotropic(runs):
                 raise InputError(
@@ -117,6 +119,10 @@ class Table:
                 )
         self.derived = tuple(1 - dr.minimum(sum(runs) / len(runs), 1) for runs in HDR)
         dr.make_opaque(self.derived)
+        emitted = np.sum([dr.detach(table).numpy() for table in self.derived])
+        if emitted > 0:
+            rms = np.sqrt(np.mean(np.square(errors)))
+            self.relative_error = float(rms * np.size(errors) / emitted)
 
     def eval(self, bsdf, si, active=True):
         self.refresh()

@@ -9,10 +9,10 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.field_of_view import FieldOfView
-from mi_lcair.plugins.radiance_bound import radiance_bound
-from mi_lcair.plugins.sources import OTHER, Sources
-from mi_lcair.plugins.triangles import (
+from mi_lcair.plugins.emission.field_of_view import FieldOfView
+from mi_lcair.plugins.emission.radiance_bound import radiance_bound
+from mi_lcair.plugins.emission.sources import OTHER, Sources
+from mi_lcair.plugins.emission.triangles import (
     Choice,
     TriangleTable,
     is_faceted,
@@ -317,5 +317,6 @@ def hulls(shape) -> np.ndarray:
 
 def describe(emitter) -> str:
     """An emitter in a message: its kind and the shape that it belongs to."""
+    kind = emitter.class_name() if type(emitter) is mi.Emitter else type(emitter).__name__
     shape = emitter.get_shape()
-    return emitter.class_name() + (f" of shape '{shape.id()}'" if shape else "")
+    return kind + (f" of shape '{shape.id()}'" if shape and shape.id() else "")

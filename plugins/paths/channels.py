@@ -1,14 +1,16 @@
 """What one pass of `bounce_path` records beside the radiance, and how samples become pixels."""
 
 from dataclasses import dataclass, field
+from math import gcd
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.plugins.sources import WAVELENGTHS, Sources
-from mi_lcair.plugins.tail import COUNTS, Tail, add_tail
+from mi_lcair.plugins.emission.sources import WAVELENGTHS, Sources
+from mi_lcair.plugins.paths.tail import COUNTS, Tail, add_tail
 
+SUMMED_IN_FLOAT32 = 8
 MAX_BOUNCE_CHANNELS = 65  # the last one holds every bounce count from 64 on
 
 
@@ -22,6 +24,7 @@ class Channels:
     the geometric tail. Of the first hit: `range`, its distance [m], 0 for an escape;
     `seen`, its label; `of_model`, 1 where it belongs to the model, not to the background; `facet`,
     its number. `model_only`: whether nothing but paths that first meet the model counts.
+    `segments`: rays that were followed, where they are counted.
     """
 
     by_bounce: list
@@ -34,10 +37,15 @@ class Channels:
     of_model: mi.Float | None = None
     facet: mi.UInt32 | None = None
     model_only: bool = False
+    segments: mi.Float | None = None
 
     @staticmethod
     def empty(
-        max_bounces: int, closure: str, sources: Sources | None, model_only: bool = False
+        max_bounces: int,
+        closure: str,
+        sources: Sources | None,
+        model_only: bool = False,
+        count_segments: bool = False,
     ) -> "Channels":
         """sources: by what emission is told apart; None for the closure's needs alone."""
         zeros = lambda count: [mi.Float(0) for _ in range(count)]
@@ -52,6 +60,7 @@ class Channels:
             mi.Float(0),
             mi.UInt32(0),
             model_only,
+            mi.Float(0) if count_segments else None,
         )
 
     def meet(self, first, emitters, emitter, facets):
@@ -86,7 +95,7 @@ class Channels:
 
     def samples(self, L, labels: list[str], sources: Sources, of_model: bool) -> dict:
         """Every channel by its name: bounce.N, closure, group.LABEL, seen.LABEL, target (what the
-        model's facets send), range and hit (1 or 0).
+        model's facets send), range and hit (1 or 0), segments where they were counted.
 
         of_model: also, under the same names after "target.", as much of each as lies on the model's
         facets, and source.N and wavelength.N where these were told apart. With `model_only` all
@@ -105,6 +114,8 @@ class Channels:
             if sources.by_spectrum:
                 found |= {f"source.{k}": value for k, value in enumerate(self.by_source)}
             found |= {f"wavelength.{k}": value for k, value in enumerate(self.by_wavelength)}
+        if self.segments is not None:
+            found["segments"] = self.segments
         found |= {"range": self.range, "hit": dr.select(self.range > 0, mi.Float(1), 0)}
         if self.model_only or of_model:
             on_model = {name: value * self.of_model for name, value in found.items()}
@@ -143,6 +154,15 @@ class Pixels:
     tail: Tail | None
 
 
+def sums(values, size: int) -> np.ndarray:
+    """Sums of `size` consecutive values each, Float64. Only few are summed in Float32, in which a
+    sum of 16,000 equal numbers would be off by 1e-5.
+    """
+    few = gcd(size, SUMMED_IN_FLOAT32)
+    partial = dr.block_sum(values, few).numpy().reshape(-1, size // few)
+    return partial.sum(axis=1, dtype=np.float64)
+
+
 def pixel_statistics(found, spp: int, in_parts: bool = False) -> Pixels:
     """Reduces samples (`spp` consecutive ones per pixel) to pixels.
 
@@ -156,15 +176,15 @@ def pixel_statistics(found, spp: int, in_parts: bool = False) -> Pixels:
     L, valid = dr.select(finite, L, 0), dr.select(finite, mi.Float(1), 0)
     # one kernel: each reduction would otherwise trace the paths again
     dr.eval(finite, L, valid, samples, chance)
-    count, total = dr.block_sum(valid, spp), dr.block_sum(L, spp)
-    mean = total / dr.maximum(count, 1)
-    squares = dr.block_sum(dr.square(dr.select(finite, L - dr.repeat(mean, spp), 0)), spp)
-    count, mean, squares = (values.numpy().astype(np.float64) for values in (count, mean, squares))
+    count, total = sums(valid, spp), sums(L, spp)
+    mean = total / np.maximum(count, 1)
+    deviation = dr.select(finite, L - dr.repeat(mi.Float(mean), spp), 0)
+    squares = sums(dr.square(deviation), spp)
 
     parts = 2 if in_parts and spp % 2 == 0 else 1
 
     def by_part(value):
-        return dr.block_sum(value, spp // parts).numpy().astype(np.float64).reshape(-1, parts).T
+        return sums(value, spp // parts).reshape(-1, parts).T
 
     part_count = by_part(valid)
     channels = {name: by_part(value) / np.maximum(part_count, 1) for name, value in samples.items()}

@@ -33,6 +33,7 @@ BOUNDS = {
 NUMBERS_OF_TEXTURES = ("value", "color", "color0", "color1", "values")
 SURFACE_EMITTERS = ("thermal", "area", "directionalarea")  # that belong to a shape
 CHECKED_BY_THEMSELVES = ("thermal",)  # plugins that declare their properties
+SPECTRAL_ONLY = ("hair",)  # of Mitsuba's BSDFs, what fails in variants without colour
 # What a plugin must be given, because without it the process ends: a property, or children
 REQUIRED_PROPERTY = {"bitmap": "filename"}
 REQUIRED_CHILDREN = {"blendbsdf": (mi.ObjectType.BSDF, 2), "volume": (mi.ObjectType.Volume, 1)}
@@ -145,6 +146,8 @@ def check_transform(name: str, matrix: np.ndarray, kind) -> None:
 def check_complete(node, values: dict, nodes) -> None:
     """Plugins that end the process where something is missing must have it."""
     plugin = node.props.plugin_name()
+    if plugin in SPECTRAL_ONLY:
+        raise InputError(f"{plugin}: works in spectral variants of Mitsuba alone; use another BSDF")
     needed = REQUIRED_PROPERTY.get(plugin)
     if needed and needed not in values:
         raise InputError(f"{plugin}: lacks its {needed}")

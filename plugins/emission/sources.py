@@ -11,7 +11,7 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.physics.spectrum import Spectrum
-from mi_lcair.plugins.triangles import pointer_id
+from mi_lcair.plugins.emission.triangles import pointer_id
 
 OTHER = "other"  # group of what has no thermal emitter
 MAX_SOURCES = 64  # told apart one by one; beyond, blackbodies are recorded by wavelength

@@ -1,0 +1,84 @@
+"""Limits of a render that are known before it starts: memory and the number of paths."""
+
+from pathlib import Path
+
+from mi_lcair.errors import InputError
+from mi_lcair.plugins.emission.sources import WAVELENGTHS
+from mi_lcair.plugins.paths.channels import MAX_BOUNCE_CHANNELS
+
+MOST_SPP = 2**32 - 1  # paths through a pixel: their numbers are 32-bit integers
+MOST_PATHS = 2**40  # of one render; a processor follows some 10^7 paths in a second
+# Bytes of a pixel, measured on images of 1 and 9 million pixels (two_plates: 192, furnace with 43
+# channels: 508): its radiance and statistics, and each channel in double and in single precision.
+BYTES_PER_PIXEL, BYTES_PER_CHANNEL = 100, 10
+GIB = 2**30
+
+
+def check_paths(pixels: int, **counts: int | None) -> None:
+    """Raise InputError for counts of samples per pixel (spp, max_spp) that cannot be meant."""
+    for name, count in counts.items():
+        if count is None:
+            continue
+        if count > MOST_SPP:
+            raise InputError(f"{name} = {count} must be at most {MOST_SPP}")
+        if name == "spp" and count * pixels > MOST_PATHS:
+            raise InputError(
+                f"spp = {count} through {pixels} pixels are {count * pixels:.2g} paths; at most "
+                f"{MOST_PATHS:.2g} are rendered"
+            )
+
+
+def check_memory(pixels: int, tracer, split: str | None) -> None:
+    """Raise InputError for an image that needs more memory than there is.
+
+    tracer: the scene's `PathTracer`; split: what is recorded beside the radiance, see its
+    `sampled`.
+    """
+    needed = pixels * (BYTES_PER_PIXEL + BYTES_PER_CHANNEL * channel_count(tracer, split))
+    available = available_memory()
+    if available is not None and needed > available:
+        raise InputError(
+            f"an image of {pixels} pixels needs {needed / GIB:.1f} GiB of memory, and "
+            f"{available / GIB:.1f} GiB are free; lower the resolution"
+        )
+
+
+def channel_count(tracer, split: str | None) -> int:
+    """How many channels a render records beside the radiance."""
+    if split is None:
+        return 0
+    sources = tracer.emitters.sources
+    count = min(tracer.max_bounces + 1, MAX_BOUNCE_CHANNELS) + 2 * len(tracer.emitters.labels) + 4
+    if split != "target":
+        return count
+    count += len(sources.list) if sources.by_spectrum else 0
+    count += WAVELENGTHS if sources.share is not None else 0
+    return 2 * count
+
+
+def available_memory() -> int | None:
+    """Bytes that may still be allocated: of the machine, or of the control group if that allows
+    less; None where the system does not tell.
+    """
+    found = [_of_machine(), _of_control_group()]
+    return min((number for number in found if number is not None), default=None)
+
+
+def _of_machine() -> int | None:
+    try:
+        for line in Path("/proc/meminfo").read_text().splitlines():
+            name, _, value = line.partition(":")
+            if name == "MemAvailable":
+                return 1024 * int(value.split()[0])
+    except (OSError, ValueError, IndexError):
+        pass
+    return None
+
+
+def _of_control_group() -> int | None:
+    group = Path("/sys/fs/cgroup")
+    try:
+        most, used = (int((group / f"memory.{name}").read_text()) for name in ("max", "current"))
+    except (OSError, ValueError):  # no such group, or "max": without a limit
+        return None
+    return max(0, most - used)

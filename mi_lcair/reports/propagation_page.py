@@ -1,0 +1,200 @@
+"""The page of the chart of propagation methods: pictures, CSVs and Markdown."""
+
+import csv
+from pathlib import Path
+
+import drjit as dr
+import numpy as np
+
+from mi_lcair.benchmark import chart
+from mi_lcair.benchmark.propagation import METHODS
+from mi_lcair.benchmark.propagation_chart import CHOICE, CLOSURES, FULL, QUICK, Chart
+from mi_lcair.drawing import drawing
+from mi_lcair.files import replacing
+from mi_lcair.reports import method_chart
+
+
+def write(folder, result: Chart) -> None:
+    """propagation.png, .csv and .md, propagation_closure.png and .csv in a folder."""
+    folder = Path(folder)
+    command = "mi-lcair chart propagation" + (" --quick" if result.quick else "")
+    method_chart.draw(
+        folder / "propagation.png",
+        result.points,
+        "What a scene sends toward the observer: error against cost",
+        samples="rays",
+        floor=1e-6,
+    )
+    chart.write_csv(
+        folder / "propagation.csv",
+        result.points,
+        f"{command}; samples are rays, errors relative, times in s",
+    )
+    draw_closures(folder / "propagation_closure.png", result.closures)
+    write_closures(folder / "propagation_closure.csv", result.closures, command)
+    template = Path(__file__).with_name("propagation_page.template.md").read_text(encoding="utf-8")
+    with replacing(folder / "propagation.md") as partial:
+        partial.write_text(template.format(**fields(result, command)), encoding="utf-8")
+
+
+def label(bounces: int, closure: str) -> str:
+    return f"N = {bounces}" + ("" if closure == "none" else f", {closure}")
+
+
+def write_closures(path, closures, command: str) -> None:
+    with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
+        file.write(f"# {command}; signed relative errors of the intensity\n")
+        rows = csv.writer(file, lineterminator="\n")
+        rows.writerow(
+            ["case", "opening_share_of_sphere", "bounces", "closure", "error", "standard_error"]
+        )
+        rows.writerows(
+            [
+                c.case,
+                "" if c.opening is None else f"{c.opening:.6f}",
+                c.bounces,
+                c.closure,
+                f"{c.error:.4e}",
+                f"{c.standard_error:.1e}",
+            ]
+            for c in closures
+        )
+
+
+def draw_closures(path, closures) -> None:
+    """Error of each closure against the size of the cavity's opening, and on the other scenes."""
+    with drawing(path, (11, 4.6), dpi=120, layout="constrained") as figure:
+        left, right = figure.subplots(1, 2, sharey=True, width_ratios=(3, 2))
+        others = list(dict.fromkeys(c.case for c in closures if c.opening is None))
+        for k, (bounces, closure) in enumerate(CLOSURES):
+            chosen = [c for c in closures if (c.bounces, c.closure) == (bounces, closure)]
+            style = {
+                "color": f"C{k}",
+                "marker": method_chart.MARKERS[k],
+                "markersize": 5,
+                "label": label(bounces, closure),
+                "linestyle": ":" if closure == "none" else "-",
+            }
+            size = lambda kept: np.maximum([abs(c.error) for c in kept], 1e-5)
+            cavities = [c for c in chosen if c.opening is not None]
+            left.loglog([c.opening for c in cavities], size(cavities), **style)
+            rest = [c for c in chosen if c.opening is None]
+            right.semilogy(
+                [others.index(c.case) + (k - 3) * 0.08 for c in rest],
+                size(rest),
+                **style | {"linestyle": "none"},
+            )
+        noise = max(c.standard_error for c in closures if c.opening is not None)
+        left.axhspan(1e-5, noise, color="0.9", zorder=0, label="noise")
+        left.set_xlabel("opening (share of the sphere)")
+        left.set_ylabel("|error| of the intensity, relative")
+        left.set_title("cavity, emissivity 0.5", fontsize=10, loc="left")
+        right.set_title("other scenes", fontsize=10, loc="left")
+        right.set_xticks(range(len(others)), others)
+        right.set_xlim(-0.5, len(others) - 0.5)
+        figure.legend(
+            *left.get_legend_handles_labels(),
+            loc="outside lower center",
+            ncols=8,
+            fontsize=8,
+            frameon=False,
+        )
+        figure.suptitle(
+            "Paths cut after N reflections, and what stands in for the rest", fontsize=11
+        )
+
+
+def fields(result: Chart, command: str) -> dict[str, str]:
+    """Every number on the page, as text."""
+    points = result.points
+    effort = QUICK if result.quick else FULL
+    answers = "\n".join(
+        f"| {p.name} | {p.answer:.6g} | {'exact' if p.standard_error == 0 else f'{p.standard_error / p.answer:.1e}'} | {p.source} "
+        f"| {p.bounces} |"
+        for p in result.problems
+    )
+    tables = "\n\n".join(
+        f"### {p.name}\n\n{chart.table(points, p.name, CHOICE)}" for p in result.problems
+    )
+    return {
+        "command": command,
+        "threads": str(dr.thread_count()),
+        "repetitions": str(effort.repetitions),
+        "answers": answers,
+        "tables": tables,
+        "limit": f"{effort.seconds:g}",
+        "rays": f"{1e-6 * max(p.samples for p in points):.0f}",
+        "summary": summary(result),
+        "closures": closure_table(result.closures),
+        "compile": compile_table(points),
+        "closure_noise": f"{100 * max(c.standard_error for c in result.closures):.2g} %",
+        "tail_worst": percent(
+            max(abs(c.error) for c in result.closures if c.opening and c.closure == "tail")
+        ),
+        "ambient": ambient(result.closures),
+    }
+
+
+def summary(result: Chart) -> str:
+    """A row for each scene: the cheapest way to 1 %, ours, and the best of the thesis's methods."""
+    ours = [method.name for method in METHODS if not method.section]
+    rows = []
+    for problem in result.problems:
+        best = {}
+        for whose, chosen in (("ours", True), ("thesis", False)):
+            kept = [p for p in result.points if (p.method in ours) == chosen]
+            best[whose] = chart.cheapest(kept, problem.name, 0.01)
+        cells = [
+            f"{p.method} ({chart.duration(p.seconds)})" if p else "none reaches it"
+            for p in (best["ours"], best["thesis"])
+        ]
+        factor = (
+            chart.digits(best["thesis"].seconds / best["ours"].seconds)
+            if all(best.values())
+            else ""
+        )
+        rows.append(f"| {problem.name} | {cells[0]} | {cells[1]} | {factor} |")
+    return "\n".join(rows)
+
+
+def closure_table(closures) -> str:
+    names = [label(*c) for c in CLOSURES]
+    lines = [f"| scene | {' | '.join(names)} |", "|---" * (len(names) + 1) + "|"]
+    for case in dict.fromkeys(c.case for c in closures):
+        lines.append(
+            f"| {case} | {' | '.join(percent(c.error, signed=True) for c in closures if c.case == case)} |"
+        )
+    return "\n".join(lines)
+
+
+def ambient(closures) -> str:
+    """Up to which opening N = 1 with ambient beats N = 4 without."""
+    error = {(c.opening, c.bounces, c.closure): abs(c.error) for c in closures if c.opening}
+    openings = sorted({opening for opening, _, _ in error})
+    better = [
+        opening for opening in openings if error[opening, 1, "ambient"] < error[opening, 4, "none"]
+    ]
+    return (
+        f"on {len(better)} of {len(openings)} openings, up to {max(better):.3f} of the sphere"
+        if better
+        else "on no opening"
+    )
+
+
+def compile_table(points) -> str:
+    lines = [
+        "| method | compile, longest | one run at the least effort, median over the scenes |",
+        "|---|---|---|",
+    ]
+    for method in chart.names(points, "method"):
+        own = [p for p in points if p.method == method]
+        least = [chart.curve(own, case, method)[0].seconds for case in chart.names(own, "case")]
+        lines.append(
+            f"| {method} | {chart.duration(max(p.compile_seconds for p in own))} | {chart.duration(float(np.median(least)))} |"
+        )
+    return "\n".join(lines)
+
+
+def percent(value: float, signed: bool = False) -> str:
+    digits = 3 if abs(value) < 1e-3 else 2 if abs(value) < 1e-2 else 1
+    return f"{100 * value:{'+' if signed else ''}.{digits}f} %"
