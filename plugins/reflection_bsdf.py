@@ -29,8 +29,10 @@ OF_EVERY_SURFACE = (
 PROPERTIES = OF_MATERIALS + OF_EVERY_SURFACE
 # The table of HDR has even steps in t, cos(theta) = t^2. Straight lines between its nodes are right to
 # 5e-6 up to 89.5 degrees. Every fourth node is a quadrature; cubics through these add less than 1e-6.
+# Narrow lobes bend sharply at the horizon, so each of the first nodes is a quadrature of its own.
 STEPS = 1024
 STEPS_PER_QUADRATURE = 4
+STEPS_AT_HORIZON = 64
 ALARM = 1e-5  # HDR above 1 by less is the table's own error, and no reason for a remark
 
 
@@ -165,8 +167,13 @@ class ReflectionBSDF(mi.BSDF):
         dr.make_opaque(*self.sources())
         Float64 = dr.float64_array_t(mi.Float)
         S = self.model.surface(*(Float64(number) for number in self.sources()), form=self.form)
-        cos = dr.square(dr.linspace(Float64, 0, 1, STEPS // STEPS_PER_QUADRATURE + 1))
-        lobe = refine(self.model.lobe_HDR(S, dr.acos(cos)), STEPS_PER_QUADRATURE)
+        coarse = np.arange(0, STEPS + 1, STEPS_PER_QUADRATURE)
+        t = Float64(np.concatenate([np.arange(STEPS_AT_HORIZON), coarse]) / STEPS)
+        quadratures = self.model.lobe_HDR(S, dr.acos(dr.square(t)))
+        node = dr.arange(mi.UInt32, STEPS + 1)
+        coarse = dr.gather(Float64, quadratures, dr.arange(mi.UInt32, len(coarse)) + STEPS_AT_HORIZON)
+        fine = dr.gather(Float64, quadratures, node, node < STEPS_AT_HORIZON)
+        lobe = dr.select(node < STEPS_AT_HORIZON, fine, refine(coarse, STEPS_PER_QUADRATURE))
         self.derived = S.cast(mi.Float), mi.Float(lobe)
         dr.make_opaque(self.derived)
 
