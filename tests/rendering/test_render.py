@@ -77,9 +77,9 @@ def test_passes_do_not_change_the_statistics(monkeypatch):
     """Many small passes, over runs of pixels that do not divide the image, agree with one large
     pass.
     """
-    whole = mi_lcair.render(load(), spp=256, seed=1)
+    whole = mi_lcair.render(load(), spp=96, seed=1)
     monkeypatch.setattr(passes, "PASS_SAMPLES", 100)  # less than one sample per pixel of the 256
-    parts = mi_lcair.render(load(), spp=256, seed=1)
+    parts = mi_lcair.render(load(), spp=96, seed=1)
     difference = (whole.channels["Y"] - parts.channels["Y"]).astype(np.float64)
     error = np.hypot(whole.channels["stderr.Y"], parts.channels["stderr.Y"]).astype(np.float64)
     lit = error > 0

@@ -134,7 +134,6 @@ def test_a_stock_integrator_refuses_an_old_table(plate):
 @pytest.mark.parametrize(
     "name, parameter, step",
     [
-        ("roughconductor", "specular_reflectance.value", 0.02),
         ("roughconductor", "alpha.value", 0.01),
         ("conductor", "specular_reflectance.value", 0.02),
         ("roughplastic", "diffuse_reflectance.value", 0.02),
