@@ -126,9 +126,21 @@ def reach(points, case: str, method: str, tolerance: float, by="error") -> Point
 
 
 def cheapest(points, case: str, tolerance: float) -> Point | None:
-    """The point of the fastest method that reaches a tolerance, or None if no method does.
+    """The point of the fastest method that reaches a tolerance.
 
-    points: points of any cases and methods. case: name of the case. tolerance: relative error.
+    Parameters
+    ----------
+    points
+        Points of any cases and methods.
+    case
+        Name of the case.
+    tolerance
+        Relative error.
+
+    Returns
+    -------
+    Point or None
+        The point, or None if no method reaches the tolerance.
     """
     reached = filter(
         None, (reach(points, case, method, tolerance) for method in names(points, "method"))
