@@ -73,9 +73,9 @@ def test_without_emissivity(tmp_path):
 def test_a_report_is_a_material(tmp_path):
     path = tmp_path / "fit.json"
     written(path, result(measurements()))
-    found = material(str(path), band("MWIR"))
-    assert found.values == tuple(PARAMETERS.values())
-    assert (found.form, found.band) == ("normalized", "3-5")
+    computed = material(str(path), band("MWIR"))
+    assert computed.values == tuple(PARAMETERS.values())
+    assert (computed.form, computed.band) == ("normalized", "3-5")
 
 
 def test_several_bands_are_one_material(tmp_path):

@@ -304,11 +304,11 @@ def test_bands_at_many_ranges(tmp_path):
     x = np.linspace(3.4, 4.8, 40001)
     for k in (0, 1100, 2499):
         transmittance, of_path = air.path(ranges[k]).at(x)
-        for found, spectrum_of in zip(
+        for computed, spectrum_of in zip(
             weighted[:, k], (spectral_radiance(x, 800), spectral_radiance(x, 250), np.ones_like(x))
         ):
             weight = window.response_at(x) * spectrum_of
-            assert found == pytest.approx(
+            assert computed == pytest.approx(
                 np.trapezoid(transmittance * weight, x) / np.trapezoid(weight, x), rel=5e-4
             )
         assert radiance[k] == pytest.approx(

@@ -51,8 +51,12 @@ def csv(folder, wavelengths, response, name="detector.csv"):
     ],
 )
 def test_a_specification_gives_name_limits_and_label(spec, name, limits, label):
-    found = band(spec)
-    assert (found.name, (found.lower_um, found.upper_um), found.label) == (name, limits, label)
+    computed = band(spec)
+    assert (computed.name, (computed.lower_um, computed.upper_um), computed.label) == (
+        name,
+        limits,
+        label,
+    )
 
 
 def test_a_band_passes_through_and_total_has_no_spectrum():

@@ -115,11 +115,11 @@ def test_derivatives_agree_with_mpmath(name, mode):
     value = in_band_radiance(band(name), t)
     if mode == "forward":
         dr.set_grad(t, 1)
-        found = dr.forward_to(value)
+        computed = dr.forward_to(value)
     else:
         dr.backward(value)
-        found = dr.grad(t)
-    for temperature, derivative in zip(temperatures, found):
+        computed = dr.grad(t)
+    for temperature, derivative in zip(temperatures, computed):
         if name == "total":
             expected = 4 * SIGMA * temperature**3 / np.pi
         else:
@@ -146,9 +146,9 @@ def test_float32_is_computed_in_float64(name):
     """
     temperatures = np.geomspace(30, 6000, 500).astype(np.float32)
     expected = in_band_radiance(band(name), temperatures.astype(float))
-    found = in_band_radiance(band(name), Float(temperatures))
-    assert type(found) is Float
-    error, large = np.abs(found.numpy() - expected), expected >= 1e-30
+    computed = in_band_radiance(band(name), Float(temperatures))
+    assert type(computed) is Float
+    error, large = np.abs(computed.numpy() - expected), expected >= 1e-30
     assert np.all(error[large] <= 1e-7 * expected[large]) and np.all(error[~large] < 1e-30)
 
 
@@ -174,11 +174,11 @@ def test_value_and_derivative_are_finite_everywhere(Type, function):
 def test_numpy_gives_the_same_and_no_warning_at_the_edges():
     temperatures = [-10, 0, 1e-300, 1e-3, 5, 30, 6000, 1e6]
     for name in (*NAMED, "total", "0.1-1000"):
-        found = in_band_radiance(band(name), temperatures)
+        computed = in_band_radiance(band(name), temperatures)
         np.testing.assert_allclose(
-            found, in_band_radiance(band(name), Float64(temperatures)), rtol=1e-12, atol=1e-300
+            computed, in_band_radiance(band(name), Float64(temperatures)), rtol=1e-12, atol=1e-300
         )
-        assert np.all(found[:2] == 0)
+        assert np.all(computed[:2] == 0)
         for nan in (np.nan, Float(np.nan), Float(300, np.nan)):
             assert np.isnan(np.atleast_1d(in_band_radiance(band(name), nan))[-1])
 
@@ -237,20 +237,20 @@ def test_the_inverse_of_the_table():
 
 def test_the_inverse_of_what_is_no_radiance():
     for name in ("MWIR", "total"):
-        found = brightness_temperature(
+        computed = brightness_temperature(
             band(name), np.array([[0, -1, np.nan, np.inf, 1e-320, 1e30]], dtype=float)
         )
-        assert found.shape == (1, 6) and found.dtype == np.float64
-        np.testing.assert_array_equal(found[0, :4], [0, np.nan, np.nan, np.inf])
-        assert np.all(found[0, 4:] > 0) and np.all(np.isfinite(found[0, 4:]))
+        assert computed.shape == (1, 6) and computed.dtype == np.float64
+        np.testing.assert_array_equal(computed[0, :4], [0, np.nan, np.nan, np.inf])
+        assert np.all(computed[0, 4:] > 0) and np.all(np.isfinite(computed[0, 4:]))
     assert np.ndim(brightness_temperature(band("MWIR"), 1.0)) == 0
     assert brightness_temperature(band("MWIR"), np.zeros((0, 3))).shape == (0, 3)
 
 
 def test_the_inverse_of_an_image_is_that_of_its_pixels():
     image = np.random.default_rng(1).uniform(0, 40, (100, 130)).astype(np.float32)  # several blocks
-    found = brightness_temperature(band("LWIR"), image)
-    np.testing.assert_allclose(in_band_radiance(band("LWIR"), found), image, rtol=1e-11)
+    computed = brightness_temperature(band("LWIR"), image)
+    np.testing.assert_allclose(in_band_radiance(band("LWIR"), computed), image, rtol=1e-11)
 
 
 def test_numpy_suffices():

@@ -54,9 +54,9 @@ def user_file(tmp_path):
 
 @pytest.mark.parametrize("name, where", PRINTED)
 def test_built_in_materials_have_the_printed_numbers(name, where):
-    found = material(name, band(where))
-    assert found.values == PRINTED[name, where]
-    assert found.name == name and found.form == "thesis" and found.band in (where, "any")
+    computed = material(name, band(where))
+    assert computed.values == PRINTED[name, where]
+    assert computed.name == name and computed.form == "thesis" and computed.band in (where, "any")
 
 
 def entries():
@@ -176,9 +176,9 @@ def test_a_fit_serves_as_a_material(user_file):
         "rms": 0.01,
     }
     path = user_file(json.dumps(report), "fit.json")
-    found = material(str(path), band("MWIR"))
-    assert found.values == (0.1, 0.2, 0.3, 0.04)
-    assert (found.name, found.band, found.form, found.source) == (
+    computed = material(str(path), band("MWIR"))
+    assert computed.values == (0.1, 0.2, 0.3, 0.04)
+    assert (computed.name, computed.band, computed.form, computed.source) == (
         str(path),
         "2-5.7",
         "normalized",

@@ -113,18 +113,18 @@ def test_units(file):
     The radiance of the air is (1 - tau) B(280 K), with Planck's law over wavelength.
     """
     path = file(block(MWIR))
-    (found,) = tape7.blocks(path)
-    x = found.wavelengths_um * 1e-6
+    (computed,) = tape7.blocks(path)
+    x = computed.wavelengths_um * 1e-6
     expected = 2 * H * C**2 / x**5 / np.expm1(H * C / (x * K * 280)) * 1e-6
-    assert found.range_m == 2000 and not found.to_space and x[0] == pytest.approx(1e-2 / 3320)
-    np.testing.assert_allclose(found.path_radiance, 0.5 * expected, rtol=6e-5)
-    np.testing.assert_allclose(found.total_radiance, 0.5 * expected, rtol=6e-5)
+    assert computed.range_m == 2000 and not computed.to_space and x[0] == pytest.approx(1e-2 / 3320)
+    np.testing.assert_allclose(computed.path_radiance, 0.5 * expected, rtol=6e-5)
+    np.testing.assert_allclose(computed.total_radiance, 0.5 * expected, rtol=6e-5)
     np.testing.assert_allclose(atmosphere(path).path(1000).transmittance, np.sqrt(0.5), rtol=1e-7)
 
 
 def test_path_radiance_holds_sunlight_but_neither_the_scattered_part_twice_nor_the_surface(file):
     part = planck(MWIR, 280)
-    (found,) = tape7.blocks(
+    (computed,) = tape7.blocks(
         file(
             block(
                 MWIR,
@@ -139,8 +139,10 @@ def test_path_radiance_holds_sunlight_but_neither_the_scattered_part_twice_nor_t
             )
         )
     )
-    np.testing.assert_allclose(found.total_radiance, found.path_radiance * 2.7 / 1.5, rtol=1e-4)
-    assert found.total_radiance[-1] == pytest.approx(2.7 * planck(2000, 280) * 2000**2, rel=1e-4)
+    np.testing.assert_allclose(
+        computed.total_radiance, computed.path_radiance * 2.7 / 1.5, rtol=1e-4
+    )
+    assert computed.total_radiance[-1] == pytest.approx(2.7 * planck(2000, 280) * 2000**2, rel=1e-4)
 
 
 @pytest.mark.parametrize("apart", [False, True])
@@ -162,9 +164,9 @@ def test_names_of_modtran_6(file, apart):
         .replace("PTH_THRML", " THRML_EM")
         .replace(" SOL_SCAT", "MULT_SCAT")
     )
-    (found,) = tape7.blocks(path)
+    (computed,) = tape7.blocks(path)
     share = 2.0 / 3.2 if apart else 1.5 / 2.7
-    np.testing.assert_allclose(found.path_radiance, found.total_radiance * share, rtol=1e-4)
+    np.testing.assert_allclose(computed.path_radiance, computed.total_radiance * share, rtol=1e-4)
 
 
 def test_a_file_in_latin_1(file):
@@ -188,9 +190,9 @@ def test_columns_that_touch_and_exponents_of_three_digits(file):
     lines = block([12000.0, 12001.0], range_km=1296.0874).splitlines()
     assert lines[3][30:40] == "1296.08740" and lines[7].startswith("12000.00")
     lines[7] = lines[7].replace(lines[7][19:30], " 1.2345-103")
-    (found,) = tape7.blocks(file("\n".join(lines) + "\n"))
-    assert found.range_m == 1296087.4
-    assert found.path_radiance[-1] == pytest.approx(1.2345e-103 * 12000**2)
+    (computed,) = tape7.blocks(file("\n".join(lines) + "\n"))
+    assert computed.range_m == 1296087.4
+    assert computed.path_radiance[-1] == pytest.approx(1.2345e-103 * 12000**2)
 
 
 def test_names_of_two_words(file):
@@ -317,17 +319,17 @@ def test_real_file_has_its_own_brightness_temperatures(name):
     includes THRML_SCT, and SOL_SCAT includes SING_SCAT.
     """
     path = REAL / name
-    (found,) = tape7.blocks(path)
-    rows = path.read_text().splitlines()[found.line : -1][::-1]
-    assert len(rows) == len(found.wavelengths_um) > 50
-    x = found.wavelengths_um * 1e-6
-    kelvin = H * C / (K * x * np.log1p(2 * H * C**2 / (x**5 * found.total_radiance * 1e6)))
+    (computed,) = tape7.blocks(path)
+    rows = path.read_text().splitlines()[computed.line : -1][::-1]
+    assert len(rows) == len(computed.wavelengths_um) > 50
+    x = computed.wavelengths_um * 1e-6
+    kelvin = H * C / (K * x * np.log1p(2 * H * C**2 / (x**5 * computed.total_radiance * 1e6)))
     np.testing.assert_allclose(kelvin, [float(row[151:162]) for row in rows], rtol=0, atol=0.01)
     surface = (
         np.array([float(row[41:52]) + float(row[74:85]) for row in rows])
-        * (1e4 / found.wavelengths_um) ** 2
+        * (1e4 / computed.wavelengths_um) ** 2
     )
-    np.testing.assert_allclose(found.path_radiance + surface, found.total_radiance, rtol=1e-4)
+    np.testing.assert_allclose(computed.path_radiance + surface, computed.total_radiance, rtol=1e-4)
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason="the real MODTRAN files are not part of the project")

@@ -101,9 +101,9 @@ def test_distribution_is_normalised(alpha, gamma):
 def test_gamma_2_is_trowbridge_reitz():
     alpha, sin2 = 0.3, np.linspace(0, 1, 9)
     S = surface(alpha, 2, 1.5, 0, 0)
-    found = distribution.density(Float64(sin2), S.peak, S.spread, S.gamma)
+    computed = distribution.density(Float64(sin2), S.peak, S.spread, S.gamma)
     exact = alpha**2 / (np.pi * (alpha**2 * (1 - sin2) + sin2) ** 2)
-    np.testing.assert_allclose(found, exact, rtol=1e-14)
+    np.testing.assert_allclose(computed, exact, rtol=1e-14)
 
 
 @pytest.mark.parametrize(
@@ -246,7 +246,7 @@ def test_normals_have_the_distribution_of_visible_ones(alpha, gamma, theta_deg):
 
     place = [share_within(sin2), np.arctan2(half[1], half[0]) / (2 * np.pi) % 1]
     index = [np.clip((x * cells).astype(int), 0, cells - 1) for x in place]
-    found = np.bincount(index[0] * cells + index[1], minlength=cells**2)
+    computed = np.bincount(index[0] * cells + index[1], minlength=cells**2)
 
     fine = 60
     share = (np.arange(cells * fine) + 0.5) / (cells * fine)
@@ -258,9 +258,11 @@ def test_normals_have_the_distribution_of_visible_ones(alpha, gamma, theta_deg):
     expected = expected.mean(axis=(1, 3)).ravel() * 2 * count / cells**2
     assert expected.sum() == pytest.approx(count, rel=1e-3)
     large = expected >= 10
-    statistic = np.sum((found[large] - expected[large]) ** 2 / expected[large])
+    statistic = np.sum((computed[large] - expected[large]) ** 2 / expected[large])
     assert statistic < chi2.ppf(1 - 1e-4, large.sum() - 1)
-    assert found[~large].sum() <= expected[~large].sum() + 5 * np.sqrt(expected[~large].sum() + 1)
+    assert computed[~large].sum() <= expected[~large].sum() + 5 * np.sqrt(
+        expected[~large].sum() + 1
+    )
 
 
 @pytest.mark.parametrize("alpha, gamma", LOBES)

@@ -67,10 +67,10 @@ def test_dhr_is_hdr():
 def test_more_nodes_change_nothing(monkeypatch):
     """2.5 times as many nodes change HDR by at most 1e-8, for all parameters."""
     surfaces = [surface(*parameters) for parameters in random_parameters(30, seed=4)]
-    found = [MODEL.HDR(S, Float64(ANGLES)).numpy() for S in surfaces]
+    computed = [MODEL.HDR(S, Float64(ANGLES)).numpy() for S in surfaces]
     monkeypatch.setattr(hemispherical, "POLAR", (100, 40, 40, 100, 50, 50))
     monkeypatch.setattr(hemispherical, "AZIMUTHS", (30, 20, 50))
-    for S, HDR in zip(surfaces, found):
+    for S, HDR in zip(surfaces, computed):
         np.testing.assert_allclose(MODEL.HDR(S, Float64(ANGLES)), HDR, rtol=0, atol=1e-8)
 
 
@@ -128,13 +128,15 @@ def test_derivatives_agree_with_central_differences(held):
         value = MODEL.HDR(MODEL.surface(*numbers), theta)
         dr.set_grad(numbers[held], 1)
         dr.forward_to(value)
-        found = dr.grad(value).numpy()
+        computed = dr.grad(value).numpy()
         step = 1e-4 * parameters[held]
         at = lambda x: MODEL.HDR(
             surface(*parameters[:held], x, *parameters[held + 1 :]), theta
         ).numpy()
         expected = (at(parameters[held] + step) - at(parameters[held] - step)) / (2 * step)
-        np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6 * np.abs(expected).max())
+        np.testing.assert_allclose(
+            computed, expected, rtol=1e-5, atol=1e-6 * np.abs(expected).max()
+        )
 
 
 @pytest.mark.parametrize(

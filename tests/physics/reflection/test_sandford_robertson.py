@@ -38,9 +38,11 @@ def test_brdf_is_the_printed_one(parameters, form):
         if 0 <= r < np.pi / 2
     ]
     theta_i, theta_r, dphi = np.array(angles).T
-    found = sr.f(surface(*parameters, form), direction(theta_i, dphi), direction(theta_r)).numpy()
+    computed = sr.f(
+        surface(*parameters, form), direction(theta_i, dphi), direction(theta_r)
+    ).numpy()
     exact = [thesis.brdf(mpmath, *map(mpmath.mpf, (*row, *parameters)), form) for row in angles]
-    np.testing.assert_allclose(found, np.array(exact, dtype=float), rtol=1e-11)
+    np.testing.assert_allclose(computed, np.array(exact, dtype=float), rtol=1e-11)
 
 
 @thesis.EXACT
@@ -236,13 +238,15 @@ def test_half_vectors_have_the_distribution_of_visible_slopes(e, theta_deg):
             np.arctan2(s_y, s_x) / (2 * np.pi) % 1,
         )
     ]
-    found = np.bincount(cells[0] * 16 + cells[1], minlength=256)
+    computed = np.bincount(cells[0] * 16 + cells[1], minlength=256)
     expected = visible_cells(16, 40, np.cos(theta), np.sin(theta), e).ravel()
     expected *= count / expected.sum()
     large = expected >= 10
-    statistic = np.sum((found[large] - expected[large]) ** 2 / expected[large])
+    statistic = np.sum((computed[large] - expected[large]) ** 2 / expected[large])
     assert statistic < chi2.ppf(1 - 1e-4, large.sum() - 1)
-    assert found[~large].sum() <= expected[~large].sum() + 5 * np.sqrt(expected[~large].sum() + 1)
+    assert computed[~large].sum() <= expected[~large].sum() + 5 * np.sqrt(
+        expected[~large].sum() + 1
+    )
 
 
 @pytest.mark.parametrize("e", [0.0015, 0.0042, 0.1, 0.6, 1])
@@ -265,8 +269,8 @@ def test_lobe_pdf_is_the_density_of_visible_slopes_seen_as_directions(e):
         r = np.array([sin, 0, cos])
         i = 2 * (r @ half) * half - r[:, None]
         above = (i[2] > 0) & (r @ half > 0)  # directions for which the density is used
-        found = sr.lobe_pdf(Array3f64(i), direction(theta), Float64(e)).numpy()
-        np.testing.assert_allclose(found[above], (per_half / (4 * (r @ half)))[above], rtol=1e-5)
+        computed = sr.lobe_pdf(Array3f64(i), direction(theta), Float64(e)).numpy()
+        np.testing.assert_allclose(computed[above], (per_half / (4 * (r @ half)))[above], rtol=1e-5)
 
 
 @pytest.mark.parametrize("e", [0.0042, 0.1, 0.6, 1])

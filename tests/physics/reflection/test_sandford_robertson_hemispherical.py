@@ -93,10 +93,10 @@ def test_more_nodes_change_nothing(monkeypatch, quantity, form):
     theta = Float64(np.radians([0, 1, 30, 60, 80, 85, 88, 89, 89.5]))
     for parameters in random_parameters(12, seed=3):
         S = surface(*parameters, form)
-        found = quantity(S, theta).numpy()
+        computed = quantity(S, theta).numpy()
         with monkeypatch.context() as patch:
             patch.setattr(hemispherical, "NODES", 96)
-            np.testing.assert_allclose(quantity(S, theta).numpy(), found, rtol=0, atol=1e-8)
+            np.testing.assert_allclose(quantity(S, theta).numpy(), computed, rtol=0, atol=1e-8)
 
 
 @pytest.mark.parametrize("quantity", BOTH)
@@ -110,7 +110,7 @@ def test_derivatives_agree_with_central_differences(quantity, form, parameters):
         value = quantity(sr.surface(*numbers, form=form), theta)
         dr.set_grad(numbers[k], 1)
         dr.forward_to(value)
-        found = dr.grad(value).numpy()
+        computed = dr.grad(value).numpy()
         step = 1e-4 * parameters[k]
         ends = [
             quantity(
@@ -121,5 +121,5 @@ def test_derivatives_agree_with_central_differences(quantity, form, parameters):
         ]
         expected = (ends[0] - ends[1]) / (2 * step)
         np.testing.assert_allclose(
-            found, expected, rtol=1e-5, atol=1e-6 * np.abs(expected).max() + 2e-8
+            computed, expected, rtol=1e-5, atol=1e-6 * np.abs(expected).max() + 2e-8
         )
