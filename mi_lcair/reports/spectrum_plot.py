@@ -25,8 +25,7 @@ def save_plot(path, areas: EffectiveAreas, scene: str) -> None:
             panel.set_xlabel("wavelength (µm)")
             panel.set_ylabel(r"spectral intensity (W sr$^{-1}$ µm$^{-1}$)")
             panel.set_xlim(areas.band.lower_um, areas.band.upper_um)
-            panel.set_ylim(
-                0, 1.25 * max(intensities[part].max(), 1e-30)
-            )  # leaves room for the legend
+            # A quarter more than the largest value leaves room for the legend.
+            panel.set_ylim(0, 1.25 * max(intensities[part].max(), 1e-30))
             panel.legend(fontsize=8, frameon=False, ncols=3, loc="upper center")
         figure.suptitle(plain(f"{scene}, {areas.band.label}, by what emitted it"), fontsize=11)

@@ -130,7 +130,9 @@ def hemispherical_view(
         )
     sample = low_discrepancy(rays, seed)
     p, n = points(facets, facet, sample[:, :2])
-    shares = []  # of the rays, by facet + 1; entry 0 counts rays that hit nothing
+    # Shares of the rays that hit each facet. Entry 0 is that of rays that hit nothing, and entry
+    # k + 1 that of facet k.
+    shares = []
     with scene.prepared() as tracer:
         for warp in (mi.warp.square_to_uniform_hemisphere, mi.warp.square_to_cosine_hemisphere):
             direction = mi.Frame3f(n).to_world(warp(mi.Point2f(sample[:, 2:].T)))

@@ -78,21 +78,21 @@ def test_columns(roof):
         rtol=1e-5,
     )
     np.testing.assert_array_equal(by_group(columns, "temperature_K", "roof"), [350, 400])
-    seen = columns["samples"] > 0
+    visible = columns["samples"] > 0
     parts = sum(
         values
         for name, values in columns.items()
         if name.startswith(("emitted", "bounce", "closure"))
     )
-    np.testing.assert_allclose(parts[seen], columns["radiance_W_m2_sr"][seen], rtol=1e-5)
+    np.testing.assert_allclose(parts[visible], columns["radiance_W_m2_sr"][visible], rtol=1e-5)
     np.testing.assert_allclose(
-        columns["intensity_W_sr"][seen],
+        columns["intensity_W_sr"][visible],
         (
             columns["radiance_W_m2_sr"]
             * columns["area_m2"]
             * columns["mean_cosine"]
             * columns["visible_fraction"]
-        )[seen],
+        )[visible],
         rtol=1e-5,
     )
 
@@ -128,9 +128,9 @@ def test_standard_errors_are_the_scatter_of_seeds(roof, monkeypatch):
     runs = [mi_lcair.signature(roof, spp=16, seed=seed, facets=True) for seed in range(16)]
     values = np.array([run.facets.columns["intensity_W_sr"] for run in runs])
     claimed = np.mean([run.facets.columns["standard_error_W_sr"] ** 2 for run in runs], axis=0)
-    seen = claimed > 0
+    visible = claimed > 0
     np.testing.assert_allclose(
-        values.var(axis=0, ddof=1)[seen], claimed[seen], rtol=5 * np.sqrt(2 / 15 + 2 / 16 / 7)
+        values.var(axis=0, ddof=1)[visible], claimed[visible], rtol=5 * np.sqrt(2 / 15 + 2 / 16 / 7)
     )
     target = np.array([run.target.intensity for run in runs])
     assert target.var(ddof=1) == pytest.approx(

@@ -110,14 +110,14 @@ def test_map_follows_the_thesis_azimuth():
     reference, positive, normal = frame(view.facets, 0)
     np.testing.assert_allclose(reference, np.array([2, -1, 0]) / 5**0.5, atol=1e-6)
     np.testing.assert_allclose(np.cross(reference, positive), normal, atol=1e-12)
-    seen = view.map == 1
-    columns = np.flatnonzero(seen.any(axis=0))
+    on_emitter = view.map == 1
+    columns = np.flatnonzero(on_emitter.any(axis=0))
     phi = (columns + 0.5) / MAP_PHI * 360 - 180
     assert (phi.min(), phi.max()) == (
         pytest.approx(-180, abs=0.3),
         pytest.approx(-180 + 26.565 * 2, abs=0.3),
     )
-    top = np.argmax(seen[:, columns[np.argmin(abs(phi + 153.435))]]) / MAP_THETA * pi / 2
+    top = np.argmax(on_emitter[:, columns[np.argmin(abs(phi + 153.435))]]) / MAP_THETA * pi / 2
     assert tan(top) == pytest.approx(0.5, abs=0.01)
     assert set(np.unique(view.map)) == {NOTHING, 1}
 
