@@ -171,7 +171,9 @@ class ReflectionBSDF(mi.BSDF):
         t = Float64(np.concatenate([np.arange(STEPS_AT_HORIZON), coarse]) / STEPS)
         quadratures = self.model.lobe_HDR(S, dr.acos(dr.square(t)))
         node = dr.arange(mi.UInt32, STEPS + 1)
-        coarse = dr.gather(Float64, quadratures, dr.arange(mi.UInt32, len(coarse)) + STEPS_AT_HORIZON)
+        coarse = dr.gather(
+            Float64, quadratures, dr.arange(mi.UInt32, len(coarse)) + STEPS_AT_HORIZON
+        )
         fine = dr.gather(Float64, quadratures, node, node < STEPS_AT_HORIZON)
         lobe = dr.select(node < STEPS_AT_HORIZON, fine, refine(coarse, STEPS_PER_QUADRATURE))
         self.derived = S.cast(mi.Float), mi.Float(lobe)

@@ -4,7 +4,6 @@ import pytest
 
 import mi_lcair  # noqa: F401  before any test file imports drjit or mitsuba, so that they find the right LLVM
 
-
 # A shell that runs pytest in the background, and nohup, have these signals ignored in all that it
 # starts. The programs that tests start and interrupt must receive them.
 signal.signal(signal.SIGINT, signal.default_int_handler)

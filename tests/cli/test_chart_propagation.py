@@ -1,4 +1,4 @@
-"""mi-lcair chart propagation, with a stand-in for the measurement."""
+"""Tests of mi-lcair chart propagation, with a substitute for the measurement."""
 
 import json
 

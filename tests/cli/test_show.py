@@ -1,6 +1,4 @@
-"""`show` beyond images: what it takes from its options, prints and writes for a facet, a table of
-facets, a material.
-"""
+"""Tests of `show` for a facet, a table of facets, and a material."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""mi-lcair trend: angles, outputs, and what it refuses."""
+"""Tests of mi-lcair trend: angles, output and errors."""
 
 import json
 
