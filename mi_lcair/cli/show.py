@@ -15,7 +15,7 @@ KINDS = {  # who draws it, and which options go with it beside --output
     "an image": (pictures.image, ("channels", "log")),
     "--facet": (pictures.facet_view, ("facet", "parameters", "json")),
     "--facets": (pictures.facet_columns, ("facets", "channels", "log", "parameters", "sensor")),
-    "a material": (pictures.brdf, ("band", "theta_deg")),
+    "a material": (pictures.brdf, ("band", "theta_deg", "materials")),
 }
 
 
@@ -60,6 +60,7 @@ KINDS = {  # who draws it, and which options go with it beside --output
     help="Which of the scene's sensors, counted from 0.",
 )
 @click.option("--band", help="The material's band.")
+@click.option("--materials", type=FILE, metavar="TOML", help="Your own materials.")
 @click.option(
     "--theta-deg",
     type=click.FloatRange(0, 90, max_open=True),

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 from drjit.llvm.ad import Array3f64, Float64
@@ -35,14 +36,16 @@ class BRDFView:
     emissivity: float
 
 
-def brdf_view(name: str, band: str, theta_i_deg: float = 30.0) -> BRDFView:
+def brdf_view(
+    name: str, band: str, theta_i_deg: float = 30.0, materials: str | Path | None = None
+) -> BRDFView:
     """The BRDF of a material (a name or a fit's JSON file) in a band, for incidence at theta_i_deg
-    degrees.
+    degrees. materials: a TOML file of the user's own, consulted first.
     """
     if not 0 <= theta_i_deg < 90:
         raise InputError(f"theta = {theta_i_deg:g} degrees must lie in 0..90, 90 excluded")
     band = band_of(band)
-    found = material(name, band)
+    found = material(name, band, materials)
     S = found.surface()
     width = float(found.model.lobe_width(S)[0])
     theta_r = crowded(0, HORIZON, 2, theta_i_deg, width)
