@@ -47,9 +47,10 @@ def with_tangents(
     tangents = []
     for lane in lanes:
         dr.set_grad(lane, 1)
-        dr.forward_from(lane, flags=dr.ADFlag.ClearInput | dr.ADFlag.ClearInterior)
+        # Not ClearInput: an output may be the coordinate itself.
+        dr.forward_from(lane, flags=dr.ADFlag.ClearInterior)
         tangents.append([dr.grad(output) for output in outputs])
-        dr.clear_grad(outputs)
+        dr.clear_grad((lane, outputs))
     outputs = [dr.detach(output) for output in outputs]
     dr.eval(outputs, tangents)
     values = np.stack([output.numpy() for output in outputs], axis=-1)

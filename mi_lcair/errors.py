@@ -7,6 +7,7 @@ LONGEST = 500  # characters of a message
 MOST_NAMED = 300  # characters of a list of known names
 MOST_QUOTED = 60  # characters of a name that is not known
 
+EXCEPTION = re.compile(r"\w[\w.]*(: |:?$)")  # how a traceback names it, in an unindented line
 OF_MITSUBA = re.compile(r"^\[\w+\.cpp:\d+\] ")  # how an exception of Mitsuba's own begins
 
 
@@ -75,15 +76,17 @@ def mitsuba_error(error: BaseException) -> Exception:
 
     An exception in a Python plugin arrives as "[file.cpp:123] At scene.xml (line 3, col 5): failed
     to ...: Traceback
-    ...", with the exception itself as the last line. All that the loader refuses, in a plugin's
-    base class too, is the scene's fault, an InputError; an exception of another kind in a plugin is
-    ours, a RuntimeError.
+    ...", with the exception itself at the end, in Dr.Jit's case in several lines. All that the
+    loader refuses, in a plugin's base class too, is the scene's fault, an InputError; an exception
+    of another kind in a plugin is ours, a RuntimeError.
     """
     text = OF_MITSUBA.sub("", str(error))
     where, is_traceback, traceback = text.partition("Traceback (most recent call last):")
     if not is_traceback:
         return InputError(text)
-    kind, _, message = traceback.strip().splitlines()[-1].partition(": ")
+    lines = traceback.strip().splitlines()
+    first = max((k for k, line in enumerate(lines) if EXCEPTION.match(line)), default=-1)
+    kind, _, message = " ".join(lines[first:]).partition(": ")
     if kind.rstrip(":").endswith("KeyboardInterrupt"):  # with a colon and nothing after it
         return KeyboardInterrupt()
     is_of_scene = kind.endswith("InputError") or OF_MITSUBA.match(message)

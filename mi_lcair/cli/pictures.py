@@ -96,22 +96,22 @@ def facet_view(what, output, facet, parameters, json):
     )
 
 
-def brdf(what, output, band, theta_deg):
+def brdf(what, output, band, theta_deg, materials):
     """Draw the BRDF of a material."""
     from mi_lcair import scenes
     from mi_lcair.physics.materials import names
 
-    if Path(what).suffix.lower() != ".json" and what not in names():
+    if Path(what).suffix.lower() != ".json" and what not in names(materials):
         raise InputError(
             f"'{what}' is no image (.exr), no scene (.xml, {', '.join(scenes.names())}) and no "
-            f"material (a fit's .json, {', '.join(names())})"
+            f"material (a fit's .json, {', '.join(names(materials))})"
         )
     if band is None:
         raise InputError(f"material '{what}': give its --band, such as MWIR")
     from mi_lcair.physics.brdf_view import brdf_view
     from mi_lcair.reports.brdf_plot import save_plot
 
-    view = brdf_view(what, band, theta_deg)
+    view = brdf_view(what, band, theta_deg, materials)
     output = output or Path(f"{Path(what).stem}_{view.band.name}_{theta_deg:g}deg.png")
     save_plot(output, view)
     click.echo(output)

@@ -14,7 +14,7 @@ KINDS = {
     "an image": (pictures.image, ("channels", "log")),
     "--facet": (pictures.facet_view, ("facet", "parameters", "json")),
     "--facets": (pictures.facet_columns, ("facets", "channels", "log", "parameters", "sensor")),
-    "a material": (pictures.brdf, ("band", "theta_deg")),
+    "a material": (pictures.brdf, ("band", "theta_deg", "materials")),
 }
 
 
@@ -60,6 +60,7 @@ KINDS = {
     help="Number of the scene's sensor, from 0.",
 )
 @click.option("--band", help="Band of the material.")
+@click.option("--materials", type=FILE, metavar="TOML", help="Your own materials.")
 @click.option(
     "--theta-deg",
     type=click.FloatRange(0, 90, max_open=True),
