@@ -284,9 +284,11 @@ class ReflectionBSDF(mi.BSDF):
 
         bs.wo = sample_cosine(mi.Vector3f, sample2.x, sample2.y)
         if self.lobe == "brdf":
-            S = dr.detach(self.surface)
-            reflected = self.model.sample_lobe(S, dr.detach(si.wi), sample2.x, sample2.y)
-            bs.wo = dr.select(sample1 < self.lobe_probability(si.wi), reflected, bs.wo)
+            S, r = dr.detach(self.surface), dr.detach(si.wi)
+            probability = self.lobe_probability(r)
+            u3 = sample1 / dr.maximum(probability, SMALLEST)  # uniform in 0..1 for the lobe
+            reflected = self.model.sample_lobe(S, r, sample2.x, sample2.y, u3)
+            bs.wo = dr.select(sample1 < probability, reflected, bs.wo)
         bs.pdf = self.density(si.wi, bs.wo)
         active &= bs.pdf > 0
         value = self.brdf_cos(ctx, si.wi, bs.wo)

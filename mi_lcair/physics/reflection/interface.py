@@ -249,7 +249,7 @@ class ReflectionModel(ABC):
     # The renderer samples the floor with a density proportional to the cosine, and the lobe with
     # the next three methods. A model without a lobe need not define them.
 
-    def sample_lobe(self, S, r, u1, u2):
+    def sample_lobe(self, S, r, u1, u2, u3):
         """A random direction i to the source, drawn from the lobe.
 
         Parameters
@@ -258,8 +258,9 @@ class ReflectionModel(ABC):
             The `Surface`.
         r
             Direction to the observer, above the surface.
-        u1, u2
-            Uniform random numbers in 0..1.
+        u1, u2, u3
+            Uniform random numbers in 0..1. u3 has fewer digits where the lobe is faint. It serves
+            to choose between a few cases; not every lobe needs it.
 
         Returns
         -------

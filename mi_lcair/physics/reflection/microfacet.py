@@ -55,7 +55,7 @@ from mi_lcair.physics.reflection import interface
 from mi_lcair.physics.reflection import microfacet_distribution as distribution
 from mi_lcair.physics.reflection import microfacet_fresnel as fresnel
 from mi_lcair.physics.reflection import microfacet_hemispherical as hemispherical
-from mi_lcair.physics.reflection.directions import SMALLEST, cos_theta, sin2_theta
+from mi_lcair.physics.reflection.directions import SMALLEST, cos_theta
 from mi_lcair.physics.reflection.interface import Rung
 from mi_lcair.physics.reflection.microfacet_cube import MicrofacetCube
 
@@ -187,24 +187,20 @@ class Microfacet(MicrofacetCube):
 
     # ------------------------------------------------------------------ Drawing directions
 
-    def sample_lobe(self, S, r, u1, u2):
+    def sample_lobe(self, S, r, u1, u2, u3):
         """Reflect r about the normal of a random facet that is visible from r.
 
         `lobe_pdf` is the density of the result.
         """
-        Vector = type(r)
-        # Elevation of the facet's normal m.
+        # Elevation and azimuth of the normal of a facet, visible or not.
         sin2 = distribution.sample_sin2(u2, S.spread, S.q, S.inverse_exponent)
         sin, cos = dr.sqrt(sin2), dr.sqrt(1 - sin2)
-        # Azimuth of m relative to r: facets that face r are seen with more area.
-        sin_r = dr.sqrt(sin2_theta(r))
-        tilted = sin_r > SMALLEST
-        k = sin_r * sin / dr.maximum(cos_theta(r) * cos, SMALLEST)
-        sin_phi, cos_phi = dr.sincos(distribution.sample_visible_azimuth(k, u1))
-        # (x, y) is the azimuth of r. For r along the normal any azimuth is right.
-        x = dr.select(tilted, r.x / dr.maximum(sin_r, SMALLEST), 1)
-        y = dr.select(tilted, r.y / dr.maximum(sin_r, SMALLEST), 0)
-        m = Vector(sin * (x * cos_phi - y * sin_phi), sin * (y * cos_phi + x * sin_phi), cos)
+        sin_phi, cos_phi = dr.sincos(dr.two_pi * u1)
+        # The facet and its mirror image across the normal are the two sides of a V-shaped cavity.
+        # Each is visible in proportion to its projected area, r.z cos + across or r.z cos - across.
+        across = sin * dr.fma(r.x, cos_phi, r.y * sin_phi)
+        sin = dr.select((2 * u3 - 1) * (r.z * cos) < across, sin, -sin)
+        m = type(r)(sin * cos_phi, sin * sin_phi, cos)
         return dr.fma(m, 2 * dr.dot(r, m), -r)
 
     def lobe_pdf(self, S, i, r):

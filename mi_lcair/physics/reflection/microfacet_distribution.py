@@ -1,6 +1,4 @@
-"""The generalised Trowbridge-Reitz distribution of microfacet normals, and its visible normals.
-
-The visible normals are those of facets in V-shaped cavities.
+"""The generalised Trowbridge-Reitz distribution of microfacet normals.
 
 With theta the angle of a facet's normal m to the surface's normal and a = alpha^2 (Burley 2012),
 
@@ -21,7 +19,6 @@ import drjit as dr
 # 2e-5.
 SMALLEST_SPREAD = 1e-6
 SMALLEST_EXPONENT = 1e-6
-NEWTON_STEPS = 4  # steps after which the azimuth's distribution function has an error below 1e-8
 
 
 def bernoulli(x):
@@ -115,35 +112,3 @@ def sample_sin2(u, spread, q, inverse_exponent):
     half = -0.5 * inverse_exponent * ln
     ratio = 2 * dr.sinh(half) * dr.exp(half)
     return dr.clip(ratio / dr.maximum(spread, SMALLEST_SPREAD), 0, 1)
-
-
-def sample_visible_azimuth(k, u):
-    """Azimuth phi of a random visible normal relative to the observer's [rad, -pi..pi].
-
-    k: tan(theta_m) tan(theta_r) of normal and observer. u: uniform random number in 0..1. A side of
-    a V-shaped cavity is seen in proportion to its projected area 1 + k cos phi, or is hidden. The
-    density is therefore (1 + clip(k cos phi, -1, 1)) / (2 pi). Its distribution function is linear
-    in phi where one side hides the other. Elsewhere inverting it means to solve a Kepler equation.
-    Newton's method does that, from a starting value from which its steps do not overshoot.
-    """
-    k = dr.minimum(k, 1e6)
-    side = 2 * u - 1
-    share = dr.abs(side)
-    hidden = dr.acos(1 / dr.maximum(k, 1))  # up to this azimuth only one side is visible
-    root = dr.sqrt(dr.maximum(dr.square(k) - 1, 0))
-    rest = dr.maximum(1 - k, 0)
-    target = dr.pi * (1 - share)
-    # delta = pi - hidden - phi solves
-    #     (delta - sin delta) + root (1 - cos delta) + rest sin delta = target.
-    # Each of the three terms alone gives an upper bound of delta. The start is the least of them.
-    delta = dr.minimum(dr.cbrt(dr.pi**2 * target), dr.pi - 2 * hidden)
-    delta = dr.minimum(delta, dr.pi * dr.sqrt(target / dr.maximum(2 * root, 1e-6)))
-    delta = dr.minimum(delta, target / dr.maximum(rest, 1e-6))
-    for _ in range(NEWTON_STEPS):
-        sin, cos = dr.sincos(0.5 * delta)
-        one_minus_cos, sin = 2 * dr.square(sin), 2 * sin * cos
-        value = delta - sin + root * one_minus_cos + rest * sin - target
-        slope = one_minus_cos + root * sin + rest * (1 - one_minus_cos)
-        delta = dr.maximum(delta - value / dr.maximum(slope, 1e-9), 0)
-    phi = dr.select(dr.pi * share < 2 * hidden, 0.5 * dr.pi * share, dr.pi - hidden - delta)
-    return dr.select(side < 0, -phi, phi)

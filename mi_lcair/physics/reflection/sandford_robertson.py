@@ -47,7 +47,7 @@ class SandfordRobertson(SandfordRobertsonCube):
     def emissivity(self, S, cos, sin2):
         return sr.emissivity(S, cos, sin2)
 
-    def sample_lobe(self, S, r, u1, u2):
+    def sample_lobe(self, S, r, u1, u2, u3):
         half = sr.sample_half_vector(r, S.e, u1, u2)
         return dr.fma(half, 2 * dr.dot(r, half), -r)
 

@@ -244,7 +244,7 @@ def test_drawn_directions_have_their_density(model, form):
         if model.lobe_width(S)[0] < 0.2 or checked == 3:
             continue
         checked += 1
-        i = model.sample_lobe(S, r, Float64(rng.random(count)), Float64(rng.random(count)))
+        i = model.sample_lobe(S, r, *(Float64(rng.random(count)) for _ in range(3)))
         z, x_drawn = np.array(i.z), np.array(i.x)
         density = np.array(model.lobe_pdf(S, directions(theta, phi), r))
         for drawn, inside in (
