@@ -297,4 +297,4 @@ def test_public_names_resolve():
     for name in mi_lcair.__all__:
         assert getattr(mi_lcair, name), name
     with pytest.raises(AttributeError, match="no attribute 'lode'"):
-        mi_lcair.lode
+        _ = mi_lcair.lode

@@ -123,7 +123,7 @@ def _silenced():
     stderr.
     """
     kept = os.dup(2)
-    with redirect_stdout(io.StringIO()), open(os.devnull, "w") as null:
+    with redirect_stdout(io.StringIO()), Path(os.devnull).open("w") as null:
         os.dup2(null.fileno(), 2)
         try:
             yield

@@ -26,7 +26,7 @@ def obj(points, faces, label="f*bareAl*300*"):
     return "".join(
         [
             f"o {label}\n" if label else "o Cube\n",
-            *("v %.9g %.9g %.9g\n" % tuple(point) for point in points),
+            *("v {:.9g} {:.9g} {:.9g}\n".format(*point) for point in points),
             *("f " + " ".join(str(index - len(points)) for index in face) + "\n" for face in faces),
         ]
     )

@@ -21,7 +21,7 @@ def radiance(name, temperature):
 
 @pytest.mark.parametrize("name", ["total", "MWIR", "LWIR"])
 def test_two_plates(name):
-    """Within 0.2 % and 3 standard errors of L_bb A F (thesis A.1); all of it after one reflection."""
+    """Within 0.2 % and 3 standard errors of L_bb A F (thesis A.1), after one reflection."""
     result = mi_lcair.signature(
         mi_lcair.load("two_plates", band=name, resolution=64), spp=4096, seed=1
     )

@@ -45,7 +45,7 @@ def test_a_refused_plan_gives_the_reason(tmp_path):
 
 
 def test_views_know_it_too(tmp_path):
-    """A trend of one view, straight down on the speck: its error contains one path that meets it."""
+    """Straight down on the speck, the error of a view contains one path that meets it."""
     from mi_lcair.rendering.many_views import render_views
     from mi_lcair.rendering.views import View
 

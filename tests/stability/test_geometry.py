@@ -144,7 +144,7 @@ def test_slivers(tmp_path, strips):
 
 @pytest.mark.parametrize("shift", [10, 100])
 def test_meshes_far_from_their_origin(tmp_path, shift):
-    """Vertices at 10 m and 100 m: the plates of 0.2 m are moved to the origin, and nothing is lost."""
+    """Plates of 0.2 m with vertices at 10 m and 100 m are moved to the origin; nothing is lost."""
     assert_exact(load(tmp_path, two_plates(shift=shift), x=shift + 0.1))
 
 
