@@ -9,6 +9,7 @@ import pytest
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics import reflection
+from tests.physics.reflection import microfacet_equations as printed
 from tests.physics.reflection.surfaces import random_parameters
 from tests.plugins.reflection_models import (
     LOBES,
@@ -174,6 +175,17 @@ def test_emissivity_is_what_is_not_reflected(model):
     assert bsdf.has_attribute("emissivity") and not bsdf.has_attribute("temperature")
     emissivity = bsdf.eval_attribute_1("emissivity", seen_at(ANGLES, 0.3)).numpy()
     np.testing.assert_allclose(emissivity, 1 - model.HDR(bsdf, ANGLES), rtol=0, atol=1e-5)
+
+
+def test_the_emissivity_of_a_metal_rises_toward_grazing():
+    """A narrow microfacet lobe against 1 - F by Fresnel's complex amplitudes."""
+    theta = np.radians([0, 30, 60, 80])
+    metal = {"alpha": 1e-3, "gamma": 4.0, "n": 10.0, "k": 30.0, "rho_d": 0.0}
+    bsdf = mi.load_dict({"type": "microfacet", **metal})
+    emissivity = bsdf.eval_attribute_1("emissivity", seen_at(theta)).numpy()
+    fresnel = 1 - printed.fresnel(np, np.cos(theta), 10, 30)
+    np.testing.assert_allclose(emissivity, fresnel, rtol=1e-4)
+    assert emissivity[-1] > 1.5 * emissivity[0]
 
 
 def points_of_the_box(model, count=30):

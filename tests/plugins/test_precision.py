@@ -5,21 +5,29 @@ scatter of samples.
 import mitsuba as mi
 import numpy as np
 import pytest
-from drjit.llvm.ad import Array3f64
+from drjit.llvm.ad import Array3f64, Float64
 
+from mi_lcair.physics import reflection
 from mi_lcair.physics.reflection import sandford_robertson_equations as sr
 from tests.physics import thesis
-from tests.physics.reflection.surfaces import MATERIALS, direction, random_parameters, surface
+from tests.physics.reflection.surfaces import MATERIALS, direction, random_parameters
+from tests.physics.reflection.test_microfacet import random_parameters as microfacet_parameters
 from tests.plugins.reflection_models import exact_HDR, interaction, seen_at
 
 PAIRS = 6000  # of directions, per surface
-NAMES = ("epsilon", "rho_d", "b", "e")
+SANDFORD_ROBERTSON, MICROFACET = (
+    reflection.model(name) for name in ("sandford_robertson", "microfacet")
+)
+FORMS = [(model, form) for model in (SANDFORD_ROBERTSON, MICROFACET) for form in model.forms]
+every_form = pytest.mark.parametrize(
+    "model, form", FORMS, ids=lambda one: getattr(one, "name", one)
+)
 LIMIT = np.radians(89.5)
 
 
-def load(parameters, form):
+def load(model, parameters, form):
     return mi.load_dict(
-        {"type": "sandford_robertson", "form": form, **dict(zip(NAMES, map(float, parameters)))}
+        {"type": model.name, "form": form, **dict(zip(model.names, map(float, parameters)))}
     )
 
 
@@ -64,26 +72,28 @@ def theta_of(vectors):
     return np.arctan2(np.hypot(x, y), z)
 
 
-@pytest.mark.parametrize("form", sr.FORMS)
-def test_value_in_float32(form):
+@every_form
+def test_value_in_float32(model, form):
     """Against Float64 at the identical Float32 vectors and parameters, the division by max(1, HDR)
     included.
     """
     rng, errors = np.random.default_rng(9), []
-    for row in narrow_and_broad_lobes(40):
-        bsdf = load(row, form)
-        i, r = pairs_of_directions(row[3], rng)
+    if model is SANDFORD_ROBERTSON:
+        rows = narrow_and_broad_lobes(40)
+    else:
+        rows = microfacet_parameters(40, seed=8)
+    for row in rows:
+        bsdf = load(model, row, form)
+        i, r = pairs_of_directions(float(model.lobe_width(bsdf.surface)[0]), rng)
         found = (
             (bsdf.eval(mi.BSDFContext(), interaction(mi.Vector3f(r)), mi.Vector3f(i))[0])
             .numpy()
             .astype(float)
         )
-        S = surface(*bsdf.values, form)
-        exact = (
-            sr.f(S, Array3f64(i), Array3f64(r)).numpy()
-            * i[2]
-            / np.maximum(exact_HDR(bsdf, theta_of(r)), 1)
-        )
+        S = model.surface(*map(Float64, bsdf.values), form=form)
+        exact = model.f(S, Array3f64(i), Array3f64(r)).numpy() * i[2]
+        if model is SANDFORD_ROBERTSON:  # the other model's HDR is at most 1
+            exact /= np.maximum(exact_HDR(bsdf, theta_of(r)), 1)
         errors.append(np.abs(found - exact) / np.maximum(np.abs(exact), 1e-30))
     errors = np.concatenate(errors)
     print(form, "median, 99.9 % and largest relative error:", np.quantile(errors, [0.5, 0.999, 1]))
@@ -105,14 +115,15 @@ def largest_error_of_HDR(bsdf):
     return np.max(np.abs((floor + lobe).numpy() - exact) / np.maximum(exact, 1))
 
 
-@pytest.mark.parametrize("form", sr.FORMS)
-def test_tabulated_HDR(form):
+@every_form
+def test_tabulated_HDR(model, form):
     """To 89.5 degrees: 1e-5 over the whole box, and for the materials."""
-    errors = [
-        largest_error_of_HDR(load(row, form))
-        for row in [*MATERIALS, *random_parameters(40, seed=11), *narrow_and_broad_lobes(20)]
-    ]
-    print(form, f"materials {max(errors[:4]):.1e}, box {max(errors):.1e}")
+    if model is SANDFORD_ROBERTSON:
+        rows = [*MATERIALS, *random_parameters(40, seed=11), *narrow_and_broad_lobes(20)]
+    else:
+        rows = microfacet_parameters(16, seed=11)
+    errors = [largest_error_of_HDR(load(model, row, form)) for row in rows]
+    print(form, f"{max(errors):.1e}")
     assert max(errors) <= 1e-5
 
 
