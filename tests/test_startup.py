@@ -24,7 +24,10 @@ needs_llvm_15 = pytest.mark.skipif(not LLVM_15.exists(), reason="no LLVM 15 on t
 
 # LLVM 15 and 16 pass a plain sum and abort the process at `minimum`, so that is what shows that
 # LLVM works.
-COMPUTE = "import drjit as dr; assert dr.minimum(dr.llvm.Float([1, 2, 3]), 2).numpy().tolist() == [1, 2, 2]\n"
+COMPUTE = (
+    "import drjit as dr; "
+    "assert dr.minimum(dr.llvm.Float([1, 2, 3]), 2).numpy().tolist() == [1, 2, 2]\n"
+)
 SANDFORD_ROBERTSON = {
     "type": "sandford_robertson",
     "epsilon": 0.1,
@@ -60,7 +63,7 @@ def usable_llvm(monkeypatch):
 
 
 # LLVM
-# ---------------------------------------------------------------------------------------------------------------
+# ------------------------------------------------------------------------------------------------
 
 
 def test_finds_llvm_by_itself():
@@ -175,7 +178,7 @@ def test_exceptions_of_mitsuba_are_still_caught():
 
 
 # The cache of kernels
-# ------------------------------------------------------------------------------------------------------------
+# ------------------------------------------------------------------------------------------------
 
 
 LIMITED = (
@@ -231,7 +234,7 @@ def test_a_cache_with_room_is_left_alone(tmp_path, monkeypatch, caplog):
 
 
 # Plugins
-# ------------------------------------------------------------------------------------------------------------
+# ------------------------------------------------------------------------------------------------
 
 
 def test_plugins_follow_the_variant():
@@ -240,7 +243,8 @@ def test_plugins_follow_the_variant():
         "assert mi.variant() == 'llvm_ad_mono'\n"
         "for variant in ('llvm_ad_mono', 'llvm_ad_rgb', 'scalar_rgb', 'llvm_ad_mono'):\n"
         "    mi.set_variant(variant)\n"
-        f"    if variant != 'scalar_rgb': print(isinstance(mi.load_dict({SANDFORD_ROBERTSON}), mi.BSDF))\n"
+        "    if variant != 'scalar_rgb': "
+        f"print(isinstance(mi.load_dict({SANDFORD_ROBERTSON}), mi.BSDF))\n"
     )
     assert done.stdout.split() == ["True"] * 3, done.stderr
 

@@ -1,4 +1,4 @@
-"""Triangles that overlap in one plane: all of them found, neighbours left alone, in bearable time."""
+"""Triangles that overlap in one plane are found, and neighbours are not, in acceptable time."""
 
 import time
 

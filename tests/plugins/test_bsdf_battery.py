@@ -146,7 +146,7 @@ def test_at_the_horizon_and_beyond(model):
         )
 
 
-# ---------------------------------------------------------------- What the BSDFs of reflection models have
+# ------------------------------------------------------- Properties of reflection models' BSDFs
 
 OURS = [model for model in MODELS if model.is_ours]
 every_rung = pytest.mark.parametrize("model", OURS, ids=lambda model: model.name)

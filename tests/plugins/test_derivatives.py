@@ -116,7 +116,8 @@ def assert_derivatives(make, key, step, order="enable, update", index=0, in_reve
     allowed = max(0.02 * abs(reference), 3 * np.hypot(error, reference_error))
     for mode, found in (("forward", value), ("reverse", in_reverse[key])):
         assert abs(found - reference) <= allowed, (
-            f"{key}, {mode}: {found:.5g} +- {error:.2g}, central difference {reference:.5g} +- {reference_error:.2g}"
+            f"{key}, {mode}: {found:.5g} +- {error:.2g}, "
+            f"central difference {reference:.5g} +- {reference_error:.2g}"
         )
 
 
@@ -219,7 +220,7 @@ def causes(error) -> str:
 
 
 def test_stock_integrator_refuses_a_lost_derivative(corner):
-    """Under stock prb nobody can attach the table after enable_grad: an error, not a silent zero."""
+    """Under Mitsuba's prb the table has no derivatives after enable_grad: an error, not zero."""
     scene, parameters, _ = prepared(
         lambda: corner({"type": "prb", "max_depth": 3}), ["floor.bsdf.epsilon"], "update, enable"
     )
@@ -233,7 +234,7 @@ def test_stock_integrator_refuses_a_lost_derivative(corner):
 
 
 def test_stock_prb_in_reverse(corner):
-    """The stock integrator's reverse derivative through our plugins, in the order that it supports."""
+    """Reverse derivative of Mitsuba's integrator through the plugins, in the supported order."""
 
     def make():
         return corner({"type": "prb", "max_depth": 4, "rr_depth": 100})

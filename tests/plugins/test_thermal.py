@@ -35,7 +35,7 @@ def no_remains():
 
 
 def emitted(shape, angles=ANGLES, side=1, at=(1, -1)):
-    """What the shape sends toward observers at these angles, from one side of z = 0 [W m^-2 sr^-1]."""
+    """Radiance of the shape toward observers at these angles, on one side [W m^-2 sr^-1]."""
     loaded = mi.load_dict({"type": "scene", "shape": shape}, optimize=False)
     toward = mi.Vector3f(np.sin(angles), 0 * angles, side * np.cos(angles))
     si = loaded.ray_intersect(mi.Ray3f(mi.Point3f(*at, 0) + toward, -toward))
@@ -225,7 +225,7 @@ def test_an_update_of_facet_temperatures_is_honoured(plate, integrator):
 
 
 def test_temperatures_that_change_twice_between_renders_are_honoured(plate):
-    """Dr.Jit gives the index of a freed variable to a new one: an index does not tell values apart."""
+    """Dr.Jit reuses the index of a freed variable, so an index does not identify a value."""
     one_plate = scene(
         INTEGRATORS["bounce_path"], camera(2), mesh=plate("p", SQUARE, GREY, [300, 300])
     )

@@ -125,7 +125,7 @@ def test_one_sample_has_no_standard_error():
 
 
 def test_invalid_samples_are_counted_and_left_out(monkeypatch):
-    """A NaN or infinity in two samples of ten thousand: counted, reported, and the rest of the pixel
+    """A NaN or infinity in two of 10,000 samples: counted, reported, and the rest of the pixel
     stands.
     """
     walk = PathTracer.walk

@@ -95,7 +95,7 @@ def test_fine_meshes(tmp_path, n):
 
 
 def test_one_hot_triangle_among_many(tmp_path):
-    """Of 80,000 triangles one is 60,000 times as bright as the others: closed form of both parts."""
+    """One of 80,000 triangles is 60,000 times as bright as the others: closed form of both."""
     vertices, faces = grid_mesh(200, HEIGHT)
     radiance = np.ones(len(faces))
     radiance[12345] = 6e4

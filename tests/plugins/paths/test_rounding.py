@@ -1,4 +1,4 @@
-"""What Float32 does to a radiance whose paths are all alike, and that the stated error contains it."""
+"""Error of Float32 in a radiance whose paths are all alike: the stated error contains it."""
 
 import numpy as np
 import pytest
