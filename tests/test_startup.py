@@ -137,6 +137,7 @@ def test_drjit_imported_first_with_an_unusable_llvm(variable, found):
     assert last.startswith(f"ImportError: drjit was imported before mi_lcair and found {found}, ")
 
 
+@pytest.mark.slow
 def test_mitsuba_imported_first_with_a_usable_llvm(usable_llvm):
     done = python(
         "import mitsuba as mi\nmi.set_variant('llvm_ad_rgb')\nimport mi_lcair\n"
@@ -167,6 +168,7 @@ def test_read_only_site_packages(tmp_path):
     assert Path(done.stdout.strip()).is_relative_to(tmp_path)
 
 
+@pytest.mark.slow
 def test_exceptions_of_mitsuba_are_still_caught():
     """The wheel's C++ runtime must not take the place of the one that Mitsuba throws with."""
     done = python(
@@ -188,6 +190,7 @@ LIMITED = (
 )
 
 
+@pytest.mark.slow
 def test_kernels_that_cannot_be_written(tmp_path, monkeypatch):
     """Dr.Jit would try again for ever; here the cache is off, and a line says so."""
     monkeypatch.setenv(kernel_cache.VARIABLE, str(tmp_path))
@@ -237,6 +240,7 @@ def test_a_cache_with_room_is_left_alone(tmp_path, monkeypatch, caplog):
 # ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_plugins_follow_the_variant():
     done = python(
         "import mi_lcair, mitsuba as mi\n"
@@ -249,11 +253,13 @@ def test_plugins_follow_the_variant():
     assert done.stdout.split() == ["True"] * 3, done.stderr
 
 
+@pytest.mark.slow
 def test_plugins_imported_before_mitsuba():
     done = python(f"import mi_lcair.plugins, mitsuba as mi\nmi.load_dict({SANDFORD_ROBERTSON})")
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("layout", ["checkout", "installed"])
 def test_foreign_packages_stay_foreign(layout, tmp_path):
     """Ours are mi_lcair.plugins and nothing else; whatever lies beside an installed mi_lcair is no

@@ -92,8 +92,9 @@ def main(page):
             rows.append(row(name, emitter_sampling))
             print(rows[-1][0], flush=True)
     verdict = (
-        f"The most wrong claims in a row: {max(wrong for _, wrong, _ in rows)} of {SEEDS}. The most "
-        f"plans outside their tolerance: {max(outside for *_, outside in rows)} of {SEEDS}."
+        f"The most wrong claims in a row: {max(wrong for _, wrong, _ in rows)} of {SEEDS}. "
+        "The most plans outside their tolerance: "
+        f"{max(outside for *_, outside in rows)} of {SEEDS}."
     )
     with replacing(page) as partial:
         partial.write_text(

@@ -48,7 +48,7 @@ def note(text: object) -> None:
 
 
 def note_invalid(result) -> None:
-    """Say on stderr how many samples of a result (its `invalid` and `paths`) do not count, if any."""
+    """Say on stderr how many samples of a result (`invalid` of `paths`) do not count, if any."""
     from mi_lcair.rendering.statistics import invalid_remark
 
     for remark in invalid_remark(result.invalid, result.paths):

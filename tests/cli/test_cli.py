@@ -23,6 +23,7 @@ HEAVY = ("mitsuba", "drjit", "matplotlib", "colour", "scipy", "OpenEXR", "numpy"
 # ---- start and help
 
 
+@pytest.mark.slow
 def test_help_loads_nothing_heavy():
     """Help and the message for a bad option need no slow imports."""
     code = f"""

@@ -68,6 +68,7 @@ def test_signature_outputs_that_cannot_be(refused, renderer, options, message):
     assert message in refused("signature", "two_plates", *options)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", [["signature"], ["render", "-o", "out.exr"]])
 def test_a_plan_is_followed_and_reported(run, command):
     result = run(

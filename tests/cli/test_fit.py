@@ -174,6 +174,7 @@ def test_json_on_stdout_and_in_the_file(run, asked, folder):
     assert printed == file and file["parameters"]["rho_d"] == 1 / 3
 
 
+@pytest.mark.slow
 def test_files_are_written(run, asked, folder):
     before = set(folder.iterdir())
     assert run("fit", "mwir.csv", "lwir.csv", "-o", "fit.json", "--plot", "fit.PNG").exit_code == 0

@@ -72,6 +72,7 @@ def lowtran(range_km):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("T", [400, 250])  # above and below the background's temperature
 @pytest.mark.parametrize("band", ["MWIR", "LWIR"])
 def test_disc_in_vacuum(folder, band, T):
@@ -85,6 +86,7 @@ def test_disc_in_vacuum(folder, band, T):
     assert result.solid_angle == pytest.approx(AREA / 1000**2, rel=2e-3) and result.path.value == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("T, range_km", [(400, 2), (250, 1)])
 @pytest.mark.parametrize("band", ["MWIR", "LWIR"])
 def test_disc_through_a_bundled_atmosphere(folder, band, T, range_km):
@@ -154,6 +156,7 @@ def test_quadrature(folder):
         assert row.path.value == pytest.approx(integral(band, path_radiance) * area / 1e6, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_errors_over_seeds(folder):
     """The standard errors agree with the scatter over seeds.
 
@@ -182,6 +185,7 @@ def test_errors_over_seeds(folder):
     assert total < 0.3 * target
 
 
+@pytest.mark.slow
 def test_temperatures_that_are_too_many(tmp_path):
     """Many temperatures give the closed form, and errors that are at least the scatter."""
     corners = triangles()
@@ -214,6 +218,7 @@ def test_temperatures_that_are_too_many(tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_detector(folder):
     """Field of view and noise (Eqs 3.14, 3.15, 3.18), with a response within the band."""
     (folder / "detector.csv").write_text("wavelength_um,response\n3.2,0\n4,0.8\n4.6,0\n")
@@ -400,6 +405,7 @@ def test_a_sky_without_elevations_is_taken_as_it_is(folder):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [1, 2, 3])
 def test_bundled_positions(number):
     """The observers of the bundled scenarios are in the directions of the scene's sensors."""

@@ -16,6 +16,7 @@ SURFACES = Path(__file__).parents[2].parent / "shared" / "data" / "mwir_brdf"
 real_data = pytest.mark.skipif(not SURFACES.is_dir(), reason="the measured surfaces are not here")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", THESIS_SETS)
 def test_noise_free_data_give_the_parameters_back(name):
     parameters = THESIS_SETS[name]
@@ -32,6 +33,7 @@ def test_the_same_seed_gives_the_same_bits():
     assert first.gradient_norm == again.gradient_norm
 
 
+@pytest.mark.slow
 @real_data
 @pytest.mark.parametrize(
     "name, thesis, normalized",
@@ -53,6 +55,7 @@ def test_real_surfaces_as_well_as_a_global_search(name, thesis, normalized):
         MODEL.check_feasible(*result.parameters.values(), form=form)
 
 
+@pytest.mark.slow
 @real_data
 def test_an_emissivity_beside_the_brdf_is_followed():
     """A fit of BRDF and emissivity describes both; a fit of the BRDF alone misses the emissivity.
@@ -76,6 +79,7 @@ def test_an_emissivity_beside_the_brdf_is_followed():
     )
 
 
+@pytest.mark.slow
 def test_a_dhr_is_fitted_at_the_sources_angle():
     """A DHR is fitted at the angle of the source, and an emissivity at that of the observer.
 
@@ -102,6 +106,7 @@ def test_a_dhr_is_fitted_at_the_sources_angle():
     assert result.emissivity_rms is None and list(result.settings["joint"]) == ["dhr"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["thesis", "normalized"])
 def test_auto_takes_the_form_that_made_the_data(form):
     result = fit(scan(ROUGH, step=2, form=form, noise=0.05), starts=8)
@@ -176,6 +181,7 @@ def test_settings_out_of_range(settings, words):
         fit(scan(ROUGH, step=10), **settings)
 
 
+@pytest.mark.slow
 def test_progress_goes_on_to_its_total():
     data = scan(ROUGH, step=8, noise=0.05)
     table = DirectionalData(np.radians([30.0]), np.array([0.33]), np.array([0.02]))

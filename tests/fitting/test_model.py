@@ -65,6 +65,7 @@ def test_emissivity_and_dhr_are_hemispherical_integrals():
                     assert value == pytest.approx(1 - integral if reverse else integral, abs=2e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("e", [0.0005, 0.0042, 0.25])
 def test_aperture_is_the_average_over_the_sources_disc(e):
     surface = (0.11, 0.02, 0.05, e)

@@ -206,6 +206,7 @@ def test_the_table_says_what_the_fit_says(axes):
         assert words in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "results",
     [

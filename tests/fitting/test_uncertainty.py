@@ -30,6 +30,7 @@ def test_intervals_of_a_nearly_linear_problem_are_two_standard_errors_wide():
         assert (high - low) / 2 == pytest.approx(1.97 * result.standard_error[name], rel=0.05)
 
 
+@pytest.mark.slow
 def test_true_values_lie_inside_two_standard_errors():
     """About 95 % of 80 true values (20 repetitions, 4 parameters) lie inside two standard errors.
 

@@ -188,6 +188,7 @@ def test_twenty_points():
     assert "give --emissivity" in metal.verdict["epsilon"] and inside(metal, "epsilon", ALUMINUM[0])
 
 
+@pytest.mark.slow
 def test_a_lobe_far_below_the_instruments_resolution():
     """The fit of a lobe much narrower than the source gives an upper limit of e.
 
@@ -207,6 +208,7 @@ def test_a_lobe_far_below_the_instruments_resolution():
     assert result.verdict["rho_d"] == "determined"
 
 
+@pytest.mark.slow
 def test_a_peak_as_wide_as_the_source_is_deconvolved():
     """With the size of the source, the fit finds e.
 

@@ -82,6 +82,7 @@ def test_nodes_lie_within_the_limits_and_weights_add_up_to_the_width(lower, rati
     np.testing.assert_allclose(rule.weights_um.sum(), rule.upper_um - rule.lower_um, rtol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spec", ["SWIR", "3.99-4.01", "0.4-14", "0.1-1000"])
 @pytest.mark.parametrize("temperature", [30, 6000])
 def test_limits_integrate_plancks_law(spec, temperature):
@@ -122,6 +123,7 @@ def test_a_response_of_many_rows_needs_no_more_nodes_than_a_smooth_band(tmp_path
         assert abs(by_rule(fine, temperature) / by_rule(coarse, temperature) - 1) < 1e-9
 
 
+@pytest.mark.slow
 def test_a_response_of_200_000_rows(tmp_path):
     """Reading this file row by row would take minutes."""
     x = np.linspace(3, 5, 200_001)

@@ -218,6 +218,7 @@ def test_traced_calls_carry_the_derivative():
         assert abs(dr.grad(t)[k] / mpmath.diff(lambda x: exact(limits, x), 300, h=1e-8) - 1) < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spec", [*NAMED, "total", "3.99-4.01", "1-9"])
 @settings(max_examples=15, deadline=None)
 @given(exponents=st.lists(st.floats(-40, 8), min_size=1, max_size=5))

@@ -59,6 +59,7 @@ def test_ideal_surfaces():
     assert scale(diffuse) == pytest.approx((10**-0.5 / np.pi, 10**0.5 / np.pi))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name, theta_i", [("gloss_black", 75), ("diffuse", 0), ("blackbody", 30)])
 def test_picture(tmp_path, name, theta_i):
     """A picture is drawn without a warning, also for a constant BRDF and for one that is 0."""

@@ -41,6 +41,7 @@ def test_a_furnace_does_not_sample_its_emitters():
     assert not plan.emitter_sampling and plan.lobe["bare_aluminum"] == "mirror"
 
 
+@pytest.mark.slow
 def test_gloss_black_in_the_range_needs_a_mirror_and_two_reflections():
     plan = mi_lcair.plan(mi_lcair.load("cylinder_ir_range", finish="gloss_black", resolution=64))
     assert (
@@ -49,6 +50,7 @@ def test_gloss_black_in_the_range_needs_a_mirror_and_two_reflections():
     assert any("gloss_black, taken as mirror" in sentence for sentence in plan.left_out)
 
 
+@pytest.mark.slow
 def test_a_broad_lobe_is_kept(corner):
     """e = 0.15 beside a hot wall: a mirror would change each pixel and their mean."""
     scene = checked(
@@ -86,6 +88,7 @@ def test_microfacet_beside_hot_walls(corner, parameters, lobe):
         assert set(mi_lcair.plan(scene, 0.01, each_pixel).lobe.values()) == {lobe}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("opening", [8, 80])
 def test_reflections_of_a_cavity(opening):
     """Each reflection halves the radiance (emissivity 0.5), and a geometric tail adds the rest."""
@@ -93,6 +96,7 @@ def test_reflections_of_a_cavity(opening):
     assert plan.closure == "tail" and plan.max_bounces <= 4 and plan.predicted_error <= 0.01
 
 
+@pytest.mark.slow
 def test_the_error_holds():
     """At most 2 of 12 plans for 0.5 % miss the tolerance.
 
@@ -112,6 +116,7 @@ def test_the_error_holds():
     assert missed <= 2
 
 
+@pytest.mark.slow
 def test_each_pixel():
     """A render under the plan reports the predicted rms error over the pixels."""
     scene = mi_lcair.load("cylinder_ir_range", finish="gloss_black", resolution=64)
@@ -122,6 +127,7 @@ def test_each_pixel():
     assert image.header["lobes"].count("mirror") == 1
 
 
+@pytest.mark.slow
 def test_the_scene_is_left_as_it_was():
     scene = mi_lcair.load("furnace", resolution=16)
     before = Settings.of(scene)
@@ -153,6 +159,7 @@ def test_unusable_tolerance(tolerance):
         mi_lcair.plan(mi_lcair.load("open_box", resolution=16), tolerance)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("resolution", [40, 46, 64])
 def test_every_resolution_has_its_noise(resolution):
     """The probe sees the noise at any number of samples per pixel.
@@ -200,6 +207,7 @@ def speck(plate):
     return make
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("emitter_sampling", [False, True])
 @pytest.mark.parametrize("each_pixel", [False, True])
 def test_a_source_that_paths_miss_is_drawn(speck, emitter_sampling, each_pixel):
@@ -216,6 +224,7 @@ def test_a_source_that_paths_miss_is_drawn(speck, emitter_sampling, each_pixel):
     assert planned == pytest.approx(exact, rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_tail_for_a_model_beside_other_surroundings(plate):
     """The tail of the model does not depend on the surroundings beside it.
 
@@ -316,6 +325,7 @@ def test_what_cannot_be_planned():
     assert fewest_bounces(growing, 1e-3, False)[2] > 0.9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["open_box", "furnace"])
 def test_no_clock_decides(monkeypatch, name):
     """The plan does not change if every second probe takes a thousand times longer."""

@@ -71,6 +71,7 @@ print((used[1] - used[0]) / (2048**2 - 1024**2) / stated)
 """
 
 
+@pytest.mark.slow
 def test_stated_memory():
     """What an image of 4 million pixels really takes: no more than stated, and most of it."""
     result = subprocess.run(

@@ -283,6 +283,7 @@ def test_set_lobe():
         scene.set_lobe("mirror", "tin")
 
 
+@pytest.mark.slow
 def test_other_variants_are_refused():
     code = (
         "import mitsuba as mi; mi.set_variant('scalar_rgb'); "

@@ -102,6 +102,7 @@ def test_pixels_without_a_value(tmp_path, figures, name, nothing, is_grey):
     assert ("grey" in panel.get_xlabel()) == is_grey
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("log", [False, True])
 @pytest.mark.parametrize(
     "values",
@@ -137,6 +138,7 @@ def test_a_constant_lies_in_the_middle_of_its_scale(tmp_path, figures, value, li
     assert figures[0].axes[1].get_ylim() == pytest.approx(limits)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("log", [False, True])
 def test_numbers_that_cannot_be_drawn(tmp_path, log):
     """Very small and very large values are drawn; values that are too large are refused."""

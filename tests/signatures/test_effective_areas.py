@@ -75,6 +75,7 @@ def test_view_factors_of_the_cube():
     assert cube(1)[0, 1] == pytest.approx(0.1998248957, abs=1e-10)
 
 
+@pytest.mark.slow
 def test_closed_cube(plate):
     """The effective area of each group is within 0.5 % of radiosity.
 
@@ -107,6 +108,7 @@ def test_other_temperatures_and_bands(plate):
     assert abs(value - part.intensity) < 3 * np.hypot(error, part.standard_error)
 
 
+@pytest.mark.slow
 def test_error_of_an_intensity_is_the_scatter_of_seeds(plate):
     """Standard errors from the covariance match the scatter of 16 seeds, within 5 sigma."""
     runs = [

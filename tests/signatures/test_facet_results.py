@@ -119,6 +119,7 @@ def test_target_and_scene(roof):
     )
 
 
+@pytest.mark.slow
 def test_standard_errors_are_the_scatter_of_seeds(roof, monkeypatch):
     """Standard errors of facets and target match the scatter of 16 seeds, within 5 sigma.
 

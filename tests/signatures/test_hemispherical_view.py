@@ -51,6 +51,7 @@ def factors(view):
     return dict(zip(view.neighbour.tolist(), view.view_factor.tolist()))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name, facet, other, expected",
     [

@@ -210,6 +210,7 @@ def swapped(line: str) -> str:
     return ",".join(cells)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "spoil, batches",
     [
@@ -270,6 +271,7 @@ def test_a_file_of_another_kind_is_not_resumed(cylinder, tmp_path, content, mess
     assert path.read_bytes() == content
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "changes, message",
     [
@@ -290,6 +292,7 @@ def test_bad_input(cylinder, changes, message):
         trend(cylinder, **changes)
 
 
+@pytest.mark.slow
 def test_two_workers_of_which_one_dies(cylinder, tmp_path):
     distributed = pytest.importorskip("dask.distributed")
     path, apart, killed = tmp_path / "cluster.csv", tmp_path / "local.csv", []

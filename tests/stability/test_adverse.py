@@ -17,6 +17,7 @@ BY_CHANCE = ("speck", "slit", "mirrored_speck")  # drawing emitters does not fin
 DRAWN = ("area_source", "hot_facet", "keyhole")  # it finds what these show
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("emitter_sampling", [False, True])
 @pytest.mark.parametrize("name", ADVERSE)
 def test_reached_is_true(tmp_path, name, emitter_sampling):
@@ -30,6 +31,7 @@ def test_reached_is_true(tmp_path, name, emitter_sampling):
         assert all(outcome.reached and outcome.spp < 256 for outcome in outcomes), outcomes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("emitter_sampling", [False, True])
 @pytest.mark.parametrize("name", ["speck", "mirrored_speck", "area_source", "hot_facet"])
 def test_plans_hold_or_are_refused(tmp_path, name, emitter_sampling):

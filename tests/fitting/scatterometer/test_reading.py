@@ -570,6 +570,7 @@ def nearly_right(draw):
     ).encode("utf-8", "replace")
 
 
+@pytest.mark.slow
 @settings(max_examples=250, deadline=None)
 @given(st.one_of(st.binary(max_size=200), nearly_right()))
 def test_any_bytes_give_data_or_one_line(tmp_path_factory, data):

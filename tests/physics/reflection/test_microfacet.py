@@ -231,6 +231,7 @@ def test_the_side_that_is_seen_has_its_share_exactly(theta_deg):
         np.testing.assert_allclose(facet(u3)[:, possible], side[:, possible], atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("theta_deg", [0, 45, 80, 89.5])
 @pytest.mark.parametrize("alpha, gamma", LOBES)
 def test_normals_have_the_distribution_of_visible_ones(alpha, gamma, theta_deg):
@@ -279,6 +280,7 @@ def test_normals_have_the_distribution_of_visible_ones(alpha, gamma, theta_deg):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("alpha, gamma", LOBES)
 def test_weights_are_bounded_and_average_to_the_reflectance(alpha, gamma):
     """The weights f cos / pdf = F G / G_1 are at most 1, and their mean is HDR."""

@@ -16,6 +16,7 @@ from tests.physics.reflection.test_microfacet import random_parameters, surface
 ANGLES = np.radians([0, 0.5, 17.9, 30, 44.9, 45.1, 60, 80, 88, 89.5, 89.99])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "parameters, theta_deg",
     [
@@ -64,6 +65,7 @@ def test_dhr_is_hdr():
     np.testing.assert_array_equal(MODEL.DHR(S, Float64(ANGLES)), MODEL.HDR(S, Float64(ANGLES)))
 
 
+@pytest.mark.slow
 def test_more_nodes_change_nothing(monkeypatch):
     """2.5 times as many nodes change HDR by at most 1e-8, for all parameters."""
     surfaces = [surface(*parameters) for parameters in random_parameters(30, seed=4)]
@@ -74,6 +76,7 @@ def test_more_nodes_change_nothing(monkeypatch):
         np.testing.assert_allclose(MODEL.HDR(S, Float64(ANGLES)), HDR, rtol=0, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_no_more_is_reflected_than_arrives():
     """HDR is at most 1 for 400 surfaces with a white floor at 28 angles up to 90 degrees.
 
@@ -100,6 +103,7 @@ def test_parts_are_the_whole():
     np.testing.assert_allclose(together, alone, rtol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("alpha", [1e-4, 0.01, 0.1])
 @pytest.mark.parametrize("gamma", [0.5, 1.2, 2, 4])
 @pytest.mark.parametrize("n, k", [(1.001, 0), (50, 0), (50, 100)])

@@ -176,6 +176,7 @@ def test_derivatives_are_those_of_the_readings(model, form):
         )
 
 
+@pytest.mark.slow
 @every_form
 def test_reciprocity_is_as_claimed(model, form):
     rng = np.random.default_rng(3)
@@ -196,6 +197,7 @@ def test_nothing_is_reflected_from_or_to_below(model, form):
         assert np.array(model.f(S, *pair)).max() == 0
 
 
+@pytest.mark.slow
 @every_form
 def test_hemispherical_reflectances_are_integrals_of_f(model, form):
     """HDR and DHR agree with a product rule over the hemisphere, for surfaces with broad lobes."""
@@ -231,6 +233,7 @@ def test_the_floor_and_the_lobe_make_up_HDR(model, form):
         np.testing.assert_allclose(parts, np.array(model.HDR(S, Float64(theta))), rtol=1e-9)
 
 
+@pytest.mark.slow
 @every_form
 def test_drawn_directions_have_their_density(model, form):
     """The share of samples in the upper part of the hemisphere is the integral of the density."""
@@ -256,6 +259,7 @@ def test_drawn_directions_have_their_density(model, form):
     assert checked == 3
 
 
+@pytest.mark.slow
 @every_form
 def test_values_and_derivatives_agree_in_both_float_types(model, form):
     """A surface cast to Float32 has the same BRDF, to Float32's rounding."""

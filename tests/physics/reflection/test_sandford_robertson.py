@@ -21,6 +21,7 @@ SURFACES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", sr.FORMS)
 @pytest.mark.parametrize("parameters", SURFACES)
 @thesis.EXACT
@@ -81,6 +82,7 @@ def test_G_is_the_integral_of_g(b):
     assert sr.G(Float64(b))[0] == pytest.approx(float(exact), rel=1e-14)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("e", [0.0015, 0.0042, 0.05, 0.3, 1])
 def test_H_is_the_hemispherical_integral_of_the_lobe(e):
     """H = (1 / 4 pi) int h(alpha) domega, with h computed from the directions.
@@ -216,6 +218,7 @@ def visible_cells(cells, nodes, cos, sin, e):
     return density.sum(axis=(1, 3)) * np.pi**2 / (cells * nodes) ** 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("e", [0.0015, 0.0042, 0.1, 0.6, 1])
 @pytest.mark.parametrize("theta_deg", [0, 45, 80, 89.5])
 def test_half_vectors_have_the_distribution_of_visible_slopes(e, theta_deg):

@@ -29,6 +29,7 @@ def test_reference_table(key):
     np.testing.assert_allclose(hemispherical.DHR(S, theta), DHR, rtol=0, atol=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", sr.FORMS)
 @pytest.mark.parametrize("e", [1, 0.6, 0.2, 0.05])
 def test_two_dimensional_quadrature(e, form):

@@ -79,6 +79,7 @@ def observed(loaded, spp, passes):
     return np.mean(means), np.std(means, ddof=1) / np.sqrt(passes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [256, 1024])
 def test_fine_meshes(tmp_path, n):
     """A hot plate of 131,072 and of 2.1 million triangles over a grey floor: the closed form, to
@@ -94,6 +95,7 @@ def test_fine_meshes(tmp_path, n):
     assert mean == pytest.approx(floor_radiance(), abs=4 * error)
 
 
+@pytest.mark.slow
 def test_one_hot_triangle_among_many(tmp_path):
     """One of 80,000 triangles is 60,000 times as bright as the others: closed form of both."""
     vertices, faces = grid_mesh(200, HEIGHT)
@@ -166,6 +168,7 @@ def test_points_from_two_numbers(n):
     assert float(dr.mean(first)[0]) == pytest.approx(0.5, abs=0.5 * noise)
 
 
+@pytest.mark.slow
 def test_near_hits_on_an_analytic_shape():
     """Inside a sphere of reflectance 0.5 that radiates 1, every path of N reflections brings the
     same sum: 1, 0.5, 0.25, ... Points drawn near the ray's own start count as well.
@@ -181,6 +184,7 @@ def test_near_hits_on_an_analytic_shape():
     assert mean == pytest.approx(1.75, abs=1e-5) and error < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tilt_deg", [45.0, 45.2])
 @pytest.mark.parametrize("e", [0.1, 0.0042])
 def test_a_rectangle_seen_edge_on(e, tilt_deg):

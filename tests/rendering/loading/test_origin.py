@@ -26,6 +26,7 @@ def plates(tmp_path, away, sampling="false"):
     return mi_lcair.load(path, resolution=32, emitter_sampling=sampling)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sampling", ["false", "true"])
 def test_the_same_picture_anywhere(tmp_path, sampling):
     """At 1 km single precision lost 1 % of the intensity, at 100 km all of it."""
@@ -71,6 +72,7 @@ SHAPES = """
 """
 
 
+@pytest.mark.slow
 def test_every_kind_of_place(tmp_path):
     """Centres, ends, positions and transforms of shapes, lights and sensors are all moved; the
     parts of a group are not.
