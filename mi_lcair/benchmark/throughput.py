@@ -51,12 +51,11 @@ def measure(
     """Measure the speed of `bounce_path` and of Mitsuba's own integrators in the furnace.
 
     All contestants run in turn in one process. They trace the same geometry with the same number of
-    bounces and samples. `bounce_path` uses `thermal` and the Sandford-Robertson model (bare
-    aluminum, MWIR), in one row the microfacet model with a lobe of that width. The stock
-    integrators use `roughconductor` (GGX with that width) and `area`. Speeds are
-    medians after the compile. Ratios are those of speeds, ours / theirs. The last row compares
-    `bounce_path` with the rate at which the same scene answers random rays, when nothing else is
-    computed.
+    bounces and samples. `bounce_path` uses `thermal` and the material bare aluminum (MWIR), in one
+    row the microfacet model with a lobe of that width. The stock integrators use `roughconductor`
+    (GGX with that width) and `area`. Speeds are medians after the compile. Ratios are those of
+    speeds, ours / theirs. The last row compares `bounce_path` with the rate at which the same scene
+    answers random rays, when nothing else is computed.
 
     Parameters
     ----------
@@ -121,9 +120,9 @@ def all_contestants(bounces: int, spp: int, resolution: int) -> dict:
     and the name of the contestant with which the speed is compared ("" for none).
     """
 
-    def ours(model="sandford_robertson", **options):
+    def ours(body="material", **options):
         integrator = {"type": "bounce_path", "max_bounces": bounces, **options}
-        return furnace(integrator, model, resolution)
+        return furnace(integrator, body, resolution)
 
     def stock(kind):
         integrator = {"type": kind, "max_depth": bounces + 1, "rr_depth": NEVER}
@@ -214,7 +213,7 @@ def furnace(integrator: dict, model: str, resolution: int):
     width = float(metal.model.lobe_width(metal.surface())[0])
     grey = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.2}}
     body = {
-        "sandford_robertson": {"material": "bare_aluminum", "band": "MWIR"},
+        "material": {"material": "bare_aluminum", "band": "MWIR"},
         "microfacet": {"alpha": width, "gamma": 2.0, "n": 10.0, "k": 30.0, "rho_d": 0.0},
         "roughconductor": {"distribution": "ggx", "alpha": width},
     }[model] | {"type": model}
