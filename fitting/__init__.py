@@ -1,13 +1,16 @@
-"""Reflection models from scatterometer measurements: `read` the files, `fit` a model, and know how
-well it is determined.
+"""Fits of reflection models to scatterometer measurements.
+
+`read` reads the files. `fit` fits a model and states how well the data determine its parameters.
 """
 
 import importlib
 
+# Public names and their modules. A module is imported when its name is first used, because
+# importing Dr.Jit is slow.
 _HOME = {
     "fit": "estimation",
     "read": "scatterometer.reading",
-}  # public name: its module, imported at the first use (Dr.Jit is not cheap)
+}
 __all__ = [*_HOME]
 
 

@@ -1,25 +1,32 @@
-"""Average of the BRDF over the disc of the source: at a scatterometer's peak the lobe is often
-narrower than the source.
+"""Average of the BRDF over the disc of the source.
+
+A scatterometer's source is often wider than the lobe. The measured peak is then an average.
 """
 
 import drjit as dr
 import numpy as np
 from drjit.llvm.ad import Array3f64, Float64
 
-# Distance from the mirror direction in source radii up to which a rule serves, and its Gauss nodes
-# per panel in the plane and across. The average is then within 2e-3 for lobe widths of 0.0005 to
-# 0.7.
+# Each rule has the largest distance from the mirror direction, in radii of the source, up to which
+# it is used, and its numbers of Gauss nodes in each panel, in the plane of incidence and across it.
+# With these rules the average has an error below 2e-3 for lobe widths from 0.0005 to 0.7.
 RULES = ((4, (9, 7)), (12, (5, 3)), (np.inf, (3, 2)))
 
 
 class Disc:
-    """Quadrature over a source of angular radius `half_angle` [radians] around each theta_i, graded
-    toward the peak.
+    """Quadrature over the disc of the source around each theta_i, with dense nodes at the peak.
 
-    The in-plane offset runs over two panels that meet where the mirror direction of theta_r lies
-    (or at the rim nearest to it), the offset across the plane over the upper half of the disc. Both
-    are anchor + width sinh(t): as fine as the lobe at its centre and as wide as the disc. theta_i,
-    theta_r [radians]: the points.
+    The offset in the plane of incidence runs over two panels. They meet at the mirror direction of
+    theta_r, or at the point of the rim that is nearest to it. The offset across the plane runs over
+    the upper half of the disc. Both are anchor + width sinh(t): the nodes are as fine as the lobe
+    at its centre, and they cover the whole disc.
+
+    Parameters
+    ----------
+    theta_i, theta_r
+        Elevations of source and observer at each point [radians], (p,).
+    half_angle
+        Angular radius of the source [radians].
     """
 
     def __init__(self, theta_i, theta_r, half_angle: float):
@@ -30,9 +37,8 @@ class Disc:
         for number, (_, nodes) in enumerate(RULES):
             t, s, weight = panel(*nodes)
             for side in (-1, 1):
-                chosen = np.flatnonzero(
-                    (rule_of == number) & (side * offset < half_angle)
-                )  # else it has no extent
+                # A panel is empty if the mirror direction lies beyond the rim on its side.
+                chosen = np.flatnonzero((rule_of == number) & (side * offset < half_angle))
                 columns.append(
                     [np.repeat(chosen, len(t)), np.full(len(t) * len(chosen), side)]
                     + [np.tile(column, len(chosen)) for column in (t, s, weight)]
@@ -47,8 +53,21 @@ class Disc:
         dr.eval(self.side, self.t, self.s, self.weight)
 
     def direction(self, theta_i, theta_r, lobe_width, node) -> tuple[Array3f64, Float64]:
-        """Unit vector to the source, and the weight (cosine x solid angle, any scale), at each of
-        the nodes. lobe_width: as `ReflectionModel.lobe_width`.
+        """Unit vectors to the source and quadrature weights at nodes.
+
+        Parameters
+        ----------
+        theta_i, theta_r
+            Elevations of source and observer at each node's point [radians], Float64 (l,).
+        lobe_width
+            Width of the lobe, as `ReflectionModel.lobe_width`.
+        node
+            Indices of the nodes, UInt32 (l,).
+
+        Returns
+        -------
+        tuple
+            Unit vectors to the source, and weights proportional to cosine times solid angle.
         """
         side, t, s, weight = (
             dr.gather(Float64, column, node) for column in (self.side, self.t, self.s, self.weight)
@@ -69,20 +88,30 @@ class Disc:
         return Array3f64(sin * cos_across, sin_across, cosine), weight
 
     def average(self, values, slopes) -> tuple[np.ndarray, np.ndarray]:
-        """Weighted means over each point's nodes, (m, points) and (m, points, n), of values (m,
-        nodes, 2), f x weight and weight, and slopes (m, nodes, n), df x weight.
+        """Weighted means of the BRDF and of its derivatives over each point's nodes.
+
+        Parameters
+        ----------
+        values
+            Products f * weight, and the weights, (m, nodes, 2).
+        slopes
+            Products of the derivatives of f and the weights, (m, nodes, n).
+
+        Returns
+        -------
+        tuple
+            Means of f, (m, points), and of its derivatives, (m, points, n).
         """
         sums = np.add.reduceat(values, self.first, axis=1)
-        return sums[..., 0] / sums[..., 1], np.add.reduceat(slopes, self.first, axis=1) / sums[
-            ..., 1:
-        ]
+        slope_sums = np.add.reduceat(slopes, self.first, axis=1)
+        return sums[..., 0] / sums[..., 1], slope_sums / sums[..., 1:]
 
 
 def panel(in_plane: int, across: int):
-    """Nodes t, s of a product rule on the unit square, flat, and their weights.
+    """Nodes t, s of a product rule on the unit square, flattened, and their weights.
 
-    The height of the disc is a root at its rim, t = 1 (and t = 0): nodes gather there, if there are
-    enough of them.
+    The height of the disc varies as a square root near the rim, t = 1 (and t = 0). If there are
+    more than 3 nodes in the plane, they are made denser there.
     """
     t, t_weight = gauss(in_plane)
     s, s_weight = gauss(across)
@@ -92,13 +121,15 @@ def panel(in_plane: int, across: int):
 
 
 def gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Gauss-Legendre nodes and weights on 0..1, (count,) each."""
     x, weights = np.polynomial.legendre.leggauss(count)
     return 0.5 * (x + 1), 0.5 * weights
 
 
 def graded(t, length, width):
-    """Position in 0..length, and its derivative by t in 0..1, on a scale that is fine within
-    `width` of 0.
+    """Position in 0..length for t in 0..1, and its derivative with respect to t.
+
+    The scale is fine at distances up to `width` from 0.
     """
     end = dr.asinh(length / width)
     return width * dr.sinh(end * t), width * end * dr.cosh(end * t)

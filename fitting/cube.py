@@ -1,4 +1,4 @@
-"""Values and derivatives at points of a model's unit cube, on which every search runs."""
+"""Values and derivatives at points of a model's unit cube, in which the searches run."""
 
 import drjit as dr
 import numpy as np
@@ -6,11 +6,13 @@ from drjit.llvm.ad import Float64
 
 
 def parameters_at(model, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Parameters (m, n) of a reflection model at coordinates u (m, n), and their derivatives
-    (m, n parameters, n coordinates).
+    """Parameters of a reflection model, and their derivatives with respect to the coordinates.
+
+    u: coordinates (m, n). Returns parameters (m, n) and derivatives (m, n parameters, n
+    coordinates).
     """
-    # Each comes from a graph of its own. In a shared graph a parameter of which another is made
-    # would be an interior node, and lose its tangent there.
+    # Each parameter is computed in a graph of its own. If a parameter depended on another one in
+    # the same graph, the other one would be an interior node, and Dr.Jit would clear its tangent.
     values, slopes = with_tangents(
         lambda *u: tuple(model.from_cube(u)[k] for k in range(len(u))), np.atleast_2d(u)
     )
@@ -20,11 +22,22 @@ def parameters_at(model, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def with_tangents(
     function, u: np.ndarray, repeat=lambda coordinate: coordinate
 ) -> tuple[np.ndarray, np.ndarray]:
-    """`function` of n coordinates and its derivatives with respect to each, in forward mode.
+    """Values of a function of n coordinates and its derivatives, by forward differentiation.
 
-    u: (m, n). repeat: spreads one coordinate (m lanes) over the lanes that function works on.
-    function returns one Dr.Jit array of l lanes, or k of them. Returns ((l,) or (l, k)) values and
-    ((l, n) or (l, k, n)) derivatives.
+    Parameters
+    ----------
+    function
+        Function of n Dr.Jit arrays (l lanes). It returns one Dr.Jit array (l lanes) or k of them.
+    u
+        Coordinates, (m, n).
+    repeat
+        Function that spreads one coordinate (m lanes) over the l lanes.
+
+    Returns
+    -------
+    tuple
+        Values, (l,) or (l, k), and derivatives with respect to each coordinate, (l, n) or (l, k,
+        n).
     """
     lanes = [dr.detach(repeat(Float64(np.ascontiguousarray(column)))) for column in u.T]
     dr.enable_grad(lanes)
@@ -34,9 +47,10 @@ def with_tangents(
     tangents = []
     for lane in lanes:
         dr.set_grad(lane, 1)
-        dr.forward_from(lane, flags=dr.ADFlag.ClearInput | dr.ADFlag.ClearInterior)
+        # Not ClearInput: an output may be the coordinate itself.
+        dr.forward_from(lane, flags=dr.ADFlag.ClearInterior)
         tangents.append([dr.grad(output) for output in outputs])
-        dr.clear_grad(outputs)
+        dr.clear_grad((lane, outputs))
     outputs = [dr.detach(output) for output in outputs]
     dr.eval(outputs, tangents)
     values = np.stack([output.numpy() for output in outputs], axis=-1)

@@ -1,4 +1,4 @@
-"""The points of one fit and what is compared with them."""
+"""The data of one fit: BRDF points and directional tables, with their weights."""
 
 from dataclasses import dataclass, field, replace
 
@@ -10,19 +10,37 @@ from mi_lcair.fitting.model import Hemispherical, Scatterometer
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
 from mi_lcair.fitting.selection import Variant
 
-SIGMA_FLOOR = 0.01  # of the value: a standard deviation from a few repeats can be small by chance
-PLATEAU, RARE = (
-    3,
-    0.2,
-)  # points of one largest value that look like saturation, unless they are this share of all
-DIRECTIONAL_STD = 0.02  # of an emissivity or DHR that comes without one
+# Smallest standard deviation of a point, relative to its value. One that was computed from a few
+# repeats can be too small by chance.
+SIGMA_FLOOR = 0.01
+# The detector is assumed to have saturated if at least PLATEAU points have the same largest value,
+# and if they are less than the share RARE of all points.
+PLATEAU, RARE = 3, 0.2
+DIRECTIONAL_STD = 0.02  # standard deviation of an emissivity or DHR for which none is stated
 
 
 @dataclass
 class Data:
-    """Points theta_i, theta_r [radians], brdf [1/sr], the scale (key of SCALES) on which they are
-    compared and their spread on it; half_angle [radians] of the source; directional: tables that
-    are fitted with them, whose std counts std_factor times.
+    """BRDF points and directional tables that are fitted together.
+
+    Attributes
+    ----------
+    theta_i, theta_r
+        Elevations of source and observer [radians], (p,).
+    brdf
+        Measured BRDFs [1/sr], (p,).
+    half_angle
+        Angular radius of the source [radians].
+    scale
+        Scale on which model and data are compared, a key of SCALES.
+    spread
+        Standard deviations of the points on this scale, (p,).
+    has_sigma
+        Whether the measurements came with standard deviations.
+    directional
+        Tables of emissivity or DHR that are fitted with the points.
+    std_factor
+        Factor by which the tables' standard deviations are multiplied.
     """
 
     theta_i: np.ndarray
@@ -37,13 +55,16 @@ class Data:
 
     @property
     def points(self) -> int:
+        """Number of BRDF points."""
         return len(self.brdf)
 
     @property
     def rows(self) -> int:
+        """Number of residuals: BRDF points and entries of the directional tables."""
         return self.points + sum(len(table.theta) for table in self.directional)
 
     def residuals(self, variant: Variant, aperture: bool = True) -> Residuals:
+        """The residuals of a variant. aperture: False takes the source as a point."""
         model, form = variant.model, variant.form
         half_angle = self.half_angle if aperture else 0.0
         instrument = Scatterometer(model, form, self.theta_i, self.theta_r, half_angle)
@@ -58,19 +79,23 @@ class Data:
         return Residuals(instrument, self.brdf, self.scale, self.spread, tables)
 
     def per_decade(self, f: np.ndarray) -> np.ndarray:
-        """Change of each row (all rows, also the directional ones) when every BRDF f (points,)
-        grows by one decade.
+        """Change of each row when every BRDF f (points,) grows by one decade, (rows,).
+
+        It is 0 for the rows of the directional tables.
         """
         change = SCALES[self.scale](f)[1] * f * np.log(10) / self.spread
         return np.concatenate([change, np.zeros(self.rows - self.points)])
 
     def jointly(self, variance: float, tables: list[DirectionalData]) -> "Data":
-        """The same points in units of their own standard deviation, together with directional
-        tables.
+        """The same points, together with directional tables.
+
+        variance: variance of a BRDF row, by which the rows are scaled to unit variance. A BRDF
+        point and an entry of a table then have the right weight relative to each other.
         """
         return replace(self, spread=self.spread * np.sqrt(variance), directional=tables)
 
     def with_std_factor(self, factor: float) -> "Data":
+        """The same data with the tables' standard deviations multiplied by `factor`."""
         return replace(self, std_factor=factor)
 
 
@@ -82,10 +107,33 @@ def select(
     min_brdf: float,
     fewest: int,
 ) -> tuple[Data, np.ndarray, dict[str, int]]:
-    """The points to fit, the mask over the measurements that gave them, and how many were dropped,
-    by reason.
+    """Choose the points to fit.
 
-    InputError if fewer are left than `fewest`, the number of parameters.
+    Parameters
+    ----------
+    measurements
+        The measured points.
+    scale
+        Scale on which model and data are compared, a key of SCALES.
+    half_angle
+        Angular radius of the source [radians].
+    max_angle_deg
+        Largest |theta_i| and |theta_r| that are used [degrees].
+    min_brdf
+        BRDF above which points are used [1/sr].
+    fewest
+        Smallest number of points that can be fitted: the number of parameters.
+
+    Returns
+    -------
+    tuple
+        The `Data`, the mask of the points that were used, and the number of points that were
+        dropped for each reason.
+
+    Raises
+    ------
+    InputError
+        If fewer than `fewest` points are left.
     """
     theta_i, theta_r, brdf = (
         np.asarray(column, dtype=float)
@@ -128,8 +176,9 @@ def select(
 
 
 def with_std(table: DirectionalData, quantity: str) -> DirectionalData:
-    """The table as `quantity`, with a standard deviation at each angle. InputError for values
-    outside 0..1.
+    """The table as `quantity`, with a standard deviation at each angle.
+
+    Raises InputError for values outside 0..1 and angles outside 0..90 degrees.
     """
     value = np.asarray(table.value, dtype=float)
     if not (

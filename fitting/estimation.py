@@ -1,4 +1,4 @@
-"""From measurements to parameters: `fit` and what it gives back."""
+"""`fit`, which determines a model's parameters from measurements, and its result `Fit`."""
 
 from dataclasses import dataclass
 from time import perf_counter
@@ -12,31 +12,65 @@ from mi_lcair.fitting.data import Data, select, with_std
 from mi_lcair.fitting.loss import SCALES
 from mi_lcair.fitting.model import Hemispherical
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
-from mi_lcair.fitting.search import COARSE, compare, descend
+from mi_lcair.fitting.search import COARSE, Noise, compare, descend
 from mi_lcair.fitting.selection import AUTO, Candidate, Variant, variants
 from mi_lcair.fitting.verdict import judge
 from mi_lcair.progress import stepper
 
-CONVERGED = 1e-9  # relative gradient
-JOINT_STARTS = 16
-GIVE_WAY = 1.2  # how much worse than alone a BRDF may fit beside an emissivity
+CONVERGED = 1e-9  # relative gradient below which a fit is called converged
+JOINT_STARTS = 16  # largest number of starts of a fit with an emissivity or DHR
+# Largest factor by which the BRDF's rms deviation may grow when an emissivity or DHR is fitted with
+# it.
+LARGEST_RMS_RATIO = 1.2
+# Angles at which the emissivity is predicted if none was measured [radians].
 EMISSIVITY_ANGLES = np.radians(np.arange(0.0, 86.0, 5.0))
 
 
 @dataclass
 class Fit:
-    """Parameters of a surface with all that is known about them.
+    """Parameters of a surface, how well they are determined, and how they were found.
 
-    parameters, standard_error, interval (95 %, low and high) and verdict by name; correlation (n,
-    n) in the same order. model: name of the reflection model; form: of its equations; restriction:
-    name of a simpler case, None for the whole model. rms_dex: root mean square of log10(data /
-    model). used_points: mask over the measurements, used their number, dropped the others by
-    reason; effective_points: how many independent ones they are worth; outliers: how many lie far
-    from the model. gradient_norm: relative, at round-off if converged. starts_in_basin: share of
-    the starts that reached this minimum. candidates: the variants compared. emissivity: (theta
-    [radians], predicted 1 - HDR); emissivity_rms: its error against the measured one up to the
-    largest angle that is fitted, None without one. seconds: all in all, compile_seconds: of these,
-    for kernels.
+    Attributes
+    ----------
+    parameters
+        Values by parameter name, in the model's units.
+    standard_error
+        Standard errors by parameter name.
+    interval
+        95 % intervals (low, high) by parameter name.
+    verdict
+        How well each parameter is determined, in words.
+    correlation
+        Correlation matrix of the parameters in their order, (n, n).
+    model, form
+        Names of the reflection model and of the form of its equations.
+    restriction
+        Name of the simpler case; None for the whole model.
+    rms_dex
+        Root mean square of log10(data / model) [decades].
+    used, used_points
+        Number of fitted points, and their mask over the measurements.
+    dropped
+        Number of points that were left out, by reason.
+    effective_points
+        Number of independent points that the correlated points are worth.
+    outliers
+        Number of points that lie far from the model.
+    converged, gradient_norm
+        Whether the minimum was reached, and the relative gradient there.
+    starts_in_basin
+        Share of the starts that reached this minimum.
+    candidates
+        The variants that were compared, one report each.
+    emissivity
+        Angles [radians] and the emissivities 1 - HDR that the model predicts there.
+    emissivity_rms
+        Root mean square error of the predicted emissivity up to the largest fitted angle; None
+        without a measured one.
+    seconds, compile_seconds
+        Time of the whole fit, and the part of it spent on compiling kernels.
+    settings
+        The settings of the fit.
     """
 
     parameters: dict[str, float]
@@ -80,19 +114,50 @@ def fit(
     source_half_angle_deg: float | None = None,
     progress=None,
 ) -> Fit:
-    """Fit a reflection model to measured BRDFs, jointly with an emissivity or DHR where one is
-    given.
+    """Fit a reflection model to measured BRDFs, and to an emissivity or DHR if one is given.
 
-    model: a name, or "auto" for all. form: one of the model's, or "auto" for all of them and for
-    their restrictions. Of what is compared, the simplest that is not significantly worse is taken.
-    starts: descents at once, from
-    points that `seed` sets. loss: scale on which BRDFs are compared, "log", "cube_root" or
-    "linear". robust: outliers get little weight. Points beyond max_angle_deg or not above min_brdf
-    [1/sr] are left out. source_half_angle_deg: as the measurements say if None, 0 for a point
-    source. progress: called as progress(done, total). InputError for settings out of range and for
-    too few points.
+    Several variants (models, forms, restrictions) are compared if `model` or `form` is "auto". The
+    simplest variant that is not significantly worse than the best is chosen.
+
+    Parameters
+    ----------
+    measurements
+        The BRDF points.
+    emissivity, dhr
+        Measured directional emissivity and directional-hemispherical reflectance, or None.
+    model
+        Name of a model, or "auto" for all models.
+    form
+        A form of the model, or "auto" for all its forms and their restrictions.
+    starts
+        Number of starting points of the search.
+    seed
+        Seed of the random starting points.
+    loss
+        Scale on which BRDFs are compared: "log", "cube_root" or "linear".
+    robust
+        Whether outliers get little weight.
+    max_angle_deg
+        Largest angle of source and observer that is used [degrees].
+    min_brdf
+        BRDF above which points are used [1/sr].
+    source_half_angle_deg
+        Angular radius of the source [degrees], 0 for a point source; None takes it from the
+        measurements.
+    progress
+        Function of (steps done, steps in total).
+
+    Returns
+    -------
+    Fit
+        The parameters of the chosen variant.
+
+    Raises
+    ------
+    InputError
+        If a setting is out of range, or there are too few points.
     """
-    began, asked = perf_counter(), starts
+    began = perf_counter()
     half_angle = (
         measurements.source_half_angle
         if source_half_angle_deg is None
@@ -100,32 +165,23 @@ def fit(
     )
     compared = variants(model, form)
     check_settings(starts, loss, max_angle_deg, min_brdf, half_angle)
-    sizes = {one.model: len(one.model.parameters) for one in compared}
+    sizes = {variant.model: len(variant.model.parameters) for variant in compared}
     data, used, dropped = select(
         measurements, loss, float(half_angle), max_angle_deg, min_brdf, min(sizes.values())
     )
-    compared = [one for one in compared if sizes[one.model] <= data.points]
-    whole = [one for one in compared if one.restriction is None]
+    compared = [variant for variant in compared if sizes[variant.model] <= data.points]
     tables = [
         with_std(table, quantity)
         for table, quantity in ((emissivity, "emissivity"), (dhr, "dhr"))
         if table
     ]
-    # at most: the last comparison may not be needed
-    total = len(compared) + (len(whole) + len(compared) if tables else 0) + 1
-    step = stepper(progress, total)
-
-    compile_seconds, candidates = warm_up(data, whole), []
-    if tables:  # the misfit of the BRDF alone says what a BRDF point weighs beside an emissivity
-        alone, candidates, noise = compare(data, whole, starts, seed, robust, step)
-        data, most = data.jointly(noise.variance, tables), GIVE_WAY * rms_dex(data, alone)
-        compile_seconds += warm_up(data, whole)
-        starts = min(starts, JOINT_STARTS)  # hemispherical integrals cost much more than BRDFs
-    best, candidates, noise = compare(data, compared, starts, seed, robust, step, candidates)
-    if tables and rms_dex(data, best) > most:
-        data = relieved(data, best, most)
-        best, candidates, noise = compare(data, compared, starts, seed, robust, step, candidates)
-    known = judge(data, best, noise, robust)
+    # This is the largest number of steps: the last comparison of a joint fit is not always needed.
+    joint_steps = len(compared) + sum(variant.restriction is None for variant in compared)
+    total = len(compared) + (joint_steps if tables else 0) + 1
+    data, best, candidates, noise, compile_seconds = search_variants(
+        data, compared, tables, starts, seed, robust, stepper(progress, total)
+    )
+    certainty = judge(data, best, noise, robust)
     if progress:
         progress(total, total)
     theta = EMISSIVITY_ANGLES if emissivity is None else np.asarray(emissivity.theta, dtype=float)
@@ -133,7 +189,7 @@ def fit(
     predicted = Hemispherical(chosen.model, chosen.form, theta, "emissivity")(best.u[None])[0][0]
     return Fit(
         parameters=parameters_of(best),
-        **known,
+        **certainty,
         **names_of(chosen),
         rms_dex=rms_dex(data, best),
         used=data.points,
@@ -144,7 +200,7 @@ def fit(
         converged=bool(best.gradient < CONVERGED),
         gradient_norm=best.gradient,
         starts_in_basin=best.share,
-        candidates=[as_row(one, data, one is best) for one in candidates],
+        candidates=[as_row(candidate, data, candidate is best) for candidate in candidates],
         emissivity=(theta, predicted),
         emissivity_rms=emissivity_error(emissivity, predicted, max_angle_deg),
         seconds=perf_counter() - began,
@@ -152,7 +208,7 @@ def fit(
         settings={
             "model": model,
             "form": form,
-            "starts": asked,
+            "starts": starts,
             "seed": seed,
             "loss": loss,
             "robust": robust,
@@ -166,8 +222,55 @@ def fit(
     )
 
 
+def search_variants(
+    data: Data,
+    compared: list[Variant],
+    tables: list[DirectionalData],
+    starts: int,
+    seed: int,
+    robust: bool,
+    step,
+) -> tuple[Data, Candidate, list[Candidate], Noise, float]:
+    """Search all variants, and join the directional tables to the BRDF points.
+
+    Parameters
+    ----------
+    data
+        The BRDF points.
+    compared
+        Variants to compare, whole ones first.
+    tables
+        Directional tables to be fitted with the points; may be empty.
+    starts, seed, robust
+        As in `fit`.
+    step
+        Function that is called after each search.
+
+    Returns
+    -------
+    tuple
+        The data with the tables, the chosen candidate, all candidates, the noise, and the seconds
+        spent on compiling.
+    """
+    whole = [variant for variant in compared if variant.restriction is None]
+    compile_seconds, candidates = warm_up(data, whole), []
+    if tables:
+        # The misfit of the BRDF alone gives the weight of a BRDF point beside an emissivity.
+        alone, candidates, noise = compare(data, whole, starts, seed, robust, step)
+        largest_rms = LARGEST_RMS_RATIO * rms_dex(data, alone)
+        data = data.jointly(noise.variance, tables)
+        compile_seconds += warm_up(data, whole)
+        starts = min(starts, JOINT_STARTS)  # hemispherical integrals cost much more than BRDFs
+    best, candidates, noise = compare(data, compared, starts, seed, robust, step, candidates)
+    if tables and rms_dex(data, best) > largest_rms:
+        # The tables spoil the BRDF too much. They get less weight, and the search is repeated.
+        data = relieved(data, best, largest_rms)
+        best, candidates, noise = compare(data, compared, starts, seed, robust, step, candidates)
+    return data, best, candidates, noise, compile_seconds
+
+
 def check_settings(starts, loss, max_angle_deg, min_brdf, half_angle) -> None:
-    """InputError for the first setting that is out of its range."""
+    """Raise InputError for the first setting that is out of its range."""
     if loss not in SCALES:
         raise unknown("loss", loss, list(SCALES))
     for name, value, valid, right in (
@@ -186,7 +289,7 @@ def check_settings(starts, loss, max_angle_deg, min_brdf, half_angle) -> None:
 
 
 def warm_up(data: Data, variants: list[Variant]) -> float:
-    """Compile the kernels of the variants; the seconds that it took."""
+    """Compile the kernels of the variants, and return the seconds that this took."""
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
         dr.kernel_history_clear()
         for variant in variants:
@@ -202,11 +305,24 @@ def warm_up(data: Data, variants: list[Variant]) -> float:
 
 
 def relieved(data: Data, best: Candidate, most: float) -> Data:
-    """The data with the tables' standard deviations raised until the BRDF's rms is no more than
-    `most` [decades].
+    """Raise the tables' standard deviations until the BRDF's rms deviation is acceptable.
 
-    Where the model cannot follow both, they share the misfit: a table may spoil the BRDF that far
-    and no further.
+    A model that cannot describe both BRDF and tables fits both worse. This limits how much worse it
+    fits the BRDF.
+
+    Parameters
+    ----------
+    data
+        Points and tables.
+    best
+        The candidate from which the descents start.
+    most
+        Largest rms deviation of the BRDF [decades].
+
+    Returns
+    -------
+    Data
+        The data with a larger std_factor, at most 32.
     """
     low, high = 1.0, 32.0
     for _ in range(7):
@@ -220,23 +336,25 @@ def relieved(data: Data, best: Candidate, most: float) -> Data:
 
 
 def rms_dex(data: Data, candidate: Candidate) -> float:
-    """Root mean square of log10(model / data) over the points [decades], whatever the loss."""
+    """Root mean square of log10(model / data) over the BRDF points [decades], for any loss."""
     f = data.residuals(candidate.variant).instrument(candidate.u[None])[0][0]
     return float(np.sqrt(np.mean(np.square(np.log10(np.maximum(f, 1e-30) / data.brdf)))))
 
 
 def names_of(variant: Variant) -> dict[str, str | None]:
-    """The names of its model, form and restriction."""
+    """The names of a variant's model, form and restriction."""
     restriction = variant.restriction and variant.restriction.name
     return {"model": variant.model.name, "form": variant.form, "restriction": restriction}
 
 
 def parameters_of(candidate: Candidate) -> dict[str, float]:
+    """A candidate's parameters by name."""
     model = candidate.variant.model
     return dict(zip(model.names, parameters_at(model, candidate.u[None])[0][0].tolist()))
 
 
 def as_row(candidate: Candidate, data: Data, chosen: bool) -> dict:
+    """The report on one candidate of the comparison."""
     return {
         **names_of(candidate.variant),
         "free_parameters": candidate.size,
@@ -250,6 +368,10 @@ def as_row(candidate: Candidate, data: Data, chosen: bool) -> dict:
 def emissivity_error(
     measured: DirectionalData | None, predicted, max_angle_deg: float
 ) -> float | None:
+    """Root mean square error of the predicted emissivity up to max_angle_deg [degrees].
+
+    None if no emissivity was measured up to this angle.
+    """
     if measured is None:
         return None
     inside = np.asarray(measured.theta) <= np.radians(max_angle_deg) + 1e-9

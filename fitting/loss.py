@@ -1,46 +1,60 @@
-"""Scales on which model and data are compared.
+"""Residuals between model and data, and the scales on which they are computed.
 
-BRDFs of one surface span five decades and their errors are factors, so residuals are differences of
-log10 (in decades). The linear and the cube-root scale let the few points of the peak outweigh the
-rest; they are here for comparison.
+BRDFs of one surface span five decades, and their errors are proportional to their values. The
+residuals are therefore differences of log10 (in decades). On the linear and the cube-root scale the
+few points of the peak outweigh all others. These two scales exist for comparison.
 """
 
 import numpy as np
 
-DARKEST = 1e-30  # [1/sr]; a surface that reflects nothing stays comparable
+DARKEST = 1e-30  # lower limit of a BRDF [1/sr], so that its logarithm is finite
 
 
 def log10(f):
+    """log10 of BRDFs f [1/sr], and its derivative with respect to f."""
     f = np.maximum(f, DARKEST)
     return np.log10(f), 1 / (f * np.log(10))
 
 
 def cube_root(f):
+    """Cube root of BRDFs f [1/sr], and its derivative with respect to f."""
     root = np.cbrt(np.maximum(f, DARKEST))
     return root, 1 / (3 * root * root)
 
 
 def linear(f):
+    """BRDFs f [1/sr] themselves, and their derivative 1."""
     return f, np.ones_like(f)
 
 
+# Each scale is a function that returns the scaled BRDF and its derivative with respect to the BRDF.
 SCALES = {
     "log": log10,
     "cube_root": cube_root,
     "linear": linear,
-}  # each: value, and derivative by the BRDF
+}
 
 
 class Residuals:
-    """Rows in units of their own standard deviations: BRDF points on a scale, then emissivities or
-    DHRs.
+    """Residuals (rows) in units of their standard deviations.
 
-    instrument: a `Scatterometer`; brdf [1/sr] what it measured; scale: key of SCALES; spread:
-    standard deviation of a row on that scale, a number or one per point. directional:
-    (`Hemispherical`, value, std) triples. Calling with coordinates u (m, n) gives rows (m, rows)
-    and their derivatives (m, rows, n); `lanes` says which of its starts a descent asks for, which
-    only matters where starts have residuals of their own. unit: change of a typical row for a
-    decade of the BRDF.
+    The rows are the BRDF points on a scale, followed by the entries of the directional tables. A
+    call with coordinates u (m, n) returns rows (m, r) and their derivatives (m, r, n). The argument
+    `lanes`, the indices of the starts, matters only for residuals that differ between starts. The
+    attribute `unit` is the change of a typical row for one decade of the BRDF.
+
+    Parameters
+    ----------
+    instrument
+        A `Scatterometer`, which predicts the BRDFs.
+    brdf
+        Measured BRDFs [1/sr], (p,).
+    scale
+        Scale of the comparison, a key of SCALES.
+    spread
+        Standard deviation of the points on this scale, one number or (p,).
+    directional
+        Triples (`Hemispherical`, measured values, standard deviations).
     """
 
     def __init__(self, instrument, brdf, scale: str = "log", spread=1.0, directional=()):
@@ -67,11 +81,11 @@ class Residuals:
 
 
 class Cauchy:
-    """The same rows with outliers pulled in: r becomes c sqrt(log(1 + (r/c)^2)), whose influence
-    falls beyond c.
+    """The same rows, transformed so that outliers have little weight.
 
-    Half its square is the Cauchy loss, so that everything that minimizes squares minimizes that
-    instead.
+    A row r becomes c sqrt(log(1 + (r/c)^2)). Its influence on the fit falls where |r| exceeds c.
+    Half its square is the Cauchy loss; a method that minimizes a sum of squares then minimizes this
+    loss.
     """
 
     def __init__(self, residuals, c: float):

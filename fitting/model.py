@@ -1,5 +1,6 @@
-"""What the instruments would read from a surface, and the derivatives, at many parameter sets at
-once (Dr.Jit, Float64).
+"""Predicted readings of the instruments, with derivatives.
+
+They are computed for many sets of parameters at once, with Dr.Jit in Float64.
 """
 
 import drjit as dr
@@ -12,11 +13,19 @@ from mi_lcair.physics.reflection.interface import ReflectionModel
 
 
 class Scatterometer:
-    """In-plane BRDF as measured: averaged over the disc of the source, weighted by the cosine that
-    it irradiates with.
+    """In-plane BRDFs as a scatterometer measures them.
 
-    model, form: of the surfaces; theta_i, theta_r [radians] as in `Measurements`; half_angle
-    [radians] of the source, 0 for a point.
+    A measured BRDF is the average over the disc of the source, weighted by the cosine of the angle
+    of incidence.
+
+    Parameters
+    ----------
+    model, form
+        Reflection model of the surfaces, and the form of its equations.
+    theta_i, theta_r
+        Elevations of source and observer as in `Measurements` [radians], (p,).
+    half_angle
+        Angular radius of the source [radians], 0 for a point source.
     """
 
     def __init__(
@@ -33,8 +42,9 @@ class Scatterometer:
         dr.eval(self.theta_i, self.theta_r)
 
     def __call__(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """BRDF (m, points) [1/sr] of the surfaces at u (m, n), and its derivatives (m, points, n)
-        with respect to u.
+        """BRDFs [1/sr] of the surfaces at coordinates u (m, n), and their derivatives.
+
+        The BRDFs are (m, points), their derivatives with respect to u are (m, points, n).
         """
         surface, node = lanes(len(u), self.nodes)
         theta_i, theta_r = (
@@ -42,14 +52,15 @@ class Scatterometer:
             dr.gather(Float64, self.theta_r, node),
         )
         sin_r, cos_r = dr.sincos(theta_r)
-        r = Array3f64(-sin_r, 0, cos_r)  # x points to the source, so the specular side has x < 0
+        r = Array3f64(-sin_r, 0, cos_r)  # the source has x > 0, the specular side x < 0
 
         def brdf(*u):
             S = self.model.surface(*self.model.from_cube(u), form=self.form)
             if self.disc is None:
                 sin_i, cos_i = dr.sincos(theta_i)
                 return self.model.f(S, Array3f64(sin_i, 0, cos_i), r)
-            lobe_width = dr.detach(self.model.lobe_width(S))  # where to look, not what is measured
+            # The width only places the nodes. The average does not depend on it.
+            lobe_width = dr.detach(self.model.lobe_width(S))
             i, weight = self.disc.direction(theta_i, theta_r, lobe_width, node)
             return self.model.f(S, i, r) * weight, weight
 
@@ -64,8 +75,16 @@ class Scatterometer:
 
 
 class Hemispherical:
-    """A directional quantity at the angles theta [radians]: "emissivity" = 1 - HDR(theta_r), or
-    "dhr" = DHR(theta_i).
+    """Directional emissivities or reflectances as an instrument measures them.
+
+    Parameters
+    ----------
+    model, form
+        Reflection model of the surfaces, and the form of its equations.
+    theta
+        Angles [radians], (a,).
+    quantity
+        "emissivity" for 1 - HDR(theta_r), or "dhr" for DHR(theta_i).
     """
 
     def __init__(self, model: ReflectionModel, form: str, theta, quantity: str):
@@ -73,8 +92,9 @@ class Hemispherical:
         self.theta = Float64(np.asarray(theta, dtype=float))
 
     def __call__(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Values (m, angles) of the surfaces at u (m, n), and their derivatives (m, angles, n)
-        with respect to u.
+        """Values of the surfaces at coordinates u (m, n), and their derivatives.
+
+        The values are (m, angles), their derivatives with respect to u are (m, angles, n).
         """
         count = dr.width(self.theta)
         surface, angle = lanes(len(u), count)
@@ -93,8 +113,9 @@ class Hemispherical:
 
 
 def lanes(surfaces: int, rows: int) -> tuple[UInt32, UInt32]:
-    """Surface and row of each of surfaces x rows lanes; the number of rows is opaque, so that one
-    kernel serves all.
+    """Index of the surface and of the row for each of the surfaces * rows lanes.
+
+    The number of rows is opaque to Dr.Jit, so that the same kernel is used for any number.
     """
     lane, rows = dr.arange(UInt32, surfaces * rows), dr.opaque(UInt32, rows)
     surface = lane // rows

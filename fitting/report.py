@@ -1,4 +1,4 @@
-"""A fit as data: a material that a scene can use at once, with all that is known about it."""
+"""Reports of fits in JSON, which scenes can use as materials."""
 
 import json
 
@@ -10,11 +10,13 @@ from mi_lcair.fitting.scatterometer.measurements import Measurements
 
 
 def as_dict(results) -> dict:
-    """The report on `results`, each (Measurements, Fit, {quantity: DirectionalData}): that of the
-    fit, or of several fits {"materials": {band: report}}.
+    """The report on one fit or on several.
 
-    `model`, `parameters`, `form` and `band` of a report make it a material. Times are left out:
-    the same data and settings give the same report.
+    The keys `model`, `parameters`, `form` and `band` make a report a material. Times are left out,
+    so that the same data and settings give the same report.
+
+    results: tuples (Measurements, Fit, {quantity: DirectionalData}). Returns the report of a single
+    fit, or {"materials": {band: report}} for several.
     """
     reports = [_report(*result) for result in results]
     return (
@@ -25,7 +27,7 @@ def as_dict(results) -> dict:
 
 
 def to_json(report: dict) -> str:
-    """Strict JSON; each number with the digits, at most 17, that give it back exactly."""
+    """The report as strict JSON, with at most 17 digits a number, from which it is read exactly."""
     return (
         json.dumps(
             report,
@@ -39,31 +41,33 @@ def to_json(report: dict) -> str:
 
 
 def band_name(measurements: Measurements) -> str | None:
-    """The band as scenes name it, "3-5" in um, or None where the file does not state it."""
+    """The band as scenes name it, such as "3-5" [um]; None if the file does not state it."""
     return "{:g}-{:g}".format(*measurements.band_um) if measurements.band_um else None
 
 
 def check_bands(measurements: list[Measurements]) -> None:
-    """InputError unless several files have each a band of its own, by which the report can tell
-    them apart.
+    """Raise InputError if several files do not each state a different band.
+
+    The report of several fits is a table by band. A single file is always accepted.
     """
-    seen = {}
-    for one in measurements if len(measurements) > 1 else []:
-        file, band = one.source[0]["file"], band_name(one)
+    file_of_band = {}
+    for scan in measurements if len(measurements) > 1 else []:
+        file, band = scan.source[0]["file"], band_name(scan)
         if band is None:
             raise InputError(
                 f"{file}: which band is it? several files are one material with a fit for each "
                 f"band; say it in the file, '# band_um: 3 5'"
             )
-        if band in seen:
+        if band in file_of_band:
             raise InputError(
-                f"{seen[band]} and {file} have the same band, {band} um; put repeated scans of "
-                f"one surface into one file, and fit different surfaces one by one"
+                f"{file_of_band[band]} and {file} have the same band, {band} um; put repeated "
+                f"scans of one surface into one file, and fit different surfaces one by one"
             )
-        seen[band] = file
+        file_of_band[band] = file
 
 
 def _report(measurements: Measurements, fit, directional: dict) -> dict:
+    """The report on one fit."""
     theta, emissivity = fit.emissivity
     measured = directional.get("emissivity")
     return {

@@ -1,4 +1,4 @@
-"""The minimum of each candidate model, and the one that the data need."""
+"""Search for the minimum of each variant, and choice of the variant that the data require."""
 
 from dataclasses import dataclass, replace
 
@@ -10,22 +10,39 @@ from mi_lcair.fitting.loss import Cauchy
 from mi_lcair.fitting.selection import Candidate, Variant, choose, criterion
 from mi_lcair.fitting.uncertainty import effective_count
 
-COARSE = 1e-4  # relative gradient at which all starts stop; the best goes on to round-off
-SAME_BASIN = 1e-3  # relative difference in cost within one basin
-FEW_STARTS = 8
+# Relative gradient at which the descents from all starts stop. The best then continues to
+# round-off.
+COARSE = 1e-4
+SAME_BASIN = 1e-3  # largest relative difference in cost between descents to the same minimum
+FEW_STARTS = 8  # largest number of random starts of a restricted variant
 APERTURE_STARTS = 4  # minima for a point source from which the descent with the aperture starts
-CAUCHY = 2.385  # standard deviations: 95 % efficient on normal errors
-ROBUST_ROUNDS = 4
-FAR = 4.0  # standard deviations; one normal error of 16,000 lies beyond
-ROUND_OFF_DEX = 1e-9  # no residual is known better
+# Scale of the Cauchy loss [standard deviations]. The fit is then 95 % efficient for normal errors.
+CAUCHY = 2.385
+ROBUST_ROUNDS = 4  # rounds in which the scale of the residuals and the fit are determined in turn
+# Distance from the model beyond which a point is an outlier [standard deviations]. One normal error
+# in 16,000 lies beyond it.
+FAR = 4.0
+ROUND_OFF_DEX = 1e-9  # rounding error of a residual [decades]
 
 
 @dataclass
 class Noise:
-    """Of a row: variance (as it counts for the error bars), mean curvature of its loss (1 for
-    squares), correlation with its neighbour on a scan, 0..1; effective: how many independent rows
-    there are, brdf_effective: those of the BRDF; level_dex: standard deviation of the common scale
-    of all BRDFs [decades]; outliers: points beyond FAR standard deviations of the inner half.
+    """The noise of the residuals of a fit.
+
+    Attributes
+    ----------
+    variance
+        Variance of a row, from which the error bars are computed.
+    curvature
+        Mean second derivative of a row's loss, 1 for squares.
+    correlation
+        Correlation of neighbouring points of a scan, 0..1.
+    effective, brdf_effective
+        Numbers of independent rows: all, and those of the BRDF.
+    level_dex
+        Standard deviation of the common scale of all BRDFs [decades].
+    outliers
+        Number of points beyond FAR standard deviations, as the inner half of the points shows them.
     """
 
     variance: float
@@ -40,44 +57,70 @@ class Noise:
 def compare(
     data: Data, variants: list[Variant], starts: int, seed: int, robust: bool, step, before=()
 ) -> tuple[Candidate, list[Candidate], Noise]:
-    """Search each of the variants, whole ones first; the chosen one, all of them, and the noise.
+    """Search each variant and choose the one that the data require.
 
-    A restricted variant starts from few points, but also from the whole one's minimum. step: called
-    after each search. before: candidates from which the same form starts as well.
+    A restricted variant starts from few random points, and from the minimum of the whole variant.
+
+    Parameters
+    ----------
+    data
+        The data of the fit.
+    variants
+        Variants to compare, whole ones first.
+    starts, seed
+        Number of random starts, and their seed.
+    robust
+        Whether outliers get little weight.
+    step
+        Function that is called after each search.
+    before
+        Candidates of an earlier search. Their minima are additional starts for the same form.
+
+    Returns
+    -------
+    tuple
+        The chosen `Candidate`, all candidates, and the `Noise` that the chosen one leaves.
     """
     candidates = []
     for variant in variants:
         count = min(starts, FEW_STARTS) if variant.restriction else starts
         start = variant.model.starting_points(count, seed)
-        near = [one.u for one in (*before, *candidates) if one.variant == variant.whole]
+        near = [
+            candidate.u
+            for candidate in (*before, *candidates)
+            if candidate.variant == variant.whole
+        ]
         candidates.append(search(data, variant, np.vstack([*near, start])))
         step()
-    best = min(candidates, key=lambda one: one.cost)
+    best = min(candidates, key=lambda candidate: candidate.cost)
     c = None
     if robust:
+        # The scale c of the loss depends on the residuals of the best fit, and these depend on c.
         for _ in range(ROBUST_ROUNDS):
             rows = data.residuals(best.variant)(best.u[None])[0][0]
             c = CAUCHY * inner_deviation(rows)
             best = descend(best, Cauchy(data.residuals(best.variant), c), COARSE)
         candidates = [
-            descend(one, Cauchy(data.residuals(one.variant), c), COARSE) for one in candidates
+            descend(candidate, Cauchy(data.residuals(candidate.variant), c), COARSE)
+            for candidate in candidates
         ]
-        best = min(candidates, key=lambda one: one.cost)
+        best = min(candidates, key=lambda candidate: candidate.cost)
     noise = assess(data, best, c)
-    criteria = [criterion(one, data.rows, noise.effective) for one in candidates]
+    criteria = [criterion(candidate, data.rows, noise.effective) for candidate in candidates]
     index = choose(candidates, criteria)
     chosen = candidates[index] = descend(candidates[index], candidates[index].residuals, ROUND_OFF)
-    for one, value in zip(candidates, criteria):
-        one.criterion = value - min(criteria)
+    for candidate, value in zip(candidates, criteria):
+        candidate.criterion = value - min(criteria)
     return chosen, candidates, assess(data, chosen, c)
 
 
 def search(data: Data, variant: Variant, start: np.ndarray) -> Candidate:
-    """The best minimum that the starts (m, n) lead to."""
+    """The lowest minimum of a variant that is found from the starts (m, n)."""
     free, start = variant.free, variant.restrict(start)
     residuals = point = data.residuals(variant)
     if data.half_angle:
-        point = data.residuals(variant, aperture=False)  # the disc costs a hundred times more
+        # A point source is searched first. The average over the disc takes a hundred times longer.
+        point = data.residuals(variant, aperture=False)
     minima = levenberg_marquardt(point, explore(point, start, free), free, tolerance=COARSE)
     close = 0.5 * data.rows * (10 * COARSE * residuals.unit) ** 2
     share = np.mean(minima.cost <= minima.cost.min() * (1 + SAME_BASIN) + close)
@@ -96,7 +139,7 @@ def search(data: Data, variant: Variant, start: np.ndarray) -> Candidate:
 
 
 def descend(candidate: Candidate, residuals, tolerance: float) -> Candidate:
-    """The same variant at the nearest minimum of `residuals`."""
+    """Continue a candidate to the nearest minimum of `residuals`, up to the relative gradient."""
     minimum = levenberg_marquardt(
         residuals, candidate.u[None], candidate.variant.free, tolerance=tolerance
     )
@@ -110,11 +153,25 @@ def descend(candidate: Candidate, residuals, tolerance: float) -> Candidate:
 
 
 def assess(data: Data, candidate: Candidate, c: float | None = None) -> Noise:
-    """The noise that a candidate leaves; c: of the Cauchy loss if outliers are given little weight.
+    """The noise in the residuals of a candidate.
 
-    BRDF rows have the variance that they show. With directional rows, whose standard deviations are
-    given, rows are in units of their own and the variance is at least 1; so it is where the
-    measurements came with sigma.
+    The variance of the BRDF rows is that of the residuals. It is at least 1 if the rows are in
+    units of known standard deviations: in a fit with directional tables, and for measurements with
+    sigma.
+
+    Parameters
+    ----------
+    data
+        The data of the fit.
+    candidate
+        The candidate at its minimum.
+    c
+        Scale of the Cauchy loss; None if outliers have full weight.
+
+    Returns
+    -------
+    Noise
+        Variance, correlation and outliers.
     """
     residuals = data.residuals(candidate.variant)
     rows = residuals(candidate.u[None])[0][0]
@@ -154,5 +211,8 @@ def assess(data: Data, candidate: Candidate, c: float | None = None) -> Noise:
 
 
 def inner_deviation(rows) -> float:
-    """Standard deviation of normal errors whose inner half looks like that of the rows."""
+    """Standard deviation of the rows, estimated from their median absolute value.
+
+    Outliers do not affect it.
+    """
     return max(1.4826 * float(np.median(np.abs(rows))), ROUND_OFF_DEX)

@@ -1,4 +1,4 @@
-"""Which reflection model, in which form, with which restriction: no more than the data ask for."""
+"""Choice of the simplest reflection model, form and restriction that the data allow."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -9,14 +9,15 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.reflection import MODELS, model
 from mi_lcair.physics.reflection.interface import ReflectionModel, Restriction
 
-AUTO = "auto"  # as a model or a form: all of them are compared
-# difference in the criterion; less is "not worth more than a bare mention" (Kass and Raftery 1995)
+AUTO = "auto"  # as a name of a model or a form: all of them are compared
+# Smallest significant difference of the criterion. A smaller one is "not worth more than a bare
+# mention" (Kass and Raftery 1995).
 SIGNIFICANT = 2.0
 
 
 @dataclass(frozen=True)
 class Variant:
-    """What a search adapts to the data: a form of a reflection model, whole or restricted."""
+    """What a search fits to the data: a form of a reflection model, whole or restricted."""
 
     model: ReflectionModel
     form: str
@@ -24,30 +25,47 @@ class Variant:
 
     @property
     def whole(self) -> "Variant":
+        """The same model and form without a restriction."""
         return Variant(self.model, self.form)
 
     @property
     def free(self) -> np.ndarray:
-        """Mask (n,) of the coordinates that move."""
+        """Mask (n,) of the coordinates that a search may change."""
         held = self.restriction.coordinate if self.restriction else -1
         return np.arange(len(self.model.parameters)) != held
 
     def restrict(self, u: np.ndarray) -> np.ndarray:
-        """Coordinates u (m, n) with the restriction's value where it holds one."""
+        """Coordinates u (m, n), with the restricted one set to its fixed value."""
         return np.where(self.free, u, self.restriction.value if self.restriction else 0)
 
 
 @dataclass
 class Candidate:
-    """A variant at its minimum: u (n,), cost = half the sum of squares of the rows."""
+    """A variant at its minimum.
+
+    Attributes
+    ----------
+    variant, residuals
+        The variant, and the residuals that were minimized.
+    u
+        Coordinates of the minimum, (n,).
+    cost
+        Half the sum of squares of the rows.
+    gradient
+        Relative gradient at the minimum.
+    share
+        Share of the starts that reached this minimum.
+    criterion
+        Excess of the criterion over that of the best candidate.
+    """
 
     variant: Variant
     residuals: Any
     u: np.ndarray
     cost: float
     gradient: float
-    share: float  # of the starts that ended in this minimum
-    criterion: float = 0.0  # above the best candidate's
+    share: float
+    criterion: float = 0.0
 
     @property
     def size(self) -> int:
@@ -56,40 +74,56 @@ class Candidate:
 
 
 def variants(model_name: str, form: str) -> list[Variant]:
-    """The variants that a model and a form, each a name or "auto", leave to compare; whole ones
-    first.
+    """The variants to compare for a model and a form, whole ones first.
 
-    Restricted ones are compared where the form is left open. InputError for unknown names.
+    model_name, form: names, or "auto" for all. Restricted variants are included if the form is
+    "auto". Raises InputError for unknown names.
     """
     models = list(MODELS.values()) if model_name == AUTO else [model(model_name)]
     whole = [
-        Variant(one, own_form)
-        for one in models
-        for own_form in one.forms
+        Variant(candidate_model, own_form)
+        for candidate_model in models
+        for own_form in candidate_model.forms
         if form in (AUTO, own_form)
     ]
     if not whole:
-        known = "; ".join(f"{one.name} has {', '.join(one.forms)}" for one in models)
+        known = "; ".join(f"{listed.name} has {', '.join(listed.forms)}" for listed in models)
         raise InputError(f"form '{form}' is unknown; {known}")
     return whole + [
-        Variant(one.model, one.form, restriction)
-        for one in whole
-        for restriction in one.model.restrictions
+        Variant(variant.model, variant.form, restriction)
+        for variant in whole
+        for restriction in variant.model.restrictions
         if form == AUTO
     ]
 
 
 def criterion(candidate: Candidate, rows: int, effective: float) -> float:
-    """Bayesian information criterion, n ln(sum of squares / rows) + k ln n, n being the effective
-    number of rows.
+    """Bayesian information criterion, n ln(sum of squares / rows) + k ln n.
+
+    k is the number of free parameters.
+
+    Parameters
+    ----------
+    candidate
+        A variant at its minimum.
+    rows
+        Number of residuals.
+    effective
+        Number n of independent residuals.
+
+    Returns
+    -------
+    float
+        The criterion; the lower, the better.
     """
-    mean = max(2 * candidate.cost / rows, 1e-24)  # below that two models differ by round-off
+    mean = max(2 * candidate.cost / rows, 1e-24)  # smaller means differ by round-off only
     return effective * np.log(mean) + candidate.size * np.log(effective)
 
 
 def choose(candidates: list[Candidate], criteria) -> int:
-    """Index of the simplest candidate that is not significantly worse than the best; of equally
-    simple ones, the better.
+    """Index of the simplest candidate that is not significantly worse than the best.
+
+    Of several equally simple candidates, it is the one with the lower criterion.
     """
     close = [
         index for index in range(len(candidates)) if criteria[index] <= min(criteria) + SIGNIFICANT

@@ -1,4 +1,4 @@
-"""How well the data determine each parameter: covariance and profile intervals."""
+"""Uncertainty of the parameters of a fit: covariance and profile intervals."""
 
 import numpy as np
 from scipy import stats
@@ -6,23 +6,36 @@ from scipy import stats
 from mi_lcair.fitting.cube import parameters_at
 from mi_lcair.fitting.descent import levenberg_marquardt
 
-CONFIDENCE = 0.95
-PROFILE_STEPS = np.array(
-    [0.5, 1, 1.5, 2, 2.5, 3, 4, 6, 10, 20, 50]
-)  # standard errors from the minimum
+CONFIDENCE = 0.95  # probability that an interval contains the parameter
+# Distances from the minimum at which profiles are computed [standard errors].
+PROFILE_STEPS = np.array([0.5, 1, 1.5, 2, 2.5, 3, 4, 6, 10, 20, 50])
 
 
 def effective_count(rows, theta_i, theta_r, fewest: int = 1) -> tuple[float, float]:
-    """How many independent residuals these are worth, and the correlation of neighbours along a
-    scan, 0..1.
+    """Effective number of independent residuals, and correlation of neighbours along a scan.
 
-    A model that misses the data misses neighbouring points alike; n points then know no more than n
-    (1 - r)/(1 + r) independent ones (first-order autocorrelation). A correlation that white noise
-    could show counts as none. Correlated residuals are worth `fewest` at least.
+    Where a model deviates from the data, it deviates alike at neighbouring points. n points with
+    the correlation r of neighbours (first-order autocorrelation) are worth n (1 - r)/(1 + r)
+    independent ones. A correlation that white noise could also show is taken as 0.
+
+    Parameters
+    ----------
+    rows
+        Residuals of the BRDF points, (p,).
+    theta_i, theta_r
+        Elevations of source and observer [radians], (p,).
+    fewest
+        Smallest effective number of correlated residuals.
+
+    Returns
+    -------
+    tuple
+        The effective number, and the correlation, 0..1.
     """
     scanned, fixed = sorted(
         (theta_r, theta_i), key=lambda angle: -len(np.unique(np.round(angle, 9)))
     )
+    # Neighbours of a scan are next to each other when the points are sorted by the scanned angle.
     order = np.lexsort((scanned, np.round(fixed, 9)))
     same = np.diff(np.round(fixed, 9)[order]) == 0
     first, second = rows[order][:-1][same], rows[order][1:][same]
@@ -35,20 +48,39 @@ def effective_count(rows, theta_i, theta_r, fewest: int = 1) -> tuple[float, flo
 
 
 def cube_covariance(slopes, free, variance: float):
-    """Covariance (n, n) of the coordinates; without data a coordinate is uniform in 0..1, so that
-    all numbers are finite.
+    """Covariance (n, n) of the coordinates.
+
+    The prior of a coordinate is uniform in 0..1, so that the covariance is finite even if the data
+    do not determine the coordinate. Arguments are those of `covariance`.
     """
     slopes = slopes * free
-    prior = 12 * np.eye(len(free))  # of a uniform coordinate, whose variance is 1/12
+    prior = 12 * np.eye(len(free))  # a uniform coordinate has the variance 1/12
     return np.linalg.inv(slopes.T @ slopes / variance + prior) * np.outer(free, free)
 
 
 def covariance(model, slopes, u, free, variance: float, level) -> np.ndarray:
-    """Covariance (n, n) of the parameters at the minimum u (n,); zero for those that are not free.
+    """Covariance of the parameters at a minimum.
 
-    slopes (rows, n): Jacobian by u; variance: of a row. level (rows,): change of the rows for one
-    standard deviation of the scale of all BRDFs together, an error that no number of points
-    averages out.
+    Parameters
+    ----------
+    model
+        The reflection model.
+    slopes
+        Derivatives of the rows with respect to the coordinates, (r, n).
+    u
+        Coordinates of the minimum, (n,).
+    free
+        Mask of the coordinates that the variant lets move, (n,).
+    variance
+        Variance of a row.
+    level
+        Change of the rows for one standard deviation of the common scale of all BRDFs, (r,). This
+        error does not average out over the points.
+
+    Returns
+    -------
+    numpy.ndarray
+        Covariance, (n, n); 0 for coordinates that are not free.
     """
     cube = cube_covariance(slopes, free, variance)
     shift = cube @ (slopes.T @ level) / variance
@@ -57,10 +89,10 @@ def covariance(model, slopes, u, free, variance: float, level) -> np.ndarray:
 
 
 def level_shift(model, slopes, u, free, variance: float, level) -> np.ndarray:
-    """How far the parameters (n,) move at most when the scale of all BRDFs is wrong by one standard
-    deviation.
+    """Largest change of the parameters (n,) for one standard deviation of the BRDFs' common scale.
 
-    Finite steps, so that a parameter can leave its bound.
+    It is computed with finite steps in both directions, so that a parameter at a bound can leave
+    it. Arguments are those of `covariance`.
     """
     shift = cube_covariance(slopes, free, variance) @ (slopes.T @ level) / variance
     ends = parameters_at(model, np.clip([u, u + shift, u - shift], 0, 1))[0]
@@ -68,20 +100,33 @@ def level_shift(model, slopes, u, free, variance: float, level) -> np.ndarray:
 
 
 def standard_errors(model, matrix) -> np.ndarray:
-    """Standard errors (n,), none larger than the parameter's range."""
+    """Standard errors (n,) from a covariance matrix (n, n), at most the parameter's range."""
     ranges = [parameter.upper - parameter.lower for parameter in model.parameters]
     return np.minimum(np.sqrt(np.maximum(np.diag(matrix), 0)), ranges)
 
 
 def correlation(matrix) -> np.ndarray:
+    """Correlation matrix (n, n) of a covariance matrix (n, n)."""
     size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     ratio = np.clip(matrix / np.outer(size, size), -1, 1)
     return np.where(np.eye(len(matrix), dtype=bool), 1.0, ratio)
 
 
 class Held:
-    """Residuals with one parameter held at a value of its own in each lane, by one more, very stiff
-    row.
+    """Residuals with one parameter held at a given value in each lane.
+
+    An additional, very stiff row holds it.
+
+    Parameters
+    ----------
+    model
+        The reflection model.
+    residuals
+        The residuals of the fit.
+    which, value
+        Index of the held parameter and its value in each lane, (l,).
+    stiffness
+        Weight of the additional row in each lane, (l,).
     """
 
     def __init__(self, model, residuals, which, value, stiffness):
@@ -103,31 +148,43 @@ class Held:
 def profile_intervals(
     model, residuals, u, cost: float, free, matrix, variance: float, dof: float, systematic
 ) -> np.ndarray:
-    """Confidence intervals (n, 2): how far each parameter can move while the others are refitted.
+    """Confidence intervals: how far each parameter can move while the others are refitted.
 
-    u (n,), cost: the minimum; free (n,): coordinates that the chosen variant lets move. The cost
-    may rise by variance t^2 / 2 with Student's t; systematic (n,): standard errors from the common
-    scale, added in squares.
+    Within an interval the cost rises by at most variance t^2 / 2, with Student's t.
+
+    Parameters
+    ----------
+    model
+        The reflection model.
+    residuals
+        Residuals that were minimized.
+    u, cost
+        Coordinates (n,) and cost of the minimum.
+    free
+        Mask of the coordinates that the chosen variant lets move, (n,).
+    matrix
+        Covariance of the parameters, (n, n).
+    variance
+        Variance of a row.
+    dof
+        Degrees of freedom.
+    systematic
+        Standard errors from the common scale of the BRDFs, (n,). They are added in squares.
+
+    Returns
+    -------
+    numpy.ndarray
+        Lower and upper ends of the intervals, (n, 2).
     """
     best, errors = parameters_at(model, u[None])[0][0], standard_errors(model, matrix)
     lower, upper = model.feasible_range(best)
     t = stats.t.ppf(0.5 + CONFIDENCE / 2, dof)
-    lanes = []
-    for k in range(len(best)):
-        for side, bound in ((-1, lower[k]), (1, upper[k])):
-            reach = side * (bound - best[k])
-            if reach <= 1e-12:
-                continue
-            step = (
-                errors[k] if errors[k] > 0 else reach / 1000
-            )  # a parameter at its bound has no error yet
-            steps = np.append(PROFILE_STEPS * step, reach * np.array([0.1, 0.3, 1]))
-            lanes += [(k, side, distance) for distance in np.unique(steps[steps <= reach])]
-    which, side, distance = (np.array(column) for column in zip(*lanes))
+    which, side, distance = profile_lanes(best, errors, lower, upper)
     value = best[which] + side * distance
     start = np.stack([neighbour(model, best, matrix, k, target) for k, target in zip(which, value)])
     may_move = free | (np.arange(len(best)) == which[:, None])
     stiffness = 1e4 * np.sqrt(variance) / distance
+    # All points of all profiles are refitted at once, with one parameter held in each lane.
     minima = levenberg_marquardt(
         Held(model, residuals, which, value, stiffness),
         model.to_cube(start),
@@ -142,9 +199,12 @@ def profile_intervals(
             chosen = (which == k) & (side == sign)
             if not chosen.any():
                 continue
+            # The first point of the profile at which the rise exceeds t.
             reached = np.flatnonzero(np.append(rise[chosen], np.inf) > t)[0]
             if reached == chosen.sum():
-                continue  # the bound itself still fits
+                continue  # there is none: the interval ends at the parameter's bound
+            # The end of the interval is interpolated linearly between this point and the one
+            # before.
             x, y = np.append(0, distance[chosen]), np.append(0, rise[chosen])
             width = x[reached] + (t - y[reached]) * (x[reached + 1] - x[reached]) / (
                 y[reached + 1] - y[reached]
@@ -154,9 +214,40 @@ def profile_intervals(
     return intervals
 
 
+def profile_lanes(best, errors, lower, upper) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The points at which profiles are computed, by parameter, side and distance.
+
+    Parameters
+    ----------
+    best, errors
+        Parameters at the minimum and their standard errors, (n,).
+    lower, upper
+        Feasible range of each parameter, (n,).
+
+    Returns
+    -------
+    tuple
+        Index of the parameter, side (-1 or 1) and distance from the minimum, (l,) each.
+    """
+    lanes = []
+    for k in range(len(best)):
+        for side, bound in ((-1, lower[k]), (1, upper[k])):
+            reach = side * (bound - best[k])
+            if reach <= 1e-12:
+                continue
+            # A parameter at its bound has no standard error. Its first step is a part of its range.
+            step = errors[k] if errors[k] > 0 else reach / 1000
+            steps = np.append(PROFILE_STEPS * step, reach * np.array([0.1, 0.3, 1]))
+            lanes += [(k, side, distance) for distance in np.unique(steps[steps <= reach])]
+    which, side, distance = (np.array(column) for column in zip(*lanes))
+    return which, side, distance
+
+
 def neighbour(model, best, matrix, k: int, target: float) -> np.ndarray:
-    """Feasible parameters with the k-th at `target` and the others moved along with it, as their
-    covariance says.
+    """Feasible parameters (n,) with the k-th one at `target`, as a start for refitting the others.
+
+    The others move with it as their covariance `matrix` predicts, if that changes them by at most
+    half of their value.
     """
     slope = matrix[:, k] / matrix[k, k] if matrix[k, k] > 0 else np.zeros(len(best))
     moved = best + slope * (target - best[k])

@@ -1,4 +1,4 @@
-"""What is known of each parameter, in numbers and in words."""
+"""The uncertainty of each parameter of a fit, in numbers and as a verdict in words."""
 
 from dataclasses import dataclass
 
@@ -14,22 +14,41 @@ from mi_lcair.fitting.uncertainty import (
 )
 from mi_lcair.physics.reflection.interface import Parameter
 
-UNDETERMINED = 0.5  # the interval, relative to the feasible range
-NEAR_LOWER = 1.5  # an interval that begins below this multiple of the lower bound reaches it
-LEAST_DOF = 3  # keeps Student's t finite where the misfit leaves few independent points
-LEAST_EFFECTIVE = 10  # independent points; fewer, and the model misses whole scans
-MANY_OUTLIERS, SCATTERED = (
-    0.01,
-    0.3,
-)  # share of the points, and correlation of neighbours below which they are single
+# Width of an interval, relative to the feasible range, from which the parameter is not determined.
+UNDETERMINED = 0.5
+# An interval that begins below this multiple of the lower bound is said to reach the bound.
+NEAR_LOWER = 1.5
+# Smallest number of degrees of freedom. Correlated residuals can leave fewer, for which Student's t
+# is very large.
+LEAST_DOF = 3
+# Number of independent BRDF points below which the model is said to miss whole scans.
+LEAST_EFFECTIVE = 10
+# Outliers are reported if they are more than the share MANY_OUTLIERS of the points, and if the
+# correlation of neighbours is below SCATTERED, so that they are single points.
+MANY_OUTLIERS, SCATTERED = 0.01, 0.3
 
 
 def judge(data, candidate, noise, robust: bool) -> dict:
-    """standard_error, interval and verdict by parameter, and the correlation matrix, of a fitted
-    candidate.
+    """Standard errors, intervals, verdicts and correlations of a candidate's parameters.
 
-    A parameter at its bound, or one that a restriction holds, has no curvature: its standard error
-    is half the interval's width.
+    The cost has no curvature in a parameter at its bound or in one that a restriction holds. Its
+    standard error is half the width of its interval.
+
+    Parameters
+    ----------
+    data
+        The `Data` of the fit.
+    candidate
+        The chosen `Candidate` at its minimum.
+    noise
+        The `Noise` that the candidate leaves.
+    robust
+        Whether outliers were given little weight.
+
+    Returns
+    -------
+    dict
+        standard_error, interval and verdict by parameter name, and the correlation matrix (n, n).
     """
     u, model, free = candidate.u, candidate.variant.model, candidate.variant.free
     residuals = data.residuals(candidate.variant)
@@ -79,8 +98,10 @@ def judge(data, candidate, noise, robust: bool) -> dict:
 
 @dataclass
 class Doubt:
-    """What all verdicts of a fit depend on: the model misses whole scans; a directional table was
-    fitted with the BRDF; number of outliers that count in full.
+    """Properties of a fit on which the verdicts on all of its parameters depend.
+
+    misses: whether the model misses whole scans. joint: whether a directional table was fitted with
+    the BRDF. outliers: number of outliers that had full weight and are worth reporting.
     """
 
     misses: bool
@@ -91,7 +112,26 @@ class Doubt:
 def verdict(
     parameter: Parameter, value: float, interval, bounds, at_bound: str | None, doubt: Doubt
 ) -> str:
-    """One parameter's verdict in words; at_bound: name of the bound that it lies on, or None."""
+    """The verdict on one parameter, in words.
+
+    Parameters
+    ----------
+    parameter
+        The model's description of the parameter.
+    value
+        Its fitted value.
+    interval, bounds
+        Its 95 % interval and its feasible range (low, high).
+    at_bound
+        Name of the bound on which it lies, or None.
+    doubt
+        Properties of the whole fit.
+
+    Returns
+    -------
+    str
+        The verdict, in one line.
+    """
     (low, high), (lowest, highest) = interval, bounds
     span = f"{low:.3g}..{high:.3g}"
     advice = f"; {parameter.advice}" if parameter.advice and not doubt.joint else ""

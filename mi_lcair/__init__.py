@@ -1,8 +1,8 @@
 """Thermal-infrared radiance on Mitsuba 3: load a scene, render it, integrate it.
 
-`import mi_lcair` is cheap. It arranges that an LLVM which Dr.Jit can use is chosen before `drjit`
-is imported, and that the plugins are registered as soon as `mitsuba` is. Import it before either of
-them.
+`import mi_lcair` is fast. It installs an import hook. The hook chooses an LLVM that Dr.Jit can use
+before `drjit` is imported, and registers the plugins when `mitsuba` is imported. Import mi_lcair
+before both of them.
 """
 
 import importlib
@@ -11,7 +11,8 @@ import sys
 
 __version__ = "0.1.0"
 
-_HOME = {  # public name: the module that it comes from, imported at the first use
+# Module of each public name; it is imported at the first use of the name.
+_HOME = {
     "InputError": "errors",
     "load": "rendering.scene",
     "render": "rendering.render",
@@ -24,9 +25,9 @@ _HOME = {  # public name: the module that it comes from, imported at the first u
 }
 __all__ = ["__version__", *_HOME]
 
-# In a checkout plugins/, fitting/ and scenes/ lie beside this folder, in a wheel inside it. The
-# parent is searched only in a checkout: in site-packages a foreign top-level package of one of
-# these names would pass for ours.
+# In a checkout, plugins/, fitting/ and scenes/ are beside this folder; in a wheel, inside it. The
+# parent folder is searched only in a checkout. In site-packages, another project's package with one
+# of these names would be taken instead.
 if not os.path.isdir(os.path.join(__path__[0], "plugins")):
     __path__.append(os.path.dirname(__path__[0]))
 
@@ -42,17 +43,18 @@ def __dir__():
 
 
 def _prepare_mitsuba():
-    """Registers the plugins with the imported Mitsuba, and takes its messages off stdout."""
+    """Register the plugins with the imported Mitsuba, and direct its messages to logging."""
     importlib.import_module(".plugins", __name__)
     importlib.import_module(".renderer_log", __name__).pass_on()
 
 
 class _OnImport:
-    """Import hook: LLVM and the kernel cache are chosen before drjit's code runs, the plugins are registered after
-    mitsuba's has run.
+    """Import hook that prepares Dr.Jit before its import and Mitsuba after its import.
 
-    A scene that is loaded with plain `mi.load_file` then finds the plugins, and whatever needs no
-    renderer (the command line's help, the radiometry) pays for neither Mitsuba nor LLVM.
+    Before drjit's code runs, the hook chooses an LLVM and the kernel cache. After mitsuba's code
+    has run, the hook registers the plugins. A scene that is loaded with `mi.load_file` therefore
+    finds the plugins. Parts that need no renderer, such as the command line's help and the
+    radiometry, do not load Mitsuba or LLVM.
     """
 
     @classmethod

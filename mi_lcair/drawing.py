@@ -1,4 +1,4 @@
-"""Pictures that appear complete or not at all."""
+"""Writing of Matplotlib figures as PNG files, completely or not at all."""
 
 import warnings
 from contextlib import contextmanager
@@ -11,10 +11,10 @@ LONGEST = 120  # characters of a name in a title or legend
 
 @contextmanager
 def drawing(path, size, dpi: int = 150, **options):
-    """A Matplotlib figure of `size` (width, height) inches, to be drawn in the block; at its end it
-    becomes the PNG `path`.
+    """Context manager that gives a Matplotlib figure and writes it as the PNG `path` at the end.
 
-    options: of Figure. Raises InputError where `path` cannot be written. Needs no display.
+    size: (width, height) in inches. dpi: pixels per inch. options: further arguments of Figure.
+    Raises InputError if `path` cannot be written. No display is needed.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -29,6 +29,6 @@ def drawing(path, size, dpi: int = 150, **options):
 
 
 def plain(text: object) -> str:
-    """Text from outside as a title, label or legend shows it: one line, no formula, not hidden."""
+    """Text for a title, label or legend, as one line and without Matplotlib's formulas."""
     line = printable(text, LONGEST).replace("$", r"\$")
     return f" {line}" if line.startswith("_") else line  # Matplotlib hides labels that begin so

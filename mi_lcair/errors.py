@@ -1,13 +1,14 @@
-"""What a user did wrong, said in one line, and text from outside made fit to print."""
+"""Errors of the user's input as one line, and safe printing of text from files and names."""
 
 import re
 from difflib import SequenceMatcher
 
-LONGEST = 500  # characters of a message
-MOST_NAMED = 300  # characters of a list of known names
-MOST_QUOTED = 60  # characters of a name that is not known
+LONGEST = 500  # largest length of a message [characters]
+MOST_NAMED = 300  # largest length of a list of known names [characters]
+MOST_QUOTED = 60  # largest length of an unknown name in a message [characters]
 
-OF_MITSUBA = re.compile(r"^\[\w+\.cpp:\d+\] ")  # how an exception of Mitsuba's own begins
+EXCEPTION = re.compile(r"\w[\w.]*(: |:?$)")  # an exception's name in an unindented traceback line
+OF_MITSUBA = re.compile(r"^\[\w+\.cpp:\d+\] ")  # beginning of the message of Mitsuba's exceptions
 
 
 def escaped(text: object) -> str:
@@ -24,8 +25,10 @@ def escaped(text: object) -> str:
 
 
 def printable(text: object, most: int = LONGEST) -> str:
-    """The text as one line of at most `most` characters: line breaks become blanks, other control
-    characters escapes, and of a longer text the middle is left out.
+    """The text as one line of at most `most` characters.
+
+    Line breaks become blanks and other control characters become escapes. The middle of a longer
+    text is left out.
     """
     text = shortened(str(text), 4 * most)
     return shortened(escaped(re.sub(r"\s*[^\S ]\s*", " ", text).strip()), most)
@@ -56,8 +59,9 @@ class InputError(ValueError):
 
 
 def unknown(kind: str, name: str, names) -> InputError:
-    """The error for a `name` of some `kind` that is not among the known `names`, which it lists,
-    nearest first, as far as they fit in a line.
+    """The error for an unknown `name`, with a list of the known `names`, the most similar first.
+
+    kind: what the name stands for, such as "material". The list is cut to fit in a line.
     """
     name = printable(name, MOST_QUOTED)
     nearest_first = sorted(
@@ -71,19 +75,21 @@ def unknown(kind: str, name: str, names) -> InputError:
 
 
 def mitsuba_error(error: BaseException) -> Exception:
-    """The error that an exception of Mitsuba's loader stands for, in one line.
+    """The error, with a one-line message, for an exception of Mitsuba's loader.
 
     An exception in a Python plugin arrives as "[file.cpp:123] At scene.xml (line 3, col 5): failed
     to ...: Traceback
-    ...", with the exception itself as the last line. All that the loader refuses, in a plugin's
-    base class too, is the scene's fault, an InputError; an exception of another kind in a plugin is
-    ours, a RuntimeError.
+    ...", with the exception itself at the end, sometimes over several lines. Exceptions of the
+    loader and of Mitsuba's base classes are errors in the scene and become an InputError. Any other
+    exception in a plugin is an error in this project and becomes a RuntimeError.
     """
     text = OF_MITSUBA.sub("", str(error))
     where, is_traceback, traceback = text.partition("Traceback (most recent call last):")
     if not is_traceback:
         return InputError(text)
-    kind, _, message = traceback.strip().splitlines()[-1].partition(": ")
+    lines = traceback.strip().splitlines()
+    first = max((k for k, line in enumerate(lines) if EXCEPTION.match(line)), default=-1)
+    kind, _, message = " ".join(lines[first:]).partition(": ")
     if kind.rstrip(":").endswith("KeyboardInterrupt"):  # with a colon and nothing after it
         return KeyboardInterrupt()
     is_of_scene = kind.endswith("InputError") or OF_MITSUBA.match(message)

@@ -1,4 +1,4 @@
-"""Files that are read whole, and files that appear complete or not at all."""
+"""Reading of whole files, and writing of files that appear completely or not at all."""
 
 import os
 import re
@@ -10,21 +10,22 @@ from pathlib import Path
 from mi_lcair.errors import InputError
 from mi_lcair.interrupts import held_back
 
-LARGEST = 2**28  # bytes of a text that is read whole
-LARGEST_MESH = 2**34  # bytes of a mesh, an image or any other file of numbers
-NO_TEXT = re.compile(r"[\x00-\x08\x0e-\x1f\x7f-\x9f]")  # in Latin-1; no text file holds them
+LARGEST = 2**28  # largest size of a text file [bytes]
+LARGEST_MESH = 2**34  # largest size of a mesh, an image or another file of numbers [bytes]
+# Characters of Latin-1 that do not occur in a text file.
+NO_TEXT = re.compile(r"[\x00-\x08\x0e-\x1f\x7f-\x9f]")
 
 
 def check_file(path: Path, largest: int = LARGEST_MESH, what: str = "") -> None:
-    """Raise InputError for what exists but is no regular file (a pipe, a device), or is too large.
+    """Raise InputError for a path that is not a regular file, or for a file that is too large.
 
-    Opening a pipe waits for ever, and a device may never end. what: what errors call the file
-    (default: its path).
+    Opening a pipe could wait for ever, and reading a device might never end. A path that does not
+    exist is accepted. largest: largest size [bytes]. what: name of the file in messages (its path).
     """
     try:
         status = path.stat()
     except (OSError, ValueError):
-        return  # whoever opens it says why it cannot
+        return  # the error is raised where the file is opened
     if stat.S_ISDIR(status.st_mode):
         return
     if not stat.S_ISREG(status.st_mode):
@@ -37,9 +38,9 @@ def check_file(path: Path, largest: int = LARGEST_MESH, what: str = "") -> None:
 
 
 def read_bytes(path: str | Path, what: str = "", largest: int = LARGEST_MESH) -> bytes:
-    """The content of a file; InputError as `check_file`, and for what cannot be read.
+    """Content of a file; raises InputError as `check_file` and for a file that cannot be read.
 
-    what: what errors call the file (default: its path).
+    what: name of the file in messages (its path). largest: largest size [bytes].
     """
     path = Path(path)
     check_file(path, largest, what)
@@ -53,8 +54,9 @@ def read_bytes(path: str | Path, what: str = "", largest: int = LARGEST_MESH) ->
 
 
 def read_text(path: str | Path, what: str = "") -> str:
-    """The text of a file in UTF-8, or in Latin-1 where it is not; InputError as `read_bytes`, and
-    for what is no text.
+    """Text of a file in UTF-8, or in Latin-1 if it is not valid UTF-8.
+
+    Raises InputError as `read_bytes`, and for a file that is not text.
     """
     data = read_bytes(path, what, LARGEST)
     try:
@@ -67,10 +69,9 @@ def read_text(path: str | Path, what: str = "") -> str:
 
 
 def check_writable(path: str | Path) -> None:
-    """Raise InputError unless a file can be created (or replaced) at `path`; nothing is left
-    behind.
+    """Raise InputError if a file cannot be created or replaced at `path`.
 
-    Cheap, so that a command can ask before it renders.
+    The check leaves no file behind. It is fast, so a command can do it before it renders.
     """
     path = Path(path)
     try:
@@ -80,8 +81,8 @@ def check_writable(path: str | Path) -> None:
             raise InputError(
                 f"output folder '{path.parent}' does not exist; create it or name another"
             )
-        # An attempt is the only sure answer: permission bits say nothing about root or read-only
-        # file systems.
+        # Only an attempt is reliable, because permission bits do not account for root and for
+        # read-only file systems.
         probe = _partial(path)
         with held_back():
             probe.touch()
@@ -94,11 +95,10 @@ def check_writable(path: str | Path) -> None:
 
 @contextmanager
 def replacing(path: str | Path):
-    """A temporary path in the folder of `path`, to be written in the block; it takes the place of
-    `path` at the end.
+    """Context manager that gives a temporary path, which replaces `path` at the end of the block.
 
-    Whatever interrupts the block, Ctrl-C included, leaves neither the temporary nor a changed
-    `path`. Raises InputError where `path` cannot be written.
+    If the block is interrupted, also by Ctrl-C, the temporary file is removed and `path` is not
+    changed. Raises InputError if `path` cannot be written.
     """
     check_writable(path)
     partial = _partial(Path(path))
@@ -112,11 +112,10 @@ def replacing(path: str | Path):
 
 @contextmanager
 def filling(folder: str | Path):
-    """A temporary folder, to be filled with files in the block; at its end they move into `folder`,
-    made if it is absent.
+    """Context manager that gives a temporary folder, whose files move to `folder` at the end.
 
-    Other files in `folder` are left alone. Whatever interrupts the block leaves nothing behind.
-    Raises InputError where `folder` cannot be written.
+    `folder` is created if it does not exist. Other files in it are not changed. If the block is
+    interrupted, nothing is left behind. Raises InputError if `folder` cannot be written.
     """
     folder = Path(folder)
     if folder.exists() and not folder.is_dir():
@@ -137,7 +136,8 @@ def filling(folder: str | Path):
         for file in files:
             if (folder / file.name).is_dir():
                 raise InputError(
-                    f"cannot write '{folder / file.name}': it is a folder; remove it or name another output"
+                    f"cannot write '{folder / file.name}': it is a folder; "
+                    "remove it or name another output"
                 )
         with held_back():
             for file in files:

@@ -58,17 +58,15 @@ def prepare():
 
 
 def check_loaded():
-    """Raise ImportError if Dr.Jit, imported before mi_lcair, has loaded no LLVM or one that is too
-    old.
-    """
+    """Raise ImportError if an already imported Dr.Jit has no LLVM or an LLVM that is too old."""
     import drjit
 
     version = drjit.detail.llvm_version()  # (-1, -1, -1) if it has none
     if version[0] < OLDEST:
         found = f"LLVM {version[0]}" if version[0] > 0 else "no LLVM"
         raise ImportError(
-            f"drjit was imported before mi_lcair and found {found}, where {OLDEST} or newer is needed: "
-            f"import mi_lcair first, or set {VARIABLE}"
+            f"drjit was imported before mi_lcair and found {found}, where {OLDEST} or newer is "
+            f"needed: import mi_lcair first, or set {VARIABLE}"
         )
 
 
@@ -77,14 +75,13 @@ def _require_libatomic():
         ctypes.CDLL("libatomic.so.1")
     except OSError:
         raise ImportError(
-            "libatomic.so.1 is missing, Dr.Jit needs it; install it, on Debian: apt-get install libatomic1"
+            "libatomic.so.1 is missing, Dr.Jit needs it; "
+            "install it, on Debian: apt-get install libatomic1"
         ) from None
 
 
 def _candidates():
-    """Paths of LLVM libraries, the preferred first, each produced only when those before it were
-    refused.
-    """
+    """Paths of LLVM libraries, the preferred one first; each is searched only when needed."""
     if os.environ.get(VARIABLE):
         yield os.environ[VARIABLE]
     yield from _in_wheel()
@@ -107,7 +104,7 @@ def _in_wheel():
 
 
 def _rejection(path):
-    """Why the library at `path` cannot serve, or None; then it stays loaded."""
+    """Reason why the library at `path` cannot be used; None if it can, and it stays loaded."""
     # The wheel links its own C++ runtime only where its start-up hook may write, so that is loaded
     # by its full name. Not with RTLD_GLOBAL: its libc++abi would then take Mitsuba's exceptions and
     # end the process.

@@ -1,10 +1,8 @@
-"""How long work reports how far it is."""
+"""Progress reports of long calculations."""
 
 
 def stepper(progress, total: int):
-    """A function that reports one more step of `total` to progress(done, total), if there is one to
-    report to.
-    """
+    """A function that counts a step and calls progress(done, total), unless `progress` is None."""
     done = 0
 
     def step():

@@ -1,4 +1,4 @@
-"""Mitsuba's log messages, passed on to Python's logging: stdout holds results and nothing else."""
+"""Passes Mitsuba's log messages to Python's logging, so that stdout has only results."""
 
 import logging
 import re
@@ -10,9 +10,9 @@ PREFIX = re.compile(r"^\S+ \S+ +[A-Z]+ +(\S+ +)?\[[^]]*\] *")
 
 
 def pass_on() -> None:
-    """Makes the logger "mitsuba" of Python's logging the only one that Mitsuba's messages go to.
+    """Send Mitsuba's messages to the logger "mitsuba" of Python's logging, and nowhere else.
 
-    Warnings then appear on stderr unless the program configures logging.
+    Warnings then appear on stderr, unless the program configures logging.
     """
     import mitsuba as mi
 

@@ -1,8 +1,7 @@
-"""Tables in text files: one header line of named columns, rows of cells, `#` comments, with any
-usual separator and decimal mark.
+"""Tables in text files with one header line, rows of cells and `#` comments.
 
-Every table that a user may write is read here, and every text cell that a spreadsheet may open is
-written by `safe_cell`.
+Comma, semicolon and tab are allowed as separators, point and comma as decimal marks. All tables of
+a user are read by this module. `safe_cell` gives text cells for files that a spreadsheet may open.
 """
 
 import csv
@@ -16,21 +15,23 @@ from mi_lcair.errors import InputError, escaped, shown
 from mi_lcair.files import read_text
 
 NUMBER = re.compile(r"[+-]?([0-9]+([.,][0-9]*)?|[.,][0-9]+)([eE][+-]?[0-9]+)?")
-NO_VALUE = ("", "nan")  # cells that stand for a missing value, where one may be missing
+NO_VALUE = ("", "nan")  # cells that mean a missing value
 SEPARATORS = {"\t": "tab", ";": "semicolon", ",": "comma"}
-LARGEST = 1e12  # of any quantity in a table; above a blackbody's spectral radiance at 40,000 K
-FARTHEST = 1e30  # from 0, of any number; products and squares of larger ones overflow
-FORMULA = ("=", "+", "-", "@")  # a cell that begins so is a formula to a spreadsheet
+# Largest value of a quantity in a table. It is above a blackbody's spectral radiance at 40,000 K.
+LARGEST = 1e12
+FARTHEST = 1e30  # largest absolute value of a number; products of larger numbers may overflow
+FORMULA = ("=", "+", "-", "@")  # first characters of a cell that a spreadsheet takes for a formula
 
 
 @dataclass
 class Table:
-    """The cells of a file as text, with the line numbers of their rows, and the header's keys:
-    (value, line number).
+    """The cells of a table as text.
 
-    file: what errors call it; is_astm: an ASTM file has its own conventions (radians, a value
-    column of any name). Raises InputError without rows, and for a row that has another number of
-    cells than the header.
+    file: name of the file in messages. columns: names of the columns. rows: line number and cells
+    of each row. header: value and line number of each key in the header. separator: the separator
+    of the cells. is_astm: whether it is an ASTM file, which uses radians and allows any name for
+    the value column. Raises InputError for a table without rows, and for a row with more or fewer
+    cells than columns.
     """
 
     file: str
@@ -56,10 +57,10 @@ class Table:
                 )
 
     def numbers(self, columns, may_lack: bool = False) -> dict[str, np.ndarray]:
-        """The named columns as Float64.
+        """The named columns as Float64 arrays, by name.
 
-        may_lack: an empty cell or `nan` is a value that is missing, NaN. Raises InputError, with
-        the line, for any other cell that is no number within FARTHEST of 0.
+        may_lack: accept empty cells and `nan` as missing values, which become NaN. Raises
+        InputError, with the line, for any other cell that is not a number up to FARTHEST.
         """
         marks = {}  # decimal mark: the first line that has it
         values = {}
@@ -91,9 +92,7 @@ class Table:
         return values
 
     def check_range(self, column: str, values, lowest: float, highest: float) -> None:
-        """Raises InputError, with the line, where a value of a column is outside its limits (or is
-        missing).
-        """
+        """Raise InputError, with the line, for a value that is missing or outside the limits."""
         allowed = (values >= lowest) & (values <= highest)
         if not allowed.all():
             row = int(np.argmin(allowed))
@@ -110,9 +109,9 @@ class Table:
 def read_table(path: str | Path, needed, kind: str = "") -> Table:
     """The table in a CSV file whose header names at least the columns `needed`.
 
-    kind: what errors call the file, before its path. Raises InputError for a file that holds no
-    such table. The message quotes the header only where it names one of these columns: any other
-    file's first line is no business of the message.
+    kind: words before the path in messages. Raises InputError for a file without such a table. The
+    message quotes the header only if it names one of the columns. Otherwise the file may be of
+    another kind, and its first line could be confidential.
     """
     file = f"{kind} {path}".strip()
     text = read_text(path, file)
@@ -127,7 +126,7 @@ def read_table(path: str | Path, needed, kind: str = "") -> Table:
 
 
 def header_of(file: str, text: str, needed) -> list[str]:
-    """The names in the first line that is no comment; none where there is no such line."""
+    """Names in the first line that is not a comment; an empty list if there is no such line."""
     for number, line in lines_of(text):
         if not line.lstrip().startswith("#"):
             return column_names(file, number, line, needed)[0]
@@ -161,8 +160,9 @@ def lines_of(text: str):
 
 
 def split(file: str, number: int, line: str, separator: str, width: int = 0) -> list[str]:
-    """The cells of a line, without quotes, blanks around them, and empty ones at the end beyond
-    `width` cells.
+    """The cells of a line, without quotes and surrounding blanks.
+
+    Empty cells at the end are left out if the line has more than `width` cells.
     """
     try:
         cells = [
@@ -177,10 +177,10 @@ def split(file: str, number: int, line: str, separator: str, width: int = 0) -> 
 
 
 def parse_csv(file: str, text: str, has_keys: bool = True) -> Table:
-    """The table in the text of a CSV file: comments, one header line, rows separated by comma,
-    semicolon or tab.
+    """The table in the text of a CSV file.
 
-    has_keys: comments of the form `# key: value` are the table's header keys.
+    file: name of the file in messages. has_keys: comments of the form `# key: value` are keys of
+    the header.
     """
     header, rows, columns = {}, [], None
     for number, line in lines_of(text):
@@ -202,7 +202,7 @@ def parse_csv(file: str, text: str, has_keys: bool = True) -> Table:
 
 
 def set_key(file: str, header: dict, key: str, value: str, number: int) -> None:
-    """Enter a key of the header, in lower case; InputError where it contradicts an earlier line."""
+    """Set a key of the header, in lower case; raises InputError if an earlier line differs."""
     key, value = "_".join(key.lower().split()), value.strip()
     earlier, line = header.setdefault(key, (value, number))
     if earlier != value:
@@ -212,8 +212,9 @@ def set_key(file: str, header: dict, key: str, value: str, number: int) -> None:
 
 
 def safe_cell(text: str) -> str:
-    """A cell of text that no spreadsheet takes for a formula: with a quote before one that looks
-    like it.
+    """Text for a cell of a table, which no spreadsheet takes for a formula.
+
+    A text that looks like a formula gets a quote in front.
     """
     text = escaped(text)
     return f"'{text}" if text.startswith(FORMULA) else text

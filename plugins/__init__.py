@@ -1,8 +1,7 @@
-"""Mitsuba plugins, one file each: BSDF `material` and one for each reflection model, emitter
-`thermal`, integrator `bounce_path`.
+"""Mitsuba plugins: BSDF `material` and one per reflection model, `thermal`, `bounce_path`.
 
-Mitsuba's base classes belong to the variant that is set while a class statement runs, so the
-modules are loaded again whenever the variant changes.
+Mitsuba's base classes belong to the variant that is set while a class statement runs. The modules
+are therefore loaded again whenever the variant changes.
 """
 
 import importlib
@@ -34,8 +33,9 @@ MODULES = (
 
 
 def register() -> None:
-    """Registers the plugins for the current variant (llvm_ad_mono if none is set) and for every
-    later one.
+    """Register the plugins for the current variant and for every variant that is set later.
+
+    Sets the variant llvm_ad_mono if none is set.
     """
     if mi.variant() is None:
         mi.set_variant(DEFAULT_VARIANT)
@@ -44,8 +44,9 @@ def register() -> None:
 
 
 def define(old: str | None, new: str) -> None:
-    """Runs the plugins' class statements under the variant `new`; variants without derivatives get
-    no plugins.
+    """Load the plugins' modules under the variant `new`; a callback of Mitsuba.
+
+    Variants without derivatives get no plugins.
     """
     if "_ad_" not in new:
         return

@@ -1,4 +1,4 @@
-"""Files that a scene names: found beside its XML, as Mitsuba finds meshes."""
+"""Paths of the files that a scene names, found as Mitsuba finds meshes: beside the scene's XML."""
 
 from pathlib import Path
 
@@ -6,5 +6,5 @@ import mitsuba as mi
 
 
 def beside_scene(text: str) -> str:
-    """The path of a file named in a scene; a text that names none there is returned as it is."""
+    """The path of a file named in a scene; a text without a file suffix is returned unchanged."""
     return str(mi.file_resolver().resolve(text)) if Path(text).suffix else text

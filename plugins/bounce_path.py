@@ -1,5 +1,6 @@
-r"""Integrator `bounce_path`: path tracing from the observer, cut after a number of reflections and
-counted by them.
+r"""Integrator `bounce_path`: path tracing from the observer up to a given number of reflections.
+
+It can record the radiance separately for each number of reflections.
 """
 
 from contextlib import contextmanager
@@ -31,33 +32,36 @@ PROPERTIES = (
 class BouncePath(RBIntegrator):
     r"""Bounce-limited path tracer for thermal radiance, with derivatives by path replay.
 
-    =================== ======= ============================================================================
-    max_bounces         integer reflections after which a path ends, 0..10000; 0 = emission only        (4)
-    emitter_sampling    boolean at each reflection also look at a point drawn from what emits, with multiple
-                                importance sampling; lights that no path can hit (point, spot,
-                                directional) are drawn in any case                                  (false)
-    closure             string  stands in for the reflections beyond max_bounces                     (none)
-                                none; ambient: one more reflection, and whatever surface that ray
-                                meets radiates as a blackbody at ambient_temperature, an escape adds
-                                nothing; tail: geometric continuation of the last two bounce counts,
-                                of the model in the image and of its background apart
+    =================== ======= ====================================================================
+    max_bounces         integer reflections after which a path ends, 0..10000;
+                                0 = emission only                                               (4)
+    emitter_sampling    boolean at each reflection, also trace a ray to a point drawn from the
+                                emitters (multiple importance sampling); lights that no path can
+                                hit (point, spot, directional) are drawn in any case        (false)
+    closure             string  estimate of the radiance beyond max_bounces reflections      (none)
+                                none: it is left out; ambient: one more reflection, and the
+                                surface which that ray hits radiates as a blackbody at
+                                ambient_temperature (a ray that escapes adds nothing);
+                                tail: geometric continuation of the radiances after the last
+                                two numbers of reflections, for the model and its background
+                                separately
     ambient_temperature float   kelvin, for closure = ambient
-    =================== ======= ============================================================================
+    =================== ======= ====================================================================
 
     .. code-block:: xml
 
         <integrator type="bounce_path"> <integer name="max_bounces" value="3"/> </integrator>
 
-    emitter_sampling is off by default because it can lose far more than it can win. At equal time,
-    variance falls 7 times in two_plates and 1.5 times in open_box and in the widest cavity; it
-    doubles in the cavity with the smallest opening, and in the furnace it grows beyond a factor
-    100: there a path's emission and reflection add up to nearly the same radiance whatever it
-    meets, and drawing emitters apart from reflections destroys that.
+    emitter_sampling is off by default because it can increase the variance much more than it can
+    reduce it. At equal time, the variance falls by a factor of 7 in the scene two_plates, and by
+    1.5 in open_box and in the widest cavity. It doubles in the cavity with the smallest opening. In
+    the furnace it grows by more than a factor of 100: without emitter sampling, all paths there
+    have nearly the same radiance, because emissivity and reflectance of a surface add up to 1.
 
-    Derivatives (forward and reverse, `mi.render(scene, params)`) cover parameters of BSDFs and
-    emitters and facet temperatures, not the geometry; memory does not grow with the number of
-    bounces. `PathTracer.observe` gives, from the same paths, the radiance by bounce count, by
-    emitting group and by the group first seen.
+    Derivatives (forward and reverse, `mi.render(scene, params)`) are available with respect to the
+    parameters of BSDFs and emitters and to facet temperatures, but not to the geometry. Memory does
+    not grow with the number of bounces. `PathTracer.observe` also returns the radiance by number of
+    reflections, by emitting group and by the group that is hit first, all from the same paths.
     """
 
     def __init__(self, props):
@@ -67,8 +71,9 @@ class BouncePath(RBIntegrator):
         self.check()
 
     def check(self) -> None:
-        """Raise InputError for settings out of bounds or that do not go together; they may be
-        changed at any time.
+        """Check the settings, which a caller may change at any time.
+
+        Raises InputError for a setting out of bounds and for settings that contradict each other.
         """
         for entry in PROPERTIES:
             value = getattr(self, entry.name)
@@ -78,21 +83,27 @@ class BouncePath(RBIntegrator):
             raise InputError("bounce_path: closure = ambient and ambient_temperature go together")
         if self.closure == "tail" and self.max_bounces < 2:
             raise InputError(
-                f"bounce_path: closure = tail continues the last two bounce counts; max_bounces = {self.max_bounces} must be >= 2"
+                "bounce_path: closure = tail continues the last two bounce counts; "
+                f"max_bounces = {self.max_bounces} must be >= 2"
             )
 
     def to_string(self):
         return (
-            f"BouncePath[max_bounces = {self.max_bounces}, emitter_sampling = {self.emitter_sampling}, "
-            f"closure = {self.closure}]"
+            f"BouncePath[max_bounces = {self.max_bounces}, "
+            f"emitter_sampling = {self.emitter_sampling}, closure = {self.closure}]"
         )
 
     @contextmanager
     def prepared(self, scene, by_spectrum: bool = False):
-        """Within: everything derived from the scene is up to date, and its PathTracer, which this
-        gives, may trace paths.
+        """Context manager that gives a `PathTracer` for the scene.
 
-        by_spectrum: tell emission apart by the spectra of its sources, not only by their groups.
+        Inside the context, all data that plugins derive from the scene's parameters are up to date.
+
+        Parameters
+        ----------
+        scene : mi.Scene
+        by_spectrum : bool
+            Record emission separately for each spectrum of a group, not only for each group.
         """
         self.check()
         plugins = deriving_plugins(scene)
@@ -123,9 +134,11 @@ class BouncePath(RBIntegrator):
 
 @dataclass(frozen=True)
 class Samples:
-    """One pass, a value per path, not evaluated yet: the radiance, and the channels by name (see
-    `Channels.samples`); chance: the largest contribution that a source might have made to it, and
-    did not (see `walk`). tail: of closure = tail, else None.
+    """Results of one pass, one value per path; Dr.Jit has not evaluated them yet.
+
+    radiance: [W m^-2 sr^-1]. channels: the recorded channels by name (see `Channels.samples`).
+    chance: the largest contribution of a source that the path could have hit but did not hit (see
+    `walk`) [W m^-2 sr^-1]. tail: sums for closure = tail; None for another closure.
     """
 
     radiance: mi.Float
@@ -135,16 +148,18 @@ class Samples:
 
 
 class PathTracer(RBIntegrator):
-    """A scene ready for its paths to be traced: all that a render derives from it. It is made by
-    `BouncePath.prepared` and does not change.
+    """Integrator for one scene, with all data that a render derives from the scene.
 
-    scene; emitters: their table, with the band, the labels and the sources; max_bounces,
-    emitter_sampling, closure: the settings when it was made; ambient_radiance: of closure =
-    ambient, else None; systematic_error: relative error of a radiance that no number of samples
-    lowers, of Float32's rounding and of tabulated emissivities.
+    `BouncePath.prepared` makes it. Its attributes cannot be set afterwards.
 
-    It is an integrator of its own because RBIntegrator's renders call `sample` with the scene alone
-    and leave no room for what was derived from it.
+    scene: the scene. emitters: its `EmitterTable`, with the band, the labels and the sources.
+    max_bounces, emitter_sampling, closure: the settings at the time when it was made.
+    ambient_radiance: radiance beyond the last reflection for closure = ambient [W m^-2 sr^-1]; None
+    for another closure. systematic_error: relative error of a radiance that more samples do not
+    reduce. It comes from Float32 rounding and from tabulated emissivities.
+
+    This is a separate integrator because the render methods of RBIntegrator call `sample` with the
+    scene alone. The data derived from the scene must therefore belong to the integrator.
     """
 
     def __init__(self, integrator: BouncePath, scene, by_spectrum: bool):
@@ -200,11 +215,11 @@ class PathTracer(RBIntegrator):
         stride: int = 1,
         count_segments: bool = False,
     ) -> Pixels:
-        """Statistics of the pixels of one pass, see `sampled`."""
-        found = self.sampled(
+        """Statistics of the pixels of one pass; parameters as in `sampled`."""
+        samples = self.sampled(
             sensor, seed, spp, first, pixels, split, facets, stride, count_segments
         )
-        return pixel_statistics(found, spp, split == "target")
+        return pixel_statistics(samples, spp, split == "target")
 
     def sampled(
         self,
@@ -218,14 +233,33 @@ class PathTracer(RBIntegrator):
         stride: int = 1,
         count_segments: bool = False,
     ) -> Samples:
-        """One pass: `spp` paths through each of `pixels` pixels from number `first` on (row by
-        row), every `stride`-th; `spp` consecutive ones per pixel.
+        """Samples of one pass over some pixels; call it inside the context `prepared`.
 
-        split: the channels recorded beside the radiance: None, "image", "target": also what of each
-        lies on the model's facets, or "model": nothing but what lies there, and no other paths are
-        followed. facets: a numbering with `number(shape, prim_index, active)` and `add(facet, L,
-        channels, spp, first)`, which receives the samples by the facet seen first. count_segments:
-        also how many rays each path followed. To be called within `prepared`.
+        Parameters
+        ----------
+        sensor : mi.Sensor
+        seed : int
+            Seed of the random numbers.
+        spp : int
+            Paths per pixel. The samples of a pixel are consecutive.
+        first, pixels, stride : int
+            Numbers of the pixels, counted row by row: `pixels` pixels from `first` on, every
+            `stride`-th one.
+        split : str or None
+            Channels recorded beside the radiance. None: no channels. "image": the channels of
+            `Channels.samples`. "target": also the part of each channel that lies on the model's
+            facets. "model": only that part; paths that first hit something else are not followed.
+        facets : object or None
+            Numbering of facets with the methods `number(shape, prim_index, active)` and
+            `add(facet, L, channels, spp, first)`. The second one receives the samples, each with
+            the facet that its path hits first.
+        count_segments : bool
+            Also record the number of rays of each path.
+
+        Returns
+        -------
+        Samples
+            One value per path, (pixels * spp,).
         """
         count = pixels * spp
         sampler = sensor.sampler().clone()
@@ -263,7 +297,8 @@ class PathTracer(RBIntegrator):
                 facets,
             )
             if self.closure == "tail":
-                # add_tail sums, and would trace the paths for that alone
+                # The sums in add_tail need evaluated arrays. Evaluating everything here traces the
+                # paths once; otherwise each sum would trace them again.
                 dr.eval(L, channels, chance)
                 added, tail = channels.add_tail()
                 L += added
@@ -275,17 +310,18 @@ class PathTracer(RBIntegrator):
                 else {}
             )
             if facets is not None:
-                dr.eval(L, channels, by_name, chance)  # one kernel for all uses
+                # One kernel for all later uses of these arrays
+                dr.eval(L, channels, by_name, chance)
                 facets.add(channels.facet, L[0], channels, spp, first)
             return Samples(radiance=L[0], channels=by_name, chance=chance, tail=tail)
 
     def chance_contribution(self, sensor) -> float:
-        """Bound of what a path gains from a source that no other path has met, as far as it is
-        known before paths are traced [W m^-2 sr^-1].
+        """Upper bound of the radiance from a source that no path has hit [W m^-2 sr^-1].
 
-        Without emitter sampling this is the radiance of the brightest emitter. With it, it is that
-        of the brightest one in the sensor's field of view, since only paths find out whether it is
-        hidden. What reflections may add is told by the paths themselves (`Samples.chance`).
+        This is the part of the bound that is known before paths are traced. Without emitter
+        sampling it is the radiance of the brightest emitter. With emitter sampling it is the
+        radiance of the brightest emitter in the sensor's field of view, hidden or not. The part
+        that comes from reflections is estimated along the paths (`Samples.chance`).
         """
         if self.emitter_sampling:
             return self.emitters.brightest_in_view(sensor)
@@ -295,27 +331,59 @@ class PathTracer(RBIntegrator):
 
     @dr.syntax
     def walk(self, mode, scene, sampler, ray, δL, L, active, channels=None, facets=None):
-        """Follows paths from the observer.
+        """Trace paths from the observer.
 
-        Returns ((radiance or its derivative, radiance), valid, channels, chance). chance: the
-        largest contribution to each path that a source might have made after a reflection, had the
-        path met it (see `EmitterTable.by_chance`); 0 where no emitters are drawn, since there the
-        brightest source bounds it.
+        Parameters
+        ----------
+        mode : dr.ADMode
+            Primal: the radiance. Forward, Backward: its derivative. The same paths are traced again
+            and the radiance `L` of the primal pass is used up step by step (path replay).
+        scene, sampler, ray, active
+            As in Mitsuba's integrators, one ray per path.
+        δL : mi.Spectrum or None
+            Backward: the gradient of the objective with respect to the radiance of each path.
+        L : mi.Spectrum or None
+            Radiance of each path from the primal pass [W m^-2 sr^-1]; unused in mode Primal.
+        channels : Channels or None
+            Receives the radiance by number of reflections, source and first hit.
+        facets : object or None
+            Numbering of facets, see `sampled`.
+
+        Returns
+        -------
+        (result, L) : tuple of mi.Spectrum
+            `result` is the radiance (Primal) or its derivative (Forward), `L` the state for a
+            replay.
+        valid : mi.Bool
+            Whether the first ray hits a surface.
+        channels : Channels or None
+        chance : mi.Float
+            Largest contribution that a source could make to the path after a reflection, if the
+            path hit the source (see `EmitterTable.by_chance`) [W m^-2 sr^-1]. It is 0 where no
+            emitters are drawn: the radiance of the brightest source is the bound there.
         """
         primal = mode == dr.ADMode.Primal
         ctx = mi.BSDFContext()
         emitters = self.emitters
+        # The closure `ambient` needs one more ray, which only receives the ambient radiance
         limit = self.max_bounces + (1 if self.closure == "ambient" else 0)
 
+        # Copy the inputs, because the loop changes its state variables in place
         ray = mi.Ray3f(ray)
         active = mi.Bool(active)
-        L = mi.Spectrum(0 if primal else L)  # radiance: gathered, or what is left of it in a replay
+        # Radiance: accumulated in the primal pass; in a replay, the part not yet accounted for
+        L = mi.Spectrum(0 if primal else L)
         δL = mi.Spectrum(0 if δL is None else δL)
-        β = mi.Spectrum(1)  # throughput
-        bounce = mi.UInt32(0)  # reflections so far
-        pdf_before = mi.Float(0)  # of the direction that led here
+        β = mi.Spectrum(1)  # throughput of the path up to the current vertex
+        bounce = mi.UInt32(0)  # number of reflections so far
+        pdf_before = mi.Float(0)  # density of the last sampled direction [1/sr]
+        # Whether the last direction came from a delta lobe or, at the start, from the sensor. Such
+        # a direction has no density, and emitter sampling cannot produce it.
         delta_before = mi.Bool(True)
-        chance = mi.Float(0)  # largest contribution that a source met by chance could have made
+        chance = mi.Float(0)  # largest contribution of a source that the path did not hit
+
+        # The first ray is traced before the loop, because the channels record its hit and may stop
+        # paths that do not hit the model
         pi = scene.ray_intersect_preliminary(ray, coherent=True, active=active)
         valid = pi.is_valid()
         if dr.hint(channels is not None, mode="scalar"):
@@ -325,27 +393,40 @@ class PathTracer(RBIntegrator):
                 active &= channels.of_model > 0
 
         while dr.hint(active, max_iterations=limit + 1, label=f"bounce_path ({mode.name})"):
+            # Only the triangle and the distance of the hit were computed so far. The full
+            # interaction is computed here, so that the loop carries few state variables.
             si = pi.compute_surface_interaction(ray, mi.RayFlags.All, active)
+            # The emitter at the hit, or the environment where the ray escapes
             emitter = si.emitter(scene, active)
 
             # ------------------------ Emission ------------------------
 
+            # Weight of the emission hit by the sampled ray. Emitter sampling may have drawn the
+            # same point at the vertex before, so both estimates share its radiance. Multiple
+            # importance sampling needs the density with which emitters would have been drawn.
             mis = mi.Float(1)
             if dr.hint(self.emitter_sampling and emitters.draws, mode="scalar"):
                 reachable = active & ~delta_before
                 pdf = emitters.pdf(scene, ray.o, si, emitter, reachable)
                 mis = dr.select(reachable, mis_weight(pdf_before, pdf), 1)
+            # In a replay the emitted radiance carries derivatives with respect to the temperature
+            # and the emissivity. β and mis are constants here.
             with dr.resume_grad(when=not primal):
                 Le = β * mis * emitter.eval(si, active)
+            # The ray after the last reflection receives the ambient radiance from any surface, in
+            # place of what that surface emits
             if dr.hint(self.closure == "ambient", mode="scalar"):
                 beyond = bounce > self.max_bounces
                 Le = dr.select(beyond, dr.select(si.is_valid(), β * self.ambient_radiance, 0), Le)
+            # A replay subtracts what the primal pass added, so that after the subtractions L is the
+            # radiance from later vertices
             L = L + Le if primal else L - Le
             if dr.hint(channels is not None, mode="scalar"):
                 channels.add(
                     Le[0], bounce, emitters.sources, emitter, si.prim_index, self.max_bounces
                 )
 
+            # A path ends where its ray escapes and after the last allowed reflection
             active_next = active & si.is_valid() & (bounce < limit)
             bsdf = si.bsdf(ray)
 
@@ -353,18 +434,26 @@ class PathTracer(RBIntegrator):
 
             Lr = mi.Spectrum(0)
             if dr.hint(emitters.draws, mode="scalar"):
+                # A delta lobe does not reflect light from a drawn direction. The ray of the closure
+                # `ambient` must not be accompanied by emitter sampling: it would count emission
+                # that the ambient radiance replaces.
                 active_em = (
                     active_next
                     & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
                     & (bounce < self.max_bounces)
                 )
+                # Two 2D samples, for the emitter and for the point on it: the 23 bits of a Float32
+                # number are too few for both
                 drawn = emitters.sample(scene, si, sampler.next_2d(), sampler.next_2d(), active_em)
                 with dr.resume_grad(when=not primal):
                     f, pdf = bsdf.eval_pdf(ctx, si, si.to_local(drawn.ds.d), drawn.counts)
+                    # A point source or a parallel beam cannot be hit by a reflected ray, so its
+                    # whole radiance belongs to emitter sampling
                     mis = dr.select(drawn.ds.delta, 1, mis_weight(drawn.ds.pdf, pdf))
                     Lr = dr.select(
                         drawn.counts, β * f * drawn.radiance(si) * (mis / drawn.ds.pdf), 0
                     )
+                # This radiance is reflected once more than the emission at the current vertex
                 L = L + Lr if primal else L - Lr
                 if dr.hint(channels is not None, mode="scalar"):
                     channels.add(
@@ -378,34 +467,48 @@ class PathTracer(RBIntegrator):
 
             # ----------------------- Reflection -----------------------
 
+            # Named samples, because the derivative of a delta lobe repeats `sample` with them
             sample1, sample2 = sampler.next_1d(), sampler.next_2d()
             bs, weight = bsdf.sample(ctx, si, sample1, sample2, active_next)
             delta = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
+            # A path without throughput contributes nothing further
             active_next &= dr.max(weight) != 0
 
             if dr.hint(not primal, mode="scalar"):
                 with dr.resume_grad():
-                    # L is what comes back along the sampled direction; its derivative enters
-                    # through what the BSDF reflects along it.
+                    # L is now the radiance from later vertices, times the throughput. It depends on
+                    # the parameters at this vertex through the BSDF value `f` alone, since the
+                    # sampled direction and its density are constants. Its relative derivative is
+                    # therefore that of `f`.
                     f = value_along(bsdf, ctx, si, sample1, sample2, bs, active_next)
                     Lo = Le + Lr + L * dr.relative_grad(f)
                     if dr.hint(mode == dr.ADMode.Backward, mode="scalar"):
+                        # Accumulate the gradient of the objective in the scene's parameters
                         dr.backward_from(δL * Lo)
                     else:
+                        # Add this vertex's part of the radiance's derivative
                         δL += dr.forward_to(Lo)
 
+            # The weight is BSDF times cosine divided by the density of the direction
             β *= weight
+            # The next vertex needs both for its multiple importance sampling weight
             pdf_before, delta_before = bs.pdf, delta
+            # The sample variance cannot see a source that no path has hit. Record the largest
+            # contribution that one such hit would make, for the error estimate. The ray of the
+            # closure `ambient` is left out, since it receives no emission.
             if dr.hint(emitters.draws, mode="scalar"):
                 gain = β[0] * emitters.by_chance(drawn, bs.pdf, delta)
                 reaches = active_next & (bounce < self.max_bounces)
                 chance = dr.maximum(chance, dr.select(reaches, gain, 0))
+            # The offset from the surface is smaller than Mitsuba's in a small scene, see
+            # `EmitterTable.leave`
             ray = emitters.spawn_ray(si, si.to_world(bs.wo))
             pi = scene.ray_intersect_preliminary(ray, coherent=False, active=active_next)
             bounce += 1
             active = active_next
 
         if dr.hint(channels is not None and channels.segments is not None, mode="scalar"):
+            # Each turn of the loop follows one ray; rays of emitter sampling are not counted
             channels.segments = mi.Float(bounce)
         return (L if primal else δL, L), valid, channels, chance
 

@@ -1,11 +1,12 @@
-"""How derivatives pass through what plugins derive from their parameters (tables of HDR, facet
-radiances).
+"""Derivatives through quantities that plugins derive from parameters.
 
-A plugin that derives something has `sources()`, the parameters it derives from; `derive()`, which
-computes `derived`, a PyTree of arrays, from them with derivatives attached; and `refresh()`, which
-derives again only where needed. While paths are replayed, `leaves` puts detached copies of
-`derived` in their place, so that the loops differentiate with respect to them alone and the chain
-rule to the parameters is applied once, outside.
+Examples of such quantities are tables of HDR and facet radiances. A plugin that derives something
+has three methods. `sources()` returns the parameters. `derive()` computes `derived`, a PyTree of
+arrays, from them, with derivatives attached. `refresh()` calls `derive()` only where needed.
+
+While paths are replayed, `leaves` replaces `derived` by detached copies. The loop then
+differentiates with respect to these copies alone. The chain rule from them to the parameters is
+applied once, outside the loop.
 """
 
 from contextlib import contextmanager
@@ -15,40 +16,41 @@ import mitsuba as mi
 
 
 def attached(arrays) -> bool:
-    """Whether any of the arrays carries derivatives, also where their tracking is suspended."""
+    """Whether any of the arrays carries derivatives; works also inside `dr.suspend_grad`."""
     return any(array.index_ad != 0 for array in arrays)
 
 
 def held(arrays) -> list:
-    """Copies that refer to the same variables. (What `traverse` reports is Mitsuba's own array,
-    which an update changes.)
+    """Copies of the arrays that refer to the same variables.
+
+    Copies are needed because `traverse` reports Mitsuba's own array, which an update changes.
     """
     return [type(array)(array) for array in arrays]
 
 
 def same_variables(arrays, kept) -> bool:
-    """Whether the arrays are the very variables, with the same derivatives, that `kept` refers to,
-    as `held` made it.
+    """Whether the arrays are the same variables, with the same derivatives, as in `kept`.
 
-    An index alone tells nothing: Dr.Jit gives that of a variable to which nothing refers any more
-    to a new one.
+    `kept` must come from `held`, which keeps the variables alive. Comparing indices alone would not
+    be enough: Dr.Jit reuses the index of a variable that nothing refers to any more.
     """
     return len(arrays) == len(kept) and all(
-        (array.index, array.index_ad) == (other.index, other.index_ad)
-        for array, other in zip(arrays, kept)
+        (array.index, array.index_ad) == (kept_array.index, kept_array.index_ad)
+        for array, kept_array in zip(arrays, kept)
     )
 
 
-# The plugins of the scene that `bounce_path` is tracing; None while it traces nothing. A module
-# variable, because Dr.Jit records its calls for every plugin that is alive, and Mitsuba calls their
-# methods with no more than the interaction.
+# The plugins of the scene that `bounce_path` is tracing; None while it traces nothing. This is a
+# module variable because a plugin's methods receive only the interaction, not the scene. Dr.Jit
+# records calls of every plugin that is alive, including those of other scenes.
 _traced = None
 
 
 @contextmanager
 def tracing(plugins):
-    """Within: `is_traced` knows which plugins belong to the scene, and that what they derive is up
-    to date.
+    """Context manager in which `is_traced` is True for these plugins and False for all others.
+
+    The quantities that the plugins derive must be up to date.
     """
     global _traced
     before, _traced = _traced, set(plugins)
@@ -59,18 +61,18 @@ def tracing(plugins):
 
 
 def is_traced(plugin) -> bool | None:
-    """Whether the plugin belongs to the scene being traced; None while that is not known, under
-    stock integrators.
+    """Whether the plugin belongs to the scene being traced.
 
-    Dr.Jit's calls are recorded for every plugin that is alive, also for one that outlived its scene
-    and its shape.
+    None while `bounce_path` does not trace, for example under Mitsuba's integrators. Dr.Jit records
+    calls of every plugin that is alive, even if its scene and its shape are deleted.
     """
     return None if _traced is None else plugin in _traced
 
 
 def check_attached(plugin) -> None:
-    """An error for a parameter whose derivative would be lost on the way through what was derived
-    from it earlier.
+    """Raise RuntimeError if a parameter has gradients and `derived` was computed without them.
+
+    The derivative with respect to that parameter would be lost.
     """
     if is_traced(plugin) is False:
         return
@@ -80,8 +82,8 @@ def check_attached(plugin) -> None:
         and not attached(flatten(plugin.derived))
     ):
         raise RuntimeError(
-            f"{plugin.class_name()} '{plugin.id()}': a parameter has got gradients since the scene was last updated; "
-            "call params.update() after dr.enable_grad()"
+            f"{plugin.class_name()} '{plugin.id()}': a parameter has got gradients since the scene "
+            "was last updated; call params.update() after dr.enable_grad()"
         )
 
 
@@ -95,12 +97,27 @@ def flatten(tree) -> list:
 
 
 def value_along(bsdf, ctx, si, sample1, sample2, bs, active=True):
-    """What a BSDF reflects along the direction of `bs`, which these samples drew without
-    derivatives: up to a factor, and with the derivatives of the BSDF's parameters.
+    """Value of a BSDF along a sampled direction, with derivatives and up to a constant factor.
 
-    That is its `eval`. A delta lobe has no value; there it is the lobe's weight times the
-    probability with which `sample` chose it. (The weight alone would also carry the derivative of
-    that probability, where a BSDF has several lobes.)
+    For a smooth lobe this is `eval`. A delta lobe has no such value: the result is then the weight
+    of the lobe times the probability with which `sample` chose it. The weight alone would also
+    carry the derivative of that probability, where a BSDF has several lobes.
+
+    Parameters
+    ----------
+    bsdf : mi.BSDF
+    ctx : mi.BSDFContext
+    si : mi.SurfaceInteraction3f
+    sample1, sample2 : mi.Float, mi.Point2f
+        The random numbers with which `bs` was drawn.
+    bs : mi.BSDFSample3f
+        The sampled direction, drawn without derivatives.
+    active : mi.Bool
+
+    Returns
+    -------
+    mi.Spectrum
+        BSDF times cosine [1/sr], or the reflectance of a delta lobe times a constant.
     """
     is_delta = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
     value = bsdf.eval(ctx, si, bs.wo, active & ~is_delta)
@@ -109,9 +126,10 @@ def value_along(bsdf, ctx, si, sample1, sample2, bs, active=True):
 
 
 class Members(mi.TraversalCallback):
-    """Collects what an object's `traverse` reports. (A class inside a function would keep dead
-    scenes alive until the garbage collector runs, and Dr.Jit's calls reach every emitter that is
-    alive.)
+    """Collects the parameters and objects that an object's `traverse` reports.
+
+    This class is not defined inside a function, because it would then keep deleted scenes alive
+    until the garbage collector runs. Dr.Jit calls every emitter that is alive.
     """
 
     def __init__(self, node):
@@ -124,8 +142,9 @@ class Members(mi.TraversalCallback):
 
 
 def members(node) -> dict:
-    """Parameters and objects that a Mitsuba object holds, by name: a mesh's buffers and BSDF, what
-    a BSDF wraps, ...
+    """Parameters and objects that a Mitsuba object holds, by name.
+
+    Examples are the buffers and the BSDF of a mesh, and the BSDFs that a BSDF wraps.
     """
     return Members(node).found
 
@@ -148,8 +167,10 @@ def deriving_plugins(scene) -> list:
 
 
 def derivations(scene) -> list:
-    """All that is derived from the scene's parameters: by plugins themselves, and by what they hold
-    as `derivations` (a thermal emitter's table of the emissivity of a stock BSDF).
+    """All objects in a scene that derive something from parameters.
+
+    These are plugins and the objects in a plugin's `derivations`. An example of the latter is the
+    table of the emissivity of one of Mitsuba's BSDFs, which a thermal emitter holds.
     """
     plugins = deriving_plugins(scene)
     return plugins + [part for plugin in plugins for part in getattr(plugin, "derivations", ())]
@@ -157,10 +178,11 @@ def derivations(scene) -> list:
 
 @contextmanager
 def leaves(scene, mode: dr.ADMode):
-    """Within: `derived` of plugins whose parameters have gradients are leaves; forward: they carry
-    the parameters' tangents.
+    """Context manager that replaces `derived` by leaves of the graph of derivatives.
 
-    Afterwards, in backward mode, what the leaves have gathered is passed on to the parameters.
+    This concerns only objects whose parameters have gradients. In forward mode the leaves carry the
+    tangents of the parameters. In backward mode the gradients that the leaves have accumulated are
+    passed on to the parameters at the end.
     """
     plugins = [plugin for plugin in derivations(scene) if attached(plugin.sources())]
     with dr.resume_grad():

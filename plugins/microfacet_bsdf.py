@@ -10,13 +10,13 @@ class Microfacet(reflection_bsdf.ReflectionBSDF):
     r"""Microfacet BRDF: generalised Trowbridge-Reitz distribution, Fresnel reflectance, floor.
 
     ============== ======= =========================================================================
-    alpha          float   width of the distribution of facets, 1e-4..1             (differentiable)
-    gamma          float   exponent of its tail, 0.5..4; 2 is GGX                   (differentiable)
+    alpha          float   width of the distribution of facet slopes, 1e-4..1       (differentiable)
+    gamma          float   exponent of the distribution's tail, 0.5..4; 2 is GGX    (differentiable)
     n              float   refractive index, effective in the band                  (differentiable)
     k              float   extinction coefficient, effective in the band, 0 for a
                            dielectric                                               (differentiable)
-    rho_d          float   reflectance of the floor before the surface's own
-                           reflection is taken off, 0..1                            (differentiable)
+    rho_d          float   diffuse reflectance of the floor, before the factors
+                           1 - F for the surface's Fresnel reflection, 0..1         (differentiable)
     ============== ======= =========================================================================
 
     The other properties are those of `material`: `material`, `band`, `materials`, `allow_band`,
@@ -46,9 +46,9 @@ class Microfacet(reflection_bsdf.ReflectionBSDF):
         r_p = \frac{(n + \mathrm{i} k)^2 p - q}{(n + \mathrm{i} k)^2 p + q}, \quad
         q = \sqrt{(n + \mathrm{i} k)^2 - 1 + p^2}
 
-    G belongs to facets that pair up to V-shaped cavities. It is exact for every D, so that the lobe
-    never reflects more than arrives. The model is reciprocal. What facets reflect to each other is
-    lost; `mi_lcair.physics.reflection.microfacet` states how much.
+    G describes facets that form V-shaped cavities. It is exact for every D, so the lobe never
+    reflects more than the incident power. The model is reciprocal. Radiation that facets reflect to
+    each other is lost; `mi_lcair.physics.reflection.microfacet` states how much.
 
     Sources: K. E. Torrance and E. M. Sparrow, J. Opt. Soc. Am. 57, 1105, 1967; R. L. Cook and K. E.
     Torrance, ACM Trans. Graph. 1, 7, 1982; B. Walter et al., Microfacet models for refraction

@@ -1,8 +1,7 @@
-"""Properties of the project's plugins: one declaration each, which says what a scene may write and
-what the plugin's manual page says.
+"""Declaration and check of the properties that plugins take from scene files.
 
-A plugin declares its properties as a tuple of `Property` and takes all of them through `read`. A
-test compares each declaration with the table in the plugin's docstring.
+A plugin declares its properties as a tuple of `Property` and reads all of them through `read`. A
+test compares the declarations with the table in the plugin's docstring, which is the manual page.
 """
 
 import math
@@ -16,10 +15,14 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.beside_scene import beside_scene
 
-HOTTEST = 1e5  # K; beyond it, in-band radiances approach the limits of Float32's squares
-BRIGHTEST = 1e15  # W m^-2 sr^-1; its square, times many samples, still fits into Float32
-LABEL = re.compile(r"[A-Za-z0-9_-]{1,64}")  # names of channels and of columns are made of labels
-WORDS = {  # how a message names a value of the wrong kind
+# Largest temperature [K]. Squares of the in-band radiance of a hotter blackbody would come near the
+# largest Float32 number.
+HOTTEST = 1e5
+# Largest radiance [W m^-2 sr^-1]. Its square, summed over many samples, is still a Float32 number.
+BRIGHTEST = 1e15
+LABEL = re.compile(r"[A-Za-z0-9_-]{1,64}")  # labels become parts of channel and column names
+# Names of types in the message about a value of the wrong type.
+WORDS = {
     bool: "a boolean",
     int: "an integer",
     float: "a float",
@@ -31,11 +34,11 @@ WORDS = {  # how a message names a value of the wrong kind
 class Property:
     """One property of a plugin.
 
-    name: in scene files. kind: "float", "integer", "boolean", "string" or "float or texture".
-    default: the value where a scene gives none; None where there is no such value. lower, upper:
-    bounds of a number, inclusive; is_positive: 0 itself is excluded too. choices: the only strings
-    that are allowed. is_label: a string of letters, digits, '_' and '-'. is_file: a string that may
-    name a file, which is looked for beside the scene. unit: of a number, in messages.
+    name: its name in scene files. kind: "float", "integer", "boolean", "string" or "float or
+    texture". default: the value if a scene gives none; None if there is no default. lower, upper:
+    inclusive bounds of a number. is_positive: a number must be larger than 0. choices: the allowed
+    strings. is_label: a string must consist of letters, digits, '_' and '-'. is_file: a string may
+    name a file, which is searched beside the scene. unit: unit of a number in messages.
     """
 
     name: str
@@ -50,16 +53,17 @@ class Property:
     unit: str = ""
 
     def checked(self, value, plugin: str):
-        """The value as the plugin takes it. Raises InputError where it is of another kind or out of
-        bounds.
+        """The value in the type that the plugin uses.
+
+        Raises InputError if the value has the wrong type or is out of bounds.
         """
         where = f"{plugin}: {self.name}"
         if self.kind == "float or texture" and isinstance(value, mi.Texture):
             return value
         if not self.is_of_kind(value):
-            found = WORDS.get(type(value), f"a {type(value).__name__.lower()}")
-            shown = f" = {value!r}" if type(value) in WORDS else ""
-            raise InputError(f"{where}{shown} is {found}; it must be {self.article()}{self.kind}")
+            kind = WORDS.get(type(value), f"a {type(value).__name__.lower()}")
+            number = f" = {value!r}" if type(value) in WORDS else ""
+            raise InputError(f"{where}{number} is {kind}; it must be {self.article()}{self.kind}")
         if self.kind == "string":
             return self.checked_string(value, plugin)
         if self.kind != "boolean" and not self.is_within(value):
@@ -84,7 +88,7 @@ class Property:
         )
 
     def bounds(self) -> str:
-        """The allowed numbers, after "must"."""
+        """Description of the allowed numbers, to follow "must" in a message."""
         upper = f", at most {self.upper:g}" if self.upper < math.inf else ""
         if self.is_positive:
             return f"be positive and finite{upper}"
@@ -112,10 +116,26 @@ class Property:
 
 
 def read(props: mi.Properties, plugin: str, declared: tuple[Property, ...]) -> dict:
-    """The value of each declared property by its name; of one that is not given, its default.
+    """Values of the declared properties by name, or their defaults where none are given.
 
-    Marks the properties as queried, so that Mitsuba refuses what is not declared. Raises
-    InputError, one line that names plugin, property, value and what would be right.
+    Marks the properties as queried, so that Mitsuba rejects all others.
+
+    Parameters
+    ----------
+    props : mi.Properties
+        The properties that the scene gives.
+    plugin : str
+        Name of the plugin in messages.
+    declared : tuple of Property
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    InputError
+        If a value is not allowed. The message names plugin, property, value and allowed values.
     """
     return {
         entry.name: entry.checked(props[entry.name], plugin)

@@ -1,4 +1,7 @@
-"""The BSDF that every reflection model shares: tables, fidelity ladder, emissivity, derivatives; and BSDF `material`."""
+"""BSDF `material`, and the base class of the BSDF plugins of all reflection models.
+
+The base class provides the tables of HDR, the simplified lobes, the emissivity and the derivatives.
+"""
 
 import drjit as dr
 import mitsuba as mi
@@ -27,27 +30,32 @@ OF_EVERY_SURFACE = (
     Property("lobe", "string", "brdf", choices=LOBES),
 )
 PROPERTIES = OF_MATERIALS + OF_EVERY_SURFACE
-# The table of HDR has even steps in t, cos(theta) = t^2. Straight lines between its nodes are right to
-# 5e-6 up to 89.5 degrees. Every fourth node is a quadrature; cubics through these add less than 1e-6.
+# Steps of the table of HDR. They are even in t, with cos(theta) = t^2. Linear interpolation between
+# the nodes has an error below 5e-6 up to 89.5 degrees.
 STEPS = 1024
+# Every fourth node is computed by quadrature. The nodes between are interpolated by cubics, with an
+# error below 1e-6.
 STEPS_PER_QUADRATURE = 4
-ALARM = 1e-5  # HDR above 1 by less is the table's own error, and no reason for a remark
+# Narrow lobes bend sharply at the horizon, so each of the first nodes is a quadrature of its own.
+STEPS_AT_HORIZON = 64
+# Excess of HDR over 1 that causes a remark; a smaller excess may be an error of the table.
+ALARM = 1e-5
 
 
 class ReflectionBSDF(mi.BSDF):
-    r"""BSDF `material`: a material, whichever reflection model it was measured in.
+    r"""BSDF `material`: a named material, with the reflection model to which it was fitted.
 
-    ============== ======= ==========================================================================
-    material       string  a material's name, or a path to a fit's JSON
-    band           string  the band that the material must have been measured for
-    materials      string  a TOML file of the user's own, consulted first
-    allow_band     boolean take the nearest band if it was not measured for `band`            (false)
-    form           string  form of the model                                         (the material's)
-    emissivity     string  kirchhoff: 1 - HDR(theta); model: the model's own formula, if it has one;
-                           or a CSV theta_deg,emissivity                                  (kirchhoff)
-    lobe           string  brdf; mirror: all of HDR(theta) in the mirror direction;
-                           diffuse: all of it Lambertian                                       (brdf)
-    ============== ======= ==========================================================================
+    ============== ======= =========================================================================
+    material       string  name of a material, or path of a fit's JSON file
+    band           string  band for which the material must have been measured
+    materials      string  TOML file with the user's materials, which is searched first
+    allow_band     boolean use the nearest band if there is no measurement for `band`        (false)
+    form           string  form of the model                                        (the material's)
+    emissivity     string  kirchhoff: 1 - HDR(theta); model: the model's own formula, if it
+                           has one; or a CSV file theta_deg,emissivity                   (kirchhoff)
+    lobe           string  brdf: the model's BRDF; mirror: HDR(theta) as a perfect mirror;
+                           diffuse: HDR(theta) as a Lambertian surface                        (brdf)
+    ============== ======= =========================================================================
 
     .. code-block:: xml
 
@@ -55,16 +63,18 @@ class ReflectionBSDF(mi.BSDF):
             <string name="material" value="gloss_black"/> <string name="band" value="MWIR"/>
         </bsdf>
 
-    The plugin of a model, which has its name, takes these properties too, or the
-    model's parameters as numbers. All parameters are differentiable.
+    Each model also has a plugin with the model's name. That plugin takes these properties too, or
+    the model's parameters as numbers. All parameters are differentiable.
 
-    `si.wi` points to the observer and `wo` to the source. Models need not be reciprocal, so the
-    order matters; TransportMode.Importance swaps them. The surface is one-sided: it reflects and
-    emits on the side of its normal. Where a model would reflect more than arrives,
-    HDR(theta_r) > 1, the BRDF is divided by HDR(theta_r) and the emissivity is 0.
+    `si.wi` points to the observer and `wo` to the source. A model may violate reciprocity, so the
+    order of the directions matters; TransportMode.Importance swaps them. The surface is one-sided:
+    it reflects and emits on the side of its normal. At angles where a model would reflect more than
+    the incident power, HDR(theta_r) > 1, the BRDF is divided by HDR(theta_r) and the emissivity is
+    0.
     """
 
-    model: reflection.ReflectionModel | None = None  # None: the one that the material names
+    # Plugins of a model set it. In BSDF `material` it is None until the material is read.
+    model: reflection.ReflectionModel | None = None
 
     def __init__(self, props):
         mi.BSDF.__init__(self, props)
@@ -92,8 +102,9 @@ class ReflectionBSDF(mi.BSDF):
         self.derive()
 
     def read_surface(self, props, plugin: str) -> tuple[tuple[float, ...], str]:
-        """Values of the parameters and the form, from a material or from numbers; sets `model` and
-        `material`.
+        """Values of the parameters and the form, from a material or from numbers.
+
+        Sets `model` and `material`.
         """
         if "material" not in props:
             self.material = self.id()
@@ -108,7 +119,8 @@ class ReflectionBSDF(mi.BSDF):
         )
         if self.model not in (None, entry.model):
             raise InputError(
-                f"{self.model.name}: material '{entry.name}' is one of the model {entry.model.name}; "
+                f"{self.model.name}: material '{entry.name}' is one of the model "
+                f"{entry.model.name}; "
                 'use <bsdf type="material">, which takes any'
             )
         self.model = entry.model
@@ -127,7 +139,7 @@ class ReflectionBSDF(mi.BSDF):
         return tuple(given.values()), self.model.forms[0]
 
     def set_lobe(self, lobe: str) -> None:
-        """Choose the rung of the fidelity ladder: brdf, mirror or diffuse."""
+        """Choose the angular distribution of the reflected radiance: brdf, mirror or diffuse."""
         if lobe not in LOBES:
             raise InputError(
                 f"{self.model.name}: lobe '{lobe}' is unknown; it must be one of {', '.join(LOBES)}"
@@ -161,12 +173,19 @@ class ReflectionBSDF(mi.BSDF):
         self.derive()
 
     def derive(self) -> None:
-        """Derive everything that `eval` and `sample` look up, in Float64 and with derivatives."""
+        """Compute the tables that `eval` and `sample` use, in Float64 and with derivatives."""
         dr.make_opaque(*self.sources())
         Float64 = dr.float64_array_t(mi.Float)
         S = self.model.surface(*(Float64(number) for number in self.sources()), form=self.form)
-        cos = dr.square(dr.linspace(Float64, 0, 1, STEPS // STEPS_PER_QUADRATURE + 1))
-        lobe = refine(self.model.lobe_HDR(S, dr.acos(cos)), STEPS_PER_QUADRATURE)
+        coarse = np.arange(0, STEPS + 1, STEPS_PER_QUADRATURE)
+        t = Float64(np.concatenate([np.arange(STEPS_AT_HORIZON), coarse]) / STEPS)
+        quadratures = self.model.lobe_HDR(S, dr.acos(dr.square(t)))
+        node = dr.arange(mi.UInt32, STEPS + 1)
+        coarse = dr.gather(
+            Float64, quadratures, dr.arange(mi.UInt32, len(coarse)) + STEPS_AT_HORIZON
+        )
+        fine = dr.gather(Float64, quadratures, node, node < STEPS_AT_HORIZON)
+        lobe = dr.select(node < STEPS_AT_HORIZON, fine, refine(coarse, STEPS_PER_QUADRATURE))
         self.derived = S.cast(mi.Float), mi.Float(lobe)
         dr.make_opaque(self.derived)
 
@@ -179,40 +198,40 @@ class ReflectionBSDF(mi.BSDF):
         return self.derived[0]
 
     def remarks(self) -> list[str]:
-        """What a user should know of this surface when a scene is loaded, one line each."""
+        """Remarks for the user about this surface, one line each, for when a scene is loaded."""
         angle = self.first_saturated_angle_deg()
-        found = self.model.remarks(*self.values, form=self.form)
+        lines = self.model.remarks(*self.values, form=self.form)
         if angle is not None:
-            found = [
+            lines = [
                 f"the model would reflect more than arrives beyond {angle:.1f} degrees; "
                 "its BRDF is scaled down to HDR = 1 there",
-                *found,
+                *lines,
             ]
-        return found
+        return lines
 
     # ------------------------------------------------ Hemispherical reflectance and emissivity
 
     def raw_HDR(self, cos, sin2):
-        """Parts of HDR(theta_r) (thesis Eq 2.9) of the raw model: floor and lobe."""
+        """Floor and lobe parts of the model's HDR(theta_r) (thesis Eq 2.9), not limited to 1."""
         check_attached(self)
         S = self.surface
         lobe = self.model.lobe_scale(S, cos, sin2) * interpolate(self.derived[1], dr.sqrt(cos))
         return self.model.floor_HDR(S, cos, sin2), lobe
 
     def HDR(self, w):
-        """HDR as rendered: at most 1, 0 from below."""
+        """HDR as rendered: at most 1; 0 for a direction below the surface."""
         floor, lobe = self.raw_HDR(cos_theta(w), sin2_theta(w))
         return dr.select(w.z > 0, dr.minimum(floor + lobe, 1), 0)
 
     def first_saturated_angle_deg(self) -> float | None:
-        """The smallest angle at which the raw model has HDR > 1; None if it never does."""
+        """Smallest angle [degrees] at which the model's HDR exceeds 1; None if there is none."""
         theta = np.linspace(0, 0.5 * np.pi, 1801)[:-1]
         floor, lobe = self.raw_HDR(mi.Float(np.cos(theta)), mi.Float(np.sin(theta) ** 2))
         above = dr.detach(floor + lobe).numpy() > 1 + ALARM
         return float(np.degrees(theta[above.argmax()])) if above.any() else None
 
     def lobe_probability(self, w):
-        """Probability to sample the lobe instead of the floor, at the angle of `w`."""
+        """Probability of sampling the lobe instead of the floor, at the angle of `w`."""
         floor, lobe = (dr.detach(part) for part in self.raw_HDR(cos_theta(w), sin2_theta(w)))
         return dr.select(floor + lobe > 0, lobe / dr.maximum(floor + lobe, SMALLEST), 1)
 
@@ -220,7 +239,7 @@ class ReflectionBSDF(mi.BSDF):
         return name == "emissivity"
 
     def eval_attribute_1(self, name, si, active=True):
-        """The attribute `emissivity`: directional emissivity toward si.wi, 0 from below."""
+        """The attribute `emissivity`: directional emissivity toward si.wi, 0 below the surface."""
         cos, sin2 = cos_theta(si.wi), sin2_theta(si.wi)
         if name != "emissivity":
             value = mi.Float(0)
@@ -235,7 +254,7 @@ class ReflectionBSDF(mi.BSDF):
     # ------------------------------------------------ Mitsuba's interface
 
     def brdf_cos(self, ctx, wi, wo):
-        """What `eval` returns for the rungs that are no delta function: f cos(theta) [1/sr]."""
+        """BRDF times cosine of `wo` [1/sr], for the lobes brdf and diffuse."""
         i, r = (wo, wi) if ctx.mode == mi.TransportMode.Radiance else (wi, wo)
         above = (i.z > 0) & (r.z > 0)
         if self.lobe == "diffuse":
@@ -245,9 +264,7 @@ class ReflectionBSDF(mi.BSDF):
         return dr.select(above, value, 0)
 
     def density(self, wi, wo):
-        """Density of `sample` for the rungs that are no delta function [1/sr]; detached from the
-        parameters.
-        """
+        """Density of `sample` [1/sr] for the lobes brdf and diffuse, without derivatives."""
         density = dr.inv_pi * cos_theta(wo)
         if self.lobe == "brdf":
             lobe = self.model.lobe_pdf(dr.detach(self.surface), wo, wi)
@@ -299,18 +316,22 @@ class ReflectionBSDF(mi.BSDF):
             f"{name} = {value:g}" for name, value in zip(self.parameters, self.values)
         )
         return (
-            f"{self.model.title.replace(' ', '')}[material = {self.material}, {numbers}, form = {self.form}, "
-            f"emissivity = {self.emissivity}, lobe = {self.lobe}]"
+            f"{self.model.title.replace(' ', '')}[material = {self.material}, {numbers}, "
+            f"form = {self.form}, emissivity = {self.emissivity}, lobe = {self.lobe}]"
         )
 
 
 def is_reflection_bsdf(plugin) -> bool:
-    """Whether a plugin is the BSDF of a reflection model, also one that was loaded under another variant."""
+    """Whether a plugin is the BSDF of a reflection model.
+
+    The check does not use the plugin's class, because a plugin that was loaded under another
+    variant has another class.
+    """
     return isinstance(getattr(plugin, "model", None), reflection.ReflectionModel)
 
 
 def reflection_layers(bsdf) -> list:
-    """The BSDFs of reflection models in a BSDF: itself, or what it wraps."""
+    """The BSDFs of reflection models in a BSDF: the BSDF itself, or those that it wraps."""
     return [layer for layer in (bsdf, *children(bsdf)) if is_reflection_bsdf(layer)]
 
 

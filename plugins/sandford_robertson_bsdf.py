@@ -15,7 +15,7 @@ class SandfordRobertson(reflection_bsdf.ReflectionBSDF):
                            epsilon + rho_d <= G(b)                                  (differentiable)
     b              float   grazing-angle parameter, 0..1                            (differentiable)
     e              float   width of the specular lobe, 0..1, 0 excluded             (differentiable)
-    form           string  thesis | normalized                                (the material's, thesis)
+    form           string  thesis | normalized                              (the material's, thesis)
     ============== ======= =========================================================================
 
     The other properties are those of `material`: `material`, `band`, `materials`, `allow_band`,

@@ -1,5 +1,6 @@
-r"""Emitter `thermal`: the surface's own emission, emissivity(direction) times the blackbody's
-in-band radiance, facet by facet.
+r"""Emitter `thermal`: emission of a surface, with one temperature for all or for each facet.
+
+The radiance is the directional emissivity times the blackbody's in-band radiance.
 """
 
 import re
@@ -24,7 +25,7 @@ PROPERTIES = (
     Property("band", "string", is_file=True),
     Property("emissivity", "float", lower=0, upper=1),
     Property("group", "string", "self", is_label=True),
-    # thesis 3.2.1.5
+    # Facet types of the thesis, section 3.2.1.5
     Property("facet_type", "string", "model", choices=("model", "sky", "terrain")),
 )
 
@@ -32,17 +33,22 @@ PROPERTIES = (
 class Thermal(mi.Emitter):
     r"""Thermal emission of the shape that it belongs to.
 
-    ============= ================ ================================================================================
-    temperature   float or texture kelvin; `mesh_attribute` named `face_...` gives one per facet     (differentiable)
-    radiance      float            instead: in-band radiance of a source that is no blackbody [W m^-2 sr^-1] (diff.)
-    spectrum      string           instead: a CSV wavelength_um,radiance_W_m2_sr_um, or a bundled sky table; its in-band
-                                   value becomes the parameter `radiance`
+    ============= ================ =================================================================
+    temperature   float or texture kelvin; a `mesh_attribute` named `face_...` gives one
+                                   temperature per facet                            (differentiable)
+    radiance      float            in place of a temperature: in-band radiance of a source that
+                                   is no blackbody [W m^-2 sr^-1]                   (differentiable)
+    spectrum      string           in place of a temperature: a CSV file
+                                   wavelength_um,radiance_W_m2_sr_um, or a bundled sky table; its
+                                   in-band value becomes the parameter `radiance`
     elevation_deg float            line of sight of a sky table, 0..90 above the horizon
-    band          string           MWIR, LWIR, SWIR, total, "a-b" in um, or a response's CSV (not for `radiance`)
-    emissivity    float            instead of the material's own                                     (differentiable)
-    group         string           label of what emits, [A-Za-z0-9_-]+, at most 64 characters                  (self)
-    facet_type    string           model, or background: sky or terrain                                       (model)
-    ============= ================ ================================================================================
+    band          string           MWIR, LWIR, SWIR, total, "a-b" in um, or the CSV file of a
+                                   response (not needed for `radiance`)
+    emissivity    float            emissivity, in place of the material's           (differentiable)
+    group         string           label of the emitter, [A-Za-z0-9_-]+, at most 64
+                                   characters                                                 (self)
+    facet_type    string           model, or background: sky or terrain                      (model)
+    ============= ================ =================================================================
 
     .. code-block:: xml
 
@@ -51,11 +57,12 @@ class Thermal(mi.Emitter):
         </emitter>
 
     The emissivity comes from the shape's BSDF (see `emissivity`), so a surface emits from the sides
-    from which it reflects. A source with `radiance` or `spectrum` emits it as it is, times
-    `emissivity` if that is given. Facet temperatures are the mesh's parameter
-    (`SHAPE.face_temperature`); `bounce_path` turns them into radiance once per change, in Float64.
-    A texture that varies inside a facet, and facets under a stock integrator, which cannot tell
-    when a mesh has changed, are turned into radiance at every hit: right, but slower.
+    from which it reflects. A source with `radiance` or `spectrum` emits that radiance, times
+    `emissivity` if it is given. Facet temperatures are a parameter of the mesh
+    (`SHAPE.face_temperature`). `bounce_path` converts them to radiance in Float64 whenever they
+    change. In two cases the radiance is computed at every hit, which gives the same result but is
+    slower: for a texture that varies inside a facet, and under Mitsuba's integrators, which do not
+    report that a mesh has changed.
     """
 
     def __init__(self, props):
@@ -70,7 +77,8 @@ class Thermal(mi.Emitter):
         ]
         if len(given) != 1:
             raise InputError(
-                f"thermal: give one of `temperature`, `radiance` and `spectrum`; found {', '.join(given) or 'none'}"
+                "thermal: give one of `temperature`, `radiance` and `spectrum`; "
+                f"found {', '.join(given) or 'none'}"
             )
         if self.band is None and given != ["radiance"]:
             raise InputError(f"thermal: `{given[0]}` needs a `band`")
@@ -79,8 +87,8 @@ class Thermal(mi.Emitter):
         self.temperature = self.radiance = self.spectrum = self.texture = self.attribute = None
         self.by_primitive = False  # whether the temperature depends on the facet that was hit
         self.derived = None  # blackbody radiance, one value or one per facet
-        self.derived_from = ()  # the temperatures that `derived` was made of
-        self.bsdf = self.triangles = None  # of the shape
+        self.derived_from = ()  # the temperatures from which `derived` was computed
+        self.bsdf = self.triangles = None  # the shape's BSDF and triangle table, set when needed
         if values["radiance"] is not None:
             self.radiance = mi.Float(values["radiance"])
         elif values["spectrum"] is not None:
@@ -94,14 +102,14 @@ class Thermal(mi.Emitter):
         else:
             self.temperature = mi.Float(values["temperature"])
 
-        self.given_emissivity = None  # None: the material's
+        self.given_emissivity = None  # None: the emissivity of the material is used
         self.material_emissivity = None
         if values["emissivity"] is not None or self.radiance is not None:
             value = values["emissivity"]
             self.given_emissivity = mi.Float(1.0 if value is None else value)
         self.parameters_changed()
 
-    # ---------------------------------------------------------------- Parameters and what is derived from them
+    # ------------------------------------------------ Parameters and quantities derived from them
 
     def traverse(self, cb):
         mi.Emitter.traverse(self, cb)
@@ -123,8 +131,9 @@ class Thermal(mi.Emitter):
                 dr.make_opaque(parameter)
 
     def sources(self) -> tuple:
-        """The temperatures that `derived` comes from: the parameter, or the mesh's buffer of facet
-        temperatures.
+        """Temperatures from which `derived` is computed.
+
+        This is the parameter, or the mesh's buffer of facet temperatures.
         """
         if self.temperature is not None:
             return (self.temperature,)
@@ -132,7 +141,7 @@ class Thermal(mi.Emitter):
         return () if buffer is None else (buffer,)
 
     def derive(self) -> None:
-        """In-band radiance of a blackbody at these temperatures, in Float64, with its derivative."""
+        """Compute the in-band radiance of a blackbody in Float64, with its derivative."""
         if self.temperature is not None:
             dr.make_opaque(self.temperature)
         self.derived_from = held(self.sources())
@@ -142,15 +151,18 @@ class Thermal(mi.Emitter):
             if bad.any():
                 where = f" of facet {int(bad.argmax())}" if len(values) > 1 else ""
                 raise InputError(
-                    f"thermal: temperature{where} = {values[bad][0]:g} K; it must be positive and finite"
+                    f"thermal: temperature{where} = {values[bad][0]:g} K; "
+                    "it must be positive and finite"
                 )
             Float64 = dr.float64_array_t(mi.Float)
             self.derived = mi.Float(in_band_radiance(self.band, Float64(temperature)))
             dr.make_opaque(self.derived)
 
     def refresh(self) -> None:
-        """Brings up to date what no change of our own parameters announces: facet radiances, the
-        material's emissivity.
+        """Update the facet radiances and the material's emissivity.
+
+        They depend on parameters of the mesh and the BSDF. Mitsuba does not tell the emitter when
+        those change.
         """
         self.find_emissivity()
         if not same_variables(self.sources(), self.derived_from):
@@ -160,9 +172,7 @@ class Thermal(mi.Emitter):
 
     @property
     def derivations(self) -> list:
-        """What the emitter derives from the parameters of others: the table of its BSDF's
-        emissivity, where that needs one.
-        """
+        """The emissivity table of the shape's BSDF, in a list; empty if no table is needed."""
         return [self.material_emissivity] if isinstance(self.material_emissivity, Table) else []
 
     def find_emissivity(self) -> None:
@@ -175,7 +185,7 @@ class Thermal(mi.Emitter):
     # ---------------------------------------------------------------- Emission
 
     def source_radiance(self, si, active):
-        """Radiance of the source before emissivity, at the hit [W m^-2 sr^-1]."""
+        """Radiance at the hit before multiplication by the emissivity [W m^-2 sr^-1]."""
         if self.radiance is not None:
             return self.radiance
         if self.temperature is not None:
@@ -194,21 +204,20 @@ class Thermal(mi.Emitter):
 
     def eval(self, si, active=True):
         if is_traced(self) is False:
-            return mi.Spectrum(0)  # of another scene, whose shape may be gone
+            return mi.Spectrum(0)  # the emitter of another scene, whose shape may be deleted
         return mi.Spectrum(
             dr.select(active, self.emissivity(si, active) * self.source_radiance(si, active), 0)
         )
 
-    # ---------------------------------------------------------------- Sampling, uniform over the shape's area
+    # ------------------------------------------------ Sampling, uniform over the shape's area
 
     def sample_surface(self, sample, active):
-        """A point of the shape, uniform over its area, as a surface interaction, and the density
-        [1/m^2].
+        """Uniform point of the shape, as a surface interaction, and its density [1/m^2].
 
-        Triangles are drawn from a table of our own: Mitsuba's position samples do not tell which
-        one they lie on. Mitsuba's interface gives two Float32 numbers of 23 bits. In a mesh of a
-        million triangles they leave about 2^11 x 2^14 places on each. `bounce_path` draws two more
-        numbers, and does not use this.
+        A separate table draws the triangle, because Mitsuba's position samples do not contain the
+        triangle's number. Mitsuba's interface gives two Float32 numbers of 23 bits each. In a mesh
+        of a million triangles this leaves about 2^11 x 2^14 positions on each triangle.
+        `bounce_path` does not use this method: it draws two more numbers.
         """
         shape = self.get_shape()
         if not is_faceted(shape):
@@ -232,7 +241,7 @@ class Thermal(mi.Emitter):
         return si, dr.gather(mi.Float, density, pi.prim_index, active)
 
     def interaction(self, p, n, uv):
-        """A surface interaction of this shape, seen from nowhere yet."""
+        """A surface interaction of this shape; its direction `wi` is not set yet."""
         si = dr.zeros(mi.SurfaceInteraction3f, dr.width(p))
         si.p, si.n, si.uv, si.sh_frame, si.shape = (
             p,
@@ -244,13 +253,15 @@ class Thermal(mi.Emitter):
         return si
 
     def label_facet(self, si):
-        """What direction and position samples carry as their uv: the facet where the temperature
-        asks for it.
+        """The `uv` of direction and position samples.
+
+        Where the temperature is given per facet, it holds the facet's number, because Mitsuba's
+        samples have no other field for it.
         """
         return mi.Point2f(mi.Float(si.prim_index), 0) if self.by_primitive else si.uv
 
     def labelled(self, p, n, uv):
-        """The interaction at a sample made by `sample_direction` or `sample_position`."""
+        """Surface interaction of a sample that `sample_direction` or `sample_position` made."""
         si = self.interaction(p, n, uv)
         if self.by_primitive:
             si.prim_index = mi.UInt32(uv.x)
@@ -305,14 +316,14 @@ class Thermal(mi.Emitter):
         return dr.select(active, 1 / self.get_shape().surface_area(), 0)
 
     def sample_ray(self, time, sample1, sample2, sample3, active=True):
-        """A ray that leaves either side, cosine-weighted; weight [W m^-2 sr^-1 x m^2 sr]."""
+        """A ray from either side, drawn by the cosine, and its weight [W m^-2 sr^-1 x m^2 sr]."""
         si, density = self.sample_surface(sample2, active)
         si.wi = mi.warp.square_to_cosine_hemisphere(sample3)
         si.wi.z = dr.select(sample1 < 0.5, si.wi.z, -si.wi.z)
         return si.spawn_ray(si.to_world(si.wi)), self.eval(si, active) * dr.two_pi / density
 
     def sample_wavelengths(self, si, sample, active=True):
-        """Radiance at an interaction made from a sample of `sample_position`."""
+        """Radiance at an interaction that was made from a sample of `sample_position`."""
         at = self.labelled(si.p, si.n, si.uv)
         at.wi = si.wi
         return dr.zeros(mi.Color0f), self.eval(at, active)

@@ -1,11 +1,11 @@
-"""Tables over 0..1 with evenly spaced nodes: looked up by straight lines, refined by cubics."""
+"""Tables over 0..1 with evenly spaced nodes: linear interpolation and cubic refinement."""
 
 import drjit as dr
 import mitsuba as mi
 
 
 def interpolate(table, x):
-    """Piecewise linear `table` over 0 <= x <= 1 (uniform nodes)."""
+    """Linear interpolation at `x` in a table with evenly spaced nodes over 0 <= x <= 1."""
     last = dr.width(table) - 1
     x = x * last
     index = dr.minimum(mi.UInt32(x), last - 1)
@@ -14,16 +14,17 @@ def interpolate(table, x):
 
 
 def refine(table, factor: int):
-    """The table with `factor` steps for each of its own, on the cubics through the four nodes
-    nearest to each step; derivatives are kept.
+    """The table with each step divided into `factor` steps; derivatives are kept.
 
-    At least four nodes. At the ends the cubic of the neighbouring step is used.
+    New nodes lie on the cubic through the four old nodes nearest to them. At the ends the cubic of
+    the neighbouring step is used. The table must have at least four nodes.
     """
     Float, steps = type(table), dr.width(table) - 1
     node = dr.arange(mi.UInt32, steps * factor + 1)
     first = dr.clip(mi.Int32(node // factor) - 1, 0, steps - 3)
     x = Float(node) / factor - Float(first)
-    weights = (  # Lagrange's, for nodes at 0, 1, 2 and 3
+    # Lagrange's weights for nodes at 0, 1, 2 and 3
+    weights = (
         (x - 1) * (x - 2) * (3 - x) / 6,
         x * (x - 2) * (x - 3) / 2,
         x * (x - 1) * (3 - x) / 2,

@@ -1,6 +1,13 @@
+import signal
+
 import pytest
 
 import mi_lcair  # noqa: F401  before any test file imports drjit or mitsuba, so that they find the right LLVM
+
+# A shell that runs pytest in the background, and nohup, have these signals ignored in all that it
+# starts. The programs that tests start and interrupt must receive them.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 @pytest.fixture

@@ -49,3 +49,17 @@ def test_a_line_break_in_a_name_does_not_hide_the_message():
         str(mitsuba_error(RuntimeError(text)))
         == "scene.xml (line 2): unknown material: gloss mi-lcair: note: all is well"
     )
+
+
+def test_an_exception_of_several_lines_is_told_whole():
+    """Dr.Jit's TypeErrors end with a line that names neither the function nor the exception."""
+    text = (
+        "[parser.cpp:1] At scene.xml (line 2): failed: Traceback (most recent call last):\n"
+        '  File "model.py", line 61, in HDR\n    exp(x)\n'
+        "TypeError: exp(): incompatible arguments:\n    1. exp(arg)\n\n"
+        "Invoked with types: ndarray\n"
+    )
+    assert str(mitsuba_error(RuntimeError(text))) == (
+        "TypeError: scene.xml (line 2): exp(): incompatible arguments:     1. exp(arg)  "
+        "Invoked with types: ndarray"
+    )

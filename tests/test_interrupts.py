@@ -28,6 +28,7 @@ def python(code, folder):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", ENDING)
 def test_an_import_is_finished_first(tmp_path, number):
     """A module that is left half made would fail later, with a NameError."""
@@ -67,6 +68,7 @@ def test_steps_that_belong_together_are_finished_first(tmp_path):
     assert (done.stdout, done.stderr) == ("both\nthen the interrupt\n", "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", ENDING)
 def test_a_signal_while_a_file_is_written(tmp_path, number):
     """Exit 130, one line, no partial file, and the old file as it was."""

@@ -24,7 +24,10 @@ needs_llvm_15 = pytest.mark.skipif(not LLVM_15.exists(), reason="no LLVM 15 on t
 
 # LLVM 15 and 16 pass a plain sum and abort the process at `minimum`, so that is what shows that
 # LLVM works.
-COMPUTE = "import drjit as dr; assert dr.minimum(dr.llvm.Float([1, 2, 3]), 2).numpy().tolist() == [1, 2, 2]\n"
+COMPUTE = (
+    "import drjit as dr; "
+    "assert dr.minimum(dr.llvm.Float([1, 2, 3]), 2).numpy().tolist() == [1, 2, 2]\n"
+)
 SANDFORD_ROBERTSON = {
     "type": "sandford_robertson",
     "epsilon": 0.1,
@@ -60,7 +63,7 @@ def usable_llvm(monkeypatch):
 
 
 # LLVM
-# ---------------------------------------------------------------------------------------------------------------
+# ------------------------------------------------------------------------------------------------
 
 
 def test_finds_llvm_by_itself():
@@ -134,6 +137,7 @@ def test_drjit_imported_first_with_an_unusable_llvm(variable, found):
     assert last.startswith(f"ImportError: drjit was imported before mi_lcair and found {found}, ")
 
 
+@pytest.mark.slow
 def test_mitsuba_imported_first_with_a_usable_llvm(usable_llvm):
     done = python(
         "import mitsuba as mi\nmi.set_variant('llvm_ad_rgb')\nimport mi_lcair\n"
@@ -164,6 +168,7 @@ def test_read_only_site_packages(tmp_path):
     assert Path(done.stdout.strip()).is_relative_to(tmp_path)
 
 
+@pytest.mark.slow
 def test_exceptions_of_mitsuba_are_still_caught():
     """The wheel's C++ runtime must not take the place of the one that Mitsuba throws with."""
     done = python(
@@ -175,7 +180,7 @@ def test_exceptions_of_mitsuba_are_still_caught():
 
 
 # The cache of kernels
-# ------------------------------------------------------------------------------------------------------------
+# ------------------------------------------------------------------------------------------------
 
 
 LIMITED = (
@@ -185,6 +190,7 @@ LIMITED = (
 )
 
 
+@pytest.mark.slow
 def test_kernels_that_cannot_be_written(tmp_path, monkeypatch):
     """Dr.Jit would try again for ever; here the cache is off, and a line says so."""
     monkeypatch.setenv(kernel_cache.VARIABLE, str(tmp_path))
@@ -231,25 +237,29 @@ def test_a_cache_with_room_is_left_alone(tmp_path, monkeypatch, caplog):
 
 
 # Plugins
-# ------------------------------------------------------------------------------------------------------------
+# ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_plugins_follow_the_variant():
     done = python(
         "import mi_lcair, mitsuba as mi\n"
         "assert mi.variant() == 'llvm_ad_mono'\n"
         "for variant in ('llvm_ad_mono', 'llvm_ad_rgb', 'scalar_rgb', 'llvm_ad_mono'):\n"
         "    mi.set_variant(variant)\n"
-        f"    if variant != 'scalar_rgb': print(isinstance(mi.load_dict({SANDFORD_ROBERTSON}), mi.BSDF))\n"
+        "    if variant != 'scalar_rgb': "
+        f"print(isinstance(mi.load_dict({SANDFORD_ROBERTSON}), mi.BSDF))\n"
     )
     assert done.stdout.split() == ["True"] * 3, done.stderr
 
 
+@pytest.mark.slow
 def test_plugins_imported_before_mitsuba():
     done = python(f"import mi_lcair.plugins, mitsuba as mi\nmi.load_dict({SANDFORD_ROBERTSON})")
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("layout", ["checkout", "installed"])
 def test_foreign_packages_stay_foreign(layout, tmp_path):
     """Ours are mi_lcair.plugins and nothing else; whatever lies beside an installed mi_lcair is no
@@ -297,4 +307,4 @@ def test_public_names_resolve():
     for name in mi_lcair.__all__:
         assert getattr(mi_lcair, name), name
     with pytest.raises(AttributeError, match="no attribute 'lode'"):
-        mi_lcair.lode
+        _ = mi_lcair.lode

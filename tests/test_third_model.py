@@ -28,12 +28,13 @@ from mi_lcair.fitting.scatterometer.measurements import Measurements
 print("plugin", mi.load_dict({"type": "minnaert", "rho": 0.6, "k": 1.5}))
 
 # A material of the user's own in a bundled scene: isothermal, so that Kirchhoff's law is seen.
-Path("own.toml").write_text('[moon.MWIR]\nmodel = "minnaert"\nrho = 0.6\nk = 1.5\nsource = "test"\n')
+MOON = '[moon.MWIR]\nmodel = "minnaert"\nrho = 0.6\nk = 1.5\nsource = "test"\n'
+Path("own.toml").write_text(MOON)
 text = (scenes.FOLDER / "furnace.xml").read_text()
 for folder in ("meshes", "furnace.toml"):
     text = text.replace(f'value="{folder}', f'value="{scenes.FOLDER / folder}')
-text = text.replace('<string name="material" value="$material"/>',
-                    '<string name="material" value="$material"/> <string name="materials" value="own.toml"/>')
+material = '<string name="material" value="$material"/>'
+text = text.replace(material, material + ' <string name="materials" value="own.toml"/>')
 Path("furnace.xml").write_text(text)
 scene = mi_lcair.load("furnace.xml", material="moon", resolution=16)
 (body,) = [surface for surface in scene.surfaces() if surface.material == "moon"]
@@ -45,12 +46,23 @@ assert abs(mi_lcair.render(scene, spp=256).mean / exact - 1) < 2e-3
 scene.set_lobe("brdf", "moon")
 
 # The derivative of the emission toward the normal: -1 for rho.
-plate = mi.load_dict({"type": "scene", "integrator": {"type": "bounce_path", "max_bounces": 0},
-    "shape": {"type": "rectangle", "bsdf": {"type": "minnaert", "rho": 0.6, "k": 1.5},
-              "emitter": {"type": "thermal", "band": "MWIR", "temperature": 300.0}},
-    "sensor": {"type": "orthographic", "to_world": mi.ScalarTransform4f().look_at([0, 0, 2], [0, 0, 0], [0, 1, 0])
-               @ mi.ScalarTransform4f().scale([0.1, 0.1, 1]),
-               "film": {"type": "hdrfilm", "width": 1, "height": 1, "pixel_format": "luminance", "rfilter": {"type": "box"}}}})
+T = mi.ScalarTransform4f
+down = T().look_at([0, 0, 2], [0, 0, 0], [0, 1, 0]) @ T().scale([0.1, 0.1, 1])
+film = {"type": "hdrfilm", "width": 1, "height": 1, "pixel_format": "luminance"}
+plate = mi.load_dict({
+    "type": "scene",
+    "integrator": {"type": "bounce_path", "max_bounces": 0},
+    "shape": {
+        "type": "rectangle",
+        "bsdf": {"type": "minnaert", "rho": 0.6, "k": 1.5},
+        "emitter": {"type": "thermal", "band": "MWIR", "temperature": 300.0},
+    },
+    "sensor": {
+        "type": "orthographic",
+        "to_world": down,
+        "film": {**film, "rfilter": {"type": "box"}},
+    },
+})
 params = mi.traverse(plate)
 key = next(key for key in params.keys() if key.endswith(".rho"))
 dr.enable_grad(params[key])
@@ -59,7 +71,8 @@ image = mi.render(plate, params, spp=16)
 dr.backward(image)
 assert abs(dr.grad(params[key])[0] / -exact - 1) < 1e-4
 
-plan = mi_lcair.plan(mi_lcair.load("furnace.xml", material="moon", resolution=16), 0.02, each_pixel=True)
+scene = mi_lcair.load("furnace.xml", material="moon", resolution=16)
+plan = mi_lcair.plan(scene, 0.02, each_pixel=True)
 assert "moon" in plan.lobe
 
 # The fit finds its parameters, and tells it from the other models.
@@ -67,7 +80,8 @@ theta = np.radians(np.arange(2.0, 80, 6))
 theta_i, theta_r = (grid.ravel() for grid in np.meshgrid(theta, np.concatenate([-theta, theta])))
 rng = np.random.default_rng(0)
 brdf = 0.6 * 2.5 / (2 * np.pi) * (np.cos(theta_i) * np.cos(theta_r)) ** 0.5
-data = Measurements(theta_i=theta_i, theta_r=theta_r, brdf=brdf * np.exp(0.02 * rng.standard_normal(len(brdf))))
+brdf *= np.exp(0.02 * rng.standard_normal(len(brdf)))
+data = Measurements(theta_i=theta_i, theta_r=theta_r, brdf=brdf)
 found = fit(data, model="auto")
 assert found.model == "minnaert", found.candidates
 np.testing.assert_allclose(list(found.parameters.values()), [0.6, 1.5], rtol=0.02)

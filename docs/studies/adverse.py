@@ -24,23 +24,7 @@ from tests.stability.adverse_scenes import ADVERSE, Adverse
 SEEDS, TOLERANCE, MAX_SPP, PLAN_TOLERANCE = 20, 0.5, 2**15, 0.1
 STANDARD_ERRORS = 3  # how far a mean may lie from the truth
 
-TEXT = """# Sources that few paths meet
-
-Each scene has a source of 3000 K that is 60,000 times as bright as its surroundings, and that few paths meet. The page is
-written by `python -m docs.studies.adverse`; the scenes are in `tests/stability/adverse_scenes.py`.
-
-A render stops when its standard error is below the tolerance. The standard error contains what one path would add if it met the
-brightest source that paths meet by chance. "Reached" is how many of {seeds} renders (8 x 8 pixels, rms over the pixels
-{tolerance:.0%}, at most {max_spp} samples per pixel) said so. "Wrong" is how many of these were more than {errors} standard errors from the truth.
-"Largest" is their largest error. A plan for the intensity ({plan:.0%}) is either refused with the reason, or carried out; "inside" is how many
-then were within the tolerance.
-
-| scene | emitter sampling | reached | wrong | largest | median spp | plans | refused | inside |
-|---|---|---|---|---|---|---|---|---|
-{rows}
-
-{verdict}
-"""
+TEMPLATE = Path(__file__).with_name("adverse.template.md")
 
 
 @dataclass(frozen=True)
@@ -109,11 +93,12 @@ def main(page):
             print(rows[-1][0], flush=True)
     verdict = (
         f"The most wrong claims in a row: {max(wrong for _, wrong, _ in rows)} of {SEEDS}. "
-        f"The most plans outside their tolerance: {max(outside for *_, outside in rows)} of {SEEDS}."
+        "The most plans outside their tolerance: "
+        f"{max(outside for *_, outside in rows)} of {SEEDS}."
     )
     with replacing(page) as partial:
         partial.write_text(
-            TEXT.format(
+            TEMPLATE.read_text(encoding="utf-8").format(
                 seeds=SEEDS,
                 tolerance=TOLERANCE,
                 max_spp=MAX_SPP,

@@ -1,5 +1,7 @@
-"""ASTM E1392 and E2387 text files: `KEY value` lines, NUM_POINTS, a VARS line that names the
-columns, comma rows.
+"""Reader of ASTM E1392 and E2387 text files.
+
+A file has lines `KEY value` (one of them NUM_POINTS), a line VARS with the names of the columns,
+and rows of numbers separated by commas.
 """
 
 import re
@@ -11,13 +13,14 @@ VARS = re.compile(r"^VARS\b", re.MULTILINE)
 
 
 def is_astm(text: str) -> bool:
-    """Whether a text is in this format: it has a VARS line."""
+    """Whether a text is in this format, which is recognised by its line VARS."""
     return VARS.search(text) is not None
 
 
 def parse_astm(file: str, text: str) -> Table:
-    """The table in an ASTM file, its header's keys in lower case. InputError if NUM_POINTS and the
-    rows disagree.
+    """The table in the text of an ASTM file; the header's keys are in lower case.
+
+    Raises InputError if NUM_POINTS is not the number of rows, or a column's name appears twice.
     """
     header, rows, columns = {}, [], None
     for number, line in lines_of(text):
@@ -35,7 +38,7 @@ def parse_astm(file: str, text: str) -> Table:
     points, number = header.get("num_points", (str(len(rows)), 0))
     if points != str(len(rows)):
         raise InputError(
-            f"{file}, line {number}: NUM_POINTS is {shown(points)}, but {len(rows)} rows follow VARS; is the "
-            f"file complete?"
+            f"{file}, line {number}: NUM_POINTS is {shown(points)}, but {len(rows)} rows follow "
+            "VARS; is the file complete?"
         )
     return Table(file, columns, rows, header, is_astm=True)

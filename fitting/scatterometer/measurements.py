@@ -1,6 +1,4 @@
-"""What an instrument gave: in-plane BRDF points, and a directional emissivity or reflectance beside
-them.
-"""
+"""Measured data: in-plane BRDF points, and directional emissivities or reflectances."""
 
 from dataclasses import dataclass, field
 
@@ -9,14 +7,30 @@ import numpy as np
 
 @dataclass
 class Measurements:
-    """In-plane BRDF points of one surface in one band; arrays are NumPy Float64 of one length.
+    """In-plane BRDF points of one surface in one band.
 
-    theta_i, theta_r [radians]: elevation of source and observer, 0 <= theta_i < pi/2; theta_r is
-    positive on the specular side, so that the mirror peak lies at theta_r = theta_i. brdf [1/sr];
-    sigma [1/sr]: standard deviation of each, or None. band_um: its bounds, or None if unknown.
-    source_half_angle [radians]: of the source seen from the sample, 0 for none. source: the files,
-    {"file", "sha256"} each. dropped: how many rows reading left out, by reason. reading: how the
-    file was understood (columns, signs, quantity), for the record.
+    Attributes
+    ----------
+    theta_i, theta_r
+        Angles of source and observer to the normal [radians], Float64 (p,), with
+        0 <= theta_i < pi/2. theta_r is positive on the specular side, so that the mirror direction
+        is theta_r = theta_i.
+    brdf
+        BRDFs [1/sr], (p,).
+    sigma
+        Standard deviations of the BRDFs [1/sr], (p,), or None.
+    band_um
+        Limits of the band [um], or None if unknown.
+    source_half_angle
+        Angular radius of the source as seen from the sample [radians]; 0 for a point source.
+    source
+        Name and checksum of each file, {"file", "sha256"}.
+    dropped
+        Number of rows that the reader left out, by reason.
+    name
+        Name of the sample.
+    reading
+        How the reader understood the file: columns, signs and quantity.
     """
 
     theta_i: np.ndarray
@@ -33,11 +47,21 @@ class Measurements:
 
 @dataclass
 class DirectionalData:
-    """A measured directional quantity: theta [radians, 0..pi/2], value [0..1], std (its standard
-    deviation) or None.
+    """A measured directional emissivity or reflectance.
 
-    quantity: "emissivity" (1 - HDR, by observer angle) or "dhr" (by source angle). source: as in
-    `Measurements`.
+    Attributes
+    ----------
+    theta
+        Angles to the normal, 0..pi/2 [radians], (a,): of the observer for an emissivity, of the
+        source for a DHR.
+    value
+        Values, 0..1, (a,).
+    std
+        Standard deviations of the values, (a,), or None.
+    quantity
+        "emissivity" (1 - HDR) or "dhr".
+    source
+        Name and checksum of each file, {"file", "sha256"}.
     """
 
     theta: np.ndarray

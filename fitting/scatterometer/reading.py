@@ -1,8 +1,8 @@
-"""Scatterometer files to `Measurements`: what the columns mean, units, signs, BRDF or BRDF x cos,
-repeated scans.
+"""Reader of scatterometer files, which become `Measurements`.
 
-Whatever a file leaves open is asked, not guessed. How it was understood is kept in
-`Measurements.reading`.
+The reader identifies the columns, their units, the sign of theta_r and the quantity (BRDF or BRDF
+times cosine), and averages repeated scans. If a file leaves one of these open, the reader raises an
+error that asks for it, and does not guess. `Measurements.reading` records how the file was read.
 """
 
 import hashlib
@@ -19,7 +19,7 @@ from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measure
 from mi_lcair.physics.directional_table import read_directional_table
 from mi_lcair.table import SEPARATORS, Table, parse_csv
 
-# what an angle is: the names that files have for it, without unit; this project's own comes first
+# The angles and their names in files, without the unit. The first name is that of this project.
 ANGLES = {
     "theta_i": ("theta_i", "theta_in", "theta_inc", "theta_incident", "aoi"),
     "theta_r": ("theta_r", "theta_s", "theta_o", "theta_v", "theta_out", "theta_scatter"),
@@ -27,6 +27,7 @@ ANGLES = {
     "phi_r": ("phi_r", "phi_s", "phi_o", "phi_v", "phi_out"),
     "phi": ("phi",),
 }
+# The values and their names in files, without the unit.
 VALUES = {
     "brdf": ("brdf", "bsdf", "f_r"),
     "brdf_cos": ("brdf_cos", "brdf_x_cos", "brdfcos", "ccbrdf", "ccbsdf"),
@@ -34,27 +35,46 @@ VALUES = {
 }
 QUANTITIES = ("brdf", "brdf_cos")
 SIDES = ("specular", "source")
+# The keys of the header that change the numbers.
 KEYS = (
     "band_um",
     "source_half_angle_deg",
     "theta_r_positive",
     "quantity",
-)  # the header's, those that change numbers
+)
 
+# Sine of the largest azimuth from the plane of incidence at which a row belongs to the plane.
 IN_PLANE = np.sin(np.radians(0.05))
-HORIZON = np.pi / 2 - 1e-4
-SIDE_RATIO = 2.0  # how much brighter the specular side must be to be known by it
-PRIOR_SCANS = 4  # weight of all points' common scatter beside a point's own, in degrees of freedom
+HORIZON = np.pi / 2 - 1e-4  # angle [radians] from which a row counts as being at 90 degrees
+# Factor by which one side must be brighter than the other to be recognised as the specular side.
+SIDE_RATIO = 2.0
+# Weight of the mean variance of all points against a point's own variance [degrees of freedom].
+PRIOR_SCANS = 4
 
 
 def read(path, quantity: str | None = None, theta_r_positive: str | None = None) -> Measurements:
-    """The in-plane measurements in a CSV or ASTM E1392/E2387 file.
+    """Read the in-plane measurements in a CSV or ASTM E1392/E2387 file.
 
-    quantity: "brdf" or "brdf_cos" (BRDF times cos theta_r), what the value column holds, if its
-    name does not say it. theta_r_positive: "specular" or "source", the side on which theta_r is
-    positive while theta_i is, if the file does not say it. Both overrule the file's own header keys
-    of the same names. Raises InputError, one line, for a file that cannot be read or that leaves a
-    question open.
+    Parameters
+    ----------
+    path
+        The file.
+    quantity
+        Quantity in the value column, "brdf" or "brdf_cos" (BRDF times cos theta_r), if the column's
+        name does not say it.
+    theta_r_positive
+        Side on which theta_r is positive for positive theta_i, "specular" or "source", if the file
+        does not say it. This and `quantity` overrule the keys of the same names in the file.
+
+    Returns
+    -------
+    Measurements
+        The points in the plane of incidence, repeated ones averaged.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or leaves a question open.
     """
     path = Path(path)
     for option, value, known in (
@@ -93,6 +113,7 @@ def read(path, quantity: str | None = None, theta_r_positive: str | None = None)
         raise InputError(
             f"{path}: all {len(kept)} rows lie off the plane of incidence or at 90 degrees"
         )
+    # BRDF times cosine becomes BRDF, and repeated points become one.
     quantity = "brdf" if "brdf" in columns else "brdf_cos"
     value, cos_r = data[quantity][kept], 1.0 if quantity == "brdf" else np.cos(theta_r[kept])
     points = pool(
@@ -117,8 +138,9 @@ def read(path, quantity: str | None = None, theta_r_positive: str | None = None)
 
 
 def read_directional(path, quantity: str) -> DirectionalData:
-    """A measured table of "emissivity" or "dhr" against angle
-    (`theta_deg,emissivity[,emissivity_std]`).
+    """Read a measured table of "emissivity" or "dhr" over angle.
+
+    Its format is that of `mi_lcair.physics.directional_table`.
     """
     path = Path(path)
     table = read_directional_table(path, quantity)
@@ -131,13 +153,27 @@ def identity(path: Path) -> dict[str, str]:
 
 
 def pool(theta_i, theta_r, brdf, sigma=None):
-    """Repeated points (the same two angles, to 1e-6 degrees) as one each: theta_i, theta_r, mean
-    brdf, its sigma.
+    """Average repeated points, which have the same two angles to 1e-6 degrees.
 
-    A stated sigma is averaged (sigma / sqrt(n) if all are alike). Otherwise the scans' scatter
-    becomes it: relative to the mean, each point's own variance moderated by the mean variance of
-    all points, which alone serves for a point that was measured once (two or three scans say little
-    by themselves). None without repeats or scatter.
+    If sigma is given, it is that of the mean: sigma / sqrt(n) for n equal ones. If not, it is
+    computed from the scatter of the scans, relative to the mean. Two or three scans give a poor
+    variance. Each point's variance is therefore averaged with the mean variance of all points,
+    which is used alone for a point that was measured once.
+
+    Parameters
+    ----------
+    theta_i, theta_r
+        Angles of source and observer [radians], (p,).
+    brdf
+        BRDFs [1/sr], (p,).
+    sigma
+        Their standard deviations [1/sr], (p,), or None.
+
+    Returns
+    -------
+    tuple
+        theta_i, theta_r, mean BRDF and its standard deviation, (q,) each, in the file's order. The
+        last is None if sigma is None and there are no repeats or no scatter.
     """
     angles = np.round(np.degrees(np.stack([theta_i, theta_r], axis=1)), 6)
     _, first, which, count = np.unique(
@@ -159,7 +195,7 @@ def pool(theta_i, theta_r, brdf, sigma=None):
             sigma = scale * np.sqrt(
                 (squares + PRIOR_SCANS * common) / (freedom + PRIOR_SCANS) / count
             )
-    order = np.argsort(first)  # as in the file
+    order = np.argsort(first)  # the order of the file
     return (
         theta_i[first][order],
         theta_r[first][order],
@@ -169,42 +205,45 @@ def pool(theta_i, theta_r, brdf, sigma=None):
 
 
 def _columns(table: Table, quantity: str | None) -> dict[str, tuple[str, str]]:
-    """Role -> (column, unit) for every column that is understood; exactly one of the roles "brdf"
-    and "brdf_cos".
+    """The columns that are understood, as role -> (column's name, unit).
+
+    Exactly one of the roles "brdf" and "brdf_cos" is among them.
     """
-    found, others = {}, []
+    known, others = {}, []
     for column in table.columns:
         role, unit = _meaning(column)
         if role is None:
             others.append(column)
-        elif role in found:
+        elif role in known:
             raise InputError(
-                f"{table.file}: columns {shown(found[role][0])} and {shown(column)} both read as {role}; "
-                f"which one is meant?"
+                f"{table.file}: columns {shown(known[role][0])} and {shown(column)} both read as "
+                f"{role}; which one is meant?"
             )
         else:
-            found[role] = column, unit
-    if table.is_astm and len(others) == 1 and not found.keys() & set(QUANTITIES):
-        found["brdf"] = others[0], ""  # the format's only other variable
-    present = [name for name in QUANTITIES if name in found]
+            known[role] = column, unit
+    # In an ASTM file the only variable that is no angle is the BRDF, whatever its name.
+    if table.is_astm and len(others) == 1 and not known.keys() & set(QUANTITIES):
+        known["brdf"] = others[0], ""
+    present = [name for name in QUANTITIES if name in known]
     if present == ["brdf"] and quantity == "brdf_cos":
-        found["brdf_cos"] = found["brdf"]
+        known["brdf_cos"] = known["brdf"]
     chosen = quantity or (present + ["brdf"])[0]
-    missing = [f"{ANGLES[role][0]}_deg" for role in ("theta_i", "theta_r") if role not in found]
-    if missing or chosen not in found:
-        missing += [] if chosen in found else [f"{chosen}_per_sr"]
+    missing = [f"{ANGLES[role][0]}_deg" for role in ("theta_i", "theta_r") if role not in known]
+    if missing or chosen not in known:
+        missing += [] if chosen in known else [f"{chosen}_per_sr"]
         raise InputError(
             f"{table.file}: no column {' and no '.join(missing)}; found: "
             f"{', '.join(map(shown, table.columns[:12])) or 'nothing'}"
         )
     return {
-        role: column for role, column in found.items() if role not in QUANTITIES or role == chosen
+        role: column for role, column in known.items() if role not in QUANTITIES or role == chosen
     }
 
 
 def _meaning(column: str) -> tuple[str | None, str]:
-    """(role, unit) of a column's name, such as ("theta_i", "deg") for "Theta_i (deg)"; None if it
-    has none.
+    """Role and unit of a column, such as ("theta_i", "deg") for the name "Theta_i (deg)".
+
+    The role of an unknown column is None.
     """
     name = re.sub(r"[^a-z0-9]+", "_", column.lower()).strip("_")
     unit = re.search(r"_(deg|rad)(rees?|ians?)?$", name)
@@ -222,14 +261,13 @@ def _radians(table: Table, role: str, column: str, unit: str, values: np.ndarray
     unit = unit or ("rad" if table.is_astm else "")
     if not unit:
         raise InputError(
-            f"{table.file}: is column {shown(column)} in degrees or radians? name it {column}_deg or "
-            f"{column}_rad"
+            f"{table.file}: is column {shown(column)} in degrees or radians? name it "
+            f"{column}_deg or {column}_rad"
         )
     angles = np.radians(values) if unit == "deg" else values
     limit = 90 if role.startswith("theta") else 360
-    outside = abs(angles) > np.radians(limit) + (
-        1e-4 if unit == "rad" else 0
-    )  # radians come rounded: 1.5708
+    # Angles in radians are often rounded: 1.5708 is meant to be 90 degrees.
+    outside = abs(angles) > np.radians(limit) + (1e-4 if unit == "rad" else 0)
     if outside.any():
         row = np.argmax(outside)
         bounds = (
@@ -238,29 +276,31 @@ def _radians(table: Table, role: str, column: str, unit: str, values: np.ndarray
             else f"-{np.radians(limit):.4f}..{np.radians(limit):.4f} rad"
         )
         raise InputError(
-            f"{table.file}, line {table.rows[row][0]}: {column} = {values[row]:g} lies outside {bounds}"
+            f"{table.file}, line {table.rows[row][0]}: {column} = {values[row]:g} lies outside "
+            f"{bounds}"
         )
     return angles
 
 
 def _in_plane(table, columns, data, stated):
-    """Which rows lie in the plane, theta_i >= 0, theta_r positive on the specular side, and how
-    that side is known.
+    """Find the rows in the plane of incidence, and give their angles this project's signs.
+
+    Returns the mask of these rows, theta_i >= 0, theta_r that is positive on the specular side, and
+    a remark that says how this side was identified. stated: the side that the caller stated, or
+    None.
     """
     theta_i, theta_r = data["theta_i"], data["theta_r"]
     rows = np.ones(len(theta_i), dtype=bool)
-    theta_r = np.where(
-        theta_i < 0, -theta_r, theta_r
-    )  # in the plane, (-i, r) is the mirror image of (i, -r)
+    # In the plane of incidence, (-theta_i, theta_r) is the mirror image of (theta_i, -theta_r).
+    theta_r = np.where(theta_i < 0, -theta_r, theta_r)
     own_name = columns["theta_r"][0].lower().startswith("theta_r") and not (theta_i < 0).any()
     theta_i = abs(theta_i)
     by_azimuth = same_azimuth = False
     if "phi_r" in data:
         between = data["phi_r"] - data.get("phi_i", 0)
         rows = abs(np.sin(between)) <= IN_PLANE
-        by_azimuth = (
-            rows & (np.cos(between) < 0)
-        ).any()  # the specular half-plane is pi away from the source's
+        # The azimuth of the specular half-plane differs by pi from that of the source.
+        by_azimuth = (rows & (np.cos(between) < 0)).any()
         same_azimuth = not by_azimuth
         theta_r = -theta_r * np.sign(np.cos(between)) if by_azimuth else theta_r
     elif "phi" in data:
@@ -270,14 +310,16 @@ def _in_plane(table, columns, data, stated):
         theta_r = np.where(opposite, -theta_r, theta_r)
 
     stated = stated or _choice(table, "theta_r_positive", SIDES)
-    seen = _seen_side(theta_i[rows], theta_r[rows], data.get("brdf", data.get("brdf_cos"))[rows])
+    values = data.get("brdf", data.get("brdf_cos"))
+    brighter = _brighter_side(theta_i[rows], theta_r[rows], values[rows])
     signed = (theta_r[rows] < 0).any()
     ask = (
-        f"{table.file}: on which side is theta_r positive? {{}}; say it in the header, '# theta_r_positive: specular' "
-        f"(or source; THETA_R_POSITIVE in ASTM files), or with --theta-r-positive"
+        f"{table.file}: on which side is theta_r positive? {{}}; say it in the header, "
+        f"'# theta_r_positive: specular' (or source; THETA_R_POSITIVE in ASTM files), or with "
+        f"--theta-r-positive"
     )
     if by_azimuth:
-        if stated == "source" or seen == "source":
+        if stated == "source" or brighter == "source":
             raise InputError(
                 ask.format(
                     "the azimuths say specular, the "
@@ -289,7 +331,7 @@ def _in_plane(table, columns, data, stated):
     if stated:
         return rows, theta_i, theta_r if stated == "specular" else -theta_r, f"{stated} (stated)"
     if own_name and not same_azimuth:
-        if seen == "source":
+        if brighter == "source":
             raise InputError(
                 ask.format(
                     f"the name {columns['theta_r'][0]} says specular, but the peaks lie at -theta_i"
@@ -298,7 +340,7 @@ def _in_plane(table, columns, data, stated):
         return rows, theta_i, theta_r, "specular (by the column's name)"
     if not signed and not same_azimuth:
         return rows, theta_i, theta_r, "specular (theta_r has no sign)"
-    if seen is None:
+    if brighter is None:
         raise InputError(
             ask.format(
                 "the data do not show it: neither side holds the specular peaks alone"
@@ -309,14 +351,15 @@ def _in_plane(table, columns, data, stated):
     return (
         rows,
         theta_i,
-        theta_r if seen == "specular" else -theta_r,
-        f"{seen} (by the specular peaks)",
+        theta_r if brighter == "specular" else -theta_r,
+        f"{brighter} (by the specular peaks)",
     )
 
 
-def _seen_side(theta_i, theta_r, brdf) -> str | None:
-    """The side of positive theta_r as the data show it: the brighter one, over the range that both
-    sides cover.
+def _brighter_side(theta_i, theta_r, brdf) -> str | None:
+    """The side of positive theta_r: "specular" if it is the brighter one, "source" if it is darker.
+
+    Only angles that both sides cover are compared. None if the data do not decide.
     """
     votes = []
     for incidence in np.unique(theta_i[theta_i >= np.radians(5)]):
@@ -333,7 +376,7 @@ def _seen_side(theta_i, theta_r, brdf) -> str | None:
 
 
 def _choice(table: Table, key: str, known: tuple[str, ...]) -> str | None:
-    """The value of a key in the header that allows a few words, or None."""
+    """The value of a header's key that must be one of the words `known`; None without the key."""
     value, line = table.header.get(key, (None, 0))
     if value is not None and value not in known:
         raise InputError(f"{table.file}, line {line}: {unknown(key, value[:30], known)}")
@@ -341,7 +384,7 @@ def _choice(table: Table, key: str, known: tuple[str, ...]) -> str | None:
 
 
 def _band(table: Table) -> tuple[float, float] | None:
-    """The bounds in um of `# band_um: 3 5`, or None."""
+    """The band's limits [um] from the header's key band_um, as in `# band_um: 3 5`, or None."""
     value, line = table.header.get("band_um", ("", 0))
     if not value:
         return None
@@ -352,13 +395,14 @@ def _band(table: Table) -> tuple[float, float] | None:
         lower = upper = np.nan
     if not 0.1 <= lower < upper <= 1000:
         raise InputError(
-            f"{table.file}, line {line}: band_um is {shown(value)}; expected two wavelengths such as 3 5"
+            f"{table.file}, line {line}: band_um is {shown(value)}; expected two wavelengths such "
+            "as 3 5"
         )
     return lower, upper
 
 
 def _half_angle_deg(table: Table) -> float:
-    """The value of `# source_half_angle_deg: 0.9`, 0 without the key."""
+    """The value of the header's key source_half_angle_deg [degrees]; 0 without the key."""
     value, line = table.header.get("source_half_angle_deg", ("0", 0))
     try:
         half_angle = float(value)
@@ -366,7 +410,7 @@ def _half_angle_deg(table: Table) -> float:
         half_angle = np.nan
     if not 0 <= half_angle < 90:
         raise InputError(
-            f"{table.file}, line {line}: source_half_angle_deg is {shown(value)}; expected a number from 0, "
-            f"below 90"
+            f"{table.file}, line {line}: source_half_angle_deg is {shown(value)}; expected a "
+            f"number from 0, below 90"
         )
     return half_angle

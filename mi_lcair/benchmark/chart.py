@@ -1,4 +1,4 @@
-"""Error against cost: what every chart of methods shares, from points to CSV and tables."""
+"""Charts of error against cost: their points, and how these are written as CSV and tables."""
 
 import csv
 import math
@@ -8,18 +8,31 @@ import numpy as np
 
 from mi_lcair.files import replacing
 
-TOLERANCES = (0.05, 0.01, 0.001)
+TOLERANCES = (0.05, 0.01, 0.001)  # relative errors for which a table names the cheapest method
 
 
 @dataclass(frozen=True)
 class Point:
     """One method at one effort on one case.
 
-    effort: what the method is asked for, in its own words (samples per dimension, rays, ...),
-    rising. samples: evaluations of the BRDF, or rays. seconds: median of one run after the compile,
-    which is apart in compile_seconds. error: median over repetitions of |value - exact| / exact,
-    with its quartiles error_low and error_high. value: median. rms: root mean square of the
-    relative error, which rare outliers raise and the median hides.
+    Attributes
+    ----------
+    case, method
+        Names of the case and of the method.
+    effort
+        The method's own measure of its work, such as samples for each dimension or rays.
+    samples
+        Evaluations of the BRDF, or rays.
+    seconds
+        Median time of one run, without the compile.
+    compile_seconds
+        Time of the compile.
+    error, error_low, error_high
+        Median and quartiles of |value - exact| / exact over the repetitions.
+    value
+        Median of the values.
+    rms
+        Root mean square of the relative error. Rare outliers raise it but not the median.
     """
 
     case: str
@@ -36,8 +49,25 @@ class Point:
 
 
 def point(case, method, effort, samples, seconds, compile_seconds, values, exact) -> Point:
-    """The Point of repeated `values` (array, one per repetition) of a quantity whose exact value is
-    `exact`.
+    """The Point of repeated runs.
+
+    Parameters
+    ----------
+    case, method, effort
+        As in `Point`.
+    samples, seconds
+        Numbers or arrays, one for each repetition, of which the medians are taken.
+    compile_seconds
+        Time of the compile.
+    values
+        Values of the repetitions, (n,).
+    exact
+        Exact value.
+
+    Returns
+    -------
+    Point
+        Medians and quartiles over the repetitions.
     """
     errors = np.abs(np.asarray(values) - exact) / abs(exact)
     low, middle, high = np.quantile(errors, (0.25, 0.5, 0.75))
@@ -57,7 +87,7 @@ def point(case, method, effort, samples, seconds, compile_seconds, values, exact
 
 
 def curve(points, case: str, method: str) -> list[Point]:
-    """The points of one method on one case, the least effort first."""
+    """The points of one method on one case, in order of rising effort."""
     return sorted(
         (p for p in points if (p.case, p.method) == (case, method)), key=lambda p: p.effort
     )
@@ -69,8 +99,23 @@ def names(points, field: str) -> list[str]:
 
 
 def reach(points, case: str, method: str, tolerance: float, by="error") -> Point | None:
-    """The least effort from which on the error stays at or below `tolerance`, by its median or by
-    "rms"; None if there is none.
+    """The least effort from which on the error stays at or below a tolerance.
+
+    Parameters
+    ----------
+    points
+        Points of any cases and methods.
+    case, method
+        Names of the case and of the method.
+    tolerance
+        Relative error.
+    by
+        Attribute of `Point` that is compared: "error" (the median) or "rms".
+
+    Returns
+    -------
+    Point or None
+        The point of this effort, or None if there is none.
     """
     reached = None
     for p in reversed(curve(points, case, method)):
@@ -81,8 +126,21 @@ def reach(points, case: str, method: str, tolerance: float, by="error") -> Point
 
 
 def cheapest(points, case: str, tolerance: float) -> Point | None:
-    """Of all methods that `reach` the tolerance, the one that takes least time; None if there is
-    none.
+    """The point of the fastest method that reaches a tolerance.
+
+    Parameters
+    ----------
+    points
+        Points of any cases and methods.
+    case
+        Name of the case.
+    tolerance
+        Relative error.
+
+    Returns
+    -------
+    Point or None
+        The point, or None if no method reaches the tolerance.
     """
     reached = filter(
         None, (reach(points, case, method, tolerance) for method in names(points, "method"))
@@ -94,7 +152,10 @@ def cheapest(points, case: str, tolerance: float) -> Point | None:
 
 
 def write_csv(path, points, remark: str) -> None:
-    """A row for each point, columns as in `Point`, under a comment line."""
+    """Write a CSV file with a row for each point.
+
+    The columns are the fields of `Point`. remark: text of the comment in the first line.
+    """
     with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
         file.write(f"# {remark}\n")
         rows = csv.writer(file, lineterminator="\n")
@@ -109,11 +170,28 @@ def write_csv(path, points, remark: str) -> None:
 
 
 def table(points, case: str, choice: str | None) -> str:
-    """A Markdown table for one case: the cheapest method per tolerance, its factor over `choice`
-    (the thesis's method), and the methods that never get there.
+    """A Markdown table for one case, with a row for each tolerance.
+
+    A row names the cheapest method, its advantage over the thesis's method, and the methods that
+    never reach the tolerance.
+
+    Parameters
+    ----------
+    points
+        Points of any cases and methods.
+    case
+        Name of the case.
+    choice
+        Name of the thesis's method; None if there is none.
+
+    Returns
+    -------
+    str
+        The table.
     """
     lines = [
-        "| to reach | cheapest | samples | time | the thesis's choice takes | factor in time | in samples | never get there |",
+        "| to reach | cheapest | samples | time | the thesis's choice takes | factor in time "
+        "| in samples | never get there |",
         "|---|---|---|---|---|---|---|---|",
     ]
     for tolerance in TOLERANCES:
@@ -144,12 +222,12 @@ def costs(p: Point | None) -> tuple[str, str]:
 
 
 def factors(best: Point, usual: Point) -> tuple[str, str]:
-    """How many times the time and the samples of `best` the point `usual` takes, as text."""
+    """Ratios usual / best of time and of samples, as text."""
     return digits(usual.seconds / best.seconds), digits(usual.samples / best.samples)
 
 
 def digits(number: float) -> str:
-    """Two significant digits and no exponent: 0.52, 3.1, 12, 8 900, 250 000."""
+    """A number with two significant digits and without exponent, such as 0.52, 12 or 8 900."""
     if number == 0 or not math.isfinite(number):
         return str(number)
     decimals = 1 - math.floor(math.log10(abs(number)))
@@ -158,7 +236,7 @@ def digits(number: float) -> str:
 
 
 def duration(seconds: float) -> str:
-    """A time with its unit, two digits."""
+    """A time with two significant digits and its unit."""
     for unit, size in (("s", 1), ("ms", 1e-3), ("µs", 1e-6)):
         if seconds >= size:
             return f"{digits(seconds / size)} {unit}"

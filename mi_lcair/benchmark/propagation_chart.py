@@ -1,5 +1,7 @@
-"""The chart of propagation methods: error against time and rays, and what stands in for the bounces
-that are left out.
+"""Measurements for the chart of propagation methods.
+
+They are the error of each method against time and rays, and the error of each closure, which
+replaces the bounces that are left out.
 """
 
 import time
@@ -13,15 +15,27 @@ from mi_lcair.benchmark.propagation import METHODS, exact, path_tracing, problem
 from mi_lcair.benchmark.propagation.problem import Method, Problem
 from mi_lcair.progress import stepper
 
-CHOICE = "quadrature, stratified"  # the thesis's method of choice, 3.5.5
+CHOICE = "quadrature, stratified"  # the method that the thesis chooses (3.5.5)
+# Pairs of the number of bounces and the closure.
 CLOSURES = [(bounces, "none") for bounces in (0, 1, 2, 3, 4)] + [(1, "ambient"), (2, "tail")]
 
 
 @dataclass(frozen=True)
 class Effort:
-    """How much a chart takes on. seconds: a method whose run takes longer is not asked for more;
-    repetitions: of random methods, and of those that give the same answer each time; spp, seeds:
-    for the closures; most: no method is asked for a larger effort.
+    """The amount of work for a chart.
+
+    Attributes
+    ----------
+    seconds
+        Time of a run after which the effort of a method is not raised further [s].
+    most
+        Largest effort of a method.
+    repetitions
+        Runs of random methods.
+    same
+        Runs of methods that give the same answer each time.
+    spp, seeds
+        Samples for each pixel and number of runs of a closure.
     """
 
     seconds: float
@@ -37,9 +51,20 @@ FULL, QUICK = Effort(0.2, 4**12, 7, 3, 64, 4), Effort(0.02, 4**10, 3, 1, 4, 2)
 
 @dataclass(frozen=True)
 class Closure:
-    """Paths cut after `bounces` reflections with what stands in for the rest: signed relative error
-    of the intensity, the standard error of that, and the case, whose opening is a share of the
-    sphere (None where it is no cavity).
+    """Error of the intensity if paths end after a number of bounces.
+
+    Attributes
+    ----------
+    case
+        Name of the case.
+    opening
+        Share of the sphere that is open; None if the case is no cavity.
+    bounces
+        Reflections after which paths end.
+    closure
+        Name of the estimate of the remaining radiance, or "none".
+    error, standard_error
+        Signed relative error of the intensity, and its standard error.
     """
 
     case: str
@@ -52,6 +77,8 @@ class Closure:
 
 @dataclass(frozen=True)
 class Chart:
+    """The results: problems, points of all methods, closures, and whether the run was quick."""
+
     problems: list[Problem]
     points: list[chart.Point]
     closures: list[Closure]
@@ -59,7 +86,10 @@ class Chart:
 
 
 def measure(quick: bool = False, progress=None) -> Chart:
-    """All methods on all problems. progress: called with (steps done, total)."""
+    """Measure all methods on all problems.
+
+    quick: whether to do less work. progress: function of (steps done, steps in total).
+    """
     effort = QUICK if quick else FULL
     total = 6 * len(METHODS) + len(exact.CAVITY_BLOCKS) + 3
     step = stepper(progress, total)
@@ -84,21 +114,21 @@ def measure(quick: bool = False, progress=None) -> Chart:
 
 
 def curve(problem: Problem, method: Method, effort: Effort) -> list[chart.Point]:
-    """A method's points on one problem, from its least effort up to the first that takes too long."""
-    found = []
-    for asked in (asked for asked in method.efforts(problem) if asked <= effort.most):
-        first, _, _ = timed(problem, method, asked, 0)
+    """A method's points on one problem, by rising effort, up to the first slow run."""
+    points = []
+    for level in (level for level in method.efforts(problem) if level <= effort.most):
+        first, _, _ = timed(problem, method, level, 0)  # this run includes the compile
         runs = [
-            timed(problem, method, asked, seed + 1)
+            timed(problem, method, level, seed + 1)
             for seed in range(effort.repetitions if method.is_random else effort.same)
         ]
         seconds, values, rays = (np.array(column) for column in zip(*runs))
         median = float(np.median(seconds))
-        found.append(
+        points.append(
             chart.point(
                 problem.name,
                 method.name,
-                asked,
+                level,
                 rays,
                 seconds,
                 max(0.0, first - median),
@@ -108,7 +138,7 @@ def curve(problem: Problem, method: Method, effort: Effort) -> list[chart.Point]
         )
         if median > effort.seconds:
             break
-    return found
+    return points
 
 
 def timed(problem: Problem, method: Method, effort: int, seed: int) -> tuple[float, float, int]:
@@ -120,8 +150,8 @@ def timed(problem: Problem, method: Method, effort: int, seed: int) -> tuple[flo
 
 
 def closed(problem: Problem, case: str, opening: float | None, effort: Effort) -> list[Closure]:
-    """Every bounce limit and closure on one problem."""
-    found = []
+    """The errors of every bounce limit and closure on one problem."""
+    closures = []
     for bounces, closure in CLOSURES:
         values = [
             path_tracing.intensity(problem, effort.spp, seed, bounces, closure=closure)[0]
@@ -129,7 +159,7 @@ def closed(problem: Problem, case: str, opening: float | None, effort: Effort) -
             - 1
             for seed in range(effort.seeds)
         ]
-        found.append(
+        closures.append(
             Closure(
                 case,
                 opening,
@@ -139,4 +169,4 @@ def closed(problem: Problem, case: str, opening: float | None, effort: Effort) -
                 float(np.std(values, ddof=1) / np.sqrt(len(values))),
             )
         )
-    return found
+    return closures

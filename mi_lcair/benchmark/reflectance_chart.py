@@ -1,5 +1,6 @@
-"""The chart of reflectance integrals: Figures 3.15 and 3.17-3.20 of the thesis on one page, for
-each of its materials.
+"""Measurements for the chart of reflectance integrals.
+
+The chart shows Figures 3.15 and 3.17-3.20 of the thesis on one page for each of its materials.
 """
 
 import math
@@ -20,7 +21,7 @@ from mi_lcair.benchmark.reflectance import (
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.materials import material
 
-THETA_DEG = 30
+THETA_DEG = 30  # angle of incidence in the main charts [degrees]
 OTHER_ANGLES_DEG = (0, 30, 60, 75, 85)
 MATERIALS = [
     ("bare_aluminum", "MWIR"),
@@ -29,19 +30,25 @@ MATERIALS = [
     ("gloss_black", "LWIR"),
     ("ir_range_wall", "MWIR"),
 ]
-OTHER_ANGLES_MATERIALS = MATERIALS[0], MATERIALS[2]  # the other band differs little
-CHOICE = stratified_quadrature.method  # the thesis's, 80^2 + 50^2 samples (3.3.3)
+# Materials that are also measured at other angles. Their results in the other band are similar.
+OTHER_ANGLES_MATERIALS = MATERIALS[0], MATERIALS[2]
+CHOICE = stratified_quadrature.method  # the thesis's choice, with 80^2 + 50^2 samples (3.3.3)
 UNIFORM, OURS = uniform_quadrature.method, sobol.method
-THESIS_EFFORTS = {UNIFORM: 500, CHOICE: 80}
-SETTINGS = [(CHOICE, 80), (UNIFORM, 500), (OURS, 64), (OURS, 1024)]  # at other angles
+THESIS_EFFORTS = {UNIFORM: 500, CHOICE: 80}  # the efforts that the thesis uses
+# Methods and efforts that are compared at other angles.
+SETTINGS = [(CHOICE, 80), (UNIFORM, 500), (OURS, 64), (OURS, 1024)]
+# The amount of work: samples of a launch, least number of repetitions, and least number of
+# launches.
 FULL = {"lanes": 2**20, "repetitions": 64, "launches": 5}
 QUICK = {"lanes": 2**17, "repetitions": 16, "launches": 3}
 MOST_SAMPLES_IF_QUICK = 300_000
 
 
 def measure(quick: bool = False, progress=None) -> list[Point]:
-    """All methods at all their efforts (quick: every second) on all materials; progress(done,
-    total).
+    """Measure all methods at all their efforts on all materials.
+
+    quick: whether to measure only every second effort, with less work. progress: function of (steps
+    done, steps in total).
     """
     tasks = [
         (names, method, effort)
@@ -70,14 +77,36 @@ def measure(quick: bool = False, progress=None) -> list[Point]:
 
 
 def named_problem(name, band_name, theta_deg=THETA_DEG):
-    found = material(name, band(band_name))
-    return problem(*found.values, theta_deg, found.form)
+    """The reflectance integral of a material in a band at an angle [degrees]."""
+    entry = material(name, band(band_name))
+    return problem(*entry.values, theta_deg, entry.form)
 
 
 def measured(case, method, effort, p, exact, lanes, repetitions, launches) -> Point:
-    """Repetitions run side by side, about `lanes` samples a launch, and the time is shared out
-    among them: a renderer, too, asks for many integrals at once, and a launch alone costs as much
-    as 10^4 samples. The first launch compiles.
+    """The Point of one method at one effort.
+
+    A launch computes many repetitions in parallel, about `lanes` samples in all. Its time is
+    divided by the number of repetitions, because a renderer also computes many integrals at once,
+    and a single launch costs as much as 10^4 samples. The first launch includes the compile and is
+    left out.
+
+    Parameters
+    ----------
+    case
+        Name of the case.
+    method, effort
+        The method and its effort.
+    p
+        The reflectance integral.
+    exact
+        Its exact value.
+    lanes, repetitions, launches
+        As in `FULL`.
+
+    Returns
+    -------
+    Point
+        Error and time.
     """
     samples = method.samples(effort)
     batch = max(1, lanes // samples)
@@ -101,19 +130,20 @@ def measured(case, method, effort, p, exact, lanes, repetitions, launches) -> Po
 
 
 def timed(method, p, effort, batch, seed):
+    """Values (batch,) and seconds of one launch."""
     dr.sync_thread()
     start = time.perf_counter()
-    found = method.run(p, effort, batch, seed)
-    dr.eval(found)
+    values = method.run(p, effort, batch, seed)
+    dr.eval(values)
     dr.sync_thread()
-    return found.numpy(), time.perf_counter() - start
+    return values.numpy(), time.perf_counter() - start
 
 
 def angle_errors() -> list[tuple[str, int, float, list[np.ndarray]]]:
-    """Relative errors of the thesis's settings and of ours at other angles, of each repetition.
+    """Relative errors of all SETTINGS at other angles.
 
-    A row for each material and angle: material and band, angle in degrees, exact reflectance, and
-    the errors of each of SETTINGS.
+    Returns a row for each material and angle: material and band, angle [degrees], exact
+    reflectance, and for each of SETTINGS the errors of its repetitions.
     """
     rows = []
     for name, band_name in OTHER_ANGLES_MATERIALS:
@@ -130,7 +160,7 @@ def angle_errors() -> list[tuple[str, int, float, list[np.ndarray]]]:
 
 
 def seconds_alone() -> dict[str, float]:
-    """The time of a single integral at the least effort of each method, launched alone."""
+    """Time [s] of a single integral in a launch of its own, at the least effort of each method."""
     p = named_problem(*MATERIALS[0])
     return {
         method.name: float(

@@ -51,12 +51,11 @@ def measure(
     """Measure the speed of `bounce_path` and of Mitsuba's own integrators in the furnace.
 
     All contestants run in turn in one process. They trace the same geometry with the same number of
-    bounces and samples. `bounce_path` uses `thermal` and the Sandford-Robertson model (bare
-    aluminum, MWIR), in one row the microfacet model with a lobe of that width. The stock
-    integrators use `roughconductor` (GGX with that width) and `area`. Speeds are
-    medians after the compile. Ratios are those of speeds, ours / theirs. The last row compares
-    `bounce_path` with the rate at which the same scene answers random rays, when nothing else is
-    computed.
+    bounces and samples. `bounce_path` uses `thermal` and the material bare aluminum (MWIR), in one
+    row the microfacet model with a lobe of that width. The stock integrators use `roughconductor`
+    (GGX with that width) and `area`. Speeds are medians after the compile. Ratios are those of
+    speeds, ours / theirs. The last row compares `bounce_path` with the rate at which the same scene
+    answers random rays, when nothing else is computed.
 
     Parameters
     ----------
@@ -77,9 +76,53 @@ def measure(
         One row for each contestant, and one for `bounce_path` against ray intersection alone.
     """
 
-    def ours(model="sandford_robertson", **options):
+    paths = resolution**2 * spp
+    contestants = all_contestants(bounces, spp, resolution)
+    step = stepper(progress, (repeats + 1) * len(contestants))
+    times = {name: [] for name in contestants}
+    # The contestants run in turn, so that a change of the machine's load concerns all of them.
+    for repeat in range(repeats + 1):
+        for name, (run, _, _) in contestants.items():
+            times[name].append(timed(run, repeat))
+            step()
+    first = {name: values.pop(0) for name, values in times.items()}
+    seconds = {name: median(values) for name, values in times.items()}
+    rows = [
+        Row(
+            name,
+            paths / seconds[name],
+            paths * rays / seconds[name],
+            against,
+            median(b / a for a, b in zip(times[name], times[against])) if against else None,
+            max(0.0, first[name] - seconds[name]),
+        )
+        for name, (_, rays, against) in contestants.items()
+    ]
+    # The last row compares the first contestant with the last one, ray intersection alone.
+    bare_row, raw_row = rows[0], rows[-1]
+    rows.append(
+        Row(
+            "bounce_path",
+            bare_row.paths_per_second,
+            bare_row.rays_per_second,
+            raw_row.name,
+            bare_row.rays_per_second / raw_row.rays_per_second,
+            bare_row.compile_seconds,
+        )
+    )
+    return Throughput(rows, bounces, spp, resolution, repeats)
+
+
+def all_contestants(bounces: int, spp: int, resolution: int) -> dict:
+    """Load the scenes of all contestants; the parameters are those of `measure`.
+
+    Returns, for each name, a function of the seed that renders once, the number of rays of a path,
+    and the name of the contestant with which the speed is compared ("" for none).
+    """
+
+    def ours(body="material", **options):
         integrator = {"type": "bounce_path", "max_bounces": bounces, **options}
-        return furnace(integrator, model, resolution)
+        return furnace(integrator, body, resolution)
 
     def stock(kind):
         integrator = {"type": kind, "max_depth": bounces + 1, "rr_depth": NEVER}
@@ -91,7 +134,7 @@ def measure(
     bare = ours()
     split, whole = ours(), ours()
     paths = resolution**2 * spp
-    contestants = {  # name: (run(seed), rays per path, name of what it is measured against)
+    return {
         "bounce_path": (renders(bare), bounces + 1, "prb_basic"),
         "bounce_path, microfacet": (renders(ours("microfacet")), bounces + 1, "prb_basic"),
         "prb_basic": (renders(stock("prb_basic")), bounces + 1, ""),
@@ -113,37 +156,6 @@ def measure(
             "",
         ),
     }
-    step = stepper(progress, (repeats + 1) * len(contestants))
-    times = {name: [] for name in contestants}
-    for repeat in range(repeats + 1):
-        for name, (run, _, _) in contestants.items():
-            times[name].append(timed(run, repeat))
-            step()
-    first = {name: values.pop(0) for name, values in times.items()}
-    seconds = {name: median(values) for name, values in times.items()}
-    rows = [
-        Row(
-            name,
-            paths / seconds[name],
-            paths * rays / seconds[name],
-            against,
-            median(b / a for a, b in zip(times[name], times[against])) if against else None,
-            max(0.0, first[name] - seconds[name]),
-        )
-        for name, (_, rays, against) in contestants.items()
-    ]
-    bare_row, raw_row = rows[0], rows[-1]
-    rows.append(
-        Row(
-            "bounce_path",
-            bare_row.paths_per_second,
-            bare_row.rays_per_second,
-            raw_row.name,
-            bare_row.rays_per_second / raw_row.rays_per_second,
-            bare_row.compile_seconds,
-        )
-    )
-    return Throughput(rows, bounces, spp, resolution, repeats)
 
 
 def timed(run, seed: int) -> float:
@@ -201,7 +213,7 @@ def furnace(integrator: dict, model: str, resolution: int):
     width = float(metal.model.lobe_width(metal.surface())[0])
     grey = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.2}}
     body = {
-        "sandford_robertson": {"material": "bare_aluminum", "band": "MWIR"},
+        "material": {"material": "bare_aluminum", "band": "MWIR"},
         "microfacet": {"alpha": width, "gamma": 2.0, "n": 10.0, "k": 30.0, "rho_d": 0.0},
         "roughconductor": {"distribution": "ggx", "alpha": width},
     }[model] | {"type": model}
@@ -222,7 +234,7 @@ def furnace(integrator: dict, model: str, resolution: int):
             "emitter": emitter,
         }
 
-    look = T().look_at(origin=[0, -0.75, 0.3], target=[0, 0, 0], up=[0, 0, 1]) @ T().scale(
+    camera = T().look_at(origin=[0, -0.75, 0.3], target=[0, 0, 0], up=[0, 0, 1]) @ T().scale(
         [0.5, 0.5, 1]
     )
     return mi.load_dict(
@@ -231,7 +243,7 @@ def furnace(integrator: dict, model: str, resolution: int):
             "integrator": integrator,
             "sensor": {
                 "type": "orthographic",
-                "to_world": look,
+                "to_world": camera,
                 "film": film(resolution, resolution),
                 "sampler": {"type": "independent"},
             },

@@ -1,8 +1,8 @@
-"""The command `mi-lcair`: finds a command's module when it is called, and turns every error into
-one line.
+"""The command line `mi-lcair`.
 
-Exit status: 0 done, 1 failed, 2 unusable arguments or input, 130 interrupted. MI_LCAIR_DEBUG=1
-shows tracebacks.
+The module of a command is imported when the command is called. Every error becomes one line on
+stderr. The exit status is 0 for success, 1 for a failure, 2 for unusable arguments or input, and
+130 for an interruption. MI_LCAIR_DEBUG=1 shows tracebacks.
 """
 
 import importlib
@@ -15,6 +15,7 @@ import mi_lcair
 from mi_lcair.cli.output import warnings_as_notes
 from mi_lcair.errors import InputError, mitsuba_error, printable, unknown
 
+# Name of each command, and the module that holds it.
 COMMANDS = {
     name: name
     for name in (
@@ -29,13 +30,13 @@ COMMANDS = {
         "plan",
         "audit",
     )
-}  # name: its module
-COMMANDS["import"] = "import_model"  # a file import.py could not be imported
+}
+COMMANDS["import"] = "import_model"  # a module cannot be named `import`
 FAILED, UNUSABLE, INTERRUPTED = 1, 2, 130
 
 
 class Main(click.Group):
-    """The group of commands: each is `command` in its module, imported at its call."""
+    """Group of commands. Each is named `command` in its module, which is imported on use."""
 
     def list_commands(self, ctx):
         return list(COMMANDS)
@@ -46,11 +47,9 @@ class Main(click.Group):
         return importlib.import_module(f"{__name__}.{COMMANDS[name]}").command
 
     def main(self, args=None, prog_name="mi-lcair", **extra):
-        """Run the command line and exit with its status; the one place that decides what an error
-        looks like.
+        """Run the command line, report an error as one line, and exit with the status.
 
-        (A reader of stdout that has gone is click's business: `echo` flushes, and a broken pipe
-        ends quietly.)
+        click handles a closed pipe: `echo` flushes, and the program ends without a message.
         """
         try:
             with warnings_as_notes():
@@ -73,11 +72,11 @@ def _verdict(error: BaseException) -> tuple[int, str]:
     if isinstance(error, InputError):
         return UNUSABLE, str(error)
     if isinstance(error, RuntimeError) and "Traceback (most recent call last)" in str(error):
-        # An exception in a plugin, which Mitsuba passes on as text.
+        # Mitsuba reports an exception of a plugin as text.
         return _verdict(mitsuba_error(error))
     status, message = FAILED, f"{type(error).__name__}: {error}"
     if error.__cause__ is not None:
-        # Dr.Jit's loops wrap what happens in their body in a RuntimeError of their own.
+        # Dr.Jit's loops wrap an exception of their body in a RuntimeError.
         status, cause = _verdict(error.__cause__)
         message = f"{message} ({cause})" if status == FAILED else cause
     return status, message

@@ -1,4 +1,4 @@
-"""mi-lcair audit: whether a scene conserves energy."""
+"""mi-lcair audit: check whether a scene conserves energy."""
 
 import click
 
@@ -14,13 +14,13 @@ from mi_lcair.cli.output import print_columns, print_json
     type=click.IntRange(min=8),
     default=2**18,
     show_default=True,
-    help="From each emitter.",
+    help="Photons from each emitter.",
 )
 def command(options, photons):
     """Follow the flux that SCENE emits.
 
-    SCENE is a Mitsuba XML file or the name of a bundled scene. What is emitted is followed forward
-    until it is absorbed or escapes, and listed by material.
+    SCENE is a Mitsuba XML file or the name of a bundled scene. Photons are followed from the
+    emitters until they are absorbed or escape. Their flux is listed by material.
     """
     result = options.run(mi_lcair.audit, photons=photons)
     if options.json:
@@ -28,6 +28,7 @@ def command(options, photons):
         return
 
     def percent(name, key):
+        """A share with its standard error, in percent."""
         value, error = result.shares[name][key]
         return f"{100 * value:.3f} +- {100 * error:.1g}"
 

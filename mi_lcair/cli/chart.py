@@ -1,4 +1,4 @@
-"""mi-lcair chart: measurements of the renderer itself, and of methods against each other."""
+"""mi-lcair chart: measure the speed of the renderer, and compare methods."""
 
 from dataclasses import asdict, fields
 
@@ -12,7 +12,7 @@ from mi_lcair.cli.output import print_columns, print_json
 
 @click.group("chart", no_args_is_help=False)
 def command():
-    """Measure the renderer, and chart methods against each other."""
+    """Measure the speed of the renderer, and compare methods."""
 
 
 command.add_command(chart_reflectance.command)
@@ -22,7 +22,10 @@ command.add_command(chart_propagation.command)
 @command.command("throughput")
 @json_option
 def throughput(json):
-    """Paths and rays per second, side by side with stock Mitsuba on the same scene; a minute."""
+    """Measure paths and rays per second.
+
+    Mitsuba's own integrators are measured on the same scenes. This takes about a minute.
+    """
     from mi_lcair.benchmark.throughput import measure
 
     with progress_bar("runs") as progress:
@@ -40,4 +43,5 @@ def throughput(json):
 
 
 def _cell(value) -> str:
+    """A value as text for the table; empty for None."""
     return "" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)

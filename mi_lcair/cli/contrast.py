@@ -1,4 +1,4 @@
-"""mi-lcair contrast: a scenario's target as a sensor measures it."""
+"""mi-lcair contrast: the contrast of a scenario's target at the sensor."""
 
 from pathlib import Path
 
@@ -39,40 +39,42 @@ TERMS = ("target", "background", "path", "total", "nei_max")
 def command(scenario, changes, ranges, plot, variant, threads, json):
     """Measure a target against its background.
 
-    SCENARIO is a TOML file or the name of a bundled scenario: which target, from where, through
-    which atmosphere, before what and by which sensor. Printed are the irradiances at the sensor,
-    the contrast, and the noise that it may have.
+    SCENARIO is a TOML file or the name of a bundled scenario. It states the target, the observer,
+    the atmosphere, the background and the sensor. The command prints the irradiances at the sensor,
+    the contrast, and the largest noise at which the target is detected.
     """
     from mi_lcair.detection.scenario import Scenario
 
     check_outputs((plot, ".png"))
-    asked = Scenario.read(scenario, **dict(changes))
-    if ranges and asked.sensor.nei is None:
+    parsed = Scenario.read(scenario, **dict(changes))
+    if ranges and parsed.sensor.nei is None:
         raise InputError(
-            f"scenario '{scenario}': --range needs nei of [sensor], the noise-equivalent irradiance in W m^-2"
+            f"scenario '{scenario}': --range needs nei of [sensor], the noise-equivalent "
+            "irradiance in W m^-2"
         )
 
     prepare_renderer(variant, threads)
     with progress_bar() as progress:
-        result = mi_lcair.contrast(asked, progress=progress)
+        result = mi_lcair.contrast(parsed, progress=progress)
     for remark in result.remarks:
         note(remark)
-    found = result.detection_ranges() if ranges else []
+    detections = result.detection_ranges() if ranges else []
     if plot:
         from mi_lcair.reports.contrast_plot import save_plot
 
         save_plot(plot, result)
     if json:
         data = result.as_dict()
-        for row, detection in zip(data["rows"], found):
+        for row, detection in zip(data["rows"], detections):
             row["detection_range"] = detection.as_dict()
         print_json(data)
     else:
-        _print_tables(result, found)
+        _print_tables(result, detections)
     print_written(plot)
 
 
-def _print_tables(result, found):
+def _print_tables(result, detections):
+    """Print the scenario, a table of the rows, and the detection ranges if there are any."""
     scenario, row, detector = result.scenario, result.rows[-1], result.detector
     print_columns(
         [
@@ -80,12 +82,14 @@ def _print_tables(result, found):
             ("band", f"{detector.band.label}, optics transmit {detector.optics_transmittance:g}"),
             (
                 "line of sight",
-                f"{result.path.range_m:.6g} m, {abs(result.sight_elevation_deg):.4g} degrees {'up' if result.sight_elevation_deg >= 0 else 'down'}ward, "
-                f"observer at azimuth {scenario.observer.azimuth_deg:.6g}",
+                f"{result.path.range_m:.6g} m, {abs(result.sight_elevation_deg):.4g} degrees "
+                f"{'up' if result.sight_elevation_deg >= 0 else 'down'}ward, observer at azimuth "
+                f"{scenario.observer.azimuth_deg:.6g}",
             ),
             (
                 "atmosphere",
-                f"{result.air.name}: mean transmittance {result.transmittance:.4f}, path {result.path_radiance:.5g} W m^-2 sr^-1",
+                f"{result.air.name}: mean transmittance {result.transmittance:.4f}, path "
+                f"{result.path_radiance:.5g} W m^-2 sr^-1",
             ),
             (
                 "background",
@@ -129,23 +133,25 @@ def _print_tables(result, found):
             ),
         ]
     )
-    if found:
+    if detections:
         click.echo()
         print_columns(
             [
                 (
                     "reflections up to",
-                    f"detected at, for a nei of {detector.nei:g} W/m^2 and a signal-to-noise ratio of {detector.snr:g}",
+                    f"detected at, for a nei of {detector.nei:g} W/m^2 and a signal-to-noise "
+                    f"ratio of {detector.snr:g}",
                 ),
                 *(
                     (row.max_bounces, _sentence(detection))
-                    for row, detection in zip(result.rows, found)
+                    for row, detection in zip(result.rows, detections)
                 ),
             ]
         )
 
 
 def _sentence(detection):
+    """The intervals of a detection range, as text."""
     if not detection.intervals_m:
         return "no range"
     ranges = ", ".join(f"{start:.5g}-{end:.5g} m" for start, end in detection.intervals_m)
@@ -158,4 +164,5 @@ def _sentence(detection):
 
 
 def _with_error(estimate):
+    """An estimate with its standard error, as text."""
     return f"{estimate.value:.5g} +- {estimate.standard_error:.2g}"

@@ -1,4 +1,4 @@
-"""mi-lcair fit: a reflection model's parameters from scatterometer files."""
+"""mi-lcair fit: fit a reflection model to scatterometer files."""
 
 from contextlib import ExitStack, contextmanager
 from itertools import zip_longest
@@ -34,31 +34,31 @@ def known_form(ctx, param, value):
     "emissivities",
     type=FILE,
     multiple=True,
-    help="Measured emissivity to fit with; one for each DATA.",
+    help="Measured emissivity to fit as well; one file for each DATA.",
 )
 @click.option(
     "--dhr",
     "dhrs",
     type=FILE,
     multiple=True,
-    help="Measured directional-hemispherical reflectance, likewise.",
+    help="Measured directional-hemispherical reflectance to fit as well; one file for each DATA.",
 )
 @click.option(
     "--quantity",
     type=click.Choice(["brdf", "brdf_cos"]),
-    help="What the values are, BRDF or BRDF x cos theta_r (default: as the file says).",
+    help="Quantity of the values: BRDF, or BRDF x cos theta_r (default: as the file states).",
 )
 @click.option(
     "--theta-r-positive",
     type=click.Choice(["specular", "source"]),
-    help="The side on which theta_r is positive (default: as the file says).",
+    help="Side on which theta_r is positive (default: as the file states).",
 )
 @click.option(
     "--model",
     type=click.Choice(["auto", *NAMES]),
     default="auto",
     show_default=True,
-    help="Reflection model; auto takes the simplest that the data ask for.",
+    help="Reflection model; auto takes the simplest one that describes the data.",
 )
 @click.option(
     "--form",
@@ -66,7 +66,7 @@ def known_form(ctx, param, value):
     callback=known_form,
     default="auto",
     show_default=True,
-    help="Form of the model, such as thesis or normalized (auto: the one that fits best).",
+    help="Form of the model, if it has several, such as thesis or normalized.",
 )
 @click.option(
     "--loss",
@@ -77,14 +77,18 @@ def known_form(ctx, param, value):
 )
 @click.option("--robust", is_flag=True, help="Give outliers little weight.")
 @click.option(
-    "--starts", type=click.IntRange(min=1), default=64, show_default=True, help="Descents at once."
+    "--starts",
+    type=click.IntRange(min=1),
+    default=64,
+    show_default=True,
+    help="Number of starting points.",
 )
 @click.option(
     "--seed",
     type=click.IntRange(0, 2**32 - 1),
     default=0,
     show_default=True,
-    help="Seed of the starts.",
+    help="Seed of the starting points.",
 )
 @click.option(
     "--max-angle-deg",
@@ -103,14 +107,15 @@ def known_form(ctx, param, value):
 @click.option(
     "--source-half-angle-deg",
     type=click.FloatRange(0, 90, max_open=True),
-    help="Of the source, seen from the sample; 0 for a point (default: as the file says).",
+    help="Half the angle of the source seen from the sample; 0 for a point source (default: as the "
+    "file states).",
 )
 @json_option
 def command(files, output, plot, emissivities, dhrs, quantity, theta_r_positive, json, **settings):
     """Fit a reflection model to measured BRDFs.
 
     DATA are CSV or ASTM E1392/E2387 files with in-plane measurements of one surface, one file for
-    each band. The output is a material for scenes, and says how well each parameter is known.
+    each band. The output is a material for scenes. It states how well each parameter is known.
     """
     with ExitStack() as outputs:
         output, plot = (
@@ -126,10 +131,10 @@ def command(files, output, plot, emissivities, dhrs, quantity, theta_r_positive,
         joint = [
             {
                 quantity: reading.read_directional(file, quantity)
-                for quantity, file in beside.items()
+                for quantity, file in companions.items()
                 if file
             }
-            for beside in _beside(files, emissivities, dhrs)
+            for companions in _companions(files, emissivities, dhrs)
         ]
 
         from mi_lcair.fitting.estimation import fit
@@ -148,16 +153,19 @@ def command(files, output, plot, emissivities, dhrs, quantity, theta_r_positive,
 
             save_plot(plot, results)
 
-    seconds = [{"seconds": one.seconds, "compile_seconds": one.compile_seconds} for one in fits]
     if json:
-        print_json({**result, "timing": seconds})
+        timing = [{"seconds": f.seconds, "compile_seconds": f.compile_seconds} for f in fits]
+        print_json({**result, "timing": timing})
     else:
         _print_tables(measurements, fits)
 
 
 @contextmanager
 def _written(option, path, suffix):
-    """A temporary path that takes the place of `path` when all went well."""
+    """Context manager: a temporary path that replaces `path` if the block ends without an error.
+
+    Raises InputError if `path` does not end in `suffix`.
+    """
     from mi_lcair.files import replacing
 
     if path.suffix.lower() != suffix:
@@ -166,8 +174,8 @@ def _written(option, path, suffix):
         yield partial
 
 
-def _beside(files, emissivities, dhrs):
-    """The files of emissivity and DHR that belong to each of the data files."""
+def _companions(files, emissivities, dhrs):
+    """Files of emissivity and DHR of each data file, as {quantity: file or None}."""
     for option, given in (("--emissivity", emissivities), ("--dhr", dhrs)):
         if len(given) not in (0, len(files)):
             raise InputError(
@@ -182,7 +190,7 @@ def _beside(files, emissivities, dhrs):
 
 @contextmanager
 def _progress_bar():
-    """A callable progress(done, total) that draws a bar on stderr when that is a terminal."""
+    """Context manager: progress(done, total) draws a bar on stderr if that is a terminal."""
     from tqdm import tqdm
 
     with tqdm(unit="step", disable=None, leave=False) as bar:
@@ -195,7 +203,7 @@ def _progress_bar():
 
 
 def _print_tables(measurements, fits):
-    """What was fitted and how well, a column for each file; then the parameters, a row for each."""
+    """Print a summary with a column for each file, and a table with a row for each parameter."""
     from mi_lcair.fitting.report import band_name
 
     bands = [band_name(data) for data in measurements]
@@ -221,7 +229,7 @@ def _print_tables(measurements, fits):
 
 
 def _summary(data, fit, band):
-    """(label, text) of one fit, for a table with the labels first."""
+    """Yield (label, text) of one fit."""
     dropped = "; ".join(
         f"{count} {reason}" for reason, count in (data.dropped | fit.dropped).items()
     )
@@ -250,7 +258,7 @@ def _summary(data, fit, band):
 
 
 def _model(fit):
-    """The chosen model, with its form where it has several, and its restriction."""
+    """Name of the chosen model, with its form if it has several, and its restriction."""
     from mi_lcair.physics.reflection import MODELS
 
     form = f", {fit.form} form" if len(MODELS[fit.model].forms) > 1 else ""

@@ -1,4 +1,4 @@
-"""mi-lcair import: a labelled OBJ to meshes and a scene."""
+"""mi-lcair import: convert a labelled OBJ file to meshes and a scene."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ from mi_lcair.cli.options import json_option
 from mi_lcair.cli.output import note, print_columns, print_json
 
 FILE = click.Path(path_type=Path)
-COLD = 200.0  # kelvin; rare enough on a surface to be worth a remark
+COLD = 200.0  # lower temperatures, K, are remarked because they are rare on a surface
 
 
 @click.command("import")
@@ -18,9 +18,9 @@ COLD = 200.0  # kelvin; rare enough on a surface to be worth a remark
     "--output",
     type=FILE,
     metavar="FOLDER",
-    help="Where to write meshes, model.xml and scene.xml.",
+    help="Folder to write meshes, model.xml and scene.xml to.",
 )
-@click.option("--check", is_flag=True, help="Only report, write nothing.")
+@click.option("--check", is_flag=True, help="Only report; write nothing.")
 @click.option(
     "--temperatures",
     type=FILE,
@@ -28,26 +28,33 @@ COLD = 200.0  # kelvin; rare enough on a surface to be worth a remark
     help="Table facet,kelvin with each facet once, instead of the labels' temperatures.",
 )
 @click.option(
-    "--material", metavar="KEY", help="Material of all model facets, instead of the labels'."
+    "--material",
+    metavar="KEY",
+    help="Material of all model facets, instead of the labels' materials.",
 )
 @click.option(
     "--materials", type=FILE, metavar="TOML", help="Your own materials; copied to FOLDER."
 )
 @click.option(
-    "--scale", type=float, default=1, show_default=True, help="Metres in the file's unit of length."
+    "--scale",
+    type=float,
+    default=1,
+    show_default=True,
+    help="Length of the file's unit, in metres.",
 )
 @click.option(
     "--sky",
     metavar="TABLE",
-    help="Spectra that sky facets with elevation_deg=... in their label emit: a bundled table or a CSV, copied to FOLDER.",
+    help="Spectra of sky facets that have elevation_deg=... in their label: a bundled table, or a "
+    "CSV that is copied to FOLDER.",
 )
 @json_option
 def command(file, output, check, temperatures, material, materials, scale, sky, json):
     """Import a facet model for rendering.
 
     MODEL.obj is a Wavefront OBJ whose objects or groups are named
-    {f|s|t}*{material}*{kelvin}*{anything}: model, sky or terrain, such as f*bare_aluminum*300*.
-    FOLDER/scene.xml is then ready for render and signature.
+    {f|s|t}*{material}*{kelvin}*{anything}, such as f*bare_aluminum*300*. The first letter stands
+    for model (f), sky (s) or terrain (t). FOLDER/scene.xml is then ready for render and signature.
     """
     if bool(output) == check:
         raise click.UsageError("give either -o FOLDER or --check", click.get_current_context())
@@ -72,33 +79,35 @@ def command(file, output, check, temperatures, material, materials, scale, sky, 
 
 
 def _remarks(result, materials):
+    """Yield remarks on the model that a user should know, one line each."""
     from mi_lcair.physics.materials import emits_nothing
 
     for material in result["area_by_material"]:
         if emits_nothing(material, materials):
             yield (
-                f"material {material} reflects all that arrives and emits nothing: its facets are black but "
-                "for what they reflect; name a material that absorbs, such as blackbody, where they "
-                "are to radiate by their temperature"
+                f"material {material} reflects all that arrives and emits nothing: its facets are "
+                "black but for what they reflect; name a material that absorbs, such as blackbody, "
+                "where they are to radiate by their temperature"
             )
     if result["temperature_min"] < COLD:
         yield f"the lowest temperature is {result['temperature_min']:g} K"
     if result["inward"]:
         yield (
-            f"{result['inward']} model facet{'s face' if result['inward'] > 1 else ' faces'} inward; the back of a facet "
-            "neither emits nor reflects"
+            f"{result['inward']} model facet{'s face' if result['inward'] > 1 else ' faces'} "
+            "inward; the back of a facet neither emits nor reflects"
         )
     for key, how in (("back_to_back", "back to back"), ("one_on_the_other", "one on the other")):
         if result[key]["count"]:
             a, b = result[key]["first"]
-            others = f" ({result[key]['count'] - 1} more pairs)" if result[key]["count"] > 1 else ""
+            more = f" ({result[key]['count'] - 1} more pairs)" if result[key]["count"] > 1 else ""
             yield (
-                f"facets {a} and {b} lie {how} in one plane{others}; which of them is seen is left "
+                f"facets {a} and {b} lie {how} in one plane{more}; which of them is seen is left "
                 "to rounding"
             )
 
 
 def _print_table(result, output):
+    """Print the report of a model."""
     lower, upper = result["bounding_box"]
     print_columns(
         [
@@ -122,7 +131,8 @@ def _print_table(result, output):
                 [
                     (
                         "written to",
-                        f"{output}, {len(result['files'])} files; next: mi-lcair signature {output / 'scene.xml'}",
+                        f"{output}, {len(result['files'])} files; next: mi-lcair signature "
+                        f"{output / 'scene.xml'}",
                     )
                 ]
                 if output

@@ -1,6 +1,4 @@
-"""The options that every command with a SCENE shares, and what they set in motion: variant,
-threads, load, progress.
-"""
+"""Options that the commands with a SCENE share, and the functions that carry them out."""
 
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,12 +12,30 @@ from mi_lcair.errors import InputError
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
 POSITIVE = click.IntRange(min=1)
-DEFAULT_TOLERANCE = 0.01
+DEFAULT_TOLERANCE = 0.01  # tolerance of --plan without --tolerance
 
 
 @dataclass
 class SceneOptions:
-    """What the user asked of a scene; `sampling` holds the keywords of the function that will run."""
+    """Options of a command with a SCENE.
+
+    Attributes
+    ----------
+    scene : str
+        Mitsuba XML file or name of a bundled scene.
+    parameters : dict of str to str
+        $-parameters of the scene.
+    sampling : dict
+        Keyword arguments of the function that `run` calls, such as seed and spp.
+    variant : str or None
+        Mitsuba variant.
+    threads : int or None
+        Number of CPU threads.
+    json : bool
+        Whether results are printed as JSON.
+    plan : str, Plan or None
+        "auto" if --plan was given; the plan itself once `run_planned` has found it.
+    """
 
     scene: str
     parameters: dict[str, str]
@@ -30,15 +46,19 @@ class SceneOptions:
     plan: object = None
 
     def run(self, function, **own):
-        """Load the scene and return function(scene, **sampling, **own, progress=...); remarks and
-        progress go to stderr.
+        """Load the scene and return function(scene, **sampling, **own, progress=...).
+
+        Remarks and the progress bar go to stderr.
         """
         scene = self.load()
         with progress_bar() as progress:
             return function(scene, **self.sampling, **own, progress=progress)
 
     def run_planned(self, function, each_pixel: bool, **own):
-        """As `run`, but where --plan was given find one first, keep it as `plan`, and follow it."""
+        """As `run`, but with --plan make a plan first and apply it.
+
+        The plan replaces the attribute `plan`. `each_pixel` is passed to `mi_lcair.plan`.
+        """
         if self.plan is None:
             return self.run(function, **own)
         scene, sampling = self.load(), dict(self.sampling)
@@ -51,12 +71,13 @@ class SceneOptions:
             return function(scene, **(sampling | {"spp": self.plan.spp}), **own, progress=progress)
 
     def planned(self) -> dict:
-        """The plan that was followed, for JSON: an entry `plan`, or none."""
+        """Entries of the JSON output: `plan` if a plan was applied, otherwise none."""
         return {"plan": self.plan.as_dict()} if self.plan else {}
 
     def load(self, own_sensors: bool = True):
-        """The scene, with variant and threads set; remarks go to stderr, those on its own sensors
-        only if they will be used.
+        """Set variant and threads, load the scene, and print its remarks on stderr.
+
+        Without `own_sensors`, remarks on the scene's sensors are left out.
         """
         prepare_renderer(self.variant, self.threads)
         scene = mi_lcair.load(self.scene, **self.parameters)
@@ -66,7 +87,7 @@ class SceneOptions:
 
 
 def prepare_renderer(variant: str | None, threads: int | None) -> None:
-    """Sets Mitsuba's variant and the number of CPU threads, where asked for."""
+    """Set Mitsuba's variant and the number of CPU threads, if they are given."""
     if variant:
         import mitsuba
 
@@ -85,8 +106,9 @@ def prepare_renderer(variant: str | None, threads: int | None) -> None:
 
 @contextmanager
 def progress_bar(unit="spp"):
-    """A callable progress(done, total), by default in samples per pixel, that draws a bar on stderr
-    when that is a terminal.
+    """Context manager: progress(done, total) draws a bar on stderr if that is a terminal.
+
+    `unit` labels the bar; "spp" are samples per pixel.
     """
     from tqdm import tqdm
 
@@ -130,12 +152,12 @@ class Assignment(click.ParamType):
 
 
 def json_option(command):
-    """--json, for every command that prints results."""
+    """Give a command the option --json."""
     return click.option("--json", is_flag=True, help="Print the results as JSON.")(command)
 
 
 def renderer_options(command):
-    """--variant and -t, for commands that render; see prepare_renderer."""
+    """Give a command that renders the options --variant and -t; see `prepare_renderer`."""
     threads = click.option("-t", "--threads", type=POSITIVE, help="CPU threads (default: all).")
     return click.option(
         "--variant", type=click.Choice(VARIANTS), help=f"Mitsuba variant (default: {VARIANTS[0]})."
@@ -143,20 +165,21 @@ def renderer_options(command):
 
 
 def sensor_option(command):
-    """-s, for commands that look through a sensor."""
+    """Give a command the option -s for the number of the sensor."""
     return click.option(
         "-s",
         "--sensor",
         type=click.IntRange(min=0),
         default=0,
         show_default=True,
-        help="Which of the scene's sensors, counted from 0.",
+        help="Number of the scene's sensor, from 0.",
     )(command)
 
 
 def scene_options(command):
-    """Give a command SCENE and the options of a render; it receives them as one argument `options`,
-    a SceneOptions.
+    """Give a command the argument SCENE and the options of a render.
+
+    The command receives them as one argument `options`, a SceneOptions.
     """
 
     @sensor_option
@@ -164,17 +187,19 @@ def scene_options(command):
     @click.option(
         "--tolerance",
         type=Fraction(),
-        help="Render until the rms standard error is below this fraction of the mean, such as 0.01 or 1%.",
+        help="Render until the rms standard error is below this fraction of the mean, such as 0.01 "
+        "or 1%.",
     )
     @click.option(
         "--max-spp",
         type=POSITIVE,
-        help="Where --tolerance gives up, in samples per pixel (default: 65536).",
+        help="Largest number of samples per pixel for --tolerance (default: 65536).",
     )
     @click.option(
         "--plan",
         type=click.Choice(["auto"]),
-        help="Let probes choose lobes, reflections, closure, emitter sampling and samples for --tolerance (1%).",
+        help="Let probes choose lobes, reflections, closure, emitter sampling and samples for "
+        "--tolerance (1%).",
     )
     @wraps(command)
     def with_sampling(options, sensor, spp, tolerance, max_spp, plan, **own):
@@ -189,15 +214,22 @@ def scene_options(command):
                 click.get_current_context(),
             )
         options.plan = plan
-        options.sampling |= dict(sensor=sensor, spp=spp, tolerance=tolerance, max_spp=max_spp)
+        options.sampling |= {
+            "sensor": sensor,
+            "spp": spp,
+            "tolerance": tolerance,
+            "max_spp": max_spp,
+        }
         return command(options=options, **own)
 
     return loading_options(with_sampling)
 
 
 def loading_options(command):
-    """Give a command SCENE and what every scene takes, without the sampling of a sensor; as
-    `scene_options` does.
+    """Give a command the argument SCENE and the options that every scene needs.
+
+    The options of sampling are not included. The command receives a SceneOptions, as with
+    `scene_options`.
     """
 
     @click.argument("scene")
@@ -220,7 +252,7 @@ def loading_options(command):
     @wraps(command)
     def with_scene(scene, parameters, variant, threads, json, seed, **own):
         return command(
-            options=SceneOptions(scene, dict(parameters), dict(seed=seed), variant, threads, json),
+            options=SceneOptions(scene, dict(parameters), {"seed": seed}, variant, threads, json),
             **own,
         )
 

@@ -1,4 +1,4 @@
-"""How commands print results on stdout: aligned columns for people, JSON for machines."""
+"""Output of the commands: aligned columns or JSON on stdout, notes on stderr."""
 
 import json
 import logging
@@ -13,7 +13,7 @@ from mi_lcair.files import check_writable
 
 
 def print_columns(rows) -> None:
-    """Print rows of strings, each column as wide as its widest cell."""
+    """Print rows of cells on stdout in aligned columns."""
     rows = [[escaped(cell) for cell in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*rows)]
     for row in rows:
@@ -21,8 +21,9 @@ def print_columns(rows) -> None:
 
 
 def check_outputs(*outputs) -> None:
-    """Refuse, before the work, files that cannot be written or are called wrongly. outputs: (path
-    or None, suffix).
+    """Check before the work that all outputs can be written and have the right suffix.
+
+    Each output is (path or None, suffix). Raises InputError for the first unusable one.
     """
     for path, suffix in outputs:
         if path:
@@ -32,22 +33,22 @@ def check_outputs(*outputs) -> None:
 
 
 def print_written(*paths) -> None:
-    """Say on stderr which of these files there are now; None: not asked for."""
+    """Print on stderr the files that were written. Paths may be None."""
     for path in filter(None, paths):
         click.echo(f"wrote {printable(path)}", err=True)
 
 
 def note(text: object) -> None:
-    """Say on stderr, in one line, what a user should know beside the results."""
+    """Print on stderr, in one line, something that a user should know about the results."""
     line = f"mi-lcair: note: {printable(text)}"
     if "tqdm" in sys.modules:
-        sys.modules["tqdm"].tqdm.write(line, file=sys.stderr)  # moves a progress bar aside
+        sys.modules["tqdm"].tqdm.write(line, file=sys.stderr)  # keeps the progress bar intact
     else:
         click.echo(line, err=True)
 
 
 def note_invalid(result) -> None:
-    """Say on stderr how many samples of a result (its `invalid` and `paths`) do not count, if any."""
+    """Say on stderr how many samples of a result (`invalid` of `paths`) do not count, if any."""
     from mi_lcair.rendering.statistics import invalid_remark
 
     for remark in invalid_remark(result.invalid, result.paths):
@@ -55,7 +56,7 @@ def note_invalid(result) -> None:
 
 
 class Notes(logging.Handler):
-    """Makes a note of each log message."""
+    """Log handler that prints each message as a note."""
 
     def emit(self, record):
         note(record.getMessage())
@@ -63,7 +64,7 @@ class Notes(logging.Handler):
 
 @contextmanager
 def warnings_as_notes():
-    """Within the block Python's warnings and the warnings in logs appear as notes."""
+    """Context manager: Python's warnings and logged warnings are printed as notes."""
     handler = Notes(logging.WARNING)
     logging.getLogger().addHandler(handler)
     try:

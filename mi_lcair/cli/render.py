@@ -1,4 +1,4 @@
-"""mi-lcair render: a scene to a radiance image."""
+"""mi-lcair render: render a scene to a radiance image."""
 
 from pathlib import Path
 
@@ -22,26 +22,28 @@ from mi_lcair.errors import InputError
 )
 @click.option(
     "--atmosphere",
-    help="Also what arrives through an atmosphere: a bundled name, a CSV, a MODTRAN tape7, vacuum.",
+    help="Also write the radiance that arrives through an atmosphere: a bundled name, a CSV, a "
+    "MODTRAN tape7, or vacuum.",
 )
 @click.option(
     "--range",
     "range_m",
     type=float,
-    help="With --atmosphere: metres to all of the model (default: each pixel's own).",
+    help="With --atmosphere: one range for the whole model, m (default: that of each pixel).",
 )
 def command(options, output, atmosphere, range_m):
     """Render SCENE to a radiance image.
 
-    SCENE is a Mitsuba XML file or the name of a bundled scene. The image is an OpenEXR file in W
-    m^-2 sr^-1: channel Y is the total radiance, the others are its parts.
+    SCENE is a Mitsuba XML file or the name of a bundled scene. The image is an OpenEXR file in
+    W m^-2 sr^-1. Channel Y is the total radiance; the other channels are its parts.
     """
     from mi_lcair.files import check_writable
     from mi_lcair.rendering.image import write_exr
 
     if output.suffix.lower() != ".exr":
         raise InputError(
-            f"output '{output}' does not end in .exr; render writes OpenEXR images, and show makes PNGs"
+            f"output '{output}' does not end in .exr; render writes OpenEXR images, and show "
+            "makes PNGs"
         )
     check_writable(output)
     if range_m is not None and atmosphere is None:
@@ -91,7 +93,7 @@ def command(options, output, atmosphere, range_m):
 
 
 def _remarks(options, result):
-    """Rows for what a user should not miss."""
+    """Yield (label, text) rows about the plan, unusable samples, and the tolerance."""
     if options.plan:
         yield "plan", ""
         yield from ((f"  {label}", text) for label, text in plan_rows(options.plan))
@@ -112,5 +114,6 @@ def _remarks(options, result):
     ):
         yield (
             "tolerance",
-            f"{options.plan.tolerance:.3g} NOT reached: more noise than the probes saw; use --tolerance without --plan",
+            f"{options.plan.tolerance:.3g} NOT reached: more noise than the probes saw; use "
+            "--tolerance without --plan",
         )

@@ -1,4 +1,4 @@
-"""mi-lcair scenes: what is bundled."""
+"""mi-lcair scenes: list the bundled scenes."""
 
 import click
 
@@ -11,7 +11,7 @@ from mi_lcair.cli.output import print_columns, print_json
 def command(json):
     """List the bundled scenes.
 
-    Each with its parameters, their defaults and what they mean, and with its scenarios.
+    Each scene is listed with its parameters, their defaults and meanings, and with its scenarios.
     """
     from mi_lcair import scenes
 
@@ -46,5 +46,6 @@ def command(json):
             click.echo(f"    scenario {scenario}: {scenes.scenario_title(scenario)}")
         click.echo()
     click.echo(
-        "Set a parameter with -D: mi-lcair render SCENE -D key=value -o FILE.exr. Measure a scenario: mi-lcair contrast SCENARIO"
+        "Set a parameter with -D: mi-lcair render SCENE -D key=value -o FILE.exr. Measure a "
+        "scenario: mi-lcair contrast SCENARIO"
     )

@@ -1,6 +1,4 @@
-"""mi-lcair show: pictures of a radiance image, of what a facet sees, of a scene's facets, of a
-material's BRDF.
-"""
+"""mi-lcair show: pictures of radiance images, facets and BRDFs."""
 
 from pathlib import Path
 
@@ -11,32 +9,34 @@ from mi_lcair.cli.options import Assignment, json_option
 from mi_lcair.errors import InputError
 
 FILE = click.Path(path_type=Path)
-KINDS = {  # who draws it, and which options go with it beside --output
+# The function that draws each kind of picture, and its options beside --output.
+KINDS = {
     "an image": (pictures.image, ("channels", "log")),
     "--facet": (pictures.facet_view, ("facet", "parameters", "json")),
     "--facets": (pictures.facet_columns, ("facets", "channels", "log", "parameters", "sensor")),
-    "a material": (pictures.brdf, ("band", "theta_deg")),
+    "a material": (pictures.brdf, ("band", "theta_deg", "materials")),
 }
 
 
 @click.command("show")
 @click.argument("what")
 @click.option(
-    "-o", "--output", type=FILE, help="The picture, FILE.png (default: named after what it shows)."
+    "-o", "--output", type=FILE, help="The picture, FILE.png (default: named after WHAT)."
 )
 @click.option(
     "-c",
     "--channel",
     "channels",
     multiple=True,
-    help="Channel of FILE.exr (default: Y) or column of FILE.csv, or a pattern such as 'bounce*'; may be repeated.",
+    help="Channel of FILE.exr (default: Y) or column of FILE.csv, or a pattern such as 'bounce*'; "
+    "may be repeated.",
 )
 @click.option("--log", is_flag=True, help="Logarithmic colours.")
 @click.option(
     "--facet",
     type=click.IntRange(min=0),
     metavar="N",
-    help="The facet whose view is shown, counted from 0.",
+    help="Number of the facet whose view is shown, from 0.",
 )
 @click.option(
     "--facets",
@@ -57,9 +57,10 @@ KINDS = {  # who draws it, and which options go with it beside --output
     type=click.IntRange(min=0),
     default=0,
     show_default=True,
-    help="Which of the scene's sensors, counted from 0.",
+    help="Number of the scene's sensor, from 0.",
 )
-@click.option("--band", help="The material's band.")
+@click.option("--band", help="Band of the material.")
+@click.option("--materials", type=FILE, metavar="TOML", help="Your own materials.")
 @click.option(
     "--theta-deg",
     type=click.FloatRange(0, 90, max_open=True),
@@ -91,7 +92,10 @@ def command(ctx, what, output, **options):
 
 
 def kind_of(ctx, what: str, facet: int | None, facets: Path | None) -> str:
-    """Which of KINDS is asked for."""
+    """The kind of picture, a key of KINDS, that the arguments ask for.
+
+    Raises UsageError for a scene without --facet or --facets.
+    """
     from mi_lcair import scenes
 
     if facet is not None:

@@ -1,4 +1,4 @@
-"""mi-lcair signature: the intensity of a scene in W/sr."""
+"""mi-lcair signature: intensity of a scene in W/sr."""
 
 from pathlib import Path
 
@@ -23,19 +23,21 @@ from mi_lcair.errors import InputError
     "--spectrum", type=click.Path(path_type=Path), help="Write the spectral intensity, FILE.csv."
 )
 @click.option(
-    "--plot", type=click.Path(path_type=Path), help="With --spectrum: also draw it, FILE.png."
+    "--plot",
+    type=click.Path(path_type=Path),
+    help="With --spectrum: also draw the spectral intensity, FILE.png.",
 )
 @click.option(
     "--facets",
     type=click.Path(path_type=Path),
-    help="Write what each facet of the model sends, FILE.csv.",
+    help="Write radiance and intensity of each facet of the model, FILE.csv.",
 )
 def command(options, spectrum, plot, facets):
     """Intensity of SCENE in W/sr.
 
-    SCENE is a Mitsuba XML file or the name of a bundled scene, seen by its orthographic sensor. The
-    intensity of the target (the model's facets) and of all that the sensor sees is listed by number
-    of reflections, by what emitted it and by what the sensor sees first.
+    SCENE is a Mitsuba XML file or the name of a bundled scene with an orthographic sensor. The
+    command lists the intensity of the target (the model's facets) and of the whole scene: by number
+    of reflections, by the group that emits, and by the group that the sensor sees first.
     """
     if plot and not spectrum:
         raise InputError("--plot draws the spectral intensity; give --spectrum FILE.csv too")
@@ -68,6 +70,7 @@ def command(options, spectrum, plot, facets):
 
 
 def _print_tables(result):
+    """Print the intensities of target and scene, and tables of their parts."""
     target, scene = result["target"], result["scene"]
     print_columns(
         [
@@ -104,10 +107,11 @@ def _print_tables(result):
 
 
 def _with_error(value, error, unit=" W/sr"):
-    return f"{value:.6g}{unit}" + (
-        " (standard error unknown for one sample)"
-        if error is None and unit
-        else ""
-        if error is None
-        else f" +- {error:.2g}"
-    )
+    """A value with its standard error as text.
+
+    For one sample the error is None. The text then says so, unless the unit is left out.
+    """
+    text = f"{value:.6g}{unit}"
+    if error is not None:
+        return f"{text} +- {error:.2g}"
+    return f"{text} (standard error unknown for one sample)" if unit else text

@@ -1,4 +1,4 @@
-"""mi-lcair trend: intensity against aspect."""
+"""mi-lcair trend: intensity as a function of the aspect."""
 
 from math import isfinite
 from pathlib import Path
@@ -9,12 +9,13 @@ import mi_lcair
 from mi_lcair.cli.options import POSITIVE, Fraction, loading_options, progress_bar
 from mi_lcair.cli.output import check_outputs, note, print_columns, print_json, print_written
 
-MOST_ANGLES = 100_000
+MOST_ANGLES = 100_000  # largest number of angles in START:STOP:STEP
 
 
 class Angles(click.ParamType):
-    """Degrees: one, several with commas between, or START:STOP:STEP with STOP included where a step
-    ends on it.
+    """Angles in degrees: one, a list with commas, or START:STOP:STEP.
+
+    STOP is included if a step ends there.
     """
 
     name = "degrees"
@@ -26,13 +27,15 @@ class Angles(click.ParamType):
             return [angle for part in value.split(",") for angle in self.run(part)]
         except ValueError:
             self.fail(
-                f"'{value}' is no angle, no list such as 0,45,90 and no START:STOP:STEP such as 0:360:2",
+                f"'{value}' is no angle, no list such as 0,45,90 and no START:STOP:STEP such as "
+                "0:360:2",
                 param,
                 ctx,
             )
 
     @staticmethod
     def run(text) -> list[float]:
+        """The angles of one part of a list. Raises ValueError if it is unusable."""
         numbers = [float(number) for number in text.split(":")]
         if len(numbers) == 1 and isfinite(numbers[0]):
             return numbers
@@ -43,7 +46,7 @@ class Angles(click.ParamType):
 
 
 class Azimuths(Angles):
-    """As Angles; a whole turn after another is the same and is left out."""
+    """Angles, without those that differ from an earlier one by whole turns."""
 
     def convert(self, value, param, ctx):
         angles = super().convert(value, param, ctx)
@@ -57,14 +60,15 @@ class Azimuths(Angles):
     "--azimuth",
     type=Azimuths(),
     required=True,
-    help="Of the observer: 0 sees the nose, 90 the left side; START:STOP:STEP, or a list.",
+    help="Azimuths of the observer, degrees: START:STOP:STEP, or a list. 0 sees the nose, 90 the "
+    "left side.",
 )
 @click.option(
     "--elevation",
     type=Angles(),
     default="0",
     show_default=True,
-    help="Of the observer above the horizontal; likewise.",
+    help="Elevations of the observer above the horizontal, degrees; written like the azimuths.",
 )
 @click.option(
     "-o",
@@ -89,7 +93,11 @@ class Azimuths(Angles):
     type=Fraction(),
     help="Standard error of each intensity, as a fraction of it (default: 1%).",
 )
-@click.option("--max-spp", type=POSITIVE, help="Where --tolerance gives up (default: 65536).")
+@click.option(
+    "--max-spp",
+    type=POSITIVE,
+    help="Largest number of samples per pixel for --tolerance (default: 65536).",
+)
 @click.option(
     "--batch", type=POSITIVE, help="Views rendered together (default: as many as a pass holds)."
 )
@@ -98,11 +106,11 @@ class Azimuths(Angles):
     "--dask", metavar="ADDRESS", help="Render the batches on the workers of this Dask scheduler."
 )
 def command(options, azimuth, elevation, output, plot, **settings):
-    """Intensity of SCENE's model toward observers all around it.
+    """Intensity of SCENE's model toward observers around it.
 
-    SCENE is a Mitsuba XML file or the name of a bundled scene. Each view is an orthographic window
-    around the model (what is neither sky nor terrain), and all are rendered together. FILE.csv is
-    whole after each batch: --resume goes on where a run was stopped.
+    SCENE is a Mitsuba XML file or the name of a bundled scene. The model is everything but sky and
+    terrain. Each view is an orthographic window around it. Views are rendered together in batches.
+    FILE.csv is complete after each batch, so that --resume can continue an interrupted run.
     """
     check_outputs((output, ".csv"), (plot, ".png"))
     scene = options.load(own_sensors=False)
@@ -153,6 +161,7 @@ def command(options, azimuth, elevation, output, plot, **settings):
 
 
 def summary(at, elevation):
+    """Row of the table: least, mean and greatest intensity of a Trend at one elevation."""
     azimuth, intensity = at.columns["azimuth_deg"], at.columns["intensity_W_sr"]
     low, high = intensity.argmin(), intensity.argmax()
     return (

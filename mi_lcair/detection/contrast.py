@@ -1,8 +1,8 @@
-"""What a target adds to a sensor's signal: its own radiation through the air, the air's, less the
-background that it hides.
+"""Contrast of a target at a sensor (thesis 3.7 and 3.8, Eqs 3.13-3.19).
 
-Thesis 3.7 and 3.8, Eqs 3.13-3.19, for a scenario: the target is rendered, everything else follows
-from its effective areas.
+The contrast is the target's radiation through the air, plus that of the air before it, less the
+background that the target hides. Only the target is rendered. All other terms follow from its
+effective areas.
 """
 
 import time
@@ -13,7 +13,7 @@ import numpy as np
 
 from mi_lcair.detection.detection_range import DetectionRange, detection_range
 from mi_lcair.detection.irradiance import Backdrop, Estimate, Irradiance
-from mi_lcair.detection.scenario import Scenario
+from mi_lcair.detection.scenario import Sampling, Scenario
 from mi_lcair.errors import InputError
 from mi_lcair.physics.atmosphere import Atmosphere, LineOfSight, atmosphere
 from mi_lcair.physics.blackbody import spectral_radiance
@@ -26,19 +26,44 @@ from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.rendering.views import Target, View, hidden_share, seen_from
 from mi_lcair.signatures.signature import signature
 
-SIGNIFICANT = 3  # standard errors
-NEAR = 10  # radii of the target, within which rays to the observer are not parallel
+SIGNIFICANT = 3  # standard errors by which a contrast must differ from zero
+NEAR = 10  # range, in radii of the target, below which rays to the observer are not parallel
 
 
 @dataclass(frozen=True)
 class Row:
-    """The target with so many reflections, each with its standard error.
+    """Contrast of a target, rendered with one number of reflections.
 
-    intensity: before the air [W/sr] (3.13). target: apparent irradiance (3.16), path and
-    background: of the air before it and of what it hides, total: the contrast (3.19), positive or
-    negative, at the aperture, times the response [W m^-2]. nei_max (3.14) is behind the optics.
-    observed: with the field of view's background (3.18), where there is a field of view; detected:
-    where there is a nei. projected_area [m^2]; solid_angle [sr] (3.17).
+    Irradiances are at the aperture and weighted with the response of the detector.
+
+    Attributes
+    ----------
+    max_bounces : int
+        Number of reflections.
+    intensity : Estimate
+        Intensity of the target before the air, W/sr (3.13).
+    target : Estimate
+        Apparent irradiance of the target, W m^-2 (3.16).
+    path : Estimate
+        Irradiance of the air before the target, W m^-2.
+    background : Estimate
+        Irradiance of the background that the target hides, W m^-2.
+    total : Estimate
+        Contrast, W m^-2, positive or negative (3.19).
+    nei_max : Estimate
+        Largest noise-equivalent irradiance that detects the target, W m^-2, behind the optics
+        (3.14).
+    projected_area : Estimate
+        Projected area of the target, m^2.
+    solid_angle : float
+        Solid angle of the target, sr (3.17).
+    observed : float or None
+        Irradiance of the field of view with the target, W m^-2 (3.18). None without a field of
+        view, or if the target may overfill it.
+    detected : bool or None
+        Whether the target is detected; None without a nei.
+    irradiance : Irradiance
+        Irradiances of the target at any range.
     """
 
     max_bounces: int
@@ -55,6 +80,7 @@ class Row:
     irradiance: Irradiance = field(repr=False)
 
     def as_dict(self) -> dict:
+        """The row as a dictionary, for JSON."""
         entries = {name: value for name, value in vars(self).items() if name != "irradiance"}
         return {
             name: value._asdict() if isinstance(value, Estimate) else value
@@ -64,12 +90,37 @@ class Row:
 
 @dataclass(frozen=True)
 class Contrast:
-    """A scenario's numbers: a row for each number of reflections, and what they stand on.
+    """Contrast of a scenario.
 
-    sight_elevation_deg: of the line of sight, upward from the sensor. transmittance: mean in the
-    band, path_radiance and background_radiance [W m^-2 sr^-1]: times the response. no_target: the
-    background in the whole field of view (3.15) [W m^-2], where there is one. radius_m: of the
-    sphere that holds the target. remarks: what to know before trusting it.
+    Attributes
+    ----------
+    scenario : Scenario
+        Scenario as it was read.
+    detector : Detector
+        Detector of the sensor.
+    air : Atmosphere
+        Atmosphere of the scenario.
+    path : LineOfSight
+        Path from the target to the sensor.
+    sight_elevation_deg : float
+        Elevation of the line of sight, degrees, upward from the sensor.
+    background_name : str
+        Name of the background.
+    transmittance : float
+        Mean transmittance of the path in the band.
+    path_radiance, background_radiance : float
+        Radiance of the path and of the background, W m^-2 sr^-1, weighted with the response.
+    no_target : float or None
+        Irradiance of the background in the whole field of view, W m^-2 (3.15). None without a field
+        of view.
+    radius_m : float
+        Radius of the sphere that holds the target, m.
+    rows : list of Row
+        One row for each number of reflections.
+    remarks : list of str
+        Limits of the results, one line each.
+    seconds : float
+        Time of the calculation, s.
     """
 
     scenario: Scenario
@@ -88,14 +139,14 @@ class Contrast:
     seconds: float
 
     def detection_ranges(self) -> list[DetectionRange]:
-        """For each row, along the same line of sight. Raises InputError without a nei."""
+        """Detection range of each row, along the line of sight. Raises InputError without a nei."""
         return [
             detection_range(row.irradiance, self.detector, self.air, self.radius_m)
             for row in self.rows
         ]
 
     def as_dict(self) -> dict:
-        """For JSON: the scenario as it was read, what was found, and the rows."""
+        """A dictionary for JSON: the scenario as it was read, the results, and the rows."""
         plain = (
             "sight_elevation_deg",
             "transmittance",
@@ -118,11 +169,23 @@ class Contrast:
 
 
 def contrast(scenario, progress=None) -> Contrast:
-    """The contrast of a scenario (3.19) and its parts, for each of its numbers of reflections.
+    """Contrast of a scenario and its parts (3.19), for each number of reflections.
 
-    scenario: a Scenario, or what Scenario.read takes. progress: called with (samples per pixel
-    done, expected). Raises InputError; what only needs reading is refused before anything is
-    rendered.
+    Parameters
+    ----------
+    scenario : Scenario, str or path-like
+        Scenario, or the file or bundled name that `Scenario.read` takes.
+    progress : callable, optional
+        Called with (samples per pixel done, expected).
+
+    Returns
+    -------
+    Contrast
+
+    Raises
+    ------
+    InputError
+        If the scenario cannot be used. All inputs are checked before anything is rendered.
     """
     if not isinstance(scenario, Scenario):
         scenario = Scenario.read(scenario)
@@ -133,9 +196,9 @@ def contrast(scenario, progress=None) -> Contrast:
 
 
 def measured(scenario: Scenario, progress) -> Contrast:
+    """The contrast of a scenario; see `contrast`."""
     start = time.perf_counter()
-    observer, sampling = scenario.observer, scenario.render
-    detector = scenario.sensor.detector()
+    observer, detector = scenario.observer, scenario.sensor.detector()
     air = atmosphere(scenario.atmosphere.table, scenario.atmosphere.ranges_m)
     air.check_covers(detector.band)
     path = air.path(observer.range_m, scenario.atmosphere.extrapolate)
@@ -148,36 +211,18 @@ def measured(scenario: Scenario, progress) -> Contrast:
             f"the observer is inside the target: range {observer.range_m:g} m, but {scene.name} "
             f"reaches {target.radius:.4g} m from its middle"
         )
-    view = seen_from(scene, View(observer.azimuth_deg, observer.elevation_deg), sampling.resolution)
-    bounces = sampling.max_bounces or (scene.mi.integrator().max_bounces,)
+    view = seen_from(
+        scene, View(observer.azimuth_deg, observer.elevation_deg), scenario.render.resolution
+    )
     rows, invalid, paths = [], 0, 0
-    for k, count in enumerate(bounces):
-
-        def step(done, total):
-            if progress:
-                progress(k * total + done, len(bounces) * total)
-
-        with changed(view, lobe=sampling.lobe, max_bounces=count):
-            found = signature(
-                view, sampling.spp, seed=sampling.seed, by_spectrum=True, progress=step
-            )
-        invalid, paths = invalid + found.invalid, paths + found.paths
-        if not found.effective_areas.projected_area > 0:
-            raise InputError("no ray met the target; raise resolution or spp of [render]")
-        seen = found.target
-        relative_error = seen.standard_error / seen.intensity if seen.intensity > 0 else 0.0
-        rows.append(
-            row(
-                count,
-                Irradiance(found.effective_areas, relative_error, detector.band, air, behind),
-                path,
-                detector,
-                target,
-            )
-        )
-    seen = rows[-1].irradiance
-    transmittance, radiance = path.at(seen.wavelengths_um)
-    mean_transmittance = seen.in_band(transmittance) / float(seen.weights_um.sum())
+    for bounces, irradiance, result in rendered(
+        view, scenario.render, detector, air, behind, progress
+    ):
+        rows.append(row(bounces, irradiance, path, detector, target))
+        invalid, paths = invalid + result.invalid, paths + result.paths
+    irradiance = rows[-1].irradiance
+    transmittance, radiance = path.at(irradiance.wavelengths_um)
+    mean_transmittance = irradiance.in_band(transmittance) / float(irradiance.weights_um.sum())
     return Contrast(
         scenario=scenario,
         detector=detector,
@@ -186,9 +231,9 @@ def measured(scenario: Scenario, progress) -> Contrast:
         sight_elevation_deg=0.0 - observer.elevation_deg,
         background_name=behind.name,
         transmittance=mean_transmittance,
-        path_radiance=seen.in_band(radiance),
-        background_radiance=seen.in_band(seen.backdrop),
-        no_target=no_target(seen, detector),
+        path_radiance=irradiance.in_band(radiance),
+        background_radiance=irradiance.in_band(irradiance.backdrop),
+        no_target=no_target(irradiance, detector),
         radius_m=target.radius,
         rows=rows,
         remarks=[
@@ -200,6 +245,50 @@ def measured(scenario: Scenario, progress) -> Contrast:
         ],
         seconds=time.perf_counter() - start,
     )
+
+
+def rendered(
+    view: Scene,
+    sampling: Sampling,
+    detector: Detector,
+    air: Atmosphere,
+    behind: Backdrop,
+    progress,
+):
+    """Yield (number of reflections, Irradiance of the target, its Signature) for each render.
+
+    Parameters
+    ----------
+    view : Scene
+        Scene with the sensor of the observer.
+    sampling : Sampling
+        Numbers of reflections, samples per pixel, lobe and seed.
+    detector, air, behind : Detector, Atmosphere, Backdrop
+        What the irradiance depends on beside the target.
+    progress : callable or None
+        Called with (samples per pixel done, expected).
+
+    Raises
+    ------
+    InputError
+        If no ray hits the target.
+    """
+    bounces = sampling.max_bounces or (view.mi.integrator().max_bounces,)
+    for k, count in enumerate(bounces):
+
+        def step(done, total):
+            if progress:
+                progress(k * total + done, len(bounces) * total)
+
+        with changed(view, lobe=sampling.lobe, max_bounces=count):
+            result = signature(
+                view, sampling.spp, seed=sampling.seed, by_spectrum=True, progress=step
+            )
+        areas, target = result.effective_areas, result.target
+        if not areas.projected_area > 0:
+            raise InputError("no ray met the target; raise resolution or spp of [render]")
+        relative_error = target.standard_error / target.intensity if target.intensity > 0 else 0.0
+        yield count, Irradiance(areas, relative_error, detector.band, air, behind), result
 
 
 def backdrop(scenario: Scenario, detector: Detector) -> Backdrop:
@@ -218,12 +307,12 @@ def backdrop(scenario: Scenario, detector: Detector) -> Backdrop:
             "the target; give [background] a temperature"
         )
     table = spectrum(sky, elevation)
-    table.in_band_radiance(detector.band)  # refuses what does not cover the band
+    table.in_band_radiance(detector.band)  # raises InputError if the table does not cover the band
     return Backdrop(f"sky {table.name}", table.at, table.wavelengths_um)
 
 
 def target_scene(scenario: Scenario, detector: Detector) -> Scene:
-    """The scene as the scenario wants it, in a band that holds the detector's."""
+    """The scene with the parameters of the scenario, in a band that holds the detector's."""
     parameters, source = scenario.scene_parameters(), scenario.target.scene
     if "band" in survey(find(source), parameters):
         parameters["band"] = scenario.sensor.band
@@ -243,6 +332,21 @@ def target_scene(scenario: Scenario, detector: Detector) -> Scene:
 def row(
     max_bounces: int, irradiance: Irradiance, path: LineOfSight, detector: Detector, target: Target
 ) -> Row:
+    """The row of a target at the end of a path.
+
+    Parameters
+    ----------
+    max_bounces : int
+        Number of reflections of the render.
+    irradiance : Irradiance
+        Irradiances of the target at any range.
+    path : LineOfSight
+        Path from the target to the sensor.
+    detector : Detector
+        Detector of the sensor.
+    target : Target
+        Sphere that holds the target.
+    """
     terms = irradiance.at(path)
     total, area = terms["total"], irradiance.projected_area
     nei_max = Estimate(*(float(detector.nei_max(value)) for value in total))
@@ -262,7 +366,10 @@ def row(
 
 
 def no_target(irradiance: Irradiance, detector: Detector) -> float | None:
-    """The background in the whole field of view [W m^-2] (3.15); None without one."""
+    """Irradiance of the background in the whole field of view, W m^-2 (3.15).
+
+    It is None without a field of view.
+    """
     return (
         None
         if detector.solid_angle is None
@@ -271,8 +378,9 @@ def no_target(irradiance: Irradiance, detector: Detector) -> float | None:
 
 
 def overfills(target: Target, range_m: float, detector: Detector) -> bool:
-    """Whether the target's sphere is wider than the field of view, so that the whole of it is not
-    the signal (3.18).
+    """Whether the target's sphere is wider than the field of view.
+
+    A part of the target may then lie outside, and Eq 3.18 does not hold.
     """
     return (
         detector.field_of_view_deg is not None
@@ -283,21 +391,40 @@ def overfills(target: Target, range_m: float, detector: Detector) -> bool:
 def remarks(
     rows: list[Row], detector: Detector, target: Target, range_m: float, hidden: float
 ) -> list[str]:
-    found = [
-        f"with {row.max_bounces} reflections the contrast is less than {SIGNIFICANT} of its standard errors: not told from zero; raise spp"
+    """Remarks on the limits of the results, one line each.
+
+    Parameters
+    ----------
+    rows : list of Row
+        Rows of the contrast.
+    detector : Detector
+        Detector of the sensor.
+    target : Target
+        Sphere that holds the target.
+    range_m : float
+        Range, m.
+    hidden : float
+        Share of the target that sky or terrain of the scene hides from the observer.
+    """
+    lines = [
+        f"with {row.max_bounces} reflections the contrast is less than {SIGNIFICANT} of its "
+        "standard errors: it may be zero; raise spp"
         for row in rows
         if abs(row.total.value) < SIGNIFICANT * row.total.standard_error
     ]
     if overfills(target, range_m, detector):
-        found.append(
-            f"the target's sphere, {target.radius:.4g} m in radius, is wider than the field of view: the signal may be less than stated"
+        lines.append(
+            f"the target's sphere, {target.radius:.4g} m in radius, is wider than the field of "
+            "view: the signal may be less than stated"
         )
     if range_m < NEAR * target.radius:
-        found.append(
-            f"the range is only {range_m / target.radius:.2g} radii of the target, which is seen by parallel rays: true far away only"
+        lines.append(
+            f"the range is only {range_m / target.radius:.2g} radii of the target, but the target "
+            "is rendered with parallel rays, as from far away"
         )
     if hidden > 0:
-        found.append(
-            f"{hidden:.0%} of the target has sky or terrain of the scene between it and the observer, which is not taken to hide it"
+        lines.append(
+            f"{hidden:.0%} of the target has sky or terrain of the scene between it and the "
+            "observer; this sky or terrain is ignored and does not hide the target"
         )
-    return found
+    return lines

@@ -1,6 +1,4 @@
-"""How far away a target is detected: the ranges at which its signal reaches snr * nei, along one
-line of sight.
-"""
+"""Detection range: the ranges at which the signal of a target reaches snr * nei."""
 
 from dataclasses import asdict, dataclass
 
@@ -12,16 +10,23 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.atmosphere import Atmosphere
 from mi_lcair.physics.detector import Detector
 
-STEPS = 600  # of the search, in equal ratios of range
-SLOPE_STEP = 1e-4  # of a range, for the signal's slope there
+STEPS = 600  # ranges that are searched, in equal ratios
+SLOPE_STEP = 1e-4  # step of range for the slope of the signal, relative to the range
 
 
 @dataclass(frozen=True)
 class DetectionRange:
-    """Where a target is detected.
+    """Ranges at which a target is detected.
 
-    intervals_m: (from, to) [m], rising; none: nowhere. standard_error_m: of the largest range, from
-    the rendering; None where the atmosphere's table ends before the signal does (at_least).
+    Attributes
+    ----------
+    intervals_m : list of (float, float)
+        Intervals of range, m, in rising order. The list is empty if the target is never detected.
+    standard_error_m : float or None
+        Standard error of the largest range, m, from the noise of the render. It is None if the
+        target is never detected, or if `at_least` is true.
+    at_least : bool
+        Whether the atmosphere's table ends where the target is still detected.
     """
 
     intervals_m: list[tuple[float, float]]
@@ -30,20 +35,41 @@ class DetectionRange:
 
     @property
     def largest_m(self) -> float | None:
+        """Largest range at which the target is detected, m; None if there is none."""
         return self.intervals_m[-1][1] if self.intervals_m else None
 
     def as_dict(self) -> dict:
+        """The ranges as a dictionary, for JSON."""
         return {"largest_m": self.largest_m, **asdict(self)}
 
 
 def detection_range(
     irradiance: Irradiance, detector: Detector, air: Atmosphere, nearest_m: float
 ) -> DetectionRange:
-    """From the target's own radius on (nearest_m) to the end of the atmosphere's table; vacuum has
-    none.
+    """Ranges at which a target is detected along one line of sight.
 
-    Nothing is rendered again: the target sends the same into this direction at any range. Raises
-    InputError without a nei.
+    The search ends with the atmosphere's table. In vacuum it has no end. Nothing is rendered again,
+    because the intensity in this direction is the same at any range.
+
+    Parameters
+    ----------
+    irradiance : Irradiance
+        Irradiances of the target.
+    detector : Detector
+        Detector with a nei.
+    air : Atmosphere
+        Atmosphere along the line of sight.
+    nearest_m : float
+        Smallest range, m: the radius of the target.
+
+    Returns
+    -------
+    DetectionRange
+
+    Raises
+    ------
+    InputError
+        If the detector has no nei, or if the atmosphere's table ends before `nearest_m`.
     """
     if detector.nei is None:
         raise InputError(
@@ -52,6 +78,7 @@ def detection_range(
     least = detector.snr * detector.nei
 
     def signal(range_m) -> tuple[float, float]:
+        """Signal at a range, and its standard error."""
         value, error = irradiance.at(air.path(range_m))["total"]
         return detector.signal(value), detector.signal(error)
 
@@ -65,22 +92,23 @@ def detection_range(
     last = float(air.ranges_m[-1])
     if last <= nearest_m:
         raise InputError(
-            f"atmosphere '{air.name}': its last range, {last:g} m, lies within the target's radius of {nearest_m:.4g} m"
+            f"atmosphere '{air.name}': its last range, {last:g} m, lies within the target's "
+            f"radius of {nearest_m:.4g} m"
         )
-    knots = air.ranges_m[air.ranges_m > nearest_m]  # the slope jumps there
+    knots = air.ranges_m[air.ranges_m > nearest_m]  # ranges at which the slope jumps
     ranges = np.unique(np.concatenate([np.geomspace(nearest_m, last, STEPS), knots]))
     values = np.array([signal(range_m)[0] for range_m in ranges])
     crossings = []
-    for sign in (
-        1,
-        -1,
-    ):  # apart: a signal that changes its sign within a step crosses both levels there
+    # The levels +least and -least are searched one after the other. A signal that changes its sign
+    # within a step crosses both levels there.
+    for sign in (1, -1):
         above = sign * values >= least
         crossings += [
             brentq(lambda r: sign * signal(r)[0] - least, ranges[k], ranges[k + 1], rtol=1e-10)
             for k in np.flatnonzero(above[1:] != above[:-1])
         ]
     edges = [nearest_m, *sorted(crossings), last]
+    # Between two edges the signal is above the level everywhere or nowhere: test the middle.
     intervals = []
     for start, end in zip(edges[:-1], edges[1:]):
         if abs(signal((start + end) / 2)[0]) >= least:
@@ -88,6 +116,7 @@ def detection_range(
     if not intervals or intervals[-1][1] == last:
         return DetectionRange(intervals, None, bool(intervals))
     end = intervals[-1][1]
+    # The error of the range is the error of the signal over its slope.
     slope = (signal(end * (1 + SLOPE_STEP))[0] - signal(end * (1 - SLOPE_STEP))[0]) / (
         2 * SLOPE_STEP * end
     )

@@ -1,5 +1,6 @@
-"""Irradiances at a sensor from a target's effective areas, Eqs 3.13-3.19 of the thesis: spectra
-through the air, integrated last.
+"""Irradiances at a sensor from the effective areas of a target (thesis Eqs 3.13-3.19).
+
+All spectra are taken through the air first, and integrated over the band last.
 """
 
 from collections.abc import Callable
@@ -15,15 +16,23 @@ TERMS = ("intensity", "target", "path", "background", "total")
 
 
 class Estimate(NamedTuple):
-    """A value and its standard error, from the rendering alone."""
+    """A value and its standard error, which includes only the noise of the render."""
 
     value: float
     standard_error: float
 
 
 class Backdrop(NamedTuple):
-    """What the sensor sees where the target is not: spectral radiance [W m^-2 sr^-1 um^-1] by
-    wavelength [um], and where it has corners (rows_um).
+    """Background that the sensor sees beside the target.
+
+    Attributes
+    ----------
+    name : str
+        Name for reports.
+    at : callable
+        Spectral radiance, W m^-2 sr^-1 um^-1, at an array of wavelengths, um.
+    rows_um : ndarray
+        Wavelengths, um, between which the spectral radiance is linear or smooth.
     """
 
     name: str
@@ -32,14 +41,26 @@ class Backdrop(NamedTuple):
 
 
 class Irradiance:
-    """The irradiances of one target before one backdrop, at any range along one line of sight
-    through one atmosphere.
+    """Irradiances of a target before a background, at any range along one line of sight.
 
-    All are linear in the effective areas and the projected area, whose covariance gives their
-    errors. Where blackbodies were too many to be told apart there is none: `relative_error`, of the
-    target's intensity, and the error of the projected area then count as if they acted together,
-    which bounds the error from above. The target is seen by parallel rays: its own size must be
-    small against the range.
+    The target is rendered with parallel rays. Its size must be small compared with the range.
+
+    All irradiances are linear in the effective areas and in the projected area, and the covariance
+    of these areas gives the standard errors. A scene with too many temperatures has no covariance.
+    The errors of the intensity and of the projected area are then added, which is an upper bound.
+
+    Parameters
+    ----------
+    areas : EffectiveAreas
+        Effective areas of the target.
+    relative_error : float
+        Standard error of the target's intensity, as a fraction of it.
+    band : Band
+        Band of the detector, with its response.
+    air : Atmosphere
+        Atmosphere, whose wavelengths are resolved.
+    backdrop : Backdrop
+        Background of the target.
     """
 
     def __init__(
@@ -60,8 +81,9 @@ class Irradiance:
         )
         inside = rows[(rows > band.lower_um) & (rows < band.upper_um)]
         rows = np.unique(np.concatenate([[band.lower_um, band.upper_um], inside]))
-        # two Gauss points between neighbours: exact for air, source and response on straight lines,
-        # and to h^4 for Planck's law
+        # Gauss quadrature with two points between neighbouring wavelengths. It is exact for the
+        # product of air, source and response where they are linear. Its error for Planck's law
+        # falls with the fourth power of the step.
         middle, half = (rows[:-1] + rows[1:]) / 2, np.diff(rows) / 2
         self.wavelengths_um = np.column_stack(
             [middle - half / np.sqrt(3), middle + half / np.sqrt(3)]
@@ -84,18 +106,19 @@ class Irradiance:
             )
 
     def in_band(self, spectrum) -> float:
-        """W m^-2 sr^-1 of a spectrum at `wavelengths_um`, times the response."""
+        """Integral over the band of a spectrum at `wavelengths_um`, weighted with the response."""
         return float(spectrum @ self.weights_um)
 
     def at(self, path: LineOfSight) -> dict[str, Estimate]:
-        """TERMS by name: the target's intensity before the air [W/sr] and, at the end of the path
-        [W m^-2], its apparent irradiance (3.16), the path's, the hidden background's, and the
-        contrast (3.19), which may be negative.
+        """The in-band TERMS at the end of a path, by name.
+
+        They are the intensity of the target before the air, W/sr; its apparent irradiance (3.16),
+        the irradiances of the path and of the hidden background, W m^-2; and the contrast (3.19),
+        W m^-2, which may be negative.
         """
         transmittance, radiance = path.at(self.wavelengths_um)
-        per_amount = np.zeros(
-            (len(TERMS), len(self.amounts))
-        )  # what each unit of the amounts adds to each term
+        # Derivative of each term with respect to each of the amounts.
+        per_amount = np.zeros((len(TERMS), len(self.amounts)))
         per_amount[0, :-1] = self.spectra @ self.weights_um
         per_amount[1, :-1] = self.spectra @ (transmittance * self.weights_um)
         per_amount[2, -1], per_amount[3, -1] = self.in_band(radiance), self.in_band(self.backdrop)
@@ -113,13 +136,13 @@ class Irradiance:
         }
 
     def spectral(self, path: LineOfSight) -> dict[str, np.ndarray]:
-        """The TERMS by wavelength: [W sr^-1 um^-1], then [W m^-2 um^-1], without the response."""
+        """The TERMS at `wavelengths_um`, by name, without the response.
+
+        The intensity is in W sr^-1 um^-1, the irradiances are in W m^-2 um^-1.
+        """
         transmittance, radiance = path.at(self.wavelengths_um)
         solid_angle = self.projected_area.value / path.range_m**2
         intensity = self.amounts[:-1] @ self.spectra
-        target, own, hidden = (
-            transmittance * intensity / path.range_m**2,
-            radiance * solid_angle,
-            self.backdrop * solid_angle,
-        )
-        return dict(zip(TERMS, (intensity, target, own, hidden, target + own - hidden)))
+        target = transmittance * intensity / path.range_m**2
+        air, hidden = radiance * solid_angle, self.backdrop * solid_angle
+        return dict(zip(TERMS, (intensity, target, air, hidden, target + air - hidden)))

@@ -1,5 +1,6 @@
-"""A scenario: which target is seen from where, through which air, before what and by which sensor;
-a TOML file, read and checked.
+"""Scenario: a target, its observer, the atmosphere, the background and the sensor.
+
+A scenario is read from a TOML file and checked. Each table of the file is a dataclass here.
 """
 
 import os
@@ -24,15 +25,17 @@ EXPECTED = {
     bool: "true or false",
     dict: "a table",
 }
+# Entries that hold the name of a file or a bundled name.
 FILES = (
     ("target", "scene"),
     ("atmosphere", "table"),
     ("background", "sky"),
     ("sensor", "response"),
-)  # or bundled names
+)
 SMALLEST, LARGEST = 1e-30, 1e12  # sizes of numbers whose squares and ratios stay finite
 SIZES = f"{SMALLEST:g}..{LARGEST:g}"
 POLAR = ("range_m", "azimuth_deg", "elevation_deg")
+# Entries that are removed when a change sets the entry on the left.
 REPLACES = {
     ("background", "sky"): ("temperature",),
     ("background", "temperature"): ("sky",),
@@ -43,7 +46,15 @@ REPLACES = {
 
 @dataclass(frozen=True)
 class Model:
-    """[target] scene: a bundled one or an XML; parameters: its $-parameters."""
+    """Table [target].
+
+    Attributes
+    ----------
+    scene : str
+        Name of a bundled scene, or path of a Mitsuba XML file.
+    parameters : dict
+        The scene's $-parameters.
+    """
 
     scene: str
     parameters: dict = field(default_factory=dict)
@@ -61,7 +72,10 @@ class Model:
 
 @dataclass(frozen=True)
 class Pose:
-    """[pose] of the target, for the scene's parameters of these names."""
+    """Table [pose]: rotation of the target, degrees.
+
+    The values are passed to the scene's parameters of the same names.
+    """
 
     yaw_deg: float | None = None
     pitch_deg: float | None = None
@@ -73,9 +87,19 @@ POSE = tuple(entry.name for entry in fields(Pose))
 
 @dataclass(frozen=True)
 class Observer:
-    """[observer] Where the sensor is, as seen from the target, in the scene's axes: azimuth from +x
-    (the nose of a target that [pose] does not turn) toward +y (its left side), elevation above the
-    x-y plane. Or position_m: x, y and z from the target.
+    """Table [observer]: position of the sensor relative to the target, in the scene's axes.
+
+    Attributes
+    ----------
+    range_m : float
+        Distance from the target, m.
+    azimuth_deg : float
+        Azimuth from +x toward +y, degrees. +x is the nose and +y the left side of a target that
+        [pose] does not turn.
+    elevation_deg : float
+        Elevation above the x-y plane, degrees.
+    position_m : tuple of float, optional
+        x, y and z, m, instead of range, azimuth and elevation, which are derived from it.
     """
 
     range_m: float | None = None
@@ -88,12 +112,14 @@ class Observer:
         if self.position_m is None:
             if missing := [name for name in POLAR if name not in given]:
                 raise InputError(
-                    f"[observer]: {missing[0]} is missing; give {', '.join(POLAR)}, or position_m = [x, y, z]"
+                    f"[observer]: {missing[0]} is missing; give {', '.join(POLAR)}, or position_m "
+                    "= [x, y, z]"
                 )
         elif given or len(self.position_m) != 3:
             raise InputError(
-                f"[observer]: position_m is {list(self.position_m)}{f' beside {given[0]}' if given else ''}; "
-                "give its three numbers alone"
+                "[observer]: position_m is "
+                f"{list(self.position_m)}{f' beside {given[0]}' if given else ''}; give its three "
+                "numbers alone"
             )
         else:
             x, y, z = self.position_m
@@ -108,7 +134,9 @@ class Observer:
                 object.__setattr__(self, name, float(value))
         if not self.range_m > 0:
             raise InputError(
-                f"[observer]: {'zero range' if self.range_m == 0 else f'range_m = {self.range_m:g}'}; must be positive"
+                "[observer]: "
+                f"{'zero range' if self.range_m == 0 else f'range_m = {self.range_m:g}'}; must be "
+                "positive"
             )
         if not -90 <= self.elevation_deg <= 90:
             raise InputError(
@@ -118,8 +146,16 @@ class Observer:
 
 @dataclass(frozen=True)
 class Air:
-    """[atmosphere] table: as physics.atmosphere.atmosphere takes it; ranges_m: of the blocks of a
-    tape7 that states none.
+    """Table [atmosphere].
+
+    Attributes
+    ----------
+    table : str
+        Bundled name, CSV, MODTRAN tape7 or "vacuum", as `physics.atmosphere.atmosphere` takes it.
+    extrapolate : bool
+        Whether ranges beyond the table are allowed.
+    ranges_m : tuple of float, optional
+        Ranges, m, of the blocks of a tape7 that does not state them.
     """
 
     table: str
@@ -129,8 +165,14 @@ class Air:
 
 @dataclass(frozen=True)
 class Background:
-    """[background] What the sensor sees where the target is not: a sky table, or a blackbody [K] as
-    it appears there.
+    """Table [background]: what the sensor sees beside the target.
+
+    Attributes
+    ----------
+    sky : str, optional
+        Sky table.
+    temperature : float, optional
+        Apparent temperature of a blackbody, K, instead of a sky.
     """
 
     sky: str | None = None
@@ -138,10 +180,10 @@ class Background:
 
     def __post_init__(self):
         if (self.sky is None) == (self.temperature is None):
-            raise InputError(
-                f"[background]: {'sky and temperature are missing' if self.sky is None else 'has sky and temperature'}; "
-                "give one of them"
+            mistake = (
+                "sky and temperature are missing" if self.sky is None else "has sky and temperature"
             )
+            raise InputError(f"[background]: {mistake}; give one of them")
         if self.temperature is not None and not self.temperature > 0:
             raise InputError(
                 f"[background]: temperature = {self.temperature:g} K; must be positive"
@@ -150,8 +192,16 @@ class Background:
 
 @dataclass(frozen=True)
 class Sensor:
-    """[sensor] band: in which the scene is rendered; response: of the detector, a CSV within that;
-    the rest as Detector.
+    """Table [sensor].
+
+    Attributes
+    ----------
+    band : str
+        Band in which the scene is rendered.
+    response : str, optional
+        CSV with the response of the detector, within the band. By default it is that of the band.
+    optics_transmittance, field_of_view_deg, nei, snr
+        As for `Detector`.
     """
 
     band: str
@@ -165,19 +215,23 @@ class Sensor:
         rendered = band_of(self.band)
         if rendered.is_total:
             raise InputError(
-                "[sensor]: band total has no wavelengths, as air and background need them; choose a band with limits"
+                "[sensor]: band total has no wavelengths, as air and background need them; choose "
+                "a band with limits"
             )
         if rendered.response is not None:
             raise InputError(
-                f"[sensor]: band = '{self.band}' is a response; give it as response, and as band a name or limits that hold it"
+                f"[sensor]: band = '{self.band}' is a response; give it as response, and as band "
+                "a name or limits that hold it"
             )
         detector = self.detector().band
         if not rendered.lower_um <= detector.lower_um < detector.upper_um <= rendered.upper_um:
             raise InputError(
-                f"[sensor]: response {detector.label} is not within band {rendered.label}; choose a band that holds it"
+                f"[sensor]: response {detector.label} is not within band {rendered.label}; choose "
+                "a band that holds it"
             )
 
     def detector(self) -> Detector:
+        """The detector of the sensor."""
         return Detector(
             band_of(Path(self.response) if self.response else self.band),
             self.optics_transmittance,
@@ -189,9 +243,21 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Sampling:
-    """[render] A render for each of max_bounces, with the same random numbers; where absent, the
-    scene's own. The same for lobe, the fidelity of reflections: brdf, mirror or diffuse. spp: of
-    each pixel.
+    """Table [render].
+
+    Attributes
+    ----------
+    max_bounces : tuple of int
+        Numbers of reflections. Each gets a render with the same random numbers. If it is empty, the
+        scene's own number is used.
+    lobe : str, optional
+        Fidelity of reflections, "brdf", "mirror" or "diffuse", by default the scene's own.
+    resolution : int
+        Pixels along each side of the image.
+    spp : int
+        Samples per pixel.
+    seed : int
+        Seed of the random numbers.
     """
 
     max_bounces: tuple[int, ...] = ()
@@ -210,13 +276,14 @@ class Sampling:
             for value in np.ravel(getattr(self, name)).tolist():
                 if not least <= value <= most:
                     raise InputError(
-                        f"[render]: {name} = {value}; must {f'lie in {least}..{most}' if most < np.inf else f'be {least} or more'}"
+                        f"[render]: {name} = {value}; must "
+                        f"{f'lie in {least}..{most}' if most < np.inf else f'be {least} or more'}"
                     )
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """The tables of a scenario; name and title (its first comment) as the file has them."""
+    """A scenario: its tables, its name, and its title, which is the first comment of the file."""
 
     name: str
     title: str
@@ -230,11 +297,25 @@ class Scenario:
 
     @staticmethod
     def read(source, **changes) -> "Scenario":
-        """From a TOML file or the name of a bundled scenario (scenes.scenarios).
+        """Read a scenario from a TOML file.
 
-        changes: values by dotted keys ("sensor.band"); a text is taken as a TOML value where it is
-        one. Files that the scenario names lie beside it, those of changes beside the caller. Raises
-        InputError for whatever cannot be used.
+        Parameters
+        ----------
+        source : str or path-like
+            File, or name of a bundled scenario (see `scenes.scenarios`). Paths in the file are
+            relative to its folder.
+        **changes
+            Values by dotted key, such as "sensor.band". Text that is a TOML value is converted.
+            Paths are relative to the working directory.
+
+        Returns
+        -------
+        Scenario
+
+        Raises
+        ------
+        InputError
+            If the file or a change cannot be used.
         """
         path, name = Path(source), Path(source).stem
         if not path.suffix and not os.path.isfile(path):
@@ -263,7 +344,7 @@ class Scenario:
         return Scenario(name, scenes.first_comment(text), **parts)
 
     def scene_parameters(self) -> dict[str, str]:
-        """The scene's $-parameters, without the band, as an XML writes them."""
+        """The scene's $-parameters as text, without the band."""
         pose = {name: value for name, value in asdict(self.pose).items() if value is not None}
         return {
             name: str(value).lower() if isinstance(value, bool) else str(value)
@@ -272,7 +353,10 @@ class Scenario:
 
 
 def locate(tree: dict, folder: Path) -> None:
-    """Files become paths from here; what has no suffix and is no file is a bundled name."""
+    """Resolve the paths in a scenario's tree relative to its folder, in place.
+
+    An entry without a suffix that is not a file stays as it is: it is a bundled name.
+    """
     for table, key in FILES:
         part = tree.get(table)
         if (
@@ -288,7 +372,7 @@ def locate(tree: dict, folder: Path) -> None:
 
 
 def change(tree: dict, keys: list[str], value) -> None:
-    """Sets one value of the tree, and takes away what it stands in place of."""
+    """Set one value of a scenario's tree, and remove the entries that it replaces."""
     *tables, key = keys
     if not tables:
         raise InputError(f"{key} is no entry; name TABLE.KEY, such as sensor.band")
@@ -296,12 +380,13 @@ def change(tree: dict, keys: list[str], value) -> None:
         tree = tree.setdefault(table, {})
         if not isinstance(tree, dict):
             raise InputError(f"{'.'.join(keys)}: '{table}' is not a table")
-    for other in REPLACES.get(tuple(keys), ()):
-        tree.pop(other, None)
+    for replaced in REPLACES.get(tuple(keys), ()):
+        tree.pop(replaced, None)
     tree[key] = parsed(value) if isinstance(value, str) else value
 
 
 def parsed(text: str):
+    """The TOML value that a text denotes, or the text itself."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
@@ -309,7 +394,10 @@ def parsed(text: str):
 
 
 def filled(kind, values, where: str):
-    """A dataclass from the table of its fields' values; its own checks come last."""
+    """The dataclass `kind` with the values of a table.
+
+    `where` names the table in messages. Raises InputError for unknown, missing or unusable values.
+    """
     if not isinstance(values, dict):
         raise InputError(f"{where} must be a table")
     known = {entry.name: entry for entry in fields(kind)}
@@ -320,8 +408,8 @@ def filled(kind, values, where: str):
         if key not in values and entry.default is MISSING and entry.default_factory is MISSING:
             needed = [
                 name
-                for name, other in known.items()
-                if other.default is MISSING and other.default_factory is MISSING
+                for name, entry in known.items()
+                if entry.default is MISSING and entry.default_factory is MISSING
             ]
             raise InputError(f"{where}: {key} is missing; give {', '.join(needed)}")
     return kind(
@@ -333,9 +421,12 @@ def filled(kind, values, where: str):
 
 
 def converted(value, kind, where: str):
-    """A TOML value as a field of this type holds it; a number alone may stand for a list of one."""
+    """A TOML value as a field of type `kind` holds it.
+
+    A single number may stand for a list of one. Raises InputError if the type or the size is wrong.
+    """
     if isinstance(kind, UnionType):
-        kind = get_args(kind)[0]  # X of X | None
+        kind = get_args(kind)[0]  # the type is X | None; take X
     if get_origin(kind) is tuple:
         return tuple(
             converted(item, get_args(kind)[0], where)

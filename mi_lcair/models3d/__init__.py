@@ -1,9 +1,8 @@
-"""Facet models: a labelled Wavefront OBJ in; meshes, a scene and a report of its flaws out. Needs
-no Mitsuba.
+"""Import of facet models from labelled Wavefront OBJ files; needs no Mitsuba.
 
-`read` takes the file, `report` says what it holds and what is wrong with it, `export` writes what a
-scene includes. Harkiss 2007, 3.2; a facet is one face of the OBJ, numbered from 0 in the file's
-order.
+`read` reads the file, `report` describes its content and its errors, `export` writes the meshes and
+scene files. A facet is one face of the OBJ, numbered from 0 in the file's order. Source: Harkiss
+2007, section 3.2.
 """
 
 from mi_lcair.models3d.export import export

@@ -1,4 +1,4 @@
-"""What can be wrong with a facet model: gaps, facets that face inward, facets that exist twice."""
+"""Checks of a facet model: gaps, facets that face inward, facets that exist twice."""
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -7,7 +7,8 @@ from scipy.sparse.csgraph import connected_components
 from mi_lcair.models3d.model import Model
 from mi_lcair.models3d.welding import TOLERANCE, unique_rows
 
-# distance from its mean plane beyond which a facet counts as not planar, as a fraction of its size
+# Distance of a corner from the facet's mean plane, as a fraction of the facet's size, beyond which
+# the facet counts as not planar.
 NON_PLANAR = 1e-4
 
 
@@ -18,12 +19,12 @@ def triangle_areas(model: Model) -> np.ndarray:
 
 
 def signed_volumes(model: Model, edges: "Edges") -> np.ndarray:
-    """Volume (F,) between each facet and the middle of the model [m^3]; positive where the facet
-    faces away from there.
+    """Signed volume (F,) between each facet and the middle of the model [m^3].
 
-    Over surfaces that face outward they add up to the volume inside. Openings count as closed: a
-    facet beside one also has the volume behind the triangle from its open edge to the middle of the
-    opening's rim.
+    It is positive if the facet faces away from the middle. The volumes of a closed surface that
+    faces outward add up to the volume inside. Openings count as closed: each open edge forms a
+    triangle with the middle of the opening's rim, and the facet at that edge also gets the volume
+    between the triangle and the middle of the model.
     """
     a, b, c = _corners(model)
     volumes = np.bincount(
@@ -53,8 +54,10 @@ def degenerate(model: Model) -> np.ndarray:
 
 
 def non_planar(model: Model) -> np.ndarray:
-    """Mask (F,) of the facets that are farther from planar than NON_PLANAR of their size, and than
-    welding moves corners.
+    """Mask (F,) of the facets that are not planar.
+
+    Their corners deviate from the mean plane by more than NON_PLANAR of the facet's size, and by
+    more than the distance by which welding moves corners.
     """
     suspects = model.off_plane > TOLERANCE * np.ptp(model.box, axis=0).max()
     if suspects.any():
@@ -67,8 +70,9 @@ def non_planar(model: Model) -> np.ndarray:
 
 
 def repeated(model: Model) -> tuple[np.ndarray, np.ndarray]:
-    """Masks (F,) of the facets with the same corners as an earlier one: whichever way they face,
-    and facing the same way.
+    """Masks (F,) of the facets that have the same corners as an earlier facet.
+
+    The first mask contains all of them, the second one only those that face the same way.
     """
     same_corners, same_facet = np.zeros(model.count, bool), np.zeros(model.count, bool)
     sizes = np.diff(model.first)
@@ -86,11 +90,11 @@ def repeated(model: Model) -> tuple[np.ndarray, np.ndarray]:
 
 
 class Edges:
-    """The edges of some facets.
+    """The edges of some facets. A side belongs to one facet; sides of several share an edge.
 
-    start, end (H,): corners of each side of a facet; edge (H,): which edge it lies on; facet (H,):
-    whose side it is; forward (H,): whether it runs along that edge or against it; uses (E,): how
-    many sides lie on each edge.
+    start, end: corners of each side, (H,). edge: number of the side's edge, (H,). facet: the facet
+    of the side, (H,). forward: whether the side runs from the smaller to the larger corner number,
+    (H,). uses: number of sides on each edge, (E,).
     """
 
     def __init__(self, model: Model, facets: np.ndarray):
@@ -107,7 +111,7 @@ class Edges:
         _, self.edge, self.uses = np.unique(key, return_inverse=True, return_counts=True)
 
     def rims(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of the sides where a facet has no neighbour: start, end and facet."""
+        """Start, end and facet of the sides at which a facet has no neighbour."""
         open_side = self.uses[self.edge] == 1
         return self.start[open_side], self.end[open_side], self.facet[open_side]
 
@@ -116,8 +120,9 @@ class Edges:
         return int(np.count_nonzero(self.uses == 1))
 
     def neighbours(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Facets a and b that share an edge with each other alone, and whether they run along it in
-        opposite ways, as facets that face the same way do.
+        """Pairs of facets a and b that share an edge with no other facet, and whether they agree.
+
+        Facets that face the same way run along their common edge in opposite directions.
         """
         sides = np.argsort(self.edge, kind="stable")
         first, second = sides[self.uses[self.edge[sides]] == 2].reshape(-1, 2).T
@@ -125,17 +130,25 @@ class Edges:
 
 
 def inward(model: Model, volumes: np.ndarray, facets: np.ndarray) -> np.ndarray:
-    """Mask (F,) of those among `facets` (F,) that face the wrong way.
+    """Mask (F,) of the facets that face the wrong way.
 
-    In a closed surface these are the facets that face inward; in an open one, which has no inside,
-    the minority that disagrees with its neighbours. Facets are taken together across edges that two
-    of them share. A Moebius strip has none.
+    Facets that share an edge with one other facet belong to one surface. In a closed surface the
+    facets that face inward are wrong. An open surface has no inside. There, the minority whose
+    direction disagrees with the other facets is wrong. A Moebius strip has no wrong facets.
+
+    Parameters
+    ----------
+    model : Model
+    volumes : numpy.ndarray
+        Signed volume of each facet, (F,) [m^3].
+    facets : numpy.ndarray
+        Mask (F,) of the facets to check.
     """
     edges = Edges(model, facets)
     a, b, agree = edges.neighbours()
-    # Each facet f has a node f for "as it is" and a node f + F for "turned over". Whoever agrees is
-    # linked as is and turned over alike, whoever disagrees crosswise. A surface then has two
-    # components, one the other's mirror image.
+    # Each facet f has a node f for "as it is" and a node f + F for "turned over". For facets that
+    # agree, equal nodes are linked; for facets that disagree, "as it is" and "turned over" are.
+    # A surface then has two components, which differ by turning all of its facets over.
     count = model.count
     other = np.where(agree, b, b + count)
     links = (np.concatenate([a, a + count]), np.concatenate([other, (other + count) % (2 * count)]))
@@ -157,5 +170,5 @@ def inward(model: Model, volumes: np.ndarray, facets: np.ndarray) -> np.ndarray:
 
 
 def _corners(model):
-    """Corners (3, T, 3) of the triangles, as seen from the middle of the model."""
+    """Corners (3, T, 3) of the triangles relative to the middle of the model [m]."""
     return np.moveaxis(model.vertices[model.triangles] - model.box.mean(axis=0), 1, 0)

@@ -1,23 +1,24 @@
-"""Triangles that lie in each other's plane and overlap: which of them a ray meets is left to
-chance.
-"""
+"""Search for triangles that overlap in one plane; rounding decides which one a ray hits."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-FLATNESS = 1e-6  # distance between two planes that counts as none, as a fraction of the extent
-SAME_DIRECTION = 1e-5  # of two unit normals that count as parallel, in each coordinate
-SINGLE = 2.0**-22  # rounding of single precision, a few times over, as a fraction of a coordinate
-ALL_PAIRS = 4000  # triangles of one plane up to which all overlaps are found; beyond, by centroids
-MOST_TESTED = 100_000  # centroids of one plane; of more, every n-th is tested
-AT_ONCE = 2_000_000  # candidate pairs in memory
+FLATNESS = 1e-6  # distance at which planes count as equal, as a fraction of the extent
+SAME_DIRECTION = 1e-5  # difference in each coordinate at which unit normals count as parallel
+SINGLE = 2.0**-22  # a few rounding errors of single precision, as a fraction of a coordinate
+# Largest number of triangles in one plane for which all pairs are tested. For more triangles, only
+# centroids are tested.
+ALL_PAIRS = 4000
+MOST_TESTED = 100_000  # largest number of centroids tested in one plane; of more, every n-th
+AT_ONCE = 2_000_000  # candidate pairs in memory at once
 
 
 @dataclass(frozen=True)
 class Overlaps:
-    """Pairs of triangles (P, 2) that overlap in one plane: facing opposite ways, and the same
-    way.
+    """Pairs of triangles (P, 2) that overlap in one plane.
+
+    back_to_back: pairs that face opposite ways. same_side: pairs that face the same way.
     """
 
     back_to_back: np.ndarray
@@ -27,9 +28,9 @@ class Overlaps:
 def overlaps(corners: np.ndarray) -> Overlaps:
     """The pairs of triangles (T, 3, 3) that overlap in one plane.
 
-    Every exact copy is found. Of partly overlapping triangles all are found in planes of up to
-    ALL_PAIRS of them, and in larger ones those that cover another's centroid. Triangles that only
-    share an edge or a corner do not overlap.
+    All exact copies are found. In planes of up to ALL_PAIRS triangles, all partial overlaps are
+    found. In larger planes, only triangles that cover another one's centroid are found. Triangles
+    that share only an edge or a corner do not overlap.
     """
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas = np.linalg.norm(normals, axis=1)
@@ -55,9 +56,9 @@ def _pairs(corners, unit):
     unit = unit * np.sign(np.take_along_axis(unit, leading[:, None], axis=1))
     height = np.einsum("tk,tk->t", corners.mean(axis=1), unit)
     found = [_copies(corners)]
-    # Cells twice, the second time shifted by half: what rounding parts in one grid is together in
-    # the other.
-    done = set()  # large planes that both grids hold whole
+    # Planes are sorted into cells of two grids, the second one shifted by half a cell. Two planes
+    # that rounding puts into different cells of one grid are in the same cell of the other.
+    done = set()  # large planes that were already tested in the first grid
     for shift in (0.0, 0.5):
         cells = np.column_stack([unit / direction, height / flatness]) / 4
         key = _hashed(np.floor(cells + shift).astype(np.int64))

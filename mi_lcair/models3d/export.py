@@ -1,6 +1,4 @@
-"""What a facet model becomes on disk: meshes, model.xml for other scenes to include, scene.xml
-ready to render.
-"""
+"""Writes a facet model: meshes, model.xml for inclusion in scenes, scene.xml for rendering."""
 
 import re
 from dataclasses import replace
@@ -23,24 +21,37 @@ def export(
     materials: str | Path | None = None,
     sky: str | Path | None = None,
 ) -> list[Path]:
-    """Writes a model into a folder and returns the files.
+    """Write a model into a folder and return the paths of the files.
 
-    One binary PLY for each facet type and material (and group and elevation, where labels give
-    them) with the face attributes `temperature` (K) and `facet` (number in the model); model.xml,
-    which places them in a scene; scene.xml, which looks at them; copies of materials (TOML) and of
-    sky, the table whose spectra sky facets with an elevation_deg emit, unless that is the name of a
-    bundled one. The folder is made if it is absent; other files in it are left alone, and so are a
-    model.xml and a scene.xml that somebody has edited. Raises InputError; nothing is written then.
+    The files are model.xml, which places the meshes in a scene; scene.xml, a scene that includes
+    model.xml; and one binary PLY for each combination of facet type, material, group and elevation.
+    A PLY has the face attributes `temperature` [K] and `facet`, the number in the model. The tables
+    `materials` and `sky` are copied. Other files in the folder are not changed.
+
+    Parameters
+    ----------
+    model : Model
+    folder : str or Path
+        It is created if it does not exist.
+    materials : str, Path or None
+        TOML file with the user's materials.
+    sky : str, Path or None
+        Table with the spectra of sky facets that have an elevation_deg: a bundled name or a file.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be used or written, or if model.xml or scene.xml was edited since it was
+        written. Nothing is written then.
     """
     folder = Path(folder)
     for file in ("model.xml", "scene.xml"):
         check_own(folder / file)
-    name = (
-        re.sub("--+", "-", _plain(folder.resolve().name)) or "model"
-    )  # no comment of an XML may hold two hyphens
+    # A comment in XML must not contain two hyphens in a row
+    name = re.sub("--+", "-", _plain(folder.resolve().name)) or "model"
     copies = {"materials.toml": _content(materials)} if materials else {}
     if sky:
-        spectrum(sky, 45.0)  # refuses what holds no spectra by elevation
+        spectrum(sky, 45.0)  # raises InputError for a table without spectra by elevation
         sky = str(sky)
         if sky not in sky_names():
             copies[Path(sky).name] = _content(sky)
@@ -68,7 +79,7 @@ def export(
 
 
 def signed(text: str) -> str:
-    """The text of a scene file with a last line that tells whether it was edited since."""
+    """The text of a scene file with its checksum in the last line, which reveals later edits."""
     checksum = sha256(text.encode()).hexdigest()[:16]
     return f"{text}<!-- written by mi-lcair import, checksum {checksum} -->\n"
 
@@ -81,15 +92,13 @@ def check_own(path: Path) -> None:
     head, line, _ = text.rpartition("<!-- written by mi-lcair import")
     if not line or signed(head) != text:
         raise InputError(
-            f"{path}: was written by somebody else or edited since it was imported; move it away, or "
-            "name another folder"
+            f"{path}: was written by somebody else or edited since it was imported; move it away, "
+            "or name another folder"
         )
 
 
 def _parts(model):
-    """The meshes: stem of the file's name -> (label without a temperature, mask (F,) of its
-    facets).
-    """
+    """Label without a temperature and mask (F,) of the facets of each mesh, by the file's stem."""
     shared = [replace(label, temperature=None) for label in model.labels]
     parts = {}
     for label in dict.fromkeys(shared):
@@ -105,7 +114,7 @@ def _parts(model):
 
 
 def _ply(model, facets):
-    """The binary PLY of the facets in a mask (F,), with the face attributes temperature and facet."""
+    """Content of the binary PLY of the facets in a mask (F,), with temperatures and numbers."""
     mine = facets[model.triangle_facet]
     owner = model.triangle_facet[mine]
     triangles = model.triangles[mine]
@@ -121,7 +130,8 @@ def _ply(model, facets):
     faces["temperature"], faces["facet"] = model.temperature[owner], owner
     header = (
         "ply\nformat binary_little_endian 1.0\ncomment metres, kelvin\n"
-        f"element vertex {np.count_nonzero(used)}\nproperty float x\nproperty float y\nproperty float z\n"
+        f"element vertex {np.count_nonzero(used)}\n"
+        "property float x\nproperty float y\nproperty float z\n"
         f"element face {len(faces)}\nproperty list uchar int vertex_indices\n"
         "property float temperature_0\nproperty float facet_0\nend_header\n"
     )
@@ -129,9 +139,7 @@ def _ply(model, facets):
 
 
 def _bounds(model):
-    """Centre (3,) and radius [m] of a sphere around the model facets; around all, where there are
-    none.
-    """
+    """Centre (3,) and radius [m] of a sphere around the model facets, or around all facets."""
     chosen = model.facets_of("f")[model.triangle_facet]
     points = model.vertices[np.unique(model.triangles[chosen] if chosen.any() else model.triangles)]
     centre = (points.min(axis=0) + points.max(axis=0)) / 2

@@ -1,9 +1,8 @@
-"""Facet labels: `{f|s|t}*{material}*{kelvin}*{anything}`, the names of objects or groups (Harkiss
-2007, Figure 3.3).
+"""Facet labels `{f|s|t}*{material}*{kelvin}*{anything}`, which are names of objects or groups.
 
-The fourth field may hold words `group=NAME` (label of what emits) and `elevation_deg=NUMBER` (of a
-sky facet whose spectrum comes from a table of the sky), separated by `*`. The rest of it is the
-modelling program's own.
+The fourth field may contain `group=NAME` (the emitter's group) and `elevation_deg=NUMBER` (for a
+sky facet whose spectrum comes from a sky table), separated by `*`. The modelling program may use
+the rest of it. Source: Harkiss 2007, Figure 3.3.
 """
 
 import math
@@ -13,12 +12,12 @@ from dataclasses import dataclass
 from mi_lcair.errors import InputError, unknown
 
 TYPES = {"f": "model", "s": "sky", "t": "terrain"}
-GROUPS = {"f": "self", "s": "sky", "t": "terrain"}  # what emits, where a label does not say
-LOWEST, HIGHEST = 60.0, 10000.0  # kelvin, exclusive and inclusive; less looks like Celsius
-ICE_POINT = 273.15  # kelvin
+GROUPS = {"f": "self", "s": "sky", "t": "terrain"}  # groups of labels without `group=`
+# Limits of temperatures, exclusive and inclusive [K]. A smaller number is probably in Celsius.
+LOWEST, HIGHEST = 60.0, 10000.0
+ICE_POINT = 273.15  # 0 degrees Celsius [K]
 
-# Names that other programs and the thesis's own models use. Case, '_', '-' and blanks make no
-# difference.
+# Names that other programs and the models of the thesis use. Case, '_', '-' and blanks are ignored.
 ALIASES = {
     "bareal": "bare_aluminum",
     "barealuminium": "bare_aluminum",
@@ -33,9 +32,7 @@ ALIASES = {
 
 @dataclass(frozen=True)
 class Label:
-    """What a label says of its facets; the temperature is in kelvin, None where it comes from
-    elsewhere.
-    """
+    """Content of a label; the temperature is in kelvin, or None if a table gives it."""
 
     type: str
     material: str
@@ -47,11 +44,22 @@ class Label:
 def parse(
     text: str, materials, material: str | None = None, has_temperatures: bool = False
 ) -> Label:
-    """The Label of a text, such as `f*bareAl*300*`.
+    """The Label of a text such as `f*bareAl*300*`.
 
-    materials: the names that are known. material: takes the place of the label's own on model
-    facets (f); with has_temperatures the label's own is not read. Raises InputError that names the
-    field.
+    Parameters
+    ----------
+    text : str
+    materials : iterable of str
+        Names of the known materials.
+    material : str or None
+        Material for model facets (f), in place of the label's material.
+    has_temperatures : bool
+        A table gives the temperatures, and those of the labels are not read.
+
+    Raises
+    ------
+    InputError
+        If the label is invalid. The message names the field.
     """
     fields = [field.strip() for field in text.split("*")]
     if len(fields) < 3:
@@ -74,7 +82,7 @@ def unlabelled(material: str) -> Label:
 
 
 def find_material(name: str, materials) -> str:
-    """The known material that a label means. Raises InputError, listing the known, nearest first."""
+    """The known material that a label names; raises InputError with a list of known materials."""
     if name in materials:
         return name
     meant = _plain(ALIASES.get(_plain(name), name))
@@ -85,7 +93,7 @@ def find_material(name: str, materials) -> str:
 
 
 def kelvin(text: str) -> float:
-    """A temperature [K] that a facet can have. Raises InputError, above all for degrees Celsius."""
+    """The temperature [K] in a text; raises InputError for other numbers and degrees Celsius."""
     text = re.sub(r"\s*K$", "", text)
     celsius = re.fullmatch(r"(.*?)\s*(?:°|deg)?\s*C", text)
     try:
@@ -102,7 +110,8 @@ def kelvin(text: str) -> float:
         )
     if not LOWEST < value <= HIGHEST:
         raise InputError(
-            f"temperature '{text}' is out of range; give kelvin, more than {LOWEST:g} and at most {HIGHEST:g}"
+            f"temperature '{text}' is out of range; "
+            f"give kelvin, more than {LOWEST:g} and at most {HIGHEST:g}"
         )
     return value
 
@@ -115,8 +124,8 @@ def _group(words, kind):
     group = words.get("group", GROUPS[kind])
     if not re.fullmatch(r"[A-Za-z0-9_-]+", group):
         raise InputError(
-            f"group '{group}' must consist of letters, digits, '_' and '-'; end it with '*' if the modelling "
-            "program adds to names"
+            f"group '{group}' must consist of letters, digits, '_' and '-'; end it with '*' if the "
+            "modelling program adds to names"
         )
     return group
 
@@ -133,7 +142,7 @@ def _elevation(words, kind):
         elevation = math.nan
     if not 0 <= elevation <= 90:
         raise InputError(
-            f"elevation_deg '{text}' must be a number from 0 to 90; end it with '*' if the modelling program "
-            "adds to names"
+            f"elevation_deg '{text}' must be a number from 0 to 90; end it with '*' if the "
+            "modelling program adds to names"
         )
     return elevation

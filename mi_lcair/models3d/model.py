@@ -1,4 +1,4 @@
-"""The facet model: what an OBJ file, its labels and a table of temperatures make together."""
+"""The facet model, read from an OBJ file, its labels and a table of temperatures."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,9 +13,9 @@ from mi_lcair.models3d.welding import weld
 from mi_lcair.physics import materials as known_materials
 from mi_lcair.table import read_table
 
-FARTHEST = 1e9  # m; squares of such lengths are far from the limits of Float32
-# from the origin; of a model at 10,000 times its size Float32 coordinates leave 1 % of error in
-# intensity
+FARTHEST = 1e9  # largest coordinate [m], whose square is far below the largest Float32 number
+# Largest ratio of distance from the origin to the model's size. At a ratio of 10,000, Float32
+# coordinates cause an error of 1 % in intensity.
 SIZES_AWAY = 1000
 
 
@@ -23,10 +23,11 @@ SIZES_AWAY = 1000
 class Model:
     """A welded facet model, lengths in m.
 
-    vertices (V, 3), of which welding leaves some unused; corners (N,): their indices, facet after
-    facet, with the limits first (F + 1,); labels and label (F,): which of them holds; temperature
-    (F,) in kelvin; triangles (T, 3) and triangle_facet (T,), without slivers; off_plane (F,): the
-    greatest distance of a facet's corners from its mean plane.
+    vertices: (V, 3); welding leaves some unused. corners: indices of the vertices, facet after
+    facet, (N,). first: position in `corners` at which each facet begins, then N, (F + 1,).
+    labels: the labels. label: index into `labels` of each facet, (F,). temperature: (F,) [K].
+    triangles: indices of vertices, without slivers, (T, 3). triangle_facet: the facet of each
+    triangle, (T,). off_plane: largest distance of a facet's corners from its mean plane, (F,).
     """
 
     vertices: np.ndarray
@@ -63,12 +64,29 @@ def read(
     materials: str | Path | None = None,
     scale: float = 1.0,
 ) -> Model:
-    """The model in a labelled OBJ file.
+    """Read the model in a labelled OBJ file.
 
-    temperatures: CSV facet,kelvin, which takes the place of the labels' temperatures. material:
-    known name that takes the place of those on model facets (f). With both, facets without a label
-    are model facets. materials: TOML file of the user's own. scale: metres in the file's unit of
-    length. Raises InputError, one line, for a file, label or table that cannot be used.
+    Parameters
+    ----------
+    path : str or Path
+    temperatures : str, Path or None
+        CSV file facet,kelvin with the temperatures, in place of those in the labels.
+    material : str or None
+        Material of all model facets (f), in place of those in the labels. If temperatures and
+        material are given, facets without a label are model facets.
+    materials : str, Path or None
+        TOML file with the user's materials.
+    scale : float
+        Length of the file's unit [m].
+
+    Returns
+    -------
+    Model
+
+    Raises
+    ------
+    InputError
+        For a file, label or table that cannot be used.
     """
     known = known_materials.names(materials)
     material = material and find_material(material, known)
@@ -81,7 +99,7 @@ def read(
     if temperatures:
         temperature = _read_temperatures(Path(temperatures), len(label))
     else:
-        temperature = np.array([one.temperature for one in labels])[label]
+        temperature = np.array([entry.temperature for entry in labels])[label]
 
     vertices = obj.vertices * scale
     used = np.zeros(len(vertices), bool)
@@ -89,14 +107,14 @@ def read(
     used = np.flatnonzero(used)
     if abs(vertices[used]).max() > FARTHEST:
         raise InputError(
-            f"{path}: a corner lies {abs(vertices[used]).max():g} m from the origin, more than {FARTHEST:g} m; "
-            "see --scale"
+            f"{path}: a corner lies {abs(vertices[used]).max():g} m from the origin, "
+            f"more than {FARTHEST:g} m; see --scale"
         )
     away, size = abs(vertices[used]).max(), np.ptp(vertices[used], axis=0).max()
     if away > SIZES_AWAY * size > 0:
         raise InputError(
-            f"{path}: the model, {size:g} m in size, lies {away:g} m from the origin, too far for the renderer's single "
-            "precision; move it to the origin"
+            f"{path}: the model, {size:g} m in size, lies {away:g} m from the origin, too far for "
+            "the renderer's single precision; move it to the origin"
         )
     weld_to = np.arange(len(vertices))
     weld_to[used] = used[weld(vertices[used])]
@@ -106,12 +124,12 @@ def read(
         size = int(np.diff(obj.first)[crossed.argmax()])
         if size > MOST_CLIPPED:
             raise InputError(
-                f"{path}, line {obj.lines[crossed.argmax()]}: the face has {size} corners and is not "
-                f"convex; split it into polygons of at most {MOST_CLIPPED}"
+                f"{path}, line {obj.lines[crossed.argmax()]}: the face has {size} corners and is "
+                f"not convex; split it into polygons of at most {MOST_CLIPPED}"
             )
         raise InputError(
-            f"{path}, line {obj.lines[crossed.argmax()]}: the face crosses itself or folds back on itself"
-            f"{_others(int(crossed.sum()) - 1)}; split it into simple polygons"
+            f"{path}, line {obj.lines[crossed.argmax()]}: the face crosses itself or folds back "
+            f"on itself{_others(int(crossed.sum()) - 1)}; split it into simple polygons"
         )
     if len(triangles) == 0:
         raise InputError(f"{path}: no face has an area; all corners of each lie on a line")
@@ -129,7 +147,7 @@ def read(
 
 
 def _labels(obj, known, material, has_temperatures):
-    """The Labels that faces use, and which of them (F,) holds for each face."""
+    """The Labels that faces use, and the index (F,) of each face's label."""
     used, label = np.unique(obj.name, return_inverse=True)
     labels = []
     for name in used:
@@ -151,8 +169,9 @@ def _labels(obj, known, material, has_temperatures):
                 if not given
             )
             raise InputError(
-                f"{obj.path}, line {obj.lines[np.argmin(obj.name)]}: the face has no label; name its object or "
-                f"group {{f|s|t}}*{{material}}*{{kelvin}}*, such as f*bare_aluminum*300*, or give {missing}"
+                f"{obj.path}, line {obj.lines[np.argmin(obj.name)]}: the face has no label; name "
+                "its object or group {f|s|t}*{material}*{kelvin}*, such as f*bare_aluminum*300*, "
+                f"or give {missing}"
             )
     return labels, label
 
@@ -179,8 +198,8 @@ def _read_temperatures(path, count):
     missing = np.flatnonzero(temperature == 0)
     if len(missing):
         raise InputError(
-            f"{path}: {count - len(missing)} temperatures for {count} facets; the first that is missing is "
-            f"facet {missing[0]}"
+            f"{path}: {count - len(missing)} temperatures for {count} facets; the first that is "
+            f"missing is facet {missing[0]}"
         )
     return temperature
 

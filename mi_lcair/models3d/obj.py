@@ -1,6 +1,4 @@
-"""Wavefront OBJ files, as far as facets need them: vertices, faces and the labelled names of
-objects and groups.
-"""
+"""Reader of Wavefront OBJ files: vertices, faces, and labels of objects and groups."""
 
 import re
 from dataclasses import dataclass
@@ -11,14 +9,10 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.files import read_bytes
 
-KINDS = {
-    b"v": "vertex",
-    b"f": "face",
-    b"o": "object",
-    b"g": "group",
-}  # the statements that matter, by keyword
-# Statements that may be passed over: they hold no surface and no name of one. (All others do, or
-# are damaged.)
+# Statements that are read, by keyword.
+KINDS = {b"v": "vertex", b"f": "face", b"o": "object", b"g": "group"}
+# Statements that are ignored, because they contain no surface and no name. All other statements
+# contain a surface or are damaged.
 PASSED_OVER = tuple(
     b"vt vn vp s mtllib usemtl maplib usemap l p mg lod bevel c_interp d_interp shadow_obj "
     b"trace_obj end".split()
@@ -27,9 +21,9 @@ KINDS_OF = [word.decode() for word in (*KINDS, *PASSED_OVER)]
 LONGEST_KEYWORD = 12  # bytes
 VERTEX = "a vertex must be three numbers"
 FACE = "a face must be indices of three vertices or more, such as f 1 2 3 or f 1/1/1 2/2/1 3/3/1"
-AT_ONCE = 20_000  # lines; more would not be faster, only need more memory
+AT_ONCE = 20_000  # lines parsed at once; more lines need more memory and are not faster
 NEWLINE, BLANK, SLASH = b"\n /"
-JOINED = b"\v"  # blank that stands for a line's end inside a continued statement
+JOINED = b"\v"  # blank character that replaces the end of a line inside a continued statement
 
 
 @dataclass(frozen=True)
@@ -52,13 +46,15 @@ class Obj:
 
 
 def read_obj(path: str | Path) -> Obj:
-    """Reads an OBJ file.
+    """Read an OBJ file.
 
-    Understands v, f (v, v/vt, v//vn, v/vt/vn, negative indices), o, g, comments and continued
-    lines, and passes over PASSED_OVER. A face takes the label of its group if that has one ('*' makes a
-    label), else of its object. Raises InputError, with the line, for a vertex that is not three
-    finite numbers, for a face that has fewer than three corners, corners of unlike form, an index
-    that is not a number, or one that names no vertex, and for a statement that is not known.
+    The statements v, f (v, v/vt, v//vn, v/vt/vn, negative indices), o and g, comments and continued
+    lines are read. PASSED_OVER are ignored. A name with '*' is a label. A face has the label of its
+    group, or of its object if the group has none.
+
+    Raises InputError, with the line, for a vertex that is not three finite numbers, for a face that
+    has fewer than three corners, corners of unlike form, an index that is not a number or an index
+    of no vertex, and for an unknown statement.
     """
     path = Path(path)
     vertices, corners, sizes, lines, name = (
@@ -80,8 +76,8 @@ def read_obj(path: str | Path) -> Obj:
                     bad = corners[-1].argmin()
                     line = text.line(begin + np.searchsorted(np.cumsum(size), bad, side="right"))
                     raise InputError(
-                        f"line {line}: face index {indices[bad]} is out of range; indices count from 1, or back "
-                        f"from -1, and {_count(vertex_count)} before this line"
+                        f"line {line}: face index {indices[bad]} is out of range; indices count "
+                        f"from 1, or back from -1, and {_count(vertex_count)} before this line"
                     )
                 sizes.append(size)
                 lines.append(text.line(np.arange(begin, end)))
@@ -91,7 +87,7 @@ def read_obj(path: str | Path) -> Obj:
                 unknown = unknown or text.unknown(begin, end)
             else:
                 for statement in range(begin, end):
-                    label_of["group"] = label_of[kind] = -1  # an object starts afresh
+                    label_of["group"] = label_of[kind] = -1  # a new object has no group yet
                     if label := _label(text.rest(statement)):
                         label_of[kind] = len(names)
                         names.append((text.line(statement), kind, label))
@@ -110,13 +106,12 @@ def read_obj(path: str | Path) -> Obj:
         names,
         np.concatenate(name),
     )
-    if (
-        obj.corners.max() >= vertex_count
-    ):  # only now, because a face may name a vertex that follows it
+    # This is checked at the end, because a face may name a vertex that follows it in the file
+    if obj.corners.max() >= vertex_count:
         line = obj.lines[np.searchsorted(first, obj.corners.argmax(), side="right") - 1]
         raise InputError(
-            f"{path}, line {line}: face index {obj.corners.max() + 1} is out of range; {_count(vertex_count)} in "
-            "the file"
+            f"{path}, line {line}: face index {obj.corners.max() + 1} is out of range; "
+            f"{_count(vertex_count)} in the file"
         )
     return obj
 
@@ -128,9 +123,7 @@ def check_obj(path: str | Path) -> np.ndarray:
 
 
 class Text:
-    """The statements of an OBJ file: as many bytes as lines that NumPy can read at once, which
-    Python would read one by one.
-    """
+    """The statements of an OBJ file as an array of bytes, so that NumPy parses many at once."""
 
     def __init__(self, content: bytes):
         content = content.removeprefix(b"\xef\xbb\xbf").lstrip(b" \t")
@@ -139,16 +132,16 @@ class Text:
         if b"#" in content:
             content = re.sub(rb"#[^\n]*", b"", content)
         content = re.sub(rb"\\\r?\n", JOINED, content)
-        content = (
-            re.sub(rb"\n[ \t]+", rb"\n", content) + b"\n\n"
-        )  # so that every keyword has two bytes
+        # Two line ends at the end, so that every keyword is followed by a byte
+        content = re.sub(rb"\n[ \t]+", rb"\n", content) + b"\n\n"
         self.content = np.frombuffer(content, np.uint8)
         self.begins = np.append(0, np.flatnonzero(self.content == NEWLINE) + 1)
         self.joined = np.flatnonzero(self.content == ord(JOINED))
 
     def runs(self):
-        """(kind, begin, end) of statements of one kind that follow each other, no more than
-        AT_ONCE; the kind is None for those that do not matter.
+        """(kind, begin, end) of runs of up to AT_ONCE consecutive statements of one kind.
+
+        The kind is None for statements that are not read.
         """
         begins = self.begins[:-2]
         keyword, next_byte = self.content[begins], self.content[begins + 1]
@@ -160,8 +153,9 @@ class Text:
                 yield kind, at, min(at + AT_ONCE, end)
 
     def unknown(self, begin, end) -> str | None:
-        """What is wrong with the first of some statements whose keyword is not in PASSED_OVER; None
-        if there is none. A keyword with nothing after it is no face and no name.
+        """Message about the first statement with an unknown keyword; None if there is none.
+
+        A keyword alone, with nothing after it, is ignored.
         """
         begins = self.begins[begin:end]
         reach = np.minimum(begins[:, None] + np.arange(LONGEST_KEYWORD), len(self.content) - 1)
@@ -172,11 +166,14 @@ class Text:
             line = self.content[self.begins[statement] : self.begins[statement + 1]].tobytes()
             word, *rest = line.decode(errors="replace").split() or [""]
             if rest:
-                return f"line {self.line(statement)}: statement '{word[:20]}' is not one of {', '.join(KINDS_OF)}"
+                return (
+                    f"line {self.line(statement)}: statement '{word[:20]}' is not one of "
+                    f"{', '.join(KINDS_OF)}"
+                )
         return None
 
     def line(self, statement):
-        """The number, from 1, of the line on which a statement begins; also for an array of them."""
+        """Number, from 1, of the line on which a statement (or each of an array) begins."""
         return statement + 1 + np.searchsorted(self.joined, self.begins[statement])
 
     def rest(self, statement) -> str:
@@ -188,8 +185,9 @@ class Text:
         )
 
     def parsed(self, parse, begin, end, rule):
-        """parse(bytes, begins) of statements, their keywords blank; InputError for the first that
-        it refuses.
+        """Result of `parse` (bytes, begins) for some statements, with their keywords blanked.
+
+        Raises InputError with `rule` for the first statement for which `parse` raises ValueError.
         """
         try:
             begins = self.begins[begin:end] - self.begins[begin]
@@ -200,11 +198,12 @@ class Text:
             if end - begin == 1:
                 shown = " ".join(self.rest(begin).split())
                 raise InputError(
-                    f"line {self.line(begin)}: {rule}, not '{shown[:37] + '...' * (len(shown) > 37)}'"
+                    f"line {self.line(begin)}: {rule}, "
+                    f"not '{shown[:37] + '...' * (len(shown) > 37)}'"
                 ) from None
         middle = (begin + end) // 2
         self.parsed(parse, begin, middle, rule)
-        self.parsed(parse, middle, end, rule)
+        return self.parsed(parse, middle, end, rule)
 
 
 def _parse_vertices(content, begins):
@@ -282,9 +281,8 @@ def _label(text):
     if not labelled:
         return ""
     first = labelled[0]
-    return " ".join(
-        words[first - (first > 0 and words[first].startswith("*")) :]
-    )  # f * bareAl * 300 *
+    # In a name such as `f * bareAl * 300 *`, the label begins at the word before the first '*'
+    return " ".join(words[first - (first > 0 and words[first].startswith("*")) :])
 
 
 def _count(vertices):

@@ -1,6 +1,4 @@
-"""PLY meshes, as far as they must be sound before a renderer reads them: a header that the content
-agrees with, and faces whose corners exist.
-"""
+"""Checks of PLY meshes before Mitsuba reads them: header, length, coordinates and corners."""
 
 import re
 from dataclasses import dataclass

@@ -1,21 +1,39 @@
-"""Polygons to triangles: any simple polygon, plane or nearly so, with any number of corners."""
+"""Triangulation of simple polygons that are plane or nearly plane."""
 
 import numpy as np
 
-SLIVER = (
-    1e-6  # a triangle whose height is this fraction of its longest edge has no area to speak of
-)
-MOST_CLIPPED = 2000  # corners of a facet that is not convex; the time grows with their square
-ROUNDING = 1e-9  # of a product of two lengths, as a fraction of the polygon's size squared
+# Ratio of height to longest edge at which a triangle counts as a sliver, without area.
+SLIVER = 1e-6
+# Largest number of corners of a facet that is not convex; the time grows with its square.
+MOST_CLIPPED = 2000
+# Rounding error of a product of two lengths, as a fraction of the polygon's size squared.
+ROUNDING = 1e-9
 
 
 def triangulate(vertices, corners, first):
     """Triangles of polygonal facets.
 
-    vertices (V, 3); corners (N,), first (F + 1,) as in `Obj`. Returns triangles (T, 3) of vertices,
-    the facet (T,) of each in rising order, the greatest distance (F,) of a facet's corners from its
-    mean plane, and a mask (F,) of the facets that cross or fold back on themselves, or that have
-    more than MOST_CLIPPED corners and are not convex: their triangles mean nothing. Slivers are left out: a facet without any triangle is degenerate.
+    Slivers are left out. A facet without any triangle is degenerate.
+
+    Parameters
+    ----------
+    vertices : (V, 3)
+    corners : (N,)
+        As in `Obj`.
+    first : (F + 1,)
+        As in `Obj`.
+
+    Returns
+    -------
+    triangles : (T, 3)
+        Indices of vertices.
+    owners : (T,)
+        The facet of each triangle, in ascending order.
+    off_plane : (F,)
+        Largest distance of a facet's corners from its mean plane.
+    crossed : (F,)
+        Mask of the facets that cut or fold back on themselves, or that are not convex and have more
+        than MOST_CLIPPED corners. Their triangles are meaningless.
     """
     sizes = np.diff(first)
     off_plane, crossed = np.zeros(len(sizes)), np.zeros(len(sizes), bool)
@@ -40,9 +58,8 @@ def _same_size(vertices, polygons):
     if size == 3:
         return polygons, np.arange(count), np.zeros(count), np.zeros(count, bool)
     points = vertices[polygons] - vertices[polygons[:, :1]]
-    normals = 0.5 * np.cross(points, np.roll(points, -1, axis=1)).sum(
-        axis=1
-    )  # Newell: area times unit normal
+    # Newell's formula: area times unit normal
+    normals = 0.5 * np.cross(points, np.roll(points, -1, axis=1)).sum(axis=1)
     areas = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = np.divide(normals, areas, out=np.zeros_like(normals), where=areas > 0)
     heights = np.einsum("mnk,mk->mn", points - points.mean(axis=1, keepdims=True), normals)
@@ -57,9 +74,8 @@ def _same_size(vertices, polygons):
         fans = np.where(is_turned[:, None, None], turned, fans)
         is_fan |= is_turned | (_smallest(vertices, fans, normals) >= 0)
     else:
-        is_fan &= (
-            _angle_at_first(points, normals) < 2 * np.pi
-        )  # less than a full turn, so that no triangle covers another
+        # Less than a full turn, so that no triangle covers another
+        is_fan &= _angle_at_first(points, normals) < 2 * np.pi
 
     flat = _is_sliver(vertices[fans]).all(axis=1)  # no area at all: any fan will do
     folded = ~flat & (areas[:, 0] <= SLIVER * np.ptp(points, axis=1).max(axis=1) ** 2)
@@ -175,7 +191,7 @@ def _angle_at_first(points, normals):
 
 
 def _is_sliver(corners):
-    """Whether triangles (..., 3, 2 or 3) have no area, or next to none beside their longest edge."""
+    """Whether the height of triangles (..., 3, 2 or 3) is below SLIVER of their longest edge."""
     edges = np.roll(corners, -1, axis=-2) - corners
     a, b = edges[..., 0, :], edges[..., 1, :]
     doubled_area = (

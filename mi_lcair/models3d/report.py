@@ -1,4 +1,4 @@
-"""What a facet model holds and what is wrong with it, as numbers."""
+"""Figures that describe a facet model and its errors."""
 
 import numpy as np
 

@@ -8,10 +8,18 @@ from xml.sax.saxutils import quoteattr
 
 from mi_lcair.models3d.label import TYPES
 
-TURN = '<rotate x="1" angle="$roll_deg"/> <rotate y="-1" angle="$pitch_deg"/> <rotate z="1" angle="$yaw_deg"/>'
-TURN_BACK = '<rotate z="-1" angle="$yaw_deg"/> <rotate y="1" angle="$pitch_deg"/> <rotate x="-1" angle="$roll_deg"/>'
-MARGIN = 1.02  # of the sensor's window, beyond the sphere around the model
-DISTANCE = 1.1  # of the sensor, in windows: outside the model but still inside a room around it
+TURN = (
+    '<rotate x="1" angle="$roll_deg"/> <rotate y="-1" angle="$pitch_deg"/> '
+    '<rotate z="1" angle="$yaw_deg"/>'
+)
+TURN_BACK = (
+    '<rotate z="-1" angle="$yaw_deg"/> <rotate y="1" angle="$pitch_deg"/> '
+    '<rotate x="-1" angle="$roll_deg"/>'
+)
+MARGIN = 1.02  # ratio of half the sensor's window to the radius of the sphere around the model
+# Ratio of the sensor's distance to half its window. The sensor is outside the model, but inside a
+# room around it.
+DISTANCE = 1.1
 
 
 def fragment(name: str, labels: dict, has_materials: bool, sky: str | None) -> str:
@@ -29,7 +37,8 @@ def fragment(name: str, labels: dict, has_materials: bool, sky: str | None) -> s
         [
             '<scene version="3.0.0">',
             f"    <!-- {name}: the meshes of a facet model, to be included in a scene:",
-            '         <path value="FOLDER"/> <include filename="FOLDER/model.xml"/>. Its parameters are those of the scene. -->',
+            '         <path value="FOLDER"/> <include filename="FOLDER/model.xml"/>. '
+            "Its parameters are those of the scene. -->",
             "",
             *(
                 f'    <default name="{key}" value={quoteattr(str(value))}/>'
@@ -56,9 +65,11 @@ def _material(name, material, has_materials):
 def _shape(name, stem, label, sky):
     turn = f'        <transform name="to_world"> {TURN} </transform>\n' if label.type == "f" else ""
     source = (
-        '<texture type="mesh_attribute" name="temperature"> <string name="name" value="face_temperature"/> </texture>'
+        '<texture type="mesh_attribute" name="temperature"> '
+        '<string name="name" value="face_temperature"/> </texture>'
         if not sky or label.elevation_deg is None
-        else f'<string name="spectrum" value="$sky"/> <float name="elevation_deg" value="{label.elevation_deg:g}"/>'
+        else '<string name="spectrum" value="$sky"/> '
+        f'<float name="elevation_deg" value="{label.elevation_deg:g}"/>'
     )
     return f"""
     <shape type="ply" id="{name}.{stem}">
@@ -82,22 +93,29 @@ def scene(name: str, centre, radius: float, sky: str | None) -> str:
     x, y, z = (f"{value:.7g}" for value in centre)
     own_sky = (
         f"""
-    <default name="sky" value={quoteattr(sky)}/>   <!-- table of the sky's spectral radiance: a bundled name or a CSV -->"""
+    <default name="sky" value={quoteattr(sky)}/>   \
+<!-- table of the sky's spectral radiance: a bundled name or a CSV -->"""
         if sky
         else ""
     )
     return f"""<scene version="3.0.0">
     <!-- {name}, seen from all sides.
 
-         An imported facet model (x forward, y left, z up) in a square window of {2 * window:.4g} m x {2 * window:.4g} m. -->
+         An imported facet model (x forward, y left, z up) in a square window of \
+{2 * window:.4g} m x {2 * window:.4g} m. -->
 
-    <default name="azimuth_deg" value="90"/>    <!-- of the observer: 0 sees the nose, 90 the left side, 180 the tail -->
-    <default name="elevation_deg" value="0"/>   <!-- of the observer above the horizontal; 90 sees the top -->
-    <default name="band" value="LWIR"/>         <!-- SWIR, MWIR, LWIR, total, a-b in um, or the CSV file of a response -->
-    <default name="lobe" value="brdf"/>         <!-- reflection of all materials: brdf, mirror or diffuse -->
+    <default name="azimuth_deg" value="90"/>    \
+<!-- of the observer: 0 sees the nose, 90 the left side, 180 the tail -->
+    <default name="elevation_deg" value="0"/>   \
+<!-- of the observer above the horizontal; 90 sees the top -->
+    <default name="band" value="LWIR"/>         \
+<!-- SWIR, MWIR, LWIR, total, a-b in um, or the CSV file of a response -->
+    <default name="lobe" value="brdf"/>         \
+<!-- reflection of all materials: brdf, mirror or diffuse -->
     <default name="yaw_deg" value="0"/>         <!-- of the model: turns the nose to the left -->
     <default name="pitch_deg" value="0"/>       <!-- of the model: lifts the nose -->
-    <default name="roll_deg" value="0"/>        <!-- of the model: lowers the right wing -->{own_sky}
+    <default name="roll_deg" value="0"/>        \
+<!-- of the model: lowers the right wing -->{own_sky}
     <default name="max_bounces" value="5"/>     <!-- reflections after which a path ends -->
     <default name="resolution" value="256"/>    <!-- pixels along each side of the image -->
     <default name="spp" value="64"/>            <!-- paths per pixel -->

@@ -1,15 +1,14 @@
-"""One vertex for each position, over the whole model: without it no facet would know its
-neighbours.
-"""
+"""Welding: facets that touch get common vertices, from which their neighbours are found."""
 
 import numpy as np
 
-TOLERANCE = 1e-6  # as a fraction of the model's extent
+TOLERANCE = 1e-6  # distance at which vertices count as equal, as a fraction of the extent
 
 
 def weld(vertices):
-    """Which vertex (V,) stands for each of vertices (V, 3): the first at its position or within
-    TOLERANCE of it.
+    """Index (V,) of the vertex that replaces each vertex (V, 3).
+
+    It is the first vertex at the same position or within TOLERANCE of it.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -30,10 +29,9 @@ def weld(vertices):
 
 
 def unique_rows(rows):
-    """The first index of each different row of an array (M, n), and which of these rows (M,) each
-    one equals.
+    """Index of the first occurrence of each different row, and for each row its number (M,).
 
-    As np.unique with axis=0, which is several times slower.
+    rows: (M, n). The function does the same as np.unique with axis=0 and is several times faster.
     """
     order = np.lexsort(rows.T)
     in_order = rows[order]
@@ -41,4 +39,5 @@ def unique_rows(rows):
     starts[1:] = (in_order[1:] != in_order[:-1]).any(axis=1)
     inverse = np.empty(len(rows), int)
     inverse[order] = np.cumsum(starts) - 1
-    return order[starts], inverse  # lexsort is stable, so that the first of equals comes first
+    # lexsort is stable, so the first one of equal rows comes first
+    return order[starts], inverse

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 from drjit.llvm.ad import Array3f64, Float64
@@ -56,7 +57,9 @@ class BRDFView:
     emissivity: float
 
 
-def brdf_view(name: str, band: str, theta_i_deg: float = 30.0) -> BRDFView:
+def brdf_view(
+    name: str, band: str, theta_i_deg: float = 30.0, materials: str | Path | None = None
+) -> BRDFView:
     """Tabulate the BRDF of a material for one angle of incidence.
 
     Parameters
@@ -67,6 +70,8 @@ def brdf_view(name: str, band: str, theta_i_deg: float = 30.0) -> BRDFView:
         Band in any form that `mi_lcair.physics.bands.band` reads.
     theta_i_deg
         Angle of incidence, 0 <= theta_i_deg < 90 [degrees].
+    materials
+        TOML file of the user's own materials, which is searched first.
 
     Returns
     -------
@@ -81,7 +86,7 @@ def brdf_view(name: str, band: str, theta_i_deg: float = 30.0) -> BRDFView:
     if not 0 <= theta_i_deg < 90:
         raise InputError(f"theta = {theta_i_deg:g} degrees must lie in 0..90, 90 excluded")
     band = band_of(band)
-    surface_material = material(name, band)
+    surface_material = material(name, band, materials)
     model, S = surface_material.model, surface_material.surface()
     width = float(model.lobe_width(S)[0])
     theta_r = crowded(0, HORIZON, 2, theta_i_deg, width)

@@ -102,7 +102,7 @@ def material(
         raise InputError(f"material '{name}': needs a band; measured for {known}")
     raise InputError(
         f"material '{name}': not measured for band {band.label}, only for {known}; "
-        f"set allow_band to use it all the same"
+        f"set allow_band in the scene to use it all the same"
     )
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from mi_lcair.planning.probe import BATCHES, upper
 
-LARGEST_RATIO = 0.999  # of the radiances of successive bounces; a larger one is mostly noise
+LARGEST_RATIO = 0.999  # ratio of successive bounces; a larger one is mostly noise
 LEAST_FALL = 1e-6  # relative fall from one bounce to the next that a geometric tail needs
 
 

@@ -1,3 +1,1 @@
-"""From a scene XML to a radiance image: `scene.load`, `render.render`, `image.write_exr`,
-`picture.save_picture`.
-"""
+"""From a scene XML to a radiance image: `scene.load`, `render.render`, `image.write_exr`."""

@@ -1,4 +1,4 @@
-"""A picture through the air: what of the model's radiance arrives at a sensor, pixel by pixel."""
+"""Apparent radiance of each pixel: the model's radiance after transmission by the atmosphere."""
 
 import numpy as np
 from scipy.interpolate import BarycentricInterpolator
@@ -17,15 +17,36 @@ def apparent(
     atmosphere: Atmosphere,
     range_m: float | None,
 ) -> dict[str, np.ndarray]:
-    """Radiance [W m^-2 sr^-1] of each pixel as it arrives, and what of it the path itself adds:
-    apparent.Y and path.Y.
+    """Apparent radiance of each pixel and the path radiance in it.
 
-    radiance: of each pixel; parts: by name, as `plugins.channels` records them with split "target"
-    and by spectrum. range_m: to all of the model; None: in each pixel its own, along the first ray
-    (a pixel's mean, where it shows several surfaces). Only the model is seen through the air: what
-    is recorded of its background is taken to be what arrives, as a sky table says it. Each spectrum
-    has its own transmittance; radiance of unknown spectrum (of `closure`, of an emitter that is not
-    thermal) the band's mean. InputError for a range that the atmosphere does not cover.
+    The atmosphere is applied to the model only. The background radiance is assumed to be given at
+    the sensor, as in a sky table. Each spectrum has its own transmittance. Radiance of unknown
+    spectrum (from `closure` or from an emitter that is not thermal) gets the mean transmittance of
+    the band.
+
+    Parameters
+    ----------
+    radiance : numpy.ndarray
+        Radiance of each pixel without the atmosphere, (P,) [W m^-2 sr^-1].
+    parts : dict
+        Channels by name, (P,) each, recorded with split "target" and by spectrum.
+    sources : Sources
+        The sources that the channels `target.source.N` belong to.
+    band : Band
+    atmosphere : Atmosphere
+    range_m : float or None
+        Range of the whole model [m]. None: each pixel's range along the first ray. It is the mean
+        range of a pixel that shows several surfaces.
+
+    Returns
+    -------
+    dict
+        `apparent.Y` and `path.Y`, (P,) each [W m^-2 sr^-1].
+
+    Raises
+    ------
+    InputError
+        For a range that the atmosphere does not cover.
     """
     share = parts["target.hit"]
     on = share > 0
@@ -33,26 +54,27 @@ def apparent(
         np.full(on.sum(), range_m) if range_m is not None else parts["target.range"][on] / share[on]
     )
     x = atmosphere.wavelengths_um
-    told = {
+    spectra = {
         f"target.source.{k}": spectrum_of(source, x)
         for k, source in enumerate(sources.list)
         if source.name is not None
     }
-    in_band = {name: parts[name][on] for name in told}
+    in_band = {name: parts[name][on] for name in spectra}
     if len(nodes := sources.wavelengths_um):
-        # a polynomial through the nodes is a sum of basis polynomials, each of them a spectrum
+        # The spectrum is a polynomial through the nodes, a sum of basis polynomials. Each basis
+        # polynomial is treated as one spectrum.
         basis = BarycentricInterpolator(nodes, np.eye(len(nodes)))
         weights = basis(band.wavelengths_um).T @ band.weights_um
         for k, weight in enumerate(weights):
-            told[f"target.wavelength.{k}"] = basis(x)[:, k] if len(x) else x
+            spectra[f"target.wavelength.{k}"] = basis(x)[:, k] if len(x) else x
             in_band[f"target.wavelength.{k}"] = parts[f"target.wavelength.{k}"][on] * weight
-    told["rest"] = np.ones(len(x))
+    spectra["rest"] = np.ones(len(x))
     in_band["rest"] = parts["target"][on] - sum(in_band.values())
 
     path, arrives = np.zeros((2, len(share)))
     path[on] = atmosphere.band_path_radiance(band, ranges) * share[on]
     arrives[on] = np.sum(
-        atmosphere.band_transmittance(band, np.array(list(told.values())), ranges)
+        atmosphere.band_transmittance(band, np.array(list(spectra.values())), ranges)
         * list(in_band.values()),
         axis=0,
     )
@@ -60,6 +82,7 @@ def apparent(
 
 
 def spectrum_of(source: Source, wavelengths_um) -> np.ndarray:
+    """Spectral radiance of a source at some wavelengths [W m^-2 sr^-1 um^-1]."""
     return (
         spectral_radiance(wavelengths_um, source.temperature)
         if source.spectrum is None

@@ -1,4 +1,4 @@
-"""Which facet each pixel shows, and the columns of a table as images by it."""
+"""Images of a facet table: each pixel gets a column's value for the facet that it shows."""
 
 import mitsuba as mi
 import numpy as np
@@ -12,11 +12,10 @@ FACET = "facet"  # the column of facet numbers
 
 
 def by_facet(table: Table, name: str, count: int) -> np.ndarray:
-    """The values (count,) of a column by facet number, NaN for a facet that has no row or an empty
-    cell in it.
+    """Values of a column by facet number, (count,); NaN for a facet without a row or value.
 
-    table: with a column `facet`. Raises InputError, with the line, for a facet that is not one of
-    `count` or has two rows, and for a cell that is no number.
+    The table needs a column `facet`. Raises InputError, with the line, for a facet that is not one
+    of `count` or has two rows, and for a cell that is no number.
     """
     columns = table.numbers([FACET, name], may_lack=True)
     facet = columns[FACET]
@@ -24,13 +23,15 @@ def by_facet(table: Table, name: str, count: int) -> np.ndarray:
     if bad.any():
         line, cells = table.rows[bad.argmax()]
         raise InputError(
-            f"{table.file}, line {line}: facet {shown(cells[table.columns.index(FACET)])} is not in "
-            f"the scene, whose facets are numbered from 0 to {count - 1}"
+            f"{table.file}, line {line}: facet "
+            f"{shown(cells[table.columns.index(FACET)])} is not in the scene, "
+            f"whose facets are numbered from 0 to {count - 1}"
         )
-    found, rows = np.unique(facet, return_counts=True)
+    numbers, rows = np.unique(facet, return_counts=True)
     if rows.max() > 1:
         raise InputError(
-            f"{table.file}: facet {found[rows.argmax()]:g} has {rows.max()} rows; it must have one"
+            f"{table.file}: facet {numbers[rows.argmax()]:g} has {rows.max()} rows; "
+            "it must have one"
         )
     values = np.full(count, np.nan)
     values[facet.astype(int)] = columns[name]
@@ -38,8 +39,9 @@ def by_facet(table: Table, name: str, count: int) -> np.ndarray:
 
 
 def seen_facets(scene: Scene, facets: FacetTable, sensor: int = 0) -> np.ndarray:
-    """The facet that each pixel of a sensor shows, (H, W), by the ray through the pixel's centre;
-    -1: none.
+    """Number of the facet that each pixel of a sensor shows, (H, W); -1 where there is none.
+
+    The facet is the one that the ray through the pixel's centre hits.
     """
     ray, shape = pixel_rays(scene.sensor(sensor))
     hit = scene.mi.ray_intersect_preliminary(ray, coherent=True)
@@ -47,7 +49,7 @@ def seen_facets(scene: Scene, facets: FacetTable, sensor: int = 0) -> np.ndarray
 
 
 def pixel_rays(camera) -> tuple[mi.Ray3f, tuple[int, int]]:
-    """The rays through the pixels' centres, row by row, and (height, width)."""
+    """Rays through the pixels' centres, row by row, and the film's (height, width)."""
     width, height = camera.film().crop_size()
     row, column = np.indices((height, width)).reshape(2, -1)
     ray, _ = camera.sample_ray(
@@ -60,8 +62,22 @@ def pixel_rays(camera) -> tuple[mi.Ray3f, tuple[int, int]]:
 
 
 def facet_images(scene: Scene, table: Table, names, sensor: int = 0) -> dict[str, np.ndarray]:
-    """What a sensor sees, coloured by columns `names` of a table: (H, W) each, NaN where there is
-    no facet or no value.
+    """Images of some columns of a facet table, as a sensor sees the facets.
+
+    Parameters
+    ----------
+    scene : Scene
+    table : Table
+        Table with a column `facet`.
+    names : iterable of str
+        Columns to show.
+    sensor : int
+        Number of the sensor, counted from 0.
+
+    Returns
+    -------
+    dict
+        An image (H, W) for each name; NaN where there is no facet or no value.
     """
     facets = FacetTable(scene)
     columns = {name: by_facet(table, name, facets.count) for name in names}

@@ -1,4 +1,4 @@
-"""The facets of a scene, numbered through: what each is, and which one a ray has met."""
+"""Numbered table of the facets of a scene, and the facet's number for a hit."""
 
 from collections import defaultdict
 
@@ -14,20 +14,40 @@ from mi_lcair.rendering.scene import Scene
 
 
 class FacetTable:
-    """Facets of a loaded scene, from 0 to count - 1; NumPy arrays, one value per facet.
+    """Facets of a loaded scene, numbered from 0 to count - 1.
 
-    A facet is a polygon of the model: all triangles of a mesh with the same mesh attribute
-    `face_facet`. In a mesh without that attribute it is each triangle, and a shape that is no mesh
-    is one facet. Shapes with `face_facet` whose ids begin with the same `MODEL.` are parts of one
-    model and share its numbers, which count from 0 within it; models and other shapes follow each
-    other as they appear in the scene. A number that no triangle of a model carries has no area.
+    A facet is a polygon of the model: all triangles of a mesh with the same value of the mesh
+    attribute `face_facet`. In a mesh without that attribute each triangle is a facet. A shape that
+    is not a mesh is one facet.
 
-    shape_index: of the scene's shapes (-1: no triangle); type: "model", "sky" or "terrain"; group:
-    the emitter's label, or "other"; material: name of the material, or else
-    the BSDF's class; temperature [K], NaN if the facet has none of its own; area [m^2]; normal and
-    centre (of area) [m], (count, 3), NaN for what is no mesh. triangles: corners of all triangles
-    [m], (T, 3, 3), anticlockwise about the normal; triangle_facet (T,). Raises InputError for
-    facets that are not numbered soundly or that have several temperatures.
+    Meshes with `face_facet` whose ids begin with the same `MODEL.` are parts of one model. Their
+    facets are numbered together, from 0 within the model. Models and other shapes are numbered one
+    after another, in the scene's order. A number without a triangle is a facet of area 0.
+
+    Raises InputError for invalid values of `face_facet`, and for a facet whose triangles have
+    different temperatures.
+
+    Attributes
+    ----------
+    count : int
+    shape_index : (count,)
+        Index of the scene's shape; -1 for a facet without triangles.
+    type : (count,)
+        "model", "sky" or "terrain".
+    group : (count,)
+        Label of the emitter, or "other".
+    material : (count,)
+        Name of the material, or the class of the BSDF if it has no name.
+    temperature : (count,)
+        Temperature of the facet [K]; NaN if it has none.
+    area : (count,)
+        Area [m^2].
+    normal, centre : (count, 3)
+        Unit normal, and centre of area [m]; NaN for a shape that is not a mesh.
+    triangles : (T, 3, 3)
+        Corners of all triangles [m], anticlockwise about the normal.
+    triangle_facet : (T,)
+        Number of each triangle's facet.
     """
 
     def __init__(self, scene: Scene):
@@ -52,8 +72,8 @@ class FacetTable:
             if not len(points):
                 self.area[facets] = area_of(shape)
 
-        # for number(): where each shape's primitives begin in one list of facets, and the last
-        # primitive that counts
+        # For number(): the facets of all primitives are in one list. `begin` is the position of a
+        # shape's first primitive, `last` the number of its last one.
         keys = [pointer_id(mi.ShapePtr(shape)) for shape in shapes]
         begin, last = np.full((2, max(keys) + 1), ABSENT, dtype=np.uint32)
         begin[keys] = np.cumsum([0, *(len(facets) for facets in of_primitive[:-1])])
@@ -63,19 +83,20 @@ class FacetTable:
         dr.make_opaque(self._begin, self._last, self._of_primitive)
 
     def number(self, shape, prim_index, active=True) -> mi.UInt32:
-        """The facet of a primitive of a shape (pointer), as a hit tells them; ABSENT, 2^32 - 1, for
-        the null pointer.
+        """The number of the facet of a hit; ABSENT (2^32 - 1) if there is no hit.
+
+        shape: pointer to the shape that was hit; prim_index: its primitive.
         """
         key = dr.reinterpret_array(mi.UInt32, shape)
         known = mi.Bool(active) & (key < dr.width(self._begin))
         begin = dr.gather(mi.UInt32, self._begin, key, known)
         known &= begin != ABSENT
-        # a shape that is no mesh may number the parts of its surface: they are all one facet
+        # A shape that is not a mesh may have several primitives, but it is one facet
         primitive = begin + dr.minimum(prim_index, dr.gather(mi.UInt32, self._last, key, known))
         return dr.select(known, dr.gather(mi.UInt32, self._of_primitive, primitive, known), ABSENT)
 
     def _describe(self, shapes, of_primitive) -> None:
-        """What the scene says about each facet."""
+        """Set shape, type, group, material and temperature of each facet."""
         self.shape_index = np.full(self.count, -1)
         self.temperature = np.full(self.count, np.nan)
         self.type, self.group, self.material = (
@@ -92,14 +113,15 @@ class FacetTable:
                 self.temperature[facets] = temperatures
                 differs = (self.temperature[facets] != temperatures) & np.isfinite(temperatures)
                 if differs.any():
-                    found = temperatures[facets == facets[differs.argmax()]]
+                    of_facet = temperatures[facets == facets[differs.argmax()]]
                     raise InputError(
-                        f"shape '{shape.id()}': the triangles of one facet have different temperatures, {found.min():g} "
-                        f"to {found.max():g} K; triangles with the same face_facet must have the same face_temperature"
+                        f"shape '{shape.id()}': the triangles of one facet have different "
+                        f"temperatures, {of_facet.min():g} to {of_facet.max():g} K; triangles with "
+                        "the same face_facet must have the same face_temperature"
                     )
 
     def _measure(self) -> None:
-        """Area, normal and centre of each facet, from its triangles."""
+        """Set area, normal and centre of each facet, from its triangles."""
 
         def total(vectors):
             return np.stack(
@@ -124,10 +146,9 @@ class FacetTable:
 
 
 def triangles(shape) -> tuple[np.ndarray, np.ndarray]:
-    """Corners (T, 3, 3) of a shape's triangles, in Float64, and the number of the facet (T,) that
-    each is part of.
+    """Corners (T, 3, 3) of a shape's triangles [m], in Float64, and their facets' numbers (T,).
 
-    No corners and the one facet 0 for a shape that is no mesh.
+    A shape that is not a mesh has no corners and the one facet 0.
     """
     if not is_faceted(shape):
         return np.empty((0, 3, 3)), np.zeros(1, np.int64)
@@ -144,42 +165,45 @@ def triangles(shape) -> tuple[np.ndarray, np.ndarray]:
     bad = ~((number >= 0) & (number == np.round(number)))
     if bad.any():
         raise InputError(
-            f"shape '{shape.id()}': face_facet = {number[bad][0]:g} must be a whole number from 0 on"
+            f"shape '{shape.id()}': face_facet = {number[bad][0]:g} must be a whole number "
+            "from 0 on"
         )
     return corners, number.astype(np.int64)
 
 
 def block_of(index: int, shape):
-    """What shares one numbering: the model of an imported mesh, or else the shape itself."""
+    """Key of the shapes that are numbered together: the name of a model, or the shape's index."""
     model, dot, _ = shape.id().partition(".")
     return model if dot and "face_facet" in members(shape) else index
 
 
 def check_apart(numbers: dict) -> None:
-    """Refuses a facet that lies in two shapes of one model; numbers: id of a shape -> facets of its
-    triangles.
+    """Raise InputError for a facet that is in two shapes of one model.
+
+    numbers: facets of the triangles of each shape, by the shape's id.
     """
     owner = {}
     for name, facets in numbers.items():
         for number in np.unique(facets).tolist() if len(numbers) > 1 else ():
             if owner.setdefault(number, name) != name:
                 raise InputError(
-                    f"shapes '{owner[number]}' and '{name}' both have facet {number} of their model; "
-                    "face_facet must be another number in each"
+                    f"shapes '{owner[number]}' and '{name}' both have facet {number} of their "
+                    "model; face_facet must be another number in each"
                 )
 
 
 def material_of(bsdf) -> str:
+    """Name of the material of a BSDF or of one that it wraps; the BSDF's class if there is none."""
     names = [layer.material for layer in (bsdf, *children(bsdf)) if getattr(layer, "material", "")]
+    # Mitsuba's class_name() is "BSDF" for every plugin that is written in Python
     own = type(bsdf).__name__
-    return (
-        names[0] if names else bsdf.class_name() if own == "BSDF" else own
-    )  # Python's plugins are all "BSDF" to Mitsuba
+    return names[0] if names else bsdf.class_name() if own == "BSDF" else own
 
 
 def area_of(shape):
-    """Surface area of a shape that is no mesh [m^2]; NaN for curves and the like, which do not know
-    theirs.
+    """Surface area of a shape that is not a mesh [m^2].
+
+    NaN for shapes whose area Mitsuba cannot compute, such as curves.
     """
     try:
         return np.ravel(shape.surface_area())
@@ -188,8 +212,9 @@ def area_of(shape):
 
 
 def temperature_of(emitter):
-    """Temperatures [K] of a thermal emitter, one or one per triangle; NaN for a given radiance and
-    for a texture that varies inside a triangle.
+    """Temperatures [K] of a thermal emitter: one value, or one per triangle.
+
+    NaN for a given radiance and for a texture that varies inside a triangle.
     """
     sources = emitter.sources()
     return dr.detach(sources[0]).numpy() if sources else np.array([np.nan])

@@ -13,7 +13,7 @@ from mi_lcair.files import check_file, replacing
 
 MAGIC = b"\x76\x2f\x31\x01"
 
-# Attributes that describe the file itself: set by the format, not by the caller.
+# Attributes of the file format. The OpenEXR package sets them, so a caller must not.
 STRUCTURE = {
     "channels",
     "chunkCount",
@@ -33,18 +33,29 @@ STRUCTURE = {
 def write_exr(
     path: str | Path, channels: dict[str, np.ndarray], header: dict[str, str | int | float]
 ) -> None:
-    """Write `channels` (name -> [H, W], stored as float32) and `header` to an OpenEXR file,
-    complete or not at all.
+    """Write an OpenEXR file, completely or not at all.
 
-    Floats of the header keep 7 digits (the format's own type); whole numbers beyond 31 bits are
-    written as strings. Raises InputError where the file cannot be written; ValueError, a mistake of
-    the caller, for values that are not finite, channels that are not one 2D shape, and names that
-    the format cannot hold.
+    Parameters
+    ----------
+    path : str or Path
+    channels : dict
+        Arrays (H, W) by name, stored as float32.
+    header : dict
+        Strings and numbers by name. Floats keep 7 digits, as the format stores them in single
+        precision. Integers of more than 31 bits are written as strings.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    ValueError
+        If the caller gives values that are not finite, channels of different shapes, or names that
+        the format does not allow.
     """
     import OpenEXR
 
-    # The package writes non-contiguous arrays wrong without a word, and changes the dictionaries
-    # that it is given.
+    # The package writes wrong values for non-contiguous arrays, without an error. It also changes
+    # the dictionaries that it receives.
     pixels = {
         _checked_name(name): np.ascontiguousarray(values, dtype=np.float32)
         for name, values in channels.items()
@@ -55,7 +66,8 @@ def write_exr(
     for name, values in pixels.items():
         if not np.isfinite(values).all():
             raise ValueError(
-                f"channel '{name}' holds {np.count_nonzero(~np.isfinite(values))} NaN or infinite values"
+                f"channel '{name}' holds {np.count_nonzero(~np.isfinite(values))} "
+                "NaN or infinite values"
             )
     attributes = {_checked_name(name): _attribute(name, value) for name, value in header.items()}
     attributes |= {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
@@ -71,8 +83,9 @@ def _checked_name(name: str) -> str:
 
 
 def _attribute(name: str, value: str | int | float) -> str | int | float:
-    """`value` as one of the three types that the package stores without loss (NumPy's scalars it
-    refuses).
+    """The value as a str, int or float of Python, which the package stores without loss.
+
+    The package rejects NumPy's scalars.
     """
     if isinstance(value, str):
         return str(value)
@@ -84,12 +97,12 @@ def _attribute(name: str, value: str | int | float) -> str | int | float:
 
 
 def read_exr(path: str | Path) -> tuple[dict[str, np.ndarray], dict[str, str | int | float]]:
-    """The channels (name -> float32 [H, W]) and the header (strings and numbers only) of an OpenEXR
-    file.
+    """Read the channels and the header of an OpenEXR file.
 
-    Reads the files of other programs too: any channel names, half floats and whole numbers, the
-    first part of several. Raises InputError for a file that is missing, damaged or not an OpenEXR
-    image.
+    Channels are float32 arrays (H, W) by name. The header has its strings and numbers only. Files
+    of other programs can be read too: with any channel names, half floats and integers. Of a file
+    with several parts, the first is read. Raises InputError for a file that is missing, damaged or
+    not an OpenEXR image.
     """
     import OpenEXR
 
@@ -119,11 +132,9 @@ def read_exr(path: str | Path) -> tuple[dict[str, np.ndarray], dict[str, str | i
 
 @contextmanager
 def _silenced():
-    """Keep off the screen what OpenEXR prints about a damaged file, in Python on stdout and in C on
-    stderr.
-    """
+    """Suppress OpenEXR's messages about a damaged file, on Python's stdout and C's stderr."""
     kept = os.dup(2)
-    with redirect_stdout(io.StringIO()), open(os.devnull, "w") as null:
+    with redirect_stdout(io.StringIO()), Path(os.devnull).open("w") as null:
         os.dup2(null.fileno(), 2)
         try:
             yield

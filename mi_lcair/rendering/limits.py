@@ -6,16 +6,17 @@ from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.sources import WAVELENGTHS
 from mi_lcair.plugins.paths.channels import MAX_BOUNCE_CHANNELS
 
-MOST_SPP = 2**32 - 1  # paths through a pixel: their numbers are 32-bit integers
-MOST_PATHS = 2**40  # of one render; a processor follows some 10^7 paths in a second
-# Bytes of a pixel, measured on images of 1 and 9 million pixels (two_plates: 192, furnace with 43
-# channels: 508): its radiance and statistics, and each channel in double and in single precision.
+MOST_SPP = 2**32 - 1  # paths through a pixel, which are numbered by 32-bit integers
+MOST_PATHS = 2**40  # paths of one render; a processor traces about 10^7 paths in a second
+# Memory for the radiance and statistics of a pixel, and for each channel in double and in single
+# precision [bytes]. Measured on images of 1 and 9 million pixels: 192 bytes per pixel in the scene
+# two_plates, 508 in furnace with 43 channels.
 BYTES_PER_PIXEL, BYTES_PER_CHANNEL = 100, 10
 GIB = 2**30
 
 
 def check_paths(pixels: int, **counts: int | None) -> None:
-    """Raise InputError for counts of samples per pixel (spp, max_spp) that cannot be meant."""
+    """Raise InputError for numbers of samples per pixel (spp, max_spp) that are too large."""
     for name, count in counts.items():
         if count is None:
             continue
@@ -29,10 +30,14 @@ def check_paths(pixels: int, **counts: int | None) -> None:
 
 
 def check_memory(pixels: int, tracer, split: str | None) -> None:
-    """Raise InputError for an image that needs more memory than there is.
+    """Raise InputError for an image that needs more memory than is free.
 
-    tracer: the scene's `PathTracer`; split: what is recorded beside the radiance, see its
-    `sampled`.
+    Parameters
+    ----------
+    pixels : int
+    tracer : PathTracer
+    split : str or None
+        Channels recorded beside the radiance, see `PathTracer.sampled`.
     """
     needed = pixels * (BYTES_PER_PIXEL + BYTES_PER_CHANNEL * channel_count(tracer, split))
     available = available_memory()
@@ -44,7 +49,7 @@ def check_memory(pixels: int, tracer, split: str | None) -> None:
 
 
 def channel_count(tracer, split: str | None) -> int:
-    """How many channels a render records beside the radiance."""
+    """Number of channels that a render records beside the radiance."""
     if split is None:
         return 0
     sources = tracer.emitters.sources
@@ -57,11 +62,12 @@ def channel_count(tracer, split: str | None) -> int:
 
 
 def available_memory() -> int | None:
-    """Bytes that may still be allocated: of the machine, or of the control group if that allows
-    less; None where the system does not tell.
+    """Free memory of the machine, or of the control group if that is less [bytes].
+
+    None where the system does not report it.
     """
-    found = [_of_machine(), _of_control_group()]
-    return min((number for number in found if number is not None), default=None)
+    limits = [_of_machine(), _of_control_group()]
+    return min((limit for limit in limits if limit is not None), default=None)
 
 
 def _of_machine() -> int | None:

@@ -14,20 +14,21 @@ from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import check_valid
 from mi_lcair.rendering.views import Target, View, cameras, check_resolution
 
-# of the brightest view's intensity: a fainter view, from which nothing may be seen at all, need not
-# be better known
+# Views fainter than this fraction of the brightest view get an absolute tolerance: that of a view
+# with this fraction of the brightest intensity.
 FAINT = 1e-3
 
 
 @dataclass(frozen=True)
 class ManyViews:
-    """Of each view (V,): `parts`, by name the intensity [W/sr] and its standard error, (2, V), and
-    `brightest`, the intensity of a window full of the brightest source [W/sr].
+    """Intensities of a scene's model toward V views.
 
-    Names: target (all that the model sends), bounce.N, closure, group.LABEL as in
-    `plugins.channels`, and hit: the model's projected area [m^2]. spp: samples per pixel; error:
-    standard error of the target's intensity, including what one path may gain from a source that
-    no other has met [W/sr], (V,); invalid: NaN or infinite samples, which count as 0.
+    parts: intensity and its standard error by name, (2, V) [W/sr]. The names are target (the whole
+    model), bounce.N, closure and group.LABEL as in `Channels.samples`, and hit, which is the
+    projected area of the model [m^2]. brightest: intensity of a window filled by the brightest
+    source, (V,) [W/sr]. error: standard error of the target's intensity, (V,) [W/sr]. It includes
+    the contribution of one path that hits a source which no other path has hit. spp: samples per
+    pixel. invalid: number of NaN or infinite samples, which count as 0.
     """
 
     parts: dict[str, np.ndarray]
@@ -37,8 +38,11 @@ class ManyViews:
     invalid: int
 
     def excess(self, tolerance: float) -> np.ndarray:
-        """Error over what the tolerance allows: that fraction of the view's intensity, or of FAINT
-        of the brightest view's; where nothing is seen, of FAINT of what a window could send.
+        """Ratio of each view's error to the allowed error, (V,).
+
+        The allowed error is `tolerance` times the intensity of the view, or times FAINT of the
+        brightest view if that is more. For a view of intensity 0 it is `tolerance` times FAINT of
+        the intensity `brightest`.
         """
         intensity = self.parts["target"][0]
         allowed = tolerance * np.where(
@@ -50,13 +54,14 @@ class ManyViews:
 
 
 def views_per_batch(resolution: int) -> int:
-    """How many views one pass of the fewest samples holds."""
+    """Number of views that one pass with the fewest samples per pixel can render."""
     return max(1, PASS_SAMPLES // (fewest(resolution) * resolution**2))
 
 
 def fewest(resolution: int) -> int:
-    """The least number of samples per pixel that tells an error: of one each, neighbouring pixels
-    make a pair.
+    """Smallest number of samples per pixel that gives a standard error.
+
+    It is 1 if neighbouring pixels can be paired (even resolution), otherwise 2.
     """
     return 1 if resolution % 2 == 0 else 2
 
@@ -70,18 +75,42 @@ def render_views(
     max_spp: int | None = None,
     seed=0,
 ) -> ManyViews:
-    """Renders what the model sends toward each view, of resolution x resolution pixels.
+    """Render the intensities of the model toward some views.
 
-    spp: samples per pixel, an even number (or 1 where resolution is even); without it as many (up
-    to max_spp, 65536) as every view needs for a standard error of its intensity below `tolerance`
-    of it. closure = tail continues all views by one ratio. seed: a number or a numpy SeedSequence;
-    the same one gives the same numbers.
+    With closure = tail, all views have the same ratio of the geometric continuation.
+
+    Parameters
+    ----------
+    scene : Scene
+    views : list of View
+    resolution : int
+        Pixels along each side of a view.
+    spp : int or None
+        Samples per pixel: an even number, or 1 if the resolution is even. None: as many samples, up
+        to max_spp, as every view needs for the tolerance.
+    tolerance : float
+        Largest standard error of an intensity, as a fraction of the intensity. See
+        `ManyViews.excess` for faint views.
+    max_spp : int or None
+        Largest number of samples per pixel (65536).
+    seed : int or numpy.random.SeedSequence
+        The same seed gives the same results.
+
+    Returns
+    -------
+    ManyViews
+
+    Raises
+    ------
+    InputError
+        For settings out of bounds, and for a tolerance that cannot be reached.
     """
     check_resolution(resolution)
     least = fewest(resolution)
     if spp is not None and spp % 2 and spp != least:
         raise InputError(
-            f"spp = {spp} must be {'1 or ' if least == 1 else ''}even: what is drawn twice tells the error"
+            f"spp = {spp} must be {'1 or ' if least == 1 else ''}even: "
+            "the standard error comes from two halves of the samples"
         )
     check_paths(resolution**2 * len(views), spp=spp, max_spp=max_spp)
     seeds = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
@@ -89,7 +118,8 @@ def render_views(
     area = np.array([target.window_area(view) for view in views])
     sensor = cameras(scene, target, views, resolution)
     paths = resolution**2
-    most = max(least, PASS_SAMPLES // (paths * len(views)) // 2 * 2)  # in one pass
+    # Samples per pixel in one pass
+    most = max(least, PASS_SAMPLES // (paths * len(views)) // 2 * 2)
     limit = spp or max(least, (max_spp or DEFAULT_MAX_SPP) // least * least)
     done, goal, invalid, totals = 0, spp or least, 0, {}
     with scene.prepared() as tracer:
@@ -129,7 +159,7 @@ def render_views(
                 for name, (total, squares) in totals.items()
             }
             brightest = tracer.emitters.brightest * area
-            found = ManyViews(
+            result = ManyViews(
                 parts=parts,
                 brightest=brightest,
                 error=np.hypot(parts["target"][1], chance * area / (done * paths)),
@@ -137,21 +167,31 @@ def render_views(
                 invalid=invalid,
             )
             if spp is None:
-                excess = found.excess(tolerance).max()
+                excess = result.excess(tolerance).max()
                 goal = (
                     done
                     if excess <= 1
                     else min(limit, done + 2 * int(np.ceil(done * (growth(excess) - 1) / 2)))
                 )
-    return found
+    return result
 
 
 def in_halves(samples: Samples, spp: int, views: int, resolution: int) -> tuple[int, dict]:
-    """Invalid samples, and by name the mean over each view's window and its variance, (2, V).
+    """Number of invalid samples, and mean and variance over each view's window by name, (2, V).
 
-    A pixel's samples come in two halves, whose scatter tells the variance; what differs from pixel
-    to pixel does not add to it, or, with one sample for each pixel, little: the halves are then
-    neighbours.
+    The samples of a pixel are divided into two halves, and the scatter of the halves gives the
+    variance. Differences between pixels do not add to it. With one sample per pixel the halves are
+    neighbouring pixels, and the difference between neighbours adds a little.
+
+    Parameters
+    ----------
+    samples : Samples
+    spp : int
+        Samples per pixel of this pass.
+    views : int
+        Number of views V.
+    resolution : int
+        Pixels along each side of a view.
     """
     finite = dr.isfinite(samples.radiance)
     names = [

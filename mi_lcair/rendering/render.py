@@ -1,6 +1,4 @@
-"""Rendering in independent passes: radiance with its standard error, to a number of samples or to a
-tolerance.
-"""
+"""Rendering in independent passes, with a given number of samples or to a tolerance."""
 
 import json
 import time
@@ -21,25 +19,49 @@ from mi_lcair.rendering.limits import check_memory, check_paths
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Accumulator, check_valid
 
-BOUNCE_CHANNELS = 17  # in the image; the last holds every bounce count from 16 on
-PASS_SAMPLES = 2**20  # paths in flight at once: a pass takes seconds, and Ctrl-C waits for its end
-PILOT_SPP = 16
-DEFAULT_MAX_SPP = 2**16
+BOUNCE_CHANNELS = 17  # bounce channels in the image; the last holds all counts from 16 on
+# Paths of one pass. A pass takes seconds, and Ctrl-C takes effect at its end.
+PASS_SAMPLES = 2**20
+PILOT_SPP = 16  # samples per pixel before the first estimate of the error
+DEFAULT_MAX_SPP = 2**16  # largest number of samples per pixel for a tolerance
 
 
 @dataclass(frozen=True)
 class Render:
     """A rendered scene.
 
-    channels: name -> float32 (H, W), the channels of the radiance EXR [W m^-2 sr^-1; temperature.Y
-    K; range.Y m]. parts: name -> (mean over the pixels, its standard error or None) of everything
-    that was recorded, Float64, under the names of `plugins.channels`; covariance: of the means of
-    those in COVARYING, in their order in `parts`, None without them. sources: what `source.N` stand
-    for. mean: mean radiance, mean_error: its standard error; rms_error: rms over the pixels of the standard error, with what a
-    source that too few paths meet may add, as a fraction of the mean (None for one sample per
-    pixel); reached: whether the tolerance was met (None without one); invalid: NaN or infinite
-    samples, left out; closure_error: estimated error of closure = tail [W m^-2 sr^-1], None
-    otherwise.
+    Attributes
+    ----------
+    channels : dict
+        Channels of the radiance EXR by name, float32 (H, W) [W m^-2 sr^-1; temperature.Y: K;
+        range.Y: m].
+    header : dict
+        Header of the radiance EXR.
+    band : Band
+    parts : dict
+        Mean over the pixels and its standard error (or None) of every channel, in Float64, under
+        the names of `Channels.samples`.
+    covariance : numpy.ndarray or None
+        Covariance of the means of the channels whose names begin with COVARYING, in the order of
+        `parts`. None if they were not recorded.
+    sources : Sources
+        The sources that the channels source.N belong to.
+    spp : int
+        Samples per pixel.
+    mean, mean_error : float
+        Mean radiance and its standard error [W m^-2 sr^-1].
+    rms_error : float or None
+        Rms standard error over the pixels, as a fraction of the mean, see `Accumulator.rms_error`.
+        None for one sample per pixel.
+    reached : bool or None
+        Whether the tolerance was reached. None if none was given.
+    invalid : int
+        Number of NaN or infinite samples, which are left out.
+    paths : int
+    closure_error : float or None
+        Estimated error of closure = tail [W m^-2 sr^-1]. None for another closure.
+    seconds : float
+        Duration of the render.
     """
 
     channels: dict[str, np.ndarray]
@@ -60,7 +82,7 @@ class Render:
 
     @property
     def by_bounce(self) -> np.ndarray:
-        """Mean radiance over the pixels by number of reflections, all counts up to 64 apart."""
+        """Mean radiance over the pixels by number of reflections; the last holds 64 and more."""
         return np.array(
             [mean for name, (mean, _) in self.parts.items() if name.startswith("bounce.")]
         )
@@ -80,14 +102,43 @@ def render(
     range_m: float | None = None,
     progress=None,
 ) -> Render:
-    """Renders a scene.
+    """Render a scene.
 
-    spp: samples per pixel (the scene's own). tolerance: instead render until the rms standard error
-    over the pixels is below this fraction of the mean radiance, or max_spp (65536) is reached.
-    seed: the same seed gives the same image. sensor: which one, counted from 0. split, by_spectrum,
-    facets: what is recorded beside the radiance, see `PathTracer.sampled`. atmosphere: also
-    what of the picture arrives through it, over range_m or else each pixel's own range
-    (`apparent.Y`, `path.Y`). progress: called with (samples per pixel done, total expected).
+    Parameters
+    ----------
+    scene : Scene
+    spp : int or None
+        Samples per pixel (the number in the scene). With a tolerance, the number of samples before
+        the first estimate of the error (16).
+    tolerance : float or None
+        Render until the rms standard error over the pixels is below this fraction of the mean
+        radiance, or until max_spp is reached.
+    max_spp : int or None
+        Largest number of samples per pixel for a tolerance (65536).
+    seed : int
+        The same seed gives the same image.
+    sensor : int
+        Number of the sensor, counted from 0.
+    split, facets
+        What is recorded beside the radiance, see `PathTracer.sampled`.
+    by_spectrum : bool
+        Record emission separately for each spectrum of a group.
+    atmosphere : Atmosphere or None
+        Also compute the apparent radiance through this atmosphere (`apparent.Y`, `path.Y`).
+    range_m : float or None
+        Range of the model for the atmosphere [m]. None: each pixel's own range.
+    progress : callable or None
+        Called with the samples per pixel that are done and their expected number.
+
+    Returns
+    -------
+    Render
+
+    Raises
+    ------
+    InputError
+        For settings out of bounds, a tolerance that cannot be reached, and an image that needs more
+        memory than is free.
     """
     for name, value in (("spp", spp), ("max_spp", max_spp), ("tolerance", tolerance)):
         if value is not None and not value > 0:
@@ -95,7 +146,7 @@ def render(
     if atmosphere is not None:
         atmosphere.check_covers(scene.band)
         if range_m is not None:
-            atmosphere.path(range_m)  # refused now, not after the work
+            atmosphere.path(range_m)  # raises InputError here, before anything is rendered
         split, by_spectrum = "target", True
     start = time.perf_counter()
     camera = scene.sensor(sensor)
@@ -114,7 +165,8 @@ def render(
         )
         while done < min(goal, limit):
             step = max(1, min(min(goal, limit) - done, PASS_SAMPLES // (width * height)))
-            step -= step % 2 if step > 1 else 0  # even: a pass can be told in two halves
+            # An even number, so that the samples of a pass can be divided into two halves
+            step -= step % 2 if step > 1 else 0
             run = min(width * height, PASS_SAMPLES // step)
             for first in range(0, width * height, run):
                 pass_seed = int(seeds.spawn(1)[0].generate_state(1)[0])
@@ -166,19 +218,29 @@ def render(
 
 
 def check_reachable(tolerance: float, tracer, name: str) -> None:
-    """Raises InputError for a tolerance that no number of samples reaches, and where nothing bounds
-    the radiance of an emitter.
+    """Raise InputError if no number of samples reaches the tolerance, or none can confirm it.
+
+    A tolerance cannot be confirmed if an emitter's radiance has no known bound.
+
+    Parameters
+    ----------
+    tolerance : float
+        Relative error.
+    tracer : PathTracer
+    name : str
+        Name of the scene in messages.
     """
     check_bounded(tracer.emitters, name)
     if tolerance <= tracer.systematic_error:
         raise InputError(
-            f"{name}: tolerance = {tolerance:g} cannot be reached: Float32's rounding and tabulated "
-            f"emissivities leave a relative error of {tracer.systematic_error:.1g}; ask for more than that"
+            f"{name}: tolerance = {tolerance:g} cannot be reached: Float32's rounding and "
+            "tabulated emissivities leave a relative error of "
+            f"{tracer.systematic_error:.1g}; ask for more than that"
         )
 
 
 def check_bounded(emitters, name: str) -> None:
-    """Raises InputError if the radiance of an emitter has no known bound."""
+    """Raise InputError if the radiance of an emitter has no known bound."""
     if emitters.unbounded:
         raise InputError(
             f"{name}: no tolerance can be confirmed, as nothing bounds the radiance of "
@@ -187,7 +249,7 @@ def check_bounded(emitters, name: str) -> None:
 
 
 def samples_needed(total: Accumulator, done: int, tolerance: float) -> int:
-    """Samples per pixel that the error so far asks for."""
+    """Estimated number of samples per pixel for the tolerance, from the error after `done`."""
     error = total.rms_error()
     if error is None:
         return done + 1
@@ -197,14 +259,15 @@ def samples_needed(total: Accumulator, done: int, tolerance: float) -> int:
 
 
 def growth(excess: float) -> float:
-    """By what factor more samples an error asks for that is `excess` (> 1) times too large; at most
-    4, as it is itself an estimate.
+    """Factor by which to increase the samples if the error is `excess` (> 1) times too large.
+
+    It is at most 4, because the error is itself an estimate.
     """
     return min(4.0, 1.05 * excess**2)
 
 
 def image_channels(total: Accumulator, band: Band) -> dict[str, np.ndarray]:
-    """The channels of the radiance EXR, in the order of design, one value per pixel."""
+    """Channels of the radiance EXR by name, in the order in which it has them, (P,) each."""
     channels = {"Y": total.mean, "temperature.Y": brightness_temperature(band, total.mean)}
     if total.count.min() > 1:
         channels["stderr.Y"] = total.standard_error()
@@ -222,16 +285,15 @@ def image_channels(total: Accumulator, band: Band) -> dict[str, np.ndarray]:
             if name.startswith(("group.", "seen."))
         )
         channels["target.Y"] = parts["target"]
-        channels["range.Y"] = parts["range"] / np.maximum(
-            parts["hit"], 1e-30
-        )  # over the hits alone
+        # Mean over the paths that hit something
+        channels["range.Y"] = parts["range"] / np.maximum(parts["hit"], 1e-30)
     return channels
 
 
 def header(
     scene: Scene, tracer, sensor: int, spp: int, seed: int, total: Accumulator, closure_error
 ) -> dict:
-    """What the image must say about itself."""
+    """Header of the radiance EXR: the scene, the settings and the versions."""
     entries = {
         "scene": scene.name,
         "band": scene.band.name,
@@ -247,7 +309,8 @@ def header(
         "emitter_sampling": str(tracer.emitter_sampling),
         "closure": tracer.closure,
         "lobes": json.dumps({surface.material: surface.lobe for surface in scene.surfaces()}),
-        "versions": f"mi_lcair {mi_lcair.__version__}, mitsuba {mi.__version__}, drjit {dr.__version__}, {mi.variant()}",
+        "versions": f"mi_lcair {mi_lcair.__version__}, mitsuba {mi.__version__}, "
+        f"drjit {dr.__version__}, {mi.variant()}",
     }
     if closure_error is not None:
         entries["closure_error"] = closure_error

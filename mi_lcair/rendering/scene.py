@@ -1,4 +1,4 @@
-"""Loading a thermal scene and checking, before anything is rendered, that it can be."""
+"""Loading of a thermal scene, with all checks that are possible before rendering."""
 
 import os
 import re
@@ -29,18 +29,20 @@ from mi_lcair.rendering.loading.remarks import (
 )
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
-MOVES = 3  # to the origin; one from very far leaves it only as near as single precision told
+# Largest number of moves of a scene to the origin. One move may not be enough, because the position
+# of a very distant scene is known only in single precision.
+MOVES = 3
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A loaded scene: `mi` is Mitsuba's own object, `band` and `groups` what its thermal emitters
-    name.
+    """A loaded scene.
 
-    name: the bundled scene's name or the file's; parameters: the $-parameters that were given, as
-    text; notes: what a user should know of its materials, one line each; sensors: through which it
-    may be seen; path: its file; origin: where in the file's coordinates (3,) the loaded scene's
-    origin lies [m], 0 unless the scene had to be moved; digest: of the file and all that it names.
+    mi: Mitsuba's scene. name: name of the bundled scene or of the file. band, groups: the band and
+    the groups of its thermal emitters. parameters: the $-parameters that were given, as text.
+    notes: remarks on materials and shapes, one line each. sensors: Mitsuba's sensors. path: the
+    scene file. origin: position of the loaded scene's origin in the file's coordinates, (3,) [m];
+    it is 0 unless the scene was moved. digest: digest of the file and of all files that it names.
     """
 
     mi: mi.Scene
@@ -56,39 +58,44 @@ class Scene:
 
     @property
     def remarks(self) -> list[str]:
-        """What a user should know before trusting the picture: the notes, thin sheets, and what the
-        sensors cannot see.
+        """Remarks on possible errors of the image, one line each.
+
+        These are the notes, triangles that overlap in one plane, and parts of the scene beyond a
+        sensor's clip distances.
         """
         return [*self.notes, *thin_sheets(self.mi), *clipped(self.mi, self.sensors)]
 
     @property
     def source(self) -> str:
-        """What `load` takes for it in another process: a bundled scene's name, or the file's whole
-        path.
-        """
+        """Argument of `load` for this scene in another process: a bundled name or a full path."""
         return self.name if self.path.parent == scenes.FOLDER else str(self.path.resolve())
 
     @property
     def fingerprint(self) -> str:
-        """16 hexadecimal digits that change with whatever the picture depends on: every property
-        in the scene file, the content of every file that it names, and values changed since.
+        """16 hexadecimal digits that change with everything that affects the image.
+
+        These are all properties in the scene file, the content of all files that it names, and
+        values that were changed after loading.
         """
-        said = [str(self.mi.integrator()), self.band.label]
-        said += [
-            f"{surface.model.name} {surface.material} {surface.form} {surface.emissivity} {surface.lobe}"
+        descriptions = [str(self.mi.integrator()), self.band.label]
+        descriptions += [
+            f"{surface.model.name} {surface.material} {surface.form} {surface.emissivity} "
+            f"{surface.lobe}"
             for surface in self.surfaces()
         ]
-        return fingerprint(self.digest, self.mi, said)
+        return fingerprint(self.digest, self.mi, descriptions)
 
     def sensor(self, index: int):
+        """The sensor with this number, counted from 0; raises InputError if there is none."""
         if index >= len(self.sensors):
             raise InputError(
-                f"{self.name}: sensor {index} does not exist; the scene has {len(self.sensors)}, counted from 0"
+                f"{self.name}: sensor {index} does not exist; "
+                f"the scene has {len(self.sensors)}, counted from 0"
             )
         return self.sensors[index]
 
     def prepared(self, by_spectrum: bool = False):
-        """Context manager that gives the scene's `PathTracer`; within, its paths may be traced."""
+        """Context manager that gives the scene's `PathTracer`, see `BouncePath.prepared`."""
         return self.mi.integrator().prepared(self.mi, by_spectrum)
 
     def surfaces(self) -> list:
@@ -96,9 +103,7 @@ class Scene:
         return [plugin for plugin in deriving_plugins(self.mi) if is_reflection_bsdf(plugin)]
 
     def set_lobe(self, lobe: str, material: str | None = None) -> None:
-        """Sets the fidelity rung (brdf, mirror, diffuse) of one material, or of all that
-        have a fidelity ladder.
-        """
+        """Set the lobe (brdf, mirror or diffuse) of one material, or of all reflection models."""
         surfaces = self.surfaces()
         chosen = [surface for surface in surfaces if material in (None, surface.material)]
         if not chosen:
@@ -108,12 +113,25 @@ class Scene:
 
 
 def load(scene, /, **parameters) -> Scene:
-    """Loads a scene XML or a bundled scene, with values for its $-parameters.
+    """Load a scene XML or a bundled scene.
 
-    scene: a path, or a name that `mi-lcair scenes` lists. Raises InputError, one line, for whatever
-    makes the scene unusable: no such file, not XML, an unknown plugin, property or parameter, a bad
-    value, an emitting surface whose emissivity is not known, another integrator, no thermal
-    emitter.
+    Parameters
+    ----------
+    scene : str or Path
+        Path of the file, or a name that `mi-lcair scenes` lists.
+    **parameters
+        Values of the scene's $-parameters.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    InputError
+        If the scene cannot be used. Examples: there is no such file, it is not XML, a plugin,
+        property or parameter is unknown, a value is out of bounds, the emissivity of an emitting
+        surface is not known, the integrator is not bounce_path, there is no thermal emitter.
     """
     if mi.variant() not in VARIANTS:
         raise InputError(
@@ -133,7 +151,7 @@ def load(scene, /, **parameters) -> Scene:
 
 
 def parsed_and_checked(path: Path, texts: dict[str, str]) -> Scene:
-    """The Scene of a file; moved to its origin where single precision needs that."""
+    """The Scene of a file, moved to the origin if it is too far away for single precision."""
     state = parsed(path, texts)
     check_nodes(state)
     meshes = check_mesh_files(state)
@@ -154,15 +172,15 @@ def parsed_and_checked(path: Path, texts: dict[str, str]) -> Scene:
     notes = [*scene.notes, *defaults]
     if origin.any():
         notes.append(
-            f"the scene lies {np.linalg.norm(origin):g} m from its origin; for the renderer's single "
-            "precision it was moved there"
+            f"the scene lies {np.linalg.norm(origin):g} m from its origin; for the renderer's "
+            "single precision it was moved there"
         )
     return replace(scene, notes=notes, origin=tuple(map(float, origin)), digest=digest)
 
 
 @contextmanager
 def searching(folder: Path):
-    """Context manager: within, Mitsuba looks for files in this folder first."""
+    """Context manager in which Mitsuba searches for files in this folder first."""
     resolver = mi.file_resolver()
     beside = mi.FileResolver(resolver)
     beside.prepend(str(folder))
@@ -174,7 +192,7 @@ def searching(folder: Path):
 
 
 def configuration():
-    """How Mitsuba reads scene files here."""
+    """Mitsuba's settings for reading scene files."""
     config = mi.parser.ParserConfig(mi.variant())
     # Mitsuba would merge two equal thermal emitters, and one emitter cannot belong to two shapes
     config.merge_equivalent = config.merge_meshes = False
@@ -182,8 +200,9 @@ def configuration():
 
 
 def parsed(path: Path, texts: dict[str, str]):
-    """The parsed scene file, with Embree's watertight intersections: without them one ray in 1e7
-    slips through the edge between two facets.
+    """The parsed scene file, with Embree's watertight intersections switched on.
+
+    Without them, one ray in 1e7 passes through the edge between two facets.
     """
     state = mi.parser.parse_file(configuration(), str(path), **texts)
     mi.parser.transform_all(configuration(), state)
@@ -206,26 +225,26 @@ def find(scene) -> Path:
     """The XML file of a path or a bundled scene's name."""
     path = Path(scene)
     if path.suffix or path.parent != Path("."):
-        if not os.path.isfile(path):  # False for a text too long to be a path
+        if not os.path.isfile(path):  # also False for a text too long to be a path
             raise InputError(f"scene '{scene}': no such file")
         return path
     return scenes.path(str(scene))
 
 
 def with_known_plugins(error: Exception) -> Exception:
-    """Adds the nearest names to the error of an unknown plugin."""
-    found = re.search(r'Plugin "(\w+)" not found', str(error))
-    if not found:
+    """The error, with the nearest names added if it is about an unknown plugin."""
+    match = re.search(r'Plugin "(\w+)" not found', str(error))
+    if not match:
         return error
     installed = [file.stem for file in (Path(mi.__file__).parent / "plugins").glob("*.*")]
     nearest = get_close_matches(
-        found[1], [*NAMES, "material", "thermal", "bounce_path", *installed], n=5, cutoff=0.4
+        match[1], [*NAMES, "material", "thermal", "bounce_path", *installed], n=5, cutoff=0.4
     )
     return InputError(f"{error}; the nearest known are: {', '.join(nearest) or 'none'}")
 
 
 def checked(loaded, path: Path, parameters: dict[str, str]) -> Scene:
-    """The Scene, with its derived quantities made; refuses what cannot be rendered."""
+    """The Scene of Mitsuba's scene; raises InputError if it cannot be rendered."""
     integrator = loaded.integrator()
     if not hasattr(integrator, "prepared"):
         raise InputError(
@@ -236,17 +255,18 @@ def checked(loaded, path: Path, parameters: dict[str, str]) -> Scene:
     for number, sensor in enumerate(loaded.sensors()):
         if 0 in sensor.film().crop_size():
             raise InputError(
-                f"{path}: the film of sensor {number} has no pixels; width and height must be positive"
+                f"{path}: the film of sensor {number} has no pixels; "
+                "width and height must be positive"
             )
     with integrator.prepared(loaded) as tracer:
-        emitters = tracer.emitters  # whatever cannot be derived is refused here
+        emitters = tracer.emitters  # raises InputError for what cannot be derived
     if emitters.band is None:
         raise InputError(
-            f'{path}: no thermal emitter names a band; add <emitter type="thermal"> to what radiates'
+            f"{path}: no thermal emitter names a band; "
+            'add <emitter type="thermal"> to what radiates'
         )
-    name = (
-        path.resolve().parent.name if path.stem == "scene" else path.stem
-    )  # as `import` names its files
+    # The command `import` names every scene file scene.xml, so its folder gives the name
+    name = path.resolve().parent.name if path.stem == "scene" else path.stem
     return Scene(
         mi=loaded,
         name=name,
@@ -260,13 +280,14 @@ def checked(loaded, path: Path, parameters: dict[str, str]) -> Scene:
 
 
 def notes(loaded) -> list[str]:
-    found = []
+    """Remarks on the materials of a scene, one line each."""
+    lines = []
     for plugin in deriving_plugins(loaded):
         if is_reflection_bsdf(plugin):
-            found += [f"material {plugin.material}: {remark}" for remark in plugin.remarks()]
+            lines += [f"material {plugin.material}: {remark}" for remark in plugin.remarks()]
         elif plugin.material_emissivity is not None and plugin.material_emissivity.kind == "table":
-            found.append(
+            lines.append(
                 f"group {plugin.group}: emissivity tabulated by sampling the BSDF, "
                 f"standard error {plugin.material_emissivity.error:.1e}"
             )
-    return list(dict.fromkeys([*found, *surfaces_that_emit_nothing(loaded)]))
+    return list(dict.fromkeys([*lines, *surfaces_that_emit_nothing(loaded)]))

@@ -1,4 +1,4 @@
-"""The settings of a loaded scene that may change between renders, and the one way to change them."""
+"""Settings of a loaded scene that may change between renders, and how to change them."""
 
 from contextlib import contextmanager
 
@@ -10,18 +10,19 @@ INTEGRATOR = ("max_bounces", "emitter_sampling", "closure", "ambient_temperature
 
 @contextmanager
 def changed(scene: Scene, lobe: str | dict[str, str] | None = None, **settings):
-    """Context manager: within, the scene has these settings; afterwards those that it had before.
+    """Context manager in which a scene has other settings; they are restored at the end.
 
-    lobe: the rung of all surfaces with a fidelity ladder, or by material. settings: properties of
-    bounce_path by name: max_bounces, emitter_sampling, closure, ambient_temperature. Raises
-    InputError for an unknown name, material or rung, and for values that do not go together.
+    lobe: lobe of all reflection models, or of some materials as a dictionary (brdf, mirror or
+    diffuse). settings: max_bounces, emitter_sampling, closure and ambient_temperature, the
+    properties of bounce_path. Raises InputError for an unknown name, material or lobe, and for
+    values that contradict each other.
     """
     integrator = scene.mi.integrator()
     for name in settings:
         if name not in INTEGRATOR:
             raise unknown("setting", name, INTEGRATOR)
     values = {name: getattr(integrator, name) for name in settings}
-    # by surface: two surfaces of one material's name may have different rungs
+    # Recorded by surface, because two surfaces with the same material may have different lobes
     lobes = [(surface, surface.lobe) for surface in scene.surfaces()]
     try:
         for material, rung in (lobe if isinstance(lobe, dict) else {None: lobe}).items():

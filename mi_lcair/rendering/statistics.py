@@ -1,18 +1,18 @@
-"""Running statistics of a render's pixels over its passes: means, standard errors, covariances."""
+"""Running statistics of a render's pixels over passes: means, standard errors, covariances."""
 
 import numpy as np
 
 from mi_lcair.errors import InputError
 
-# beginnings of the names of what a sum may be made of
+# Prefixes of the channels whose covariances are recorded, for the error of sums of them.
 COVARYING = ("source.", "target.source.", "target.hit")
-# share of NaN or infinite samples above which a result is refused. They are left out (or count as
-# 0), which changes a mean by their share or more: a tenth of the usual tolerance of 1 %
+# Largest fraction of NaN or infinite samples in a result. Such samples are left out or count as 0,
+# which changes a mean by about their fraction. The limit is a tenth of the usual tolerance of 1 %.
 MOST_INVALID = 1e-3
 
 
 def check_valid(invalid: int, paths: int, name: str) -> None:
-    """Raises InputError if too many of the samples of a scene of that name are NaN or infinite."""
+    """Raise InputError if too many samples of the scene `name` are NaN or infinite."""
     if invalid > MOST_INVALID * paths:
         raise InputError(
             f"{name}: {invalid} of {paths} samples are NaN or infinite, more than can be left out; "
@@ -21,21 +21,21 @@ def check_valid(invalid: int, paths: int, name: str) -> None:
 
 
 def invalid_remark(invalid: int, paths: int) -> list[str]:
-    """What a user should know of samples that were left out, if there were any."""
+    """Remark on samples that were left out, in a list; empty if there are none."""
     if not invalid:
         return []
     return [f"{invalid} of {paths} samples were NaN or infinite and do not count"]
 
 
 class Accumulator:
-    """Running mean and variance per pixel, and mean channels, over passes (Chan, Golub and LeVeque
-    1983); Float64.
+    """Running mean and variance of each pixel, and mean channels, over passes, in Float64.
 
-    A channel's variance is that of its sum over the pixels alone, from the scatter of the parts of
-    each pixel's samples: an image of variances for every channel would double the memory.
+    The algorithm is that of Chan, Golub and LeVeque, 1983. For channels, only the variance of the
+    mean over all pixels is recorded, from the scatter of the parts of each pixel's samples. An
+    image of variances for every channel would double the memory.
 
-    chance: what a source that no path has met may add to one path. systematic: relative error that
-    no number of samples lowers; it is part of every standard error.
+    chance: radiance that a source which no path has hit may add to one path [W m^-2 sr^-1].
+    systematic: relative error that more samples do not reduce. It is part of every standard error.
     """
 
     def __init__(self, pixels: int, chance: float = 0.0, systematic: float = 0.0):
@@ -47,7 +47,7 @@ class Accumulator:
         self.tail = None
 
     def add(self, first: int, part) -> None:
-        """Adds the statistics of a run of pixels that starts at pixel `first`."""
+        """Add the statistics `part` (`Pixels`) of consecutive pixels, from pixel `first` on."""
         run = slice(first, first + len(part.count))
         before, count = self.count[run], self.count[run] + part.count
         share = part.count / np.maximum(count, 1)
@@ -78,8 +78,9 @@ class Accumulator:
         self.count[run] = count
 
     def error_scale(self) -> float | None:
-        """What turns scatter into the variance of a mean over all pixels; None where no pixel has
-        two parts.
+        """Factor from scatter to the variance of a mean over all pixels.
+
+        None if no pixel has samples in two parts.
         """
         freedom = np.sum(np.maximum(self.parts - 1, 0))
         return (
@@ -89,7 +90,7 @@ class Accumulator:
         )
 
     def means(self) -> dict[str, tuple[float, float | None]]:
-        """Of each channel: its mean over the pixels, and the standard error of that."""
+        """Mean of each channel over the pixels, and its standard error (or None), by name."""
         scale = self.error_scale()
         return {
             name: (
@@ -104,20 +105,18 @@ class Accumulator:
         }
 
     def scatter_error(self) -> np.ndarray:
-        """Standard error of each pixel's mean from its samples alone; infinite below two."""
+        """Standard error of each pixel's mean from its scatter; infinite below two samples."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(
                 self.count > 1, np.sqrt(self.squares / (self.count * (self.count - 1))), np.inf
             )
 
     def standard_error(self) -> np.ndarray:
-        """Standard error of each pixel's mean; infinite below two samples."""
+        """Standard error of each pixel's mean, (P,) [W m^-2 sr^-1]; infinite below two samples."""
         return np.hypot(self.scatter_error(), self.systematic * self.mean)
 
     def mean_error(self) -> float | None:
-        """Standard error of the mean over the pixels, whose samples are independent; None below two
-        samples.
-        """
+        """Standard error of the mean over the pixels; None below two samples per pixel."""
         if self.count.min() < 2:
             return None
         scatter = np.sqrt(np.sum(self.scatter_error() ** 2)) / len(self.mean)
@@ -126,10 +125,10 @@ class Accumulator:
     def rms_error(self) -> float | None:
         """Rms standard error over the pixels as a fraction of the mean; None below two samples.
 
-        The sample variance cannot see a source that no path has met. The error therefore includes
-        the contribution of one path that meets the brightest source. That is the source's radiance
-        where paths meet it by chance, and less where emitters are drawn and it is out of the
-        camera's sight (`EmitterTable.by_chance`).
+        The sample variance cannot see a source that no path has hit. The error therefore includes
+        the contribution of one path that hits the brightest source. Without emitter sampling this
+        is the radiance of the source. With emitter sampling it is less for a source outside the
+        field of view (`EmitterTable.by_chance`).
         """
         if self.count.min() < 2:
             return None

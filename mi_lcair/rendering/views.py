@@ -1,6 +1,4 @@
-"""Views of a scene's model: orthographic cameras that see it whole from where an observer stands,
-far away.
-"""
+"""Views of a scene's model by distant observers: orthographic cameras that see all of it."""
 
 from dataclasses import dataclass, replace
 
@@ -14,20 +12,24 @@ from mi_lcair.plugins.derivatives import members
 from mi_lcair.plugins.emission.triangles import is_faceted
 from mi_lcair.rendering.scene import Scene
 
-MARGIN = 1.01  # of the window over the model, and of the camera's distance over its radius
-THINNEST = 1e-3  # half a window's side over the model's radius, where the model is seen edge-on
-FEW_POINTS = 1000  # more of them are thinned to their convex hull
-UP, BESIDE = (0, 0, 1), (1, 0, 0)
-DIGITS, PROBES = 9, 64
-MOST_PIXELS = 8192  # along a side
-POLE_DEG = 89.999  # of elevation, beyond which z cannot be upright in the picture
+# Ratio of the window to the model's size, and of the camera's distance to the model's radius.
+MARGIN = 1.01
+# Smallest ratio of half a window's side to the model's radius, for a model seen edge-on.
+THINNEST = 1e-3
+FEW_POINTS = 1000  # largest number of points that are used without reducing them to their hull
+UP, BESIDE = (0, 0, 1), (1, 0, 0)  # upward directions of images, below and above POLE_DEG
+DIGITS = 9  # decimals to which angles are rounded
+PROBES = 64  # rays along each side of the window in `hidden_share`
+MOST_PIXELS = 8192  # pixels along each side of a view
+POLE_DEG = 89.999  # elevation beyond which z cannot be the upward direction of an image
 
 
 @dataclass(frozen=True)
 class View:
-    """Where the observer stands as seen from the model, in the scene's axes: azimuth from +x (the
-    nose of a model that is not turned) toward +y (its left side), elevation above the x-y plane;
-    degrees, to nine digits behind the point.
+    """Direction from the model to the observer, in the scene's axes [degrees].
+
+    The azimuth is measured from +x (the nose of a model that is not turned) toward +y (its left
+    side), the elevation from the x-y plane. Both are rounded to nine decimals.
     """
 
     azimuth_deg: float
@@ -56,8 +58,10 @@ class View:
 
 @dataclass(frozen=True)
 class Target:
-    """Where a scene's model is, what is neither sky nor terrain: points (n, 3) whose hull holds it,
-    and a sphere around them: its centre (3,) and radius; m.
+    """Extent of a scene's model, which is everything except sky and terrain.
+
+    points: points whose convex hull contains the model, (n, 3) [m]. centre, radius: a sphere around
+    the points, (3,) and scalar [m].
     """
 
     points: np.ndarray
@@ -66,6 +70,7 @@ class Target:
 
     @staticmethod
     def of(scene: Scene) -> "Target":
+        """The extent of a scene's model; raises InputError if the scene has no model."""
         points = [
             corners(shape)
             for shape in scene.mi.shapes()
@@ -77,15 +82,15 @@ class Target:
             )
         points = np.concatenate(points)
         if len(points) > FEW_POINTS:
-            points = points[
-                ConvexHull(points, qhull_options="QJ").vertices
-            ]  # QJ: a flat model has no hull without
+            # Without the option QJ, Qhull fails for a flat model
+            points = points[ConvexHull(points, qhull_options="QJ").vertices]
         centre = (points.min(axis=0) + points.max(axis=0)) / 2
         return Target(points, centre, float(np.linalg.norm(points - centre, axis=1).max()))
 
     def window(self, view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The rectangle that holds the model as seen from there: middle, and half its sides, to the
-        right and upward [m], (3,) each.
+        """The rectangle around the model as seen in a view.
+
+        Its centre, and half of its sides to the right and upward, (3,) each [m].
         """
         up = UP if abs(view.elevation_deg) < POLE_DEG else BESIDE
         right = np.cross(up, view.direction)
@@ -99,13 +104,15 @@ class Target:
         return middle, *sides
 
     def window_area(self, view: View) -> float:
-        """Of the window [m^2]."""
+        """Area of the window of a view [m^2]."""
         _, right, up = self.window(view)
         return float(4 * np.linalg.norm(right) * np.linalg.norm(up))
 
     def camera(self, view: View, resolution: int, far: float) -> dict:
-        """Mitsuba's dictionary of a camera just outside the sphere with resolution x resolution
-        pixels, not square ones, over the window; it sees up to `far` metres.
+        """Mitsuba's dictionary of a camera for a view.
+
+        The camera is just outside the sphere. Its resolution x resolution pixels fill the window,
+        so they are not square. far: distance up to which the camera sees [m].
         """
         middle, right, up = self.window(view)
         eye = (
@@ -132,7 +139,7 @@ def check_resolution(resolution: int) -> None:
 
 
 def corners(shape) -> np.ndarray:
-    """Points (n, 3) [m] that hold a shape: a mesh's vertices, or else its bounding box's corners."""
+    """Points (n, 3) [m] whose hull contains a shape: vertices, or corners of the bounding box."""
     if is_faceted(shape):
         return members(shape)["vertex_positions"].numpy().reshape(-1, 3).astype(float)
     box = shape.bbox()
@@ -140,6 +147,7 @@ def corners(shape) -> np.ndarray:
 
 
 def film(width: int, height: int) -> dict:
+    """Mitsuba's dictionary of a film with one Float32 channel."""
     return {
         "type": "hdrfilm",
         "width": width,
@@ -151,7 +159,19 @@ def film(width: int, height: int) -> dict:
 
 
 def cameras(scene: Scene, target: Target, views: list[View], resolution: int):
-    """One sensor for all views, beside each other in its film: a kernel serves them all."""
+    """One sensor for all views, so that one kernel renders them all.
+
+    The views are next to each other in its film.
+
+    Parameters
+    ----------
+    scene : Scene
+    target : Target
+        The extent of the scene's model.
+    views : list of View
+    resolution : int
+        Pixels along each side of a view.
+    """
     far = depth(scene)
     inner = {f"view{k}": target.camera(view, resolution, far) for k, view in enumerate(views)}
     return mi.load_dict(
@@ -165,16 +185,17 @@ def cameras(scene: Scene, target: Target, views: list[View], resolution: int):
 
 
 def seen_from(scene: Scene, view: View, resolution: int) -> Scene:
-    """The same scene with a single sensor, which sees the model from there."""
+    """The same scene with a single sensor, for this view, of resolution x resolution pixels."""
     check_resolution(resolution)
     camera = Target.of(scene).camera(view, resolution, depth(scene))
     return replace(scene, sensors=[mi.load_dict(camera)])
 
 
 def hidden_share(scene: Scene, range_m: float) -> float:
-    """Share of the model of a scene from `seen_from` before which something stands between its
-    sphere and an observer at range_m; the camera, which stands just outside the sphere, does not
-    see it.
+    """Fraction of the visible model that something hides from an observer at `range_m` [m].
+
+    The camera of a scene from `seen_from` is just outside the sphere around the model. It does not
+    see what lies between itself and the observer.
     """
     camera = scene.sensor(0)
     index = dr.arange(mi.UInt32, PROBES**2)

@@ -1,4 +1,4 @@
-"""The window that an orthographic sensor sees: where an intensity is radiance times area."""
+"""The window of an orthographic sensor; mean radiance times its area is an intensity."""
 
 import mitsuba as mi
 import numpy as np
@@ -7,8 +7,9 @@ from mi_lcair.errors import InputError
 
 
 def window(sensor) -> tuple[np.ndarray, ...]:
-    """An orthographic sensor's (cropped) window: a corner, its two sides [m], and the unit
-    direction of view; Float64.
+    """The (cropped) window of an orthographic sensor, in Float64.
+
+    A corner and the two sides from it [m], and the unit direction of view, (3,) each.
     """
     ray, _ = sensor.sample_ray(0, 0, mi.Point2f([0, 1, 0], [0, 0, 1]), mi.Point2f(0.5))
     corner = np.array(ray.o, dtype=np.float64).T
@@ -17,10 +18,11 @@ def window(sensor) -> tuple[np.ndarray, ...]:
 
 
 def window_area(sensor, name: str) -> float:
-    """Area of the window that an orthographic sensor sees [m^2]; InputError for any other sensor."""
+    """Area of an orthographic sensor's window [m^2]; raises InputError for any other sensor."""
     if sensor.class_name() != "OrthographicCamera":
         raise InputError(
-            f"{name}: signature needs an orthographic sensor, and this one is {sensor.class_name()}; "
+            f"{name}: signature needs an orthographic sensor, and this one is "
+            f"{sensor.class_name()}; "
             "radiance times area is an intensity only where all rays are parallel"
         )
     _, right, up, _ = window(sensor)

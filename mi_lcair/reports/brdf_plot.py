@@ -1,4 +1,4 @@
-"""A picture of a BRDF over the hemisphere of reflection (thesis Figures 2.9, 3.14)."""
+"""Picture of a BRDF over the hemisphere of reflection (thesis Figures 2.9, 3.14)."""
 
 import numpy as np
 
@@ -6,17 +6,17 @@ from mi_lcair.drawing import drawing, plain
 from mi_lcair.physics.brdf_view import BRDFView
 from mi_lcair.reports.image_picture import log_ticks
 
-GRAZING = 80.0  # degrees; what is darker only beyond them does not stretch the scale
-PALE = "0.45"
+GRAZING = 80.0  # degrees; smaller values at larger angles do not extend the scale
+PALE = "0.45"  # grey of secondary lines and text
 
 
 def save_plot(path, view: BRDFView) -> None:
-    """Write a PNG: log10 BRDF over the hemisphere, and its cut through the plane of incidence."""
+    """Write a PNG: the BRDF over the hemisphere, and its cut through the plane of incidence."""
     with drawing(path, (11, 4.8), layout="constrained") as figure:
         left, right = figure.subfigures(1, 2, width_ratios=(1, 1.15))
         figure.suptitle(
-            f"{plain(f'{view.material.name}, {view.band.label}')}, incidence {view.theta_i:g}°: DHR {view.dhr:.4f}, "
-            f"emissivity at {view.theta_i:g}° {view.emissivity:.4f}",
+            f"{plain(f'{view.material.name}, {view.band.label}')}, incidence {view.theta_i:g}°: "
+            f"DHR {view.dhr:.4f}, emissivity at {view.theta_i:g}° {view.emissivity:.4f}",
             fontsize=11,
         )
         draw_hemisphere(left, view, *scale(view))
@@ -24,17 +24,19 @@ def save_plot(path, view: BRDFView) -> None:
 
 
 def scale(view: BRDFView) -> tuple[float, float]:
-    """Ends of the logarithmic scale: the values up to GRAZING, and a decade at least."""
-    shown = view.brdf[view.theta_r <= GRAZING]
-    shown = shown[shown > 0]
-    lower, upper = (shown.min(), view.brdf.max()) if shown.size else (1, 1)
+    """Ends of the logarithmic scale: the range of values up to GRAZING, at least a decade."""
+    values = view.brdf[view.theta_r <= GRAZING]
+    values = values[values > 0]
+    lower, upper = (values.min(), view.brdf.max()) if values.size else (1, 1)
     widen = max(1.0, (10 * lower / upper) ** 0.5)
     return lower / widen, upper * widen
 
 
 def draw_hemisphere(figure, view: BRDFView, lower: float, upper: float) -> None:
-    """The hemisphere from above: the normal in the middle, the horizon around it, the mirror
-    direction's side to the right.
+    """Draw the BRDF over the hemisphere, seen from above.
+
+    The normal is in the middle and the horizon on the rim. The mirror direction is on the right.
+    `lower` and `upper` are the ends of the scale, 1/sr.
     """
     from matplotlib.colors import LogNorm
 
@@ -82,7 +84,7 @@ def draw_hemisphere(figure, view: BRDFView, lower: float, upper: float) -> None:
 
 
 def draw_cut(axes, view: BRDFView, lower: float, upper: float) -> None:
-    """The BRDF in the plane of incidence, on a log axis."""
+    """Draw the BRDF in the plane of incidence on a logarithmic axis, `lower` to `upper`, 1/sr."""
     axes.plot(view.cut_theta_r, np.ma.masked_less_equal(view.cut, 0), color="C3", lw=1.4)
     axes.axvline(-view.theta_i, color=PALE, lw=0.8, ls=":")
     axes.text(

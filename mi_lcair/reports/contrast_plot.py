@@ -1,4 +1,4 @@
-"""The spectra of a contrast, as in Figures 4.11-4.13 and 4.15-4.17 of the thesis."""
+"""Plot of the spectra of a contrast (thesis Figures 4.11-4.13 and 4.15-4.17)."""
 
 import numpy as np
 
@@ -9,8 +9,10 @@ IRRADIANCE = r"irradiance (W m$^{-2}$ µm$^{-1}$)"
 
 
 def save_plot(path, contrast: Contrast) -> None:
-    """A PNG for the last row: intensity, the air and what it leaves of it, and the parts of the
-    contrast.
+    """Write a PNG for the last row of a contrast.
+
+    The panels are the intensity, the apparent irradiance with the transmittance of the air, and the
+    terms of the contrast.
     """
     row = contrast.rows[-1]
     x, spectra = row.irradiance.wavelengths_um, row.irradiance.spectral(contrast.path)
@@ -26,7 +28,8 @@ def save_plot(path, contrast: Contrast) -> None:
 
         through.plot(x, spectra["target"], color="C3", linewidth=1.2, label="apparent target")
         through.set_title(
-            f"(b) target through {contrast.path.range_m:.5g} m of {plain(contrast.air.name)}: {row.target.value:.4g} W/m² in band",
+            f"(b) target through {contrast.path.range_m:.5g} m of {plain(contrast.air.name)}: "
+            f"{row.target.value:.4g} W/m² in band",
             fontsize=10,
         )
         through.set_ylabel(IRRADIANCE)

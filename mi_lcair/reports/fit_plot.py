@@ -1,4 +1,4 @@
-"""A fit as a picture: measured and fitted BRDF, residuals, emissivity, table of parameters."""
+"""Picture of a fit: measured and fitted BRDF, residuals, emissivity, table of parameters."""
 
 from textwrap import wrap
 
@@ -14,14 +14,15 @@ TITLES = {
     "emissivity": ("emissivity", "theta_r"),
     "dhr": ("directional-hemispherical reflectance", "theta_i"),
 }
-INK, PALE = "0.15", "0.45"
-MOST_CURVES = 12  # of more settings, this many are shown, evenly chosen
-LINE_POINTS = 300
+INK, PALE = "0.15", "0.45"  # greys of main and of secondary text
+MOST_CURVES = 12  # largest number of angles that are drawn, evenly chosen from all
+LINE_POINTS = 300  # points of a fitted curve
 
 
 def save_plot(path, fits) -> None:
-    """Write a PNG with a row of panels for each of `fits`: (Measurements, Fit, {quantity:
-    DirectionalData}).
+    """Write a PNG with a row of panels for each fit.
+
+    `fits` is a list of (Measurements, Fit, {quantity: DirectionalData}).
     """
     with drawing(path, (11, 6.2 * len(fits)), layout="constrained") as figure:
         for row, fitted in zip(np.atleast_1d(figure.subfigures(len(fits), 1)), fits):
@@ -29,7 +30,10 @@ def save_plot(path, fits) -> None:
 
 
 def draw_fit(figure, measurements: Measurements, fit, directional: dict) -> None:
-    """The panels of one fit in a (sub)figure."""
+    """Draw the panels of one fit in a (sub)figure.
+
+    `directional` is the measured emissivity or DHR by quantity.
+    """
     band = ", {:g}-{:g} um".format(*measurements.band_um) if measurements.band_um else ""
     figure.suptitle(
         plain(f"{measurements.name}{band}: {model_of(fit)}"),
@@ -46,8 +50,10 @@ def draw_fit(figure, measurements: Measurements, fit, directional: dict) -> None
 
 
 def draw_brdf(axes, below, measurements: Measurements, fit) -> None:
-    """Points and fitted lines on a log axis, one colour for each setting of the angle that was
-    changed less often, and their residuals below. Points that the fit left out are hollow.
+    """Draw measured points and fitted curves on a logarithmic axis, and residuals below.
+
+    The angle with more values is the abscissa. Each value of the other angle has its own colour.
+    Points that the fit left out are hollow.
     """
     angles = {
         "theta_r": np.degrees(measurements.theta_r),
@@ -71,9 +77,9 @@ def draw_brdf(axes, below, measurements: Measurements, fit) -> None:
             fit, **{swept: np.radians(x), fixed: np.full(LINE_POINTS, np.radians(setting))}
         )
         axes.plot(x, line, color=color, lw=1.2, label=f"{setting:g}°")
-        for shown, face in ((chosen & used, color), (chosen & ~used, "none")):
+        for points, face in ((chosen & used, color), (chosen & ~used, "none")):
             axes.plot(
-                angles[swept][shown], brdf[shown], "o", ms=2.6, mew=0.5, color=color, mfc=face
+                angles[swept][points], brdf[points], "o", ms=2.6, mew=0.5, color=color, mfc=face
             )
         below.plot(
             angles[swept][chosen & used], residual[chosen & used], "o", ms=2.2, mew=0, color=color
@@ -107,7 +113,7 @@ def draw_brdf(axes, below, measurements: Measurements, fit) -> None:
 
 
 def draw_table(axes, fit) -> None:
-    """The parameters with their standard errors and verdicts, and the quality of the fit."""
+    """Draw the parameters with standard errors and verdicts, and the quality of the fit."""
     axes.axis("off")
     lines = []
     for parameter in reflection.model(fit.model).parameters:
@@ -140,8 +146,9 @@ def draw_table(axes, fit) -> None:
 
 
 def draw_directional(axes, fit, quantity: str, data) -> None:
-    """The fit's emissivity 1 - HDR (or its DHR) against the measured one with its standard
-    deviations, if there is one.
+    """Draw the fitted emissivity 1 - HDR, or DHR, and the measured one with its deviations.
+
+    `quantity` is "emissivity" or "dhr". `data` are the measurements, or None.
     """
     title, angle = TITLES[quantity]
     theta = np.linspace(0, 89, 179)
@@ -168,7 +175,7 @@ def draw_directional(axes, fit, quantity: str, data) -> None:
 
 
 def model_of(fit) -> str:
-    """The fitted model in words, with its form where it has several, and its restriction."""
+    """Title of the fitted model, with its form if it has several, and its restriction."""
     model = reflection.model(fit.model)
     form = [f"{fit.form} form"] if len(model.forms) > 1 else []
     restriction = [fit.restriction] if fit.restriction else []
@@ -176,12 +183,12 @@ def model_of(fit) -> str:
 
 
 def coordinates(fit) -> np.ndarray:
-    """Coordinates (1, n) of a fit's parameters in its model's cube."""
+    """Coordinates of a fit's parameters in the unit cube of its model, shape (1, n)."""
     return reflection.model(fit.model).to_cube([list(fit.parameters.values())])
 
 
 def predicted(fit, theta_i, theta_r) -> np.ndarray:
-    """The fitted BRDF at some angles, as the instrument would see it."""
+    """The fitted BRDF, 1/sr, as the instrument measures it, at angles in radians."""
     half_angle = np.radians(fit.settings["source_half_angle_deg"])
     model = reflection.model(fit.model)
     instrument = Scatterometer(model, fit.form, theta_i, theta_r, half_angle)
@@ -189,12 +196,13 @@ def predicted(fit, theta_i, theta_r) -> np.ndarray:
 
 
 def directional(fit, quantity: str, theta) -> np.ndarray:
-    """The fitted emissivity or DHR at angles theta [radians]."""
+    """The fitted emissivity or DHR at angles theta, radians."""
     model = reflection.model(fit.model)
     return Hemispherical(model, fit.form, theta, quantity)(coordinates(fit))[0][0]
 
 
 def shades(count: int):
+    """Colours for `count` curves, from dark to light."""
     from matplotlib import colormaps
 
     return colormaps["viridis"](np.linspace(0, 0.88, count))

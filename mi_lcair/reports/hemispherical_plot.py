@@ -1,27 +1,22 @@
-"""The hemispherical view of a facet as a picture: its neighbours over theta and phi (thesis Figures
-3.12, 3.13).
-"""
+"""Picture of the hemispherical view of a facet over theta and phi (thesis Figures 3.12, 3.13)."""
 
 import numpy as np
 
 from mi_lcair.drawing import drawing, plain
 from mi_lcair.signatures.hemispherical_view import MAP_PHI, MAP_THETA, NOTHING, HemisphericalView
 
-PAPER, EDGE = (
-    (0.93, 0.93, 0.93),
-    0.45,
-)  # colour of what escapes; brightness of the line around a facet
-MOST_GROUPS = 16  # in the legend
-MOST_LABELS, ROOM = (
-    24,
-    4.5,
-)  # facets that get their number written, and the degrees around it that they need
-COARSE = 4  # pixels of the map in one that looks for this room
+PAPER = (0.93, 0.93, 0.93)  # colour of directions without a surface
+EDGE = 0.45  # brightness of the lines between facets, relative to the facets
+MOST_GROUPS = 16  # largest number of groups in the legend
+MOST_LABELS = 24  # largest number of facets that are labelled with their number
+ROOM = 4.5  # distance of a label from the edges of its facet, degrees
+COARSE = 4  # step, in pixels of the map, of the search for places of labels
 
 
 def save_plot(path, view: HemisphericalView) -> None:
-    """Write a PNG: theta against phi, each group of facets in a hue of its own, darker the higher a
-    facet's number.
+    """Write a PNG of the facets that a facet sees, theta against phi.
+
+    Each group has its own hue. Facets with higher numbers are darker.
     """
     from matplotlib.patches import Patch
 
@@ -81,15 +76,21 @@ def save_plot(path, view: HemisphericalView) -> None:
 
 
 def facet_colours(view: HemisphericalView) -> tuple[np.ndarray, dict]:
-    """Colours by facet number (count + 1, 3), that of NOTHING last; and group -> (colour, view
-    factor), largest first.
+    """Colours of the facets, and of their groups.
+
+    Returns
+    -------
+    colours : ndarray, shape (facets + 1, 3)
+        Colour by facet number. That of NOTHING is the last.
+    groups : dict of str to (tuple, float)
+        Colour and view factor of each group, largest view factor first.
     """
     from matplotlib import colormaps
 
-    seen = np.union1d(view.neighbour[(view.view_factor + view.solid_angle) > 0], view.map)
+    visible = np.union1d(view.neighbour[(view.view_factor + view.solid_angle) > 0], view.map)
     share = dict(zip(view.neighbour.tolist(), view.view_factor.tolist()))
     members = {}
-    for number in seen.tolist():
+    for number in visible.tolist():
         members.setdefault(view.group(number), []).append(number)
     members = dict(
         sorted(members.items(), key=lambda item: -sum(share.get(number, 0) for number in item[1]))
@@ -100,9 +101,8 @@ def facet_colours(view: HemisphericalView) -> tuple[np.ndarray, dict]:
         middle = PAPER
         if numbers != [NOTHING]:
             hue = np.array(colormaps["tab10"](next(hues))[:3])
-            shade = np.linspace(0.45, -0.3, len(numbers) + 2)[
-                1:-1, None
-            ]  # toward white, toward black
+            # Positive shades are mixed with white, negative ones with black.
+            shade = np.linspace(0.45, -0.3, len(numbers) + 2)[1:-1, None]
             colours[numbers] = np.where(shade > 0, hue + shade * (1 - hue), hue * (1 + shade))
             middle = tuple(hue)
         groups[name] = middle, sum(share.get(number, 0) for number in numbers)
@@ -110,25 +110,28 @@ def facet_colours(view: HemisphericalView) -> tuple[np.ndarray, dict]:
 
 
 def edges_darkened(numbers: np.ndarray, image: np.ndarray) -> np.ndarray:
-    """The image (H, W, 3) with a thin dark line where one facet ends and the next begins."""
+    """The image, shape (H, W, 3), with dark lines between facets."""
     edge = np.zeros(numbers.shape, dtype=bool)
     below, right = numbers[1:] != numbers[:-1], numbers[:, 1:] != numbers[:, :-1]
+    # The lines are two pixels wide, because the picture has fewer pixels than the map.
     edge[1:] |= below
-    edge[:-1] |= below  # two pixels wide: the picture has fewer than the map
+    edge[:-1] |= below
     edge[:, 1:] |= right
     edge[:, :-1] |= right
     return np.where(edge[..., None], EDGE * image, image)
 
 
 def places(numbers: np.ndarray):
-    """(facet, column, row) where its number has the most room, for facets that have enough; largest
-    regions first.
+    """Yield (facet, column, row) of the labels, largest regions first.
+
+    The label of a facet is where its number has the most room. A facet without enough room has
+    none.
     """
     from scipy.ndimage import distance_transform_edt
 
     coarse = numbers[COARSE // 2 :: COARSE, COARSE // 2 :: COARSE]
-    found, sizes = np.unique(coarse[coarse != NOTHING], return_counts=True)
-    for number in found[np.argsort(-sizes)][:MOST_LABELS]:
+    facets, sizes = np.unique(coarse[coarse != NOTHING], return_counts=True)
+    for number in facets[np.argsort(-sizes)][:MOST_LABELS]:
         room = distance_transform_edt(np.pad(coarse == number, 1))[1:-1, 1:-1]
         row, column = np.unravel_index(np.argmax(room), room.shape)
         if room[row, column] * COARSE >= ROOM / 90 * MAP_THETA:

@@ -1,4 +1,4 @@
-"""Channels of a radiance image as a PNG: one panel each, with a colour bar in physical units."""
+"""Picture of the channels of a radiance image, with colour bars in physical units."""
 
 from math import ceil, sqrt
 from pathlib import Path
@@ -14,6 +14,7 @@ QUANTITIES = {
     "range": ("range", "m"),
     "stderr": ("standard error of radiance", RADIANCE),
 }
+# Units of the columns of a table, by the end of their name.
 UNITS = {
     "_W_m2_sr": RADIANCE,
     "_W_sr": r"W sr$^{-1}$",
@@ -21,27 +22,23 @@ UNITS = {
     "_m2": r"m$^2$",
     "_m": "m",
     "_sr": "sr",
-}  # of columns
-LOG_DECADES = 6
-LARGEST = 1e37  # of a value that is drawn; differences and ratios of larger ones overflow
-SMALLEST = 1e-45  # smaller values, which Float32 does not know, are 0
-LEFT, RIGHT, BOTTOM, TOP, BAR = (
-    0.75,
-    1.25,
-    0.55,
-    0.4,
-    0.15,
-)  # inches around an image: axes, colour bar, titles
+}
+LOG_DECADES = 6  # largest extent of a logarithmic scale
+LARGEST = 1e37  # largest value that is drawn; differences and ratios of larger ones overflow
+SMALLEST = 1e-45  # smaller values are drawn as 0, as in Float32
+LEFT, RIGHT, BOTTOM, TOP = 0.75, 1.25, 0.55, 0.4  # margins of an image, inches
+BAR = 0.15  # width of the colour bar, and its distance from the image, inches
 
 
 def channel_quantity(name: str) -> tuple[str, str]:
-    """What a channel of a radiance image holds, and its unit."""
+    """Quantity of a channel of a radiance image, and its unit."""
     return QUANTITIES.get(name.split(".")[0], ("radiance", RADIANCE))
 
 
 def column_quantity(name: str) -> tuple[str, str]:
-    """What a column of a table holds, and its unit, which ends its name; "" for a number without
-    one.
+    """Quantity of a column of a table, and its unit, which the end of its name states.
+
+    The unit is "" for a number without one.
     """
     suffix = next((suffix for suffix in UNITS if name.endswith(suffix)), "")
     return name.removesuffix(suffix).replace("_", " "), UNITS.get(suffix, "")
@@ -54,13 +51,28 @@ def save_picture(
     log: bool = False,
     quantity=channel_quantity,
 ) -> None:
-    """Write a PNG with one panel for each of `channels` (name -> [H, W]), under a common `title`.
+    """Write a PNG with one panel and one colour bar for each channel.
 
-    Every panel has its own colour bar, whose label and unit `quantity` tells from the channel's
-    name, and pixel axes; `log` makes the colours logarithmic, over six decades at most. Pixels
-    without a value are grey: NaN, infinite, a range or a temperature of 0, and with `log` whatever
-    is not positive. Raises InputError where the file cannot be written, and for a value beyond
-    LARGEST.
+    Pixels without a value are grey. These are NaN, infinite values, ranges and temperatures of 0,
+    and on a logarithmic scale all values that are not positive.
+
+    Parameters
+    ----------
+    path : path-like
+        File to write.
+    channels : dict of str to ndarray, shape (H, W)
+        Channels by name.
+    title : str
+        Title of the picture.
+    log : bool
+        Make the scales logarithmic, over LOG_DECADES at most.
+    quantity : callable
+        Function that gives the quantity and the unit of a channel from its name.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written, or if a value exceeds LARGEST.
     """
     channels = {name: drawable(name, values) for name, values in channels.items()}
     single = len(channels) == 1
@@ -100,7 +112,10 @@ def save_picture(
 
 
 def drawable(name: str, values: np.ndarray) -> np.ndarray:
-    """The values with those below SMALLEST set to 0; InputError for one beyond LARGEST."""
+    """The values, with those below SMALLEST set to 0.
+
+    Raises InputError if a value exceeds LARGEST. `name` is that of the channel.
+    """
     size = np.abs(np.where(np.isfinite(values), values, 0))
     if size.max(initial=0) > LARGEST:
         raise InputError(f"{name}: holds {size.max():g}; values up to {LARGEST:g} can be drawn")
@@ -108,30 +123,31 @@ def drawable(name: str, values: np.ndarray) -> np.ndarray:
 
 
 def _draw(panel, bar_axes, name: str, values: np.ndarray, log: bool, what: str, unit: str) -> None:
-    """The channel's pixels in `panel`, with axes in pixels, and its colour bar, with its unit, in
-    `bar_axes`.
+    """Draw a channel in the axes `panel`, and its colour bar in `bar_axes`.
+
+    `what` and `unit` are the quantity of the channel and its unit.
     """
     from matplotlib.colors import LogNorm, Normalize
     from matplotlib.ticker import MaxNLocator
 
     kind = name.split(".")[0]
-    shown = np.isfinite(values)
+    has_value = np.isfinite(values)
     if kind in ("temperature", "range"):
-        shown &= values != 0
+        has_value &= values != 0
     if log:
-        shown &= values > 0
-    lower, upper, clipped = _limits(values[shown], log)
+        has_value &= values > 0
+    lower, upper, clipped = _limits(values[has_value], log)
 
     panel.set_facecolor("0.6")
     picture = panel.imshow(
-        np.ma.array(values, mask=~shown),
+        np.ma.array(values, mask=~has_value),
         norm=(LogNorm if log else Normalize)(lower, upper),
         aspect="auto",
         cmap="viridis" if kind in ("range", "stderr") else "inferno",
     )
     panel.set_title(plain(name), fontsize=9)
     panel.set_xlabel(
-        "column (pixel)" if shown.all() else "column (pixel); grey: no value", fontsize=8
+        "column (pixel)" if has_value.all() else "column (pixel); grey: no value", fontsize=8
     )
     panel.set_ylabel("row (pixel)", fontsize=8)
     height, width = values.shape
@@ -157,12 +173,12 @@ def _draw(panel, bar_axes, name: str, values: np.ndarray, log: bool, what: str, 
 
 
 def _limits(values: np.ndarray, log: bool) -> tuple[float, float, bool]:
-    """Lower and upper end of the colour scale, and whether it clips smaller values."""
+    """Lower and upper end of the colour scale, and whether smaller values are clipped."""
     if values.size == 0 or not values.any():
         return (0.1 if log else 0.0), 1.0, False
     lower, upper = float(values.min()), float(values.max())
     if lower == upper:
-        # A scale needs an extent: centre it on the one value that there is.
+        # A scale needs an extent. It is centred on the only value.
         return lower - 0.05 * abs(lower), lower + 0.05 * abs(lower), False
     if log and lower < upper * 10.0**-LOG_DECADES:
         return upper * 10.0**-LOG_DECADES, upper, True
@@ -170,8 +186,9 @@ def _limits(values: np.ndarray, log: bool) -> tuple[float, float, bool]:
 
 
 def log_ticks(bar, lower: float, upper: float) -> None:
-    """Ticks of a logarithmic colour bar in plain numbers: decades, then 1-2-5, then even steps as
-    the range shrinks.
+    """Set the ticks of a logarithmic colour bar, in plain numbers.
+
+    They are decades for more than 3 decades, 1-2-5 for more than 0.7, and otherwise even steps.
     """
     from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 

@@ -1,4 +1,4 @@
-"""Charts of methods as pictures: error against time and against samples."""
+"""Pictures that compare methods: error against time and against samples."""
 
 from itertools import cycle
 
@@ -11,11 +11,26 @@ MARKERS = "osD^v<>PX*hp"
 
 
 def draw(path, points, title: str, cases=None, samples="samples", floor=1e-7) -> None:
-    """A PNG with a row for each case: error against time and against samples, log-log, one colour
-    and marker a method.
+    """Write a PNG with a row for each case: error against time and against samples.
 
-    The line is the median, the band its quartiles, the dashed line the rms. Errors below `floor`
-    lie on it; a method of one effort is one marker.
+    Both axes are logarithmic. Each method has its own colour and marker. The solid line is the
+    median error, the band its quartiles, and the dashed line the rms error. A method with a single
+    effort is one marker.
+
+    Parameters
+    ----------
+    path : path-like
+        File to write.
+    points : list
+        Measured points of all cases and methods.
+    title : str
+        Title of the picture.
+    cases : list of str, optional
+        Cases to draw, by default all.
+    samples : str
+        Label of the axis of samples.
+    floor : float
+        Smaller errors are drawn at this value.
     """
     cases = cases or chart.names(points, "case")
     with drawing(path, (11, 1.2 + 3.1 * len(cases)), dpi=120, layout="constrained") as figure:
@@ -45,23 +60,37 @@ def draw(path, points, title: str, cases=None, samples="samples", floor=1e-7) ->
 
 
 def draw_curves(panel, points, case: str, field: str, styles: dict, floor: float) -> dict:
-    """Error against a field of the points, "seconds" or "samples", of one case in a panel; the line
-    of each method drawn.
+    """Draw the error of one case against a field of the points, and return the lines by method.
+
+    Parameters
+    ----------
+    panel : matplotlib.axes.Axes
+        Axes to draw in.
+    points : list
+        Measured points of all cases and methods.
+    case : str
+        Name of the case.
+    field : str
+        "seconds" or "samples".
+    styles : dict of str to dict
+        Colour and marker of each method.
+    floor : float
+        Smaller errors are drawn at this value.
     """
     from matplotlib.ticker import LogLocator
 
     lines = {}
     for method, style in styles.items():
-        found = chart.curve(points, case, method)
-        if not found:
+        curve = chart.curve(points, case, method)
+        if not curve:
             continue
-        x = [getattr(p, field) for p in found]
+        x = [getattr(p, field) for p in curve]
         low, error, high, rms = (
-            np.maximum([getattr(p, name) for p in found], floor)
+            np.maximum([getattr(p, name) for p in curve], floor)
             for name in ("error_low", "error", "error_high", "rms")
         )
         (lines[method],) = panel.plot(x, error, linewidth=1.2, markersize=4, label=method, **style)
-        if len(found) > 1:
+        if len(curve) > 1:
             panel.fill_between(x, low, high, color=style["color"], alpha=0.13, linewidth=0)
             panel.plot(x, rms, color=style["color"], linewidth=0.8, linestyle="--")
         else:
@@ -70,6 +99,6 @@ def draw_curves(panel, points, case: str, field: str, styles: dict, floor: float
         panel.axhline(tolerance, color="0.6", linewidth=0.6, linestyle=":")
     panel.set_xscale("log")
     panel.set_yscale("log")
-    panel.minorticks_off()  # they take more time to draw than all the rest
+    panel.minorticks_off()  # drawing them takes longer than all the rest
     panel.yaxis.set_major_locator(LogLocator(numticks=12))
     return lines

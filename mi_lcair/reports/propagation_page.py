@@ -1,4 +1,4 @@
-"""The page of the chart of propagation methods: pictures, CSVs and Markdown."""
+"""Page of the chart of propagation methods: pictures, CSVs and Markdown."""
 
 import csv
 from pathlib import Path
@@ -15,7 +15,7 @@ from mi_lcair.reports import method_chart
 
 
 def write(folder, result: Chart) -> None:
-    """propagation.png, .csv and .md, propagation_closure.png and .csv in a folder."""
+    """Write propagation.png, .csv and .md, propagation_closure.png and .csv to a folder."""
     folder = Path(folder)
     command = "mi-lcair chart propagation" + (" --quick" if result.quick else "")
     method_chart.draw(
@@ -38,10 +38,12 @@ def write(folder, result: Chart) -> None:
 
 
 def label(bounces: int, closure: str) -> str:
+    """Label of a number of reflections with a closure."""
     return f"N = {bounces}" + ("" if closure == "none" else f", {closure}")
 
 
 def write_closures(path, closures, command: str) -> None:
+    """Write a CSV with the error of each closure; `command` is the command line for its comment."""
     with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
         file.write(f"# {command}; signed relative errors of the intensity\n")
         rows = csv.writer(file, lineterminator="\n")
@@ -62,7 +64,7 @@ def write_closures(path, closures, command: str) -> None:
 
 
 def draw_closures(path, closures) -> None:
-    """Error of each closure against the size of the cavity's opening, and on the other scenes."""
+    """Write a PNG: error of each closure against the cavity's opening, and on other scenes."""
     with drawing(path, (11, 4.6), dpi=120, layout="constrained") as figure:
         left, right = figure.subplots(1, 2, sharey=True, width_ratios=(3, 2))
         others = list(dict.fromkeys(c.case for c in closures if c.opening is None))
@@ -105,12 +107,13 @@ def draw_closures(path, closures) -> None:
 
 
 def fields(result: Chart, command: str) -> dict[str, str]:
-    """Every number on the page, as text."""
+    """The fields of the page's template, as text."""
     points = result.points
     effort = QUICK if result.quick else FULL
     answers = "\n".join(
-        f"| {p.name} | {p.answer:.6g} | {'exact' if p.standard_error == 0 else f'{p.standard_error / p.answer:.1e}'} | {p.source} "
-        f"| {p.bounces} |"
+        f"| {p.name} | {p.answer:.6g} | "
+        f"{'exact' if p.standard_error == 0 else f'{p.standard_error / p.answer:.1e}'} | "
+        f"{p.source} | {p.bounces} |"
         for p in result.problems
     )
     tables = "\n\n".join(
@@ -136,7 +139,10 @@ def fields(result: Chart, command: str) -> dict[str, str]:
 
 
 def summary(result: Chart) -> str:
-    """A row for each scene: the cheapest way to 1 %, ours, and the best of the thesis's methods."""
+    """Table of the cheapest methods for an error of 1 %, as Markdown.
+
+    Each scene has a row with our best method, the best of the thesis, and the factor in time.
+    """
     ours = [method.name for method in METHODS if not method.section]
     rows = []
     for problem in result.problems:
@@ -158,17 +164,19 @@ def summary(result: Chart) -> str:
 
 
 def closure_table(closures) -> str:
+    """Table of the signed error of each closure by scene, as Markdown."""
     names = [label(*c) for c in CLOSURES]
     lines = [f"| scene | {' | '.join(names)} |", "|---" * (len(names) + 1) + "|"]
     for case in dict.fromkeys(c.case for c in closures):
         lines.append(
-            f"| {case} | {' | '.join(percent(c.error, signed=True) for c in closures if c.case == case)} |"
+            f"| {case} | "
+            f"{' | '.join(percent(c.error, signed=True) for c in closures if c.case == case)} |"
         )
     return "\n".join(lines)
 
 
 def ambient(closures) -> str:
-    """Up to which opening N = 1 with ambient beats N = 4 without."""
+    """Text: up to which opening ambient with N = 1 is better than no closure with N = 4."""
     error = {(c.opening, c.bounces, c.closure): abs(c.error) for c in closures if c.opening}
     openings = sorted({opening for opening, _, _ in error})
     better = [
@@ -182,6 +190,7 @@ def ambient(closures) -> str:
 
 
 def compile_table(points) -> str:
+    """Table of the longest compilation and the shortest run of each method, as Markdown."""
     lines = [
         "| method | compile, longest | one run at the least effort, median over the scenes |",
         "|---|---|---|",
@@ -190,11 +199,13 @@ def compile_table(points) -> str:
         own = [p for p in points if p.method == method]
         least = [chart.curve(own, case, method)[0].seconds for case in chart.names(own, "case")]
         lines.append(
-            f"| {method} | {chart.duration(max(p.compile_seconds for p in own))} | {chart.duration(float(np.median(least)))} |"
+            f"| {method} | {chart.duration(max(p.compile_seconds for p in own))} | "
+            f"{chart.duration(float(np.median(least)))} |"
         )
     return "\n".join(lines)
 
 
 def percent(value: float, signed: bool = False) -> str:
+    """A fraction in percent, with more digits for small ones."""
     digits = 3 if abs(value) < 1e-3 else 2 if abs(value) < 1e-2 else 1
     return f"{100 * value:{'+' if signed else ''}.{digits}f} %"

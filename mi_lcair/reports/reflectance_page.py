@@ -1,4 +1,4 @@
-"""The page of the chart of reflectance integrals: picture, CSV and Markdown."""
+"""Page of the chart of reflectance integrals: picture, CSV and Markdown."""
 
 from pathlib import Path
 
@@ -25,7 +25,7 @@ TEMPLATE = Path(__file__).with_name("reflectance_page.template.md")
 
 
 def write(folder, points, quick: bool) -> None:
-    """reflectance.png, reflectance.csv and reflectance.md in `folder`."""
+    """Write reflectance.png, reflectance.csv and reflectance.md to a folder."""
     folder = Path(folder)
     title = (
         f"Reflectance DHR({THETA_DEG}°) by seven methods: median error, quartiles, and rms (dashed)"
@@ -34,13 +34,14 @@ def write(folder, points, quick: bool) -> None:
     chart.write_csv(
         folder / "reflectance.csv",
         points,
-        f"DHR at {THETA_DEG} degrees by method and effort, relative errors, seconds; mi_lcair {mi_lcair.__version__}",
+        f"DHR at {THETA_DEG} degrees by method and effort, relative errors, seconds; mi_lcair "
+        f"{mi_lcair.__version__}",
     )
     (folder / "reflectance.md").write_text(page(points, quick), encoding="utf-8")
 
 
 def page(points, quick: bool) -> str:
-    """The Markdown page: the template with its fields filled from the points."""
+    """The Markdown page: the template, filled from the points."""
     cases = chart.names(points, "case")
     fields = {
         "theta": THETA_DEG,
@@ -62,18 +63,19 @@ def page(points, quick: bool) -> str:
 
 
 def needs_row(points, case: str) -> str:
-    """Samples that ours needs for 1 % and 0.1 %, by the median and by the rms error."""
-    found = [
+    """Row: samples of our method for 1 % and 0.1 %, by the median and by the rms error."""
+    reached = [
         chart.reach(points, case, OURS.name, tolerance, by)
         for tolerance in (0.01, 0.001)
         for by in ("error", "rms")
     ]
-    return f"| {case} | {' | '.join(digits(p.samples) if p else 'never' for p in found)} |"
+    return f"| {case} | {' | '.join(digits(p.samples) if p else 'never' for p in reached)} |"
 
 
 def factor_row(points, case: str, method) -> str:
-    """One of the thesis's settings, and how many times the samples and the time of ours it takes,
-    by the rms error of ours: at 1 %, at 0.1 % and at the error that the setting itself has.
+    """Row: a setting of the thesis, and its samples and time relative to those of our method.
+
+    Our method is taken at an rms error of 1 %, of 0.1 %, and of the setting itself.
     """
     theirs = next(
         p
@@ -95,19 +97,22 @@ def factor_row(points, case: str, method) -> str:
 
 
 def reach_rows(points, case: str) -> str:
-    """The thesis's settings, ours with few samples, and the largest effort of each random method."""
-    shown = {method.name: {chart.curve(points, case, method.name)[-1].effort} for method in METHODS}
-    shown |= {method.name: {effort} for method, effort in THESIS_EFFORTS.items()}
-    shown |= {method.name: {1, 4, 64} for method in (half_vector.method, sobol.method)}
+    """Rows: the settings of the thesis, ours with few samples, and the others at full effort."""
+    efforts = {
+        method.name: {chart.curve(points, case, method.name)[-1].effort} for method in METHODS
+    }
+    efforts |= {method.name: {effort} for method, effort in THESIS_EFFORTS.items()}
+    efforts |= {method.name: {1, 4, 64} for method in (half_vector.method, sobol.method)}
     return "\n".join(
-        f"| {p.method} | {digits(p.samples)} | {percent(p.error)} | {percent(p.rms)} | {duration(p.seconds)} |"
+        f"| {p.method} | {digits(p.samples)} | {percent(p.error)} | {percent(p.rms)} | "
+        f"{duration(p.seconds)} |"
         for p in points
-        if p.case == case and p.effort in shown[p.method]
+        if p.case == case and p.effort in efforts[p.method]
     )
 
 
 def angle_rows() -> str:
-    """The errors at other angles: signed if all repetitions agree, else rms."""
+    """Rows: errors at other angles, signed if all repetitions agree, otherwise rms."""
     rows = []
     for material, theta_deg, exact, errors in angle_errors():
         cells = [
@@ -119,8 +124,9 @@ def angle_rows() -> str:
 
 
 def launch_rows(points) -> str:
-    """Per method: the longest compile, and the time of a single integral at the least effort,
-    launched alone.
+    """Rows: the longest compilation of each method, and the time of a single integral.
+
+    The integral is launched alone, at the least effort.
     """
     alone = seconds_alone()
     rows = []
@@ -130,10 +136,12 @@ def launch_rows(points) -> str:
         )
         samples = digits(method.samples(method.efforts[0]))
         rows.append(
-            f"| {method.name} | {duration(compile_seconds)} | {samples} | {duration(alone[method.name])} |"
+            f"| {method.name} | {duration(compile_seconds)} | {samples} | "
+            f"{duration(alone[method.name])} |"
         )
     return "\n".join(rows)
 
 
 def percent(fraction: float) -> str:
+    """A fraction in percent."""
     return f"{digits(100 * fraction)} %" if fraction > 1e-9 else "0"

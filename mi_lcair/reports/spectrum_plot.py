@@ -1,4 +1,4 @@
-"""The spectral intensity of a signature as a picture."""
+"""Plot of the spectral intensity of a signature."""
 
 import numpy as np
 
@@ -8,24 +8,24 @@ from mi_lcair.signatures.spectral_intensity import curves
 
 
 def save_plot(path, areas: EffectiveAreas, scene: str) -> None:
-    """A PNG of the spectral intensity of target and scene, with the groups of each."""
+    """Write a PNG of the spectral intensity of target and scene, and of their groups."""
     wavelengths = areas.wavelengths_um()
-    found = curves(areas, wavelengths)
+    intensities = curves(areas, wavelengths)
+    response = areas.band.response_at(wavelengths)
     with drawing(path, (11, 4.5), layout="constrained") as figure:
         for panel, part in zip(figure.subplots(1, 2), PARTS):
-            panel.plot(wavelengths, found[part], color="black", linewidth=1.5, label="total")
-            for name, values in found.items():
+            panel.plot(wavelengths, intensities[part], color="black", linewidth=1.5, label="total")
+            for name, values in intensities.items():
                 if name.startswith(f"{part}.") and values.any():
                     panel.plot(
                         wavelengths, values, linewidth=1, label=plain(name.partition(".")[2])
                     )
-            panel.set_title(
-                f"{part}: {np.trapezoid(found[part] * areas.band.response_at(wavelengths), wavelengths):.5g} W/sr in band",
-                fontsize=10,
-            )
+            in_band = np.trapezoid(intensities[part] * response, wavelengths)
+            panel.set_title(f"{part}: {in_band:.5g} W/sr in band", fontsize=10)
             panel.set_xlabel("wavelength (µm)")
             panel.set_ylabel(r"spectral intensity (W sr$^{-1}$ µm$^{-1}$)")
             panel.set_xlim(areas.band.lower_um, areas.band.upper_um)
-            panel.set_ylim(0, 1.25 * max(found[part].max(), 1e-30))  # room for the legend
+            # A quarter more than the largest value leaves room for the legend.
+            panel.set_ylim(0, 1.25 * max(intensities[part].max(), 1e-30))
             panel.legend(fontsize=8, frameon=False, ncols=3, loc="upper center")
         figure.suptitle(plain(f"{scene}, {areas.band.label}, by what emitted it"), fontsize=11)

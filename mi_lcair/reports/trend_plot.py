@@ -1,21 +1,23 @@
-"""A trend as polar curves: by elevation, by what emitted, and by number of reflections."""
+"""Polar plot of a trend: by elevation, by emitting group, and by number of reflections."""
 
 import numpy as np
 
 from mi_lcair.drawing import drawing, plain
 from mi_lcair.signatures.trend import Trend
 
-NEGLIGIBLE = 1e-3  # share of the whole below which a part's curve would not be seen
+NEGLIGIBLE = 1e-3  # parts below this share of the largest intensity are not drawn
 UNIT = r"W sr$^{-1}$"
 
 
 def save_plot(path, trend: Trend, scene: str) -> None:
-    """A PNG of three polar panels, azimuth 0 (the nose) up and 90 (the left side) to the left; the
-    last two at the elevation nearest 0.
+    """Write a PNG with three polar panels.
+
+    Azimuth 0 (the nose) is up, and 90 (the left side) is on the left. The last two panels are at
+    the elevation nearest to 0.
     """
     elevations = np.unique(trend.columns["elevation_deg"])
     level = elevations[np.argmin(np.abs(elevations))]
-    one = trend.at_elevation(level)
+    at_level = trend.at_elevation(level)
     with drawing(path, (14, 5.6), layout="constrained") as figure:
         panels = figure.subplots(1, 3, subplot_kw={"projection": "polar"})
         draw(
@@ -27,22 +29,26 @@ def save_plot(path, trend: Trend, scene: str) -> None:
                 for at in [trend.at_elevation(elevation)]
             },
         )
-        draw(panels[1], f"by what emitted it, at {level:g}°", seen("group", one))
-        draw(panels[2], f"by number of reflections, at {level:g}°", seen("bounce", one))
+        draw(panels[1], f"by what emitted it, at {level:g}°", large_parts("group", at_level))
+        draw(panels[2], f"by number of reflections, at {level:g}°", large_parts("bounce", at_level))
         figure.suptitle(
             f"{plain(f'{scene}, {trend.band}')}: intensity of the model by azimuth ({UNIT})",
             fontsize=12,
         )
 
 
-def seen(kind: str, one: Trend) -> dict:
-    """Curves of the parts that are large enough anywhere to be seen."""
-    least = NEGLIGIBLE * one.columns["intensity_W_sr"].max()
-    return {name: (one, values) for name, values in one.parts(kind).items() if values.max() > least}
+def large_parts(kind: str, trend: Trend) -> dict:
+    """Curves, as `draw` takes them, of the parts that are not negligible everywhere.
+
+    `kind` is "group" or "bounce".
+    """
+    least = NEGLIGIBLE * trend.columns["intensity_W_sr"].max()
+    parts = trend.parts(kind)
+    return {name: (trend, values) for name, values in parts.items() if values.max() > least}
 
 
 def draw(panel, title: str, curves: dict) -> None:
-    """curves: label -> (Trend, values by its views)."""
+    """Draw curves in a polar panel: {label: (Trend, values of its views)}."""
     panel.set_theta_zero_location("N")
     for label, (at, values) in curves.items():
         order = np.argsort(at.columns["azimuth_deg"])
@@ -68,7 +74,7 @@ def draw(panel, title: str, curves: dict) -> None:
 
 
 def closes(azimuths_deg) -> bool:
-    """Whether evenly spaced azimuths go all the way round."""
+    """Whether the azimuths are evenly spaced over a full turn."""
     return len(azimuths_deg) > 2 and np.allclose(
         np.diff(np.append(azimuths_deg, azimuths_deg[0] + 360)), 360 / len(azimuths_deg), atol=1e-6
     )

@@ -1,4 +1,4 @@
-"""Batches of a trend on the workers of a Dask cluster (optional extra mi-lcair[dask])."""
+"""Render batches of a trend on the workers of a Dask cluster (optional extra mi-lcair[dask])."""
 
 import logging
 import socket
@@ -10,18 +10,36 @@ from functools import lru_cache
 import mi_lcair
 from mi_lcair.errors import InputError
 
-RETRIES = 3  # of a batch that failed on a worker; one that died is Dask's own business
-TIMEOUT_S, WORKER_TIMEOUT_S = 10, 60  # to reach the scheduler, and for its first worker
-_one_at_a_time = (
-    threading.Lock()
-)  # Mitsuba renders with all of a worker's threads: its tasks must not meet
+RETRIES = 3  # attempts for a batch that failed on a worker; Dask itself replaces dead workers
+TIMEOUT_S = 10  # time to reach the scheduler, s
+WORKER_TIMEOUT_S = 60  # time until the scheduler has a worker, s
+# Mitsuba renders with all threads of a worker, so that a worker renders one batch at a time.
+_one_at_a_time = threading.Lock()
 
 
 def rendered(sweep, batches, address: str):
-    """Yields the rows of each batch as a worker has done it.
+    """Yield the rows of each batch as soon as a worker has rendered it.
 
-    Raises InputError where no scheduler answers at `address`, and ConnectionError where it is lost
-    later.
+    Parameters
+    ----------
+    sweep : Sweep
+        Views, and how they are rendered.
+    batches : list of (int, tuple of View)
+        Numbers and views of the batches to render.
+    address : str
+        Address of the Dask scheduler, such as tcp://127.0.0.1:8786.
+
+    Yields
+    ------
+    dict of View to dict of str to float
+        Rows of a batch, as `render_batch` returns them.
+
+    Raises
+    ------
+    InputError
+        If the package distributed is missing, or if no scheduler with a worker answers.
+    ConnectionError
+        If the connection to the scheduler is lost later.
     """
     try:
         from dask.distributed import Client, as_completed
@@ -33,16 +51,16 @@ def rendered(sweep, batches, address: str):
         client = Client(address, timeout=TIMEOUT_S)
     except (OSError, ValueError) as error:
         raise InputError(
-            f"no Dask scheduler answers at '{address}' ({error.__class__.__name__}); "
-            "start one with `dask scheduler` and give its address, such as tcp://127.0.0.1:8786"
+            f"no Dask scheduler answers at '{address}' ({error.__class__.__name__}); start one "
+            "with `dask scheduler` and give its address, such as tcp://127.0.0.1:8786"
         ) from None
     with quiet(), client:
         try:
             client.wait_for_workers(1, timeout=WORKER_TIMEOUT_S)
         except TimeoutError:
             raise InputError(
-                f"the Dask scheduler at '{address}' has no worker; "
-                f"start one with `dask worker {address}`"
+                f"the Dask scheduler at '{address}' has no worker; start one with `dask worker "
+                f"{address}`"
             ) from None
         futures = [
             client.submit(render_here, sweep, number, views, pure=False, retries=RETRIES)
@@ -60,7 +78,7 @@ def rendered(sweep, batches, address: str):
 
 @contextmanager
 def quiet():
-    """Within the block no log is written: what Dask retries succeeds, or fails in an exception."""
+    """Suppress logs within the block: a failure that Dask cannot retry raises an exception."""
     disabled = logging.root.manager.disable
     logging.disable(logging.CRITICAL)
     try:
@@ -70,7 +88,7 @@ def quiet():
 
 
 def render_here(sweep, number: int, views) -> dict:
-    """On a worker: the rows of one batch."""
+    """Render one batch on this worker, and return its rows."""
     import drjit
     import mitsuba
     from dask.distributed import get_worker
@@ -90,13 +108,14 @@ def render_here(sweep, number: int, views) -> dict:
 
 @lru_cache(maxsize=1)
 def loaded(source: str, parameters: tuple, fingerprint: str):
-    """The scene, loaded when a worker first meets it. InputError where this worker's files make
-    another one.
+    """The scene, which a worker loads once.
+
+    Raises InputError if the files on this worker give a scene with another fingerprint.
     """
     scene = mi_lcair.load(source, **dict(parameters))
     if scene.fingerprint != fingerprint:
         raise InputError(
-            f"scene '{source}' is another one on the Dask worker at {socket.gethostname()}; "
-            "its files, or its version of mi_lcair, differ"
+            f"scene '{source}' is another one on the Dask worker at {socket.gethostname()}; the "
+            "worker's files or its version of mi_lcair differ"
         )
     return scene

@@ -1,9 +1,8 @@
-"""Intensity by the spectra that a scene's sources radiate, and the spectral intensity that follows
-without rendering again.
+"""Effective areas of a scene's sources, which give its spectral intensity without another render.
 
-A source of spectrum S [W m^-2 sr^-1 um^-1] contributes W S to the spectral intensity, with W [m^2]
-the same at all wavelengths, where the materials are constant in the band: W = intensity of the
-source / in-band radiance of S.
+The materials are constant within the band. A source of spectrum S, W m^-2 sr^-1 um^-1, therefore
+adds W S to the spectral intensity, with the same effective area W, m^2, at all wavelengths. W is
+the in-band intensity that comes from the source, divided by the in-band radiance of S.
 """
 
 from dataclasses import dataclass
@@ -20,20 +19,36 @@ from mi_lcair.rendering.render import Render
 from mi_lcair.rendering.statistics import COVARYING
 
 PARTS = ("target", "scene")
-SPECTRUM_ROWS = (
-    801  # even steps: the trapezoid rule over Planck's law in MWIR at 250 K is right to 1e-6
-)
+# Wavelengths in even steps over the band. The trapezoid rule over them integrates Planck's law in
+# MWIR at 250 K with an error of 1e-6.
+SPECTRUM_ROWS = 801
 
 
 @dataclass(frozen=True)
 class EffectiveAreas:
-    """Effective areas W [m^2] of the sources, for the model's facets (target) and all in the window
-    (scene).
+    """Effective areas of the sources, for the target and for the whole scene.
 
-    area, error: (2, sources) in the order of PARTS; projected_area: of the model's facets, as seen;
-    covariance: of the areas and, last, of that, (2, sources + 1, sources + 1); None for one sample.
-    by_wavelength: where blackbodies are too many to be told apart, the spectral intensity of them
-    all [W sr^-1 um^-1] at `nodes_um`, (2, nodes); empty otherwise.
+    The first axis of the arrays is that of PARTS: the model's facets (target), and all in the
+    sensor's window (scene).
+
+    Attributes
+    ----------
+    band : Band
+        Band that was rendered.
+    sources : list of Source
+        Sources, one for each group and spectrum.
+    area, error : ndarray, shape (2, sources)
+        Effective areas and their standard errors, m^2. The errors are None for one sample per
+        pixel.
+    projected_area : float
+        Projected area of the model's facets that the sensor sees, m^2.
+    covariance : ndarray, shape (2, sources + 1, sources + 1), or None
+        Covariance of the effective areas and, last, of the projected area, m^4.
+    nodes_um : ndarray, shape (nodes,)
+        Wavelengths of `by_wavelength`, um.
+    by_wavelength : ndarray, shape (2, nodes)
+        Spectral intensity of all blackbodies, W sr^-1 um^-1, if the scene has too many temperatures
+        for an effective area each. Otherwise it is empty.
     """
 
     band: Band
@@ -46,8 +61,10 @@ class EffectiveAreas:
     by_wavelength: np.ndarray
 
     def as_list(self) -> list[dict]:
-        """One entry for each source: group, spectrum, temperature [K] or None, and W of target and
-        scene [m^2].
+        """One dictionary for each source, for JSON.
+
+        The entries are group, spectrum, temperature, K or None, and the effective areas of target
+        and scene with their standard errors, m^2.
         """
         return [
             {
@@ -66,11 +83,30 @@ class EffectiveAreas:
     def intensity(
         self, part: str = "target", temperatures: dict | None = None, band=None
     ) -> tuple[float, float | None]:
-        """In-band intensity [W/sr] and its standard error, with other temperatures if wanted.
+        """In-band intensity, W/sr, and its standard error, optionally at other temperatures.
 
-        temperatures: kelvin by group, or by (group, kelvin before) where a group has several. band:
-        within the one that was rendered, whose material parameters the areas hold for; InputError
-        for any other.
+        Parameters
+        ----------
+        part : str
+            "target" or "scene".
+        temperatures : dict, optional
+            New temperatures, K, by group. A group with several temperatures needs keys (group,
+            rendered temperature).
+        band : Band, str or path-like, optional
+            Band within the one that was rendered, by default the same. The effective areas hold for
+            the materials of the rendered band only.
+
+        Returns
+        -------
+        intensity : float
+            Intensity, W/sr.
+        error : float or None
+            Standard error, W/sr; None for one sample per pixel.
+
+        Raises
+        ------
+        InputError
+            If the part, a group or the band is unusable, or if the scene has too many temperatures.
         """
         self.check_told_apart()
         if part not in PARTS:
@@ -93,27 +129,38 @@ class EffectiveAreas:
         return float(self.area[p] @ radiance), error
 
     def spectrum(self, wavelengths_um, temperatures: dict | None = None) -> np.ndarray:
-        """Spectral intensity [W sr^-1 um^-1] by part, source and wavelength, (2, sources, n).
+        """Spectral intensity, W sr^-1 um^-1, of each part and source.
 
-        Where blackbodies were recorded by wavelength they follow as one last source.
+        Parameters
+        ----------
+        wavelengths_um : array_like, shape (n,)
+            Wavelengths within the rendered band, um.
+        temperatures : dict, optional
+            New temperatures, as for `intensity`.
+
+        Returns
+        -------
+        ndarray, shape (2, sources, n)
+            Blackbodies that were recorded by wavelength follow as one more source.
         """
         wavelengths_um = np.asarray(wavelengths_um, dtype=float)
         if wavelengths_um.min() < self.band.lower_um or wavelengths_um.max() > self.band.upper_um:
             raise InputError(
-                f"wavelengths {wavelengths_um.min():g}-{wavelengths_um.max():g} um: the effective areas hold for "
-                f"the material parameters of band {self.band.label} only"
+                f"wavelengths {wavelengths_um.min():g}-{wavelengths_um.max():g} um: the effective "
+                f"areas hold for the material parameters of band {self.band.label} only"
             )
         if temperatures:
             self.check_told_apart()
-        found = self.area[:, :, None] * self.radiance(wavelengths_um, temperatures)
+        by_source = self.area[:, :, None] * self.radiance(wavelengths_um, temperatures)
         if not self.nodes_um.size:
-            return found
+            return by_source
         rest = BarycentricInterpolator(self.nodes_um, self.by_wavelength.T)(wavelengths_um).T
-        return np.concatenate([found, rest[:, None]], axis=1)
+        return np.concatenate([by_source, rest[:, None]], axis=1)
 
     def radiance(self, wavelengths_um, temperatures: dict | None = None) -> np.ndarray:
-        """Spectral radiance of each source before its emissivity [W m^-2 sr^-1 um^-1], (sources,
-        n).
+        """Spectral radiance of each source, W m^-2 sr^-1 um^-1, shape (sources, n).
+
+        It is not multiplied by the emissivity.
         """
         table = [
             source.spectrum.at(wavelengths_um)
@@ -124,8 +171,9 @@ class EffectiveAreas:
         return np.reshape(table, (len(self.sources), len(wavelengths_um)))
 
     def wavelengths_um(self) -> np.ndarray:
-        """Even steps over the band, and every row of the tabulated spectra and of the response
-        inside it.
+        """Wavelengths, um, that resolve all spectra in the band.
+
+        They are even steps, and the rows of the tabulated spectra and of the response.
         """
         tables = [
             source.spectrum.wavelengths_um for source in self.sources if source.spectrum is not None
@@ -141,7 +189,7 @@ class EffectiveAreas:
         )
 
     def temperatures(self, changed: dict) -> list[float | None]:
-        """Kelvin of each source, None for a tabulated one, with the changes applied."""
+        """Temperature of each source, K, with the changes applied; None for a tabulated source."""
         blackbodies = {
             (source.group, source.temperature)
             for source in self.sources
@@ -155,7 +203,8 @@ class EffectiveAreas:
                 raise unknown("blackbody group", str(key), known)
             if not 0 < changed[key] < np.inf:
                 raise InputError(
-                    f"group {key}: temperature {changed[key]} K; it must be positive and finite, in kelvin"
+                    f"group {key}: temperature {changed[key]} K; it must be positive and finite, "
+                    "in kelvin"
                 )
         return [
             None
@@ -167,42 +216,54 @@ class EffectiveAreas:
         ]
 
     def within(self, band: Band) -> Band:
+        """The band itself. Raises InputError if it is not within the rendered band."""
         if (
             band.is_total
             or band.lower_um < self.band.lower_um
             or band.upper_um > self.band.upper_um
         ):
             raise InputError(
-                f"band {band.label}: the effective areas were rendered with the material parameters of band "
-                f"{self.band.label} and hold within it only; render band {band.label}"
+                f"band {band.label}: the effective areas were rendered with the material "
+                f"parameters of band {self.band.label} and hold within it only; render band "
+                f"{band.label}"
             )
         return band
 
     def check_told_apart(self) -> None:
+        """Raise InputError if the blackbodies were recorded by wavelength only."""
         if self.nodes_um.size:
             raise InputError(
-                "the scene has too many temperatures to be told apart: its spectrum is known, but no effective "
-                "area for each temperature"
+                "the scene has too many temperatures to be told apart: its spectrum is known, "
+                "but not the effective area of each temperature"
             )
 
 
 def effective_areas(image: Render, window_area: float) -> EffectiveAreas:
-    """From a render that told emission apart by spectrum."""
-    told = [k for k, source in enumerate(image.sources.list) if source.name is not None]
-    sources = [image.sources.list[k] for k in told]
-    # of a source too cold to radiate in the band nothing is known but that it adds nothing
+    """Effective areas from a render that recorded the emission of each source.
+
+    Parameters
+    ----------
+    image : Render
+        Image with the parts source.N and, for many temperatures, wavelength.N.
+    window_area : float
+        Area of the sensor's window, m^2.
+    """
+    numbers = [k for k, source in enumerate(image.sources.list) if source.name is not None]
+    sources = [image.sources.list[k] for k in numbers]
+    # A source that is too cold to radiate in the band has no intensity. Its area is set to 0.
     scale = np.array(
         [window_area / source.in_band if source.in_band > 0 else 0.0 for source in sources]
     )
     prefixes = {"target": "target.", "scene": ""}
     mean = np.array(
-        [[image.parts[f"{prefixes[part]}source.{k}"][0] for k in told] for part in PARTS]
+        [[image.parts[f"{prefixes[part]}source.{k}"][0] for k in numbers] for part in PARTS]
     ).reshape(2, -1)
     covariance, error = None, None
     if image.covariance is not None:
         names = [name for name in image.parts if name.startswith(COVARYING)]
         rows = [
-            [names.index(f"{prefixes[part]}source.{k}") for k in told] + [names.index("target.hit")]
+            [names.index(f"{prefixes[part]}source.{k}") for k in numbers]
+            + [names.index("target.hit")]
             for part in PARTS
         ]
         scales = np.append(scale, window_area)

@@ -1,4 +1,4 @@
-"""What each facet of the model sends to the sensor, from the same paths as the image."""
+"""Radiance and intensity of each facet of the model, from the same paths as the image."""
 
 import csv
 from dataclasses import dataclass
@@ -10,25 +10,28 @@ from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.render import BOUNCE_CHANNELS
 from mi_lcair.table import safe_cell
 
-BATCHES = 8  # of each pass: their scatter tells the standard errors
-EDGE_ON = 1e-6  # cosine below which a facet shows nothing but rounding errors
-FEW = 30  # samples that a facet must expect for its visible fraction to be told
+BATCHES = 8  # batches of a pass over the pixels; their scatter gives the standard errors
+EDGE_ON = 1e-6  # cosine below which the projected area of a facet is only rounding error
+FEW = 30  # smallest expected number of samples on a facet that gives a visible fraction
 
 
 @dataclass(frozen=True)
 class FacetResults:
-    """What each facet sends to the sensor, as a table.
+    """Table of what each facet of the model sends to the sensor.
 
-    columns: name (with its unit) -> one value for each facet of the model (not of its background),
-    NaN where there is none: a facet out of sight has no radiance. The column intensity_W_sr sums to
-    the target's intensity. mean_cosine is that of the front; visible_fraction an estimate from the
-    samples, which may exceed 1 by its noise.
+    Attributes
+    ----------
+    columns : dict of str to ndarray, shape (facets,)
+        Values of the model's facets, not of its background, by name with unit. A missing value is
+        NaN: a facet that the sensor does not see has no radiance. The sum of intensity_W_sr is the
+        target's intensity. mean_cosine is that of the front side. visible_fraction is an estimate
+        from the samples, and its noise may lift it above 1.
     """
 
     columns: dict[str, np.ndarray]
 
     def write(self, path) -> None:
-        """The table as a CSV; cells without a value are `nan`."""
+        """Write the table as a CSV. Cells without a value are `nan`."""
         with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
             writer = csv.writer(file)
             writer.writerow(self.columns)
@@ -37,14 +40,17 @@ class FacetResults:
 
 
 def cell(value) -> object:
-    """A value as the table holds it; names come from the user's files."""
+    """A value as the CSV holds it. Names come from the user's files and are made safe."""
     if isinstance(value, float):
         return f"{value:.9g}"
     return safe_cell(value) if isinstance(value, str) else value
 
 
 class FacetSums:
-    """Sums over the paths that meet each facet first; a render adds to them, `results` ends them."""
+    """Sums over the paths whose first hit is each facet.
+
+    A render adds to the sums, and `results` turns them into a table.
+    """
 
     def __init__(self, table: FacetTable):
         self.table = table
@@ -58,14 +64,28 @@ class FacetSums:
         self.sweep, self.sweep_spp = np.zeros((BATCHES, table.count)), np.zeros(BATCHES)
 
     def add(self, facet, L, channels, spp: int, first: int) -> None:
-        """Adds the samples of a run of pixels, `spp` consecutive ones each, from pixel `first` on."""
+        """Add the samples of a run of pixels.
+
+        Parameters
+        ----------
+        facet : mitsuba.UInt32
+            Facet that each path hits first. The `spp` samples of a pixel are consecutive.
+        L : mitsuba.Float
+            Radiance of each path, W m^-2 sr^-1.
+        channels : Channels
+            Parts of the radiance of each path.
+        spp : int
+            Samples per pixel.
+        first : int
+            Number of the first pixel. 0 begins another pass over the image.
+        """
         if first == 0:
             self.end_sweep()
         facet, L = facet.numpy(), L.numpy().astype(np.float64)
         index = np.flatnonzero((facet < self.table.count) & np.isfinite(L))
         facet, count = facet[index].astype(np.int64), self.table.count
         batches = min(BATCHES, spp)
-        batch_of = np.arange(spp) * batches // spp  # of the samples of a pixel
+        batch_of = np.arange(spp) * batches // spp  # batch of each sample of a pixel
         sums = np.bincount(
             batch_of[index % spp] * count + facet, L[index], batches * count
         ).reshape(batches, count)
@@ -83,7 +103,9 @@ class FacetSums:
         self.samples += len(L)
 
     def end_sweep(self) -> None:
-        """The batches of one pass over all pixels become observations of each facet's sum per
+        """Update mean and scatter of each facet with the batches of a pass over all pixels.
+
+        Each batch is an observation, weighted with its samples per pixel, of the facet's sum per
         sample of a pixel.
         """
         for sums, spp in zip(self.sweep, self.sweep_spp):
@@ -96,7 +118,15 @@ class FacetSums:
         self.sweep[:], self.sweep_spp[:] = 0, 0
 
     def results(self, window_area: float, direction: np.ndarray) -> FacetResults:
-        """The table. window_area: of the sensor [m^2]; direction: unit vector toward it."""
+        """The table of results.
+
+        Parameters
+        ----------
+        window_area : float
+            Area of the sensor's window, m^2.
+        direction : ndarray, shape (3,)
+            Unit vector toward the sensor.
+        """
         self.end_sweep()
         table, per_sample = self.table, window_area / self.samples
         mean_cosine = mean_cosines(table, direction)
@@ -105,7 +135,8 @@ class FacetSums:
             visible = np.where(
                 mean_cosine > EDGE_ON, self.hits * per_sample / projected, 0 * mean_cosine
             )
-            # seen from behind, or so nearly edge-on that samples say nothing of the share
+            # The visible fraction is unknown for a facet that is seen from behind, or so nearly
+            # edge-on that it gets too few samples.
             visible[(self.hits > 0) & (projected < FEW * per_sample)] = np.nan
             radiance, closure, by_bounce = (
                 sums / self.hits for sums in (self.total, self.closure, self.by_bounce)
@@ -146,8 +177,10 @@ class FacetSums:
 
 
 def mean_cosines(table: FacetTable, direction: np.ndarray) -> np.ndarray:
-    """Cosine between each facet's normal and `direction`, 0 from behind, averaged over its area;
-    NaN for what is no mesh.
+    """Mean cosine between the normals of each facet and `direction`, shape (facets,).
+
+    It is averaged over the facet's area. It is 0 where the facet is seen from behind, and NaN for
+    a shape that is not a mesh.
     """
     p0, p1, p2 = np.moveaxis(table.triangles, 1, 0)
     projected = np.maximum(0.5 * np.cross(p1 - p0, p2 - p0) @ direction, 0)

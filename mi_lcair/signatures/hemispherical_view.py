@@ -1,5 +1,6 @@
-"""What one facet sees: solid angle and view factor of every other facet, and a map over theta and
-phi (thesis 3.2.4).
+"""Hemispherical view of a facet: what it sees over theta and phi (thesis 3.2.4).
+
+The view holds the solid angle and the view factor of every other facet, and a map.
 """
 
 from dataclasses import dataclass
@@ -13,20 +14,37 @@ from mi_lcair.errors import InputError
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.scene import Scene
 
-MAP_THETA, MAP_PHI = 360, 1440  # pixels of the map: a quarter of a degree each
-NOTHING = -1  # the neighbour of a direction in which there is no surface
+MAP_THETA, MAP_PHI = 360, 1440  # pixels of the map, a quarter of a degree each
+NOTHING = -1  # number that stands for no facet, in directions in which there is no surface
 
 
 @dataclass(frozen=True)
 class HemisphericalView:
-    """What a facet sees. Surfaces that turn their back count as what they are: they hide what is
-    behind them.
+    """What a facet of a scene sees.
 
-    neighbour: facet numbers (n,), largest view factor first; NOTHING (-1), always the last, is what
-    escapes. solid_angle [sr] and view_factor (n,): means over the facet's area; they add up to 2 pi
-    and 1. map: facet seen from the centre of the facet, (MAP_THETA, MAP_PHI), theta 0..90 degrees
-    from the normal downward, phi -180..180 degrees to the right. origin: of the loaded scene in the
-    file's coordinates [m].
+    Both sides of a surface hide what is behind it.
+
+    Attributes
+    ----------
+    scene : str
+        Name of the scene.
+    facet : int
+        Number of the facet.
+    facets : FacetTable
+        Facets of the scene.
+    neighbour : ndarray of int, shape (n,)
+        Numbers of the facets that it sees, largest view factor first. The last one is NOTHING (-1),
+        for directions without a surface.
+    solid_angle, view_factor : ndarray, shape (n,)
+        Solid angle, sr, and view factor of each neighbour, as means over the facet's area. Their
+        sums are 2 pi and 1.
+    map : ndarray of int, shape (MAP_THETA, MAP_PHI)
+        Facet in each direction from the centre of this one. Rows are theta, 0 to 90 degrees from
+        the normal; columns are phi, -180 to 180 degrees.
+    rays : int
+        Number of rays for each of solid angle and view factor.
+    origin : tuple of float
+        Origin of the loaded scene in the coordinates of its file [m].
     """
 
     scene: str
@@ -40,10 +58,11 @@ class HemisphericalView:
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def group(self, number: int) -> str:
+        """Group of a facet; "nothing" for NOTHING."""
         return "nothing" if number == NOTHING else self.facets.group[number]
 
     def as_dict(self) -> dict:
-        """The table, for JSON; `facet` is null in the row of what escapes."""
+        """The table, for JSON. `facet` is null in the row of directions without a surface."""
         table = self.facets
         rows = [
             {
@@ -78,37 +97,58 @@ class HemisphericalView:
 def hemispherical_view(
     scene: Scene, facet: int, rays: int = 2**20, seed: int = 0
 ) -> HemisphericalView:
-    """What facet number `facet` of a scene sees, by low-discrepancy rays over its area and its
-    hemisphere.
+    """What a facet sees, from low-discrepancy rays over its area and its hemisphere.
 
-    rays: for each of solid angle (uniform directions) and view factor (cosine-weighted); rounded up
-    to a power of 2. Raises InputError for a number that is no facet, and for a facet that is not
-    flat or has no area.
+    Parameters
+    ----------
+    scene : Scene
+        Scene that holds the facet.
+    facet : int
+        Number of the facet, from 0.
+    rays : int
+        Rays for the solid angles (uniform directions), and as many for the view factors
+        (cosine-weighted directions). It is rounded up to a power of 2.
+    seed : int
+        Seed of the random numbers.
+
+    Returns
+    -------
+    HemisphericalView
+
+    Raises
+    ------
+    InputError
+        If there is no facet of this number, or if it is not flat or has no area.
     """
     facets = FacetTable(scene)
     if not 0 <= facet < facets.count:
         raise InputError(
-            f"facet {facet} does not exist; the facets of {scene.name} are numbered from 0 to {facets.count - 1}"
+            f"facet {facet} does not exist; the facets of {scene.name} are numbered from 0 to "
+            f"{facets.count - 1}"
         )
     if not np.isfinite(facets.normal[facet]).all():
         raise InputError(
-            f"facet {facet} of {scene.name} has no normal: it is a whole curved shape, or has no area; "
-            "a facet of a mesh has a view"
+            f"facet {facet} of {scene.name} has no normal: it is a whole curved shape, or has no "
+            "area; a facet of a mesh has a view"
         )
     sample = low_discrepancy(rays, seed)
     p, n = points(facets, facet, sample[:, :2])
+    # Shares of the rays that hit each facet. Entry 0 is that of rays that hit nothing, and entry
+    # k + 1 that of facet k.
     shares = []
     with scene.prepared() as tracer:
         for warp in (mi.warp.square_to_uniform_hemisphere, mi.warp.square_to_cosine_hemisphere):
             direction = mi.Frame3f(n).to_world(warp(mi.Point2f(sample[:, 2:].T)))
             shares.append(
-                np.bincount(1 + seen(tracer, facets, p, n, direction), minlength=1 + facets.count)
+                np.bincount(
+                    1 + first_hit(tracer, facets, p, n, direction), minlength=1 + facets.count
+                )
                 / len(sample)
             )
         facets_around = view_map(tracer, facets, facet)
     neighbour = np.flatnonzero(shares[0] + shares[1])
     neighbour = neighbour[np.argsort(-shares[1][neighbour], kind="stable")]
-    neighbour = np.append(neighbour[neighbour != 0], 0)  # bin 0: what escapes
+    neighbour = np.append(neighbour[neighbour != 0], 0)  # NOTHING comes last
     return HemisphericalView(
         scene=scene.name,
         facet=facet,
@@ -123,8 +163,9 @@ def hemispherical_view(
 
 
 def low_discrepancy(count: int, seed: int) -> np.ndarray:
-    """Scrambled Sobol points in the unit 4-cube, at least `count`: two coordinates for a point, two
-    for a direction.
+    """Scrambled Sobol points in the unit 4-cube, shape (n, 4), with n at least `count`.
+
+    Two coordinates choose a point of the facet, and two a direction.
     """
     from scipy.stats.qmc import Sobol
 
@@ -132,21 +173,43 @@ def low_discrepancy(count: int, seed: int) -> np.ndarray:
 
 
 def points(facets: FacetTable, facet: int, sample: np.ndarray):
-    """Points uniform over the facet's area, and the normals there, for samples (n, 2)."""
+    """Uniform points on a facet, and their normals.
+
+    Parameters
+    ----------
+    facets : FacetTable
+        Facets of the scene.
+    facet : int
+        Number of the facet.
+    sample : ndarray, shape (n, 2)
+        Uniform random numbers between 0 and 1.
+
+    Returns
+    -------
+    p : mitsuba.Point3f
+        Points, m.
+    n : mitsuba.Normal3f
+        Normals.
+    """
     corners = facets.triangles[facets.triangle_facet == facet]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(normal, axis=1)
+    # The first number chooses a triangle by area. Its remainder is uniform again.
     cumulated = np.cumsum(area) / area.sum()
     chosen = np.minimum(np.searchsorted(cumulated, sample[:, 0], side="right"), len(area) - 1)
     within = (sample[:, 0] - np.append(0, cumulated)[chosen]) * (area.sum() / area[chosen])
+    # The square root makes the points uniform over the triangle.
     root = np.sqrt(within)[:, None]
     a, b, c = np.moveaxis(corners[chosen], 1, 0)
     p = (1 - root) * a + root * ((1 - sample[:, 1:]) * b + sample[:, 1:] * c)
     return mi.Point3f(p.T), mi.Normal3f((normal / area[:, None])[chosen].T)
 
 
-def seen(tracer, facets: FacetTable, p, n, direction) -> np.ndarray:
-    """The facet that a ray from the surface point `p` meets first, NOTHING where it escapes."""
+def first_hit(tracer, facets: FacetTable, p, n, direction) -> np.ndarray:
+    """Number of the facet that each ray hits first; NOTHING where it hits none.
+
+    The rays start at surface points `p` with normals `n`.
+    """
     si = dr.zeros(mi.SurfaceInteraction3f, dr.width(direction))
     si.p, si.n, si.sh_frame = p, n, mi.Frame3f(n)
     hit = tracer.scene.ray_intersect_preliminary(
@@ -156,10 +219,11 @@ def seen(tracer, facets: FacetTable, p, n, direction) -> np.ndarray:
 
 
 def frame(facets: FacetTable, facet: int) -> np.ndarray:
-    """Rows: reference vector, positive vector and normal (thesis 3.2.1.3, 3.2.1.4), right-handed.
+    """Right-handed axes of a facet, shape (3, 3) (thesis 3.2.1.3, 3.2.1.4).
 
-    Azimuth is 0 along the reference vector, from the centre to the facet's second vertex, and 90
-    degrees along the positive one.
+    The rows are the reference vector, the positive vector and the normal. The reference vector
+    points from the centre to the facet's second vertex. The azimuth is 0 along it, and 90 degrees
+    along the positive vector.
     """
     normal = facets.normal[facet]
     reference = (
@@ -171,7 +235,10 @@ def frame(facets: FacetTable, facet: int) -> np.ndarray:
 
 
 def view_map(tracer, facets: FacetTable, facet: int) -> np.ndarray:
-    """The facets seen from the centre of `facet`, (MAP_THETA, MAP_PHI); see HemisphericalView.map."""
+    """Facets seen from the centre of a facet, shape (MAP_THETA, MAP_PHI).
+
+    See `HemisphericalView.map`.
+    """
     theta, phi = np.meshgrid(
         (np.arange(MAP_THETA) + 0.5) / MAP_THETA * np.pi / 2,
         (np.arange(MAP_PHI) + 0.5) / MAP_PHI * 2 * np.pi - np.pi,
@@ -179,7 +246,7 @@ def view_map(tracer, facets: FacetTable, facet: int) -> np.ndarray:
     )
     local = np.array([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)])
     direction = frame(facets, facet).T @ local.reshape(3, -1)
-    return seen(
+    return first_hit(
         tracer,
         facets,
         mi.Point3f(facets.centre[facet]),

@@ -1,6 +1,4 @@
-"""Intensity of a scene in the direction of an orthographic sensor: the model's own, and with its
-background.
-"""
+"""Intensity of a scene toward an orthographic sensor, with and without the background."""
 
 from dataclasses import asdict, dataclass
 
@@ -17,11 +15,23 @@ from mi_lcair.signatures.facet_results import FacetResults, FacetSums
 
 @dataclass(frozen=True)
 class Intensity:
-    """Intensity toward the sensor with its standard error, and how it splits; W/sr.
+    """Intensity toward the sensor, W/sr, and its parts.
 
-    by_bounce: cumulative, for 0, 1, ... max_bounces reflections (from 64 on in one); by_group: by
-    what emitted it; by_seen: by what the pixel shows first, each with its standard error. closure:
-    what stands in for the reflections beyond. Errors are None where one sample per pixel was taken.
+    All standard errors are None for one sample per pixel.
+
+    Attributes
+    ----------
+    intensity, standard_error : float
+        Intensity and its standard error, W/sr.
+    by_bounce : list of float
+        Intensity of paths with at most 0, 1, ... max_bounces reflections, W/sr. The last entry
+        holds all reflections from the 64th on.
+    by_group, by_group_error : dict of str to float
+        Part that each group emitted, W/sr, and its standard error.
+    by_seen, by_seen_error : dict of str to float
+        Part of the pixels that show each group, W/sr, and its standard error.
+    closure : float
+        Estimate of the reflections beyond max_bounces, W/sr. It is included in `intensity`.
     """
 
     intensity: float
@@ -36,11 +46,33 @@ class Intensity:
 
 @dataclass(frozen=True)
 class Signature:
-    """What an orthographic sensor sees, as intensity.
+    """Intensity of a scene toward an orthographic sensor.
 
-    scene: all that lies in its window; target: what of it comes from the model's facets, its
-    background (sky and terrain) reflected in them included, seen past them not. effective_areas and
-    facets, where they were asked for.
+    Attributes that `Signature` lacks are looked up in `self.scene`.
+
+    Attributes
+    ----------
+    band : str
+        Name of the band.
+    scene : Intensity
+        Intensity of all that lies in the sensor's window.
+    target : Intensity
+        Intensity of the model's facets. It includes sky and terrain that they reflect, but not sky
+        and terrain that the sensor sees directly.
+    effective_areas : EffectiveAreas or None
+        Effective area of each source, if it was asked for.
+    facets : FacetResults or None
+        Results of each facet, if they were asked for.
+    window_area : float
+        Area of the sensor's window, m^2.
+    seconds : float
+        Time of the render, s.
+    paths : int
+        Number of paths.
+    invalid : int
+        Number of samples that were NaN or infinite, and count as 0.
+    reached : bool or None
+        Whether the tolerance was reached; None without one.
     """
 
     band: str
@@ -55,15 +87,13 @@ class Signature:
     reached: bool | None
 
     def __getattr__(self, name):
-        """What is asked of a signature without saying of which part is the scene's: intensity,
-        by_bounce, ...
-        """
+        """The attribute of `self.scene`, such as intensity or by_bounce."""
         if name in Intensity.__dataclass_fields__:
             return getattr(self.scene, name)
         raise AttributeError(name)
 
     def as_dict(self) -> dict:
-        """For JSON: the scene's intensity and splits at the top, and both parts by name."""
+        """A dictionary for JSON: the scene's entries at the top level, and both parts by name."""
         entries = {
             "band": self.band,
             **asdict(self.scene),
@@ -91,15 +121,34 @@ def signature(
     facets: bool = False,
     progress=None,
 ) -> Signature:
-    """Renders the scene (as `render`) and integrates the radiance over the sensor's window:
-    intensity = int L dA [W/sr].
+    """Render a scene and integrate its radiance over the sensor's window.
 
-    by_spectrum: also the effective area of each spectrum in the scene. facets: also the results of
-    each facet.
+    The intensity is int L dA, W/sr.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene with an orthographic sensor.
+    spp, tolerance, max_spp, seed, sensor, progress
+        As for `render`.
+    by_spectrum : bool
+        Also compute the effective area of each source in the scene.
+    facets : bool
+        Also compute the results of each facet of the model.
+
+    Returns
+    -------
+    Signature
+
+    Raises
+    ------
+    InputError
+        If the sensor is not orthographic, or if `by_spectrum` is asked of the band "total".
     """
     if by_spectrum and scene.band.is_total:
         raise InputError(
-            f"{scene.name}: band total has no wavelengths, so that its intensity has no spectrum; choose a band with limits"
+            f"{scene.name}: band total has no wavelengths, so that its intensity has no spectrum; "
+            "choose a band with limits"
         )
     area = window_area(scene.sensor(sensor), scene.name)
     sums, by_facet = FacetSums(FacetTable(scene)) if facets else None, None
@@ -136,7 +185,19 @@ def signature(
 def intensity(
     image: Render, prefix: str, total: float, error: float | None, area: float
 ) -> Intensity:
-    """The Intensity whose parts were recorded under names with this prefix."""
+    """The Intensity whose parts have names with a common prefix in an image.
+
+    Parameters
+    ----------
+    image : Render
+        Rendered image, whose parts are mean radiances, W m^-2 sr^-1.
+    prefix : str
+        "" for the scene, "target." for the target.
+    total, error : float
+        Intensity and its standard error, W/sr.
+    area : float
+        Area of the sensor's window, m^2.
+    """
     parts = {
         name.removeprefix(prefix): scaled(part, area)
         for name, part in image.parts.items()
@@ -144,12 +205,12 @@ def intensity(
     }
 
     def split(kind):
-        found = {
+        """Values and standard errors of the parts of one kind, by name."""
+        of_kind = {
             name.removeprefix(kind): part for name, part in parts.items() if name.startswith(kind)
         }
-        return {name: value for name, (value, _) in found.items()}, {
-            name: error for name, (_, error) in found.items()
-        }
+        values = {name: value for name, (value, _) in of_kind.items()}
+        return values, {name: error for name, (_, error) in of_kind.items()}
 
     by_bounce = np.cumsum(
         [value for name, (value, _) in parts.items() if name.startswith("bounce.")]
@@ -169,5 +230,6 @@ def intensity(
 
 
 def scaled(part: tuple[float, float | None], area: float) -> tuple[float, float | None]:
+    """A part (mean, standard error) times an area; the error may be None."""
     mean, error = part
     return mean * area, None if error is None else error * area

@@ -1,6 +1,4 @@
-"""A trend: intensity of a scene's model against the aspect from which it is seen, batch by batch of
-views.
-"""
+"""Trend: intensity of a scene's model as a function of the aspect, rendered in batches of views."""
 
 import json
 import os
@@ -18,7 +16,8 @@ from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import View, check_resolution
 from mi_lcair.signatures.trend_file import TrendFile
 
-MOST_PASSES = 16  # of the fewest samples, that one batch may fill at once: memory
+# A batch may fill so many passes even with the fewest samples. This bounds the memory.
+MOST_PASSES = 16
 OWN_COLUMNS = (
     "azimuth_deg",
     "elevation_deg",
@@ -33,12 +32,32 @@ OWN_COLUMNS = (
 
 @dataclass(frozen=True)
 class Sweep:
-    """Which views of a scene, and how they are rendered: all that another process must know.
+    """Views of a scene and how they are rendered: all that another process must know.
 
-    scene, parameters: as `load` takes them, fingerprint: of the scene that came of it; views in
-    their order; resolution: pixels along each side; spp: samples per pixel, None for as many as
-    `tolerance` asks for, up to max_spp; batch: views rendered together. The numbers of a view
-    depend on all of these, and not on where or when its batch is rendered.
+    The results of a view depend on all of these, but not on where or when its batch is rendered.
+
+    Attributes
+    ----------
+    scene, parameters : str, dict of str to str
+        Source and parameters of the scene, as `load` takes them.
+    fingerprint : str
+        Fingerprint of the loaded scene.
+    views : tuple of View
+        Views in their order.
+    resolution : int
+        Pixels along each side of a view.
+    spp : int or None
+        Samples per pixel; None for as many as `tolerance` needs.
+    tolerance : float
+        Standard error of a view's intensity, as a fraction of it.
+    max_spp : int or None
+        Largest number of samples per pixel for `tolerance`; None for the default.
+    seed : int
+        Seed of the random numbers.
+    batch : int
+        Largest number of views that are rendered together.
+    variant : str
+        Variant of Mitsuba.
     """
 
     scene: str
@@ -54,7 +73,7 @@ class Sweep:
     variant: str
 
     def batches(self) -> list[tuple[int, tuple[View, ...]]]:
-        """Numbered batches of nearly equal size."""
+        """(number, views) of batches of nearly equal size."""
         count = -(-len(self.views) // self.batch)
         bounds = np.linspace(0, len(self.views), count + 1).round().astype(int)
         return [
@@ -63,7 +82,7 @@ class Sweep:
         ]
 
     def header(self, band: str) -> dict[str, str]:
-        """What a file must say about its rows, beside the views themselves."""
+        """Lines of a file's header: how its rows are made, by key."""
         samples = (
             f"spp {self.spp}"
             if self.spp
@@ -86,10 +105,18 @@ class Sweep:
 
 @dataclass(frozen=True)
 class Trend:
-    """Rows by view, as columns: azimuth_deg, elevation_deg, intensity_W_sr of the model with its
-    standard error, its projected area, samples per pixel, whether the tolerance was reached (1 or
-    0; 1 for a fixed number), NaN or infinite samples of its batch, which count as 0, and the
-    intensity's parts group.LABEL_W_sr and bounce.N_W_sr [W/sr].
+    """Results of a trend, with one row for each view.
+
+    Attributes
+    ----------
+    columns : dict of str to ndarray, shape (views,)
+        azimuth_deg and elevation_deg of the observer; intensity_W_sr of the model and its
+        standard_error_W_sr; projected_area_m2 of the model; spp, samples per pixel; reached, 1 if
+        the tolerance was reached or spp was fixed, otherwise 0; invalid, the number of NaN or
+        infinite samples of the view's batch, which count as 0; and the parts of the intensity,
+        group.LABEL_W_sr and bounce.N_W_sr.
+    band : str
+        Label of the band.
     """
 
     columns: dict[str, np.ndarray]
@@ -97,15 +124,19 @@ class Trend:
 
     @property
     def missed(self) -> int:
-        """How many views did not reach the tolerance."""
+        """Number of views that did not reach the tolerance."""
         return int(np.sum(self.columns["reached"] == 0))
 
     def at_elevation(self, elevation_deg: float) -> "Trend":
+        """The rows whose elevation is `elevation_deg`, degrees."""
         chosen = self.columns["elevation_deg"] == elevation_deg
         return Trend({name: values[chosen] for name, values in self.columns.items()}, self.band)
 
     def parts(self, kind: str) -> dict[str, np.ndarray]:
-        """The columns "group" or "bounce", by what follows the dot."""
+        """Parts of the intensity, W/sr; `kind` is "group" or "bounce".
+
+        The keys are the labels of the groups or the numbers of reflections.
+        """
         return {
             name.partition(".")[2].removesuffix("_W_sr"): values
             for name, values in self.columns.items()
@@ -128,16 +159,52 @@ def trend(
     dask: str | None = None,
     progress=None,
 ) -> Trend:
-    """Intensity of the model toward every azimuth at every elevation of the observer.
+    """Intensity of a scene's model toward each azimuth and elevation of the observer.
 
-    spp, tolerance (0.01) and max_spp: of each view's intensity, as `render_views`. batch: views
-    rendered together (as many as fit a pass). path: a CSV, whole after each batch; resume: keep the
-    views that it holds. dask: address of a scheduler whose workers render the batches (they load
-    the scene from the same path); same numbers. progress: called with (views done, all).
+    Parameters
+    ----------
+    scene : Scene
+        Scene with a model.
+    azimuths_deg : sequence of float
+        Azimuths of the observer, degrees: 0 sees the nose, 90 the left side.
+    elevations_deg : sequence of float
+        Elevations of the observer above the horizontal, degrees.
+    resolution : int
+        Pixels along each side of a view.
+    spp : int, optional
+        Samples per pixel, instead of a tolerance.
+    tolerance : float, optional
+        Standard error of each view's intensity, as a fraction of it; 0.01 if spp is not given.
+    max_spp : int, optional
+        Largest number of samples per pixel for the tolerance.
+    seed : int
+        Seed of the random numbers.
+    batch : int, optional
+        Views that are rendered together; by default as many as fit into a pass.
+    path : path-like, optional
+        CSV file to write. It is complete after each batch.
+    resume : bool
+        Keep the views that the file holds already.
+    dask : str, optional
+        Address of a Dask scheduler whose workers render the batches. They load the scene from the
+        same path. The numbers are the same.
+    progress : callable, optional
+        Called with (views done, all views).
+
+    Returns
+    -------
+    Trend
+
+    Raises
+    ------
+    InputError
+        If the arguments do not fit together, if a view is missing or given twice, or if the file or
+        the scheduler cannot be used.
     """
     if spp and (tolerance or max_spp):
         raise InputError(
-            "spp sets a fixed number of samples; tolerance and max_spp find one, and do not go with it"
+            "spp sets a fixed number of samples; tolerance and max_spp choose one, and "
+            "do not go with it"
         )
     views = tuple(
         View(float(azimuth), float(elevation))
@@ -170,9 +237,8 @@ def trend(
     file = TrendFile(path, sweep.header(scene.band.label), sweep.batches())
     if resume:
         file.resume()
-    missing = [
-        (number, views) for number, views in sweep.batches() if not file.holds(views)
-    ]  # whole: its views share their fate
+    # A batch is skipped only if all of its views are done.
+    missing = [(number, views) for number, views in sweep.batches() if not file.holds(views)]
     for rows in results(scene, sweep, missing, dask):
         file.add(rows)
         if progress:
@@ -181,12 +247,12 @@ def trend(
 
 
 def whole_path(value: str) -> str:
-    """A parameter that names a file from here, as other processes find it."""
+    """The absolute path of a parameter that names a file; any other parameter as it is."""
     return str(Path(value).resolve()) if os.path.isfile(value) else value
 
 
 def results(scene: Scene, sweep: Sweep, batches, dask: str | None):
-    """Yields the rows of each batch as it is done."""
+    """Yield the rows of each batch as soon as it is rendered, here or on a Dask cluster."""
     if dask:
         from mi_lcair.signatures.cluster import rendered
 
@@ -197,16 +263,33 @@ def results(scene: Scene, sweep: Sweep, batches, dask: str | None):
 
 
 def render_batch(scene: Scene, sweep: Sweep, number: int, views) -> dict[View, dict[str, float]]:
-    """The rows of one batch of views; its number seeds the random numbers."""
+    """Render one batch of views, and return its rows.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene to render.
+    sweep : Sweep
+        How the views are rendered.
+    number : int
+        Number of the batch. Together with the seed of the sweep it seeds the random numbers.
+    views : sequence of View
+        Views of the batch.
+
+    Returns
+    -------
+    dict of View to dict of str to float
+        Values by name of column, for each view.
+    """
     seed = np.random.SeedSequence(sweep.seed, spawn_key=(number,))
-    found = render_views(
+    result = render_views(
         scene, list(views), sweep.resolution, sweep.spp, sweep.tolerance, sweep.max_spp, seed
     )
-    intensity, error = found.parts["target"]
-    reached = np.ones(len(views)) if sweep.spp else found.excess(sweep.tolerance) <= 1
-    shown = {
-        f"{name}_W_sr": found.parts[name][0]
-        for name in found.parts
+    intensity, error = result.parts["target"]
+    reached = np.ones(len(views)) if sweep.spp else result.excess(sweep.tolerance) <= 1
+    parts = {
+        f"{name}_W_sr": result.parts[name][0]
+        for name in result.parts
         if name.startswith(("group.", "bounce.", "closure"))
     }
     own = dict(
@@ -217,14 +300,14 @@ def render_batch(scene: Scene, sweep: Sweep, number: int, views) -> dict[View, d
                 [view.elevation_deg for view in views],
                 intensity,
                 error,
-                found.parts["hit"][0],
-                np.full(len(views), found.spp),
+                result.parts["hit"][0],
+                np.full(len(views), result.spp),
                 reached,
-                np.full(len(views), found.invalid),
+                np.full(len(views), result.invalid),
             ),
         )
     )
     return {
-        view: {name: float(values[k]) for name, values in (own | shown).items()}
+        view: {name: float(values[k]) for name, values in (own | parts).items()}
         for k, view in enumerate(views)
     }

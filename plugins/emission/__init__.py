@@ -1,1 +1,1 @@
-"""What emits in a scene: emissivities, sources, and the table from which emitters are drawn."""
+"""Emission of a scene: emissivities, sources, and the table for sampling emitters."""

@@ -1,5 +1,6 @@
-"""Directional emissivity of a BSDF, by Kirchhoff's law: what it does not reflect (thesis Eq 2.4),
-seen from the observer.
+"""Directional emissivity of a BSDF by Kirchhoff's law: 1 - reflectance (thesis Eq 2.4).
+
+The direction is that toward the observer.
 """
 
 import re
@@ -13,30 +14,26 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.derivatives import attached, children, held, same_variables, value_along
 
-HIDING = (
-    "MaskBSDF",
-    "BumpMap",
-    "NormalMap",
-    "BlendBSDF",
-)  # wrappers that answer 0 for their content's emissivity
+# BSDFs that return 0 as the emissivity of the BSDF that they wrap.
+HIDING = ("MaskBSDF", "BumpMap", "NormalMap", "BlendBSDF")
 SIDES = ((1, mi.BSDFFlags.FrontSide), (-1, mi.BSDFFlags.BackSide))
-NO_ID = re.compile(r"object_\d+")  # what has no id is numbered as it is loaded
-GRAZING = 1e-4  # cosine at which a table begins: at 0 nothing is defined
-NODES = 129  # of a table over cos(theta) = t^2: straight lines between them are right to 3e-5
-AZIMUTHS = (0.0, 0.7, 1.9)  # where a table looks for anisotropy [rad]
-RANDOMISATIONS = (
-    12  # of the quasi-random points, in turn at these azimuths; their scatter tells the error
-)
-POINTS = 2**12  # directions of one randomisation at each node
+NO_ID = re.compile(r"object_\d+")  # name that Mitsuba gives to an object without an id
+GRAZING = 1e-4  # cosine of a table's first node, because a BSDF is not defined at cosine 0
+# Nodes of a table over t, with cos(theta) = t^2. Linear interpolation has an error below 3e-5.
+NODES = 129
+AZIMUTHS = (0.0, 0.7, 1.9)  # azimuths at which a table is compared to find anisotropy [rad]
+# Independent sets of quasi-random points. They are evaluated at the azimuths in turn, and their
+# scatter gives the error of the table.
+RANDOMISATIONS = 12
+POINTS = 2**12  # directions of each randomisation at each node
 
 
 @dataclass(frozen=True)
 class Emissivity:
-    """Emissivity of a BSDF as a function of the surface interaction; dimensionless, 0 on sides that
-    do not reflect.
+    """Emissivity of a BSDF at a surface interaction; 0 on sides that do not reflect.
 
-    kind: "attribute" (the BSDF says it itself), "diffuse" (1 - reflectance) or "table" (1 - HDR,
-    sampled, see `Table`).
+    kind: "attribute" (the BSDF's own attribute `emissivity`) or "diffuse" (1 - reflectance). Other
+    BSDFs need a `Table`, whose kind is "table". flags: the flags of the BSDF.
     """
 
     kind: str
@@ -52,15 +49,15 @@ class Emissivity:
 class Table:
     """The emissivity of a BSDF as a table of 1 - HDR(theta) over both sides that reflect.
 
-    It follows from the BSDF's parameters as `derivatives` demands: `derived` holds the tables,
-    front before back, with the derivatives of the parameters, and `refresh` makes them again where
-    a parameter has changed. error: the largest standard error of an entry; relative_error: of all
-    emission, rms over the entries.
+    It has the methods that the module `derivatives` describes. `derived` holds the tables, front
+    before back, with derivatives with respect to the BSDF's parameters. `refresh` computes them
+    again if a parameter has changed. error: largest standard error of an entry. relative_error: rms
+    standard error of the entries, divided by their mean.
 
-    HDR is the mean weight of the BSDF's own `sample`, not the integral of its `eval`: paths reflect
-    by `sample`, and what they do not reflect must be emitted, or an isothermal room would not
-    radiate as a blackbody. The two differ where Mitsuba samples approximately: for Beckmann's
-    visible normals by up to 0.003.
+    HDR is the mean weight of the BSDF's `sample`, not the integral of its `eval`. Paths are
+    reflected by `sample`. Emissivity and the reflectance of the paths must add up to 1, so that an
+    isothermal room radiates as a blackbody. Where Mitsuba's sampling is approximate, mean weight
+    and integral differ: for the visible normals of the Beckmann distribution by up to 0.003.
     """
 
     kind = "table"
@@ -78,18 +75,18 @@ class Table:
         return self.bsdf.id()
 
     def sources(self) -> list:
-        """The variables among the BSDF's parameters."""
+        """Dr.Jit variables among the BSDF's parameters."""
         return [variable for value in self.parameters() for variable in variables(value)]
 
     def parameters(self) -> list:
         return [value for _, value in mi.traverse(self.bsdf)]
 
     def numbers(self) -> list[str]:
-        """Those of the BSDF's parameters that are no variables."""
+        """Those parameters of the BSDF that are not Dr.Jit variables, as text."""
         return [str(value) for value in self.parameters() if not variables(value)]
 
     def is_current(self) -> bool:
-        """Whether the BSDF's parameters are still those that the table was made of."""
+        """Whether the BSDF's parameters have not changed since the table was computed."""
         made_of_variables, made_of_numbers = self.made_of
         return (
             same_variables(self.sources(), made_of_variables) and self.numbers() == made_of_numbers
@@ -100,11 +97,11 @@ class Table:
             self.derive()
 
     def derive(self) -> None:
-        """Makes the tables. InputError for a BSDF that is found to be anisotropic."""
+        """Compute the tables; raises InputError if the BSDF proves anisotropic."""
         if dr.flag(dr.JitFlag.SymbolicScope):
             raise RuntimeError(
-                f"bsdf '{self.id()}': its emissivity cannot be tabulated while Dr.Jit records a loop or call; "
-                "refresh() the scene's thermal emitters first, as bounce_path does"
+                f"bsdf '{self.id()}': its emissivity cannot be tabulated while Dr.Jit records a "
+                "loop or call; refresh() the scene's thermal emitters first, as bounce_path does"
             )
         self.made_of = held(self.sources()), self.numbers()
         with_derivatives = attached(self.sources())
@@ -133,7 +130,7 @@ class Table:
 
 
 def variables(value) -> list:
-    """The Dr.Jit variables of a parameter: those of a vector's components, none of a plain number."""
+    """Dr.Jit variables of a parameter: one for each component; none for a Python number."""
     if dr.is_tensor_v(value):
         return [value.array]
     if dr.is_array_v(value) and dr.depth_v(value) > 1:
@@ -142,15 +139,16 @@ def variables(value) -> list:
 
 
 def reflects(flags: int, cos):
-    """Whether a BSDF with these flags reflects on the side of `cos`; a surface emits from the same
-    sides.
+    """Whether a BSDF with these flags reflects on the side of `cos`.
+
+    A surface emits from the sides on which it reflects.
     """
     front, back = bool(flags & mi.BSDFFlags.FrontSide), bool(flags & mi.BSDFFlags.BackSide)
     return ((cos > 0) & front) | ((cos < 0) & back)
 
 
 def interpolated(table, cos):
-    """Piecewise linear over t = sqrt(cos theta)."""
+    """Linear interpolation over t = sqrt(cos theta) in a table with NODES entries."""
     x = dr.sqrt(dr.clip(cos, 0, 1)) * (NODES - 1)
     index = dr.minimum(mi.UInt32(x), NODES - 2)
     low, high = dr.gather(mi.Float, table, index), dr.gather(mi.Float, table, index + 1)
@@ -158,19 +156,19 @@ def interpolated(table, cos):
 
 
 def emissivity_of(bsdf) -> Emissivity | Table:
-    """How a BSDF emits. Tabulates by the BSDF's own `sample` where it neither says so nor is
-    diffuse.
+    """The emissivity of a BSDF.
 
-    InputError for a BSDF that transmits, is anisotropic, varies over the surface, or hides its
-    content's emissivity.
+    A BSDF that has no attribute `emissivity` and is not diffuse gets a table. Raises InputError for
+    a BSDF that transmits, is anisotropic, varies over the surface, or hides the emissivity of a
+    BSDF that it wraps.
     """
     flags, name = int(bsdf.flags()), bsdf.class_name()
     layers = children(bsdf) if name == "TwoSidedBRDF" else [bsdf]
     kinds = {layer.class_name() for layer in layers}
     if kinds & set(HIDING):
         raise InputError(
-            f"bsdf '{bsdf.id()}': {', '.join(kinds & set(HIDING))} hides the emissivity of what it wraps; "
-            "use the BSDF itself, or give the thermal emitter an `emissivity`"
+            f"bsdf '{bsdf.id()}': {', '.join(kinds & set(HIDING))} hides the emissivity of what it "
+            "wraps; use the BSDF itself, or give the thermal emitter an `emissivity`"
         )
     if all(dr.all(layer.has_attribute("emissivity")) for layer in layers):
         return Emissivity("attribute", flags)
@@ -179,12 +177,13 @@ def emissivity_of(bsdf) -> Emissivity | Table:
     textures = [
         child for layer in layers for child in children(layer) if isinstance(child, mi.Texture)
     ]
-    for found, word in (
+    # Mitsuba's BSDFs do not set the flag SpatiallyVarying, so their textures are checked
+    for is_so, word in (
         (flags & mi.BSDFFlags.Transmission, "transmits"),
         (flags & mi.BSDFFlags.Anisotropic, "is anisotropic"),
         (any(texture.is_spatially_varying() for texture in textures), "varies over the surface"),
     ):
-        if found:  # stock BSDFs do not set the flag SpatiallyVarying
+        if is_so:
             raise InputError(
                 f"bsdf '{bsdf.id()}' ({name}) {word}: its emissivity cannot be tabulated; "
                 "give the thermal emitter an `emissivity`"
@@ -193,13 +192,25 @@ def emissivity_of(bsdf) -> Emissivity | Table:
 
 
 def sampled_HDR(bsdf, side: int, with_derivatives: bool) -> list:
-    """HDR at the table's nodes from each randomisation; with the derivatives of the BSDF's
-    parameters, if wanted.
+    """HDR at the table's nodes, one array for each randomisation.
 
-    The points are a scrambled Sobol sequence with a digital shift of its own for each node and
-    randomisation. The BSDF's id seeds them: unlike tables have unlike errors, and the same table
-    has the same again. Directions are drawn without derivatives, so that the weight's derivative is
-    that of the BSDF's value over a fixed density.
+    The points are a scrambled Sobol sequence. Each node and each randomisation has a separate
+    digital shift. The seed comes from the BSDF's id. Different BSDFs therefore have independent
+    errors, and a repeated calculation gives the same table. Directions are drawn without
+    derivatives, so the derivative of the weight is that of the BSDF's value over a fixed density.
+
+    Parameters
+    ----------
+    bsdf : mi.BSDF
+    side : int
+        1 for the front, -1 for the back.
+    with_derivatives : bool
+        Attach derivatives with respect to the BSDF's parameters.
+
+    Returns
+    -------
+    list of mi.Float
+        RANDOMISATIONS arrays of NODES values.
     """
     from scipy.stats.qmc import Sobol  # slow to import, and few scenes need a table
 
@@ -231,13 +242,13 @@ def sampled_HDR(bsdf, side: int, with_derivatives: bool) -> list:
 
 
 def standard_error(runs) -> np.ndarray:
-    """Of the mean of independent runs, at each node."""
+    """Standard error of the mean of independent runs, at each node."""
     values = np.array([dr.detach(run).numpy() for run in runs], dtype=float)
     return values.std(axis=0, ddof=1) / np.sqrt(len(runs))
 
 
 def is_anisotropic(runs) -> bool:
-    """Whether the means at the azimuths differ by more than their errors explain."""
+    """Whether the means at the azimuths differ by more than their statistical errors."""
     values = np.array([dr.detach(run).numpy() for run in runs], dtype=float)
     by_azimuth = [values[k :: len(AZIMUTHS)] for k in range(len(AZIMUTHS))]
     error = np.sqrt(np.mean([part.var(axis=0, ddof=1) / len(part) for part in by_azimuth], axis=0))

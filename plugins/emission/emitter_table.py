@@ -1,6 +1,4 @@
-"""What emits in a scene: labels, and a mixture of facets and other emitters to draw directions
-from.
-"""
+"""The emitters of a scene: their labels, and sampling of directions toward them."""
 
 from dataclasses import dataclass
 
@@ -21,15 +19,20 @@ from mi_lcair.plugins.emission.triangles import (
     triangle_corners,
 )
 
-OFFSET = 64 * 2.0**-24  # of the scene's extent: above the rounding of a hit's position
+# Smallest offset of a ray's start from a surface, relative to the scene's extent. It is larger than
+# the rounding error of a hit's position.
+OFFSET = 64 * 2.0**-24
 
 
 @dataclass
 class EmitterSample:
-    """A direction toward an emitter: ds.pdf [1/sr] as seen from where the ray starts, the first hit
-    along the ray, and whether that is what was drawn.
+    """A sampled direction toward an emitter, and the first hit along it.
 
-    bound: upper bound of the radiance [W m^-2 sr^-1] of what was drawn, hidden or not.
+    ds: the direction, with the density `ds.pdf` [1/sr] for the point where the ray starts. hit: the
+    first hit of the ray. emitter: the emitter that sends radiance along the ray. counts: whether
+    the first hit is the drawn point, so that the sample counts. bound: upper bound of the radiance
+    of the drawn triangle or emitter, hidden or not [W m^-2 sr^-1]. all_surfaces: whether
+    only triangles of meshes are drawn.
     """
 
     ds: mi.DirectionSample3f
@@ -40,7 +43,7 @@ class EmitterSample:
     all_surfaces: bool
 
     def radiance(self, si):
-        """What the emitter sends back toward `si`, with derivatives [W m^-2 sr^-1]."""
+        """Radiance from the emitter toward `si`, with derivatives [W m^-2 sr^-1]."""
         if self.all_surfaces:
             return self.emitter.eval(self.hit, self.counts)
         hit = self.counts & mi.has_flag(self.emitter.flags(), mi.EmitterFlags.Surface)
@@ -50,9 +53,7 @@ class EmitterSample:
 
 
 def can_be_hit(emitter) -> bool:
-    """Whether a ray that was not aimed at the emitter can meet it; a point light or a parallel beam
-    is met by none.
-    """
+    """Whether a reflected ray can hit the emitter; False for a point light or a parallel beam."""
     return not emitter.flags() & int(mi.EmitterFlags.Delta)
 
 
@@ -61,23 +62,25 @@ def one_band(thermal):
     bands = {emitter.band.name: emitter.band for emitter in thermal if emitter.band is not None}
     if len(bands) > 1:
         raise InputError(
-            f"the scene mixes bands: {', '.join(sorted(bands))}; all thermal emitters must name the same"
+            f"the scene mixes bands: {', '.join(sorted(bands))}; "
+            "all thermal emitters must name the same"
         )
     return next(iter(bands.values()), None)
 
 
 class EmitterTable:
-    """The emitters of a scene, by label and as one density over directions.
+    """The emitters of a scene, their labels, and one sampling density for all of them.
 
-    `labels`: the groups of the thermal emitters, and `other` if the scene holds anything else.
-    `sources`: what emission is told apart by. `draws`: whether there is anything to draw.
+    `sample` draws from a mixture. One part are the triangles of emitting meshes, with probabilities
+    proportional to area times an upper bound of the radiance. The other part are all other
+    emitters, with equal probabilities. If `sampling` is True, all emitters are drawn, otherwise
+    only those that a reflected ray cannot hit.
 
-    `sample` and `pdf` mix the triangles of emitting meshes, drawn by area times a bound of their
-    radiance, with every other emitter, drawn evenly. With `sampling` all emitters are drawn,
-    otherwise only those that no path can hit.
-
-    `brightest`: bound of the radiance of any emitter that can be hit [W m^-2 sr^-1]. `unbounded`:
-    descriptions of the emitters for which no bound is known.
+    labels: the groups of the thermal emitters, and `other` if the scene has other emitters or
+    shapes that do not emit. band: the band of the thermal emitters. sources: the `Sources` by which
+    emission is recorded. draws: whether there are emitters to draw. brightest: upper bound of the
+    radiance of all emitters that a ray can hit [W m^-2 sr^-1]. unbounded: descriptions of the
+    emitters without a known bound.
     """
 
     def __init__(self, scene, sampling: bool, by_spectrum: bool = False):
@@ -132,7 +135,8 @@ class EmitterTable:
         weights = []
         if meshes:
             table = TriangleTable([emitter.get_shape() for emitter in meshes])
-            # an unbounded emitter may be as bright as any: weights decide the noise alone
+            # An emitter without a known bound is drawn as if it were the brightest one. The weights
+            # change the noise only, not the expected value.
             known = [self.brightest or 1.0 if bounds[e] is None else bounds[e] for e in meshes]
             radiance = np.concatenate(
                 [np.broadcast_to(*of_one) for of_one in zip(known, table.counts)]
@@ -160,11 +164,12 @@ class EmitterTable:
         dr.make_opaque(self.label_of, self.is_background, self.others, self.least_offset)
 
     def leave(self, si, d):
-        """The point just off the surface where a ray in the direction `d` starts. Mitsuba's own
-        offset, (1 + |p|) 9e-5 m, is coarse in a small scene; Float32 needs only some rounding
-        errors of the scene's extent. A ray that is reflected starts as far back toward the
-        observer: a hit on the very edge of two walls lies on both, and the offset from one does not
-        leave the other.
+        """Start of a ray from the hit `si` in the direction `d`, just off the surface [m].
+
+        Mitsuba's offset, (1 + |p|) 9e-5 m, is too large for a small scene. Float32 needs an offset
+        of only a few rounding errors of the scene's extent. The start of a reflected ray is also
+        moved toward the observer by the same distance. A hit on the edge between two walls lies on
+        both walls, and the offset from one wall would leave the start on the other.
         """
         mitsuba = (1 + dr.max(dr.abs(si.p))) * mi.math.RayEpsilon
         offset = dr.minimum(mitsuba, self.least_offset)
@@ -177,36 +182,51 @@ class EmitterTable:
         return mi.Ray3f(self.leave(si, d), d)
 
     def brightest_in_view(self, sensor) -> float:
-        """Bound of the radiance of any emitter that a sensor may see directly [W m^-2 sr^-1]."""
+        """Upper bound of the radiance of all emitters in the field of view [W m^-2 sr^-1]."""
         field = FieldOfView(sensor)
         brightest = 0.0
         for shape, bound in self.bounds:
             if bound is None or bound.max() <= brightest:
                 continue
             hidden = field.excludes(hulls(shape)) if shape else np.zeros(1, bool)
-            seen = np.broadcast_to(bound, hidden.shape) if len(bound) == 1 else bound
-            brightest = max(brightest, float(seen[~hidden].max(initial=0.0)))
+            bounds = np.broadcast_to(bound, hidden.shape) if len(bound) == 1 else bound
+            brightest = max(brightest, float(bounds[~hidden].max(initial=0.0)))
         return brightest
 
     def label(self, emitter):
-        """Index into `labels` of an emitter pointer; that of `other` for a null pointer."""
+        """Index into `labels` of an emitter pointer; the index of `other` for a null pointer."""
         return dr.gather(mi.UInt32, self.label_of, dr.reinterpret_array(mi.UInt32, emitter))
 
     def is_model(self, emitter):
-        """Whether what carries this emitter (or none) belongs to the model, not to its background."""
+        """Whether a shape with this emitter belongs to the model, not to the background.
+
+        A null pointer, for a shape without an emitter, belongs to the model.
+        """
         return (
             dr.gather(mi.UInt32, self.is_background, dr.reinterpret_array(mi.UInt32, emitter)) == 0
         )
 
     def sample(self, scene, si, sample1, sample2, active):
-        """Draws a direction from what emits and traces it to its first hit.
+        """Draw a direction toward an emitter and trace it to its first hit.
 
-        sample1: uniform 2D sample that picks the triangle or other emitter. sample2: uniform 2D
-        sample that picks the point on it. A sample counts only if the first hit is what was drawn;
-        otherwise emitters that overlap or hide each other would be counted in each other's place.
+        A sample counts only if the first hit is the drawn point. Otherwise, where emitters overlap
+        or hide each other, the radiance of one would be used with the density of another. The
+        direction is taken from the start of the ray, and the density is per solid angle at that
+        start. A direction taken from si.p would miss an emitter as near as the offset of the start.
 
-        Directions are aimed from where the ray will start, and the density is the solid angle's as
-        seen from there. Aimed from si.p, a ray would miss what is as near as its offset.
+        Parameters
+        ----------
+        scene : mi.Scene
+        si : mi.SurfaceInteraction3f
+            The hit from which to draw.
+        sample1, sample2 : mi.Point2f
+            Uniform samples. The first one picks the triangle or other emitter, the second one the
+            point on it.
+        active : mi.Bool
+
+        Returns
+        -------
+        EmitterSample
         """
         ds = dr.zeros(mi.DirectionSample3f)
         index = self.choice.pick(random_integer(sample1), active)
@@ -226,12 +246,14 @@ class EmitterTable:
                 mi.EmitterPtr,
                 dr.gather(mi.UInt32, self.others, index - self.triangle_count, from_others),
             )
-            # the first aim tells on which side of the surface the ray will start
+            # The start depends on the side of the surface, and the side on the direction. A first
+            # sample from si.p gives the side, and the second one is drawn from the start.
             aim, _ = other.sample_direction(si, sample2, from_others)
             start = dr.zeros(mi.Interaction3f)
             start.p, start.time = self.leave(si, aim.d), si.time
             ds_other, value = other.sample_direction(start, sample2, from_others)
-            of_beam = value[0] * ds_other.pdf  # irradiance over the cosine, of a point or a beam
+            # Irradiance on a perpendicular surface, from a point light or a parallel beam
+            of_beam = value[0] * ds_other.pdf
             bound = dr.select(from_others & ds_other.delta, of_beam, bound)
             ds_other.pdf *= dr.gather(mi.Float, self.probability, index, from_others)
             ds = dr.select(from_triangles, ds, ds_other)
@@ -239,14 +261,14 @@ class EmitterTable:
         hit = scene.ray_intersect(self.spawn_ray(si, ds.d), active)
         emitter, counts = hit.emitter(scene, active), mi.Bool(False)
         if self.triangles is not None:
-            found, known = self.triangles.find(
+            triangle, known = self.triangles.find(
                 hit.shape, hit.prim_index, from_triangles & hit.is_valid()
             )
-            counts = known & (found == index)
+            counts = known & (triangle == index)
         if self.others is not None:
-            # A line meets a sphere, cylinder, disk or rectangle at most twice, from different
-            # sides. Side and shape identify the point. A distance would need a tolerance, which is
-            # wrong beside the shape or at grazing incidence.
+            # A line hits a sphere, cylinder, disk or rectangle at most twice, from different sides.
+            # Shape and side therefore identify the point. A comparison of distances would need a
+            # tolerance, and no tolerance is right near the shape and at grazing incidence.
             same_side = dr.dot(hit.n, ds.d) * dr.dot(ds.n, ds.d) > 0
             nothing_before = ~hit.is_valid() | (hit.t > ds.dist * (1 - 1e-4))
             on_surface = mi.has_flag(other.flags(), mi.EmitterFlags.Surface)
@@ -257,26 +279,52 @@ class EmitterTable:
         return EmitterSample(ds, hit, emitter, counts & (ds.pdf > 0), bound, self.others is None)
 
     def by_chance(self, drawn, pdf, delta):
-        """Bound of what one path may gain at a reflection, per throughput after it, from a source
-        that other paths have not met [W m^-2 sr^-1].
+        """Upper bound of the radiance that a path gains from one source that no path has hit.
 
-        pdf: density of the reflected direction [1/sr]; delta: whether it has none.
+        A source of radiance L adds at most L mis(pdf, drawn) if the reflected ray hits it, and at
+        most L mis(drawn, pdf) pdf / drawn if it is drawn. With the power heuristic and
+        r = pdf / drawn, the sum is L (r^2 + r) / (1 + r^2). On a diffuse surface r is small, and
+        the sum is about the radiance that the surface would reflect if the source were not hidden.
+        In a narrow lobe r is large, and the sum is L. Emitter sampling does not help at a mirror,
+        where the bound is the radiance of the brightest emitter.
 
-        A source of radiance L adds at most L mis(pdf, drawn) where the reflected ray hits it, and
-        at most L mis(drawn, pdf) pdf / drawn where it was drawn. With the power heuristic and
-        r = pdf / drawn that is L (r^2 + r) / (1 + r^2). Over a diffuse floor r is small, and the
-        sum is about the radiance that floor would reflect if the source were in sight. In a narrow
-        lobe r is large, and the sum is L. A mirror sees sources by chance alone, the brightest too.
-        The emitter that was drawn stands for all; `bound` is its radiance, or its irradiance if it
-        is a point or a beam.
+        Parameters
+        ----------
+        drawn : EmitterSample
+            The drawn emitter; it represents all emitters. Its `bound` is its radiance, or its
+            irradiance if it is a point light or a parallel beam.
+        pdf : mi.Float
+            Density of the reflected direction [1/sr].
+        delta : mi.Bool
+            Whether a delta lobe reflected the direction, which then has no density.
+
+        Returns
+        -------
+        mi.Float
+            Bound for a throughput of 1 after the reflection [W m^-2 sr^-1].
         """
         r = dr.minimum(pdf / drawn.ds.pdf, 1e6)
         share = dr.select(drawn.ds.delta, r, (r + 1) * r / (dr.square(r) + 1))
         return dr.select(delta, self.opaque_brightest, drawn.bound * share)
 
     def pdf(self, scene, start, si, emitter, active):
-        """Density with which `sample` draws the direction in which `si` was hit, as seen from where
-        the ray started [1/sr].
+        """Density with which `sample` draws the direction of the ray that hit `si` [1/sr].
+
+        Parameters
+        ----------
+        scene : mi.Scene
+        start : mi.Point3f
+            Start of the ray [m].
+        si : mi.SurfaceInteraction3f
+            Its first hit.
+        emitter : mi.EmitterPtr
+            The emitter at the hit.
+        active : mi.Bool
+
+        Returns
+        -------
+        mi.Float
+            Density per solid angle at the start of the ray; 0 if `sample` does not draw `emitter`.
         """
         density = mi.Float(0)
         known = mi.Bool(False)
@@ -293,7 +341,7 @@ class EmitterTable:
             before.p = start
             ds = mi.DirectionSample3f(scene, si, before)
             other = emitter.pdf_direction(before, ds, active & ~known)
-            # every other emitter has the same probability, the last one's
+            # All other emitters have the same probability; it is the last entry of the table
             last = dr.width(self.probability) - 1
             probability = dr.gather(mi.Float, self.probability, mi.UInt32(last), active)
             density = dr.select(known, density, other * probability)
@@ -301,14 +349,12 @@ class EmitterTable:
 
 
 def solid_angle_density(per_area, distance, direction, normal):
-    """What a density per area [1/m^2] is per solid angle [1/sr]."""
+    """Convert a density per area [1/m^2] to a density per solid angle [1/sr]."""
     return per_area * dr.square(distance) / dr.maximum(dr.abs_dot(direction, normal), 1e-20)
 
 
 def hulls(shape) -> np.ndarray:
-    """Corners (sets, points, 3) [m] of each triangle of a mesh, or of another shape's bounding
-    box.
-    """
+    """Corners of a mesh's triangles, or of another shape's bounding box, (sets, points, 3) [m]."""
     if is_faceted(shape):
         return np.stack(triangle_corners(shape), axis=1).astype(np.float64)
     box = shape.bbox()
@@ -316,7 +362,7 @@ def hulls(shape) -> np.ndarray:
 
 
 def describe(emitter) -> str:
-    """An emitter in a message: its kind and the shape that it belongs to."""
+    """Description of an emitter for messages: its kind and the shape that it belongs to."""
     kind = emitter.class_name() if type(emitter) is mi.Emitter else type(emitter).__name__
     shape = emitter.get_shape()
     return kind + (f" of shape '{shape.id()}'" if shape and shape.id() else "")

@@ -1,15 +1,17 @@
-"""Which parts of a scene a sensor cannot see directly, because they lie outside its field of view."""
+"""The field of view of a sensor, and a test for parts of a scene that lie outside it."""
 
 import mitsuba as mi
 import numpy as np
 
-PLANE_SIDED = ("OrthographicCamera", "PerspectiveCamera")  # their rays fill a frustum or a box
-FILM_CORNERS = (0, 1, 1, 0), (0, 0, 1, 1)  # x and y
+PLANE_SIDED = ("OrthographicCamera", "PerspectiveCamera")  # sensors with a box or a frustum
+FILM_CORNERS = (0, 1, 1, 0), (0, 0, 1, 1)  # x and y of the film's corners, in film widths
 
 
 class FieldOfView:
-    """The space that the rays of an orthographic or perspective sensor fill, as half-spaces; of any
-    other sensor all of space.
+    """The space that the rays of a sensor fill, as an intersection of half-spaces.
+
+    It is a box for an orthographic sensor, a frustum for a perspective sensor, and all of space for
+    any other sensor.
     """
 
     def __init__(self, sensor):
@@ -29,8 +31,9 @@ class FieldOfView:
         self.offsets = np.sum(self.normals * points, axis=1)
 
     def excludes(self, points) -> np.ndarray:
-        """Whether all points of each set lie beyond one of the limiting planes, so that their hull
-        is invisible. points: (sets, points of a set, 3) [m]; returns (sets,).
+        """Whether each set of points lies completely beyond one of the limiting planes, (sets,).
+
+        The sensor cannot see the convex hull of such a set. points: (sets, points of a set, 3) [m].
         """
         beyond = np.einsum("spx,kx->spk", points, self.normals) < self.offsets
         return beyond.all(axis=1).any(axis=1)

@@ -1,4 +1,4 @@
-"""Upper bounds of what emitters radiate, from their parameters."""
+"""Upper bounds of the radiance of emitters, from their parameters."""
 
 import re
 
@@ -9,8 +9,8 @@ import numpy as np
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.derivatives import members
 
-# Textures whose values never exceed the largest number that they or their own textures hold:
-# interpolation and choice, no sum or product.
+# Textures whose values never exceed the largest number that they or their nested textures contain.
+# They interpolate or select numbers, but do not add or multiply them.
 BETWEEN_ITS_VALUES = ("UniformSpectrum", "BitmapTextureImpl", "Checkerboard")
 
 
@@ -34,7 +34,7 @@ def radiance_bound(emitter) -> np.ndarray | None:
 
 
 def thermal_bound(emitter) -> np.ndarray | None:
-    """Of emitter `thermal`: its source's radiance, times the emissivity if that was given."""
+    """Bound for emitter `thermal`: blackbody or given radiance, times a given emissivity."""
     source = emitter.derived if emitter.radiance is None else emitter.radiance
     if source is not None:
         bound = dr.detach(source).numpy().astype(np.float64)
@@ -67,4 +67,5 @@ def texture_bound(texture, shape) -> np.ndarray | None:
 
 
 def largest(values) -> np.ndarray:
+    """The largest value, as an array of width 1."""
     return np.atleast_1d(np.max(np.asarray(dr.detach(values), dtype=np.float64)))

@@ -1,6 +1,4 @@
-"""What emission is told apart by: the groups of a scene, or within them each spectrum that
-something radiates.
-"""
+"""Sources by which emission is recorded: each group of a scene, or each spectrum of a group."""
 
 from dataclasses import dataclass, field
 
@@ -13,20 +11,19 @@ from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.physics.spectrum import Spectrum
 from mi_lcair.plugins.emission.triangles import pointer_id
 
-OTHER = "other"  # group of what has no thermal emitter
-MAX_SOURCES = 64  # told apart one by one; beyond, blackbodies are recorded by wavelength
-WAVELENGTHS = (
-    32  # Chebyshev nodes of the band: a polynomial through them follows Planck's law to 1e-6
-)
+OTHER = "other"  # group of everything without a thermal emitter
+MAX_SOURCES = 64  # sources recorded separately; if there are more, blackbodies share wavelengths
+# Chebyshev nodes of the band. A polynomial through them agrees with Planck's law to 1e-6.
+WAVELENGTHS = 32
 
 
 @dataclass(frozen=True)
 class Source:
-    """A group, or that part of it that radiates one spectrum: a blackbody's at `temperature` [K],
-    or a tabulated one.
+    """A group of emitters, or the part of a group that radiates one spectrum.
 
-    name: of the spectrum; in_band: radiance before emissivity [W m^-2 sr^-1]. A whole group has
-    neither.
+    The spectrum is that of a blackbody at `temperature` [K], or the tabulated `spectrum`. name:
+    name of the spectrum. in_band: its radiance before emissivity [W m^-2 sr^-1]. All of these are
+    None for a whole group.
     """
 
     group: str
@@ -37,11 +34,12 @@ class Source:
 
 
 class Sources:
-    """The sources of a scene's emitters, numbered, and which one a hit belongs to.
+    """Numbered list of the sources of a scene's emitters; finds the source of a hit.
 
-    Plain: one for each group. by_spectrum: one for each spectrum in each group; where that makes
-    more than MAX_SOURCES, the blackbodies of a group become one again, and `share` holds, by their
-    temperature, how their radiance is distributed over `wavelengths_um`.
+    Without `by_spectrum`, each group is one source. With it, each spectrum in each group is one
+    source. If that gives more than MAX_SOURCES, all blackbodies of a group become one source. Their
+    radiance is then recorded at the wavelengths `wavelengths_um` [um]. `share` holds the relative
+    spectral radiance of each temperature at these wavelengths [1/um].
     """
 
     def __init__(self, emitters, groups: list[str], band, by_spectrum: bool):
@@ -62,10 +60,12 @@ class Sources:
                 )
                 if len(self.list) > MAX_SOURCES:
                     raise InputError(
-                        f"the scene has {len(self.list)} tabulated spectra and groups; at most {MAX_SOURCES} can be told apart"
+                        f"the scene has {len(self.list)} tabulated spectra and groups; "
+                        f"at most {MAX_SOURCES} can be told apart"
                     )
             if OTHER in groups:
-                self.list.append(Source(OTHER))  # shapes that only reflect, and what escapes
+                # For shapes that only reflect, and for rays that escape
+                self.list.append(Source(OTHER))
         numbers = {source: k for k, source in enumerate(self.list)}
         rest = numbers.get(Source(OTHER), 0)
 
@@ -80,8 +80,9 @@ class Sources:
         dr.make_opaque(self.first, self.stride, self.entries)
 
     def tabulate(self, per_emitter, band) -> None:
-        """Share of each blackbody's in-band radiance per um at the nodes [1/um], for the entries as
-        they are numbered.
+        """Set `wavelengths_um`, `share` and, for each entry, its row in `share`.
+
+        A row is the spectral radiance at the nodes divided by the in-band radiance [1/um].
         """
         nodes = np.polynomial.chebyshev.chebpts1(WAVELENGTHS)
         self.wavelengths_um = (band.lower_um + band.upper_um) / 2 + nodes * (
@@ -98,13 +99,13 @@ class Sources:
         share = np.divide(
             table, in_band[:, None], out=np.zeros_like(table), where=in_band[:, None] > 0
         )
-        share[np.isnan(temperatures)] = 0  # tabulated sources are told apart by themselves
+        share[np.isnan(temperatures)] = 0  # tabulated spectra are sources recorded separately
         self.share = mi.Float(np.append(share, np.zeros((1, WAVELENGTHS)), axis=0).ravel())
         self.share_row = mi.UInt32(np.append(len(temperatures), row).astype(np.uint32))
         dr.make_opaque(self.share, self.share_row)
 
     def entry(self, emitter, prim_index):
-        """Where the source of a hit stands in the tables; of no emitter: 0."""
+        """Entry of a hit in the tables `entries` and `share_row`; 0 if there is no emitter."""
         key = dr.reinterpret_array(mi.UInt32, emitter)
         return (
             dr.gather(mi.UInt32, self.first, key)
@@ -112,26 +113,29 @@ class Sources:
         )
 
     def number(self, entry):
-        """Index into `list`."""
+        """Index into `list` of the source at an entry of the tables."""
         return dr.gather(mi.UInt32, self.entries, entry)
 
     def shares(self, entry) -> list:
-        """By wavelength, what one W m^-2 sr^-1 from that source is made of [1/um]."""
+        """Spectral radiance per in-band radiance at each wavelength, for an entry [1/um]."""
         row = dr.gather(mi.UInt32, self.share_row, entry) * WAVELENGTHS
         return [dr.gather(mi.Float, self.share, row + k) for k in range(WAVELENGTHS)]
 
 
 def by_wavelength(source: Source) -> Source:
+    """The source where blackbodies are recorded by wavelength: the group, for a blackbody."""
     return source if source.temperature is None else Source(source.group)
 
 
 def spectra(emitter, band) -> list[Source]:
-    """The sources of one emitter: one, or one for each facet. Raises InputError for an emitter
-    without a spectrum.
+    """Sources of one emitter: a list of one, or one for each facet.
+
+    Raises InputError for an emitter without a spectrum.
     """
     if not hasattr(emitter, "group"):
         raise InputError(
-            f"an emitter of class {emitter.class_name()} has no spectrum; only thermal emitters have"
+            f"an emitter of class {emitter.class_name()} has no spectrum; "
+            "only thermal emitters have"
         )
     if emitter.spectrum is not None:
         in_band = float(emitter.radiance[0])
@@ -144,14 +148,15 @@ def spectra(emitter, band) -> list[Source]:
         return [Source(emitter.group, table.name, in_band, spectrum=scaled)]
     if emitter.radiance is not None:
         raise InputError(
-            f"group {emitter.group}: a source of given `radiance` has no spectrum; give it a `spectrum`"
+            f"group {emitter.group}: a source of given `radiance` has no spectrum; "
+            "give it a `spectrum`"
         )
     if emitter.derived is None:
         raise InputError(
-            f"group {emitter.group}: its temperature varies inside the facets, so that its spectra cannot be told "
-            "apart; give it a temperature per facet (face_temperature)"
+            f"group {emitter.group}: its temperature varies inside the facets, so that its spectra "
+            "cannot be told apart; give it a temperature per facet (face_temperature)"
         )
-    # Float32 holds 301.7 K as 301.70001; nobody means temperatures to that digit
+    # Rounding removes Float32's error, 301.70001 K for 301.7 K, from names and comparisons
     temperatures, number = np.unique(
         dr.detach(emitter.sources()[0]).numpy().astype(float).round(4), return_inverse=True
     )

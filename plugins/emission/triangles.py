@@ -1,4 +1,4 @@
-"""Emitting triangles as one table to draw from: which triangle, and where on it."""
+"""Sampling of the triangles of emitting meshes: the triangle, and the point on it."""
 
 import drjit as dr
 import mitsuba as mi
@@ -6,17 +6,18 @@ import numpy as np
 
 from mi_lcair.plugins.derivatives import members
 
-ABSENT = 0xFFFFFFFF
+ABSENT = 0xFFFFFFFF  # entry of a mesh that is not in the table
 
 
 def pointer_id(pointer) -> int:
-    """The number by which Dr.Jit's pointers refer to an object."""
+    """The number by which a Dr.Jit pointer refers to its object."""
     return int(dr.reinterpret_array(mi.UInt32, pointer)[0])
 
 
 def is_faceted(shape) -> bool:
-    """Whether a shape consists of triangles; Mitsuba's `rectangle` calls itself a mesh but has
-    none.
+    """Whether a shape consists of triangles.
+
+    Mitsuba's `is_mesh` cannot be used, because it is also true for a `rectangle`.
     """
     return "vertex_positions" in members(shape)
 
@@ -31,17 +32,17 @@ def triangle_corners(mesh) -> tuple[np.ndarray, ...]:
 
 
 def random_integer(sample):
-    """32 random bits [UInt32] from a uniform 2D sample, whose numbers hold 23 bits each."""
+    """32 random bits (UInt32) from a uniform 2D sample, whose numbers hold 23 bits each."""
     high, low = (mi.UInt32(number * 2**16) for number in (sample.x, sample.y))
     return (high << 16) | low
 
 
 class Choice:
-    """An index drawn with given probabilities by a random 32-bit integer.
+    """Table from which a random 32-bit integer draws an index with given probabilities.
 
-    A Float32 random number has 2^23 values, which cannot be shared out evenly among millions of
+    A Float32 random number has only 2^23 values, too few for accurate probabilities of millions of
     indices. The table therefore holds integers. Probabilities are rounded to multiples of 2^-32,
-    and `probability` holds the rounded ones, so that what is drawn has exactly this probability.
+    and `probability` holds the rounded values, which are exact for the indices that are drawn.
 
     weights: (n,), proportional to the probabilities, not all 0. probability: (n,), NumPy Float64.
     """
@@ -54,17 +55,18 @@ class Choice:
         dr.make_opaque(self.ends)
 
     def pick(self, number, active=True):
-        """The index that a random integer stands for."""
+        """The index that a random 32-bit integer selects."""
         last = dr.width(self.ends) - 1
         return dr.binary_search(
             0, last, lambda k: dr.gather(mi.UInt32, self.ends, k, active) <= number
         )
 
     def pick_and_rest(self, sample, active=True):
-        """The index that a 2D sample of 23 + 23 bits stands for, and a 2D sample for a place in it.
+        """The index that a 2D sample of 23 + 23 bits selects, and a 2D sample for a point in it.
 
-        All bits of the first number and the lowest 9 of the second pick the index. The place takes
-        what remains of the first, its position among the integers of that index, and the second.
+        All bits of the first number and the lowest 9 bits of the second one select the index. The
+        first coordinate of the point is the position of the 32-bit integer among all integers that
+        select the same index. The second coordinate is the second number.
         """
         high, low = mi.UInt32(sample.x * 2**23), mi.UInt32(sample.y * 2**23) & (2**9 - 1)
         number = (high << 9) | low
@@ -76,9 +78,9 @@ class Choice:
 
 
 class TriangleTable:
-    """The triangles of some meshes, numbered through over all meshes in their order.
+    """The triangles of some meshes, numbered consecutively from the first mesh to the last.
 
-    area: (n,), NumPy Float64 [m^2].
+    counts: number of triangles of each mesh. area: (n,), NumPy Float64 [m^2].
     """
 
     def __init__(self, meshes):
@@ -86,7 +88,7 @@ class TriangleTable:
         for mesh in meshes:
             first[pointer_id(mi.ShapePtr(mesh))] = sum(len(p) for p, _, _ in corners)
             corners.append(triangle_corners(mesh))
-        self.counts = [len(p) for p, _, _ in corners]  # triangles of each mesh
+        self.counts = [len(p) for p, _, _ in corners]
         p0, p1, p2 = (np.concatenate(points).astype(np.float64) for points in zip(*corners))
         flips = [
             np.full(count, -1.0 if mesh.has_flipped_normals() else 1.0)
@@ -107,7 +109,7 @@ class TriangleTable:
         )
 
     def point(self, triangle, sample, active=True):
-        """(barycentric coordinates, point, normal) on a triangle for a uniform 2D sample."""
+        """Barycentric coordinates, point [m] and normal on a triangle, for a uniform 2D sample."""
         gather = lambda kind, table: dr.gather(kind, table, triangle, active)
         uv = mi.warp.square_to_uniform_triangle(sample)
         point = (
@@ -118,7 +120,7 @@ class TriangleTable:
         return uv, point, gather(mi.Normal3f, self.normal)
 
     def find(self, shape, prim_index, active=True):
-        """The triangle's number and whether the primitive is in the table at all."""
+        """The number of a shape's triangle, and whether the triangle is in the table."""
         key = dr.reinterpret_array(mi.UInt32, shape)
         known = active & (key < dr.width(self.first))
         first = dr.gather(mi.UInt32, self.first, key, known)
@@ -126,7 +128,7 @@ class TriangleTable:
         return dr.select(known, first + prim_index, 0), known
 
     def density(self, probability):
-        """Per area [1/m^2], of a triangle drawn with this probability and a uniform point on it."""
+        """Density per area [1/m^2] of uniform points on triangles drawn with `probability`."""
         return mi.Float(
             np.divide(probability, self.area, out=np.zeros_like(self.area), where=self.area > 0)
         )

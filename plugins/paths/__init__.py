@@ -1,1 +1,1 @@
-"""What `bounce_path` records along its paths, and the errors of it that no number of paths lowers."""
+"""Quantities that `bounce_path` records along its paths, and its errors that are not noise."""

@@ -1,4 +1,4 @@
-"""What one pass of `bounce_path` records beside the radiance, and how samples become pixels."""
+"""Channels that `bounce_path` records beside the radiance, and statistics of its pixels."""
 
 from dataclasses import dataclass, field
 from math import gcd
@@ -10,21 +10,22 @@ import numpy as np
 from mi_lcair.plugins.emission.sources import WAVELENGTHS, Sources
 from mi_lcair.plugins.paths.tail import COUNTS, Tail, add_tail
 
-SUMMED_IN_FLOAT32 = 8
+SUMMED_IN_FLOAT32 = 8  # consecutive samples summed in Float32, before sums in Float64
 MAX_BOUNCE_CHANNELS = 65  # the last one holds every bounce count from 64 on
 
 
 @dataclass
 class Channels:
-    """Radiance per sample, split by bounce count, by emitting source and by the group first seen [W
-    m^-2 sr^-1].
+    """Radiance of each sample by bounce count and by source, and properties of the first hit.
 
-    `by_wavelength`: what the blackbodies among them emit, at the nodes of `Sources` [W m^-2 sr^-1
-    um^-1], where they are too many to be told apart. `last`: the last bounce counts, kept apart for
-    the geometric tail. Of the first hit: `range`, its distance [m], 0 for an escape;
-    `seen`, its label; `of_model`, 1 where it belongs to the model, not to the background; `facet`,
-    its number. `model_only`: whether nothing but paths that first meet the model counts.
-    `segments`: rays that were followed, where they are counted.
+    by_bounce, by_source: radiance by number of reflections and by source [W m^-2 sr^-1].
+    by_wavelength: radiance from blackbodies at the wavelengths of `Sources` [W m^-2 sr^-1 um^-1],
+    recorded where there are too many blackbodies to record each separately. last: radiance after
+    the last COUNTS numbers of reflections, for the geometric tail. closure: radiance that the
+    closure adds. range: distance of the first hit [m], 0 if there is none. seen: index of its
+    group's label. of_model: 1 if it belongs to the model, 0 if to the background. facet: its
+    number. model_only: whether paths are followed only if they first hit the model. segments:
+    number of rays of each path; None if they are not counted.
     """
 
     by_bounce: list
@@ -47,7 +48,7 @@ class Channels:
         model_only: bool = False,
         count_segments: bool = False,
     ) -> "Channels":
-        """sources: by what emission is told apart; None for the closure's needs alone."""
+        """Channels of value 0; `sources` None records only what the closure needs."""
         zeros = lambda count: [mi.Float(0) for _ in range(count)]
         return Channels(
             zeros(min(max_bounces + 1, MAX_BOUNCE_CHANNELS)),
@@ -64,7 +65,17 @@ class Channels:
         )
 
     def meet(self, first, emitters, emitter, facets):
-        """Notes what a ray meets first: a surface interaction and its emitter."""
+        """Record the first hit of each path.
+
+        Parameters
+        ----------
+        first : mi.SurfaceInteraction3f
+        emitters : EmitterTable
+        emitter : mi.EmitterPtr
+            The emitter at the first hit.
+        facets : object or None
+            Numbering of facets, see `PathTracer.sampled`.
+        """
         hit = first.is_valid()
         self.range = dr.select(hit, first.t, 0)
         self.seen = emitters.label(emitter)
@@ -73,8 +84,20 @@ class Channels:
             self.facet = facets.number(first.shape, first.prim_index, hit)
 
     def add(self, value, bounce, sources: Sources, emitter, prim_index, max_bounces: int):
-        """Adds radiance that was reflected `bounce` times and emitted by the primitive `prim_index`
-        of an emitter.
+        """Add radiance to the channels.
+
+        Parameters
+        ----------
+        value : mi.Float
+            Radiance [W m^-2 sr^-1].
+        bounce : mi.UInt32
+            Number of reflections after its emission.
+        sources : Sources or None
+        emitter : mi.EmitterPtr
+        prim_index : mi.UInt32
+            The primitive of the emitter's shape that emitted the radiance.
+        max_bounces : int
+            Radiance with more reflections belongs to the closure.
         """
         beyond = bounce > max_bounces
         self.closure += dr.select(beyond, value, 0)
@@ -94,12 +117,26 @@ class Channels:
             self.last[k] += dr.select(bounce + COUNTS == max_bounces + 1 + k, value, 0)
 
     def samples(self, L, labels: list[str], sources: Sources, of_model: bool) -> dict:
-        """Every channel by its name: bounce.N, closure, group.LABEL, seen.LABEL, target (what the
-        model's facets send), range and hit (1 or 0), segments where they were counted.
+        """All channels by name.
 
-        of_model: also, under the same names after "target.", as much of each as lies on the model's
-        facets, and source.N and wavelength.N where these were told apart. With `model_only` all
-        names mean what lies there.
+        The names are bounce.N, closure, group.LABEL, seen.LABEL, range, hit (1 or 0), segments (if
+        they were counted) and target (the radiance of paths that first hit the model). With
+        `model_only` every channel holds only the part of those paths.
+
+        Parameters
+        ----------
+        L : mi.Float
+            Radiance of each sample [W m^-2 sr^-1].
+        labels : list of str
+        sources : Sources
+        of_model : bool
+            Add source.N and wavelength.N where they were recorded. Add also, for each channel, the
+            channel "target.NAME" with the part of paths that first hit the model.
+
+        Returns
+        -------
+        dict
+            One value per sample for each name.
         """
         groups = {label: mi.Float(0) for label in labels}
         for source, value in zip(sources.list, self.by_source):
@@ -127,7 +164,7 @@ class Channels:
         return found | {"target": L * self.of_model}
 
     def add_tail(self) -> tuple[mi.Float, Tail]:
-        """Makes the geometric tail the closure; returns it, and what its error follows from."""
+        """Set the closure to the geometric tail; return it with the sums that give its error."""
         dr.eval(self.last, self.of_model)
         self.closure, tail = add_tail(self.last, self.of_model)
         return self.closure, tail
@@ -135,13 +172,14 @@ class Channels:
 
 @dataclass
 class Pixels:
-    """Statistics of one pass over a run of pixels; NumPy, Float64.
+    """Statistics of one pass over some pixels, as NumPy Float64 arrays.
 
-    count: finite samples of each pixel; mean and squares (sum of squared deviations from the mean)
-    of the radiance. channels: by name, means of each pixel in equal parts of its samples, (parts,
-    pixels), of part_count finite samples. invalid: NaN or infinite samples, left out. chance: the
-    largest contribution that a source might have made to one of the paths, and did not. tail: of
-    closure = tail, else None.
+    count: number of finite samples of each pixel. mean: mean radiance. squares: sum of the squared
+    deviations from the mean. channels: means by name, (parts, pixels); the samples of a pixel are
+    divided into equal parts. part_count: number of finite samples in each part. invalid: number of
+    NaN or infinite samples, which are left out. chance: largest contribution of a source that one
+    of the paths could have hit but did not hit [W m^-2 sr^-1]. tail: sums for closure = tail; None
+    for another closure.
     """
 
     count: np.ndarray
@@ -155,26 +193,36 @@ class Pixels:
 
 
 def sums(values, size: int) -> np.ndarray:
-    """Sums of `size` consecutive values each, Float64. Only few are summed in Float32, in which a
-    sum of 16,000 equal numbers would be off by 1e-5.
+    """Sums of each `size` consecutive values, in Float64.
+
+    Only a few values are summed in Float32, because a Float32 sum of 16,000 equal numbers has an
+    error of 1e-5.
     """
     few = gcd(size, SUMMED_IN_FLOAT32)
     partial = dr.block_sum(values, few).numpy().reshape(-1, size // few)
     return partial.sum(axis=1, dtype=np.float64)
 
 
-def pixel_statistics(found, spp: int, in_parts: bool = False) -> Pixels:
-    """Reduces samples (`spp` consecutive ones per pixel) to pixels.
+def pixel_statistics(results, spp: int, in_parts: bool = False) -> Pixels:
+    """Statistics of pixels from the samples of one pass.
 
-    Deviations are taken from the pixel's own mean: in Float32 the variance would drown in the
-    square of the mean. in_parts: the channels in two parts (where spp is even), so that their
-    scatter tells their standard errors.
+    Deviations are taken from the mean of the pixel. Computed as the difference of mean square and
+    squared mean, a small variance would be lost in Float32 rounding.
+
+    Parameters
+    ----------
+    results : Samples
+        Values per sample, `spp` consecutive ones for each pixel.
+    spp : int
+    in_parts : bool
+        Give the channels in two parts if spp is even. The scatter of the parts gives the standard
+        errors of the channels.
     """
-    L, chance = found.radiance, found.chance
+    L, chance = results.radiance, results.chance
     finite = dr.isfinite(L)
-    samples = {name: dr.select(finite, value, 0) for name, value in found.channels.items()}
+    samples = {name: dr.select(finite, value, 0) for name, value in results.channels.items()}
     L, valid = dr.select(finite, L, 0), dr.select(finite, mi.Float(1), 0)
-    # one kernel: each reduction would otherwise trace the paths again
+    # Evaluate all in one kernel. Otherwise each reduction would trace the paths again.
     dr.eval(finite, L, valid, samples, chance)
     count, total = sums(valid, spp), sums(L, spp)
     mean = total / np.maximum(count, 1)
@@ -196,5 +244,5 @@ def pixel_statistics(found, spp: int, in_parts: bool = False) -> Pixels:
         part_count=part_count,
         invalid=dr.width(L) - int(count.sum()),
         chance=float(dr.max(chance)[0]),
-        tail=found.tail,
+        tail=results.tail,
     )

@@ -1,16 +1,16 @@
-"""Float32's rounding along a path: the error below which no number of samples brings a radiance."""
+"""Error of a radiance from Float32 rounding along a path, which more samples do not reduce."""
 
 from math import sqrt
 
 UNIT = 2.0**-24  # the largest relative error of one rounding
-OPERATIONS = 8  # roundings of a path's radiance at each reflection: of weights, products and a sum
+OPERATIONS = 8  # roundings at each reflection of a path: in weights, in products and in a sum
 
 
 def rounding_error(reflections: int) -> float:
-    """Relative rms error of a radiance that was reflected so many times.
+    """Relative rms error of a radiance after this number of reflections.
 
-    Each rounding is taken to be off by anything up to UNIT, independently of the others. Paths that
-    are alike, as in an isothermal room, share their roundings: the mean over many of them is no
-    better than one.
+    The error of each rounding is assumed to be uniform up to UNIT and independent of the others. In
+    an isothermal room all paths are alike and round in the same way. The mean over many paths then
+    has the same error as one path.
     """
     return UNIT * sqrt(OPERATIONS * (reflections + 1) / 3)

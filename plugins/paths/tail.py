@@ -1,6 +1,4 @@
-"""The geometric tail: what stands in for the reflections beyond the last one that was followed, and
-its error.
-"""
+"""The geometric tail: estimate of the radiance beyond the last traced reflection, and its error."""
 
 from dataclasses import dataclass
 
@@ -10,19 +8,21 @@ import numpy as np
 
 from mi_lcair.plugins.paths.rounding import rounding_error
 
-COUNTS = 5  # bounce counts that are kept apart: the tail needs two, its error up to five
-LARGEST_RATIO = 0.999  # of successive counts, which stands for one that does not fall at all
-PASSING = 10  # see extrapolation_error
+COUNTS = 5  # last bounce counts recorded separately: the tail needs two, its error up to five
+LARGEST_RATIO = 0.999  # ratio assumed where the radiance does not fall from one count to the next
+# Largest ratio of an earlier change of the estimate to the last one, where the earlier one is used
+# in its place, see `extrapolation_error`.
+PASSING = 10
 
 
 @dataclass(frozen=True)
 class Tail:
-    """Sums over paths, from which the tail and its error follow; passes add up.
+    """Sums over paths, from which the tail and its error are computed; sums of passes add up.
 
-    counts: what was reflected N - 4, ..., N times (2, COUNTS), of the model and of its background,
-    which may lie in other surroundings and are continued each with its own ratio. variance: of the
-    sum of the tails, from the noise of their ratios, which all paths share; paths: how many.
-    [W m^-2 sr^-1]
+    counts: radiance that was reflected N - 4, ..., N times, (2, COUNTS) [W m^-2 sr^-1]. The rows
+    are the model and its background. Each has its own ratio, because their surroundings may differ.
+    variance: variance of the sum of the tails, from the noise of the ratios, which are the same for
+    all paths. paths: number of paths.
     """
 
     counts: np.ndarray
@@ -30,6 +30,7 @@ class Tail:
     paths: int
 
     def __add__(self, other: "Tail") -> "Tail":
+        """The sums over the paths of both passes."""
         return Tail(
             counts=self.counts + other.counts,
             variance=self.variance + other.variance,
@@ -37,8 +38,10 @@ class Tail:
         )
 
     def error(self, max_bounces: int) -> float:
-        """Estimated error of the mean that the tail adds [W m^-2 sr^-1]: the extrapolation's, the
-        noise of the ratios, and Float32's rounding of them.
+        """Estimated error of the mean of the tail [W m^-2 sr^-1].
+
+        It contains the error of the extrapolation, the noise of the ratios, and the Float32
+        rounding of the ratios.
         """
         known = min(max_bounces + 1, COUNTS)
         bias = sum(extrapolation_error(counts[-known:]) for counts in self.counts)
@@ -46,25 +49,28 @@ class Tail:
 
 
 def ratio(before: float, last: float) -> float:
-    """Of two successive counts; 0 where nothing is left."""
+    """Ratio of the radiances at two successive counts; 0 if the first one is 0."""
     return last / before if before > 0 else 0.0
 
 
 def continued(before: float, last: float) -> float:
-    """The sum of all counts after these two, if they fall geometrically; 0 if they do not fall."""
+    """Sum of the geometric series after these two counts; 0 if the counts do not fall."""
     r = ratio(before, last)
     return last * r / (1 - r) if r < 1 else 0.0
 
 
 def extrapolation_error(counts) -> float:
-    """Error of the geometric continuation of the last two of these counts (three or more, rising).
+    """Error of the geometric continuation of the last two counts [unit of the counts].
 
-    Each count gives an estimate of the limit: what came up to it, and its continuation. Were the
-    counts followed further, these estimates would go on to change; their changes are taken to fall
-    by the ratio r of the last counts, so that r / (1 - r) times the last change is still to come.
-    As a change may pass through zero, an earlier one, fallen likewise, may stand in for the last,
-    up to PASSING times as large. Rounding of the ratio explains some of a change, and adds to the
-    error.
+    counts: radiances after successive numbers of reflections, the newest last, three or more.
+
+    At each count there is an estimate of the limit: the sum up to that count and its geometric
+    continuation. This estimate changes from count to count. Its changes are assumed to fall by the
+    ratio r of the last two counts. The changes still to come then add up to r / (1 - r) times the
+    last change. The last change may be small by chance, because changes can pass through zero.
+    Earlier changes, multiplied by r for each count since, are therefore considered too, up to
+    PASSING times the last change. Rounding of the ratio explains a part of each change. That part
+    is subtracted from the changes, and the rounding error is added at the end.
     """
     newest, r = counts[-1], ratio(*counts[-2:])
     if r >= 1:
@@ -80,11 +86,12 @@ def extrapolation_error(counts) -> float:
 
 
 def add_tail(last: list, of_model) -> tuple[mi.Float, Tail]:
-    """The tail of each path, and the sums that it rests on.
+    """The tail of each path [W m^-2 sr^-1], and the sums from which it is computed.
 
-    last: radiance reflected N - 4, ..., N times; of_model: 1 where the path first meets the model.
-    All are evaluated. Sums are taken in Float64: in Float32 that of a million equal numbers is off
-    by 1e-5, which a room of reflectance 0.99 would multiply by 100.
+    last: radiance reflected N - 4, ..., N times, one array per count. of_model: 1 for paths that
+    first hit the model, 0 for others. All arrays must be evaluated. Sums are taken in Float64. In
+    Float32 the sum of a million equal numbers has an error of 1e-5, which a room of reflectance
+    0.99 would multiply by 100.
     """
     Float64 = dr.float64_array_t(mi.Float)
     of_model = Float64(of_model)

@@ -107,6 +107,7 @@ def test_digits(number, text):
     assert chart.digits(number) == text
 
 
+@pytest.mark.slow
 def test_files(tmp_path):
     chart.write_csv(tmp_path / "a.csv", POINTS, "made by hand")
     remark, *rows = (tmp_path / "a.csv").read_text().splitlines()

@@ -145,6 +145,7 @@ CLOSED_FORMS = [  # method, problem, effort, stated error
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name, make, effort, error", CLOSED_FORMS)
 def test_closed_form(name, make, effort, error):
     case = make()
@@ -231,6 +232,7 @@ def test_quadrature_by_bounces():
 # ---- radiosity and path tracing, which have no algorithm in common
 
 
+@pytest.mark.slow
 def test_radiosity_against_path_tracing(plate):
     """They agree within 0.3 % in a closed cube with different walls and on the diffuse scenes."""
     grey = lambda reflectance: {
@@ -277,6 +279,7 @@ def test_view_factors(plate):
 # ---- closures
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("opening", list(exact.CAVITY_BLOCKS))
 def test_closures_on_the_cavity(opening):
     """`tail` after two reflections is within 0.2 % of the limit.

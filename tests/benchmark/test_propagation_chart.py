@@ -94,6 +94,7 @@ def test_page_says_what_the_points_say():
     assert "| hall | +30.0 % |" in text["closures"]
 
 
+@pytest.mark.slow
 def test_files(tmp_path):
     write(tmp_path, result())
     assert {file.name for file in tmp_path.iterdir()} == {

@@ -53,6 +53,7 @@ def points(monkeypatch):
     return measured
 
 
+@pytest.mark.slow
 def test_page(points, monkeypatch, tmp_path):
     reflectance_page.write(tmp_path, points, quick=True)
     assert {file.name for file in tmp_path.iterdir()} == {

@@ -1,4 +1,4 @@
-"""What the tests of the command line share: calls, and a stand-in for the renderer behind it."""
+"""Fixtures of the command line's tests: calls, and a substitute for the renderer."""
 
 from types import SimpleNamespace
 
@@ -12,7 +12,7 @@ from mi_lcair.cli import main
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
-    """The folder in which the commands run, empty at first."""
+    """Empty folder in which the commands run."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("MI_LCAIR_DEBUG", raising=False)
     return tmp_path
@@ -20,13 +20,16 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.fixture
 def run():
-    """Calls the command line in this process."""
+    """Function that calls the command line in this process."""
     return lambda *args: CliRunner().invoke(main, [str(arg) for arg in args])
 
 
 @pytest.fixture
 def refused(run):
-    """The message of a call that must end with exit 2, one line on stderr and nothing on stdout."""
+    """Function that makes a call which must be refused, and returns its message.
+
+    The call must end with exit status 2, one line on stderr and nothing on stdout.
+    """
 
     def message(*args):
         result = run(*args)
@@ -40,8 +43,9 @@ def refused(run):
 
 
 class Renderer:
-    """Stands for mi_lcair.load, render and signature: records what it is asked for, returns
-    `results`, or raises `error`.
+    """Substitute for mi_lcair.load, render and signature.
+
+    It records its arguments, and returns `results` or raises `error`.
     """
 
     error = None

@@ -1,4 +1,4 @@
-"""mi-lcair chart propagation, with a stand-in for the measurement."""
+"""Tests of mi-lcair chart propagation, with a substitute for the measurement."""
 
 import json
 
@@ -21,6 +21,7 @@ def measured(monkeypatch):
     return calls
 
 
+@pytest.mark.slow
 def test_writes_its_files(run, folder, measured):
     found = run("chart", "propagation", "-o", "out", "--quick")
     assert found.exit_code == 0 and measured == [True]

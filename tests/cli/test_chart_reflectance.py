@@ -1,4 +1,4 @@
-"""mi-lcair chart reflectance: its files, and what it prints."""
+"""Tests of mi-lcair chart reflectance: its files and its output."""
 
 import json
 
@@ -16,7 +16,7 @@ POINTS = [
 
 @pytest.fixture
 def measured(monkeypatch):
-    """Stands for the measurement and its page; holds what was asked for."""
+    """Substitute for the measurement and its page; records its arguments."""
     asked = {}
 
     def measure(quick, progress):

@@ -1,6 +1,4 @@
-"""The command line itself and `render`: what it passes on and prints, what it refuses, how it
-exits.
-"""
+"""Tests of the command line and of `render`: arguments, output, errors and exit status."""
 
 import json
 import os
@@ -25,14 +23,14 @@ HEAVY = ("mitsuba", "drjit", "matplotlib", "colour", "scipy", "OpenEXR", "numpy"
 # ---- start and help
 
 
+@pytest.mark.slow
 def test_help_loads_nothing_heavy():
-    """The help of the program and of every command answers before anything slow is imported; so
-    does a bad option.
-    """
+    """Help and the message for a bad option need no slow imports."""
     code = f"""
 import sys
 from mi_lcair.cli import COMMANDS, main
-calls = [["--help"], ["--version"], ["render", "x", "-o", "x.exr", "--spp", "0"], *([name, "--help"] for name in COMMANDS)]
+calls = [["--help"], ["--version"], ["render", "x", "-o", "x.exr", "--spp", "0"]]
+calls += [[name, "--help"] for name in COMMANDS]
 for args in calls:
     try:
         main(args)
@@ -153,7 +151,7 @@ samples per pixel  16
 time               1.50 s
 """
     )
-    assert result.stderr == ""  # no progress bar where stderr is no terminal
+    assert result.stderr == ""  # stderr is no terminal and shows no progress bar
 
 
 @pytest.mark.parametrize(
@@ -252,8 +250,8 @@ def test_unknown_command(refused):
 
 # ---- the error policy
 
-IN_A_PLUGIN = """[parser.cpp:1718] At "my scene.xml" (line 4, col 9): failed to instantiate bsdf plugin of type \
-"sandford_robertson": Traceback (most recent call last):
+IN_A_PLUGIN = """[parser.cpp:1718] At "my scene.xml" (line 4, col 9): \
+failed to instantiate bsdf plugin of type "sandford_robertson": Traceback (most recent call last):
   File "sandford_robertson.py", line 16, in __init__
 {}"""
 
@@ -303,7 +301,7 @@ def caused(error, cause):
     ],
 )
 def test_errors_are_one_line(run, renderer, folder, error, status, message):
-    """Whatever ends a render, there is one line, the right status and no file."""
+    """An error during a render gives one line, the right exit status and no file."""
     renderer.error = error
     result = run("render", "cavity", "-o", "out.exr")
     assert (result.exit_code, result.stdout, result.stderr.strip()) == (
@@ -321,7 +319,7 @@ def test_tracebacks_on_request(run, renderer, monkeypatch):
 
 
 def test_interrupt_from_outside(folder):
-    """A real SIGINT during a render: exit 130, one line, no file."""
+    """SIGINT during a render gives exit status 130, one line and no file."""
     code = """
 import sys, time, mi_lcair
 from types import SimpleNamespace
@@ -348,7 +346,7 @@ main(["render", "cavity", "-o", "out.exr"])
 
 
 def test_a_reader_that_leaves_is_no_news():
-    """`mi-lcair ... | head -0`: quiet."""
+    """A closed pipe, as in `mi-lcair ... | head -0`, gives no message."""
     reader, writer = os.pipe()
     os.close(reader)
     process = subprocess.run(
@@ -366,7 +364,7 @@ def test_a_reader_that_leaves_is_no_news():
 
 @pytest.fixture
 def machine(monkeypatch):
-    """Stands for mitsuba and drjit; a variant 'cuda_ad_mono' fails as it does without a GPU."""
+    """Substitute for mitsuba and drjit. The variant cuda_ad_mono fails as without a GPU."""
     seen = SimpleNamespace(calls=[])
 
     def set_variant(name):
@@ -400,7 +398,7 @@ def test_a_variant_without_its_hardware(refused, renderer, machine):
 
 
 def test_progress_is_drawn_on_a_terminal(monkeypatch):
-    """Samples done of a total that may change on the way."""
+    """The progress bar shows the samples done, and a total that may change."""
     terminal = StringIO()
     terminal.isatty = lambda: True
     monkeypatch.setattr(sys, "stderr", terminal)

@@ -1,4 +1,4 @@
-"""The commands beside `render`: signature, scenes, chart and show."""
+"""Tests of the commands signature, scenes, chart and show."""
 
 import json
 import sys
@@ -68,6 +68,7 @@ def test_signature_outputs_that_cannot_be(refused, renderer, options, message):
     assert message in refused("signature", "two_plates", *options)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", [["signature"], ["render", "-o", "out.exr"]])
 def test_a_plan_is_followed_and_reported(run, command):
     result = run(
@@ -118,8 +119,9 @@ def test_a_plan_chooses_the_samples(refused, renderer):
 
 
 def test_signature_files(run, folder):
-    """The real thing: the spectrum's CSV and plot and the facets' CSV appear, and add up to what is
-    printed.
+    """A real render writes the spectrum's CSV and plot and the facets' CSV.
+
+    Their sums are the printed intensities.
     """
     result = run(
         "signature",
@@ -212,7 +214,7 @@ class Throughput:
 
 
 def test_chart_throughput(run, monkeypatch):
-    """Any dataclass with rows becomes a table with their fields as its columns, or JSON."""
+    """A dataclass with rows is printed as a table of their fields, or as JSON."""
     module = ModuleType("mi_lcair.benchmark.throughput")
     module.measure = lambda progress: Throughput(
         [Row("box", 1.25, None), Row("cavity", np.float64(2e7), 4)]
@@ -241,7 +243,7 @@ def image():
 
 @pytest.fixture
 def pictures(monkeypatch):
-    """What show asks the picture module to draw."""
+    """List of the pictures that show draws."""
     drawn = []
     monkeypatch.setattr(
         "mi_lcair.reports.image_picture.save_picture",
@@ -280,7 +282,7 @@ def test_show_writes_a_picture(run, image, folder):
 
 
 def test_show_images_of_other_programs(run, refused, pictures):
-    """No header of ours: the file's name is the title."""
+    """An image without a header of mi_lcair gets its file's name as the title."""
     write_exr("photo.exr", {"R": np.ones((2, 2))}, {})
     assert "unknown channel 'Y'; known: R" in refused("show", "photo.exr")
     assert run("show", "photo.exr", "-c", "R").exit_code == 0

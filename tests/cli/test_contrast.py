@@ -1,4 +1,4 @@
-"""mi-lcair contrast: what it prints and draws, and that it refuses before it writes."""
+"""Tests of mi-lcair contrast: output, plots, and errors before anything is written."""
 
 import json
 

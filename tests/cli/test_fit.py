@@ -1,5 +1,6 @@
-"""mi-lcair fit: what it reads, prints, writes and refuses. The fit behind it is replaced by a
-stand-in, but for one test.
+"""Tests of mi-lcair fit: input, output, files and errors.
+
+All tests but one replace the fit by a substitute.
 """
 
 import json
@@ -30,7 +31,7 @@ def files(folder):
 
 @pytest.fixture
 def asked(monkeypatch, files):
-    """What the command asks of fit; raises what is put into `asked.error`."""
+    """Substitute for the fit. It records its arguments, and raises `asked.error`."""
     calls = []
 
     def fit(measurements, **options):
@@ -45,7 +46,7 @@ def asked(monkeypatch, files):
     return fit
 
 
-# ------------------------------------------------------------------- what it does
+# -------------------------- output --------------------------
 
 
 def test_defaults(run, asked):
@@ -132,17 +133,18 @@ minimum      converged, relative gradient 1.0e-13; 75% of the starts reached it
 time         1.25 s, of which 0.50 s to compile
 
 parameter  value    standard error  verdict
-epsilon    0.3      0.01            not determined by these data: anything in 0..0.5 fits; measure it and give --emissivity
+epsilon    0.3      0.01            not determined by these data: anything in 0..0.5 fits; \
+measure it and give --emissivity
 rho_d      0.33333  0.01            determined
 b          0.05     0.01            at its bound 0: interval 0..0.1
 e          0.1      0.01            determined
 """.replace("a plate", "mwir")
     )
-    assert result.stderr == ""  # no progress bar where stderr is no terminal
+    assert result.stderr == ""  # stderr is no terminal and shows no progress bar
 
 
 def test_the_table_names_the_model_and_its_own_parameters(run, asked):
-    """A model with one form: the form is not mentioned."""
+    """The form of a model with only one is not printed."""
     table = run("fit", "mwir.csv", "--model", "microfacet").stdout
     assert "model        microfacet with b = 0\n" in table
     assert [line.split()[0] for line in table.splitlines()[-5:]] == [*MODELS["microfacet"].names]
@@ -172,6 +174,7 @@ def test_json_on_stdout_and_in_the_file(run, asked, folder):
     assert printed == file and file["parameters"]["rho_d"] == 1 / 3
 
 
+@pytest.mark.slow
 def test_files_are_written(run, asked, folder):
     before = set(folder.iterdir())
     assert run("fit", "mwir.csv", "lwir.csv", "-o", "fit.json", "--plot", "fit.PNG").exit_code == 0
@@ -180,7 +183,7 @@ def test_files_are_written(run, asked, folder):
     assert (folder / "fit.PNG").read_bytes().startswith(b"\x89PNG")
 
 
-# ------------------------------------------------------------------- what it refuses
+# -------------------------- errors --------------------------
 
 
 @pytest.mark.parametrize(
@@ -231,12 +234,13 @@ def test_a_fit_that_fails_leaves_no_file_and_no_change(run, asked, folder, error
     assert {path: path.read_bytes() for path in folder.iterdir()} == before
 
 
-# ------------------------------------------------------------------- from file to material, nothing replaced
+# ------------------ from file to material -------------------
 
 
 def test_from_a_file_to_a_material(run, folder):
-    """Noise-free values of the independent model come back as its parameters, and serve as a
-    material.
+    """A fit to noise-free values of an independent model returns its parameters.
+
+    The report of the fit can be used as a material.
     """
     from mi_lcair.physics.bands import band
     from mi_lcair.physics.materials import material

@@ -1,4 +1,4 @@
-"""mi-lcair import: what it prints, writes and refuses."""
+"""Tests of mi-lcair import: output, files and errors."""
 
 import importlib
 import json
@@ -32,7 +32,7 @@ def files(folder):
 
 
 def test_table(run, folder):
-    """A box that lacks its bottom has the volume that it would have with it."""
+    """A box without a bottom has the volume of the closed box."""
     result = run("import", "model.obj", "-o", "boxes")
     assert result.exit_code == 0, result.output
     (note,) = result.stderr.splitlines()
@@ -131,12 +131,13 @@ def test_remarks(run, folder):
     result = run("import", "model.obj", "--check")
     assert result.stderr.splitlines() == [
         "mi-lcair: note: the lowest temperature is 150 K",
-        "mi-lcair: note: 1 model facet faces inward; the back of a facet neither emits nor reflects",
+        "mi-lcair: note: 1 model facet faces inward; the back of a facet neither emits nor "
+        "reflects",
     ]
 
 
 def test_files_are_replaced_and_others_left_alone(run, refused, folder):
-    """What an earlier import wrote is replaced; what somebody has written or edited is not."""
+    """An import replaces the files of an earlier import, but not files that a user has edited."""
     (folder / "boxes").mkdir()
     (folder / "boxes" / "mine.txt").write_text("old")
     (folder / "model.obj").write_text(cube())
@@ -161,7 +162,7 @@ def test_files_are_replaced_and_others_left_alone(run, refused, folder):
 
 
 def test_thin_sheets_are_remarked(run, folder):
-    """Two facets back to back, as a wing without thickness: which is seen is left to rounding."""
+    """Two facets back to back, such as a wing without thickness, are remarked."""
     square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
     (folder / "model.obj").write_text(f"o f*bareAl*300*\n{square}f 1 2 3 4\nf 4 3 2 1\n")
     result = run("import", "model.obj", "--check")
@@ -189,7 +190,8 @@ def test_thin_sheets_are_remarked(run, folder):
         (
             cube(label="f*bareAl*20*"),
             ["-o", "out"],
-            "line 1: object 'f*bareAl*20*': temperature '20' looks like degrees Celsius; give kelvin: 293.15",
+            "line 1: object 'f*bareAl*20*': temperature '20' looks like degrees Celsius; give "
+            "kelvin: 293.15",
         ),
         (
             cube(label="f*gold*300*"),
@@ -244,10 +246,12 @@ def test_an_interrupt_leaves_nothing(run, folder, monkeypatch):
 
 
 def test_needs_no_renderer(folder):
-    """The command is quick because it loads neither Mitsuba nor Dr.Jit."""
+    """The command imports neither Mitsuba nor Dr.Jit, which are slow to load."""
     code = (
-        "import sys\nfrom mi_lcair.cli import main\ntry:\n    main(['import', 'model.obj', '-o', 'out'])\nexcept SystemExit as end:\n"
-        "    assert not end.code\nassert not {'mitsuba', 'drjit', 'matplotlib', 'colour'} & set(sys.modules)\n"
+        "import sys\nfrom mi_lcair.cli import main\ntry:\n    main(['import', 'model.obj', '-o', "
+        "'out'])\nexcept SystemExit as end:\n"
+        "    assert not end.code\nassert not {'mitsuba', 'drjit', 'matplotlib', 'colour'} & "
+        "set(sys.modules)\n"
     )
     subprocess.run(
         [sys.executable, "-W", "error", "-c", code],

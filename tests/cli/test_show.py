@@ -1,6 +1,4 @@
-"""`show` beyond images: what it takes from its options, prints and writes for a facet, a table of
-facets, a material.
-"""
+"""Tests of `show` for a facet, a table of facets, and a material."""
 
 import json
 
@@ -39,6 +37,7 @@ def test_facet(run, folder, figures):
     assert figures[0].axes[0].get_title() == "two_plates: what facet 0 sees (group other, diffuse)"
 
 
+@pytest.mark.slow
 def test_facet_among_many_lists_the_largest(run):
     lines = run("show", "cavity", "--facet", 20, "-o", "v.png").stdout.splitlines()
     table = [line.split() for line in lines[4:]]
@@ -47,6 +46,7 @@ def test_facet_among_many_lists_the_largest(run):
     assert sum(float(row[-1]) for row in table[:22]) == pytest.approx(1, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_facet_json(run, folder):
     found = json.loads(run("show", "open_box", "--facet", 1, "--json", "-o", "view.png").stdout)
     assert (found["file"], found["facet"], found["group"]) == ("view.png", 1, "wall") and written(
@@ -81,6 +81,7 @@ def test_facets(run, folder, figures):
     assert panel.images[0].get_array().shape == (8, 8) and written(folder) == ["t.png"]
 
 
+@pytest.mark.slow
 def test_material(run, folder, figures):
     result = run("show", "bare_aluminum", "--band", "mwir", "--theta-deg", 45)
     assert (result.exit_code, result.stdout) == (0, "bare_aluminum_MWIR_45deg.png\n"), result.output

@@ -1,4 +1,4 @@
-"""What goes to stdout and what to stderr: results alone on stdout, and a line for each note."""
+"""Tests of the streams: only results on stdout, and one line for each note on stderr."""
 
 import json
 import logging
@@ -13,7 +13,7 @@ NAME = "paint\nmi-lcair: note: all is well\x1b[31m $x^$"
 
 
 def test_mitsubas_warnings_go_to_stderr(run, monkeypatch, capfd):
-    """They went to stdout, so that --json was no JSON."""
+    """Messages of Mitsuba appear on stderr, so that stdout is valid JSON."""
     import mitsuba as mi
 
     def audit(scene, **sampling):
@@ -38,7 +38,7 @@ def test_mitsubas_messages_go_through_python(caplog):
 
 
 def test_warnings_are_notes(run, monkeypatch):
-    """Of Python and of its logging; a second line in one of them forges no note."""
+    """Warnings of Python and of logging become notes, each in a single line."""
 
     def audit(scene, **sampling):
         warnings.warn(f"extended\n{NAME}", stacklevel=1)
@@ -65,7 +65,7 @@ def test_no_line_is_endless(refused, length):
 
 
 def test_a_cell_that_is_no_line(capsys):
-    """A material's name in a table of results."""
+    """A material's name with control characters stays in its row of a table."""
     print_columns([("a", "b"), (NAME, "c")])
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 2 and lines[1].startswith(

@@ -1,4 +1,4 @@
-"""mi-lcair trend: angles, outputs, and what it refuses."""
+"""Tests of mi-lcair trend: angles, output and errors."""
 
 import json
 
@@ -33,6 +33,7 @@ def test_a_whole_turn_is_no_other_azimuth(text, count, last):
     assert len(angles) == count and angles[-1] == last
 
 
+@pytest.mark.slow
 def test_trend(run, folder):
     result = run(
         "trend",

@@ -1,6 +1,4 @@
-"""A blackbody disc of many triangles, which faces +x, and a scenario that looks at it: its contrast
-can be written down.
-"""
+"""A scenario whose contrast has a closed form: a blackbody disc that faces +x."""
 
 from pathlib import Path
 
@@ -10,18 +8,25 @@ import numpy as np
 from mi_lcair.detection.scenario import Scenario
 
 RIM, RINGS, RADIUS = 60, 8, 2.0
-AREA = RIM / 2 * np.sin(2 * np.pi / RIM) * RADIUS**2  # m^2, of the polygon
+AREA = RIM / 2 * np.sin(2 * np.pi / RIM) * RADIUS**2  # area of the disc's polygon, m^2
 XML = """<scene version="3.0.0">
     <default name="band" value="MWIR"/> <default name="temperature" value="400"/>
     <integrator type="bounce_path"> <integer name="max_bounces" value="1"/> </integrator>
-    <sensor type="orthographic"> <film type="hdrfilm"> <string name="pixel_format" value="luminance"/> </film> </sensor>
-    <shape type="ply"> <string name="filename" value="disc.ply"/> <boolean name="face_normals" value="true"/>
-        <bsdf type="sandford_robertson"> <string name="material" value="blackbody"/> <string name="band" value="$band"/> </bsdf>
+    <sensor type="orthographic">
+        <film type="hdrfilm"> <string name="pixel_format" value="luminance"/> </film>
+    </sensor>
+    <shape type="ply">
+        <string name="filename" value="disc.ply"/> <boolean name="face_normals" value="true"/>
+        <bsdf type="sandford_robertson">
+            <string name="material" value="blackbody"/> <string name="band" value="$band"/>
+        </bsdf>
         <emitter type="thermal"> <string name="band" value="$band"/> TEMPERATURE </emitter>
     </shape>
 </scene>"""
 ONE = '<float name="temperature" value="$temperature"/>'
-MANY = '<texture type="mesh_attribute" name="temperature"> <string name="name" value="face_temperature"/> </texture>'
+MANY = """<texture type="mesh_attribute" name="temperature">
+            <string name="name" value="face_temperature"/>
+        </texture>"""
 TOML = """# A disc.
 [target]
 scene = "disc.xml"
@@ -39,21 +44,22 @@ band = "MWIR"
 
 
 def triangles():
-    """Corners of the disc's triangles (n, 3, 3): rings of the rim's polygon, scaled."""
+    """Corners of the disc's triangles, shape (n, 3, 3), in rings around the centre."""
     angle = 2 * np.pi * np.arange(RIM + 1) / RIM
     edge = np.column_stack([0 * angle, np.cos(angle), np.sin(angle)])
-    found = []
+    corners = []
     for inner, outer in zip(np.arange(RINGS), np.arange(1, RINGS + 1)):
         a, b = edge * RADIUS * inner / RINGS, edge * RADIUS * outer / RINGS
-        found += [np.array([a[k], b[k], b[k + 1]]) for k in range(RIM)]
+        corners += [np.array([a[k], b[k], b[k + 1]]) for k in range(RIM)]
         if inner:
-            found += [np.array([a[k], b[k + 1], a[k + 1]]) for k in range(RIM)]
-    return np.array(found)
+            corners += [np.array([a[k], b[k + 1], a[k + 1]]) for k in range(RIM)]
+    return np.array(corners)
 
 
 def write_disc(folder: Path, temperatures=None) -> Path:
-    """disc.ply, disc.xml and disc.toml; temperatures [K] of the triangles, or one, the scene's
-    parameter. Returns the scenario.
+    """Write disc.ply, disc.xml and disc.toml, and return the path of the scenario.
+
+    `temperatures` are those of the triangles, K. Without them the scene has a parameter for one.
     """
     corners = triangles()
     mesh = mi.Mesh("disc", 3 * len(corners), len(corners))
@@ -72,7 +78,7 @@ def write_disc(folder: Path, temperatures=None) -> Path:
 
 
 def disc(folder: Path, **changes) -> Scenario:
-    """The scenario, with changes by keys whose dots are written as two underscores."""
+    """The scenario of the disc. Dots in the keys of changes are written as two underscores."""
     return Scenario.read(
         folder / "disc.toml", **{key.replace("__", "."): value for key, value in changes.items()}
     )

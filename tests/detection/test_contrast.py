@@ -1,6 +1,4 @@
-"""Contrast: a blackbody disc against its closed form, errors against the scatter over seeds, and
-what is refused.
-"""
+"""Tests of contrasts: a blackbody disc in closed form, standard errors, and unusable input."""
 
 import warnings
 from dataclasses import replace
@@ -31,12 +29,15 @@ def folder(tmp_path):
 
 
 def planck(x, T):
-    """W m^-2 sr^-1 um^-1; constants of CODATA 2018 as published, W um^4 m^-2 sr^-1 and um K."""
+    """Planck's law, W m^-2 sr^-1 um^-1, with the published constants of CODATA 2018.
+
+    Their units are W um^4 m^-2 sr^-1 and um K.
+    """
     return 1.191042972e8 / x**5 / np.expm1(14387.76877 / (x * T))
 
 
 def table(name, key):
-    """Column -> values of one key of a bundled table."""
+    """The rows of a bundled table that belong to one key, as {column: values}."""
     header, *lines = [
         line for line in (LOWTRAN / name).read_text().splitlines() if not line.startswith("#")
     ]
@@ -45,13 +46,13 @@ def table(name, key):
 
 
 def integral(band, values):
-    """Of values(x) over a band, by the trapezoid rule on a very fine grid."""
+    """Integral of values(x) over a band, by the trapezoid rule on a very fine grid."""
     x = np.linspace(*LIMITS[band], 400_001)
     return np.trapezoid(values(x), x)
 
 
 def closed_form(band, T, range_m, transmittance, path_radiance, background):
-    """Eq 3.19 of the disc, seen face on."""
+    """Contrast of the disc, W m^-2, seen along its normal (Eq 3.19)."""
     return (
         integral(band, lambda x: transmittance(x) * planck(x, T) + path_radiance(x) - background(x))
         * AREA
@@ -60,8 +61,9 @@ def closed_form(band, T, range_m, transmittance, path_radiance, background):
 
 
 def lowtran(range_km):
-    """Transmittance and path radiance of midlat_summer at one of its ranges, as functions of the
-    wavelength.
+    """Transmittance and path radiance of midlat_summer at a range of its table.
+
+    Both are functions of the wavelength.
     """
     rows = table("path_midlat_summer.csv", range_km)
     return [
@@ -70,24 +72,29 @@ def lowtran(range_km):
     ]
 
 
-@pytest.mark.parametrize("T", [400, 250])  # above and below the background: contrasts of both signs
+@pytest.mark.slow
+@pytest.mark.parametrize("T", [400, 250])  # above and below the background's temperature
 @pytest.mark.parametrize("band", ["MWIR", "LWIR"])
 def test_disc_in_vacuum(folder, band, T):
-    """Within 0.2 % of (B(T) - B(294)) A / r^2."""
-    found = contrast(disc(folder, sensor__band=band, target__parameters__temperature=T)).rows[0]
+    """The contrast is within 0.2 % of (B(T) - B(294)) A / r^2."""
+    result = contrast(disc(folder, sensor__band=band, target__parameters__temperature=T)).rows[0]
     expected = closed_form(band, T, 1000, np.ones_like, np.zeros_like, lambda x: planck(x, 294))
-    assert (expected > 0) == (T > 294) and found.total.value == pytest.approx(expected, rel=2e-3)
-    assert found.intensity.value == pytest.approx(
+    assert (expected > 0) == (T > 294) and result.total.value == pytest.approx(expected, rel=2e-3)
+    assert result.intensity.value == pytest.approx(
         AREA * integral(band, lambda x: planck(x, T)), rel=2e-3
     )
-    assert found.solid_angle == pytest.approx(AREA / 1000**2, rel=2e-3) and found.path.value == 0
+    assert result.solid_angle == pytest.approx(AREA / 1000**2, rel=2e-3) and result.path.value == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("T, range_km", [(400, 2), (250, 1)])
 @pytest.mark.parametrize("band", ["MWIR", "LWIR"])
 def test_disc_through_a_bundled_atmosphere(folder, band, T, range_km):
-    """Within 0.2 % of the closed form, before a bundled sky between two of its elevations."""
-    found = contrast(
+    """The contrast before a bundled sky is within 0.2 % of the closed form.
+
+    The line of sight lies between two elevations of the sky's table.
+    """
+    result = contrast(
         disc(
             folder,
             sensor__band=band,
@@ -110,7 +117,7 @@ def test_disc_through_a_bundled_atmosphere(folder, band, T, range_km):
         path_radiance,
         lambda x: np.interp(x, low["wavelength_um"], sky),
     )
-    row = found.rows[0]
+    row = result.rows[0]
     assert (expected > 0) == (T > 294) and row.total.value == pytest.approx(expected, rel=2e-3)
     parts = {
         "target": lambda x: transmittance(x) * planck(x, T),
@@ -121,16 +128,16 @@ def test_disc_through_a_bundled_atmosphere(folder, band, T, range_km):
         assert getattr(row, name).value == pytest.approx(
             slant * integral(band, values) * AREA / (1000 * range_km) ** 2, rel=2e-3
         )
-    assert found.sight_elevation_deg == 8
-    assert found.transmittance == pytest.approx(
+    assert result.sight_elevation_deg == 8
+    assert result.transmittance == pytest.approx(
         integral(band, transmittance) / np.ptp(LIMITS[band]), rel=1e-5
     )
 
 
 def test_quadrature(folder):
-    """Of spectra with every bundled table's rows: 1e-5 of a much finer rule on the same spectra."""
+    """The quadrature agrees with a much finer one to 1e-5 for all bundled tables."""
     for band in LIMITS:
-        found = contrast(
+        result = contrast(
             disc(
                 folder,
                 sensor__band=band,
@@ -141,7 +148,7 @@ def test_quadrature(folder):
                 render__spp=2,
             )
         )
-        row, area = found.rows[0], found.rows[0].projected_area.value
+        row, area = result.rows[0], result.rows[0].projected_area.value
         transmittance, path_radiance = lowtran(1)
         assert row.target.value == pytest.approx(
             integral(band, lambda x: transmittance(x) * planck(x, 400)) * area / 1e6, rel=1e-6
@@ -149,9 +156,11 @@ def test_quadrature(folder):
         assert row.path.value == pytest.approx(integral(band, path_radiance) * area / 1e6, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_errors_over_seeds(folder):
-    """The errors claimed are the scatter; the disc's contrast with a background of nearly its own
-    temperature scatters with its area.
+    """The standard errors agree with the scatter over seeds.
+
+    The background has nearly the disc's temperature. The scatter is therefore that of the area.
     """
     rows = [
         contrast(
@@ -176,8 +185,9 @@ def test_errors_over_seeds(folder):
     assert total < 0.3 * target
 
 
+@pytest.mark.slow
 def test_temperatures_that_are_too_many(tmp_path):
-    """The closed form still, and an error that bounds the scatter from above."""
+    """Many temperatures give the closed form, and errors that are at least the scatter."""
     corners = triangles()
     temperatures = 300 + np.arange(len(corners)) % 100
     write_disc(tmp_path, temperatures)
@@ -208,10 +218,11 @@ def test_temperatures_that_are_too_many(tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_detector(folder):
-    """Eqs 3.14, 3.15, 3.18, and a response within the band."""
+    """Field of view and noise (Eqs 3.14, 3.15, 3.18), with a response within the band."""
     (folder / "detector.csv").write_text("wavelength_um,response\n3.2,0\n4,0.8\n4.6,0\n")
-    found = contrast(
+    result = contrast(
         disc(
             folder,
             sensor__response=str(folder / "detector.csv"),
@@ -222,7 +233,7 @@ def test_detector(folder):
             render__max_bounces=[0, 2],
         )
     )
-    first, last = found.rows
+    first, last = result.rows
     response = lambda x: np.interp(x, [3.2, 4, 4.6], [0, 0.8, 0])  # noqa: E731
     expected = (
         integral("MWIR", lambda x: response(x) * (planck(x, 400) - planck(x, 294))) * AREA / 1e6
@@ -230,14 +241,14 @@ def test_detector(folder):
     assert first.total.value == pytest.approx(expected, rel=2e-3)
     assert first.nei_max.value == pytest.approx(0.7 * first.total.value / 5) and first.detected
     background = integral("MWIR", lambda x: response(x) * planck(x, 294))
-    assert found.no_target == pytest.approx(
+    assert result.no_target == pytest.approx(
         background * 2 * np.pi * (1 - np.cos(np.radians(1))), rel=1e-5
     )
-    assert first.observed == pytest.approx(found.no_target + first.total.value)
+    assert first.observed == pytest.approx(result.no_target + first.total.value)
     assert (
         (first.max_bounces, last.max_bounces) == (0, 2)
         and first.target == last.target
-        and not found.remarks
+        and not result.remarks
     )
     dim = contrast(disc(folder, sensor__nei=1, sensor__field_of_view_deg=0.1, render__resolution=8))
     assert (
@@ -252,12 +263,20 @@ def test_detector(folder):
     [(50.0, None), (1000.0, "50% of the target has sky or terrain"), (10.0, "only 5 radii")],
 )
 def test_what_stands_between_and_what_is_near_is_remarked(folder, range_m, remark):
-    """A wall at x = 100 m, before the half of the disc with y > 0: seen from beyond it, not from
-    before it.
+    """A wall in front of the target, and a short range, are remarked.
+
+    The wall at x = 100 m hides the half of the disc with y > 0 from an observer beyond it.
     """
-    wall = """<shape type="rectangle"> <transform name="to_world"> <scale x="5" y="5"/> <lookat origin="100, 5, 0" target="0, 5, 0" up="0, 0, 1"/> </transform>
-        <bsdf type="diffuse"/> <emitter type="thermal"> <string name="band" value="$band"/> <float name="temperature" value="280"/>
-        <string name="facet_type" value="terrain"/> </emitter> </shape> </scene>"""
+    wall = """<shape type="rectangle">
+        <transform name="to_world">
+            <scale x="5" y="5"/> <lookat origin="100, 5, 0" target="0, 5, 0" up="0, 0, 1"/>
+        </transform>
+        <bsdf type="diffuse"/>
+        <emitter type="thermal">
+            <string name="band" value="$band"/> <float name="temperature" value="280"/>
+            <string name="facet_type" value="terrain"/>
+        </emitter>
+    </shape> </scene>"""
     xml = folder / "disc.xml"
     xml.write_text(xml.read_text().replace("</scene>", wall))
     said = contrast(disc(folder, observer__range_m=range_m, render__resolution=16)).remarks
@@ -265,10 +284,10 @@ def test_what_stands_between_and_what_is_near_is_remarked(folder, range_m, remar
 
 
 def test_contrast_within_the_noise_is_remarked(folder):
-    found = contrast(disc(folder, render__resolution=8))
-    row, target = found.rows[0], SimpleNamespace(radius=2.0)
+    result = contrast(disc(folder, render__resolution=8))
+    row, target = result.rows[0], SimpleNamespace(radius=2.0)
     for total, count in ((Estimate(-2.9, 1.0), 1), (Estimate(-3.1, 1.0), 0)):
-        said = module.remarks([replace(row, total=total)], found.detector, target, 1000, 0.0)
+        said = module.remarks([replace(row, total=total)], result.detector, target, 1000, 0.0)
         assert len(said) == count and all(
             "with 1 reflections the contrast is less than 3" in remark for remark in said
         )
@@ -299,7 +318,8 @@ def test_contrast_within_the_noise_is_remarked(folder):
         ),
         (
             {"background__sky": "midlat_summer_clear", "observer__elevation_deg": 5},
-            "scenario 'disc': the line of sight looks down, by 5 degrees, .* give \\[background\\] a temperature",
+            "scenario 'disc': the line of sight looks down, by 5 degrees, .* give "
+            "\\[background\\] a temperature",
         ),
         ({"background__sky": "midlat_summer"}, "unknown sky table 'midlat_summer'"),
     ],
@@ -329,7 +349,7 @@ def test_refused_before_the_rest(folder, changes, message):
 
 
 def test_bands_that_do_not_meet(folder):
-    """A scene without a parameter for its band must hold the sensor's; within it, it may."""
+    """The band of a scene without a parameter for it must include the sensor's band."""
     text = (
         (folder / "disc.xml")
         .read_text()
@@ -378,16 +398,17 @@ def test_a_sky_without_elevations_is_taken_as_it_is(folder):
         "wavelength_um,radiance_W_m2_sr_um\n"
         + "".join(f"{a:.6f},{b:.9e}\n" for a, b in zip(x, planck(x, 294)))
     )
-    look = dict(observer__elevation_deg=20, render__resolution=16)
-    flat = contrast(disc(folder, background__sky=str(folder / "sky.csv"), **look)).rows[0]
+    options = {"observer__elevation_deg": 20, "render__resolution": 16}
+    flat = contrast(disc(folder, background__sky=str(folder / "sky.csv"), **options)).rows[0]
     assert flat.total.value == pytest.approx(
-        contrast(disc(folder, **look)).rows[0].total.value, rel=1e-5
+        contrast(disc(folder, **options)).rows[0].total.value, rel=1e-5
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [1, 2, 3])
 def test_bundled_positions(number):
-    """Their observers stand where the scene's own sensors look from."""
+    """The observers of the bundled scenarios are in the directions of the scene's sensors."""
     from mi_lcair.rendering.window import window
 
     scenario = Scenario.read(
@@ -412,7 +433,7 @@ def test_bundled_positions(number):
 
 
 def test_plot(folder, figures, tmp_path):
-    found = contrast(
+    result = contrast(
         disc(
             folder,
             atmosphere__table="midlat_summer",
@@ -420,7 +441,7 @@ def test_plot(folder, figures, tmp_path):
             render__resolution=8,
         )
     )
-    save_plot(tmp_path / "spectra.png", found)
+    save_plot(tmp_path / "spectra.png", result)
     intensity, through, parts, beside = figures[0].axes
     lines = {
         line.get_label(): line.get_ydata()
@@ -438,8 +459,9 @@ def test_plot(folder, figures, tmp_path):
 
 
 def test_each_row_is_rendered_with_its_own_reflections():
-    """With the random numbers of every other row: the same as the cumulative intensities of one
-    signature.
+    """The rows use the same random numbers as one signature with all reflections.
+
+    Their intensities are therefore the cumulative intensities of that signature.
     """
     changes = {
         "sensor.band": "LWIR",
@@ -464,10 +486,11 @@ def test_each_row_is_rendered_with_its_own_reflections():
 
 
 def test_the_pixels_of_the_picture_add_up_to_it():
-    """The airliner through the air, pixel by pixel with a mean transmittance for each spectrum,
-    from the same paths.
+    """The contrast of the airliner agrees with a sum over the pixels from the same paths.
+
+    The sum takes a mean transmittance for each spectrum.
     """
-    found = contrast(
+    result = contrast(
         Scenario.read(
             "a340_landing/position_3",
             **{
@@ -478,11 +501,11 @@ def test_the_pixels_of_the_picture_add_up_to_it():
             },
         )
     )
-    observer, row = found.scenario.observer, found.rows[0]
+    observer, row = result.scenario.observer, result.rows[0]
     view = View(observer.azimuth_deg, observer.elevation_deg)
     scene = mi_lcair.load("a340_landing", band="LWIR", max_bounces=2, sky="midlat_summer_stratus")
     image = mi_lcair.render(
-        seen_from(scene, view, 48), spp=8, atmosphere=found.air, range_m=observer.range_m
+        seen_from(scene, view, 48), spp=8, atmosphere=result.air, range_m=observer.range_m
     )
     arrives = image.channels["apparent.Y"] - (image.channels["Y"] - image.channels["target.Y"])
     solid_angle = Target.of(scene).window_area(view) / observer.range_m**2

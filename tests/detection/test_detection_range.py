@@ -1,6 +1,4 @@
-"""Detection ranges: closed forms in vacuum and through an air of one optical depth per metre;
-several, none, and those cut short.
-"""
+"""Tests of detection ranges: closed forms in vacuum and in grey air, and special cases."""
 
 import numpy as np
 import pytest
@@ -17,12 +15,12 @@ from mi_lcair.plugins.emission.sources import Source
 from mi_lcair.signatures.effective_areas import EffectiveAreas
 
 LWIR, HOT, AIR, SKY, AREA, ERROR = band("LWIR"), 330.0, 270.0, 290.0, 10.0, 0.1  # K; m^2
-DEPTH = 1e-3  # per metre
+DEPTH = 1e-3  # optical depth per metre of the air
 L = {T: float(in_band_radiance(LWIR, T)) for T in (HOT, AIR, SKY)}
 
 
 def target(air):
-    """A blackbody of known area, whose error is wholly that of its area."""
+    """A blackbody whose only error is that of its area."""
     one = np.full((2, 2, 2), ERROR**2)
     areas = EffectiveAreas(
         LWIR,
@@ -40,7 +38,7 @@ def target(air):
 
 
 def grey_air(last_m=10_000.0):
-    """The same optical depth per metre at all wavelengths, at AIR kelvin."""
+    """Air with the same optical depth per metre at all wavelengths, at AIR kelvin."""
     x, ranges = np.linspace(7.9, 12.1, 1001), np.array([100.0, last_m])
     transmittance = np.exp(-DEPTH * ranges)[:, None] * np.ones(len(x))
     return Atmosphere(
@@ -49,8 +47,9 @@ def grey_air(last_m=10_000.0):
 
 
 def contrast(r):
-    """What grey_air leaves of the target's contrast: positive near, then negative, as the air is
-    colder than the sky.
+    """Contrast of the target through grey_air, W m^-2.
+
+    It is positive at short range. Beyond, it is negative, because the air is colder than the sky.
     """
     tau = np.exp(-DEPTH * r)
     return (tau * L[HOT] + (1 - tau) * L[AIR] - L[SKY]) * AREA / r**2
@@ -59,20 +58,20 @@ def contrast(r):
 @pytest.mark.parametrize("nei, optics", [(1e-7, 1.0), (1e-9, 0.5)])
 def test_vacuum(nei, optics):
     air = atmosphere("vacuum")
-    found = detection_range(target(air), Detector(LWIR, optics, nei=nei, snr=7), air, 2.0)
+    result = detection_range(target(air), Detector(LWIR, optics, nei=nei, snr=7), air, 2.0)
     expected = np.sqrt(optics * (L[HOT] - L[SKY]) * AREA / (7 * nei))
     assert (
-        found.intervals_m == [(2.0, pytest.approx(expected, rel=1e-6))]
-        and found.largest_m == found.intervals_m[0][1]
+        result.intervals_m == [(2.0, pytest.approx(expected, rel=1e-6))]
+        and result.largest_m == result.intervals_m[0][1]
     )
     assert (
-        found.standard_error_m == pytest.approx(expected * ERROR / AREA / 2, rel=1e-6)
-        and not found.at_least
+        result.standard_error_m == pytest.approx(expected * ERROR / AREA / 2, rel=1e-6)
+        and not result.at_least
     )
 
 
 def test_several():
-    """Detected as hot, lost where the signs cancel, detected as cold, lost in the distance."""
+    """The target is detected as hot and, farther away, as cold; in between its contrast is 0."""
     zero = brentq(contrast, 100, 5000)
     largest = np.abs(contrast(np.linspace(zero, 9000, 10_000))).max()
     nei = 0.3 * largest / 10
@@ -81,23 +80,24 @@ def test_several():
         zero + (9000 - zero) * np.argmax(np.abs(contrast(np.linspace(zero, 9000, 10_000)))) / 9999
     )
     air = grey_air()
-    found = detection_range(target(air), Detector(LWIR, nei=nei), air, 5.0)
+    result = detection_range(target(air), Detector(LWIR, nei=nei), air, 5.0)
     assert [
         pytest.approx(interval, rel=1e-4)
         for interval in ((5.0, edge(1, 100, zero)), (edge(-1, zero, turn), edge(-1, turn, 9999)))
-    ] == found.intervals_m
-    end, step = found.largest_m, 1e-3
+    ] == result.intervals_m
+    end, step = result.largest_m, 1e-3
     slope = (contrast(end + step) - contrast(end - step)) / 2 / step
     assert (
-        found.standard_error_m
+        result.standard_error_m
         == pytest.approx(abs(contrast(end)) * ERROR / AREA / abs(slope), rel=1e-3)
-        and not found.at_least
+        and not result.at_least
     )
 
 
 def test_a_gap_narrower_than_a_step():
-    """Where the signal changes its sign it is below any threshold: both edges are found, 0.01 % of
-    the range apart.
+    """The search finds the gap around the range at which the signal changes its sign.
+
+    The edges of the gap are 0.01 % of the range apart.
     """
     zero = brentq(contrast, 100, 5000)
     slope = (contrast(zero + 1e-3) - contrast(zero - 1e-3)) / 2e-3
@@ -111,19 +111,21 @@ def test_a_gap_narrower_than_a_step():
 
 def test_none():
     for air in (atmosphere("vacuum"), grey_air()):
-        found = detection_range(target(air), Detector(LWIR, nei=1e3), air, 5.0)
+        result = detection_range(target(air), Detector(LWIR, nei=1e3), air, 5.0)
         assert (
-            found.intervals_m == []
-            and found.largest_m is found.standard_error_m is None
-            and not found.at_least
+            result.intervals_m == []
+            and result.largest_m is result.standard_error_m is None
+            and not result.at_least
         )
 
 
 def test_the_table_ends_first():
     air = grey_air(300.0)
-    found = detection_range(target(air), Detector(LWIR, nei=1e-12), air, 5.0)
-    assert found.intervals_m == [(5.0, 300.0)] and found.at_least and found.standard_error_m is None
-    assert found.as_dict() == {
+    result = detection_range(target(air), Detector(LWIR, nei=1e-12), air, 5.0)
+    assert (
+        result.intervals_m == [(5.0, 300.0)] and result.at_least and result.standard_error_m is None
+    )
+    assert result.as_dict() == {
         "largest_m": 300.0,
         "intervals_m": [(5.0, 300.0)],
         "standard_error_m": None,

@@ -1,4 +1,4 @@
-"""A scenario's TOML: what it may hold, how it is changed, and every mistake in one line."""
+"""Tests of scenarios: their defaults, changes by key, and the message for each mistake."""
 
 import numpy as np
 import pytest
@@ -19,24 +19,24 @@ def written(tmp_path):
 
 
 def test_defaults(written, tmp_path):
-    found = Scenario.read(written(TOML))
-    assert (found.name, found.title, found.target.scene) == (
+    scenario = Scenario.read(written(TOML))
+    assert (scenario.name, scenario.title, scenario.target.scene) == (
         "my",
         "A disc.",
         str(tmp_path / "disc.xml"),
     )
     assert (
-        found.render.max_bounces,
-        found.render.resolution,
-        found.render.spp,
-        found.render.seed,
+        scenario.render.max_bounces,
+        scenario.render.resolution,
+        scenario.render.spp,
+        scenario.render.seed,
     ) == ((), 256, 64, 0)
     assert (
-        found.atmosphere.table == "vacuum"
-        and found.observer.range_m == 1000.0
-        and found.scene_parameters() == {}
+        scenario.atmosphere.table == "vacuum"
+        and scenario.observer.range_m == 1000.0
+        and scenario.scene_parameters() == {}
     )
-    assert found.sensor.detector().snr == 10 and found.sensor.detector().nei is None
+    assert scenario.sensor.detector().snr == 10 and scenario.sensor.detector().nei is None
 
 
 def test_files_lie_beside_the_scenario_and_those_of_changes_beside_the_caller(
@@ -51,23 +51,24 @@ def test_files_lie_beside_the_scenario_and_those_of_changes_beside_the_caller(
         TOML.replace('"vacuum"', '"tape7"').replace(
             'band = "MWIR"', 'band = "MWIR"\nresponse = "r.csv"'
         )
-        + '[target.parameters]\nfinish = "skin.json"\nsky = "midlat_summer_clear"\nflag = true\ncount = 3\n'
+        + '[target.parameters]\nfinish = "skin.json"\nsky = "midlat_summer_clear"\nflag = '
+        "true\ncount = 3\n"
     )
-    found = Scenario.read(written(text), **{"background.sky": "here.csv"})
-    assert found.atmosphere.table == str(tmp_path / "tape7") and found.sensor.response == str(
+    scenario = Scenario.read(written(text), **{"background.sky": "here.csv"})
+    assert scenario.atmosphere.table == str(tmp_path / "tape7") and scenario.sensor.response == str(
         tmp_path / "r.csv"
     )
-    assert found.scene_parameters() == {
+    assert scenario.scene_parameters() == {
         "finish": str(tmp_path / "skin.json"),
         "sky": "midlat_summer_clear",
         "flag": "true",
         "count": "3",
     }
-    assert found.background.sky == "here.csv" and found.background.temperature is None
+    assert scenario.background.sky == "here.csv" and scenario.background.temperature is None
 
 
 def test_position_and_pose(written):
-    found = Scenario.read(
+    scenario = Scenario.read(
         written(TOML),
         **{
             "observer.position_m": "[-1000, 500, -50]",
@@ -75,15 +76,15 @@ def test_position_and_pose(written):
             "target.parameters.finish": "copper",
         },
     )
-    assert found.observer.range_m == pytest.approx(np.sqrt(1000**2 + 500**2 + 50**2))
-    assert (found.observer.azimuth_deg, found.observer.elevation_deg) == pytest.approx(
+    assert scenario.observer.range_m == pytest.approx(np.sqrt(1000**2 + 500**2 + 50**2))
+    assert (scenario.observer.azimuth_deg, scenario.observer.elevation_deg) == pytest.approx(
         (153.434949, -2.560639)
     )
-    assert found.scene_parameters() == {"finish": "copper", "pitch_deg": "10.0"}
+    assert scenario.scene_parameters() == {"finish": "copper", "pitch_deg": "10.0"}
 
 
 def test_changes_are_toml_or_text(written):
-    found = Scenario.read(
+    scenario = Scenario.read(
         written(TOML),
         **{
             "sensor.band": "LWIR",
@@ -93,10 +94,10 @@ def test_changes_are_toml_or_text(written):
         },
     )
     assert (
-        found.sensor.band,
-        found.render.max_bounces,
-        found.sensor.nei,
-        found.atmosphere.extrapolate,
+        scenario.sensor.band,
+        scenario.render.max_bounces,
+        scenario.sensor.nei,
+        scenario.atmosphere.extrapolate,
     ) == ("LWIR", (1, 4), 1e-6, True)
     assert Scenario.read(
         written(TOML), **{"sensor.band": "3-5", "render.max_bounces": 2}
@@ -216,9 +217,9 @@ def test_bundled():
         and scenes.scenarios("cavity") == []
     )
     for name in scenes.scenarios():
-        found = Scenario.read(name)
+        scenario = Scenario.read(name)
         assert (
-            found.name == name
-            and found.title == scenes.scenario_title(name)
-            and found.target.scene == name.partition("/")[0]
+            scenario.name == name
+            and scenario.title == scenes.scenario_title(name)
+            and scenario.target.scene == name.partition("/")[0]
         )

@@ -1,5 +1,6 @@
-"""Sandford-Robertson in plain NumPy, written from the thesis (Eqs 2.14-2.26): what tests compare
-with.
+"""The Sandford-Robertson model in plain NumPy, as a reference for tests.
+
+It is written from the thesis (Eqs 2.14-2.26) and shares no code with the project.
 """
 
 import numpy as np
@@ -11,8 +12,10 @@ def G(b):
 
 
 def brdf(theta_i, theta_r, epsilon, rho_d, b, e, form="thesis", azimuth=0.0):
-    """f_r [1/sr] for 0 < b < 1. azimuth [radians] from the plane of incidence; in it theta_r > 0 is
-    the specular side.
+    """BRDF [1/sr] for 0 < b < 1.
+
+    azimuth: angle between r and the plane of incidence [radians]. In this plane, theta_r > 0 is the
+    specular side.
     """
     g_i, g_r = (1 / (1 + b * b * np.tan(theta) ** 2) for theta in (theta_i, theta_r))
     x = np.sin(theta_i) - np.sin(theta_r) * np.cos(azimuth)

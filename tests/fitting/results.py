@@ -1,4 +1,4 @@
-"""A fit with made-up numbers, for the tests of what is done with one."""
+"""An invented result of a fit, for tests of the report and the plots."""
 
 from itertools import cycle
 
@@ -8,7 +8,7 @@ from mi_lcair.fitting.estimation import Fit
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
 from mi_lcair.physics.reflection import MODELS
 
-PARAMETERS = {"epsilon": 0.1 + 0.2, "rho_d": 1 / 3, "b": 0.05, "e": 0.1}  # two with 17 digits
+PARAMETERS = {"epsilon": 0.1 + 0.2, "rho_d": 1 / 3, "b": 0.05, "e": 0.1}  # two have 17 digits
 VERDICTS = (
     "not determined by these data: anything in 0..0.5 fits; measure it and give --emissivity",
     "determined",
@@ -54,8 +54,10 @@ def fit_of(
     seconds=1.25,
     **settings,
 ):
-    """Has the signature of `fit`; leaves out the points beyond 80 degrees. Parameters of models
-    other than the first lie in the middle of their cube.
+    """An invented `Fit`, with the signature of `fit`.
+
+    Points beyond 80 degrees are left out. The parameters of models other than the first are those
+    in the middle of their cube.
     """
     first = next(iter(MODELS))
     model = MODELS[first if model == "auto" else model]

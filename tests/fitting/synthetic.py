@@ -1,4 +1,4 @@
-"""Measurements with a known answer, made with the NumPy model."""
+"""Synthetic measurements of surfaces with known parameters."""
 
 from functools import partial
 
@@ -10,7 +10,7 @@ from mi_lcair.fitting.scatterometer.measurements import Measurements
 from mi_lcair.physics.reflection import MODELS
 from tests.fitting.numpy_model import brdf
 
-MODEL = MODELS["sandford_robertson"]  # of the NumPy model
+MODEL = MODELS["sandford_robertson"]  # the model that `numpy_model` computes
 NAMES = MODEL.names
 fit = partial(fitting.fit, model=MODEL.name)
 
@@ -21,14 +21,15 @@ THESIS_SETS = {
     "gloss black MWIR": (0.890, 0.001, 0.160, 0.005),
     "gloss black LWIR": (0.880, 0.00075, 0.160, 0.005),
 }
-ROUGH = (0.30, 0.20, 0.40, 0.25)  # a broad lobe over a strong floor: all four parameters show
+ROUGH = (0.30, 0.20, 0.40, 0.25)  # a broad lobe and a strong floor determine all parameters
 
 
 def scan(
     parameters, incidence=(20, 40, 60), step=0.5, form="thesis", noise=0.0, seed=0
 ) -> Measurements:
-    """In-plane scans to +-80 degrees at each incidence [degrees]; noise: relative, one standard
-    deviation.
+    """In-plane scans to +-80 degrees at each angle of incidence [degrees].
+
+    noise: relative standard deviation of the BRDFs.
     """
     theta_i, theta_r = (
         np.radians(angles.ravel())
@@ -42,7 +43,7 @@ def scan(
 
 
 def scan_of(model, parameters, incidence=(20, 40, 60), step=2, noise=0.0, seed=0) -> Measurements:
-    """As `scan`, of any reflection model, in its first form, made with its own f."""
+    """As `scan`, for any reflection model in its first form, computed with the model's own f."""
     theta_i, theta_r = (
         np.radians(angles.ravel())
         for angles in np.meshgrid(
@@ -58,7 +59,7 @@ def scan_of(model, parameters, incidence=(20, 40, 60), step=2, noise=0.0, seed=0
 
 
 def without(measurements: Measurements, gone) -> Measurements:
-    """The measurements without the points of the mask `gone`."""
+    """The measurements without the points in the mask `gone`."""
     return Measurements(
         measurements.theta_i[~gone],
         measurements.theta_r[~gone],
@@ -72,8 +73,9 @@ def relative_errors(fit, parameters) -> np.ndarray:
 
 
 def disc_average(theta_i, theta_r, parameters, half_angle, cells=501) -> np.ndarray:
-    """The BRDF averaged over a source disc, weighted by its cosine, as a sum over small square
-    cells.
+    """The BRDF averaged over the disc of the source and weighted by the cosine.
+
+    It is a sum over small square cells.
     """
     edge = half_angle * (2 * (np.arange(cells) + 0.5) / cells - 1)
     x, y = (side.ravel() for side in np.meshgrid(edge, edge))

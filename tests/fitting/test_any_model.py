@@ -1,4 +1,4 @@
-"""The fit over every reflection model: known answers, error bars, and the choice among models."""
+"""Fits of every reflection model: known parameters, error bars, and the choice among models."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from mi_lcair.reports.fit_plot import directional
 from tests.fitting.results import fit_of, measurements
 from tests.fitting.synthetic import ROUGH, relative_errors, scan_of
 
-# for each model surfaces of which an in-plane scan shows every parameter
+# Surfaces of each model for which an in-plane scan determines every parameter.
 KNOWN = {
     "sandford_robertson": {"rough": ROUGH},
     "microfacet": {
@@ -25,6 +25,7 @@ KNOWN = {
 SURFACES = [(name, surface) for name, surfaces in KNOWN.items() for surface in surfaces]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name, surface", SURFACES)
 def test_noise_free_data_give_the_parameters_back(name, surface):
     parameters = KNOWN[name][surface]
@@ -33,10 +34,12 @@ def test_noise_free_data_give_the_parameters_back(name, surface):
     assert result.converged and result.rms_dex < 1e-9 and result.model == name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name, surface", SURFACES)
 def test_intervals_hold_the_true_values(name, surface):
-    """12 repetitions with 5 % noise: 95 % intervals miss a true value rarely. The long version is
-    `python -m docs.studies.fit coverage`.
+    """Most 95 % intervals contain the true value, in 12 repetitions with 5 % noise.
+
+    A longer version of this test is `python -m docs.studies.fit coverage`.
     """
     parameters, inside = KNOWN[name][surface], []
     for seed in range(12):
@@ -48,6 +51,7 @@ def test_intervals_hold_the_true_values(name, surface):
     assert np.mean(inside) > 0.87
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name, surface", SURFACES)
 def test_auto_takes_the_model_that_made_the_data(name, surface):
     data = scan_of(MODELS[name], KNOWN[name][surface], noise=0.05)
@@ -61,16 +65,18 @@ def test_auto_takes_the_model_that_made_the_data(name, surface):
     )
 
 
+@pytest.mark.slow
 def test_auto_takes_a_restriction_of_the_model_that_made_the_data():
-    """A dielectric: k = 0."""
+    """Data of a dielectric lead to the restriction k = 0."""
     data = scan_of(MODELS["microfacet"], (0.2, 1.6, 1.5, 0.0, 0.05), noise=0.05)
     result = fit(data, starts=8)
     assert result.model == "microfacet" and result.parameters["k"] == 0
     assert result.restriction == "k = 0" and "at its bound 0" in result.verdict["k"]
 
 
+@pytest.mark.slow
 def test_a_parameter_that_a_restriction_holds_has_an_error_all_the_same():
-    """gamma = 2 lies inside its range; its interval says what the data allow."""
+    """gamma = 2 lies inside gamma's range. The interval is the range that the data allow."""
     data = scan_of(MODELS["microfacet"], (0.2, 2.0, 1.5, 0.4, 0.05), noise=0.05)
     result = fit(data, starts=8)
     assert result.restriction == "gamma = 2" and result.parameters["gamma"] == pytest.approx(2)
@@ -78,8 +84,9 @@ def test_a_parameter_that_a_restriction_holds_has_an_error_all_the_same():
     assert low < 2 < high and result.standard_error["gamma"] == pytest.approx((high - low) / 2)
 
 
+@pytest.mark.slow
 def test_a_lobe_below_the_resolution_has_an_upper_limit_in_any_model():
-    """A weak narrow lobe seen through a source of 0.9 degrees."""
+    """A weak narrow lobe is measured with a source of 0.9 degrees angular radius."""
     model, half_angle = MODELS["microfacet"], np.radians(0.909)
     data = scan_of(model, (0.2, 2.0, 1.5, 0.0, 0.6))
     instrument = Scatterometer(model, "standard", data.theta_i, data.theta_r, half_angle)
@@ -90,8 +97,9 @@ def test_a_lobe_below_the_resolution_has_an_upper_limit_in_any_model():
     assert result.verdict["alpha"].startswith("not determined by these data: any lobe narrower")
 
 
+@pytest.mark.slow
 def test_a_measured_emissivity_is_followed_by_any_model():
-    """One incidence leaves n and k open; with the emissivity the fit meets it."""
+    """One angle of incidence does not determine n and k. A fit with the emissivity describes it."""
     model, parameters = MODELS["microfacet"], (0.1, 1.5, 3.0, 5.0, 0.05)
     data = scan_of(model, parameters, incidence=(30,), step=4, noise=0.05)
     theta = np.radians([15.0, 45.0, 70.0])
@@ -131,6 +139,7 @@ def test_models_with_more_parameters_than_points_are_left_out():
         fit(data, starts=2, model="microfacet")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [0.0005, 0.25])
 def test_aperture_is_the_average_over_the_sources_disc(width):
     model, half_angle, cells = MODELS["microfacet"], np.radians(0.909), 501

@@ -1,4 +1,4 @@
-"""The descent on problems whose minimum is known without it."""
+"""Descents on problems with an independently known minimum."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ STARTS = np.random.default_rng(1).uniform(0.05, 0.95, (16, 4))
 
 
 class Linear:
-    """rows = A u - y."""
+    """Linear residuals, rows = A u - y."""
 
     unit = 1.0
 
@@ -22,7 +22,7 @@ class Linear:
 
 
 class Banana(Linear):
-    """Rosenbrock's valley twice over, minimum at (0.7, 0.49, 0.2, 0.04)."""
+    """Two copies of Rosenbrock's function, with the minimum at (0.7, 0.49, 0.2, 0.04)."""
 
     def __init__(self):
         pass
@@ -37,8 +37,9 @@ class Banana(Linear):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_minimum_in_the_cube_is_that_of_an_exact_solver(seed):
-    """Random least squares with a solution outside the cube: which faces it lies on must be found,
-    from every start.
+    """Descents from every start find the faces of the cube on which the minimum lies.
+
+    The problems are random least squares whose free solution lies outside the cube.
     """
     rng = np.random.default_rng(seed)
     A = rng.standard_normal((12, 4))

@@ -1,6 +1,4 @@
-"""The fit as a whole: known answers, real surfaces, the choice of model, and settings that make no
-sense.
-"""
+"""`fit` on known and on real surfaces, its choice of model, and its check of settings."""
 
 from pathlib import Path
 
@@ -18,6 +16,7 @@ SURFACES = Path(__file__).parents[2].parent / "shared" / "data" / "mwir_brdf"
 real_data = pytest.mark.skipif(not SURFACES.is_dir(), reason="the measured surfaces are not here")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", THESIS_SETS)
 def test_noise_free_data_give_the_parameters_back(name):
     parameters = THESIS_SETS[name]
@@ -34,6 +33,7 @@ def test_the_same_seed_gives_the_same_bits():
     assert first.gradient_norm == again.gradient_norm
 
 
+@pytest.mark.slow
 @real_data
 @pytest.mark.parametrize(
     "name, thesis, normalized",
@@ -47,7 +47,7 @@ def test_the_same_seed_gives_the_same_bits():
     ],
 )
 def test_real_surfaces_as_well_as_a_global_search(name, thesis, normalized):
-    """The numbers are what an independent global optimization of the same residuals found."""
+    """The expected rms deviations come from an independent global optimization of the residuals."""
     data = read(SURFACES / f"{name}.csv")
     for form, rms in (("thesis", thesis), ("normalized", normalized)):
         result = fit(data, form=form, starts=6, source_half_angle_deg=0)
@@ -55,9 +55,13 @@ def test_real_surfaces_as_well_as_a_global_search(name, thesis, normalized):
         MODEL.check_feasible(*result.parameters.values(), form=form)
 
 
+@pytest.mark.slow
 @real_data
 def test_an_emissivity_beside_the_brdf_is_followed():
-    """Sandblasted aluminium: its BRDF alone misses the measured emissivity, both together hold it."""
+    """A fit of BRDF and emissivity describes both; a fit of the BRDF alone misses the emissivity.
+
+    The surface is sandblasted aluminium.
+    """
     data = read(SURFACES / "aluminium_sandblasted.csv")
     table = read_directional(SURFACES / "aluminium_sandblasted_emissivity.csv", "emissivity")
     alone, both = (
@@ -75,9 +79,11 @@ def test_an_emissivity_beside_the_brdf_is_followed():
     )
 
 
+@pytest.mark.slow
 def test_a_dhr_is_fitted_at_the_sources_angle():
-    """Tables of emissivity and DHR of one surface hold different angles' worth: SR is not
-    reciprocal.
+    """A DHR is fitted at the angle of the source, and an emissivity at that of the observer.
+
+    The model is not reciprocal, so that this makes a difference.
     """
     theta, u = np.radians([20.0, 50.0, 70.0]), MODEL.to_cube([ROUGH])
     data = scan(ROUGH, step=4, noise=0.05)
@@ -100,6 +106,7 @@ def test_a_dhr_is_fitted_at_the_sources_angle():
     assert result.emissivity_rms is None and list(result.settings["joint"]) == ["dhr"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["thesis", "normalized"])
 def test_auto_takes_the_form_that_made_the_data(form):
     result = fit(scan(ROUGH, step=2, form=form, noise=0.05), starts=8)
@@ -107,8 +114,9 @@ def test_auto_takes_the_form_that_made_the_data(form):
 
 
 def test_auto_takes_no_more_than_the_data_need():
-    """No diffuse floor in the data: the model without it is chosen, and no other candidate is
-    better by much.
+    """Data without a diffuse floor lead to the restriction rho_d = 0.
+
+    No other candidate is significantly better.
     """
     result = fit(scan((0.3, 0.0, 0.4, 0.25), step=2, noise=0.05), starts=8)
     assert result.restriction == "rho_d = 0" and result.parameters["rho_d"] == 0
@@ -121,9 +129,7 @@ def test_auto_takes_no_more_than_the_data_need():
 
 
 def test_sigma_weighs_the_points():
-    """Two disagreeing scans of one surface: the one with the smaller standard deviation is
-    followed.
-    """
+    """Of two contradictory scans, the fit follows that with the smaller standard deviation."""
     good, bad = (
         scan(ROUGH, step=2, noise=0.02, seed=1),
         scan((0.6, 0.1, 0.3, 0.4), step=2, noise=0.02, seed=2),
@@ -175,13 +181,15 @@ def test_settings_out_of_range(settings, words):
         fit(scan(ROUGH, step=10), **settings)
 
 
+@pytest.mark.slow
 def test_progress_goes_on_to_its_total():
     data = scan(ROUGH, step=8, noise=0.05)
     table = DirectionalData(np.radians([30.0]), np.array([0.33]), np.array([0.02]))
+    # The steps are the search and the error bars. A fit with a table has two further searches.
     for joint, total in (
         ({}, 2),
         ({"emissivity": table}, 4),
-    ):  # models and error bars; twice with a table
+    ):
         calls = []
         fit(
             data,

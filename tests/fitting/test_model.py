@@ -1,4 +1,4 @@
-"""The instruments' readings against plain NumPy, and their derivatives against differences."""
+"""Predicted readings against plain NumPy, and their derivatives against differences."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def test_readings_are_the_thesis_formulas(form):
 
 
 def differences(model, u, step=1e-6):
-    """Derivatives of model(u) by u, by central differences."""
+    """Derivatives of model(u) with respect to u, by central differences."""
     ends = [[model(u + sign * step * axis)[0] for sign in (1, -1)] for axis in np.eye(4)]
     return np.stack([(high - low) / (2 * step) for high, low in ends], axis=-1)
 
@@ -45,8 +45,9 @@ def test_derivatives_are_those_of_the_readings(model):
 
 
 def test_emissivity_and_dhr_are_hemispherical_integrals():
-    """Both against a product rule over the hemisphere, for surfaces broad enough for it; they
-    differ: SR is not reciprocal.
+    """Emissivity and DHR agree with a product rule over the hemisphere, for broad lobes.
+
+    The two differ from each other because the model is not reciprocal.
     """
     x, weights = np.polynomial.legendre.leggauss(200)
     theta, phi = np.pi / 4 * (x + 1), np.pi * (x + 1)
@@ -64,6 +65,7 @@ def test_emissivity_and_dhr_are_hemispherical_integrals():
                     assert value == pytest.approx(1 - integral if reverse else integral, abs=2e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("e", [0.0005, 0.0042, 0.25])
 def test_aperture_is_the_average_over_the_sources_disc(e):
     surface = (0.11, 0.02, 0.05, e)
@@ -73,12 +75,11 @@ def test_aperture_is_the_average_over_the_sources_disc(e):
     half_angle = np.radians(0.909)
     f, _ = Scatterometer(MODEL, "thesis", theta_i, theta_r, half_angle)(MODEL.to_cube([surface]))
     expected = disc_average(theta_i, theta_r, surface, half_angle)
-    np.testing.assert_allclose(
-        f[0], expected, rtol=4e-3
-    )  # the ragged rim of the reference costs half of it
+    # Half of the tolerance is the error of the reference, whose square cells make a ragged rim.
+    np.testing.assert_allclose(f[0], expected, rtol=4e-3)
     point = numpy_model.brdf(theta_i, theta_r, *surface)
     if e < 0.01:
-        assert np.max(np.abs(expected / point - 1)) > 0.5  # the aperture matters here
+        assert np.max(np.abs(expected / point - 1)) > 0.5  # the aperture changes the BRDF much
 
 
 def test_an_aperture_of_nearly_nothing_changes_nothing():

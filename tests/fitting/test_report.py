@@ -1,4 +1,4 @@
-"""What a fit leaves behind: a JSON file that is a material, and a picture."""
+"""The report of a fit: a JSON file that is a material, and a picture."""
 
 import json
 
@@ -30,7 +30,7 @@ def result(data, **directional):
 
 def test_a_report_holds_what_is_known(tmp_path):
     report = written(tmp_path / "fit.json", result(measurements(), emissivity=emissivity()))
-    assert report["parameters"] == PARAMETERS  # to the last bit
+    assert report["parameters"] == PARAMETERS  # exactly
     assert (report["form"], report["restriction"], report["band"], report["name"]) == (
         "normalized",
         "b = 0",
@@ -73,9 +73,9 @@ def test_without_emissivity(tmp_path):
 def test_a_report_is_a_material(tmp_path):
     path = tmp_path / "fit.json"
     written(path, result(measurements()))
-    found = material(str(path), band("MWIR"))
-    assert found.values == tuple(PARAMETERS.values())
-    assert (found.form, found.band) == ("normalized", "3-5")
+    computed = material(str(path), band("MWIR"))
+    assert computed.values == tuple(PARAMETERS.values())
+    assert (computed.form, computed.band) == ("normalized", "3-5")
 
 
 def test_several_bands_are_one_material(tmp_path):
@@ -122,9 +122,7 @@ def axes():
 
 
 def test_lines_are_the_model_and_points_the_data(axes):
-    """The line at theta_i = 50 passes through the independent model's values; points left out are
-    hollow.
-    """
+    """Lines pass through the values of an independent model; points left out are hollow."""
     data = measurements()
     draw_brdf(*axes, data, fit_of(data))
     lines = {line.get_label(): line for line in axes[0].lines}
@@ -166,7 +164,7 @@ def test_residuals_are_decades_of_the_points_used(axes):
 
 
 def test_the_angle_that_was_swept_is_the_axis(axes):
-    """A fixed detector and a moving source: theta_i along the axis, a line for each theta_r."""
+    """With a fixed detector and a moving source, the axis is theta_i and each theta_r is a line."""
     data = measurements(theta_i=range(1, 80, 2), theta_r=(15, 45))
     draw_brdf(*axes, data, fit_of(data))
     assert {"15°", "45°"} <= {line.get_label() for line in axes[0].lines}
@@ -208,6 +206,7 @@ def test_the_table_says_what_the_fit_says(axes):
         assert words in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "results",
     [

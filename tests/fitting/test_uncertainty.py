@@ -1,4 +1,4 @@
-"""Error bars against scipy, against repetition, and on residuals that follow each other."""
+"""Error bars against scipy and against repeated fits, also for correlated residuals."""
 
 import numpy as np
 import pytest
@@ -26,14 +26,15 @@ def test_intervals_of_a_nearly_linear_problem_are_two_standard_errors_wide():
     result = fit(scan(ROUGH, step=1, noise=0.05, seed=5), form="thesis", starts=4)
     for name in NAMES:
         low, high = result.interval[name]
-        assert (high - low) / 2 == pytest.approx(
-            1.97 * result.standard_error[name], rel=0.05
-        )  # Student's t
+        # The factor is Student's t.
+        assert (high - low) / 2 == pytest.approx(1.97 * result.standard_error[name], rel=0.05)
 
 
+@pytest.mark.slow
 def test_true_values_lie_inside_two_standard_errors():
-    """20 repetitions x 4 parameters: 80 values, of which 95 % should; 99.9 % of binomial draws give
-    69 or more.
+    """About 95 % of 80 true values (20 repetitions, 4 parameters) lie inside two standard errors.
+
+    A binomial distribution gives 69 or more with a probability of 99.9 %.
     """
     inside = 0
     for seed in range(20):

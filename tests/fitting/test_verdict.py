@@ -1,4 +1,4 @@
-"""Data that leave something open, and the verdict that the user then reads."""
+"""Verdicts on data that do not determine all parameters."""
 
 import numpy as np
 import pytest
@@ -35,8 +35,9 @@ def test_good_data_determine_everything():
 
 
 def test_starts_far_away_are_brought_home():
-    """A lobe ten times narrower and wider than any start but few: the share that arrives is
-    reported, the best is taken.
+    """The best minimum is found even if its lobe differs by a factor of 10 from most starts.
+
+    The fit reports the share of starts that found it.
     """
     for parameters in (
         (0.1, 0.02, 0.05, 0.0008),
@@ -61,8 +62,10 @@ def test_one_incidence_leaves_a_metals_emissivity_weak():
 
 
 def test_without_the_peak_emissivity_is_not_known():
-    """The detector blocks the source within 4 degrees: of epsilon and e only a combination is left,
-    the lobe's skirt.
+    """Without points near the peak, epsilon is not determined.
+
+    The detector blocks the source within 4 degrees. The wings of the lobe determine only a
+    combination of epsilon and e.
     """
     data = scan(ALUMINUM, noise=0.05)
     result = fit(
@@ -109,7 +112,7 @@ def test_a_saturated_peak_is_left_out_and_emissivity_is_weak():
 
 
 def test_a_flat_surface_is_not_saturated():
-    """A perfectly diffuse surface has one value everywhere; none of it is dropped."""
+    """A perfectly diffuse surface has the same BRDF everywhere. No point is dropped."""
     data = scan(ROUGH, step=4)
     data.brdf[:] = 0.5 / np.pi
     result = fit(data, starts=8)
@@ -157,7 +160,7 @@ def test_robust_makes_outliers_harmless():
 
 
 def test_robust_costs_little_on_clean_data():
-    """The Cauchy loss at 2.385 standard deviations is 95 % efficient: error bars grow by 2.6 %."""
+    """The Cauchy loss is 95 % efficient: error bars grow by 2.6 % only."""
     data = scan(ROUGH, noise=0.05)
     plain, robust = (fit(data, form="thesis", starts=4, robust=robust) for robust in (False, True))
     ratio = np.array([robust.standard_error[name] / plain.standard_error[name] for name in NAMES])
@@ -165,8 +168,9 @@ def test_robust_costs_little_on_clean_data():
 
 
 def test_twenty_points():
-    """Enough for the rough surface; of the metal, floor and lobe are found, emissivity and b are
-    only bracketed.
+    """20 points determine the rough surface, and floor and lobe of the metal.
+
+    For the metal's emissivity and b they give intervals only.
     """
     chosen = np.ones(len(scan(ROUGH).brdf), bool)
     chosen[np.random.default_rng(0).choice(len(chosen), 20, replace=False)] = False
@@ -184,12 +188,13 @@ def test_twenty_points():
     assert "give --emissivity" in metal.verdict["epsilon"] and inside(metal, "epsilon", ALUMINUM[0])
 
 
+@pytest.mark.slow
 def test_a_lobe_far_below_the_instruments_resolution():
-    """A weak narrow lobe over a strong floor, seen through a source of 0.9 degrees: only an upper
-    limit of e is left.
+    """The fit of a lobe much narrower than the source gives an upper limit of e.
 
-    The data are made by the fit's own aperture, which has its test, since no grid of cells resolves
-    this lobe.
+    The lobe is weak, the floor is strong, and the source has an angular radius of 0.9 degrees. No
+    grid of cells resolves this lobe. The data are therefore computed with the fit's own average
+    over the source, which has its own test.
     """
     surface, half_angle = (0.1, 0.6, 0.3, 5e-5), np.radians(0.909)
     data = scan(surface, step=2)
@@ -203,9 +208,11 @@ def test_a_lobe_far_below_the_instruments_resolution():
     assert result.verdict["rho_d"] == "determined"
 
 
+@pytest.mark.slow
 def test_a_peak_as_wide_as_the_source_is_deconvolved():
-    """Fitted as if the source were a point, the lobe is too wide by a third; with its size, e comes
-    out right.
+    """With the size of the source, the fit finds e.
+
+    With a point source, its e is too large by a third.
     """
     half_angle = np.radians(0.909)
     data = scan(ALUMINUM, incidence=(30,), step=1)
@@ -220,7 +227,7 @@ def test_a_peak_as_wide_as_the_source_is_deconvolved():
 
 
 def test_a_material_that_the_model_misses():
-    """Ripples and a Gaussian lobe: nothing is determined, however small the formal error."""
+    """For data with ripples and a Gaussian lobe, the fit calls no parameter determined."""
     data = scan(ROUGH, noise=0.05)
     data.brdf = 0.3 * np.exp(-(((data.theta_r - data.theta_i) / 0.3) ** 2)) + 0.01 * (
         1 + 0.8 * np.sin(8 * data.theta_r)
@@ -234,7 +241,7 @@ def test_a_material_that_the_model_misses():
 
 
 def test_nothing_but_a_floor():
-    """No lobe to see: e has no effect and is not determined; standard errors stay finite."""
+    """Without a lobe, e has no effect and is not determined. Standard errors stay finite."""
     data = scan((0.5, 0.4999, 0.0001, 0.5), step=4, noise=0.05)
     result = fit(data, form="thesis", starts=8)
     assert result.verdict["e"].startswith("not determined by these data")

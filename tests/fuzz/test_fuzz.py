@@ -8,6 +8,7 @@ from tests.fuzz.mutants import Worker, campaign
 MUTANTS = 120  # of each kind
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
 def test_mutants(kind, tmp_path):
     """Every mutant ends well, and enough of them are refused for the fuzzer to have damaged any."""

@@ -26,14 +26,14 @@ def obj(points, faces, label="f*bareAl*300*"):
     return "".join(
         [
             f"o {label}\n" if label else "o Cube\n",
-            *("v %.9g %.9g %.9g\n" % tuple(point) for point in points),
+            *("v {:.9g} {:.9g} {:.9g}\n".format(*point) for point in points),
             *("f " + " ".join(str(index - len(points)) for index in face) + "\n" for face in faces),
         ]
     )
 
 
 def cube(at=(0, 0, 0), size=1, flip=(), without=(), again=(), label="f*bareAl*300*"):
-    """A box; `flip`, `without` and `again` are sides that face inward, are missing and exist twice."""
+    """A box; the sides `flip` face inward, `without` are missing, `again` exist twice."""
     points = [[a + size * x for a, x in zip(at, corner)] for corner in CORNERS]
     sides = [side[::-1] if number in flip else side for number, side in enumerate(SIDES)]
     chosen = [number for number in range(6) if number not in without] + list(again)

@@ -1,4 +1,4 @@
-"""Triangulation: areas and outlines of polygons that are known, whatever their shape and position."""
+"""Triangulation: known areas and outlines of polygons of many shapes and positions."""
 
 import time
 
@@ -106,7 +106,7 @@ def shoelace(points):
 
 @pytest.mark.parametrize("name", GOOD)
 def test_area_and_facing(name):
-    """Every triangle faces the polygon's way and their areas add up to its own: they cover it once."""
+    """All triangles face as the polygon does, and their areas add up to its area."""
     plane, area = GOOD[name]
     for turn in range(0, len(plane), 1 + len(plane) // 6):
         points = placed(plane, turn)

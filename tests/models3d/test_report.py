@@ -255,7 +255,7 @@ def test_numbers_are_strict_json(found):
     } <= set(json.loads(text))
 
 
-# ------------------------------------------------------------------- labels, temperatures, materials
+# --------------------------------------------------------------- labels, temperatures, materials
 
 
 def test_every_facet_has_its_label(load):
@@ -397,7 +397,8 @@ def test_temperature_files_that_cannot_be_read(load, tmp_path):
         (
             cube() + obj([(0, 0, 0), (1, 1, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2, 3)] * 3),
             {},
-            "line 21: the face crosses itself or folds back on itself (2 more do); split it into simple polygons",
+            "line 21: the face crosses itself or folds back on itself (2 more do); "
+            "split it into simple polygons",
         ),
     ],
 )

@@ -1,6 +1,4 @@
-"""Atmospheres: the bundled tables against the values that came with them, and interpolation against
-closed forms.
-"""
+"""Atmospheres: bundled tables against their stated values, interpolation against closed forms."""
 
 import csv
 
@@ -15,7 +13,7 @@ from mi_lcair.physics.spectral_table import spectral_table
 from mi_lcair.physics.spectrum import BUNDLED, spectrum
 
 BANDS = {"3-5": "MWIR", "8-12": "LWIR"}
-AIR = {"midlat_summer": 293.975, "us_standard": 287.875}  # K, along the paths of the bundled tables
+AIR = {"midlat_summer": 293.975, "us_standard": 287.875}  # K, on the bundled paths
 HEADER = "range_km,wavelength_um,transmittance,path_radiance_W_m2_sr_um\n"
 
 
@@ -27,7 +25,7 @@ def summary(kind):
 
 
 def grey(ranges_m=(1000.0, 3000.0), per_m=(1e-3, 2e-4), temperature=290.0):
-    """Homogeneous air of two extinctions, one for each of two wavelengths."""
+    """Homogeneous air with two wavelengths and an extinction coefficient for each."""
     wavelengths = np.array([4.0, 4.05])
     transmittance = np.exp(-np.outer(ranges_m, per_m))
     return Atmosphere(
@@ -40,7 +38,7 @@ def grey(ranges_m=(1000.0, 3000.0), per_m=(1e-3, 2e-4), temperature=290.0):
 
 
 def test_bundled_paths_have_their_stated_values():
-    """To the digits that the summary prints: transmittance and radiance of every path."""
+    """Transmittance and radiance of every path agree with all digits of the tables' summary."""
     rows = summary("path")
     assert {row["atmosphere"] for row in rows} | {"vacuum"} == set(atmosphere_names()) and len(
         rows
@@ -83,8 +81,9 @@ def test_bundled_skies_have_their_stated_transmittance():
     ],
 )
 def test_the_checks_of_the_tables_readme(name, air, sea_level, clear, stratus):
-    """Sky at 0.5 degrees over the blackbody of the air at the observer and at sea level, at 4.301
-    um and in 8-12 um.
+    """The sky at 0.5 degrees relative to blackbodies of the air at the observer and at sea level.
+
+    The checks are at 4.301 um and in 8-12 um.
     """
 
     def ratios(sky, temperatures):
@@ -101,8 +100,9 @@ def test_the_checks_of_the_tables_readme(name, air, sea_level, clear, stratus):
 @pytest.mark.parametrize("name", AIR)
 @pytest.mark.parametrize("length", [3, 100, 250, 700, 4000])
 def test_bundled_air_is_a_blackbody_where_it_is_opaque(name, length):
-    """Path radiance (1 - transmittance) B(air) to the 0.03 % that the tables state, at tabulated
-    ranges and between them.
+    """The path radiance is (1 - transmittance) B(air), to the 0.03 % that the tables state.
+
+    This holds at the tabulated ranges and between them.
     """
     path = atmosphere(name).path(length)
     expected = (1 - path.transmittance) * spectral_radiance(path.wavelengths_um, AIR[name])
@@ -111,7 +111,7 @@ def test_bundled_air_is_a_blackbody_where_it_is_opaque(name, length):
 
 @pytest.mark.parametrize("length", [1e-3, 10, 999, 1000, 2345, 3000])
 def test_homogeneous_air_is_exact_at_every_range(length):
-    """Bouguer's law, from two tabulated ranges."""
+    """Two tabulated ranges reproduce Bouguer's law."""
     transmittance, radiance = grey().path(length).at([4.0, 4.05])
     np.testing.assert_allclose(transmittance, np.exp(-length * np.array([1e-3, 2e-4])), rtol=1e-12)
     np.testing.assert_allclose(
@@ -122,8 +122,10 @@ def test_homogeneous_air_is_exact_at_every_range(length):
 
 
 def test_between_ranges_optical_depth_is_a_power_and_source_linear():
-    """At the geometric middle of two ranges the geometric mean of the optical depths .3 and .9; the
-    source by distance between 3 and 5.
+    """Between ranges, the optical depth is a power of range and the source function is linear.
+
+    The geometric mean of two ranges has the geometric mean of the optical depths 0.3 and 0.9. The
+    source function there lies between 3 and 5, in proportion to range.
     """
     depths = np.array([[0.3] * 2, [0.9] * 2])
     air = Atmosphere(
@@ -141,8 +143,10 @@ def test_between_ranges_optical_depth_is_a_power_and_source_linear():
 @pytest.mark.parametrize("name", AIR)
 @pytest.mark.parametrize("left_out", [1, 2, 3])
 def test_a_range_that_is_left_out_of_the_bundled_tables(name, left_out):
-    """Predicted from the ranges about it: in-band transmittance within .7 % of itself, and in MWIR
-    half the error of a depth linear in range.
+    """A tabulated range that is left out is predicted from its neighbours.
+
+    The relative error of the in-band transmittance is below 0.7 %. In MWIR it is half the error of
+    an optical depth that is linear in range.
     """
     air = atmosphere(name)
     kept = np.arange(len(air.ranges_m)) != left_out
@@ -169,8 +173,9 @@ def test_a_range_that_is_left_out_of_the_bundled_tables(name, left_out):
 
 @pytest.mark.parametrize("name", AIR)
 def test_short_ranges_of_the_bundled_tables(name):
-    """A quarter of a kilometre predicted from the longer ranges alone, within 1 %; and nothing is
-    lost at range 0.
+    """The path of 0.25 km is predicted from the longer ranges within 1 %.
+
+    The transmittance at range 0 is 1.
     """
     air = atmosphere(name)
     fewer = Atmosphere(
@@ -188,15 +193,17 @@ def test_a_tabulated_range_gives_the_table(name):
     air = atmosphere(name)
     for k, length in enumerate(air.ranges_m):
         path = air.path(length)
+        # The absolute tolerance is for opaque rows, whose transmittance is below the last digit.
         np.testing.assert_allclose(
             path.transmittance, air.transmittance[k], rtol=1e-12, atol=5.1e-7
-        )  # opaque rows: below the last digit
+        )
         np.testing.assert_allclose(path.radiance, air.path_radiance[k], rtol=1e-6)
 
 
 def test_opaque_rows_are_bounded_by_what_is_printed():
-    """0 stands for less than half the last of six digits, and for less than any transmittance that
-    was printed.
+    """A printed 0 is read as less than half the last of six digits.
+
+    It is also less than every transmittance in the table.
     """
     table = np.array([[0.5, 0.0, 1.0], [0.0, 0.0, 1.0]])
     air = Atmosphere("opaque", np.array([1.0, 2.0]), np.array([4.0, 4.1, 4.2]), table, 1 - table)
@@ -219,7 +226,7 @@ def test_opaque_rows_are_bounded_by_what_is_printed():
 
 
 def test_a_path_too_clear_to_tell_has_the_source_of_the_next_one():
-    """One digit of noise in 1 - transmittance would make the source 100 times too large."""
+    """A rounding error in 1 - transmittance would make the source function 100 times too large."""
     air = Atmosphere(
         "clear",
         np.array([10.0, 1000.0]),
@@ -233,8 +240,9 @@ def test_a_path_too_clear_to_tell_has_the_source_of_the_next_one():
 
 
 def test_beyond_the_last_range():
-    """Refused; when asked for, the last slope goes on, with a warning. A table that clears with
-    range stops doing so.
+    """A range beyond the last one is refused, or is extrapolated with a warning.
+
+    The transmittance does not rise beyond the last range.
     """
     with pytest.raises(InputError, match="range 4000 m is beyond its last one, 3000 m"):
         grey().path(4000)
@@ -282,8 +290,9 @@ def test_vacuum_changes_nothing():
 
 
 def test_bands_at_many_ranges(tmp_path):
-    """Against a fine trapezoid over each single path, with a response; more ranges than are treated
-    at once.
+    """In-band values at many ranges agree with a fine trapezoidal rule over each path.
+
+    The band has a response, and there are more ranges than are computed together.
     """
     response = tmp_path / "response.csv"
     response.write_text("wavelength_um,response\n3.4,0\n4.1,1\n4.8,0.3\n")
@@ -295,11 +304,11 @@ def test_bands_at_many_ranges(tmp_path):
     x = np.linspace(3.4, 4.8, 40001)
     for k in (0, 1100, 2499):
         transmittance, of_path = air.path(ranges[k]).at(x)
-        for found, spectrum_of in zip(
+        for computed, spectrum_of in zip(
             weighted[:, k], (spectral_radiance(x, 800), spectral_radiance(x, 250), np.ones_like(x))
         ):
             weight = window.response_at(x) * spectrum_of
-            assert found == pytest.approx(
+            assert computed == pytest.approx(
                 np.trapezoid(transmittance * weight, x) / np.trapezoid(weight, x), rel=5e-4
             )
         assert radiance[k] == pytest.approx(
@@ -308,7 +317,7 @@ def test_bands_at_many_ranges(tmp_path):
     assert air.transmittance_mean(window, ranges[1100]) == pytest.approx(
         weighted[2, 1100], rel=1e-12
     )
-    assert not weighted[0, 1100] == pytest.approx(weighted[1, 1100], rel=0.05)
+    assert weighted[0, 1100] != pytest.approx(weighted[1, 1100], rel=0.05)
 
 
 def test_what_a_table_does_not_cover():
@@ -326,7 +335,7 @@ def test_what_a_table_does_not_cover():
 
 
 def test_a_file_of_ones_own(tmp_path):
-    """Columns and ranges in any order."""
+    """A user's file may have its columns and ranges in any order."""
     path = tmp_path / "air"
     path.write_text(
         "# made by hand\ntransmittance,path_radiance_W_m2_sr_um,wavelength_um,humidity,range_km\n"

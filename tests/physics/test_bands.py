@@ -1,6 +1,4 @@
-"""Bands: what a specification means, how exact the quadrature is, and which specifications are
-refused.
-"""
+"""Bands: meaning of specifications, error of the quadrature, and refused specifications."""
 
 from pathlib import Path
 
@@ -17,8 +15,9 @@ C2 = 14387.768775039337  # um K, hc/k of CODATA 2018
 
 
 def planck_shape(m, wavelength, temperature, upper):
-    """Planck's law but for a constant factor that keeps it near 1 at `upper`, as mpmath's quad
-    wants it. m: NumPy or mpmath.
+    """Planck's law, scaled to be near 1 at the wavelength `upper`, as mpmath's quad requires.
+
+    m: the module whose functions are used, NumPy or mpmath.
     """
     exponent = C2 / temperature
     return (
@@ -29,7 +28,7 @@ def planck_shape(m, wavelength, temperature, upper):
 
 
 def by_rule(rule, temperature):
-    """The rule's sum over that shape."""
+    """The rule's sum over `planck_shape`."""
     return rule.weights_um @ planck_shape(np, rule.wavelengths_um, temperature, rule.upper_um)
 
 
@@ -52,8 +51,12 @@ def csv(folder, wavelengths, response, name="detector.csv"):
     ],
 )
 def test_a_specification_gives_name_limits_and_label(spec, name, limits, label):
-    found = band(spec)
-    assert (found.name, (found.lower_um, found.upper_um), found.label) == (name, limits, label)
+    computed = band(spec)
+    assert (computed.name, (computed.lower_um, computed.upper_um), computed.label) == (
+        name,
+        limits,
+        label,
+    )
 
 
 def test_a_band_passes_through_and_total_has_no_spectrum():
@@ -79,13 +82,13 @@ def test_nodes_lie_within_the_limits_and_weights_add_up_to_the_width(lower, rati
     np.testing.assert_allclose(rule.weights_um.sum(), rule.upper_um - rule.lower_um, rtol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spec", ["SWIR", "3.99-4.01", "0.4-14", "0.1-1000"])
 @pytest.mark.parametrize("temperature", [30, 6000])
 def test_limits_integrate_plancks_law(spec, temperature):
     rule = band(spec)
-    pieces = [
-        mpmath.mpf(x) for x in np.geomspace(rule.lower_um, rule.upper_um, 20)
-    ]  # narrow enough for mpmath's rule
+    # The intervals are narrow enough for mpmath's quadrature.
+    pieces = [mpmath.mpf(x) for x in np.geomspace(rule.lower_um, rule.upper_um, 20)]
     exact = mpmath.quad(
         lambda x: planck_shape(mpmath, x, temperature, rule.upper_um), pieces, maxdegree=5
     )
@@ -120,10 +123,11 @@ def test_a_response_of_many_rows_needs_no_more_nodes_than_a_smooth_band(tmp_path
         assert abs(by_rule(fine, temperature) / by_rule(coarse, temperature) - 1) < 1e-9
 
 
+@pytest.mark.slow
 def test_a_response_of_200_000_rows(tmp_path):
-    """Rows are taken together: one by one they took minutes."""
+    """Reading this file row by row would take minutes."""
     x = np.linspace(3, 5, 200_001)
-    values = np.abs(np.sin(40 * x))  # far from smooth
+    values = np.abs(np.sin(40 * x))  # a response that is not smooth
     rule = band(csv(tmp_path, x, values))
     assert len(rule.wavelengths_um) < 70
     for power in (0, 1, 4):
@@ -132,7 +136,7 @@ def test_a_response_of_200_000_rows(tmp_path):
 
 
 def test_steps_of_exactly_a_tenth_of_a_micrometre_leave_no_gap():
-    """0.1 um is the widest step; as Float64 numbers many such steps differ by a little more."""
+    """0.1 um is the widest accepted step; rounding to Float64 may make it a little wider."""
     x = np.array([round(3 + k / 10, 1) for k in range(21)])
     assert np.diff(x).max() > 0.1
     band("MWIR").check_covered(x, "table")

@@ -1,6 +1,4 @@
-"""Planck's law against independent sources: a table, mpmath, colour-science, and the law of Stefan
-and Boltzmann.
-"""
+"""Planck's law against a table, mpmath, colour-science and the Stefan-Boltzmann law."""
 
 import json
 import subprocess
@@ -27,9 +25,9 @@ SIGMA = 5.670374419e-8  # W m^-2 K^-4, CODATA 2018 as printed: 10 digits
 
 
 def exact(limits, temperature):
-    """In-band radiance by the series of the integral of Planck's law (Widger and Woodall 1976), in
-    mpmath: no quadrature.
+    """In-band radiance in mpmath, by a series and not by quadrature.
 
+    The series is that of the integral of Planck's law (Widger and Woodall 1976),
     int_x^inf t^3 / (e^t - 1) dt = sum_n e^(-n x) (x^3/n + 3 x^2/n^2 + 6 x/n^3 + 6/n^4), here as
     polylogarithms.
     """
@@ -86,9 +84,8 @@ def test_spectral_radiance_agrees_with_mpmath():
 
 def test_spectral_radiance_agrees_with_colour_science():
     with warnings.catch_warnings():
-        warnings.simplefilter(
-            "ignore"
-        )  # colour warns of the optional packages that it does not find
+        # colour warns if optional packages are missing.
+        warnings.simplefilter("ignore")
         from colour.colorimetry import planck_law
     wavelengths = np.linspace(1, 14, 50)
     for temperature in (250, 300, 800):
@@ -102,9 +99,8 @@ def test_total_is_the_law_of_stefan_and_boltzmann_and_the_limit_of_wide_bands():
     temperatures = np.array([500.0, 1000.0, 2000.0])
     total = in_band_radiance(band("total"), temperatures)
     np.testing.assert_allclose(total, SIGMA * temperatures**4 / np.pi, rtol=1e-10)
-    beyond = (
-        C1 / C2 * temperatures / (3 * 1000.0**3)
-    )  # Rayleigh and Jeans, from 1000 um on: 1e-6 and less of the whole
+    # Radiance beyond 1000 um by the law of Rayleigh and Jeans, at most 1e-6 of the total.
+    beyond = C1 / C2 * temperatures / (3 * 1000.0**3)
     np.testing.assert_allclose(
         in_band_radiance(band("0.1-1000"), temperatures) + beyond, total, rtol=2e-8
     )
@@ -119,11 +115,11 @@ def test_derivatives_agree_with_mpmath(name, mode):
     value = in_band_radiance(band(name), t)
     if mode == "forward":
         dr.set_grad(t, 1)
-        found = dr.forward_to(value)
+        computed = dr.forward_to(value)
     else:
         dr.backward(value)
-        found = dr.grad(t)
-    for temperature, derivative in zip(temperatures, found):
+        computed = dr.grad(t)
+    for temperature, derivative in zip(temperatures, computed):
         if name == "total":
             expected = 4 * SIGMA * temperature**3 / np.pi
         else:
@@ -144,14 +140,15 @@ def test_spectral_radiance_has_a_derivative():
 
 @pytest.mark.parametrize("name", [*NAMED, "total", "0.1-1000"])
 def test_float32_is_computed_in_float64(name):
-    """Float32's own rounding is 6e-8; 1e-30 is the floor below which only the absolute error
-    counts.
+    """The result is exact to Float32's rounding, 6e-8.
+
+    For values below 1e-30 only the absolute error is tested.
     """
     temperatures = np.geomspace(30, 6000, 500).astype(np.float32)
     expected = in_band_radiance(band(name), temperatures.astype(float))
-    found = in_band_radiance(band(name), Float(temperatures))
-    assert type(found) is Float
-    error, large = np.abs(found.numpy() - expected), expected >= 1e-30
+    computed = in_band_radiance(band(name), Float(temperatures))
+    assert type(computed) is Float
+    error, large = np.abs(computed.numpy() - expected), expected >= 1e-30
     assert np.all(error[large] <= 1e-7 * expected[large]) and np.all(error[~large] < 1e-30)
 
 
@@ -177,11 +174,11 @@ def test_value_and_derivative_are_finite_everywhere(Type, function):
 def test_numpy_gives_the_same_and_no_warning_at_the_edges():
     temperatures = [-10, 0, 1e-300, 1e-3, 5, 30, 6000, 1e6]
     for name in (*NAMED, "total", "0.1-1000"):
-        found = in_band_radiance(band(name), temperatures)
+        computed = in_band_radiance(band(name), temperatures)
         np.testing.assert_allclose(
-            found, in_band_radiance(band(name), Float64(temperatures)), rtol=1e-12, atol=1e-300
+            computed, in_band_radiance(band(name), Float64(temperatures)), rtol=1e-12, atol=1e-300
         )
-        assert np.all(found[:2] == 0)
+        assert np.all(computed[:2] == 0)
         for nan in (np.nan, Float(np.nan), Float(300, np.nan)):
             assert np.isnan(np.atleast_1d(in_band_radiance(band(name), nan))[-1])
 
@@ -204,8 +201,9 @@ def test_shapes_and_types_are_kept():
 
 
 def test_traced_calls_carry_the_derivative():
-    """Emitters of different bands are dispatched within one kernel: dr.switch is what Mitsuba's
-    calls come to.
+    """Derivatives are right if emitters of several bands are called within one kernel.
+
+    Mitsuba's calls of plugins are like dr.switch.
     """
     t = Float(300, 300)
     dr.enable_grad(t)
@@ -220,13 +218,14 @@ def test_traced_calls_carry_the_derivative():
         assert abs(dr.grad(t)[k] / mpmath.diff(lambda x: exact(limits, x), 300, h=1e-8) - 1) < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spec", [*NAMED, "total", "3.99-4.01", "1-9"])
 @settings(max_examples=15, deadline=None)
 @given(exponents=st.lists(st.floats(-40, 8), min_size=1, max_size=5))
 def test_the_inverse_returns(spec, exponents):
     radiance = 10.0 ** np.array(exponents)
     temperature = brightness_temperature(band(spec), radiance)
-    # the temperature's error is smaller than the radiance's by d ln L / d ln T >= 1
+    # The temperature's error is smaller than the radiance's, by the factor d ln L / d ln T >= 1.
     np.testing.assert_allclose(in_band_radiance(band(spec), temperature), radiance, rtol=1e-11)
 
 
@@ -239,34 +238,37 @@ def test_the_inverse_of_the_table():
 
 def test_the_inverse_of_what_is_no_radiance():
     for name in ("MWIR", "total"):
-        found = brightness_temperature(
+        computed = brightness_temperature(
             band(name), np.array([[0, -1, np.nan, np.inf, 1e-320, 1e30]], dtype=float)
         )
-        assert found.shape == (1, 6) and found.dtype == np.float64
-        np.testing.assert_array_equal(found[0, :4], [0, np.nan, np.nan, np.inf])
-        assert np.all(found[0, 4:] > 0) and np.all(np.isfinite(found[0, 4:]))
+        assert computed.shape == (1, 6) and computed.dtype == np.float64
+        np.testing.assert_array_equal(computed[0, :4], [0, np.nan, np.nan, np.inf])
+        assert np.all(computed[0, 4:] > 0) and np.all(np.isfinite(computed[0, 4:]))
     assert np.ndim(brightness_temperature(band("MWIR"), 1.0)) == 0
     assert brightness_temperature(band("MWIR"), np.zeros((0, 3))).shape == (0, 3)
 
 
 def test_the_inverse_of_an_image_is_that_of_its_pixels():
     image = np.random.default_rng(1).uniform(0, 40, (100, 130)).astype(np.float32)  # several blocks
-    found = brightness_temperature(band("LWIR"), image)
-    np.testing.assert_allclose(in_band_radiance(band("LWIR"), found), image, rtol=1e-11)
+    computed = brightness_temperature(band("LWIR"), image)
+    np.testing.assert_allclose(in_band_radiance(band("LWIR"), computed), image, rtol=1e-11)
 
 
 def test_numpy_suffices():
     code = (
-        "import sys; from mi_lcair.physics.bands import band; from mi_lcair.physics.blackbody import *; "
-        "in_band_radiance(band('MWIR'), 300); brightness_temperature(band('MWIR'), 1); sys.exit('drjit' in sys.modules)"
+        "import sys; from mi_lcair.physics.bands import band; "
+        "from mi_lcair.physics.blackbody import *; "
+        "in_band_radiance(band('MWIR'), 300); brightness_temperature(band('MWIR'), 1); "
+        "sys.exit('drjit' in sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True, cwd=Path(__file__).parents[2])
 
 
 @pytest.mark.parametrize("name", ["SWIR", "LWIR", "total"])
 def test_inverse_of_many(name):
-    """An image's worth of radiances, over 40 decades and over a few kelvin, gives what each alone
-    gives.
+    """Many radiances at once give the same temperatures as each alone.
+
+    They span 40 decades, or a few kelvin.
     """
     for radiance in (
         np.geomspace(1e-36, 1e4, 9000),

@@ -1,6 +1,4 @@
-"""The picture of a BRDF holds the model's values in the right places, and its hemispherical
-reflectance.
-"""
+"""The tables and the picture of a BRDF show the model's values and its reflectance."""
 
 import numpy as np
 import pytest
@@ -15,8 +13,9 @@ from tests.physics import thesis
     "name, band, theta_i", [("bare_aluminum", "MWIR", 30), ("gloss_black", "LWIR", 60)]
 )
 def test_values_are_the_models(name, band, theta_i):
-    """Against the thesis's equations, in and out of the plane; the peak lies in the mirror
-    direction.
+    """The values agree with the thesis's equations, in the plane of incidence and outside it.
+
+    The peak lies in the mirror direction.
     """
     view = brdf_view(name, band, theta_i)
     m = view.material
@@ -36,8 +35,9 @@ def test_values_are_the_models(name, band, theta_i):
 
 
 def test_the_grid_resolves_the_lobe():
-    """Summed over the picture's own nodes, f cos(theta_r) is the DHR to 1 %: no peak falls between
-    them.
+    """The sum of f cos(theta_r) over the picture's nodes is the DHR within 1 %.
+
+    This shows that no peak lies between the nodes.
     """
     view = brdf_view("bare_aluminum", "MWIR", 30)
     theta = np.radians(view.theta_r)
@@ -59,9 +59,10 @@ def test_ideal_surfaces():
     assert scale(diffuse) == pytest.approx((10**-0.5 / np.pi, 10**0.5 / np.pi))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name, theta_i", [("gloss_black", 75), ("diffuse", 0), ("blackbody", 30)])
 def test_picture(tmp_path, name, theta_i):
-    """Also of a constant and of nothing, without a warning (warnings are errors here)."""
+    """A picture is drawn without a warning, also for a constant BRDF and for one that is 0."""
     save_plot(tmp_path / "brdf.png", brdf_view(name, "LWIR", theta_i))
     assert (tmp_path / "brdf.png").read_bytes().startswith(b"\x89PNG")
 
@@ -74,7 +75,8 @@ def test_angles_beyond_the_hemisphere(theta_i):
 
 def test_impossible_parameters(tmp_path):
     (tmp_path / "fit.json").write_text(
-        '{"parameters": {"epsilon": 0.9, "rho_d": 0.2, "b": 0, "e": 0.1}, "form": "thesis", "band": "MWIR"}'
+        '{"parameters": {"epsilon": 0.9, "rho_d": 0.2, "b": 0, "e": 0.1}, '
+        '"form": "thesis", "band": "MWIR"}'
     )
     with pytest.raises(InputError, match="epsilon \\+ rho_d = 1.1"):
         brdf_view(str(tmp_path / "fit.json"), "MWIR")

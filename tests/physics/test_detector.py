@@ -1,4 +1,4 @@
-"""The detector: its solid angle, its threshold, and what it refuses."""
+"""The detector: its solid angle, its threshold, and the values that it refuses."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from mi_lcair.physics.detector import Detector
 
 
 def test_solid_angle():
-    """A hemisphere is 2 pi, a narrow cone pi (angle / 2)^2 to its last digits."""
+    """A hemisphere has 2 pi; a narrow cone has pi (angle / 2)^2 exactly."""
     assert Detector("MWIR").solid_angle is None
     assert Detector("MWIR", field_of_view_deg=180).solid_angle == pytest.approx(
         2 * np.pi, rel=1e-14
@@ -22,8 +22,11 @@ def test_solid_angle():
 
 
 def test_threshold():
-    """The thesis's weakest signal, 5.72e-4 W/m^2, asks for 5.72e-5 (4.3.5, Eq 3.14), in either
-    sign; less behind optics of 0.5.
+    """The thesis's weakest signal, 5.72e-4 W/m^2, requires an nei of 5.72e-5 W/m^2.
+
+    Source: thesis 4.3.5 and Eq 3.14.
+
+    The sign of the signal does not matter. Optics with a transmittance of 0.5 lower the nei.
     """
     detector = Detector("LWIR", nei=5.72e-5)
     assert detector.band.name == "LWIR" and detector.snr == 10

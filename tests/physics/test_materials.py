@@ -1,6 +1,4 @@
-"""Materials: the numbers of the thesis and of the fits to measured surfaces, the band that they
-hold for, and files of the user's own.
-"""
+"""Materials: parameters of the thesis and of fitted surfaces, their bands, and users' files."""
 
 import json
 import re
@@ -16,8 +14,8 @@ from mi_lcair.physics import materials
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.materials import emits_nothing, material, names
 
-# (name, band): epsilon, rho_d, b, e as printed in Harkiss 2007, Tables 2.2 and 2.3, and section
-# 3.4.1 (emissivity 96 %)
+# (name, band): epsilon, rho_d, b, e from Harkiss 2007, Tables 2.2 and 2.3, and section 3.4.1
+# (emissivity 96 %).
 PRINTED = {
     ("bare_aluminum", "MWIR"): (0.110, 0.020, 0.050, 0.0042),
     ("bare_aluminum", "LWIR"): (0.080, 0.020, 0.050, 0.0042),
@@ -28,8 +26,8 @@ PRINTED = {
     ("blackbody", "total"): (1, 0, 0, 1),
     ("diffuse", "SWIR"): (0, 1, 0, 1),
 }
-# Directional emissivities that come with the measured BRDFs (sample: angle in degrees, emissivity,
-# standard deviation), commit 41121a6 of github.com/MT-MRT/JSSS-GonioreflectometryBRDF
+# Directional emissivities that were measured with the BRDFs (sample: angle in degrees, emissivity,
+# standard deviation), from commit 41121a6 of github.com/MT-MRT/JSSS-GonioreflectometryBRDF.
 MEASURED = {
     "rough_paint": [(15, 0.94304, 0.0602), (60, 0.90294, 0.0577), (80, 0.71751, 0.0464)],
     "smooth_paint": [(15, 0.90662, 0.0579), (60, 0.85687, 0.0548), (80, 0.59857, 0.0396)],
@@ -56,13 +54,13 @@ def user_file(tmp_path):
 
 @pytest.mark.parametrize("name, where", PRINTED)
 def test_built_in_materials_have_the_printed_numbers(name, where):
-    found = material(name, band(where))
-    assert found.values == PRINTED[name, where]
-    assert found.name == name and found.form == "thesis" and found.band in (where, "any")
+    computed = material(name, band(where))
+    assert computed.values == PRINTED[name, where]
+    assert computed.name == name and computed.form == "thesis" and computed.band in (where, "any")
 
 
 def entries():
-    """(name, band, table) of each built-in entry."""
+    """Name, band and table of each built-in entry."""
     return [
         (name, where, entry)
         for name, bands in tomllib.loads(materials.BUILT_IN.read_text()).items()
@@ -71,8 +69,9 @@ def entries():
 
 
 def test_every_built_in_entry_states_its_source_and_ideal_surfaces_alone_hold_in_every_band():
-    """The section of the thesis, or the data, the command and the misfit of a fit; the misfit is
-    within what the file promises.
+    """A source is a section of the thesis, or the data, the command and the misfit of a fit.
+
+    The misfit is within the limit that the file states.
     """
     for name, where, entry in entries():
         fit = FIT.match(entry["source"])
@@ -88,7 +87,7 @@ def test_every_built_in_entry_states_its_source_and_ideal_surfaces_alone_hold_in
 
 @pytest.mark.parametrize("name", MEASURED)
 def test_measured_surfaces_have_the_measured_emissivity(name):
-    """Within 2.5 standard deviations of the measurement, as the file promises."""
+    """They agree within 2.5 standard deviations of the measurement, as the file states."""
     theta_deg, measured, std = np.transpose(MEASURED[name])
     entry = material(name, band("MWIR"))
     emissivity = 1 - entry.model.HDR(entry.surface(), Float64(np.radians(theta_deg))).numpy()
@@ -111,7 +110,7 @@ def test_a_part_of_the_measured_band_will_do(wanted, taken):
         ("4.9-12", "LWIR"),
         ("5.5-6", "MWIR"),
         ("14-20", "LWIR"),
-        ("total", "LWIR"),  # the wider of the two
+        ("total", "LWIR"),  # "total" is the wider band
     ],
 )
 def test_another_band_is_refused_unless_allowed_and_then_the_nearest_is_taken(wanted, nearest):
@@ -138,7 +137,8 @@ def test_an_unknown_material_lists_the_known_nearest_first(user_file):
 
 def test_a_users_file_comes_first_and_the_built_in_materials_stay_known(user_file):
     path = user_file(
-        f"[gloss_black.MWIR]\n{NUMBERS}[steel.'2-5.7']\n{NUMBERS}form = 'normalized'\nsource = 'lab book 7'\n"
+        f"[gloss_black.MWIR]\n{NUMBERS}"
+        f"[steel.'2-5.7']\n{NUMBERS}form = 'normalized'\nsource = 'lab book 7'\n"
     )
     assert (
         names(path)[:2] == ["gloss_black", "steel"]
@@ -176,9 +176,9 @@ def test_a_fit_serves_as_a_material(user_file):
         "rms": 0.01,
     }
     path = user_file(json.dumps(report), "fit.json")
-    found = material(str(path), band("MWIR"))
-    assert found.values == (0.1, 0.2, 0.3, 0.04)
-    assert (found.name, found.band, found.form, found.source) == (
+    computed = material(str(path), band("MWIR"))
+    assert computed.values == (0.1, 0.2, 0.3, 0.04)
+    assert (computed.name, computed.band, computed.form, computed.source) == (
         str(path),
         "2-5.7",
         "normalized",

@@ -1,6 +1,4 @@
-"""Tabulated spectra: the bundled sky tables against the in-band values that came with them, and
-files that hold none.
-"""
+"""Tabulated spectra: bundled skies against their stated in-band values, and damaged files."""
 
 import csv
 import os
@@ -17,7 +15,7 @@ BANDS = {"3-5": "MWIR", "8-12": "LWIR"}
 
 
 def summary():
-    """The sky rows of the tables' own summary: (name, elevation, band, radiance)."""
+    """The skies in the tables' summary: name, elevation, band and radiance."""
     lines = [
         line
         for line in (module.BUNDLED / "inband_summary.csv").read_text().splitlines()
@@ -36,7 +34,7 @@ def summary():
 
 
 def test_every_sky_has_its_stated_radiance():
-    """To the four digits after the point that the summary prints."""
+    """The radiances agree with all four decimals of the summary."""
     rows = summary()
     assert {name for name, *_ in rows} == set(sky_names()) and len(rows) == 8 * 11 * 2
     for name, elevation, band_name, radiance in rows:
@@ -54,8 +52,9 @@ def test_between_elevations():
 
 
 def test_a_file_of_ones_own(tmp_path):
-    """A line from 0 at 3 um to 2 at 5 um: 2 W m^-2 sr^-1; with the response 0 at 4, 1 at 5: int (l
-    - 3)(l - 4) = 5/6.
+    """A spectrum that rises from 0 at 3 um to 2 at 5 um has an in-band radiance of 2 W m^-2 sr^-1.
+
+    With a response from 0 at 4 um to 1 at 5 um, it is int (l - 3)(l - 4) dl = 5/6.
     """
     path = tmp_path / "ramp.csv"
     path.write_text(

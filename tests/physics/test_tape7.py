@@ -1,4 +1,4 @@
-"""tape7: files written here in MODTRAN's layout, and three real ones against their own columns."""
+"""tape7: synthetic files in MODTRAN's layout, and three real ones against their own columns."""
 
 from pathlib import Path
 
@@ -34,7 +34,7 @@ H, C, K = 6.62607015e-34, 299792458.0, 1.380649e-23
 
 
 def planck(wavenumber, kelvin):
-    """W cm^-2 sr^-1 / cm^-1, from Planck's law over wavenumber."""
+    """Planck's law over wavenumber [cm^-1], in W cm^-2 sr^-1 / cm^-1."""
     per_m = 100 * np.asarray(wavenumber, dtype=float)
     return 2 * H * C**2 * per_m**3 / np.expm1(H * C * per_m / (K * kelvin)) * 100 * 1e-4
 
@@ -49,8 +49,10 @@ def block(
     header=None,
     **columns,
 ) -> str:
-    """Homogeneous air at some kelvin; other columns as given, a number for each row or one for all,
-    None for blank.
+    """A block of a tape7 for homogeneous air at a temperature.
+
+    Other columns are given by one number for all rows, by a number for each row, or by None for
+    blanks.
     """
     width = {name: int(form.split(".")[0]) for name, form in COLUMNS.items()}
     air = (1 - transmittance) * planck(wavenumbers, kelvin)
@@ -74,7 +76,8 @@ def block(
     return (
         "\n".join(
             [
-                f"T F 6{itype:5d}{mode:5d}    0    6    6    6    6    6    6    1    0    0   0.000   0.00",
+                f"T F 6{itype:5d}{mode:5d}    0    6    6    6    6    6    6    1    0    0"
+                "   0.000   0.00",
                 "    1    1    1    0    0    0  23.00000   0.00000   0.00000   0.00000   0.00000",
                 " -99.00000 -99.00000 -99.00000  1.400000  0.000700 ! H2O & O3 COLUMNS [GM/CM2]",
                 "".join(f"{value:10.5f}" for value in card_3) + "    0        0.00000",
@@ -94,7 +97,7 @@ MWIR, LWIR = np.arange(2000, 3340, 20.0), np.arange(830, 1255, 5.0)
 
 @pytest.fixture
 def file(tmp_path):
-    """Writes blocks to a file without a suffix and gives its path."""
+    """Write blocks to a file without a suffix and return its path."""
 
     def write(*blocks):
         path = tmp_path / "tape7"
@@ -105,22 +108,23 @@ def file(tmp_path):
 
 
 def test_units(file):
-    """Wavenumbers to rising wavelengths; a blackbody's L = (1 - tau) B(280 K) by Planck's law over
-    wavelength.
+    """Wavenumbers become rising wavelengths, and radiances are those per wavelength.
+
+    The radiance of the air is (1 - tau) B(280 K), with Planck's law over wavelength.
     """
     path = file(block(MWIR))
-    (found,) = tape7.blocks(path)
-    x = found.wavelengths_um * 1e-6
+    (computed,) = tape7.blocks(path)
+    x = computed.wavelengths_um * 1e-6
     expected = 2 * H * C**2 / x**5 / np.expm1(H * C / (x * K * 280)) * 1e-6
-    assert found.range_m == 2000 and not found.to_space and x[0] == pytest.approx(1e-2 / 3320)
-    np.testing.assert_allclose(found.path_radiance, 0.5 * expected, rtol=6e-5)
-    np.testing.assert_allclose(found.total_radiance, 0.5 * expected, rtol=6e-5)
+    assert computed.range_m == 2000 and not computed.to_space and x[0] == pytest.approx(1e-2 / 3320)
+    np.testing.assert_allclose(computed.path_radiance, 0.5 * expected, rtol=6e-5)
+    np.testing.assert_allclose(computed.total_radiance, 0.5 * expected, rtol=6e-5)
     np.testing.assert_allclose(atmosphere(path).path(1000).transmittance, np.sqrt(0.5), rtol=1e-7)
 
 
 def test_path_radiance_holds_sunlight_but_neither_the_scattered_part_twice_nor_the_surface(file):
     part = planck(MWIR, 280)
-    (found,) = tape7.blocks(
+    (computed,) = tape7.blocks(
         file(
             block(
                 MWIR,
@@ -135,13 +139,15 @@ def test_path_radiance_holds_sunlight_but_neither_the_scattered_part_twice_nor_t
             )
         )
     )
-    np.testing.assert_allclose(found.total_radiance, found.path_radiance * 2.7 / 1.5, rtol=1e-4)
-    assert found.total_radiance[-1] == pytest.approx(2.7 * planck(2000, 280) * 2000**2, rel=1e-4)
+    np.testing.assert_allclose(
+        computed.total_radiance, computed.path_radiance * 2.7 / 1.5, rtol=1e-4
+    )
+    assert computed.total_radiance[-1] == pytest.approx(2.7 * planck(2000, 280) * 2000**2, rel=1e-4)
 
 
 @pytest.mark.parametrize("apart", [False, True])
 def test_names_of_modtran_6(file, apart):
-    """THRML_EM and MULT_SCAT; whether they hold the scattered parts, TOTAL_RAD tells."""
+    """THRML_EM and MULT_SCAT are read. TOTAL_RAD shows whether they hold the scattered parts."""
     part = planck(MWIR, 280)
     path = file(
         block(
@@ -158,13 +164,13 @@ def test_names_of_modtran_6(file, apart):
         .replace("PTH_THRML", " THRML_EM")
         .replace(" SOL_SCAT", "MULT_SCAT")
     )
-    (found,) = tape7.blocks(path)
+    (computed,) = tape7.blocks(path)
     share = 2.0 / 3.2 if apart else 1.5 / 2.7
-    np.testing.assert_allclose(found.path_radiance, found.total_radiance * share, rtol=1e-4)
+    np.testing.assert_allclose(computed.path_radiance, computed.total_radiance * share, rtol=1e-4)
 
 
 def test_a_file_in_latin_1(file):
-    """A place's name on a card."""
+    """A card holds the name of a place in Latin-1."""
     path = file(block(MWIR))
     expected = tape7.blocks(path)[0].path_radiance
     path.write_bytes(path.read_bytes().replace(b"COLUMNS", b"Orl\xe9ans"))
@@ -180,13 +186,13 @@ def test_numbers_without_bound_are_refused(file, name):
 
 
 def test_columns_that_touch_and_exponents_of_three_digits(file):
-    """Five digits before the point fill FREQ's width; Fortran drops the E of E-103."""
+    """Five digits before the point fill the width of FREQ, and Fortran omits the E of E-103."""
     lines = block([12000.0, 12001.0], range_km=1296.0874).splitlines()
     assert lines[3][30:40] == "1296.08740" and lines[7].startswith("12000.00")
     lines[7] = lines[7].replace(lines[7][19:30], " 1.2345-103")
-    (found,) = tape7.blocks(file("\n".join(lines) + "\n"))
-    assert found.range_m == 1296087.4
-    assert found.path_radiance[-1] == pytest.approx(1.2345e-103 * 12000**2)
+    (computed,) = tape7.blocks(file("\n".join(lines) + "\n"))
+    assert computed.range_m == 1296087.4
+    assert computed.path_radiance[-1] == pytest.approx(1.2345e-103 * 12000**2)
 
 
 def test_names_of_two_words(file):
@@ -199,7 +205,7 @@ def test_names_of_two_words(file):
 
 
 def test_ranges_and_bands_make_one_atmosphere(file):
-    """Two ranges and two bands, in any order of the blocks: as if each range had been one block."""
+    """Blocks of two ranges and two bands, in any order, give one block for each range."""
     parts = [(LWIR, 0.3, 3.0), (MWIR, 0.2, 1.0), (MWIR, 0.1, 3.0), (LWIR, 0.6, 1.0)]
     air = atmosphere(file(*[block(x, tau, range_km=length) for x, tau, length in parts]))
     assert air.ranges_m.tolist() == [1000, 3000] and air.transmittance.shape == (
@@ -241,7 +247,7 @@ def test_ranges_that_the_file_does_not_state(file):
 
 
 def test_a_sky(file):
-    """TOTAL_RAD as a spectrum, its bands joined; one line of sight only."""
+    """TOTAL_RAD is read as a spectrum, with bands joined, for a single line of sight."""
     path = file(block(MWIR, itype=3), block(LWIR, itype=3, TOTAL_RAD=planck(LWIR, 250)))
     sky = spectrum(path)
     assert sky.at(10) == pytest.approx(planck(1000, 250) * 1e6, rel=1e-4) and sky.name == str(path)
@@ -307,22 +313,23 @@ def test_neither_csv_nor_tape7(tmp_path):
 @pytest.mark.skipif(not REAL.is_dir(), reason="the real MODTRAN files are not part of the project")
 @pytest.mark.parametrize("name", REAL_FILES)
 def test_real_file_has_its_own_brightness_temperatures(name):
-    """BBODY_T, from the wavenumber in column 1 and TOTAL_RAD converted, within 0.05 K in every row;
-    and TOTAL_RAD as the sum of path radiance, SURF_EMIS and GRND_RFLT: PTH_THRML holds THRML_SCT,
-    SOL_SCAT holds SING_SCAT.
+    """Brightness temperatures of the converted TOTAL_RAD agree with BBODY_T within 0.05 K.
+
+    TOTAL_RAD is the sum of path radiance, SURF_EMIS and GRND_RFLT. In these files PTH_THRML
+    includes THRML_SCT, and SOL_SCAT includes SING_SCAT.
     """
     path = REAL / name
-    (found,) = tape7.blocks(path)
-    rows = path.read_text().splitlines()[found.line : -1][::-1]
-    assert len(rows) == len(found.wavelengths_um) > 50
-    x = found.wavelengths_um * 1e-6
-    kelvin = H * C / (K * x * np.log1p(2 * H * C**2 / (x**5 * found.total_radiance * 1e6)))
+    (computed,) = tape7.blocks(path)
+    rows = path.read_text().splitlines()[computed.line : -1][::-1]
+    assert len(rows) == len(computed.wavelengths_um) > 50
+    x = computed.wavelengths_um * 1e-6
+    kelvin = H * C / (K * x * np.log1p(2 * H * C**2 / (x**5 * computed.total_radiance * 1e6)))
     np.testing.assert_allclose(kelvin, [float(row[151:162]) for row in rows], rtol=0, atol=0.01)
     surface = (
         np.array([float(row[41:52]) + float(row[74:85]) for row in rows])
-        * (1e4 / found.wavelengths_um) ** 2
+        * (1e4 / computed.wavelengths_um) ** 2
     )
-    np.testing.assert_allclose(found.path_radiance + surface, found.total_radiance, rtol=1e-4)
+    np.testing.assert_allclose(computed.path_radiance + surface, computed.total_radiance, rtol=1e-4)
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason="the real MODTRAN files are not part of the project")

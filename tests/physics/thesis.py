@@ -1,8 +1,7 @@
-"""The thesis's Eqs 2.14-2.26 as printed, angle by angle, for any module `m` with tan, cos, acos,
-...: mpmath or numpy.
+"""The thesis's Eqs 2.14-2.26 as printed, as a reference for tests.
 
-Slow or inexact where the renderer must not be (b = 0 and 1, narrow lobes in Float64); mpmath with
-40 digits (EXACT).
+m is the module whose functions are used, mpmath or numpy. In Float64 the printed equations are
+inexact for b = 0, b = 1 and narrow lobes. EXACT uses mpmath with 40 digits.
 """
 
 import mpmath
@@ -12,15 +11,15 @@ EXACT = mpmath.workdps(40)
 
 
 def g(m, theta, b):
-    return 1 / (1 + b**2 * m.tan(theta) ** 2)  # 2.16, 2.17; d is the same, 2.24
+    return 1 / (1 + b**2 * m.tan(theta) ** 2)  # Eqs 2.16, 2.17, and d of Eq 2.24
 
 
 def G(m, b):
-    return 1 / (1 - b**2) * (1 - b**2 / (1 - b**2) * m.log(1 / b**2))  # 2.18
+    return 1 / (1 - b**2) * (1 - b**2 / (1 - b**2) * m.log(1 / b**2))  # Eq 2.18
 
 
 def glint_angle(m, theta_i, theta_r, dphi):
-    """alpha, Eqs 2.25 and 2.26; dphi = pi is the specular plane."""
+    """alpha of Eqs 2.25 and 2.26; dphi = pi in the mirror direction's half-plane."""
     o = (m.sin(theta_r), 0, m.cos(theta_r))
     s = (m.sin(theta_i) * m.cos(dphi), m.sin(theta_i) * m.sin(dphi), m.cos(theta_i))
     glint_z = (o[2] + s[2]) / m.sqrt(2 * (1 + o[0] * s[0] + o[1] * s[1] + o[2] * s[2]))
@@ -28,35 +27,36 @@ def glint_angle(m, theta_i, theta_r, dphi):
 
 
 def h(m, alpha, e):
-    return 1 / (e**2 * m.cos(alpha) ** 2 + m.sin(alpha) ** 2) ** 2  # 2.22
+    return 1 / (e**2 * m.cos(alpha) ** 2 + m.sin(alpha) ** 2) ** 2  # Eq 2.22
 
 
 def H(m, theta_i, e):
     c = m.cos(theta_i)
     root = m.sqrt((1 - e**2) ** 2 * c**2 + 4 * e**2)
-    return 1 / (2 * e**2) * ((1 - e**2) * c + (2 * e**2 + (1 - e**2) ** 2 * c**2) / root)  # 2.23
+    # Eq 2.23
+    return 1 / (2 * e**2) * ((1 - e**2) * c + (2 * e**2 + (1 - e**2) ** 2 * c**2) / root)
 
 
 def rho_s(m, theta_i, epsilon, rho_d, b):
-    return (
-        1 - rho_d * g(m, theta_i, b) / G(m, b) - epsilon * g(m, theta_i, b) / G(m, b)
-    )  # 2.20, 2.21
+    # Eqs 2.20, 2.21
+    return 1 - rho_d * g(m, theta_i, b) / G(m, b) - epsilon * g(m, theta_i, b) / G(m, b)
 
 
 def brdf(m, theta_i, theta_r, dphi, epsilon, rho_d, b, e, form="thesis"):
-    f_d = 1 / m.pi * g(m, theta_r, b) * rho_d * g(m, theta_i, b) / G(m, b) ** 2  # 2.15
-    d = g(m, theta_r, b) if form == "thesis" else 1  # the factor that "normalized" drops
+    f_d = 1 / m.pi * g(m, theta_r, b) * rho_d * g(m, theta_i, b) / G(m, b) ** 2  # Eq 2.15
+    d = g(m, theta_r, b) if form == "thesis" else 1  # the form "normalized" has no such factor
     lobe = h(m, glint_angle(m, theta_i, theta_r, dphi), e) / H(m, theta_i, e)
-    f_s = 1 / (4 * m.pi) * rho_s(m, theta_i, epsilon, rho_d, b) * lobe / m.cos(theta_r) * d  # 2.19
-    return f_d + f_s  # 2.14
+    # Eq 2.19
+    f_s = 1 / (4 * m.pi) * rho_s(m, theta_i, epsilon, rho_d, b) * lobe / m.cos(theta_r) * d
+    return f_d + f_s  # Eq 2.14
 
 
 def hemisphere(peak, width, nodes=120):
-    """Directions (theta, phi) and weights [sr] of a 2D quadrature of a function of theta and dphi =
-    pi - phi that is even in phi and peaks at theta = peak, phi = 0 with some width in theta; in phi
-    a lobe is 1 / tan(peak) as wide.
+    """Directions (theta, phi) and weights [sr] of a quadrature over the hemisphere.
 
-    Gauss nodes on x = width sinh(t), which lie dense around the peak.
+    The integrand is a function of theta and dphi = pi - phi that is even in phi. It has a peak at
+    theta = peak, phi = 0, with the given width in theta. The width in phi is 1 / tan(peak) times as
+    large. The Gauss nodes on x = width sinh(t) are dense around the peak.
     """
     x, weight = np.polynomial.legendre.leggauss(nodes)
     x, weight = (x + 1) / 2, weight / 2

@@ -53,6 +53,7 @@ def test_open_box():
     assert result.remarks == []
 
 
+@pytest.mark.slow
 def test_closed_room_keeps_everything():
     result = mi_lcair.audit(mi_lcair.load("furnace"), 2**15)
     assert (
@@ -194,8 +195,9 @@ def test_emissivity_of_the_model_loses_energy(plate):
     ids=["metal", "paint"],
 )
 def test_a_reciprocal_model_creates_nothing(plate, parameters):
-    """Emissivity + DHR = 1 in each direction. Between two near plates, where much arrives at grazing
-    angles, no energy is created or lost.
+    """Emissivity + DHR = 1 in each direction, so that no energy is created or lost.
+
+    Between two near plates much arrives at grazing angles.
     """
     surface = {"type": "microfacet", **parameters}
     floor, lid = plate("floor", SQUARE, surface, 300.0), plate("lid", LID, surface, 350.0)

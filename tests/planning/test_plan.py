@@ -27,31 +27,30 @@ def test_diffuse_plates_need_no_lobe_and_one_reflection():
 
     Emitter sampling is cheaper here, although the scene switches it off.
     """
-    found = mi_lcair.plan(
+    plan = mi_lcair.plan(
         mi_lcair.load("two_plates", resolution=32, max_bounces=4, emitter_sampling="false")
     )
     assert (
-        set(found.lobe.values()) == {"diffuse"}
-        and found.max_bounces == 1
-        and found.closure == "none"
+        set(plan.lobe.values()) == {"diffuse"} and plan.max_bounces == 1 and plan.closure == "none"
     )
-    assert found.emitter_sampling and found.left_out == []
+    assert plan.emitter_sampling and plan.left_out == []
 
 
 def test_a_furnace_does_not_sample_its_emitters():
-    found = mi_lcair.plan(mi_lcair.load("furnace", resolution=16, emitter_sampling="true"))
-    assert not found.emitter_sampling and found.lobe["bare_aluminum"] == "mirror"
+    plan = mi_lcair.plan(mi_lcair.load("furnace", resolution=16, emitter_sampling="true"))
+    assert not plan.emitter_sampling and plan.lobe["bare_aluminum"] == "mirror"
 
 
+@pytest.mark.slow
 def test_gloss_black_in_the_range_needs_a_mirror_and_two_reflections():
-    found = mi_lcair.plan(mi_lcair.load("cylinder_ir_range", finish="gloss_black", resolution=64))
+    plan = mi_lcair.plan(mi_lcair.load("cylinder_ir_range", finish="gloss_black", resolution=64))
     assert (
-        found.lobe == {"gloss_black": "mirror", "ir_range_wall": "diffuse"}
-        and found.max_bounces <= 2
+        plan.lobe == {"gloss_black": "mirror", "ir_range_wall": "diffuse"} and plan.max_bounces <= 2
     )
-    assert any("gloss_black, taken as mirror" in sentence for sentence in found.left_out)
+    assert any("gloss_black, taken as mirror" in sentence for sentence in plan.left_out)
 
 
+@pytest.mark.slow
 def test_a_broad_lobe_is_kept(corner):
     """e = 0.15 beside a hot wall: a mirror would change each pixel and their mean."""
     scene = checked(
@@ -89,13 +88,15 @@ def test_microfacet_beside_hot_walls(corner, parameters, lobe):
         assert set(mi_lcair.plan(scene, 0.01, each_pixel).lobe.values()) == {lobe}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("opening", [8, 80])
 def test_reflections_of_a_cavity(opening):
     """Each reflection halves the radiance (emissivity 0.5), and a geometric tail adds the rest."""
-    found = mi_lcair.plan(mi_lcair.load("cavity", opening=opening, resolution=16))
-    assert found.closure == "tail" and found.max_bounces <= 4 and found.predicted_error <= 0.01
+    plan = mi_lcair.plan(mi_lcair.load("cavity", opening=opening, resolution=16))
+    assert plan.closure == "tail" and plan.max_bounces <= 4 and plan.predicted_error <= 0.01
 
 
+@pytest.mark.slow
 def test_the_error_holds():
     """At most 2 of 12 plans for 0.5 % miss the tolerance.
 
@@ -108,30 +109,32 @@ def test_the_error_holds():
     )
     scene = mi_lcair.load("open_box", resolution=32, emitter_sampling="false")
     for seed in range(12):
-        found = mi_lcair.plan(scene, 0.005, seed=seed)
-        with found.applied(scene):
-            result = mi_lcair.signature(scene, spp=found.spp, seed=1000 + seed)
+        plan = mi_lcair.plan(scene, 0.005, seed=seed)
+        with plan.applied(scene):
+            result = mi_lcair.signature(scene, spp=plan.spp, seed=1000 + seed)
         missed += abs(result.target.intensity / intensity - 1) > 0.005
     assert missed <= 2
 
 
+@pytest.mark.slow
 def test_each_pixel():
     """A render under the plan reports the predicted rms error over the pixels."""
     scene = mi_lcair.load("cylinder_ir_range", finish="gloss_black", resolution=64)
-    found = mi_lcair.plan(scene, 0.02, each_pixel=True)
-    with found.applied(scene):
-        image = mi_lcair.render(scene, spp=found.spp)
-    assert found.each_pixel and image.rms_error == pytest.approx(found.predicted_error, rel=0.3)
+    plan = mi_lcair.plan(scene, 0.02, each_pixel=True)
+    with plan.applied(scene):
+        image = mi_lcair.render(scene, spp=plan.spp)
+    assert plan.each_pixel and image.rms_error == pytest.approx(plan.predicted_error, rel=0.3)
     assert image.header["lobes"].count("mirror") == 1
 
 
+@pytest.mark.slow
 def test_the_scene_is_left_as_it_was():
     scene = mi_lcair.load("furnace", resolution=16)
     before = Settings.of(scene)
-    found = mi_lcair.plan(scene)
-    assert Settings.of(scene) == before != found.settings
-    with pytest.raises(KeyError), found.applied(scene):
-        assert Settings.of(scene) == found.settings
+    plan = mi_lcair.plan(scene)
+    assert Settings.of(scene) == before != plan.settings
+    with pytest.raises(KeyError), plan.applied(scene):
+        assert Settings.of(scene) == plan.settings
         raise KeyError
     assert Settings.of(scene) == before
 
@@ -156,17 +159,18 @@ def test_unusable_tolerance(tolerance):
         mi_lcair.plan(mi_lcair.load("open_box", resolution=16), tolerance)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("resolution", [40, 46, 64])
 def test_every_resolution_has_its_noise(resolution):
     """The probe sees the noise at any number of samples per pixel.
 
     two_plates needs thousands of paths for 1 %.
     """
-    found = mi_lcair.plan(
+    plan = mi_lcair.plan(
         mi_lcair.load("two_plates", resolution=resolution, emitter_sampling="false")
     )
-    assert not found.emitter_sampling or found.spp * resolution**2 > 500
-    assert found.predicted_error > 1e-3 and found.predicted_error <= 0.01
+    assert not plan.emitter_sampling or plan.spp * resolution**2 > 500
+    assert plan.predicted_error > 1e-3 and plan.predicted_error <= 0.01
 
 
 @pytest.fixture
@@ -203,6 +207,7 @@ def speck(plate):
     return make
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("emitter_sampling", [False, True])
 @pytest.mark.parametrize("each_pixel", [False, True])
 def test_a_source_that_paths_miss_is_drawn(speck, emitter_sampling, each_pixel):
@@ -211,14 +216,15 @@ def test_a_source_that_paths_miss_is_drawn(speck, emitter_sampling, each_pixel):
     Probes without emitter sampling miss the source and see no noise. The plan must detect this.
     """
     scene = speck(emitter_sampling)
-    found = mi_lcair.plan(scene, 0.02, each_pixel)
-    assert found.emitter_sampling and found.max_bounces >= 1
-    with found.applied(scene):
-        planned = mi_lcair.signature(scene, spp=found.spp, seed=3).target.intensity
+    plan = mi_lcair.plan(scene, 0.02, each_pixel)
+    assert plan.emitter_sampling and plan.max_bounces >= 1
+    with plan.applied(scene):
+        planned = mi_lcair.signature(scene, spp=plan.spp, seed=3).target.intensity
     exact = mi_lcair.signature(speck(True), spp=256).target.intensity
     assert planned == pytest.approx(exact, rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_tail_for_a_model_beside_other_surroundings(plate):
     """The tail of the model does not depend on the surroundings beside it.
 
@@ -259,10 +265,10 @@ def test_a_tail_for_a_model_beside_other_surroundings(plate):
         Path("rooms.xml"),
         {},
     )
-    found = mi_lcair.plan(scene, 0.01)
-    assert found.closure == "tail"
-    with found.applied(scene):
-        result = mi_lcair.signature(scene, spp=max(found.spp, 64))
+    plan = mi_lcair.plan(scene, 0.01)
+    assert plan.closure == "tail"
+    with plan.applied(scene):
+        result = mi_lcair.signature(scene, spp=max(plan.spp, 64))
     assert result.target.intensity == pytest.approx(
         0.85 * 0.8 * float(in_band_radiance(band("MWIR"), 300.0)), rel=0.01
     )
@@ -292,9 +298,9 @@ def test_surfaces_of_one_name_are_planned_together(plate):
     )
     scene.surfaces()[0].set_lobe("mirror")
     assert list(candidates(scene).values()) == [Rung("diffuse", exact=False)]
-    found = mi_lcair.plan(scene)
+    plan = mi_lcair.plan(scene)
     assert [surface.lobe for surface in scene.surfaces()] == ["mirror", "brdf"] and len(
-        found.lobe
+        plan.lobe
     ) == 1
 
 
@@ -319,13 +325,14 @@ def test_what_cannot_be_planned():
     assert fewest_bounces(growing, 1e-3, False)[2] > 0.9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["open_box", "furnace"])
 def test_no_clock_decides(monkeypatch, name):
     """The plan does not change if every second probe takes a thousand times longer."""
 
     def choices():
-        found = mi_lcair.plan(mi_lcair.load(name, resolution=16), seed=3).as_dict()
-        return {key: value for key, value in found.items() if not key.endswith("_seconds")}
+        plan = mi_lcair.plan(mi_lcair.load(name, resolution=16), seed=3).as_dict()
+        return {key: value for key, value in plan.items() if not key.endswith("_seconds")}
 
     usual = choices()
     for slow in (0, 1):

@@ -98,6 +98,7 @@ def test_overlapping_emitters(plate):
     assert_same_mean(on, off)
 
 
+@pytest.mark.slow
 def test_every_kind_of_emitter_at_once(plate):
     """A mesh with a temperature per facet, a thermal sphere, a stock area light, a point and a
     constant sky.
@@ -182,6 +183,7 @@ def cavity(opening, **integrator):
     return result.mean / unit, result
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("opening", [2, 24, 80])
 def test_tail(opening):
     """Geometric continuation after N = 2: within 0.2 % of the limit, and no further off than it
@@ -193,6 +195,7 @@ def test_tail(opening):
     assert 0 <= result.closure_error < 0.01 * result.mean
 
 
+@pytest.mark.slow
 def test_ambient():
     """Surfaces beyond the last reflection taken for blackbodies at the walls' temperature: N = 1
     beats N = 4 without.

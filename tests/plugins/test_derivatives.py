@@ -116,10 +116,12 @@ def assert_derivatives(make, key, step, order="enable, update", index=0, in_reve
     allowed = max(0.02 * abs(reference), 3 * np.hypot(error, reference_error))
     for mode, found in (("forward", value), ("reverse", in_reverse[key])):
         assert abs(found - reference) <= allowed, (
-            f"{key}, {mode}: {found:.5g} +- {error:.2g}, central difference {reference:.5g} +- {reference_error:.2g}"
+            f"{key}, {mode}: {found:.5g} +- {error:.2g}, "
+            f"central difference {reference:.5g} +- {reference_error:.2g}"
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("emitter_sampling", [False, True])
 @pytest.mark.parametrize("lobe", ["brdf", "mirror", "diffuse"])
 def test_forward_and_reverse(corner, lobe, emitter_sampling):
@@ -134,6 +136,7 @@ def test_forward_and_reverse(corner, lobe, emitter_sampling):
         assert_derivatives(make, key, step, in_reverse=in_reverse)
 
 
+@pytest.mark.slow
 def test_microfacet(corner):
     def make():
         return corner({"type": "bounce_path", "max_bounces": 2}, MICROFACET)
@@ -162,6 +165,7 @@ def test_microfacet_at_k_0():
     assert derivatives.pop("k") == 0 and 0 not in derivatives.values()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", ["update, enable", "computed"])
 def test_order_of_enabling_and_updating(corner, order):
     """Derived tables are attached whenever a derivative is asked for, not only if the scene was
@@ -173,6 +177,7 @@ def test_order_of_enabling_and_updating(corner, order):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("facet, order", [(0, "enable, update"), (1, "update, enable")])
 def test_facet_temperatures(corner, facet, order):
     def make():
@@ -181,6 +186,7 @@ def test_facet_temperatures(corner, facet, order):
     assert_derivatives(make, "floor.face_temperature", 2.0, order, facet)
 
 
+@pytest.mark.slow
 def test_narrow_lobe(corner):
     """Bare aluminium, e = 0.0042: noisy in e, since the sampled directions do not move with it, but
     unbiased.
@@ -195,6 +201,7 @@ def test_narrow_lobe(corner):
         )
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_bounces(corner):
     """Path replay: the peak of a reverse pass with 64 reflections is that with 2."""
 
@@ -219,7 +226,7 @@ def causes(error) -> str:
 
 
 def test_stock_integrator_refuses_a_lost_derivative(corner):
-    """Under stock prb nobody can attach the table after enable_grad: an error, not a silent zero."""
+    """Under Mitsuba's prb the table has no derivatives after enable_grad: an error, not zero."""
     scene, parameters, _ = prepared(
         lambda: corner({"type": "prb", "max_depth": 3}), ["floor.bsdf.epsilon"], "update, enable"
     )
@@ -232,8 +239,9 @@ def test_stock_integrator_refuses_a_lost_derivative(corner):
     parameters.update()
 
 
+@pytest.mark.slow
 def test_stock_prb_in_reverse(corner):
-    """The stock integrator's reverse derivative through our plugins, in the order that it supports."""
+    """Reverse derivative of Mitsuba's integrator through the plugins, in the supported order."""
 
     def make():
         return corner({"type": "prb", "max_depth": 4, "rr_depth": 100})

@@ -72,6 +72,7 @@ def theta_of(vectors):
     return np.arctan2(np.hypot(x, y), z)
 
 
+@pytest.mark.slow
 @every_form
 def test_value_in_float32(model, form):
     """Against Float64 at the identical Float32 vectors and parameters, the division by max(1, HDR)
@@ -115,6 +116,7 @@ def largest_error_of_HDR(bsdf):
     return np.max(np.abs((floor + lobe).numpy() - exact) / np.maximum(exact, 1))
 
 
+@pytest.mark.slow
 @every_form
 def test_tabulated_HDR(model, form):
     """To 89.5 degrees: 1e-5 over the whole box, and for the materials."""
@@ -127,6 +129,7 @@ def test_tabulated_HDR(model, form):
     assert max(errors) <= 1e-5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "material, angles_deg, bound",
     [("bare_aluminum", range(0, 61, 10), 0.01), ("gloss_black", range(0, 86, 5), 0.1)],

@@ -50,6 +50,7 @@ def room(plate, integrator, sensor, bsdf=BROAD, sky=20.0):
     return scene(integrator, sensor, **shapes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lobe", ["brdf", "mirror"])
 def test_stock_integrators_render_the_same_image(plate, lobe):
     """Pixel by pixel over 16 independent renders each, against bounce_path without emitter
@@ -73,6 +74,7 @@ def test_stock_integrators_render_the_same_image(plate, lobe):
         assert abs(difference) < SIGMAS * error, name
 
 
+@pytest.mark.slow
 def test_the_particle_tracer_agrees(plate):
     """Stock `ptracer` starts at the emitters (sample_position, sample_ray) and meets the BSDFs in
     Importance mode: the adjoint of all the rest. Seen by a perspective camera, because it connects
@@ -148,6 +150,7 @@ def sources_that_vary(tmp_path):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["rectangle", "cube", "vertices", "emissivity"])
 def test_emission_that_varies_inside_a_facet(plate, tmp_path, kind):
     """Light on a grey floor: emitter sampling must find the same radiance as a path that happens to
@@ -169,6 +172,7 @@ def test_emission_that_varies_inside_a_facet(plate, tmp_path, kind):
         assert abs(found.mean() - reference.mean()) < SIGMAS * error, name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_emitted_and_reflected_are_counted_once(plate, integrator):
     """A plate under a uniform sky: emissivity 1 shows only itself, 0 only the sky, Kirchhoff's at

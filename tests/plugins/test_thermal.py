@@ -35,7 +35,7 @@ def no_remains():
 
 
 def emitted(shape, angles=ANGLES, side=1, at=(1, -1)):
-    """What the shape sends toward observers at these angles, from one side of z = 0 [W m^-2 sr^-1]."""
+    """Radiance of the shape toward observers at these angles, on one side [W m^-2 sr^-1]."""
     loaded = mi.load_dict({"type": "scene", "shape": shape}, optimize=False)
     toward = mi.Vector3f(np.sin(angles), 0 * angles, side * np.cos(angles))
     si = loaded.ray_intersect(mi.Ray3f(mi.Point3f(*at, 0) + toward, -toward))
@@ -92,6 +92,7 @@ def test_emissivity_given_to_the_emitter_comes_first(plate):
         np.testing.assert_allclose(found, 0.35 * blackbody(400), rtol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "bsdf",
     [ROUGH, {"type": "plastic"}, {"type": "conductor", "material": "Al"}],
@@ -115,6 +116,7 @@ def test_stock_bsdf_by_a_table_with_its_error(plate, bsdf):
         assert abs(value - (1 - weight.mean())) < 4.5 * error + 2e-3
 
 
+@pytest.mark.slow
 def test_a_surface_emits_from_the_sides_that_reflect(plate):
     for bsdf in (BROAD, GREY, ROUGH):
         front, back = (emitted(plate("p", SQUARE, bsdf, 400), side=side) for side in (1, -1))
@@ -150,6 +152,7 @@ def failure(loaded):
     return text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "bsdf, word",
     [
@@ -210,6 +213,7 @@ def test_each_facet_has_its_own_temperature(plate, name):
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_an_update_of_facet_temperatures_is_honoured(plate, integrator):
     one_plate = scene(INTEGRATORS[integrator], camera(2), mesh=plate("p", SQUARE, GREY, [310, 450]))
@@ -225,7 +229,7 @@ def test_an_update_of_facet_temperatures_is_honoured(plate, integrator):
 
 
 def test_temperatures_that_change_twice_between_renders_are_honoured(plate):
-    """Dr.Jit gives the index of a freed variable to a new one: an index does not tell values apart."""
+    """Dr.Jit reuses the index of a freed variable, so an index does not identify a value."""
     one_plate = scene(
         INTEGRATORS["bounce_path"], camera(2), mesh=plate("p", SQUARE, GREY, [300, 300])
     )
@@ -245,6 +249,7 @@ def test_temperatures_that_change_twice_between_renders_are_honoured(plate):
     np.testing.assert_allclose(found, 0.7 * blackbody(295), rtol=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bad, number", [(0, 1), (-5, 0), (float("nan"), 1), (float("inf"), 0)])
 def test_a_bad_temperature_names_its_facet(plate, bad, number):
     temperatures = [300.0, 300.0]
@@ -289,6 +294,7 @@ def test_a_source_of_given_radiance(plate):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "emitter, message",
     [

@@ -1,4 +1,4 @@
-"""A BSDF that a user wrote in Python and registered with Mitsuba: it renders and emits as any other."""
+"""A BSDF that a user wrote in Python and registered with Mitsuba renders and emits."""
 
 import drjit as dr
 import mitsuba as mi
@@ -10,7 +10,7 @@ from mi_lcair.physics.blackbody import in_band_radiance
 
 
 class HalfMirror(mi.BSDF):
-    """Reflects 0.3 in the mirror direction and 0.4 cos(theta) diffusely; knows nothing of mi_lcair."""
+    """Reflects 0.3 in the mirror direction and 0.4 cos(theta) diffusely, without mi_lcair."""
 
     def __init__(self, props):
         mi.BSDF.__init__(self, props)
@@ -90,7 +90,7 @@ def registered():
 
 @pytest.mark.parametrize("theta_deg", [0, 60])
 def test_emits_what_it_does_not_reflect(tmp_path, theta_deg):
-    """Emission alone is 1 - 0.3 - 0.4 cos(theta); an isothermal room hides the surface (Kirchhoff)."""
+    """Emission is 1 - 0.3 - 0.4 cos(theta); an isothermal room hides the surface (Kirchhoff)."""
     theta = np.radians(theta_deg)
     blackbody = in_band_radiance(mi_lcair.physics.bands.band("MWIR"), 300.0)
     path = tmp_path / "room.xml"

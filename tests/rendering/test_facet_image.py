@@ -41,7 +41,7 @@ def table(tmp_path):
 
 
 def test_values_go_to_their_facets(table):
-    """In any order; a facet without a row or a value has none, as has a pixel that shows no facet."""
+    """Rows in any order; NaN for a facet without row or value and for a pixel without facet."""
     file = table(
         "# made by hand\narea_m2,facet,material,radiance_W_m2_sr\n0.5,1,paint,7\n\n2,0,paint,\n"
     )

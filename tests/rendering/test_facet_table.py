@@ -11,12 +11,19 @@ from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.triangles import ABSENT
 from mi_lcair.rendering.facet_table import FacetTable
 
-SCENE = """<scene version="3.0.0"> <integrator type="bounce_path"/> <sensor type="orthographic"/> {shapes} </scene>"""
-PLY = """<shape type="ply" id="{id}"> <string name="filename" value="{file}"/> <boolean name="face_normals" value="true"/>
-    {extra} <bsdf type="sandford_robertson"> <string name="material" value="{material}"/> <string name="band" value="LWIR"/> </bsdf>
-    <emitter type="thermal"> <string name="band" value="LWIR"/> {temperature} <string name="group" value="{group}"/> </emitter>
+SCENE = """<scene version="3.0.0"> <integrator type="bounce_path"/> \
+<sensor type="orthographic"/> {shapes} </scene>"""
+PLY = """<shape type="ply" id="{id}"> <string name="filename" value="{file}"/> \
+<boolean name="face_normals" value="true"/>
+    {extra} <bsdf type="sandford_robertson"> <string name="material" value="{material}"/> \
+<string name="band" value="LWIR"/> </bsdf>
+    <emitter type="thermal"> \
+<string name="band" value="LWIR"/> {temperature} <string name="group" value="{group}"/> </emitter>
 </shape>"""
-PER_FACE = '<texture type="mesh_attribute" name="temperature"> <string name="name" value="face_temperature"/> </texture>'
+PER_FACE = (
+    '<texture type="mesh_attribute" name="temperature"> '
+    '<string name="name" value="face_temperature"/> </texture>'
+)
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
 
 
@@ -105,7 +112,8 @@ def test_parts_of_a_model_share_its_numbers(table, model):
 def test_a_ray_meets_the_facet_that_lies_there(table, model):
     scene, facets = table(
         *model,
-        '<shape type="rectangle"> <transform name="to_world"> <translate x="-5"/> </transform> </shape>',
+        '<shape type="rectangle"> <transform name="to_world"> '
+        '<translate x="-5"/> </transform> </shape>',
     )
     x = [0.2, 0.8, 2.8, 0.8, -5.5, -4.5, 9]
     y = [0.8, 0.2, 0.2, 0.2, 0.5, -0.5, 0]
@@ -154,7 +162,7 @@ def test_a_mesh_without_facets_has_one_per_triangle(table, tmp_path):
 
 
 def test_flipped_normals(table, tmp_path):
-    """The normal is that of the side which reflects, and the triangles run anticlockwise about it."""
+    """The normal is that of the reflecting side; the triangles run anticlockwise about it."""
     write_mesh(tmp_path / "a.ply", SQUARE, [[0, 1, 2]])
     _, facets = table(ply("a.ply", extra='<boolean name="flip_normals" value="true"/>'))
     np.testing.assert_allclose(facets.normal, [[0, 0, -1]])

@@ -35,6 +35,7 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("images")
 
 
+@pytest.mark.slow
 @given(st.data())
 @settings(max_examples=60, deadline=None)
 def test_round_trip(folder, data):
@@ -192,9 +193,11 @@ def test_a_folder_without_permission(tmp_path, monkeypatch):
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr("pathlib.Path.touch", refused)
-    with pytest.raises(InputError, match="Permission denied"):
-        with replacing(tmp_path / "image.exr"):
-            pytest.fail("the block must not start")
+    with (
+        pytest.raises(InputError, match="Permission denied"),
+        replacing(tmp_path / "image.exr"),
+    ):
+        pytest.fail("the block must not start")
 
 
 def test_images_of_other_programs(tmp_path):

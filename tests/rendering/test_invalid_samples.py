@@ -1,4 +1,4 @@
-"""Samples that are NaN or infinite: above a share the result is refused, below it they are told of."""
+"""NaN or infinite samples: many cause an error, few are reported in a remark."""
 
 import drjit as dr
 import mitsuba as mi

@@ -60,6 +60,7 @@ def test_header(image):
     assert "W m^-2 sr^-1" in image.header["units"] and mi.__version__ in image.header["versions"]
 
 
+@pytest.mark.slow
 def test_standard_error_is_the_scatter_of_seeds():
     """Per pixel: the mean of the squared standard errors against the variance over 40 seeds
     (chi-square, 5 sigma).
@@ -73,13 +74,14 @@ def test_standard_error_is_the_scatter_of_seeds():
     assert scatter == pytest.approx(claimed, rel=5 * np.sqrt(2 / (seeds - 1) / pixels) + 0.02)
 
 
+@pytest.mark.slow
 def test_passes_do_not_change_the_statistics(monkeypatch):
     """Many small passes, over runs of pixels that do not divide the image, agree with one large
     pass.
     """
-    whole = mi_lcair.render(load(), spp=256, seed=1)
+    whole = mi_lcair.render(load(), spp=96, seed=1)
     monkeypatch.setattr(passes, "PASS_SAMPLES", 100)  # less than one sample per pixel of the 256
-    parts = mi_lcair.render(load(), spp=256, seed=1)
+    parts = mi_lcair.render(load(), spp=96, seed=1)
     difference = (whole.channels["Y"] - parts.channels["Y"]).astype(np.float64)
     error = np.hypot(whole.channels["stderr.Y"], parts.channels["stderr.Y"]).astype(np.float64)
     lit = error > 0
@@ -97,6 +99,7 @@ def test_same_seed_same_image():
     assert np.any(images[0] != images[2])
 
 
+@pytest.mark.slow
 def test_tolerance():
     """The rms standard error over the pixels ends below the tolerance, and not far below it."""
     steps = []
@@ -125,7 +128,7 @@ def test_one_sample_has_no_standard_error():
 
 
 def test_invalid_samples_are_counted_and_left_out(monkeypatch):
-    """A NaN or infinity in two samples of ten thousand: counted, reported, and the rest of the pixel
+    """A NaN or infinity in two of 10,000 samples: counted, reported, and the rest of the pixel
     stands.
     """
     walk = PathTracer.walk

@@ -11,9 +11,15 @@ import pytest
 import mi_lcair
 from mi_lcair.errors import InputError
 
-SENSOR = '<sensor type="orthographic"><film type="hdrfilm"><integer name="width" value="4"/><integer name="height" value="4"/></film></sensor>'
+SENSOR = (
+    '<sensor type="orthographic"><film type="hdrfilm"><integer name="width" value="4"/>'
+    '<integer name="height" value="4"/></film></sensor>'
+)
 PATH = '<integrator type="bounce_path"/>'
-THERMAL = '<emitter type="thermal"><string name="band" value="$band"/><float name="temperature" value="300"/></emitter>'
+THERMAL = (
+    '<emitter type="thermal"><string name="band" value="$band"/>'
+    '<float name="temperature" value="300"/></emitter>'
+)
 
 
 def write(tmp_path, *elements):
@@ -34,7 +40,10 @@ def bsdf(material="gloss_black", **properties):
     strings = "".join(
         f'<string name="{name}" value="{value}"/>' for name, value in properties.items()
     )
-    return f'<bsdf type="sandford_robertson"><string name="material" value="{material}"/><string name="band" value="$band"/>{strings}</bsdf>'
+    return (
+        f'<bsdf type="sandford_robertson"><string name="material" value="{material}"/>'
+        f'<string name="band" value="$band"/>{strings}</bsdf>'
+    )
 
 
 def parameters(**numbers):
@@ -141,7 +150,8 @@ def test_loads(tmp_path):
         (
             [
                 PATH,
-                '<sensor type="orthographic"><film type="hdrfilm"><integer name="width" value="0"/></film></sensor>',
+                '<sensor type="orthographic"><film type="hdrfilm">'
+                '<integer name="width" value="0"/></film></sensor>',
                 shape(bsdf() + THERMAL),
             ],
             {},
@@ -155,7 +165,8 @@ def test_loads(tmp_path):
         ),
         (
             [
-                '<integrator type="bounce_path"><integer name="max_bounces" value="-1"/></integrator>',
+                '<integrator type="bounce_path">'
+                '<integer name="max_bounces" value="-1"/></integrator>',
                 SENSOR,
             ],
             {},
@@ -216,7 +227,10 @@ def test_facet_without_temperature(tmp_path):
     values.update()
     flat.add_attribute("face_temperature", 1, [300.0, -5.0])
     flat.write_ply(str(tmp_path / "plate.ply"))
-    texture = '<texture type="mesh_attribute" name="temperature"><string name="name" value="face_temperature"/></texture>'
+    texture = (
+        '<texture type="mesh_attribute" name="temperature">'
+        '<string name="name" value="face_temperature"/></texture>'
+    )
     emitter = f'<emitter type="thermal"><string name="band" value="$band"/>{texture}</emitter>'
     path = write(
         tmp_path,
@@ -269,8 +283,12 @@ def test_set_lobe():
         scene.set_lobe("mirror", "tin")
 
 
+@pytest.mark.slow
 def test_other_variants_are_refused():
-    code = "import mitsuba as mi; mi.set_variant('scalar_rgb'); import mi_lcair; mi_lcair.load('two_plates')"
+    code = (
+        "import mitsuba as mi; mi.set_variant('scalar_rgb'); "
+        "import mi_lcair; mi_lcair.load('two_plates')"
+    )
     result = subprocess.run(
         [sys.executable, "-c", "import mi_lcair; " + code], capture_output=True, text=True
     )

@@ -43,6 +43,7 @@ def test_target_holds_the_model_and_not_its_background(cylinder):
     assert 0.6 <= target.radius < 0.75 and np.abs(target.centre).max() < 0.1
 
 
+@pytest.mark.slow
 def test_one_view_is_the_scenes_own_sensor(cylinder):
     """The scene's camera at the tail and the view from there: other windows, the same intensity."""
     own = mi_lcair.signature(cylinder, spp=16).target
@@ -74,6 +75,7 @@ def test_a_black_slab_is_seen_by_its_projected_area(plate, view, area):
         assert error <= 0.01 * max(value, 1e-9)
 
 
+@pytest.mark.slow
 def test_views_together_are_the_views_apart(cylinder):
     """Three views in one film against each alone: the pixels of one do not end up in another."""
     views = [View(0, 0), View(90, 10), View(200, -20)]
@@ -93,6 +95,7 @@ def test_views_together_are_the_views_apart(cylinder):
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spp, resolution, low", [(4, 16, 0.5), (1, 32, 0.3)])
 def test_standard_errors_are_those_of_repetitions(cylinder, spp, resolution, low):
     """The scatter over 30 seeds against the errors stated: within the 99.9 % range of chi squared

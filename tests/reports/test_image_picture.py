@@ -1,6 +1,4 @@
-"""Pictures show the right pixel in the right place, colour and unit, also for images that have
-little to show.
-"""
+"""Tests of pictures: place, colour and unit of each pixel, and images with few values."""
 
 import numpy as np
 import pytest
@@ -15,16 +13,14 @@ GREY = (0.6, 0.6, 0.6)
 
 
 def colour_at(path, figure, row, column):
-    """The colour in the PNG where the first panel shows the middle of a pixel of the image."""
+    """Colour in the PNG of the middle of a pixel of the first panel's image."""
     image = imread(path)
     x, y = figure.axes[0].transData.transform((column, row))
     return image[image.shape[0] - 1 - int(y), int(x), :3]
 
 
 def test_pixels_lie_where_the_axes_say(tmp_path, figures):
-    """Row 0 is at the top, column 0 at the left, and the colours span the scale from the least to
-    the largest value.
-    """
+    """Row 0 is at the top and column 0 at the left. The scale spans all values."""
     values = np.array([[1, 2, 3], [3, 3, 1]], np.float32)
     save_picture(tmp_path / "a.png", {"Y": values})
     inferno = colormaps["inferno"]
@@ -38,8 +34,9 @@ def test_pixels_lie_where_the_axes_say(tmp_path, figures):
 
 
 def test_logarithmic_colours(tmp_path, figures):
-    """On a logarithmic scale 10 lies half way between 1 and 100; zeros and negative values are
-    grey.
+    """On a logarithmic scale 10 is half way between 1 and 100.
+
+    Zeros and negative values are grey.
     """
     save_picture(
         tmp_path / "a.png", {"Y": np.array([[1, 10, 100], [0, -1, 100]], np.float32)}, log=True
@@ -53,9 +50,7 @@ def test_logarithmic_colours(tmp_path, figures):
 
 
 def test_a_logarithmic_scale_ends_six_decades_below_the_largest_value(tmp_path, figures):
-    """What underflows to 1e-30 does not stretch the scale; the colour bar's arrow says that it is
-    clipped.
-    """
+    """A value of 1e-30 does not extend the scale. The colour bar shows that it is clipped."""
     save_picture(tmp_path / "a.png", {"Y": np.array([[1e-30, 1, 100]])}, log=True)
     bar = figures[0].axes[1]
     assert bar.get_ylim() == pytest.approx((1e-4, 100))
@@ -96,8 +91,9 @@ def test_units(tmp_path, figures, name, label):
     ],
 )
 def test_pixels_without_a_value(tmp_path, figures, name, nothing, is_grey):
-    """Where nothing is seen there is no range and no temperature: grey, off the scale. No radiance
-    is a radiance of 0.
+    """Pixels without a range or a temperature are grey and do not extend the scale.
+
+    A radiance of 0 is a value.
     """
     save_picture(tmp_path / "a.png", {name: np.array([[nothing, 300.0, 310.0]])})
     panel, bar = figures[0].axes
@@ -106,6 +102,7 @@ def test_pixels_without_a_value(tmp_path, figures, name, nothing, is_grey):
     assert ("grey" in panel.get_xlabel()) == is_grey
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("log", [False, True])
 @pytest.mark.parametrize(
     "values",
@@ -122,7 +119,7 @@ def test_pixels_without_a_value(tmp_path, figures, name, nothing, is_grey):
     ids=["constant", "zero", "nan", "negative", "tiny", "huge", "tall", "narrow"],
 )
 def test_images_with_little_to_show(tmp_path, figures, values, log):
-    """No warning (warnings are errors here), and a scale that holds the values that there are."""
+    """The scale holds all values, and nothing warns (warnings are errors in the tests)."""
     save_picture(tmp_path / "a.png", {"Y": values.astype(np.float32)}, "scene", log=log)
     lower, upper = figures[0].axes[1].get_ylim()
     shown = values[np.isfinite(values) & ((values > 0) | (not log))]
@@ -136,14 +133,15 @@ def test_images_with_little_to_show(tmp_path, figures, values, log):
     "value, limits", [(0.0, (0, 1)), (36.0, (34.2, 37.8)), (-2.0, (-2.1, -1.9))]
 )
 def test_a_constant_lies_in_the_middle_of_its_scale(tmp_path, figures, value, limits):
-    """And zero, which is no radiance, at the lower end."""
+    """A constant image has a scale around its value; that of 0 begins at 0."""
     save_picture(tmp_path / "a.png", {"Y": np.full((2, 2), value)})
     assert figures[0].axes[1].get_ylim() == pytest.approx(limits)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("log", [False, True])
 def test_numbers_that_cannot_be_drawn(tmp_path, log):
-    """Differences and ratios of the values stay finite; what is too large is refused."""
+    """Very small and very large values are drawn; values that are too large are refused."""
     for values in ([1e-320, 1e-310], [5e-324, 1e37], [-1e37, 1e37], [np.nan, np.inf]):
         save_picture(tmp_path / "a.png", {"Y": np.array([values, values])}, log=log)
     for values in ([1e308, -1e308], [3e38, 0]):
@@ -153,7 +151,7 @@ def test_numbers_that_cannot_be_drawn(tmp_path, log):
 
 
 def test_names_are_no_formulas(tmp_path, figures):
-    """A title or channel that would be (broken) mathematics between dollar signs is drawn as it is."""
+    """Dollar signs in a title or channel do not begin mathematics."""
     for channels in (["$\\bad$.Y"], ["$\\bad$.Y", "Y"]):
         save_picture(tmp_path / "a.png", {name: np.ones((2, 2)) for name in channels}, "$\\worse$")
 
@@ -165,7 +163,7 @@ def test_names_are_one_short_line(tmp_path, figures):
 
 
 def test_a_montage_gives_each_channel_its_own_scale(tmp_path, figures):
-    """One panel and one colour bar each, none overlapping another, in the order asked for."""
+    """Each channel has a panel and a colour bar, in the given order and without overlaps."""
     channels = {f"bounce{k:02d}.Y": np.linspace(0, 10.0**-k, 12).reshape(3, 4) for k in range(5)}
     save_picture(tmp_path / "a.png", channels, "cavity")
     panels, bars = figures[0].axes[::2], figures[0].axes[1::2]

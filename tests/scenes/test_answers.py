@@ -19,9 +19,10 @@ def radiance(name, temperature):
     return float(in_band_radiance(band(name), temperature))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["total", "MWIR", "LWIR"])
 def test_two_plates(name):
-    """Within 0.2 % and 3 standard errors of L_bb A F (thesis A.1); all of it after one reflection."""
+    """Within 0.2 % and 3 standard errors of L_bb A F (thesis A.1), after one reflection."""
     result = mi_lcair.signature(
         mi_lcair.load("two_plates", band=name, resolution=64), spp=4096, seed=1
     )
@@ -32,6 +33,7 @@ def test_two_plates(name):
     assert result.by_group["plate"] == pytest.approx(result.intensity, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sampling", ["true", "false"])
 def test_open_box(sampling):
     """Reflection and the floor's own emission together (thesis A.2), with emitter sampling on and
@@ -46,6 +48,7 @@ def test_open_box(sampling):
     assert result.by_bounce[0] == pytest.approx(emitted, rel=2e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("opening", list(exact.CAVITY_BLOCKS))
 def test_cavity(opening):
     """After N = 0..4 reflections and in the limit, one render per opening, within 0.15 % of the
@@ -73,6 +76,7 @@ def metal(tmp_path):
     return str(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "material, name, resolution, spp",
     [
@@ -105,6 +109,7 @@ def test_furnace(material, name, resolution, spp, metal):
     assert min(result.channels["bounce00.Y"].min(), result.channels["Y"].min()) >= 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lobe", ["mirror", "diffuse"])
 @pytest.mark.parametrize("material", ["bare_aluminum", "smooth_paint", "metal"])
 def test_furnace_of_lower_rungs(material, lobe, metal):

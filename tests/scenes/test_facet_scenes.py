@@ -18,6 +18,7 @@ from mi_lcair.rendering.window import window
 from mi_lcair.scenes.build.__main__ import main
 
 
+@pytest.mark.slow
 def test_models_are_as_built(tmp_path):
     """Every file in scenes/models equals what `python -m mi_lcair.scenes.build` writes."""
     main(tmp_path)
@@ -64,6 +65,7 @@ def isothermal(scene, temperature):
     return scene
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "finish, lobe",
     [("bare_aluminum", "brdf"), ("gloss_black", "brdf"), ("bare_aluminum", "mirror")],
@@ -83,6 +85,7 @@ def test_isothermal_range_is_a_blackbody(finish, lobe):
     assert np.abs(image / expected - 1).max() < 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("band_name", ["MWIR", "LWIR"])
 @pytest.mark.parametrize("sky", ["us_standard_clear", "midlat_summer_altostratus"])
 def test_the_sky_has_its_table_s_radiance(sky, band_name):
@@ -115,6 +118,7 @@ def test_the_sky_has_its_table_s_radiance(sky, band_name):
     )
 
 
+@pytest.mark.slow
 def test_hot_parts_show_from_behind_only():
     """The observer sees the turbine annuli at position 1, but not at position 3.
 

@@ -64,6 +64,7 @@ def test_every_body_is_closed(name, count):
         assert len(set().union(*faces)) - len(edges) / 2 + len(faces) == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_facets_are_plane_and_not_degenerate(name):
     """Facets are plane to the rounding of coordinates, and their sides are longer than 1 mm.
@@ -103,6 +104,7 @@ def test_left_and_right_are_mirror_images(name):
     assert distances.max() < 2 * PRINTED
 
 
+@pytest.mark.slow
 def test_files_depend_on_nothing_but_the_scripts(tmp_path):
     main(tmp_path / "new")
     assert {file.name: file.read_bytes() for file in (tmp_path / "new").glob("*.obj")} == {

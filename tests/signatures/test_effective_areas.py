@@ -1,6 +1,4 @@
-"""Emission told apart by group and by spectrum: a closed cube against radiosity, other temperatures
-against fresh renders.
-"""
+"""Tests of effective areas: a closed cube against radiosity, and other temperatures."""
 
 import csv
 from pathlib import Path
@@ -22,15 +20,17 @@ from tests.scenes.view_factors import WALLS, cube
 
 EMISSIVITY = np.array([0.9, 0.5, 0.3, 0.6, 0.2, 0.8])
 TEMPERATURES = np.array([300.0, 350, 400, 450, 500, 600])
+# Corners of a wall on the lower (0) and on the upper (1) side, anticlockwise seen from inside.
 CORNERS = {
     0: [(0, 0), (1, 0), (1, 1), (0, 1)],
     1: [(0, 0), (0, 1), (1, 1), (1, 0)],
-}  # anticlockwise seen from inside
+}
 
 
 def closed_cube(plate, band_name="LWIR", temperatures=TEMPERATURES):
-    """Six grey walls of a unit cube, each a group of its own, and a sensor inside that sees all of
-    wall 0.
+    """Six grey walls of a unit cube, each with its own group.
+
+    A sensor inside the cube sees the whole of wall 0.
     """
     shapes = {}
     for k, ((axis, side), e, T) in enumerate(zip(WALLS, EMISSIVITY, temperatures)):
@@ -52,33 +52,34 @@ def closed_cube(plate, band_name="LWIR", temperatures=TEMPERATURES):
 
 
 def radiosity(n):
-    """Mean radiance of wall 0 per unit blackbody radiance of each wall, after two diffuse
-    reflections, n x n patches a wall.
+    """Mean radiance of wall 0 per unit blackbody radiance of each wall, shape (6,).
+
+    It includes two diffuse reflections. Each wall has n x n patches.
     """
     F, e, own = cube(n), np.repeat(EMISSIVITY, n * n), np.repeat(np.arange(6), n * n)
-    found = []
+    shares = []
     for wall in range(6):
         term = total = np.where(own == wall, e, 0.0)
         for _ in range(2):
             term = (1 - e) * (F @ term)
             total = total + term
-        found.append(total[own == 0].mean())
-    return np.array(found)
+        shares.append(total[own == 0].mean())
+    return np.array(shares)
 
 
 def test_view_factors_of_the_cube():
-    """The exact factors that the radiosity stands on: closure, reciprocity, and the published
-    values.
-    """
+    """The view factors of the radiosity: closure, reciprocity, and the published values."""
     F = cube(2)
     np.testing.assert_allclose(F.sum(axis=1), 1, rtol=1e-12)
     np.testing.assert_allclose(F, F.T, atol=1e-14)
     assert cube(1)[0, 1] == pytest.approx(0.1998248957, abs=1e-10)
 
 
+@pytest.mark.slow
 def test_closed_cube(plate):
-    """Every group's share within 0.5 % of the radiosity matrix; its patches extrapolated (error ~
-    1/n^2).
+    """The effective area of each group is within 0.5 % of radiosity.
+
+    The radiosity is extrapolated to infinitely many patches, as its error falls with 1 / n^2.
     """
     exact = (4 * radiosity(4) - radiosity(2)) / 3
     areas = mi_lcair.signature(closed_cube(plate), spp=16384, by_spectrum=True).effective_areas
@@ -89,8 +90,9 @@ def test_closed_cube(plate):
 
 
 def test_other_temperatures_and_bands(plate):
-    """Recomputed intensities against fresh renders, 3 standard errors of both; their spectrum
-    integrates to them.
+    """Recomputed intensities agree with new renders, within 3 standard errors of both.
+
+    Their spectra integrate to the same intensities.
     """
     areas = mi_lcair.signature(
         closed_cube(plate), spp=256, seed=1, by_spectrum=True
@@ -106,8 +108,9 @@ def test_other_temperatures_and_bands(plate):
     assert abs(value - part.intensity) < 3 * np.hypot(error, part.standard_error)
 
 
+@pytest.mark.slow
 def test_error_of_an_intensity_is_the_scatter_of_seeds(plate):
-    """From the covariance of the areas: 16 seeds, 5 sigma of a variance's own scatter."""
+    """Standard errors from the covariance match the scatter of 16 seeds, within 5 sigma."""
     runs = [
         mi_lcair.signature(closed_cube(plate), spp=16, seed=seed, by_spectrum=True)
         for seed in range(16)
@@ -124,8 +127,9 @@ def test_error_of_an_intensity_is_the_scatter_of_seeds(plate):
 
 @pytest.fixture
 def many(plate, tmp_path):
-    """A broad surface of two facets, and before it 100 small blackbodies of 100 temperatures; a sky
-    beside.
+    """A scene with more temperatures than can be told apart.
+
+    100 small blackbodies of 100 temperatures lie in front of a surface of two facets, beside a sky.
     """
     black = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}
     grey = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.5}}
@@ -165,8 +169,9 @@ def many(plate, tmp_path):
 
 
 def test_more_temperatures_than_can_be_told_apart(many):
-    """By wavelength: the spectrum integrates to the in-band intensity, and its shape is that of
-    each group's Planck sum.
+    """The spectrum by wavelength integrates to the in-band intensity.
+
+    Its shape is the sum of Planck's law over each group.
     """
     result = mi_lcair.signature(many, spp=64, by_spectrum=True)
     areas = result.effective_areas
@@ -185,8 +190,9 @@ def test_more_temperatures_than_can_be_told_apart(many):
 
 
 def test_by_wavelength_is_planck(plate):
-    """65 temperatures without reflections: the same spectrum as a sum over the facets that the
-    sensor sees.
+    """The spectrum of 65 temperatures is the sum over the facets that the sensor sees.
+
+    The scene has no reflections.
     """
     black = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}
     temperatures = np.linspace(280, 800, 66)
@@ -212,7 +218,7 @@ def test_by_wavelength_is_planck(plate):
     )
     x = np.linspace(8, 12, 7)
     facets = result.facets.columns
-    # of each facet: intensity / in-band radiance is the area that was sampled
+    # The sampled area of each facet is its intensity over its in-band radiance.
     planck = [
         I / in_band_radiance(band("LWIR"), T) * spectral_radiance(x, T)
         for I, T in zip(facets["intensity_W_sr"], facets["temperature_K"])
@@ -241,8 +247,9 @@ def test_csv_and_plot(many, tmp_path):
 
 
 def test_a_response_band(plate, tmp_path):
-    """Areas hold for any response: the trapezoid over the CSV times the response is the in-band
-    intensity.
+    """The effective areas hold for any response of the band.
+
+    The trapezoid rule over the CSV, times the response, gives the in-band intensity.
     """
     path = tmp_path / "detector.csv"
     path.write_text("wavelength_um,response\n8,0\n8.7,1\n10,0.6\n11.5,0\n")
@@ -270,7 +277,7 @@ def test_another_band_is_refused(plate, wanted):
 
 
 def test_one_temperature_of_a_group(plate):
-    """By group and kelvin, as the label says it and not as Float32 holds it."""
+    """One temperature of a group is chosen by the label's kelvin, not by its Float32 value."""
     grey = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.5}}
     floor = plate("floor", SQUARE, grey, [301.7, 310.3])
     scene = mi.load_dict(
@@ -332,7 +339,7 @@ def test_total_has_no_spectrum(plate):
 
 
 def test_of_a_black_body_the_effective_area_is_the_projected_area(plate):
-    """Sample for sample: area, variances and covariance are one number each."""
+    """Effective area, projected area and all their variances agree for each sample."""
     black = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}
     slab = plate(
         "slab", [[-0.3, -0.2, 0], [0.3, -0.2, 0], [0.3, 0.2, 0], [-0.3, 0.2, 0]], black, 300.0

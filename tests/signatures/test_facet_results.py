@@ -1,6 +1,4 @@
-"""What each facet sends: sums against the image's, geometry against closed forms, errors against
-the scatter of seeds.
-"""
+"""Tests of facet results: sums, geometry in closed form, and standard errors."""
 
 import csv
 from pathlib import Path
@@ -21,8 +19,9 @@ GREY = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.5}}
 
 @pytest.fixture
 def roof(plate):
-    """A floor of 4 m x 4 m half under a sloping roof, over a terrain that fills the rest of the
-    window of 8 m x 8 m.
+    """A floor of 4 m x 4 m, half of it under a sloping roof, above a terrain.
+
+    The terrain fills the rest of the sensor's window of 8 m x 8 m.
     """
     floor = plate(
         "floor", [[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]], GREY, 300.0, group="floor"
@@ -59,12 +58,13 @@ def by_group(columns, name, group):
 def test_columns(roof):
     result = mi_lcair.signature(roof, spp=2048, facets=True)
     columns = result.facets.columns
-    assert list(columns["group"]) == ["floor"] * 2 + ["roof"] * 2 + ["wall"] * 2  # the model alone
+    # The table holds the model's facets, not those of the terrain.
+    assert list(columns["group"]) == ["floor"] * 2 + ["roof"] * 2 + ["wall"] * 2
     assert columns["intensity_W_sr"].sum() == pytest.approx(result.target.intensity, rel=1e-6)
     np.testing.assert_allclose(by_group(columns, "area_m2", "roof"), 4 * np.sqrt(2), rtol=1e-6)
     np.testing.assert_allclose(by_group(columns, "mean_cosine", "roof"), np.sqrt(0.5), rtol=1e-6)
-    # the roof hides one half of the floor: of the triangles under (2, -2) and (-2, 2) a quarter and
-    # three quarters are left
+    # The roof hides one half of the floor. The triangle at (2, -2) keeps a quarter of its area, and
+    # the one at (-2, 2) three quarters.
     np.testing.assert_allclose(
         by_group(columns, "visible_fraction", "floor"), [0.25, 0.75], atol=5e-3
     )
@@ -78,29 +78,27 @@ def test_columns(roof):
         rtol=1e-5,
     )
     np.testing.assert_array_equal(by_group(columns, "temperature_K", "roof"), [350, 400])
-    seen = columns["samples"] > 0
+    visible = columns["samples"] > 0
     parts = sum(
         values
         for name, values in columns.items()
         if name.startswith(("emitted", "bounce", "closure"))
     )
-    np.testing.assert_allclose(parts[seen], columns["radiance_W_m2_sr"][seen], rtol=1e-5)
+    np.testing.assert_allclose(parts[visible], columns["radiance_W_m2_sr"][visible], rtol=1e-5)
     np.testing.assert_allclose(
-        columns["intensity_W_sr"][seen],
+        columns["intensity_W_sr"][visible],
         (
             columns["radiance_W_m2_sr"]
             * columns["area_m2"]
             * columns["mean_cosine"]
             * columns["visible_fraction"]
-        )[seen],
+        )[visible],
         rtol=1e-5,
     )
 
 
 def test_target_and_scene(roof):
-    """The target's splits are the scene's with the terrain's pixels left out; what the terrain
-    lends by reflection stays in.
-    """
+    """The target leaves out the pixels that show terrain, but not the terrain's reflection."""
     result = mi_lcair.signature(roof, spp=256)
     target, scene = result.target, result.scene
     assert set(target.by_seen) == set(scene.by_seen) == {"floor", "roof", "wall", "terrain"}
@@ -121,17 +119,19 @@ def test_target_and_scene(roof):
     )
 
 
+@pytest.mark.slow
 def test_standard_errors_are_the_scatter_of_seeds(roof, monkeypatch):
-    """Of facets, and of the target: 16 seeds, in passes over runs of pixels that do not divide the
-    image; 5 sigma.
+    """Standard errors of facets and target match the scatter of 16 seeds, within 5 sigma.
+
+    The passes cover runs of pixels that do not divide the image evenly.
     """
     monkeypatch.setattr("mi_lcair.rendering.render.PASS_SAMPLES", 600)
     runs = [mi_lcair.signature(roof, spp=16, seed=seed, facets=True) for seed in range(16)]
     values = np.array([run.facets.columns["intensity_W_sr"] for run in runs])
     claimed = np.mean([run.facets.columns["standard_error_W_sr"] ** 2 for run in runs], axis=0)
-    seen = claimed > 0
+    visible = claimed > 0
     np.testing.assert_allclose(
-        values.var(axis=0, ddof=1)[seen], claimed[seen], rtol=5 * np.sqrt(2 / 15 + 2 / 16 / 7)
+        values.var(axis=0, ddof=1)[visible], claimed[visible], rtol=5 * np.sqrt(2 / 15 + 2 / 16 / 7)
     )
     target = np.array([run.target.intensity for run in runs])
     assert target.var(ddof=1) == pytest.approx(
@@ -155,7 +155,7 @@ def test_csv(roof, tmp_path):
 
 
 def test_shapes_that_are_no_meshes_and_backs(plate):
-    """A sphere has its area, and no cosine; of a two-sided plate seen from behind no share is told."""
+    """A sphere has an area; the visible fraction of a plate seen from behind is unknown."""
     grey = {"type": "twosided", "bsdf": GREY}
     emitter = {"type": "thermal", "band": "LWIR", "temperature": 300.0}
     ball = {"type": "sphere", "radius": 0.5, "center": [2, 2, 0], "bsdf": GREY, "emitter": emitter}

@@ -1,6 +1,4 @@
-"""What a facet sees against exact view factors, solid angles by quadrature, and geometry that can
-be read off.
-"""
+"""Tests of hemispherical views: exact view factors, solid angles by quadrature, and the map."""
 
 from math import pi, tan
 
@@ -20,14 +18,17 @@ from mi_lcair.signatures.hemispherical_view import (
     hemispherical_view,
 )
 
-OPPOSITE, ADJACENT = (
-    0.19982489569838746,
-    0.20004377607540316,
-)  # view factors of a cube's walls (Howell C-11, C-14)
+# View factors between the walls of a cube (Howell C-11, C-14).
+OPPOSITE, ADJACENT = 0.19982489569838746, 0.20004377607540316
 CUBE = """<scene version="3.0.0"> <integrator type="bounce_path"/>
-    <sensor type="orthographic"> <film type="hdrfilm"> <string name="pixel_format" value="luminance"/> </film> </sensor>
-    <shape type="ply"> <string name="filename" value="cube.ply"/> <boolean name="face_normals" value="true"/> <bsdf type="diffuse"/>
-        <emitter type="thermal"> <string name="band" value="LWIR"/> <float name="temperature" value="300"/> </emitter>
+    <sensor type="orthographic">
+        <film type="hdrfilm"> <string name="pixel_format" value="luminance"/> </film>
+    </sensor>
+    <shape type="ply"> <string name="filename" value="cube.ply"/>
+        <boolean name="face_normals" value="true"/> <bsdf type="diffuse"/>
+        <emitter type="thermal">
+            <string name="band" value="LWIR"/> <float name="temperature" value="300"/>
+        </emitter>
     </shape> {more}
 </scene>"""
 
@@ -50,6 +51,7 @@ def factors(view):
     return dict(zip(view.neighbour.tolist(), view.view_factor.tolist()))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name, facet, other, expected",
     [
@@ -59,7 +61,7 @@ def factors(view):
     ],
 )
 def test_plates(name, facet, other, expected):
-    """Within 0.5 % (found: 0.05 %); the rest escapes, and all adds up."""
+    """View factors of two plates are within 0.5 % (measured: 0.05 %); other rays hit nothing."""
     view = hemispherical_view(mi_lcair.load(name), facet)
     assert view.neighbour.tolist() == [other, NOTHING]
     assert view.view_factor == pytest.approx([expected, 1 - expected], rel=5e-3)
@@ -68,8 +70,9 @@ def test_plates(name, facet, other, expected):
 
 
 def test_closed_cube(cube):
-    """View factors within 0.5 %; solid angles against the integral of the cosine at the other end
-    over d^2.
+    """View factors and solid angles of a cube's walls are within 0.5 %.
+
+    The exact solid angle is the integral of the cosine at the other wall over the squared distance.
     """
     nodes, weights = np.polynomial.legendre.leggauss(24)
     x, y, u, v = np.meshgrid(*[nodes] * 4, indexing="ij")
@@ -89,44 +92,49 @@ def test_closed_cube(cube):
 
 
 def test_the_back_of_a_surface_hides_what_is_behind_it(cube):
-    """A plate in front of the wall z = -1, facing away from it: the wall sees its back, and little
-    else.
-    """
-    plate = '<shape type="rectangle"> <transform name="to_world"> <scale value="0.99"/> <translate z="-0.99"/> </transform> </shape>'
+    """A wall sees little but the back of a plate in front of it."""
+    plate = """<shape type="rectangle">
+        <transform name="to_world"> <scale value="0.99"/> <translate z="-0.99"/> </transform>
+    </shape>"""
     view = hemispherical_view(cube(plate), 4, rays=2**14)
     assert view.facets.count == 7 and view.neighbour[0] == 6 and view.view_factor[0] > 0.97
 
 
 def test_map_follows_the_thesis_azimuth():
-    """Reflector of two_plates: centre (0.1, 0), second vertex (0.2, -0.05), so that the emitter's
-    middle, toward -x, lies at 180 + atan(1/2) degrees; its top at theta = atan(0.1 / 0.2) there.
+    """The map of two_plates' reflector has the azimuth of the thesis.
+
+    The reflector has its centre at (0.1, 0) and its second vertex at (0.2, -0.05). The middle of
+    the emitter, toward -x, therefore lies at the azimuth 180 + atan(1/2) degrees. The emitter's top
+    lies there at tan(theta) = 0.1 / 0.2.
     """
     view = hemispherical_view(mi_lcair.load("two_plates"), 0, rays=2**10)
     reference, positive, normal = frame(view.facets, 0)
     np.testing.assert_allclose(reference, np.array([2, -1, 0]) / 5**0.5, atol=1e-6)
     np.testing.assert_allclose(np.cross(reference, positive), normal, atol=1e-12)
-    seen = view.map == 1
-    columns = np.flatnonzero(seen.any(axis=0))
+    on_emitter = view.map == 1
+    columns = np.flatnonzero(on_emitter.any(axis=0))
     phi = (columns + 0.5) / MAP_PHI * 360 - 180
     assert (phi.min(), phi.max()) == (
         pytest.approx(-180, abs=0.3),
         pytest.approx(-180 + 26.565 * 2, abs=0.3),
     )
-    top = np.argmax(seen[:, columns[np.argmin(abs(phi + 153.435))]]) / MAP_THETA * pi / 2
+    top = np.argmax(on_emitter[:, columns[np.argmin(abs(phi + 153.435))]]) / MAP_THETA * pi / 2
     assert tan(top) == pytest.approx(0.5, abs=0.01)
     assert set(np.unique(view.map)) == {NOTHING, 1}
 
 
 def test_map_agrees_with_the_table(cube, tmp_path):
-    """From a tiny plate askew in the room: the map's pixels, times their solid angles, add up to
-    the table.
+    """The solid angles of the map's pixels add up to those of the table.
+
+    The facet is a tiny tilted plate inside the room.
     """
     plate = build_meshes.rectangle((-5e-4, -5e-4, 0), (1e-3, 0, 0), (0, 1e-3, 0))
     (tmp_path / "plate.ply").write_bytes(build_meshes.ply(*plate))
     view = hemispherical_view(
         cube("""<shape type="ply"> <string name="filename" value="plate.ply"/>
         <boolean name="face_normals" value="true"/> <transform name="to_world">
-        <rotate x="1" y="2" angle="50"/> <translate x="0.3" y="-0.2" z="0.1"/> </transform> </shape>"""),
+        <rotate x="1" y="2" angle="50"/> <translate x="0.3" y="-0.2" z="0.1"/>
+        </transform> </shape>"""),
         6,
     )
     edges = np.cos(np.linspace(0, pi / 2, MAP_THETA + 1))
@@ -157,7 +165,7 @@ def test_what_has_no_view(cube, facet, reason):
 
 
 def test_picture(tmp_path):
-    """A facet's number stands inside its region; a scene's name may be no formula."""
+    """The number of each facet lies inside its region of the picture."""
     view = hemispherical_view(mi_lcair.load("furnace"), 2, rays=2**12)
     labels = {number: (column, row) for number, column, row in places(view.map)}
     assert {0, 1, 3, 4, 5} <= set(labels)
@@ -168,9 +176,9 @@ def test_picture(tmp_path):
 
 
 def test_json_has_a_row_for_what_escapes():
-    found = hemispherical_view(mi_lcair.load("two_plates"), 0, rays=2**10).as_dict()
-    assert [(row["facet"], row["group"]) for row in found["neighbours"]] == [
+    table = hemispherical_view(mi_lcair.load("two_plates"), 0, rays=2**10).as_dict()
+    assert [(row["facet"], row["group"]) for row in table["neighbours"]] == [
         (1, "plate"),
         (None, "nothing"),
     ]
-    assert found["area_m2"] == pytest.approx(0.02) and found["view_factor"] == 1
+    assert table["area_m2"] == pytest.approx(0.02) and table["view_factor"] == 1

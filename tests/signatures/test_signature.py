@@ -1,6 +1,4 @@
-"""Intensity from radiance: the sensor's window, the splits, and sensors for which there is no
-intensity.
-"""
+"""Tests of signatures: the sensor's window, the parts, and sensors without an intensity."""
 
 import numpy as np
 import pytest
@@ -10,19 +8,25 @@ from mi_lcair.errors import InputError
 from mi_lcair.plugins.paths.rounding import rounding_error
 
 SCENE = """<scene version="3.0.0">
-    <default name="sensor" value="orthographic"/> <default name="crop" value="8"/> <default name="scale" value="2"/>
+    <default name="sensor" value="orthographic"/>
+    <default name="crop" value="8"/> <default name="scale" value="2"/>
     <integrator type="bounce_path"/>
     <sensor type="$sensor">
-        <transform name="to_world"><scale x="$scale" y="$scale"/><lookat origin="0, 0, 3" target="0, 0, 0" up="0.3, 1, 0"/></transform>
+        <transform name="to_world">
+            <scale x="$scale" y="$scale"/>
+            <lookat origin="0, 0, 3" target="0, 0, 0" up="0.3, 1, 0"/>
+        </transform>
         <film type="hdrfilm">
             <integer name="width" value="8"/> <integer name="height" value="8"/>
-            <integer name="crop_width" value="$crop"/> <integer name="crop_height" value="8"/> <rfilter type="box"/>
-            <string name="pixel_format" value="luminance"/>
+            <integer name="crop_width" value="$crop"/> <integer name="crop_height" value="8"/>
+            <rfilter type="box"/> <string name="pixel_format" value="luminance"/>
         </film>
     </sensor>
     <shape type="rectangle">
         <transform name="to_world"><scale x="5" y="5"/></transform>
-        <emitter type="thermal"><string name="band" value="LWIR"/><float name="temperature" value="300"/></emitter>
+        <emitter type="thermal">
+            <string name="band" value="LWIR"/> <float name="temperature" value="300"/>
+        </emitter>
     </shape>
 </scene>"""
 L_300 = 38.5004239333  # W m^-2 sr^-1, 8-12 um
@@ -40,7 +44,7 @@ def test_window(scene, crop, area):
     """A blackbody that fills the window of 4 m x 4 m, whole and cropped to a quarter."""
     result = mi_lcair.signature(mi_lcair.load(scene, crop=crop), spp=4)
     assert result.intensity == pytest.approx(L_300 * area, rel=1e-5)
-    # the samples are all alike: what is left is Float32's rounding
+    # All samples are equal. Only the rounding error of Float32 remains.
     assert result.standard_error == pytest.approx(rounding_error(4) * result.intensity, rel=1e-3)
     assert (
         result.scene.by_seen == {"self": pytest.approx(result.intensity)}

@@ -1,6 +1,4 @@
-"""Trends: their rows against signatures, interrupted and resumed, and on the workers of a Dask
-cluster of which one dies.
-"""
+"""Tests of trends: rows against signatures, resuming a file, and rendering on a Dask cluster."""
 
 import os
 import signal
@@ -48,14 +46,14 @@ def trend(scene, path=None, **changes):
 
 @pytest.fixture(scope="module")
 def whole(cylinder, tmp_path_factory):
-    """The file of a trend that nothing has interrupted."""
+    """Text of the file of a trend that was not interrupted."""
     path = tmp_path_factory.mktemp("trend") / "whole.csv"
     trend(cylinder, path)
     return path.read_text()
 
 
 def test_rows_are_signatures(cylinder):
-    """Each row against a signature of its view alone, by group and by bounce; the parts add up."""
+    """Each row agrees with a signature of its view, by group and by bounce."""
     columns = trend(cylinder, elevations_deg=(-10, 20), tolerance=0.01, spp=None).columns
     assert len(columns["azimuth_deg"]) == 16 and columns["reached"].all()
     for k in (3, 12):
@@ -75,7 +73,7 @@ def test_rows_are_signatures(cylinder):
 
 
 def test_both_sides_are_alike(cylinder):
-    """The model and its room are the same left and right."""
+    """The model and its room are symmetric, and so is the trend."""
     columns = trend(cylinder, azimuths_deg=[60, 300, 120, 240], resolution=64).columns
     left, right = columns["intensity_W_sr"][::2], columns["intensity_W_sr"][1::2]
     assert np.abs(left - right).max() < 5 * columns["standard_error_W_sr"].max()
@@ -107,7 +105,7 @@ def test_what_was_interrupted_is_resumed(cylinder, whole, tmp_path, batches):
 
 
 def test_a_view_that_is_missing_is_rendered_with_its_batch(cylinder, whole, tmp_path):
-    """So that its numbers are those that it has had."""
+    """A missing view is rendered with its whole batch, and has the same numbers as before."""
     path = tmp_path / "trend.csv"
     path.write_text("\n".join(line for line in whole.splitlines() if not line.startswith("90,")))
     with pytest.warns(UserWarning, match="1 of 3 batches do not match"):
@@ -116,7 +114,7 @@ def test_a_view_that_is_missing_is_rendered_with_its_batch(cylinder, whole, tmp_
 
 
 def test_angles_that_have_no_end_are_resumed(cylinder, tmp_path):
-    """.1 + .2 in the list of angles, and three digits before nine behind the point."""
+    """Angles without a finite decimal form, such as 0.1 + 0.2 and 200 + 1 / 3, can be resumed."""
     path = tmp_path / "trend.csv"
     angles = {"azimuths_deg": [0.1 + 0.2, 200 + 1 / 3], "elevations_deg": [-1 / 7]}
     trend(cylinder, path, **angles)
@@ -130,9 +128,7 @@ def test_angles_that_have_no_end_are_resumed(cylinder, tmp_path):
 
 
 def test_a_scene_that_was_edited_is_not_resumed(plate, tmp_path):
-    """The same file and parameters, another temperature: neither resumed nor taken for the same by
-    a worker.
-    """
+    """A scene whose file has another temperature is refused on resuming and by a worker."""
 
     def scene(temperature):
         shape = plate(
@@ -191,14 +187,14 @@ def test_another_trend_is_not_resumed(cylinder, whole, tmp_path, changes, messag
 
 
 def nth_line(text: str, start: str, change) -> str:
-    """The text with `change` made to the line that begins with `start`."""
+    """The text, with `change` applied to the first line that begins with `start`."""
     lines = text.splitlines(keepends=True)
     place = next(k for k, line in enumerate(lines) if line.startswith(start))
     return "".join([*lines[:place], change(lines[place]), *lines[place + 1 :]])
 
 
 def cell(k: int, content: str):
-    """Puts another content into the cell k of a line."""
+    """Function that replaces the content of cell k of a line."""
     return lambda line: (
         ",".join(
             [*line.rstrip("\n").split(",")[:k], content, *line.rstrip("\n").split(",")[k + 1 :]]
@@ -208,12 +204,13 @@ def cell(k: int, content: str):
 
 
 def swapped(line: str) -> str:
-    """Intensity and standard error in each other's place."""
+    """The line with intensity and standard error exchanged."""
     cells = line.split(",")
     cells[2], cells[3] = cells[3], cells[2]
     return ",".join(cells)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "spoil, batches",
     [
@@ -240,7 +237,7 @@ def swapped(line: str) -> str:
     ],
 )
 def test_rows_that_were_edited_are_rendered_again(cylinder, whole, tmp_path, spoil, batches):
-    """Whatever was changed, the file ends as the one that nothing has touched, and that is said."""
+    """Changed rows are rendered again, with a warning, and the file is the original one."""
     path = tmp_path / "trend.csv"
     path.write_text(spoil(whole))
     assert path.read_text() != whole
@@ -274,6 +271,7 @@ def test_a_file_of_another_kind_is_not_resumed(cylinder, tmp_path, content, mess
     assert path.read_bytes() == content
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "changes, message",
     [
@@ -294,6 +292,7 @@ def test_bad_input(cylinder, changes, message):
         trend(cylinder, **changes)
 
 
+@pytest.mark.slow
 def test_two_workers_of_which_one_dies(cylinder, tmp_path):
     distributed = pytest.importorskip("dask.distributed")
     path, apart, killed = tmp_path / "cluster.csv", tmp_path / "local.csv", []
@@ -317,7 +316,7 @@ def test_two_workers_of_which_one_dies(cylinder, tmp_path):
 
 @pytest.mark.slow
 def test_a_scheduler_that_dies(tmp_path):
-    """One line, exit 1, no traceback beside it; what is done is whole, and can be resumed."""
+    """A lost scheduler gives one line and exit status 1; the finished batches can be resumed."""
     pytest.importorskip("dask.distributed")
     port = free_port()
     address = f"tcp://127.0.0.1:{port}"
@@ -366,9 +365,11 @@ def free_port() -> int:
 def test_a_cluster_without_workers(cylinder, monkeypatch):
     distributed = pytest.importorskip("dask.distributed")
     monkeypatch.setattr(cluster, "WORKER_TIMEOUT_S", 0.5)
-    with distributed.LocalCluster(n_workers=0, dashboard_address=None) as workers:
-        with pytest.raises(InputError, match="has no worker; start one"):
-            trend(cylinder, dask=workers.scheduler_address)
+    with (
+        distributed.LocalCluster(n_workers=0, dashboard_address=None) as workers,
+        pytest.raises(InputError, match="has no worker; start one"),
+    ):
+        trend(cylinder, dask=workers.scheduler_address)
 
 
 def test_plot(cylinder, figures, tmp_path):
@@ -376,9 +377,8 @@ def test_plot(cylinder, figures, tmp_path):
     trend_plot.save_plot(tmp_path / "trend.png", result, "cylinder")
     by_elevation, by_group, by_bounce = figures[0].axes
     azimuth, values = by_elevation.lines[1].get_data()
-    assert (
-        np.degrees(azimuth) == pytest.approx(np.arange(0, 361, 45)) and values[0] == values[-1]
-    )  # closed
+    # The curve of all azimuths is closed.
+    assert np.degrees(azimuth) == pytest.approx(np.arange(0, 361, 45)) and values[0] == values[-1]
     assert values[:-1] == pytest.approx(result.at_elevation(30).columns["intensity_W_sr"])
     assert [line.get_label() for line in by_group.lines] == ["self", "walls"] and len(
         by_bounce.lines

@@ -43,7 +43,8 @@ SHAPE = """<shape type="{kind}"> {properties}
 DIFFUSE = '<bsdf type="diffuse"> <spectrum name="reflectance" value="{:g}"/> </bsdf>'
 BLACK = DIFFUSE.format(0)
 MIRROR = '<bsdf type="conductor"> <string name="material" value="none"/> </bsdf>'
-GLOSS = """<bsdf type="sandford_robertson"> <float name="epsilon" value="0.05"/> <float name="rho_d" value="0"/>
+GLOSS = """<bsdf type="sandford_robertson">
+        <float name="epsilon" value="0.05"/> <float name="rho_d" value="0"/>
         <float name="b" value="0.1"/> <float name="e" value="0.0042"/> </bsdf>"""
 THERMAL = """<emitter type="thermal"> <string name="band" value="MWIR"/>
         {temperature} </emitter>"""
@@ -212,8 +213,10 @@ def textured_source(folder):
     texture = np.full((TEXELS, TEXELS), COLD, dtype=np.float32)
     texture[5, 20] = HOT
     mi.Bitmap(texture).write(str(folder / "temperature.exr"))
-    temperature = """<texture name="temperature" type="bitmap"> <string name="filename" value="temperature.exr"/>
-        <string name="filter_type" value="nearest"/> <boolean name="raw" value="true"/> </texture>"""
+    temperature = """<texture name="temperature" type="bitmap">
+        <string name="filename" value="temperature.exr"/>
+        <string name="filter_type" value="nearest"/> <boolean name="raw" value="true"/>
+        </texture>"""
     emitter = THERMAL.format(temperature=temperature)
     return FLOOR + shape("rectangle", square(PLATE, z=HEIGHT, down=True), BLACK, emitter)
 

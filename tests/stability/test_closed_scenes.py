@@ -101,6 +101,7 @@ def test_rays_at_the_very_edges_of_facets():
     assert dr.all(si.is_valid())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("half", [1e-6, 1, 1e4])
 def test_no_ray_escapes_from_a_cube_of_any_size(tmp_path, half):
     rays, escaped, back = lost(cube(tmp_path, half), 100_000)

@@ -121,6 +121,7 @@ def assert_exact(scene, scale=1.0, allowed=0.0, spp=1024):
     return result.mean
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sampling", ["true", "false"])
 def test_radiance_does_not_depend_on_scale(tmp_path, sampling):
     """The mean radiance is the same to 1e-6 for plates from 0.2 um to 200 km.
@@ -136,6 +137,7 @@ def test_radiance_does_not_depend_on_scale(tmp_path, sampling):
     np.testing.assert_allclose(means, means[2], rtol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strips", [100, 30_000])
 def test_slivers(tmp_path, strips):
     """The result is exact for strips that are 7 um wide and 15,000 times as long."""
@@ -144,7 +146,7 @@ def test_slivers(tmp_path, strips):
 
 @pytest.mark.parametrize("shift", [10, 100])
 def test_meshes_far_from_their_origin(tmp_path, shift):
-    """Vertices at 10 m and 100 m: the plates of 0.2 m are moved to the origin, and nothing is lost."""
+    """Plates of 0.2 m with vertices at 10 m and 100 m are moved to the origin; nothing is lost."""
     assert_exact(load(tmp_path, two_plates(shift=shift), x=shift + 0.1))
 
 
@@ -167,6 +169,7 @@ def test_a_large_ground_costs_nothing(tmp_path):
 SQUARE = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=float)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gap, parted", [(1e-3, True), (1e-6, True), (1e-8, False), (0, False)])
 def test_coincident_facets(tmp_path, gap, parted):
     """Two plates at a small distance are distinguished down to a gap of 0.1 um.
@@ -211,6 +214,7 @@ def test_narrow_gaps(tmp_path, gap, crossed):
     )
 
 
+@pytest.mark.slow
 def test_clipping_planes(tmp_path):
     """Surfaces outside Mitsuba's default planes, 0.01 m and 10 km, are black.
 

@@ -76,6 +76,7 @@ def images(scene, spp, seeds):
     )
 
 
+@pytest.mark.slow
 def test_emitter_sampling_bounds_and_reports(scene):
     """With emitter sampling, intervals of two standard errors contain the true value.
 
@@ -102,6 +103,7 @@ def test_without_it_the_scatter_misleads(scene):
     assert inside.mean() < 0.02 and Y.max() > 100 * exact().max()
 
 
+@pytest.mark.slow
 def test_a_tolerance_is_not_met_by_a_source_that_was_not_seen(scene):
     """A tolerance of 5 % is not reported as reached by a render that missed the source.
 

@@ -29,6 +29,7 @@ CORNERS = [  # epsilon / G(b), rho_d / G(b), b
 SAMPLES = 20_000  # number of samples per angle
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", sr.FORMS)
 @pytest.mark.parametrize("e", WIDTHS)
 def test_mean_weight_of_a_sample_is_HDR(e, form):
@@ -84,6 +85,7 @@ def test_largest_weight_of_a_sample(parameters, bound):
     assert bound / 4 <= largest <= bound
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", sr.FORMS)
 @pytest.mark.parametrize("quantity", [hemispherical.HDR, hemispherical.DHR])
 def test_quadrature_to_the_horizon(monkeypatch, quantity, form):
@@ -103,6 +105,7 @@ def test_quadrature_to_the_horizon(monkeypatch, quantity, form):
             assert error[ANGLES_DEG <= 89.9].max() <= 1e-10 and error.max() <= 2e-6, (e, corner)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", sr.FORMS)
 @pytest.mark.parametrize(
     "e, bound", [(1e-5, 5e-3), (1e-4, 1e-3), (1e-3, 1e-3), (4.2e-3, 2e-4), (0.1, 2e-5), (1, 2e-5)]
@@ -123,6 +126,7 @@ def test_tabulated_HDR_beyond_89_degrees(e, bound, form):
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", sr.FORMS)
 @pytest.mark.parametrize("e", WIDTHS)
 def test_float32_at_the_edges(e, form):

@@ -69,6 +69,7 @@ def test_spectral_radiance(wavelength, temperature):
         assert derivative == pytest.approx(float(slope), rel=bound, abs=smallest)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BANDS)
 @pytest.mark.parametrize("temperature", TEMPERATURES)
 def test_in_band_radiance_and_its_inverse(name, temperature):

@@ -21,6 +21,7 @@ def base():
     return mi_lcair.contrast(landing.scenario(3, "LWIR", **FEW))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "change, rendered",
     [

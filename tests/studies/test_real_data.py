@@ -114,6 +114,7 @@ def test_values_end_where_their_errors_begin():
     ]
 
 
+@pytest.mark.slow
 def test_the_page_is_filled_and_has_its_pictures(tmp_path, monkeypatch):
     monkeypatch.setattr(real_data, "fit", fit_with_candidates)
     monkeypatch.setattr(real_data, "save_plot", lambda path, fits: path.write_text(fits[0][0].name))
@@ -141,6 +142,7 @@ def test_the_page_is_filled_and_has_its_pictures(tmp_path, monkeypatch):
         assert page.count(f"| {title} | ") == 2 * len(MODELS) + 4
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not REAL.is_dir(), reason="needs the measured files beside the checkout")
 @pytest.mark.parametrize("loss", ["log", "cube_root", "linear"])
 def test_half_of_a_real_surface_is_fitted_without_a_warning(loss):

@@ -1,6 +1,4 @@
-"""What the charts of methods share on the command line: their options, and the table that they
-print.
-"""
+"""Options and printed table that the charts of methods share on the command line."""
 
 import click
 
@@ -9,15 +7,16 @@ from mi_lcair.cli.output import print_columns
 
 
 def chart_options(files: str):
-    """Give a command -o FOLDER, for its `files`, --quick and --json; it receives `folder`, `quick`
-    and `json`.
+    """Give a command the options -o FOLDER, --quick and --json.
+
+    The command receives `folder`, `quick` and `json`. `files` names its files in the help.
     """
 
     def decorator(command):
         command = click.option(
             "--quick",
             is_flag=True,
-            help="Fewer efforts and repetitions: seconds instead of minutes.",
+            help="Measure fewer efforts and repetitions, in seconds instead of minutes.",
         )(json_option(command))
         return click.option(
             "-o",
@@ -26,15 +25,16 @@ def chart_options(files: str):
             type=click.Path(),
             default=".",
             show_default=True,
-            help=f"Folder to write {files} to; made if it is absent.",
+            help=f"Folder to write {files} to; it is made if it is absent.",
         )(command)
 
     return decorator
 
 
 def print_cheapest(points, case: str, cost: str) -> None:
-    """For each case and tolerance the cheapest method; `case` and `cost` head the columns of cases
-    and samples.
+    """Print the cheapest method for each case and tolerance.
+
+    `case` and `cost` are the headings of the columns of cases and of samples.
     """
     from mi_lcair.benchmark import chart
 

@@ -1,6 +1,4 @@
-"""mi-lcair chart propagation: what a scene sends toward the observer, error against rays and
-against time.
-"""
+"""mi-lcair chart propagation: error of a scene's intensity against rays and time."""
 
 from dataclasses import asdict
 
@@ -14,14 +12,16 @@ from mi_lcair.cli.output import print_json
 @click.command("propagation")
 @chart_options("propagation.png, .csv and .md, and propagation_closure.png and .csv")
 def command(folder, quick, json):
-    """The thesis's ways to follow radiation from facet to facet, and path tracing, on six scenes."""
+    """Compare methods that follow radiation from facet to facet.
+
+    The methods are those of the thesis and path tracing, on six scenes.
+    """
     from mi_lcair.benchmark import propagation_chart
     from mi_lcair.files import filling
     from mi_lcair.reports import propagation_page
 
-    with filling(
-        folder
-    ) as partial:  # before the work, so that a folder that cannot be written is refused at once
+    # `filling` comes before the work, so that an unusable folder is refused at once.
+    with filling(folder) as partial:
         with progress_bar("curves") as progress:
             result = propagation_chart.measure(quick, progress)
         propagation_page.write(partial, result)

@@ -1,4 +1,4 @@
-"""mi-lcair chart reflectance: integrals of the BRDF, error against samples and against time."""
+"""mi-lcair chart reflectance: error of integrals of the BRDF against samples and time."""
 
 from dataclasses import asdict
 
@@ -12,14 +12,13 @@ from mi_lcair.cli.output import print_json
 @click.command("reflectance")
 @chart_options("reflectance.png, .csv and .md")
 def command(folder, quick, json):
-    """Seven ways to integrate a BRDF over the hemisphere, on the materials of the thesis."""
+    """Compare seven methods that integrate a BRDF over the hemisphere."""
     from mi_lcair.benchmark import reflectance_chart
     from mi_lcair.files import filling
     from mi_lcair.reports import reflectance_page
 
-    with filling(
-        folder
-    ) as partial:  # before the work, so that a folder that cannot be written is refused at once
+    # `filling` comes before the work, so that an unusable folder is refused at once.
+    with filling(folder) as partial:
         with progress_bar("points") as progress:
             points = reflectance_chart.measure(quick, progress)
         reflectance_page.write(partial, points, quick)

@@ -23,8 +23,8 @@ def sin2_theta(w):
 def sample_cosine(Vector, u1, u2):
     """A random direction with density cos(theta) / pi [1/sr], of the type Vector.
 
-    u1, u2: uniform random numbers in 0..1. u1 gives the azimuth as in the Sandford-Robertson
-    model's `sample_half_vector`; the compiler then computes its sine and cosine once for both.
+    u1, u2: uniform random numbers in 0..1. u1 gives the azimuth, as in the sampling of lobes;
+    the compiler then computes its sine and cosine once for both.
     """
     sin_phi, cos_phi = dr.sincos(dr.two_pi * u1)
     radius = dr.sqrt(u2)

@@ -183,7 +183,20 @@ class ReflectionModel(ABC):
 
     @abstractmethod
     def f(self, S, i, r):
-        """BRDF f_r(i, r) [1/sr]; 0 unless both directions lie above the surface."""
+        """BRDF f_r(i, r).
+
+        Parameters
+        ----------
+        S
+            The `Surface`, one for all lanes (width 1) or one for each lane.
+        i, r
+            Directions to source and observer, unit 3-vectors in the surface's frame.
+
+        Returns
+        -------
+        Dr.Jit array
+            BRDF [1/sr]; 0 unless both directions lie above the surface.
+        """
 
     @abstractmethod
     def HDR(self, S, theta_r):
@@ -203,8 +216,17 @@ class ReflectionModel(ABC):
     def floor_HDR(self, S, cos, sin2):
         """The part of HDR that comes from the diffuse floor, in closed form.
 
-        cos, sin2: cosine and squared sine of theta_r. For a model without a lobe this is all of
-        HDR.
+        Parameters
+        ----------
+        S
+            The `Surface`.
+        cos, sin2
+            Cosine and squared sine of theta_r.
+
+        Returns
+        -------
+        Dr.Jit array
+            Reflectance of the floor. For a model without a lobe this is all of HDR.
         """
 
     def lobe_HDR(self, S, theta_r):
@@ -228,11 +250,22 @@ class ReflectionModel(ABC):
     # the next three methods. A model without a lobe need not define them.
 
     def sample_lobe(self, S, r, u1, u2, u3):
-        """A random direction i to the source, drawn from the lobe for the observer's direction r.
+        """A random direction i to the source, drawn from the lobe.
 
-        It may lie below the surface. u1, u2, u3: uniform random numbers in 0..1. u3 has fewer
-        digits where the lobe is faint. It serves to choose between a few cases; not every lobe
-        needs it.
+        Parameters
+        ----------
+        S
+            The `Surface`.
+        r
+            Direction to the observer, above the surface.
+        u1, u2, u3
+            Uniform random numbers in 0..1. u3 has fewer digits where the lobe is faint. It serves
+            to choose between a few cases; not every lobe needs it.
+
+        Returns
+        -------
+        Dr.Jit 3-vector
+            The direction, of the type of r. It may lie below the surface.
         """
         return sample_cosine(type(r), u1, u2)
 

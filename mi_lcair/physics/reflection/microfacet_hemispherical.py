@@ -58,8 +58,8 @@ def lobe_reflectance(S, theta_r, reflectance):
     dr.eval(theta, weight, theta_r)
     sin, cos = dr.sincos(theta)
     D = density(dr.square(sin), S_polar.peak, S_polar.spread, S_polar.gamma)
-    seen = azimuthal_integral(S_polar, theta_r, theta, reflectance)
-    return dr.block_sum(weight * sin * D * seen, sum(POLAR))
+    azimuthal = azimuthal_integral(S_polar, theta_r, theta, reflectance)
+    return dr.block_sum(weight * sin * D * azimuthal, sum(POLAR))
 
 
 def breaks(theta_r):

@@ -1,1 +1,1 @@
-"""What is checked and derived when a scene file is loaded, before anything is rendered."""
+"""Checks of a scene file, and what is derived from it, when it is loaded."""

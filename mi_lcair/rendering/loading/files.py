@@ -1,6 +1,4 @@
-"""The files of a scene, looked at before Mitsuba opens any: its XML, what that includes, and what
-either of them names.
-"""
+"""Checks of a scene's files before Mitsuba opens them: XML, included files, named files."""
 
 import os
 import re
@@ -10,21 +8,22 @@ from xml.parsers import expat
 from mi_lcair.errors import InputError
 from mi_lcair.files import check_file
 
-DEEPEST = 40  # nested elements; real scenes nest about 6, and Mitsuba's parser recurses
-MOST_INCLUDES = 15  # within each other, as in Mitsuba
-LARGEST_XML = 2**28  # bytes
+# Largest depth of nested elements. Real scenes have about 6; Mitsuba's parser is recursive.
+DEEPEST = 40
+MOST_INCLUDES = 15  # largest depth of nested includes, as in Mitsuba
+LARGEST_XML = 2**28  # largest size of an XML file [bytes]
 OPERATIONS = ("translate", "rotate", "scale", "lookat", "matrix")
 NUMBERS = ("float", "integer", "boolean", "point", "vector", "rgb", "spectrum", *OPERATIONS)
-NAMING = ("name", "id", "type", "filename")  # attributes that hold no number
+NAMING = ("name", "id", "type", "filename")  # attributes that are not numbers
 
 
 def survey(path: Path, given: dict[str, str]) -> set[str]:
-    """Names of the $-parameters of a scene file and of what it includes.
+    """Names of the $-parameters of a scene file and of the files that it includes.
 
-    given: values of some of them, as text. Raises InputError, with the place, for what Mitsuba's
-    parser would not survive or would pass over in silence: a file that is not XML, is no regular
-    file or too large, or includes itself; elements nested too deep, or inside one that holds none;
-    an empty number.
+    given: values of some parameters, as text. Raises InputError, with the place, for errors that
+    would end Mitsuba's process or that it would ignore: a file that is not XML, is not a regular
+    file, is too large or includes itself; elements nested too deep, or inside an element that
+    cannot contain any; an empty number.
     """
     reader = Survey(path.parent, given)
     reader.read(path)
@@ -34,25 +33,25 @@ def survey(path: Path, given: dict[str, str]) -> set[str]:
 class Survey:
     """Reads scene files one element at a time.
 
-    names: of the parameters met so far; values: what they stand for; folders: where files are
-    looked for.
+    names: names of the parameters found so far. values: their values. folders: folders in which
+    files are searched. open: the files that are being read, each included by the one before.
     """
 
     def __init__(self, folder: Path, given: dict[str, str]):
         self.values = dict(given)
         self.names: set[str] = set()
         self.folders = [folder, Path()]
-        self.open: list[Path] = []  # the files that are being read, each included by the one before
+        self.open: list[Path] = []
 
     def read(self, path: Path) -> None:
-        """Reads one file and, through `Element`, what it includes."""
+        """Read one file and the files that it includes."""
         if path.resolve() in self.open:
             raise InputError(f"{path}: includes itself")
         if len(self.open) > MOST_INCLUDES:
             raise InputError(f"{path}: is the {len(self.open)}th include within each other")
         check_file(path, LARGEST_XML)
         parser = expat.ParserCreate()
-        elements: list[str] = []  # that are open in this file
+        elements: list[str] = []  # tags of the elements that are open in this file
 
         def start(tag, attributes):
             place = (
@@ -78,7 +77,10 @@ class Survey:
         self.open.pop()
 
     def element(self, tag: str, attributes: dict[str, str], parent: str, place: str) -> None:
-        """Takes note of one element; `parent` is the tag of the one around it."""
+        """Check one element and record its parameters.
+
+        parent: tag of the element that contains it. place: its place in the file, for messages.
+        """
         if parent in OPERATIONS:
             raise InputError(f"{place}: <{tag}> inside <{parent}> is not read; move it outside")
         for value in attributes.values():
@@ -106,13 +108,13 @@ class Survey:
         return re.sub(r"\$(\w+)", lambda name: str(self.values.get(name[1], name[0])), text)
 
     def check_named(self, text: str) -> None:
-        """Raise InputError for a text that names something that is no regular file."""
+        """Raise InputError for a text that names something other than a regular file."""
         if text:
             for folder in self.folders:
                 check_file(folder / text)
 
     def include(self, text: str) -> None:
-        """Reads an included file, where it exists; where it does not, Mitsuba says so."""
+        """Read an included file if it exists; otherwise Mitsuba raises the error later."""
         for folder in (*self.folders, self.open[-1].parent):
             check_file(folder / text)
             if text and os.path.isfile(folder / text):

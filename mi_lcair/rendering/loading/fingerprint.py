@@ -1,4 +1,4 @@
-"""The fingerprint of a scene: a number that changes with whatever the picture depends on."""
+"""The fingerprint of a scene: a number that changes with everything that affects the image."""
 
 import os
 import re
@@ -13,14 +13,15 @@ from mi_lcair.physics.spectrum import BUNDLED
 from mi_lcair.plugins.beside_scene import beside_scene
 from mi_lcair.rendering.loading.nodes import properties
 
-NO_ID = re.compile(r"object_\d+")  # what has no id is named by its address in memory
+# Name of an object without an id, which contains its address in memory.
+NO_ID = re.compile(r"object_\d+")
 
 
 def source_digest(state) -> bytes:
-    """Digest of a parsed scene (`mitsuba.parser.ParserState`, its $-parameters in place): every
-    property of every node, and the content of every file that one names.
+    """Digest of a parsed scene (`mitsuba.parser.ParserState`) with its $-parameters filled in.
 
-    The tables that come with the library count as such files. Where the files lie does not matter.
+    It contains every property of every node, the content of every file that a property names, and
+    the tables that come with the library. The folders of the files do not matter.
     """
     digest = sha256()
     for number, node in enumerate(state.nodes):
@@ -33,26 +34,34 @@ def source_digest(state) -> bytes:
     return digest.digest()
 
 
-def fingerprint(source: bytes, scene: mi.Scene, said: list[str]) -> str:
-    """16 hexadecimal digits for a scene: of its `source_digest`, of the values that its objects
-    hold now, and of what they say of themselves in words (`said`).
+def fingerprint(source: bytes, scene: mi.Scene, descriptions: list[str]) -> str:
+    """16 hexadecimal digits for a scene.
+
+    Parameters
+    ----------
+    source : bytes
+        Its `source_digest`.
+    scene : mi.Scene
+        The present values of its parameters are part of the fingerprint.
+    descriptions : list of str
+        Settings that are not parameters, as text.
     """
     digest = sha256(source)
-    add(digest, *said)
+    add(digest, *descriptions)
     for name, value in mi.traverse(scene):
         add(digest, NO_ID.sub("", str(name)), exact(value))
     return digest.hexdigest()[:16]
 
 
 def add(digest, *pieces: str | bytes) -> None:
-    """Adds pieces, each with its length before it, so that no two sequences look alike."""
+    """Add pieces, each after its length, so that different sequences give different digests."""
     for piece in pieces:
         piece = piece.encode() if isinstance(piece, str) else piece
         digest.update(len(piece).to_bytes(8, "little") + piece)
 
 
 def exact(value) -> str | bytes:
-    """All digits of a property or parameter; its text where it is no number."""
+    """All digits of a property or parameter, or its text if it is not a number."""
     if hasattr(value, "matrix"):
         value = value.matrix
     if hasattr(value, "wavelengths"):
@@ -65,12 +74,12 @@ def exact(value) -> str | bytes:
 
 
 def named_file(text: str) -> Path | None:
-    """The file that a property names, beside the scene or where the text itself leads."""
+    """The file that a property names, beside the scene or in the working folder; or None."""
     try:
-        found = [path for path in (Path(beside_scene(text)), Path(text)) if os.path.isfile(path)]
-    except (OSError, ValueError):  # a name that no file system takes
+        files = [path for path in (Path(beside_scene(text)), Path(text)) if os.path.isfile(path)]
+    except (OSError, ValueError):  # a name that no file system allows
         return None
-    return found[0] if found else None
+    return files[0] if files else None
 
 
 def content_digest(path: Path) -> bytes:

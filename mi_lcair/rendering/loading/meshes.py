@@ -1,6 +1,4 @@
-"""Checks of a scene's meshes and textures: of their files before Mitsuba reads them, and of the
-values that came out of these.
-"""
+"""Checks of meshes and textures: of their files before loading, of their values afterwards."""
 
 import re
 from pathlib import Path
@@ -22,11 +20,11 @@ OF_MESH = re.compile(r'name = "((?:face|vertex)_\w+)"')  # in the text of a mesh
 
 
 def check_mesh_files(state) -> dict[str, float]:
-    """How far [m] the mesh of each file of a parsed scene reaches from the file's own origin, by
-    its place in the scene and its name.
+    """Largest coordinate of each mesh file of a parsed scene, in the file's axes [m].
 
-    Raises InputError for the first file that Mitsuba would misread: a corner that is no vertex
-    makes it drop a facet, or ends the process.
+    The keys are the places of the meshes in the scene, with the file names. Raises InputError for
+    the first file that Mitsuba would misread. Mitsuba drops a facet whose corner does not exist, or
+    ends the process.
     """
     reach = {}
     for node in state.nodes:
@@ -34,7 +32,7 @@ def check_mesh_files(state) -> dict[str, float]:
         values = properties(node) if check else {}
         name = values.get("filename")
         path = Path(beside_scene(name)) if isinstance(name, str) else None
-        if path and path.is_file():  # what is missing is Mitsuba's to say
+        if path and path.is_file():  # Mitsuba raises the error for a missing file
             place = mi.parser.file_location(state, node)
             try:
                 box = check(path)
@@ -49,8 +47,10 @@ def check_mesh_files(state) -> dict[str, float]:
 
 
 def check_shapes(scene: mi.Scene) -> None:
-    """Raise InputError for shapes without extent or beyond single precision, and for textures
-    whose values a temperature or a reflectance cannot have.
+    """Raise InputError for shapes and textures of a scene that cannot be used.
+
+    These are shapes without extent or beyond single precision, and textures whose values are
+    impossible for a temperature or a reflectance.
     """
     for shape in scene.shapes():
         name = f"shape '{shape.id()}'"
@@ -69,7 +69,7 @@ def check_shapes(scene: mi.Scene) -> None:
 
 
 def check_bsdf(shape, bsdf) -> None:
-    """Checks the textures of a BSDF and of those that it wraps."""
+    """Check the textures of a BSDF and of the BSDFs that it wraps."""
     if bsdf is None:
         return
     for key, value in members(bsdf).items():
@@ -82,8 +82,10 @@ def check_bsdf(shape, bsdf) -> None:
 
 
 def check_texture(shape, texture, what: str, bounds: tuple[float, float]) -> None:
-    """Raise InputError where a texture's values lie outside the bounds of `what` it gives, or where
-    the shape lacks the mesh attribute that it names.
+    """Raise InputError for a texture with values out of bounds.
+
+    Also for a texture that names a mesh attribute which the shape does not have. what: the quantity
+    that the texture gives, for messages. bounds: smallest and largest allowed value.
     """
     if not isinstance(texture, mi.Texture):
         return
@@ -107,11 +109,12 @@ def check_texture(shape, texture, what: str, bounds: tuple[float, float]) -> Non
 
 
 def mesh_attribute(shape, texture, name: str) -> tuple[np.ndarray, str]:
-    """The values of the attribute that a `mesh_attribute` texture names, and of what each is: facet
-    or vertex.
+    """Values of the attribute that a `mesh_attribute` texture names, and "facet" or "vertex".
+
+    The word says to what each value belongs. name: the texture's name in messages.
     """
-    found = OF_MESH.search(str(texture))
-    attribute = found[1] if found else "?"
+    match = OF_MESH.search(str(texture))
+    attribute = match[1] if match else "?"
     buffers = members(shape)
     known = [key for key in buffers if key.startswith(("face_", "vertex_"))]
     own = [key for key in known if key not in ("vertex_positions", "vertex_normals")]

@@ -1,5 +1,6 @@
-"""Checks of a parsed scene before Mitsuba makes objects of it: values out of bounds, and what would
-end the process or be passed over in silence.
+"""Checks of a parsed scene before Mitsuba creates its objects.
+
+They find values out of bounds, and errors that would end the process or that Mitsuba would ignore.
 """
 
 import mitsuba as mi
@@ -10,16 +11,16 @@ from mi_lcair.physics.bands import band
 from mi_lcair.plugins.beside_scene import beside_scene
 from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST
 
-FARTHEST = 1e9  # m; squares of such lengths are far from the limits of Float32
-MOST_SAMPLES = 2**32 - 1  # per pixel
+FARTHEST = 1e9  # largest coordinate [m], whose square is far below the largest Float32 number
+MOST_SAMPLES = 2**32 - 1  # largest number of samples per pixel
 SHARE, POSITIVE, EMITTED = (0, 1), (1e-30, 1e30), (0, BRIGHTEST)
 SHARES = (
     *("reflectance", "specular_reflectance", "specular_transmittance", "diffuse_reflectance"),
     *("base_color", "opacity", "weight", "roughness", "metallic", "specular", "clearcoat", "sheen"),
     *("spec_trans", "flatness"),
 )
-# Properties of Mitsuba's own plugins, by the kind of object and their name. Shares of what arrives
-# lie in 0..1; the rest is positive, or not negative.
+# Bounds of the properties of Mitsuba's plugins, by the kind of object and the property's name.
+# Fractions of the incident radiance lie in 0..1. Other properties are positive or not negative.
 BOUNDS = {
     mi.ObjectType.BSDF: dict.fromkeys(SHARES, SHARE)
     | dict.fromkeys(("alpha", "alpha_u", "alpha_v", "int_ior", "ext_ior"), POSITIVE)
@@ -31,17 +32,18 @@ BOUNDS = {
     mi.ObjectType.Sampler: {"sample_count": (1, MOST_SAMPLES)},
 }
 NUMBERS_OF_TEXTURES = ("value", "color", "color0", "color1", "values")
-SURFACE_EMITTERS = ("thermal", "area", "directionalarea")  # that belong to a shape
-CHECKED_BY_THEMSELVES = ("thermal",)  # plugins that declare their properties
-SPECTRAL_ONLY = ("hair",)  # of Mitsuba's BSDFs, what fails in variants without colour
-# What a plugin must be given, because without it the process ends: a property, or children
+SURFACE_EMITTERS = ("thermal", "area", "directionalarea")  # emitters that must belong to a shape
+CHECKED_BY_THEMSELVES = ("thermal",)  # plugins that check their properties themselves
+SPECTRAL_ONLY = ("hair",)  # BSDFs of Mitsuba that fail in variants without colour
+# Properties and children without which a plugin would end the process.
 REQUIRED_PROPERTY = {"bitmap": "filename"}
 REQUIRED_CHILDREN = {"blendbsdf": (mi.ObjectType.BSDF, 2), "volume": (mi.ObjectType.Volume, 1)}
 
 
 def check_nodes(state) -> None:
-    """Raise InputError, with the place in the file, for the first node of a parsed scene
-    (`mitsuba.parser.ParserState`) that cannot be used.
+    """Raise InputError, with the place in the file, for the first node that cannot be used.
+
+    state: the parsed scene, a `mitsuba.parser.ParserState`.
     """
     nodes = [(node, properties(node)) for node in state.nodes]
     of_shapes = {
@@ -63,7 +65,11 @@ def check_nodes(state) -> None:
 
 
 def properties(node) -> dict:
-    """What a node was given, by name. (A copy: reading would count as a plugin's query.)"""
+    """Properties of a node by name.
+
+    They are read from a copy, because Mitsuba would take reading the original for the plugin's
+    query.
+    """
     props = mi.Properties(node.props)
     return {name: props[name] for name in props.keys()}  # noqa: SIM118 Properties is no dict
 
@@ -78,9 +84,7 @@ def references(values: dict) -> list[int]:
 
 
 def numbers(value) -> np.ndarray:
-    """The numbers of a property: of a float, a colour, a point, a spectrum; none of anything
-    else.
-    """
+    """Numbers of a property that is a float, a colour, a point or a spectrum; otherwise none."""
     if hasattr(value, "wavelengths"):
         return np.array(value.values, dtype=float).ravel()
     if isinstance(value, bool) or not isinstance(
@@ -91,7 +95,7 @@ def numbers(value) -> np.ndarray:
 
 
 def check_values(node, values: dict, nodes) -> None:
-    """Numbers must be finite, in Float32 too, and within the bounds that their meaning sets."""
+    """Raise InputError for numbers that are not finite in Float32 or are out of bounds."""
     plugin = node.props.plugin_name()
     for name, value in values.items():
         if isinstance(value, mi.ScalarAffineTransform4d | mi.ScalarProjectiveTransform4d):
@@ -126,7 +130,7 @@ def check_bounds(where: str, found: np.ndarray, bounds: tuple[float, float]) -> 
 
 
 def check_transform(name: str, matrix: np.ndarray, kind) -> None:
-    """A transform must be finite and, for what has a place in the scene, leave it its extent."""
+    """Raise InputError for a transform that is not finite, is too large, or flattens an object."""
     if not np.isfinite(matrix).all():
         raise InputError(f"{name}: the transform holds NaN or infinity; its numbers must be finite")
     if kind not in (mi.ObjectType.Shape, mi.ObjectType.Sensor, mi.ObjectType.Emitter):
@@ -144,7 +148,7 @@ def check_transform(name: str, matrix: np.ndarray, kind) -> None:
 
 
 def check_complete(node, values: dict, nodes) -> None:
-    """Plugins that end the process where something is missing must have it."""
+    """Raise InputError if a plugin lacks something without which it would end the process."""
     plugin = node.props.plugin_name()
     if plugin in SPECTRAL_ONLY:
         raise InputError(f"{plugin}: works in spectral variants of Mitsuba alone; use another BSDF")
@@ -157,7 +161,7 @@ def check_complete(node, values: dict, nodes) -> None:
 
 
 def check_bands(state, nodes) -> None:
-    """All BSDFs and emitters of a scene must name the same band."""
+    """Raise InputError if the BSDFs and emitters of a scene name different bands."""
     found = []
     for node, values in nodes:
         text = values.get("band")
@@ -165,10 +169,10 @@ def check_bands(state, nodes) -> None:
             try:
                 found.append((node, text, band(beside_scene(text))))
             except InputError:
-                return  # the plugin itself says what is wrong with it
+                return  # the plugin raises the error when it is created
     emitted = {own.name for node, _, own in found if node.type == mi.ObjectType.Emitter}
     if len(emitted) > 1:
-        return  # the integrator refuses it and lists the bands
+        return  # the integrator raises an error that lists the bands
     for node, text, own in found:
         other, other_text, first = found[0]
         if not same_band(own, first):
@@ -180,7 +184,7 @@ def check_bands(state, nodes) -> None:
 
 
 def same_band(a, b) -> bool:
-    """Whether two bands weigh wavelengths alike."""
+    """Whether two bands have the same wavelengths and weights."""
     return np.array_equal(a.wavelengths_um, b.wavelengths_um) and np.array_equal(
         a.weights_um, b.weights_um
     )

@@ -1,6 +1,4 @@
-"""Scenes that lie far from their origin: moved there before Mitsuba takes them into single
-precision.
-"""
+"""Moves scenes that lie far from the origin to it, before Mitsuba uses single precision."""
 
 import mitsuba as mi
 import numpy as np
@@ -9,23 +7,21 @@ from mi_lcair.errors import InputError
 from mi_lcair.models3d.model import SIZES_AWAY
 from mi_lcair.rendering.loading.nodes import properties, references
 
-FAR = (
-    10  # sizes of the scene away from its origin: then it is moved; Float32 still holds 1e-6 of it
-)
-# Parameters that hold a point of the scene, and emitters that have a place there
+# Ratio of distance from the origin to size above which a scene is moved. At this ratio Float32
+# coordinates have an error of 1e-6 of the scene's size.
+FAR = 10
+# Parameters that are points of the scene, by the kind of object.
 POINTS = {
     mi.ObjectType.Shape: ("center", "p0", "p1"),
     mi.ObjectType.Emitter: ("position",),
     mi.ObjectType.Sensor: ("origin", "target"),
 }
-PLACED_EMITTERS = ("point", "spot", "projector")
-UNPLACED_SHAPES = ("shapegroup", "merge")  # whose place is that of their parts
+PLACED_EMITTERS = ("point", "spot", "projector")  # emitters with a position in the scene
+UNPLACED_SHAPES = ("shapegroup", "merge")  # shapes whose parts are moved in their place
 
 
 def far_origin(scene: mi.Scene) -> np.ndarray | None:
-    """The middle (3,) [m] of a scene that lies more than FAR times its extent from the origin; None
-    where it does not.
-    """
+    """Centre (3,) [m] of a scene that is too far from the origin; None if it is near enough."""
     low, high = extent(scene)
     away = max(abs(low).max(), abs(high).max())
     return (low + high) / 2 if away > FAR * (high - low).max() else None
@@ -42,10 +38,10 @@ def extent(scene: mi.Scene) -> tuple[np.ndarray, np.ndarray]:
 
 
 def move(state, origin: np.ndarray) -> None:
-    """Moves all that has a place in a parsed scene so that `origin` (3,) becomes its origin, in
-    double precision.
+    """Move all shapes, emitters and sensors of a parsed scene by -origin (3,) [m].
 
-    Raises InputError, with the place in the file, for a volume in a scene: it cannot be moved.
+    The move is done in double precision. Raises InputError, with the place in the file, if the
+    scene has a volume, which cannot be moved.
     """
     nodes = [(node, properties(node)) for node in state.nodes]
     within_groups = {
@@ -76,7 +72,7 @@ def move(state, origin: np.ndarray) -> None:
 
 
 def move_node(node, values: dict, origin: np.ndarray, shift) -> None:
-    """Moves one shape, emitter or sensor by its `to_world` or by its points."""
+    """Move one shape, emitter or sensor by changing its `to_world` or its points."""
     points = [name for name in POINTS[node.type] if name in values]
     point = lambda name: np.array(values[name], dtype=float)
     if "to_world" not in values and points:
@@ -84,12 +80,13 @@ def move_node(node, values: dict, origin: np.ndarray, shift) -> None:
             node.props[name] = mi.ScalarPoint3d(point(name) - origin)
         return
     to_world = mi.ScalarAffineTransform4d(values.get("to_world", mi.ScalarAffineTransform4d()))
-    if node.props.plugin_name() == "distant":  # its transform is a direction alone
+    if node.props.plugin_name() == "distant":  # its transform gives only a direction
         for name in points:
             node.props[name] = mi.ScalarPoint3d(point(name) - origin)
         return
     if points:
-        # the points are in the shape's own frame: what is far of them goes into the transform
+        # The points are in the shape's own frame. Their distance is put into the transform, so that
+        # the points themselves are small numbers.
         first = point(points[0])
         to_world = to_world @ mi.ScalarAffineTransform4d().translate(first)
         for name in points:
@@ -98,10 +95,10 @@ def move_node(node, values: dict, origin: np.ndarray, shift) -> None:
 
 
 def check_meshes_near(meshes: dict[str, float], scene: mi.Scene) -> None:
-    """Raise InputError for a mesh whose file places it too far from the file's own origin: there
-    its coordinates have lost their digits before anything can be moved.
+    """Raise InputError for a mesh that is too far from the origin of its file.
 
-    meshes: how far [m] each reaches from there, see `check_mesh_files`.
+    Its coordinates are inaccurate before anything can be moved. meshes: largest coordinate of each
+    mesh [m], from `check_mesh_files`.
     """
     low, high = extent(scene)
     size = (high - low).max()

@@ -1,4 +1,4 @@
-"""What a user should know of a loaded scene before trusting its picture."""
+"""Remarks on a loaded scene that point out possible errors of its image."""
 
 import drjit as dr
 import mitsuba as mi
@@ -10,27 +10,27 @@ from mi_lcair.plugins.emission.triangles import is_faceted
 from mi_lcair.plugins.reflection_bsdf import reflection_layers
 from mi_lcair.rendering.loading.nodes import properties, references
 
-WITHOUT_BSDF = ("instance", "shapegroup", "merge")
+WITHOUT_BSDF = ("instance", "shapegroup", "merge")  # shapes whose parts have the BSDFs
 
 
 def shapes_without_bsdf(state) -> list[str]:
-    """Remarks on the shapes of a parsed scene for which Mitsuba's default BSDF stands."""
-    found = []
+    """Remarks on the shapes of a parsed scene that get Mitsuba's default BSDF."""
+    lines = []
     for node in state.nodes:
         if node.type != mi.ObjectType.Shape or node.props.plugin_name() in WITHOUT_BSDF:
             continue
         inside = {state.nodes[child].type for child in references(properties(node))}
         if mi.ObjectType.BSDF not in inside:
             reflects = "nothing" if mi.ObjectType.Emitter in inside else "half of what arrives"
-            found.append(
+            lines.append(
                 f"{mi.parser.file_location(state, node)}: the {node.props.plugin_name()} has no "
                 f"BSDF; Mitsuba's default stands for it and reflects {reflects}"
             )
-    return found
+    return lines
 
 
 def surfaces_that_emit_nothing(scene: mi.Scene) -> list[str]:
-    """Remarks on thermal emitters whose surface reflects all that arrives at it."""
+    """Remarks on thermal emitters whose surface has an emissivity of 0."""
     cos = np.tile([1.0, 0.5, 0.1, -1.0, -0.5, -0.1], 16)
     texture = np.random.default_rng(0).random((2, len(cos)))
     remarks = []
@@ -46,15 +46,16 @@ def surfaces_that_emit_nothing(scene: mi.Scene) -> list[str]:
             layers = reflection_layers(shape.bsdf())
             material = f"material {layers[0].material}" if layers else "its BSDF"
             remarks.append(
-                f"group {emitter.group}, shape '{shape.id()}': {material} reflects all that arrives, "
-                "so that the thermal emitter emits nothing and the surface is black but for what it "
-                "reflects; use a material that absorbs, or give the emitter an `emissivity`"
+                f"group {emitter.group}, shape '{shape.id()}': {material} reflects all that "
+                "arrives, so that the thermal emitter emits nothing and the surface is black but "
+                "for what it reflects; use a material that absorbs, or give the emitter an "
+                "`emissivity`"
             )
     return remarks
 
 
 def thin_sheets(scene: mi.Scene) -> list[str]:
-    """Remarks on triangles that overlap in one plane, where the renderer meets either at random."""
+    """Remarks on triangles that overlap in one plane, where rays hit either one at random."""
     corners, shape_of, number = [], [], []
     for shape in scene.shapes():
         if is_faceted(shape):
@@ -67,9 +68,12 @@ def thin_sheets(scene: mi.Scene) -> list[str]:
             number.append(np.arange(len(faces)))
     if not corners:
         return []
-    found, number = overlaps(np.concatenate(corners)), np.concatenate(number)
+    sheets, number = overlaps(np.concatenate(corners)), np.concatenate(number)
     remarks = []
-    for pairs, how in ((found.back_to_back, "back to back"), (found.same_side, "one on the other")):
+    for pairs, how in (
+        (sheets.back_to_back, "back to back"),
+        (sheets.same_side, "one on the other"),
+    ):
         if len(pairs):
             a, b = (f"{triangle_name(shape_of[k])} {number[k]}" for k in pairs[0])
             remarks.append(
@@ -81,15 +85,16 @@ def thin_sheets(scene: mi.Scene) -> list[str]:
 
 
 def triangle_name(shape) -> str:
-    """How a remark names the triangles of a shape."""
+    """Name of the triangles of a shape in a remark."""
     return f"triangle of '{shape.id()}'" if shape.id() else "triangle"
 
 
 def clipped(loaded, sensors) -> list[str]:
-    """Remarks on sensors that may not see the scene whole: Mitsuba cuts each first ray at near_clip
-    and far_clip, 0.01 m and 10 km unless the scene says otherwise.
+    """Remarks on sensors that may not see the whole scene because of near_clip and far_clip.
+
+    Mitsuba's defaults are 0.01 m and 10 km.
     """
-    box, found = loaded.bbox(), []
+    box, lines = loaded.bbox(), []
     low, high = np.array(box.min), np.array(box.max)
     for number, sensor in enumerate(sensors):
         clips, place = members(sensor), members(sensor).get("to_world")
@@ -99,11 +104,13 @@ def clipped(loaded, sensors) -> list[str]:
         nearest = np.linalg.norm(np.maximum(np.maximum(low - eye, eye - high), 0))
         farthest = np.linalg.norm(np.maximum(high - eye, eye - low))
         if nearest < clips["near_clip"] and clips["near_clip"] > 0.01 * np.linalg.norm(high - low):
-            found.append(
-                f"sensor {number}: does not see what is nearer than its near_clip = {clips['near_clip']:g} m"
+            lines.append(
+                f"sensor {number}: does not see what is nearer than its "
+                f"near_clip = {clips['near_clip']:g} m"
             )
         if farthest > clips["far_clip"]:
-            found.append(
-                f"sensor {number}: does not see what is farther than its far_clip = {clips['far_clip']:g} m"
+            lines.append(
+                f"sensor {number}: does not see what is farther than its "
+                f"far_clip = {clips['far_clip']:g} m"
             )
-    return found
+    return lines

@@ -1,5 +1,6 @@
-"""Scatterometer files: every accepted layout gives the same points, every open question is asked,
-no input crashes.
+"""Scatterometer files: accepted layouts, open questions, and damaged input.
+
+All layouts give the same points. No input crashes the reader.
 """
 
 import hashlib
@@ -14,8 +15,8 @@ from hypothesis import strategies as st
 from mi_lcair.errors import InputError
 from mi_lcair.fitting.scatterometer.reading import pool, read, read_directional
 
-# theta_i, theta_r [degrees] and BRDF of a surface that is brighter on the specular side: what every
-# layout must give
+# theta_i, theta_r [degrees] and BRDF of a surface that is brighter on the specular side. Every
+# layout must give these points.
 POINTS = [
     (i, r, 0.05 + (2.5 if r == i else 0.5 if r > 0 else 0.0) + 0.001 * r)
     for i in (20, 40)
@@ -25,7 +26,7 @@ POINTS = [
 
 @pytest.fixture
 def file(tmp_path):
-    """Writes text (or bytes) to a file and returns its path."""
+    """Write text (or bytes) to a file and return its path."""
 
     def write(content, name="scan.csv"):
         path = tmp_path / name
@@ -36,8 +37,10 @@ def file(tmp_path):
 
 
 def rows(template, sign=1, separator="\n"):
-    """One line a point, from a format with i, r (degrees), ir, rr (radians), f (BRDF) and fc (BRDF
-    x cos theta_r).
+    """One line for each point, from a format string.
+
+    Its names are i, r (angles in degrees), ir, rr (in radians), f (BRDF) and fc (BRDF times
+    cos theta_r).
     """
     return separator.join(
         template.format(
@@ -82,7 +85,8 @@ VARS {vars}
 """
 LAYOUTS = {
     "the project's own": "theta_i_deg,theta_r_deg,brdf_per_sr\n" + rows("{i},{r},{f!r}"),
-    "blanks, blank lines, CRLF, BOM": "\ufeff# a comment\r\ntheta_i_deg, theta_r_deg , brdf_per_sr\r\n\r\n"
+    "blanks, blank lines, CRLF, BOM": "\ufeff# a comment\r\n"
+    "theta_i_deg, theta_r_deg , brdf_per_sr\r\n\r\n"
     + rows(" {i} ,{r},  {f!r} ", separator="\r\n\r\n"),
     "another order, other names": "BRDF (1/sr),Theta_r [deg],site,Theta_i [deg]\n"
     + rows("{f!r},{r},A,{i}"),
@@ -96,8 +100,8 @@ LAYOUTS = {
     "BRDF x cos by name": "theta_i_deg,theta_r_deg,ccBRDF\n" + rows("{i},{r},{fc!r}"),
     "BRDF x cos by header": "# quantity: brdf_cos\ntheta_i_deg,theta_r_deg,brdf\n"
     + rows("{i},{r},{fc!r}"),
-    "positive on the source's side, stated": "# theta_r_positive: source\ntheta_i_deg,theta_r_deg,brdf\n"
-    + rows("{i},{r},{f!r}", -1),
+    "positive on the source's side, stated": "# theta_r_positive: source\n"
+    "theta_i_deg,theta_r_deg,brdf\n" + rows("{i},{r},{f!r}", -1),
     "another name, positive where the peaks are": "theta_i_deg,theta_s_deg,brdf\n"
     + rows("{i},{r},{f!r}"),
     "another name, negative where the peaks are": "theta_i_deg,theta_s_deg,brdf\n"
@@ -155,8 +159,8 @@ def test_options_overrule_names_and_header(file):
 
 def test_header_keys(file):
     text = (
-        "# A plate\n# sample: plate 7\n# band_um: 3 5.5\n# Source_half_angle_deg : 0.9\n# quite: another\n"
-        + LAYOUTS["the project's own"]
+        "# A plate\n# sample: plate 7\n# band_um: 3 5.5\n"
+        "# Source_half_angle_deg : 0.9\n# quite: another\n" + LAYOUTS["the project's own"]
     )
     measured = read(file(text))
     assert (measured.name, measured.band_um) == ("plate 7", (3.0, 5.5))
@@ -193,7 +197,7 @@ def test_rows_off_the_plane_and_at_the_horizon_are_dropped_and_counted(file):
 
 
 def test_azimuth_180_is_the_other_half_plane(file):
-    """phi = 180 turns the observer to the other side: theta_r = 40 there is theta_r = -40 here."""
+    """An observer at theta_r = 40, phi = 180 is read as theta_r = -40."""
     text = "theta_i_deg,theta_r_deg,phi_deg,brdf\n" + "\n".join(
         f"{i},{abs(r)},{0 if r > 0 else 180},{f!r}" for i, r, f in POINTS
     )
@@ -206,8 +210,9 @@ REAL = Path(__file__).parents[4] / "shared" / "data" / "mwir_brdf"
 @pytest.mark.skipif(not REAL.is_dir(), reason="needs the measured files beside the checkout")
 @pytest.mark.parametrize("name", ["aluminium", "copper", "paint_smooth"])
 def test_real_files(name):
-    """Ten positions of the camera, 87 of the source; at 60 degrees these surfaces are brightest in
-    the mirror direction.
+    """The files have 10 positions of the camera and 87 of the source.
+
+    At 60 degrees these surfaces are brightest in the mirror direction.
     """
     measured, emissivity = (
         read(REAL / f"{name}.csv"),
@@ -227,7 +232,7 @@ def test_real_files(name):
 
 
 def test_repeated_scans_are_pooled_and_their_scatter_becomes_sigma(file):
-    """6 scans with 5 % multiplicative noise: sigma of the mean is 5 % / sqrt(6), for every point."""
+    """Six scans with 5 % multiplicative noise give sigma = 5 % / sqrt(6) for every mean."""
     rng = np.random.default_rng(1)
     angles = [(20, r) for r in range(-40, 41)]
     truth = {r: math.exp(-abs(r - 20) / 4) for _, r in angles}
@@ -242,13 +247,14 @@ def test_repeated_scans_are_pooled_and_their_scatter_becomes_sigma(file):
     true = np.array([truth[r] for _, r in angles])
     ratio = measured.sigma / (true * 0.05 / math.sqrt(6))
     assert abs(ratio - 1).max() < 0.6 and abs(np.sqrt(np.mean(ratio**2)) - 1) < 0.15
-    # the claim that sigma makes: the mean lies that far from the truth, on average
+    # On average, sigma is the deviation of the mean from the true value.
     assert 0.7 < np.sqrt(np.mean(((measured.brdf - true) / measured.sigma) ** 2)) < 1.3
 
 
 def test_two_scans_do_not_claim_certainty():
-    """Two values that happen to agree must not get a sigma near 0, a point measured once not an
-    infinite one.
+    """Two values that agree by chance have a sigma well above 0.
+
+    A point that was measured once has a finite sigma.
     """
     theta_i, theta_r = np.radians([20.0] * 7), np.radians([10.0, 20, 30, 10, 20, 30, 40])
     _, _, brdf, sigma = pool(theta_i, theta_r, np.array([1.0, 5, 2, 1.0, 5.5, 2.2, 3]))
@@ -450,8 +456,9 @@ def test_refused_in_one_line(file, name):
     ],
 )
 def test_a_statement_settles_the_side(file, name):
-    """The answer that the question asks for is understood; the two possible answers are mirror
-    images.
+    """The file can state the side that the error message asks for.
+
+    The two possible statements give mirror images of each other.
     """
     path = file(QUESTIONS[name][0])
     specular, source = (
@@ -552,7 +559,7 @@ HEADERS = st.sampled_from(
 
 @st.composite
 def nearly_right(draw):
-    """Text with the outer form of a measurement file and anything in its cells."""
+    """Text with the layout of a measurement file and arbitrary cells."""
     separator = draw(st.sampled_from([",", ";", "\t", " "]))
     cells = st.lists(NUMBERS, max_size=6).map(separator.join)
     header = draw(
@@ -563,6 +570,7 @@ def nearly_right(draw):
     ).encode("utf-8", "replace")
 
 
+@pytest.mark.slow
 @settings(max_examples=250, deadline=None)
 @given(st.one_of(st.binary(max_size=200), nearly_right()))
 def test_any_bytes_give_data_or_one_line(tmp_path_factory, data):

@@ -1,10 +1,15 @@
-"""The microfacet model as its docstring prints it, for any module `m` with sqrt, cos, log, ...:
-mpmath or numpy. Complex Fresnel amplitudes, facets by their dot products.
+"""The equations of the microfacet model as its docstring prints them, as a reference for tests.
+
+m is the module whose functions are used, mpmath or numpy. The Fresnel reflectance is computed from
+complex amplitudes, and the angles of facets from scalar products.
 """
 
 
 def normalisation(m, alpha, gamma):
-    """c of D = c / (alpha^2 cos^2 + sin^2)^gamma, from int D cos = 1; alpha, gamma not 1."""
+    """The constant c of D = c / (alpha^2 cos^2 + sin^2)^gamma, for alpha and gamma other than 1.
+
+    It follows from int D cos(theta) domega = 1.
+    """
     a = alpha**2
     return (gamma - 1) * (1 - a) / (m.pi * (a ** (1 - gamma) - 1))
 
@@ -21,7 +26,7 @@ def fresnel(m, cos, n, k):
 
 
 def brdf(m, i, r, alpha, gamma, n, k, rho_d):
-    """i, r: triples, both above the surface."""
+    """BRDF [1/sr]; i and r are triples, both above the surface."""
     h = [a + b for a, b in zip(i, r)]
     length = m.sqrt(sum(x * x for x in h))
     half = [x / length for x in h]

@@ -1,4 +1,4 @@
-"""Directions and surfaces that the tests share."""
+"""Directions and surfaces that several tests use."""
 
 import drjit as dr
 import numpy as np
@@ -6,8 +6,8 @@ from drjit.llvm.ad import Array3f64, Float64
 
 from mi_lcair.physics.reflection import sandford_robertson_equations as sr
 
-# epsilon, rho_d, b, e of thesis Tables 2.2 and 2.3: bare aluminum MWIR, LWIR, gloss black MWIR,
-# LWIR
+# epsilon, rho_d, b, e of thesis Tables 2.2 and 2.3, for bare aluminum in MWIR and LWIR and for
+# gloss black in MWIR and LWIR.
 MATERIALS = [
     (0.11, 0.02, 0.05, 0.0042),
     (0.08, 0.02, 0.05, 0.0042),
@@ -24,13 +24,14 @@ def direction(theta, phi=0.0, Vector=Array3f64):
 
 def surface(epsilon, rho_d, b, e, form="thesis"):
     numbers = [Float64(number) for number in (epsilon, rho_d, b, e)]
-    dr.make_opaque(*numbers)  # one compiled kernel for all values
+    dr.make_opaque(*numbers)  # one kernel serves all values
     return sr.surface(*numbers, form=form)
 
 
 def random_parameters(count, seed=0):
-    """Rows epsilon, rho_d, b, e spread over the whole feasible set, its faces (and what is just off
-    them) included.
+    """Rows (epsilon, rho_d, b, e) spread over the whole feasible set.
+
+    They include points on its faces and very close to them.
     """
     rng = np.random.default_rng(seed)
     b = np.where(

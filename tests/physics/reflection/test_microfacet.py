@@ -1,5 +1,6 @@
-"""The microfacet model against its printed equations, and what it promises: reciprocity, finite
-derivatives, normals drawn exactly as they are seen.
+"""The microfacet model against its printed equations.
+
+Further tests check reciprocity, finite derivatives, and the distribution of sampled normals.
 """
 
 import drjit as dr
@@ -16,7 +17,7 @@ from tests.physics.reflection import microfacet_equations as printed
 from tests.physics.reflection.surfaces import direction
 
 EXACT = mpmath.workdps(40)
-# alpha, gamma, n, k, rho_d: paint, sandblasted and polished metal, and extremes
+# alpha, gamma, n, k, rho_d of paint, of sandblasted and polished metal, and of extreme surfaces.
 SURFACES = [
     (0.19, 1.64, 1.44, 0.21, 0.01),
     (0.13, 0.68, 2.1, 1.3, 0.64),
@@ -34,7 +35,7 @@ def surface(*values):
 
 
 def random_parameters(count, seed=0):
-    """(count, 5) parameters over the whole box; a third of all coordinates lie on its faces."""
+    """Parameters (count, 5) over their whole range; a third of the coordinates lie on bounds."""
     rng = np.random.default_rng(seed)
     u = np.where(
         rng.random((count, 5)) < 0.33, rng.integers(0, 2, (count, 5)), rng.random((count, 5))
@@ -43,7 +44,7 @@ def random_parameters(count, seed=0):
 
 
 def angles_of(alpha):
-    """theta_i, theta_r, phi: in and off the specular plane, from the lobe's top to 89.9 degrees."""
+    """theta_i, theta_r and phi in and outside the plane of incidence, up to 89.9 degrees."""
     return [
         (i, r, np.pi - phi)
         for i in np.radians([0, 20, 60, 85, 89.9])
@@ -67,7 +68,7 @@ def test_brdf_is_the_printed_one(parameters):
     theta_i, theta_r, phi = np.array(angles_of(parameters[0])).T
     i, r = direction(theta_i, phi), direction(theta_r)
     at = [mpmath.mpf(value) for value in parameters]
-    # of the same rounded directions: 1e-16 of them is 1e-9 of such a lobe
+    # Both use the same rounded directions: an error of 1e-16 in them changes such a lobe by 1e-9.
     pairs = zip(*(np.broadcast_to(w.numpy(), (3, len(phi))).T for w in (i, r)))
     exact = [printed.brdf(mpmath, *(list(map(mpmath.mpf, w)) for w in pair), *at) for pair in pairs]
     np.testing.assert_allclose(
@@ -77,7 +78,7 @@ def test_brdf_is_the_printed_one(parameters):
 
 @pytest.mark.parametrize("parameters", SURFACES)
 def test_float32_keeps_its_digits(parameters):
-    """Of the same Float32 directions: 1e-5 relative, off the lobe's top too, for alpha = 1e-4."""
+    """The relative error in Float32 is 1e-5, also on the lobe's flank and for alpha = 1e-4."""
     theta_i, theta_r, phi = np.array(angles_of(parameters[0])).T
     i, r = direction(theta_i, phi, Array3f), direction(theta_r, 0.0, Array3f)
     S = surface(*parameters)
@@ -89,7 +90,7 @@ def test_float32_keeps_its_digits(parameters):
 @pytest.mark.parametrize("alpha", [1e-4, 0.1, 0.9, 1 - 1e-9, 1])
 @EXACT
 def test_distribution_is_normalised(alpha, gamma):
-    """Its top against the closed form in mpmath, which is beside the removable limits exact."""
+    """D_0 agrees with the closed form in mpmath, which is exact except at removable limits."""
     at = [mpmath.mpf(x) if x != 1 else 1 - mpmath.mpf(10) ** -15 for x in (alpha, gamma)]
     exact = printed.distribution(mpmath, 1, *at)
     assert distribution.peak(Float64(alpha), Float64(gamma))[0] == pytest.approx(
@@ -100,9 +101,9 @@ def test_distribution_is_normalised(alpha, gamma):
 def test_gamma_2_is_trowbridge_reitz():
     alpha, sin2 = 0.3, np.linspace(0, 1, 9)
     S = surface(alpha, 2, 1.5, 0, 0)
-    found = distribution.density(Float64(sin2), S.peak, S.spread, S.gamma)
+    computed = distribution.density(Float64(sin2), S.peak, S.spread, S.gamma)
     exact = alpha**2 / (np.pi * (alpha**2 * (1 - sin2) + sin2) ** 2)
-    np.testing.assert_allclose(found, exact, rtol=1e-14)
+    np.testing.assert_allclose(computed, exact, rtol=1e-14)
 
 
 @pytest.mark.parametrize(
@@ -110,7 +111,7 @@ def test_gamma_2_is_trowbridge_reitz():
 )
 @pytest.mark.parametrize("Type, digits", [(Float64, 1e-13), (Float, 3e-6)])
 def test_fresnel_is_the_complex_one(n, k, Type, digits):
-    """F and 1 - F, each to its own digits, from normal to 89.9999 degrees."""
+    """F and 1 - F have small relative errors from normal incidence to 89.9999 degrees."""
     cos = Type(np.cos(np.radians([0, 30, 55, 80, 89, 89.9, 89.9999])))
     S = surface(0.1, 2, n, k, 0).cast(Type)
     F = fresnel.reflectance(cos, S.contrast, S.nk).numpy()
@@ -126,7 +127,7 @@ def test_fresnel_is_the_complex_one(n, k, Type, digits):
 
 
 def many_directions(count, parameters, Vector, seed=1):
-    """Pairs over the sphere, 90 degrees and just beyond included; a third of them near the lobe."""
+    """Pairs of directions over the sphere, some at 90 degrees, a third of them near the lobe."""
     rng = np.random.default_rng(seed)
     grazing = lambda: rng.choice([0, 89.9, 89.99999, 90, 91], count)
     theta_i, theta_r = (
@@ -162,7 +163,7 @@ def test_values_and_derivatives_are_finite(Type, Vector):
 
 
 def test_at_the_horizon():
-    """0 from below and at it; finite however near."""
+    """The BRDF is 0 at the horizon and below it, and finite above it."""
     cos = np.array([1, 0.5, 1e-3, 1e-7, 1e-20, 1e-38, 0, -1e-38, -1e-3, -1], dtype=np.float32)
     cos_i, cos_r = (grid.ravel() for grid in np.meshgrid(cos, cos))
     i, r = (
@@ -181,7 +182,7 @@ def test_at_the_horizon():
 @EXACT
 @pytest.mark.parametrize("held", range(5), ids=MODEL.names)
 def test_derivatives_of_the_brdf(held):
-    """Against mpmath's differences of the printed equation, on the lobe's flank."""
+    """Derivatives agree with mpmath's differences of the equation, on the lobe's flank."""
     for parameters in SURFACES:
         alpha = parameters[0]
         theta_i, theta_r, phi = 0.7, 0.7 + 0.6 * alpha, np.pi - 0.5 * alpha
@@ -230,18 +231,19 @@ def test_the_side_that_is_seen_has_its_share_exactly(theta_deg):
         np.testing.assert_allclose(facet(u3)[:, possible], side[:, possible], atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("theta_deg", [0, 45, 80, 89.5])
 @pytest.mark.parametrize("alpha, gamma", LOBES)
 def test_normals_have_the_distribution_of_visible_ones(alpha, gamma, theta_deg):
     """Chi-square over 16 x 16 cells, 200,000 samples, at a significance of 1e-4 each.
 
-    Cells of equal numbers of normals in theta_m, by the distribution function of D cos, and of
-    equal azimuths against the observer. The side of a V-shaped cavity that is seen has the share
-    max(0, v.m) / (max(0, v.m) + max(0, v.m')), m' being the other side.
+    The cells hold equal numbers of normals in theta_m, by the distribution function of D cos, and
+    equal ranges of azimuth relative to the observer. A side m of a V-shaped cavity is visible in
+    the share max(0, v.m) / (max(0, v.m) + max(0, v.m')), where m' is the other side.
     """
     rng = np.random.default_rng(5)
     count, cells, theta = 200_000, 16, np.radians(theta_deg)
-    # of a lobe as narrow as 1e-4, i + r has too few digits in Float32 to show its distribution
+    # For a lobe as narrow as 1e-4, i + r has too few digits in Float32 to show the distribution.
     Type, Vector = (Float, Array3f) if alpha > 1e-3 else (Float64, Array3f64)
     S, r = surface(alpha, gamma, 2, 0, 0).cast(Type), direction(theta, 0.0, Vector)
     i = MODEL.sample_lobe(S, r, *(Type(Float(rng.random(count))) for _ in range(3)))
@@ -259,7 +261,7 @@ def test_normals_have_the_distribution_of_visible_ones(alpha, gamma, theta_deg):
 
     place = [share_within(sin2), np.arctan2(half[1], half[0]) / (2 * np.pi) % 1]
     index = [np.clip((x * cells).astype(int), 0, cells - 1) for x in place]
-    found = np.bincount(index[0] * cells + index[1], minlength=cells**2)
+    computed = np.bincount(index[0] * cells + index[1], minlength=cells**2)
 
     fine = 60
     share = (np.arange(cells * fine) + 0.5) / (cells * fine)
@@ -271,14 +273,17 @@ def test_normals_have_the_distribution_of_visible_ones(alpha, gamma, theta_deg):
     expected = expected.mean(axis=(1, 3)).ravel() * 2 * count / cells**2
     assert expected.sum() == pytest.approx(count, rel=1e-3)
     large = expected >= 10
-    statistic = np.sum((found[large] - expected[large]) ** 2 / expected[large])
+    statistic = np.sum((computed[large] - expected[large]) ** 2 / expected[large])
     assert statistic < chi2.ppf(1 - 1e-4, large.sum() - 1)
-    assert found[~large].sum() <= expected[~large].sum() + 5 * np.sqrt(expected[~large].sum() + 1)
+    assert computed[~large].sum() <= expected[~large].sum() + 5 * np.sqrt(
+        expected[~large].sum() + 1
+    )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("alpha, gamma", LOBES)
 def test_weights_are_bounded_and_average_to_the_reflectance(alpha, gamma):
-    """f cos / pdf is F G / G_1 <= 1, so that no sample is a surprise; its mean is HDR."""
+    """The weights f cos / pdf = F G / G_1 are at most 1, and their mean is HDR."""
     rng = np.random.default_rng(6)
     count = 1 << 16
     u = [Float(rng.random(count)) for _ in range(3)]

@@ -1,4 +1,4 @@
-"""What planning and searches ask of the microfacet model: rungs, remarks, bounds, the cube."""
+"""Rungs, remarks, bounds and cube of the microfacet model."""
 
 import drjit as dr
 import numpy as np
@@ -60,7 +60,7 @@ def test_the_bounds_themselves_are_feasible_also_in_float32():
 
 
 def test_cube():
-    """There and back; faces are bounds; the simpler cases are what they are called."""
+    """`from_cube` inverts `to_cube`, faces are bounds, and restrictions match their names."""
     u = np.random.default_rng(0).random((50, 5))
     values = np.array([MODEL.values_at(row) for row in u])
     np.testing.assert_allclose(MODEL.to_cube(values), u, atol=1e-12)
@@ -78,7 +78,7 @@ def test_cube():
 
 
 def test_k_0_is_no_stationary_face():
-    """F depends on k^2; along the cube's coordinate it has a slope at the face."""
+    """F depends on k^2. Its derivative along the cube's coordinate is not 0 at k = 0."""
     u = [dr.opaque(Float64, x) for x in (0.5, 0.5, 0.1, 0.0, 0.5)]
     dr.enable_grad(u[3])
     dr.backward(MODEL.f(MODEL.surface(*MODEL.from_cube(u)), direction(0.5, np.pi), direction(0.5)))

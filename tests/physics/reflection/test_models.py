@@ -1,5 +1,7 @@
-"""What every registered reflection model must hold: its cube, its bounds, its derivatives, its
-integrals and its reciprocity. A new model inherits these tests.
+"""Tests that every registered reflection model must pass.
+
+They check its cube, bounds, derivatives, integrals and reciprocity. A new model is tested
+automatically.
 """
 
 from itertools import product
@@ -21,7 +23,7 @@ every_form = pytest.mark.parametrize(
 
 
 def random_points(model, count=40):
-    """Coordinates inside the cube."""
+    """Random coordinates inside the cube."""
     return np.random.default_rng(1).uniform(0.01, 0.99, (count, len(model.parameters)))
 
 
@@ -80,7 +82,7 @@ def test_parameters_outside_are_clipped_to_the_cube(model):
 
 @every_model
 def test_faces_of_the_cube_are_bounds(model):
-    """A point on a face has a parameter at a named bound; a point inside has none."""
+    """On a face of the cube a parameter lies on a named bound; inside, none does."""
     for u in face_points(model):
         assert any(model.bound_names(u))
     for u in random_points(model):
@@ -141,7 +143,7 @@ def test_numbers_that_no_surface_has_are_refused(model, form):
 
 @every_form
 def test_readings_and_their_derivatives_are_finite(model, form):
-    """Inside the cube and on its faces, from the normal to grazing angles."""
+    """Readings and derivatives are finite in the cube and on its faces, up to grazing angles."""
     u = np.vstack([random_points(model), face_points(model)])
     angles = np.radians([0, 20, 45, 70, 85, 89.5])
     theta_i, theta_r = (one.ravel() for one in np.meshgrid(angles, np.append(angles, -angles)))
@@ -174,6 +176,7 @@ def test_derivatives_are_those_of_the_readings(model, form):
         )
 
 
+@pytest.mark.slow
 @every_form
 def test_reciprocity_is_as_claimed(model, form):
     rng = np.random.default_rng(3)
@@ -194,9 +197,10 @@ def test_nothing_is_reflected_from_or_to_below(model, form):
         assert np.array(model.f(S, *pair)).max() == 0
 
 
+@pytest.mark.slow
 @every_form
 def test_hemispherical_reflectances_are_integrals_of_f(model, form):
-    """Against a product rule over the hemisphere, for the broad lobes among the random surfaces."""
+    """HDR and DHR agree with a product rule over the hemisphere, for surfaces with broad lobes."""
     x, weights = np.polynomial.legendre.leggauss(160)
     theta, phi = (side.ravel() for side in np.meshgrid(np.pi / 4 * (x + 1), np.pi * (x + 1)))
     weight = np.outer(np.pi * weights, np.pi / 4 * weights).ravel() * np.cos(theta) * np.sin(theta)
@@ -229,11 +233,10 @@ def test_the_floor_and_the_lobe_make_up_HDR(model, form):
         np.testing.assert_allclose(parts, np.array(model.HDR(S, Float64(theta))), rtol=1e-9)
 
 
+@pytest.mark.slow
 @every_form
 def test_drawn_directions_have_their_density(model, form):
-    """The share of directions drawn into the hemisphere's upper part is the integral of the density
-    there.
-    """
+    """The share of samples in the upper part of the hemisphere is the integral of the density."""
     rng, r = np.random.default_rng(4), directions(np.array([0.6]), np.array([0.4]))
     x, weights = np.polynomial.legendre.leggauss(400)
     theta, phi = (side.ravel() for side in np.meshgrid(np.pi / 4 * (x + 1), np.pi * (x + 1)))
@@ -256,9 +259,10 @@ def test_drawn_directions_have_their_density(model, form):
     assert checked == 3
 
 
+@pytest.mark.slow
 @every_form
 def test_values_and_derivatives_agree_in_both_float_types(model, form):
-    """A surface cast to Float32 gives the BRDF of the wider one to Float32's rounding."""
+    """A surface cast to Float32 has the same BRDF, to Float32's rounding."""
     from drjit.llvm.ad import Array3f, Float
 
     theta = np.radians([10.0, 40.0, 70.0])

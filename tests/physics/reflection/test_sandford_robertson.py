@@ -1,6 +1,4 @@
-"""The Sandford-Robertson functions against the printed equations in mpmath, and against the
-definitions they rest on.
-"""
+"""The Sandford-Robertson functions against the printed equations and their definitions."""
 
 import drjit as dr
 import mpmath
@@ -23,12 +21,14 @@ SURFACES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", sr.FORMS)
 @pytest.mark.parametrize("parameters", SURFACES)
 @thesis.EXACT
 def test_brdf_is_the_printed_one(parameters, form):
-    """In and off the specular plane, from the lobe's top down its flanks, to 89.9 degrees from the
-    normal.
+    """The BRDF agrees with the printed equations, at the maximum of the lobe and on its flanks.
+
+    The directions lie in and outside the plane of incidence, up to 89.9 degrees from the normal.
     """
     e = parameters[3]
     angles = [
@@ -39,9 +39,11 @@ def test_brdf_is_the_printed_one(parameters, form):
         if 0 <= r < np.pi / 2
     ]
     theta_i, theta_r, dphi = np.array(angles).T
-    found = sr.f(surface(*parameters, form), direction(theta_i, dphi), direction(theta_r)).numpy()
+    computed = sr.f(
+        surface(*parameters, form), direction(theta_i, dphi), direction(theta_r)
+    ).numpy()
     exact = [thesis.brdf(mpmath, *map(mpmath.mpf, (*row, *parameters)), form) for row in angles]
-    np.testing.assert_allclose(found, np.array(exact, dtype=float), rtol=1e-11)
+    np.testing.assert_allclose(computed, np.array(exact, dtype=float), rtol=1e-11)
 
 
 @thesis.EXACT
@@ -65,7 +67,7 @@ def test_emissivity_and_specular_reflectance_are_the_printed_ones():
     "b", [0, 1e-20, 1e-6, 1e-3, 0.05, 0.16, 0.5, 0.948, 0.949, 0.999, 1 - 1e-9, 1]
 )
 def test_G_is_the_integral_of_g(b):
-    """G = 2 int g cos sin dtheta; 0.948 and 0.949 lie on either side of the switch to the series."""
+    """G = 2 int g cos sin dtheta; between b = 0.948 and 0.949 the code switches to a series."""
     with mpmath.workdps(20):
         exact = 2 * mpmath.quad(
             lambda t: thesis.g(mpmath, t, b) * mpmath.cos(t) * mpmath.sin(t),
@@ -80,10 +82,12 @@ def test_G_is_the_integral_of_g(b):
     assert sr.G(Float64(b))[0] == pytest.approx(float(exact), rel=1e-14)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("e", [0.0015, 0.0042, 0.05, 0.3, 1])
 def test_H_is_the_hemispherical_integral_of_the_lobe(e):
-    """H = (1 / 4 pi) int h(alpha) domega, h taken from the directions themselves; 1e-9 is what the
-    quadrature reaches.
+    """H = (1 / 4 pi) int h(alpha) domega, with h computed from the directions.
+
+    1e-9 is the error of the quadrature.
     """
     for theta_i in np.radians([0, 30, 70, 85, 89.5]):
         theta, phi, weight = thesis.hemisphere(theta_i, 2 * e)
@@ -96,7 +100,7 @@ def test_H_is_the_hemispherical_integral_of_the_lobe(e):
 
 
 def test_limits_of_b():
-    """b = 0: g = G = 1, the blackbody and the perfect diffuse reflector. b = 1: g = cos^2, G = 1/2."""
+    """b = 0 gives g = G = 1, a blackbody or a perfect diffuse reflector; b = 1 gives G = 1/2."""
     theta = np.radians([0, 30, 60, 89, 90])
     cos, sin2 = Float64(np.cos(theta)), Float64(np.sin(theta) ** 2)
     np.testing.assert_allclose(sr.g(cos, sin2, Float64(1)), np.cos(theta) ** 2, atol=1e-15)
@@ -146,7 +150,7 @@ def test_values_and_gradients_are_finite_over_the_whole_box(Type, Vector, form):
 @thesis.EXACT
 @pytest.mark.parametrize("k", range(4), ids=["epsilon", "rho_d", "b", "e"])
 def test_gradients_of_the_brdf(k):
-    """Against mpmath's differences of the printed equation, at directions on the lobe's flank."""
+    """Derivatives agree with mpmath's differences of the equation, on the lobe's flank."""
     for parameters in SURFACES:
         e = parameters[3]
         angles = (0.7, 0.7 + 0.6 * e, np.pi - 0.5 * e)
@@ -189,22 +193,24 @@ def test_the_bounds_themselves_are_feasible():
 
 
 # ---------------------------------------------------------------- Half-vector sampling
-# Everything below works on the slopes s = (x/z, y/z) of the microfacet normal, stretched by 1/e.
-# There the Trowbridge-Reitz distribution is 1 / (pi (1 + s^2)^2) whatever e, so that every lobe is
-# resolved; a microfacet is visible from w in proportion to max(0, w . normal) / (normal . z),
-# Smith's hypothesis.
+# The tests below use the slopes s = (x/z, y/z) of the microfacet normal, stretched by 1/e. In these
+# coordinates the Trowbridge-Reitz distribution is 1 / (pi (1 + s^2)^2) for every e, so that every
+# lobe is resolved. By Smith's hypothesis, a microfacet is visible from w in proportion to
+# max(0, w . normal) / (normal . z).
 
 
 def visible_density(psi, phi, cos, sin, e):
-    """Density over psi = atan |s| and the azimuth phi, seen from w = (sin, 0, cos), not yet
-    normalized.
+    """Density of visible slopes over psi = atan |s| and the azimuth phi, not normalized.
+
+    The slopes are seen from w = (sin, 0, cos).
     """
     return np.maximum(0, cos * np.cos(psi) + e * sin * np.sin(psi) * np.cos(phi)) * np.sin(psi)
 
 
 def visible_cells(cells, nodes, cos, sin, e):
-    """Integral of `visible_density` over each of cells x cells cells of psi and phi, by the
-    midpoint rule.
+    """Integrals of `visible_density` over cells of psi and phi, (cells, cells).
+
+    They are computed by the midpoint rule.
     """
     x = (np.arange(cells * nodes) + 0.5) / (cells * nodes)
     psi, phi = np.meshgrid(np.pi / 2 * x, 2 * np.pi * x, indexing="ij")
@@ -212,11 +218,13 @@ def visible_cells(cells, nodes, cos, sin, e):
     return density.sum(axis=(1, 3)) * np.pi**2 / (cells * nodes) ** 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("e", [0.0015, 0.0042, 0.1, 0.6, 1])
 @pytest.mark.parametrize("theta_deg", [0, 45, 80, 89.5])
 def test_half_vectors_have_the_distribution_of_visible_slopes(e, theta_deg):
-    """Chi-square over 16 x 16 cells of the stretched slopes, 200,000 samples, at a significance of
-    1e-4 each.
+    """Chi-square test over 16 x 16 cells of the stretched slopes.
+
+    200,000 samples are tested at a significance of 1e-4.
     """
     rng = np.random.default_rng(5)
     count, theta = 200_000, np.radians(theta_deg)
@@ -233,19 +241,23 @@ def test_half_vectors_have_the_distribution_of_visible_slopes(e, theta_deg):
             np.arctan2(s_y, s_x) / (2 * np.pi) % 1,
         )
     ]
-    found = np.bincount(cells[0] * 16 + cells[1], minlength=256)
+    computed = np.bincount(cells[0] * 16 + cells[1], minlength=256)
     expected = visible_cells(16, 40, np.cos(theta), np.sin(theta), e).ravel()
     expected *= count / expected.sum()
     large = expected >= 10
-    statistic = np.sum((found[large] - expected[large]) ** 2 / expected[large])
+    statistic = np.sum((computed[large] - expected[large]) ** 2 / expected[large])
     assert statistic < chi2.ppf(1 - 1e-4, large.sum() - 1)
-    assert found[~large].sum() <= expected[~large].sum() + 5 * np.sqrt(expected[~large].sum() + 1)
+    assert computed[~large].sum() <= expected[~large].sum() + 5 * np.sqrt(
+        expected[~large].sum() + 1
+    )
 
 
 @pytest.mark.parametrize("e", [0.0015, 0.0042, 0.1, 0.6, 1])
 def test_lobe_pdf_is_the_density_of_visible_slopes_seen_as_directions(e):
-    """domega_i = 4 (r . half) domega_half and domega_half = cos^3(alpha) d^2 slope; normalized by a
-    numerical integral.
+    """`lobe_pdf` is the density of visible slopes, transformed to directions.
+
+    domega_i = 4 (r . half) domega_half and domega_half = cos^3(alpha) d^2 slope. A numerical
+    integral normalizes the density.
     """
     rng = np.random.default_rng(6)
     for theta in np.radians([0, 45, 80, 89.5]):
@@ -259,15 +271,16 @@ def test_lobe_pdf_is_the_density_of_visible_slopes_seen_as_directions(e):
         per_half = density / (e**2 * np.tan(psi) / np.cos(psi) ** 2) / half[2] ** 3
         r = np.array([sin, 0, cos])
         i = 2 * (r @ half) * half - r[:, None]
-        above = (i[2] > 0) & (r @ half > 0)  # where the density is used
-        found = sr.lobe_pdf(Array3f64(i), direction(theta), Float64(e)).numpy()
-        np.testing.assert_allclose(found[above], (per_half / (4 * (r @ half)))[above], rtol=1e-5)
+        above = (i[2] > 0) & (r @ half > 0)  # directions for which the density is used
+        computed = sr.lobe_pdf(Array3f64(i), direction(theta), Float64(e)).numpy()
+        np.testing.assert_allclose(computed[above], (per_half / (4 * (r @ half)))[above], rtol=1e-5)
 
 
 @pytest.mark.parametrize("e", [0.0042, 0.1, 0.6, 1])
 def test_lobe_pdf_integrates_to_the_samples_above_the_horizon(e):
-    """int of lobe_pdf over the upper hemisphere = share of reflected samples that leave upward, 5
-    standard errors.
+    """The integral of lobe_pdf over the hemisphere is the share of samples that point upward.
+
+    The tolerance is 5 standard errors.
     """
     rng = np.random.default_rng(7)
     count = 200_000

@@ -1,6 +1,4 @@
-"""The cube is the feasible set: every point of it is feasible, and every feasible surface is a
-point of it.
-"""
+"""Every point of the cube is feasible, and every feasible surface is a point of the cube."""
 
 from itertools import product
 
@@ -80,6 +78,5 @@ def test_starts_are_spread_and_belong_to_their_seed():
     assert np.array_equal(first, again) and not np.array_equal(first, other)
     assert np.all((first > 0) & (first < 1))
     e = parameters_at(first)[0][:, 3]
-    assert np.all(
-        np.histogram(np.log10(e), bins=3, range=(-3, 0))[0] >= 20
-    )  # each decade has its third
+    # Each of the three decades holds about a third of the points.
+    assert np.all(np.histogram(np.log10(e), bins=3, range=(-3, 0))[0] >= 20)

@@ -1,6 +1,4 @@
-"""HDR and DHR against a reference table, two-dimensional quadrature of the printed BRDF, and closed
-forms.
-"""
+"""HDR and DHR against a reference table, quadrature of the printed BRDF, and closed forms."""
 
 import json
 from pathlib import Path
@@ -31,10 +29,14 @@ def test_reference_table(key):
     np.testing.assert_allclose(hemispherical.DHR(S, theta), DHR, rtol=0, atol=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", sr.FORMS)
 @pytest.mark.parametrize("e", [1, 0.6, 0.2, 0.05])
 def test_two_dimensional_quadrature(e, form):
-    """Of the equations as printed, which hold 1e-8 in Float64 for such broad lobes."""
+    """HDR and DHR agree with a quadrature of the printed equations.
+
+    For these broad lobes the printed equations have an error of 1e-8 in Float64.
+    """
     for epsilon, rho_d, b in ((0.4, 0.05, 0.1), (0.1, 0.3, 0.95)):
         S = surface(epsilon, rho_d, b, e, form)
         for fixed in np.radians([0, 30, 75, 88]):
@@ -53,7 +55,7 @@ def test_two_dimensional_quadrature(e, form):
 
 
 def test_normalized_form_reflects_what_is_not_absorbed():
-    """DHR = 1 - epsilon g / G exactly, over the whole box, to 89.9 degrees."""
+    """DHR = 1 - epsilon g / G exactly, for all parameters and up to 89.9 degrees."""
     theta = Float64(np.radians([0, 1, 30, 60, 80, 85, 88, 89, 89.5, 89.9]))
     sin, cos = dr.sincos(theta)
     for parameters in random_parameters(60):
@@ -68,8 +70,10 @@ def test_normalized_form_reflects_what_is_not_absorbed():
 
 @pytest.mark.parametrize("quantity", BOTH)
 def test_limits(quantity):
-    """b = 0: perfect diffuse and blackbody. b = 1: the floor is cos^2 theta, beside a lobe into
-    which only the sum epsilon + rho_d enters.
+    """b = 0 gives a perfect diffuse reflector or a blackbody.
+
+    With b = 1 the floor is proportional to cos^2 theta, and the lobe depends on epsilon + rho_d
+    only.
     """
     theta = np.radians([0, 30, 60, 85, 89.9])
     HDR = lambda *parameters: quantity(surface(*parameters), Float64(theta)).numpy()
@@ -83,16 +87,17 @@ def test_limits(quantity):
 @pytest.mark.parametrize("quantity", BOTH)
 @pytest.mark.parametrize("form", sr.FORMS)
 def test_more_nodes_change_nothing(monkeypatch, quantity, form):
-    """The quadrature has converged for the narrowest lobes and the sharpest knees at the horizon,
-    to 1e-8.
+    """The quadrature has converged to 1e-8.
+
+    This holds for the narrowest lobes and the sharpest knees at the horizon.
     """
     theta = Float64(np.radians([0, 1, 30, 60, 80, 85, 88, 89, 89.5]))
     for parameters in random_parameters(12, seed=3):
         S = surface(*parameters, form)
-        found = quantity(S, theta).numpy()
+        computed = quantity(S, theta).numpy()
         with monkeypatch.context() as patch:
             patch.setattr(hemispherical, "NODES", 96)
-            np.testing.assert_allclose(quantity(S, theta).numpy(), found, rtol=0, atol=1e-8)
+            np.testing.assert_allclose(quantity(S, theta).numpy(), computed, rtol=0, atol=1e-8)
 
 
 @pytest.mark.parametrize("quantity", BOTH)
@@ -106,7 +111,7 @@ def test_derivatives_agree_with_central_differences(quantity, form, parameters):
         value = quantity(sr.surface(*numbers, form=form), theta)
         dr.set_grad(numbers[k], 1)
         dr.forward_to(value)
-        found = dr.grad(value).numpy()
+        computed = dr.grad(value).numpy()
         step = 1e-4 * parameters[k]
         ends = [
             quantity(
@@ -117,5 +122,5 @@ def test_derivatives_agree_with_central_differences(quantity, form, parameters):
         ]
         expected = (ends[0] - ends[1]) / (2 * step)
         np.testing.assert_allclose(
-            found, expected, rtol=1e-5, atol=1e-6 * np.abs(expected).max() + 2e-8
+            computed, expected, rtol=1e-5, atol=1e-6 * np.abs(expected).max() + 2e-8
         )

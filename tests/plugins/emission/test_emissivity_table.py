@@ -51,6 +51,7 @@ def integral(bsdf, cosines, rings=700):
     return np.array(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("distribution", ["ggx", "beckmann"])
 def test_the_table_is_right_within_what_it_states(distribution):
     """Every second node against the quadrature, to 2e-4 and within 4.5 of the stated standard
@@ -76,6 +77,7 @@ def test_between_the_nodes(plate):
     assert curvature / 8 < 5e-5
 
 
+@pytest.mark.slow
 def test_unlike_tables_have_unlike_errors_and_the_same_the_same():
     """The id seeds the points; all else is alike."""
 
@@ -90,6 +92,7 @@ def test_unlike_tables_have_unlike_errors_and_the_same_the_same():
     assert np.abs(one - other).max() > 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", GLOSSY)
 def test_an_update_of_the_bsdf_is_honoured(plate, name):
     """A plate whose reflectance falls emits as one that is loaded so; twice, as Dr.Jit uses the
@@ -131,10 +134,10 @@ def test_a_stock_integrator_refuses_an_old_table(plate):
     assert abs(np.array(mi.render(one_plate, spp=4)).mean() / before - 1) > 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name, parameter, step",
     [
-        ("roughconductor", "specular_reflectance.value", 0.02),
         ("roughconductor", "alpha.value", 0.01),
         ("conductor", "specular_reflectance.value", 0.02),
         ("roughplastic", "diffuse_reflectance.value", 0.02),
@@ -152,6 +155,7 @@ def test_derivatives(corner, plate, name, parameter, step):
     assert_derivatives(make, f"floor.bsdf.{parameter}", step)
 
 
+@pytest.mark.slow
 def test_the_derivative_of_emission_alone(plate):
     """A perfect conductor reflects `specular_reflectance` at all angles: minus one blackbody."""
     bsdf = {"type": "conductor", "eta": 0.0, "k": 1.0, "specular_reflectance": 0.9}

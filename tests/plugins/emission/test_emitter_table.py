@@ -79,21 +79,25 @@ def observed(loaded, spp, passes):
     return np.mean(means), np.std(means, ddof=1) / np.sqrt(passes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [256, 1024])
 def test_fine_meshes(tmp_path, n):
     """A hot plate of 131,072 and of 2.1 million triangles over a grey floor: the closed form, to
-    0.02 %.
+    0.08 %.
+
+    One random number for triangle and place misses by 0.37 % and 5.7 %.
     """
     hot = mesh_file(tmp_path / "hot.ply", *grid_mesh(n, HEIGHT))
     emitter = {"type": "thermal", "radiance": 1.0}
     loaded = floor_scene(DRAWING, hot={**hot, "bsdf": BLACK, "emitter": emitter})
-    mean, error = observed(loaded, 4096, 16)
-    assert error < 1e-4 * mean
+    mean, error = observed(loaded, 4096, 4)
+    assert error < 3e-4 * mean
     assert mean == pytest.approx(floor_radiance(), abs=4 * error)
 
 
+@pytest.mark.slow
 def test_one_hot_triangle_among_many(tmp_path):
-    """Of 80,000 triangles one is 60,000 times as bright as the others: closed form of both parts."""
+    """One of 80,000 triangles is 60,000 times as bright as the others: closed form of both."""
     vertices, faces = grid_mesh(200, HEIGHT)
     radiance = np.ones(len(faces))
     radiance[12345] = 6e4
@@ -113,14 +117,14 @@ def test_one_hot_triangle_among_many(tmp_path):
         "bsdf": BLACK,
         "emitter": {"type": "area", "radiance": texture},
     }
-    mean, error = observed(floor_scene(DRAWING, hot=hot), 4096, 16)
+    mean, error = observed(floor_scene(DRAWING, hot=hot), 4096, 6)
     x, weight = np.polynomial.legendre.leggauss(16)
     x, y = np.meshgrid(x * WINDOW / 2, x * WINDOW / 2)
     d2 = (x - centre[0]) ** 2 + (y - centre[1]) ** 2 + HEIGHT**2
     from_hot = 0.5 * (6e4 - 1) * (0.5 / 200**2) * HEIGHT**2 / d2**2 / np.pi
     expected = floor_radiance() + np.sum(from_hot * weight[:, None] * weight / 4)
     assert from_hot.mean() > 0.4 * expected
-    assert error < 2e-4 * mean
+    assert error < 4e-4 * mean
     assert mean == pytest.approx(expected, abs=4 * error)
 
 
@@ -164,6 +168,7 @@ def test_points_from_two_numbers(n):
     assert float(dr.mean(first)[0]) == pytest.approx(0.5, abs=0.5 * noise)
 
 
+@pytest.mark.slow
 def test_near_hits_on_an_analytic_shape():
     """Inside a sphere of reflectance 0.5 that radiates 1, every path of N reflections brings the
     same sum: 1, 0.5, 0.25, ... Points drawn near the ray's own start count as well.
@@ -179,6 +184,7 @@ def test_near_hits_on_an_analytic_shape():
     assert mean == pytest.approx(1.75, abs=1e-5) and error < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tilt_deg", [45.0, 45.2])
 @pytest.mark.parametrize("e", [0.1, 0.0042])
 def test_a_rectangle_seen_edge_on(e, tilt_deg):

@@ -1,4 +1,4 @@
-"""What Float32 does to a radiance whose paths are all alike, and that the stated error contains it."""
+"""Error of Float32 in a radiance whose paths are all alike: the stated error contains it."""
 
 import numpy as np
 import pytest
@@ -11,6 +11,7 @@ from mi_lcair.plugins.paths.rounding import rounding_error
 from mi_lcair.rendering.settings import changed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bounces, reflectance", [(4, 0.5), (30, 0.9), (200, 0.7)])
 def test_stated_errors_contain_the_rounding(tmp_path, bounces, reflectance):
     """An isothermal room: 1 - rho^(N + 1) of the blackbody's radiance, without scatter. (A path in

@@ -82,6 +82,7 @@ def deep_cavity(tmp_path):
     return load(path)
 
 
+@pytest.mark.slow
 def test_deep_cavity(deep_cavity):
     """The whole way, from paths: off by 0.00024, of which the ratio of the two counts before said
     0.00004.
@@ -99,6 +100,7 @@ def test_deep_cavity(deep_cavity):
     assert 2e-4 < image.closure_error / unit < 3e-3
 
 
+@pytest.mark.slow
 def test_wing_root():
     """Bare aluminium between cylinder and wing, which an observer sees by several reflections."""
     scene = mi_lcair.load("cylinder_ir_range", finish="bare_aluminum", band="LWIR", resolution=32)

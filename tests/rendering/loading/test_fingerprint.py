@@ -72,6 +72,7 @@ CHANGES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", CHANGES)
 def test_changes(scene, change):
     """Each of these changes the picture, and most left the fingerprint as it was."""

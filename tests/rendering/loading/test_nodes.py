@@ -71,7 +71,8 @@ def placed(operation: str) -> str:
         ),
         (
             shape(
-                '<bsdf type="roughconductor"> <float name="specular_reflectance" value="3"/> </bsdf>'
+                '<bsdf type="roughconductor"> '
+                '<float name="specular_reflectance" value="3"/> </bsdf>'
             ),
             "specular_reflectance = 3",
         ),
@@ -96,7 +97,8 @@ def placed(operation: str) -> str:
         (
             SENSOR.replace(
                 "</film>",
-                '</film> <sampler type="independent"> <integer name="sample_count" value="0"/> </sampler>',
+                '</film> <sampler type="independent"> '
+                '<integer name="sample_count" value="0"/> </sampler>',
             ),
             "sample_count = 0; it must lie in 1..",
         ),
@@ -116,7 +118,8 @@ def placed(operation: str) -> str:
         (shape(PAINT.replace("LWIR", "7-12")), "band 7-12 differs from LWIR"),
         (shape(PAINT + THERMAL.replace("<float name", "<string name")), "is a string; .*a float"),
         (
-            '<integrator type="bounce_path"> <string name="emitter_sampling" value="false"/> </integrator>',
+            '<integrator type="bounce_path"> '
+            '<string name="emitter_sampling" value="false"/> </integrator>',
             "'false' is a string; it must be a boolean",
         ),
         (

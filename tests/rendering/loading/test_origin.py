@@ -11,7 +11,7 @@ PLACES = (0.0, 1e3, 1e4, 1e5, 1e7)
 
 
 def plates(tmp_path, away, sampling="false"):
-    """The bundled two_plates, 0.2 m in size, moved by `away` m along each axis by its transforms."""
+    """The scene two_plates, 0.2 m in size, moved by `away` m along each axis by its transforms."""
     text = mi_lcair.scenes.path("two_plates").read_text()
     folder = mi_lcair.scenes.path("two_plates").parent
     text = text.replace("meshes/", f"{folder}/meshes/")
@@ -26,6 +26,7 @@ def plates(tmp_path, away, sampling="false"):
     return mi_lcair.load(path, resolution=32, emitter_sampling=sampling)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sampling", ["false", "true"])
 def test_the_same_picture_anywhere(tmp_path, sampling):
     """At 1 km single precision lost 1 % of the intensity, at 100 km all of it."""
@@ -45,22 +46,33 @@ def test_where_it_was_is_kept(tmp_path):
 
 
 SHAPES = """
-    <shape type="sphere"> <point name="center" x="{0}" y="1" z="2"/> <float name="radius" value="0.5"/> </shape>
-    <shape type="sphere"> <point name="center" x="1" y="0" z="0"/> <float name="radius" value="0.5"/>
-        <transform name="to_world"> <rotate z="1" angle="90"/> <translate x="{0}"/> </transform> </shape>
-    <shape type="cylinder"> <point name="p0" x="{0}" y="0" z="0"/> <point name="p1" x="{0}" y="0" z="2"/> </shape>
+    <shape type="sphere"> <point name="center" x="{0}" y="1" z="2"/> \
+<float name="radius" value="0.5"/> </shape>
+    <shape type="sphere"> <point name="center" x="1" y="0" z="0"/> \
+<float name="radius" value="0.5"/>
+        <transform name="to_world"> <rotate z="1" angle="90"/> <translate x="{0}"/> \
+</transform> </shape>
+    <shape type="cylinder"> <point name="p0" x="{0}" y="0" z="0"/> \
+<point name="p1" x="{0}" y="0" z="2"/> </shape>
     <shape type="shapegroup" id="parts"> <shape type="sphere"/> </shape>
-    <shape type="instance"> <ref id="parts"/> <transform name="to_world"> <translate x="{0}" z="4"/> </transform> </shape>
+    <shape type="instance"> <ref id="parts"/> <transform name="to_world"> \
+<translate x="{0}" z="4"/> </transform> </shape>
     <shape type="rectangle"> <transform name="to_world"> <translate x="{0}" y="3"/> </transform>
-        <emitter type="thermal"> <string name="band" value="LWIR"/> <float name="temperature" value="300"/> </emitter> </shape>
-    <emitter type="point"> <point name="position" x="{0}" y="2" z="2"/> <float name="intensity" value="1"/> </emitter>
-    <emitter type="spot"> <transform name="to_world"> <lookat origin="{0}, 2, 2" target="{0}, 0, 0" up="0, 0, 1"/> </transform> </emitter>
+        <emitter type="thermal"> <string name="band" value="LWIR"/> \
+<float name="temperature" value="300"/> </emitter> </shape>
+    <emitter type="point"> <point name="position" x="{0}" y="2" z="2"/> \
+<float name="intensity" value="1"/> </emitter>
+    <emitter type="spot"> <transform name="to_world"> \
+<lookat origin="{0}, 2, 2" target="{0}, 0, 0" up="0, 0, 1"/> </transform> </emitter>
     <integrator type="bounce_path"/>
-    <sensor type="radiancemeter"> <point name="origin" x="{0}" y="3" z="2"/> <vector name="direction" x="0" y="0" z="-1"/>
-        <film type="hdrfilm"> <integer name="width" value="1"/> <integer name="height" value="1"/> <rfilter type="box"/> </film> </sensor>
+    <sensor type="radiancemeter"> <point name="origin" x="{0}" y="3" z="2"/> \
+<vector name="direction" x="0" y="0" z="-1"/>
+        <film type="hdrfilm"> <integer name="width" value="1"/> \
+<integer name="height" value="1"/> <rfilter type="box"/> </film> </sensor>
 """
 
 
+@pytest.mark.slow
 def test_every_kind_of_place(tmp_path):
     """Centres, ends, positions and transforms of shapes, lights and sensors are all moved; the
     parts of a group are not.
