@@ -15,7 +15,7 @@ from mi_lcair.physics.reflection.directions import SMALLEST, cos_theta, sample_c
 from mi_lcair.plugins.beside_scene import beside_scene
 from mi_lcair.plugins.derivatives import attached, check_attached, children, flatten
 from mi_lcair.plugins.properties import Property, read
-from mi_lcair.plugins.uniform_table import interpolate, refine
+from mi_lcair.plugins.uniform_table import gather, interpolate, refine
 
 LOBES = ("brdf", "mirror", "diffuse")
 OF_MATERIALS = (
@@ -181,10 +181,8 @@ class ReflectionBSDF(mi.BSDF):
         t = Float64(np.concatenate([np.arange(STEPS_AT_HORIZON), coarse]) / STEPS)
         quadratures = self.model.lobe_HDR(S, dr.acos(dr.square(t)))
         node = dr.arange(mi.UInt32, STEPS + 1)
-        coarse = dr.gather(
-            Float64, quadratures, dr.arange(mi.UInt32, len(coarse)) + STEPS_AT_HORIZON
-        )
-        fine = dr.gather(Float64, quadratures, node, node < STEPS_AT_HORIZON)
+        coarse = gather(quadratures, dr.arange(mi.UInt32, len(coarse)) + STEPS_AT_HORIZON)
+        fine = gather(quadratures, dr.minimum(node, STEPS_AT_HORIZON))
         lobe = dr.select(node < STEPS_AT_HORIZON, fine, refine(coarse, STEPS_PER_QUADRATURE))
         self.derived = S.cast(mi.Float), mi.Float(lobe)
         dr.make_opaque(self.derived)

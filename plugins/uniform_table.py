@@ -13,6 +13,15 @@ def interpolate(table, x):
     return dr.lerp(low, high, x - mi.Float(index))
 
 
+def gather(table, index):
+    """Entries of a table, with derivatives that hold if the table is itself a result of `gather`.
+
+    In its default mode Dr.Jit 1.5 sums the gradients of a gather in one copy of the table for each
+    thread. Where the table was gathered too, that sum is now and then lost (LLVM).
+    """
+    return dr.gather(type(table), table, index, mode=dr.ReduceMode.Local)
+
+
 def refine(table, factor: int):
     """The table with each step divided into `factor` steps; derivatives are kept.
 
@@ -30,5 +39,5 @@ def refine(table, factor: int):
         x * (x - 1) * (3 - x) / 2,
         x * (x - 1) * (x - 2) / 6,
     )
-    neighbour = lambda k: dr.gather(Float, table, mi.UInt32(first + k))
+    neighbour = lambda k: gather(table, mi.UInt32(first + k))
     return sum(weight * neighbour(k) for k, weight in enumerate(weights))

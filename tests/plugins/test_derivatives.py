@@ -166,6 +166,27 @@ def test_microfacet_at_k_0():
 
 
 @pytest.mark.slow
+def test_the_table_has_the_same_reverse_derivative_each_time():
+    """That of the sum of HDR's table with respect to n, eight times, against the forward one."""
+
+    def table():
+        bsdf = mi.load_dict(MICROFACET)
+        parameters = mi.traverse(bsdf)
+        dr.enable_grad(parameters["n"])
+        parameters.set_dirty("n")
+        parameters.update()
+        return parameters["n"], dr.sum(bsdf.derived[1])
+
+    n, total = table()
+    dr.forward(n)
+    forward, found = dr.grad(total)[0], []
+    for _ in range(8):
+        n, total = table()
+        dr.backward(total)
+        found.append(dr.grad(n)[0])
+    np.testing.assert_allclose(found, forward, rtol=1e-4)
+
+
 @pytest.mark.parametrize("order", ["update, enable", "computed"])
 def test_order_of_enabling_and_updating(corner, order):
     """Derived tables are attached whenever a derivative is asked for, not only if the scene was
