@@ -177,13 +177,15 @@ class ReflectionBSDF(mi.BSDF):
         dr.make_opaque(*self.sources())
         Float64 = dr.float64_array_t(mi.Float)
         S = self.model.surface(*(Float64(number) for number in self.sources()), form=self.form)
-        coarse = np.arange(0, STEPS + 1, STEPS_PER_QUADRATURE)
-        t = Float64(np.concatenate([np.arange(STEPS_AT_HORIZON), coarse]) / STEPS)
-        quadratures = self.model.lobe_HDR(S, dr.acos(dr.square(t)))
+        quadratures = lambda t: self.model.lobe_HDR(S, dr.acos(dr.square(t)))
+        coarse = quadratures(dr.linspace(Float64, 0, 1, STEPS // STEPS_PER_QUADRATURE + 1))
+        fine = quadratures(dr.arange(Float64, STEPS_AT_HORIZON) / STEPS)
         node = dr.arange(mi.UInt32, STEPS + 1)
-        coarse = gather(quadratures, dr.arange(mi.UInt32, len(coarse)) + STEPS_AT_HORIZON)
-        fine = gather(quadratures, dr.minimum(node, STEPS_AT_HORIZON))
-        lobe = dr.select(node < STEPS_AT_HORIZON, fine, refine(coarse, STEPS_PER_QUADRATURE))
+        lobe = dr.select(
+            node < STEPS_AT_HORIZON,
+            gather(fine, dr.minimum(node, STEPS_AT_HORIZON - 1)),
+            refine(coarse, STEPS_PER_QUADRATURE),
+        )
         self.derived = S.cast(mi.Float), mi.Float(lobe)
         dr.make_opaque(self.derived)
 
