@@ -187,6 +187,7 @@ def test_the_table_has_the_same_reverse_derivative_each_time():
     np.testing.assert_allclose(found, forward, rtol=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", ["update, enable", "computed"])
 def test_order_of_enabling_and_updating(corner, order):
     """Derived tables are attached whenever a derivative is asked for, not only if the scene was
