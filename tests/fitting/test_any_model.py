@@ -37,12 +37,12 @@ def test_noise_free_data_give_the_parameters_back(name, surface):
 @pytest.mark.slow
 @pytest.mark.parametrize("name, surface", SURFACES)
 def test_intervals_hold_the_true_values(name, surface):
-    """Most 95 % intervals contain the true value, in 12 repetitions with 5 % noise.
+    """Most 95 % intervals contain the true value, in 8 repetitions with 5 % noise.
 
     A longer version of this test is `python -m docs.studies.fit coverage`.
     """
     parameters, inside = KNOWN[name][surface], []
-    for seed in range(12):
+    for seed in range(8):
         data = scan_of(MODELS[name], parameters, step=4, noise=0.05, seed=seed)
         result = fit(data, model=name, form=MODELS[name].forms[0], starts=4, seed=seed)
         inside += [

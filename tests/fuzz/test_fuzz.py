@@ -5,7 +5,7 @@ import pytest
 from tests.fuzz.kinds import KINDS
 from tests.fuzz.mutants import Worker, campaign
 
-MUTANTS = 120  # of each kind
+MUTANTS = 60  # of each kind
 
 
 @pytest.mark.slow

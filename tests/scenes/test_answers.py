@@ -84,9 +84,9 @@ def metal(tmp_path):
         ("bare_aluminum", "LWIR", 48, 256),
         ("gloss_black", "MWIR", 48, 256),
         ("gloss_black", "LWIR", 48, 256),
-        ("rough_paint", "MWIR", 12, 4096),
-        ("sandblasted_steel", "MWIR", 12, 4096),
-        ("metal", "MWIR", 12, 4096),
+        ("rough_paint", "MWIR", 8, 4096),
+        ("sandblasted_steel", "MWIR", 8, 4096),
+        ("metal", "MWIR", 8, 4096),
     ],
 )
 def test_furnace(material, name, resolution, spp, metal):

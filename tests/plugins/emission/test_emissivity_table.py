@@ -54,7 +54,7 @@ def integral(bsdf, cosines, rings=700):
 @pytest.mark.slow
 @pytest.mark.parametrize("distribution", ["ggx", "beckmann"])
 def test_the_table_is_right_within_what_it_states(distribution):
-    """Every second node against the quadrature, to 2e-4 and within 4.5 of the stated standard
+    """Every sixth node against the quadrature, to 2e-4 and within 4.5 of the stated standard
     error.
 
     Beckmann without visible normals: Mitsuba draws those approximately, and reflects by its samples
@@ -63,8 +63,8 @@ def test_the_table_is_right_within_what_it_states(distribution):
     visible = distribution == "ggx"
     bsdf = mi.load_dict({**METAL, "distribution": distribution, "sample_visible": visible})
     table = emissivity_of(bsdf)
-    cosines = np.linspace(0, 1, NODES)[2::2] ** 2
-    difference = table.derived[0].numpy()[2::2] - (1 - integral(bsdf, cosines))
+    cosines = np.linspace(0, 1, NODES)[2::6] ** 2
+    difference = table.derived[0].numpy()[2::6] - (1 - integral(bsdf, cosines))
     assert np.abs(difference).max() < 2e-4
     assert 1e-6 < table.error < 1e-4 and np.abs(difference).max() < 4.5 * table.error
 
