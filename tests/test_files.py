@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -48,31 +49,37 @@ def trend(path):
     )
 
 
-@pytest.fixture
+@contextmanager
 def full_disk():
+    """Within: no file of this process grows beyond LIMIT.
+
+    It ends before the test does, because pytest itself may write its report into a longer file.
+    """
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (LIMIT, before[1]))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 @pytest.mark.parametrize("write", [text, exr, png, trend])
-def test_a_full_disk(tmp_path, write, full_disk):
+def test_a_full_disk(tmp_path, write):
     """An error, the old file as it was, and nothing beside it."""
     path = tmp_path / "file"
     path.write_text("old")
-    with pytest.raises((OSError, RuntimeError)):
+    with pytest.raises((OSError, RuntimeError)), full_disk():
         write(path)
     assert [file.name for file in tmp_path.iterdir()] == ["file"]
     assert path.read_text() == "old"
 
 
-def test_a_full_disk_while_a_folder_is_filled(tmp_path, full_disk):
+def test_a_full_disk_while_a_folder_is_filled(tmp_path):
     folder = tmp_path / "folder"
     folder.mkdir()
     (folder / "a").write_text("old")
     too_large = pytest.raises(InputError, match="cannot write .*: File too large")
-    with too_large, filling(folder) as partial:
+    with too_large, full_disk(), filling(folder) as partial:
         (partial / "a").write_text("new")
         (partial / "b").write_text("b" * 2 * LIMIT)
     assert [file.name for file in folder.iterdir()] == ["a"]
