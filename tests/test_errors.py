@@ -32,6 +32,7 @@ def test_a_piece_of_a_file_is_quoted_and_short():
     assert shown("x\x1b") == r"'x\x1b'" and len(shown("x" * 10_000)) == 32
 
 
+@pytest.mark.slow
 def test_a_long_name_among_many_is_told_in_one_line():
     known = [f"material_{k}" for k in range(10_000)]
     message = str(unknown("material", "m" * 10_000 + "\n", known))

@@ -66,11 +66,13 @@ def usable_llvm(monkeypatch):
 # ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_finds_llvm_by_itself():
     done = python("import mi_lcair\n" + COMPUTE)
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "variable", ["/nowhere/libLLVM.so", pytest.param(LLVM_15, marks=needs_llvm_15)]
 )
@@ -81,6 +83,7 @@ def test_unusable_variable_is_passed_over_with_one_line(variable):
     assert line.startswith(f"{llvm.VARIABLE}={variable} is passed over: ")
 
 
+@pytest.mark.slow
 def test_usable_variable_comes_first(usable_llvm, tmp_path):
     link = tmp_path / "libLLVM.so"
     link.symlink_to(usable_llvm)
@@ -90,6 +93,7 @@ def test_usable_variable_comes_first(usable_llvm, tmp_path):
     assert (done.stdout.strip(), done.stderr) == (str(link), "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("variable", [None, pytest.param(LLVM_15, marks=needs_llvm_15)])
 def test_no_usable_llvm_is_one_line_that_says_what_to_install(variable):
     done = python(
@@ -126,6 +130,7 @@ def test_missing_libatomic_is_one_line_that_says_what_to_install(monkeypatch):
         llvm.prepare()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "variable, found",
     [("/nowhere", "no LLVM"), pytest.param(LLVM_15, "LLVM 15", marks=needs_llvm_15)],
@@ -147,6 +152,7 @@ def test_mitsuba_imported_first_with_a_usable_llvm(usable_llvm):
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 def test_read_only_site_packages(tmp_path):
     """The wheel as its files lie where the start-up hook that links libc++.so.1 could not write."""
     try:

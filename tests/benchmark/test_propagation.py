@@ -154,6 +154,7 @@ def test_closed_form(name, make, effort, error):
     assert rays > effort / 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name, effort, error",
     [
@@ -180,6 +181,7 @@ def test_lobe_in_a_black_room(black_room, name, effort, error):
     assert BY_NAME[name].run(case, effort, 0)[0] == pytest.approx(case.answer, rel=error)
 
 
+@pytest.mark.slow
 def test_single_mirror_bounce_stops_there(plate):
     """Two mirrors face each other.
 

@@ -47,6 +47,7 @@ STATED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["thesis", "normalized"])
 @pytest.mark.parametrize("theta_deg", [0, 30, 60, 75])
 @pytest.mark.parametrize("module", STATED, ids=lambda module: module.method.name)
@@ -70,6 +71,7 @@ def test_quadratures_converge_with_their_order(method):
     np.testing.assert_allclose(orders, 2, atol=0.2)
 
 
+@pytest.mark.slow
 @randomly
 @pytest.mark.parametrize(
     "parameters, theta_deg", [(BROAD, 30), (BROAD, 75), ((0.05, 0.05, 0.1, 0.1), 60)]
@@ -149,6 +151,7 @@ def test_bound_of_rejection_sampling():
     )
 
 
+@pytest.mark.slow
 def test_normal_importance_has_the_best_widths():
     """No width close to them gives a smaller measured variance."""
     p = problem(*BROAD, 30)

@@ -29,6 +29,7 @@ def test_writes_its_files(run, folder, measured):
     assert "box    1.0%      path tracing" in found.stdout
 
 
+@pytest.mark.slow
 def test_json(run, measured):
     found = json.loads(run("chart", "propagation", "--json").stdout)
     assert len(found["points"]) == 10 and found["closures"][0]["closure"] == "none"

@@ -103,6 +103,7 @@ def test_a_plan_is_followed_and_reported(run, command):
     assert json.loads(result.stdout)["paths"] == 64 * plan["spp"]
 
 
+@pytest.mark.slow
 def test_plan(run):
     text = run("plan", "open_box", "-D", "resolution=8").stdout
     assert "diffuse: diffuse" in text and "closure none" in text and "left out" in text
@@ -118,6 +119,7 @@ def test_a_plan_chooses_the_samples(refused, renderer):
     )
 
 
+@pytest.mark.slow
 def test_signature_files(run, folder):
     """A real render writes the spectrum's CSV and plot and the facets' CSV.
 

@@ -12,6 +12,7 @@ def scenario(folder):
     write_disc(folder)
 
 
+@pytest.mark.slow
 def test_table(run, folder):
     result = run(
         "contrast",
@@ -76,6 +77,7 @@ def test_json(run):
     assert without["detected"] is None and "detection_range" not in without
 
 
+@pytest.mark.slow
 def test_ranges_that_are_none_or_cut_short(run):
     common = [
         "contrast",

@@ -245,6 +245,7 @@ def test_an_interrupt_leaves_nothing(run, folder, monkeypatch):
     assert set(folder.rglob("*")) == before
 
 
+@pytest.mark.slow
 def test_needs_no_renderer(folder):
     """The command imports neither Mitsuba nor Dr.Jit, which are slow to load."""
     code = (

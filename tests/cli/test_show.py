@@ -11,6 +11,7 @@ def written(folder):
     )
 
 
+@pytest.mark.slow
 def test_facet(run, folder, figures):
     result = run("show", "two_plates", "--facet", 0, "-D", "band=LWIR")
     assert result.exit_code == 0, result.output
@@ -55,6 +56,7 @@ def test_facet_json(run, folder):
     assert [row["facet"] for row in found["neighbours"]] == [0, None]
 
 
+@pytest.mark.slow
 def test_facets(run, folder, figures):
     (folder / "t.csv").write_text("facet,area_m2,mean_cosine,material\n0,0.02,1,a\n1,0.02,0.5,b\n")
     result = run(

@@ -56,6 +56,7 @@ def test_warnings_are_notes(run, monkeypatch):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length", [10_000, 2_000_000])
 def test_no_line_is_endless(refused, length):
     for name in ("x" * length, "\x1b" * length):

@@ -59,11 +59,13 @@ def test_trend(run, folder):
     ]
 
 
+@pytest.mark.slow
 def test_json(run):
     result = json.loads(run("trend", "cylinder_ir_range", *FEW, "-o", "t.csv", "--json").stdout)
     assert result["azimuth_deg"] == [0, 90, 180, 270] and len(result["intensity_W_sr"]) == 4
 
 
+@pytest.mark.slow
 def test_a_tolerance_that_was_missed_is_told(run):
     result = run(
         "trend",

@@ -258,6 +258,7 @@ def test_detector(folder):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "range_m, remark",
     [(50.0, None), (1000.0, "50% of the target has sky or terrain"), (10.0, "only 5 radii")],
@@ -330,6 +331,7 @@ def test_refused_before_anything_is_loaded(folder, monkeypatch, changes, message
         contrast(disc(folder, **changes))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "changes, message",
     [
@@ -392,6 +394,7 @@ def test_extrapolation_warns_once(folder):
     assert len(caught) == 1 and "6000 m is beyond" in str(caught[0].message)
 
 
+@pytest.mark.slow
 def test_a_sky_without_elevations_is_taken_as_it_is(folder):
     x = np.linspace(2.9, 5.1, 2001)
     (folder / "sky.csv").write_text(
@@ -432,6 +435,7 @@ def test_bundled_positions(number):
     assert contrast(scenario).rows[0].total.value > 0
 
 
+@pytest.mark.slow
 def test_plot(folder, figures, tmp_path):
     result = contrast(
         disc(
@@ -458,6 +462,7 @@ def test_plot(folder, figures, tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_each_row_is_rendered_with_its_own_reflections():
     """The rows use the same random numbers as one signature with all reflections.
 
@@ -485,6 +490,7 @@ def test_each_row_is_rendered_with_its_own_reflections():
     assert by_bounce[0] < 0.9 * by_bounce[1] < by_bounce[2]
 
 
+@pytest.mark.slow
 def test_the_pixels_of_the_picture_add_up_to_it():
     """The contrast of the airliner agrees with a sum over the pixels from the same paths.
 

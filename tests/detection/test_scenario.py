@@ -104,6 +104,7 @@ def test_changes_are_toml_or_text(written):
     ).render.max_bounces == (2,)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "changes, message",
     [

@@ -26,6 +26,7 @@ def test_noise_free_data_give_the_parameters_back(name):
     assert (result.form, result.restriction) == ("thesis", None)
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bits():
     data = scan(ROUGH, step=2, noise=0.05)
     first, again = (fit(data, starts=8, seed=7) for _ in range(2))
@@ -113,6 +114,7 @@ def test_auto_takes_the_form_that_made_the_data(form):
     assert (result.form, result.restriction) == (form, None)
 
 
+@pytest.mark.slow
 def test_auto_takes_no_more_than_the_data_need():
     """Data without a diffuse floor lead to the restriction rho_d = 0.
 
@@ -128,6 +130,7 @@ def test_auto_takes_no_more_than_the_data_need():
     )
 
 
+@pytest.mark.slow
 def test_sigma_weighs_the_points():
     """Of two contradictory scans, the fit follows that with the smaller standard deviation."""
     good, bad = (
@@ -145,6 +148,7 @@ def test_sigma_weighs_the_points():
     assert relative_errors(fit(both, starts=4, form="thesis"), ROUGH).max() > 0.2
 
 
+@pytest.mark.slow
 def test_what_is_left_out_is_counted():
     data = scan(ROUGH, step=2)
     data.brdf[:3] = (np.nan, 5e-5, -1)

@@ -228,6 +228,7 @@ def test_a_picture_is_written(tmp_path, results):
     assert (tmp_path / "fit.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_zeros_and_negative_values_do_not_spoil_it(tmp_path):
     data = measurements()
     data.brdf[:3] = 0, -1, 1e-300

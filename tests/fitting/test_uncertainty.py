@@ -22,6 +22,7 @@ def test_standard_errors_and_correlation_are_those_of_scipy():
     np.testing.assert_allclose(result.correlation, covariance / np.outer(errors, errors), atol=0.02)
 
 
+@pytest.mark.slow
 def test_intervals_of_a_nearly_linear_problem_are_two_standard_errors_wide():
     result = fit(scan(ROUGH, step=1, noise=0.05, seed=5), form="thesis", starts=4)
     for name in NAMES:

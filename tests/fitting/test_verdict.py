@@ -29,11 +29,13 @@ def verdicts(result, *names):
     return [result.verdict[name].split(":")[0].split(";")[0] for name in names]
 
 
+@pytest.mark.slow
 def test_good_data_determine_everything():
     result = fit(scan(ROUGH, noise=0.05), starts=8)
     assert verdicts(result, *NAMES) == ["determined"] * 4
 
 
+@pytest.mark.slow
 def test_starts_far_away_are_brought_home():
     """The best minimum is found even if its lobe differs by a factor of 10 from most starts.
 
@@ -61,6 +63,7 @@ def test_one_incidence_leaves_a_metals_emissivity_weak():
     )
 
 
+@pytest.mark.slow
 def test_without_the_peak_emissivity_is_not_known():
     """Without points near the peak, epsilon is not determined.
 
@@ -86,6 +89,7 @@ def test_without_the_peak_emissivity_is_not_known():
     assert result.standard_error["epsilon"] > 0.1
 
 
+@pytest.mark.slow
 def test_a_measured_emissivity_replaces_the_peak():
     data = scan(ALUMINUM, noise=0.05)
     table = DirectionalData(
@@ -100,6 +104,7 @@ def test_a_measured_emissivity_replaces_the_peak():
     assert result.verdict["epsilon"] == "determined" and inside(result, "epsilon", ALUMINUM[0])
 
 
+@pytest.mark.slow
 def test_a_saturated_peak_is_left_out_and_emissivity_is_weak():
     data = scan(ALUMINUM, noise=0.05)
     data.brdf = np.minimum(data.brdf, 50.0)
@@ -150,6 +155,7 @@ def test_outliers_are_named_and_take_determined_away():
         )
 
 
+@pytest.mark.slow
 def test_robust_makes_outliers_harmless():
     result = fit(with_outliers(), form="thesis", starts=8, robust=True)
     assert verdicts(result, *NAMES) == ["determined"] * 4 and result.outliers == pytest.approx(
@@ -159,6 +165,7 @@ def test_robust_makes_outliers_harmless():
         assert abs(result.parameters[name] - true) < 3 * result.standard_error[name]
 
 
+@pytest.mark.slow
 def test_robust_costs_little_on_clean_data():
     """The Cauchy loss is 95 % efficient: error bars grow by 2.6 % only."""
     data = scan(ROUGH, noise=0.05)
@@ -167,6 +174,7 @@ def test_robust_costs_little_on_clean_data():
     np.testing.assert_allclose(ratio, 1.026, atol=0.06)
 
 
+@pytest.mark.slow
 def test_twenty_points():
     """20 points determine the rough surface, and floor and lobe of the metal.
 
@@ -226,6 +234,7 @@ def test_a_peak_as_wide_as_the_source_is_deconvolved():
     )
 
 
+@pytest.mark.slow
 def test_a_material_that_the_model_misses():
     """For data with ripples and a Gaussian lobe, the fit calls no parameter determined."""
     data = scan(ROUGH, noise=0.05)
@@ -240,6 +249,7 @@ def test_a_material_that_the_model_misses():
     assert all(np.isfinite(value) for value in result.standard_error.values())
 
 
+@pytest.mark.slow
 def test_nothing_but_a_floor():
     """Without a lobe, e has no effect and is not determined. Standard errors stay finite."""
     data = scan((0.5, 0.4999, 0.0001, 0.5), step=4, noise=0.05)

@@ -62,6 +62,7 @@ def grid(n):
     ) / [n, n, 1]
 
 
+@pytest.mark.slow
 def test_tessellations_have_none():
     """Flat and curved, and the six sides of a cube."""
     flat = grid(60)

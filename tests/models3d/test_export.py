@@ -206,6 +206,7 @@ def boxes(tmp_path):
     return tmp_path / "boxes" / "scene.xml"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "view, area",
     [
@@ -229,6 +230,7 @@ def test_the_sensor_is_framed_on_the_model(boxes, view, area):
     assert seen * 1.02**2 * (1 + 4 + 9) == pytest.approx(area, rel=0.02)
 
 
+@pytest.mark.slow
 def test_which_side_is_seen(tmp_path):
     """Each of the six views sees the side that it names: nose, left, tail, right, top, bottom have
     temperatures of their own.

@@ -109,24 +109,28 @@ def check(content: bytes):
         assert len(export(model, Path(folder) / "out")) >= 3
 
 
+@pytest.mark.slow
 @FUZZ
 @given(st.binary(max_size=200))
 def test_bytes(content):
     check(content)
 
 
+@pytest.mark.slow
 @FUZZ
 @given(st.lists(LINES, max_size=12).map("\n".join))
 def test_statements_at_random(text):
     check(text.encode())
 
 
+@pytest.mark.slow
 @FUZZ
 @given(mutated())
 def test_mutations_of_a_good_file(text):
     check(text.encode())
 
 
+@pytest.mark.slow
 @settings(FUZZ, max_examples=60)
 @given(
     st.integers(3, 9).flatmap(

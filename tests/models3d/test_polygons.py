@@ -104,6 +104,7 @@ def shoelace(points):
     return (x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", GOOD)
 def test_area_and_facing(name):
     """All triangles face as the polygon does, and their areas add up to its area."""

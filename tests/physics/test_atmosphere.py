@@ -57,6 +57,7 @@ def test_bundled_paths_have_their_stated_values():
         ), row
 
 
+@pytest.mark.slow
 def test_bundled_skies_have_their_stated_transmittance():
     rows = summary("sky")
     assert len(rows) == 8 * 11 * 2

@@ -98,6 +98,7 @@ def test_limits_integrate_plancks_law(spec, temperature):
 JAGGED = [2.9, 3.0, 3.35, 3.4, 4.1, 4.25, 4.3, 5.6], [0.0, 0.7, 0.65, 1.2, 0.9, 0.05, 0.9, 0.0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("temperature", [30, 300, 6000])
 def test_a_response_is_straight_between_its_rows(tmp_path, temperature):
     rule = band(csv(tmp_path, *JAGGED))
@@ -144,6 +145,7 @@ def test_steps_of_exactly_a_tenth_of_a_micrometre_leave_no_gap():
         band("MWIR").check_covered(np.array([3, 3.1, 3.2001, *x[3:]]), "table")
 
 
+@pytest.mark.slow
 def test_a_wide_response_is_thinned_panel_by_panel(tmp_path):
     rule = band(csv(tmp_path, np.linspace(1, 20, 300), np.ones(300)))
     assert rule.wavelengths_um.size <= 3 * 66

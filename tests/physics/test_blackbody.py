@@ -82,6 +82,7 @@ def test_spectral_radiance_agrees_with_mpmath():
         assert abs(spectral_radiance(wavelength, Float64(temperature))[0] / value - 1) < 1e-13
 
 
+@pytest.mark.slow
 def test_spectral_radiance_agrees_with_colour_science():
     with warnings.catch_warnings():
         # colour warns if optional packages are missing.
@@ -106,6 +107,7 @@ def test_total_is_the_law_of_stefan_and_boltzmann_and_the_limit_of_wide_bands():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*NAMED, "total"])
 @pytest.mark.parametrize("mode", ["forward", "backward"])
 def test_derivatives_agree_with_mpmath(name, mode):
@@ -254,6 +256,7 @@ def test_the_inverse_of_an_image_is_that_of_its_pixels():
     np.testing.assert_allclose(in_band_radiance(band("LWIR"), computed), image, rtol=1e-11)
 
 
+@pytest.mark.slow
 def test_numpy_suffices():
     code = (
         "import sys; from mi_lcair.physics.bands import band; "
@@ -264,6 +267,7 @@ def test_numpy_suffices():
     subprocess.run([sys.executable, "-c", code], check=True, cwd=Path(__file__).parents[2])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["SWIR", "LWIR", "total"])
 def test_inverse_of_many(name):
     """Many radiances at once give the same temperatures as each alone.

@@ -33,6 +33,7 @@ def summary():
     ]
 
 
+@pytest.mark.slow
 def test_every_sky_has_its_stated_radiance():
     """The radiances agree with all four decimals of the summary."""
     rows = summary()

@@ -140,6 +140,7 @@ def test_what_only_reflects_absorbs_the_rest(plate):
     )
 
 
+@pytest.mark.slow
 def test_one_creates_what_another_loses(plate):
     """Two grey plates with the same BSDF class, one emitting too much and one too little.
 
@@ -166,6 +167,7 @@ def test_one_creates_what_another_loses(plate):
         assert value == pytest.approx(created, abs=1e-5) and error < 1e-5
 
 
+@pytest.mark.slow
 def test_emissivity_of_the_model_loses_energy(plate):
     """The thesis's form with emissivity = model loses energy.
 
@@ -208,6 +210,7 @@ def test_a_reciprocal_model_creates_nothing(plate, parameters):
     assert result.remarks == []
 
 
+@pytest.mark.slow
 def test_a_scaled_brdf_is_named(plate):
     """A BRDF whose HDR would exceed 1 near grazing (b = 0.05, e = 0.3) is reported.
 
@@ -240,6 +243,7 @@ def test_the_back_of_a_surface_is_named(plate):
     agree(result.total["balance"], 0)
 
 
+@pytest.mark.slow
 def test_a_perfect_closed_reflector_is_unfinished(monkeypatch):
     """In a closed room of reflectance 1 no flux is absorbed, and the audit says so."""
     monkeypatch.setattr("mi_lcair.planning.audit.MAX_REFLECTIONS", 20)

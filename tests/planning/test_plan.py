@@ -22,6 +22,7 @@ from tests.plugins.small_scenes import SQUARE, camera
 from tests.scenes.view_factors import WALLS
 
 
+@pytest.mark.slow
 def test_diffuse_plates_need_no_lobe_and_one_reflection():
     """`diffuse` is exact for a diffuse reflector and a blackbody.
 
@@ -274,6 +275,7 @@ def test_a_tail_for_a_model_beside_other_surroundings(plate):
     )
 
 
+@pytest.mark.slow
 def test_surfaces_of_one_name_are_planned_together(plate):
     """Two surfaces without a name, one diffuse and one glossy, share one entry of the plan.
 
@@ -304,6 +306,7 @@ def test_surfaces_of_one_name_are_planned_together(plate):
     ) == 1
 
 
+@pytest.mark.slow
 def test_any_seed():
     assert mi_lcair.plan(mi_lcair.load("open_box", resolution=8), 0.05, seed=2**32 - 1).spp >= 2
 

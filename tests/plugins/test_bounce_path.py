@@ -70,6 +70,7 @@ def assert_same_mean(first, second):
     )
 
 
+@pytest.mark.slow
 def test_small_source_over_a_plate(plate):
     """The same mean with emitter sampling on and off, and far less variance with it (a million
     times less here).

@@ -157,6 +157,7 @@ OURS = [model for model in MODELS if model.is_ours]
 every_rung = pytest.mark.parametrize("model", OURS, ids=lambda model: model.name)
 
 
+@pytest.mark.slow
 @every_rung
 def test_inactive_lanes_are_zero(model):
     bsdf, ctx, off = model.load(), mi.BSDFContext(), mi.Bool(False)
@@ -171,6 +172,7 @@ def test_inactive_lanes_are_zero(model):
         assert np.all(numbers.numpy() == 0)
 
 
+@pytest.mark.slow
 @every_rung
 def test_emissivity_is_what_is_not_reflected(model):
     """The default, Kirchhoff's law seen from the observer, on every rung; 1e-5 is the table's

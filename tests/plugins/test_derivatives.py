@@ -147,6 +147,7 @@ def test_microfacet(corner):
         assert_derivatives(make, key, step, in_reverse=in_reverse)
 
 
+@pytest.mark.slow
 def test_microfacet_at_k_0():
     """k enters the BRDF as k^2 only. At its bound 0 its derivative is therefore 0, and the others
     are finite.

@@ -32,6 +32,7 @@ TABLE = [
 NUMBERS = {"bare_aluminum": MATERIALS[0], "gloss_black": MATERIALS[2]}  # MWIR
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["thesis", "normalized"])
 @pytest.mark.parametrize("row", TABLE, ids=lambda row: "-".join(map(str, row[:3])))
 @thesis.EXACT

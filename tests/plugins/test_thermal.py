@@ -48,11 +48,13 @@ def emitted(shape, angles=ANGLES, side=1, at=(1, -1)):
 # ---------------------------------------------------------------- Emissivity
 
 
+@pytest.mark.slow
 def test_sandford_robertson_by_kirchhoff(plate):
     found = emitted(plate("p", SQUARE, BROAD, 400)) / blackbody(400)
     np.testing.assert_allclose(found, 1 - exact_HDR(mi.load_dict(BROAD), ANGLES), rtol=0, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_sandford_robertson_by_its_own_emissivity(plate):
     found = emitted(plate("p", SQUARE, {**BROAD, "emissivity": "model"}, 400)) / blackbody(400)
     np.testing.assert_allclose(
@@ -60,6 +62,7 @@ def test_sandford_robertson_by_its_own_emissivity(plate):
     )  # Eq 2.21
 
 
+@pytest.mark.slow
 def test_sandford_robertson_by_a_measured_table(plate, tmp_path):
     """Linear in the angle between the rows, constant beyond them; 2e-3 by which the plugin's own
     table rounds the knees.
@@ -72,6 +75,7 @@ def test_sandford_robertson_by_a_measured_table(plate, tmp_path):
     np.testing.assert_allclose(found, [0.2, 0.2, 0.35, 0.7, 0.9, 0.9], rtol=0, atol=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lobe", ["mirror", "diffuse"])
 def test_rungs_emit_alike(plate, lobe):
     np.testing.assert_array_equal(
@@ -80,12 +84,14 @@ def test_rungs_emit_alike(plate, lobe):
     )
 
 
+@pytest.mark.slow
 def test_stock_diffuse(plate):
     np.testing.assert_allclose(
         emitted(plate("p", SQUARE, GREY, 400)), 0.7 * blackbody(400), rtol=1e-6
     )
 
 
+@pytest.mark.slow
 def test_emissivity_given_to_the_emitter_comes_first(plate):
     for bsdf in (BROAD, GREY, {"type": "mask", "bsdf": GREY, "opacity": 0.5}):
         found = emitted(with_emitter(plate("p", SQUARE, bsdf, 400), emissivity=0.35))
@@ -133,6 +139,7 @@ def test_a_surface_emits_from_the_sides_that_reflect(plate):
         assert np.all(given[1] == 0)
 
 
+@pytest.mark.slow
 def test_two_sides_of_different_material(plate):
     both = {"type": "twosided", "front": BROAD, "back": {**BROAD, "epsilon": 0.5}}
     for side, bsdf in ((1, BROAD), (-1, both["back"])):
@@ -191,6 +198,7 @@ def test_no_emissivity_is_an_error(plate, bsdf, word):
     )
 
 
+@pytest.mark.slow
 def test_the_table_itself_notices_anisotropy():
     """For plugins that do not set the flag."""
     brushed = mi.load_dict(
@@ -203,6 +211,7 @@ def test_the_table_itself_notices_anisotropy():
 # ---------------------------------------------------------------- Temperatures and radiances
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["LWIR", "total", "3.5-4.2"])
 def test_each_facet_has_its_own_temperature(plate, name):
     """Facet 0 lies below the diagonal x = y, facet 1 above it."""
@@ -228,6 +237,7 @@ def test_an_update_of_facet_temperatures_is_honoured(plate, integrator):
         assert image[0, 0] == pytest.approx(0.7 * blackbody(temperatures[1]), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_temperatures_that_change_twice_between_renders_are_honoured(plate):
     """Dr.Jit reuses the index of a freed variable, so an index does not identify a value."""
     one_plate = scene(
@@ -266,6 +276,7 @@ def test_a_bad_temperature_names_its_facet(plate, bad, number):
         mi.load_dict({"type": "scene", "p": plate("q", SQUARE, GREY, bad)}, optimize=False)
 
 
+@pytest.mark.slow
 def test_a_texture_inside_a_facet_is_evaluated_at_the_hit(plate):
     """The checkerboard's two temperatures, 2 x 2 over the rectangle's uv."""
     texture = {
@@ -282,6 +293,7 @@ def test_a_texture_inside_a_facet_is_evaluated_at_the_hit(plate):
     np.testing.assert_allclose(found, [0.7 * blackbody(300), 0.7 * blackbody(500)], rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_a_source_of_given_radiance(plate):
     shape = plate("p", SQUARE, BROAD)
     np.testing.assert_allclose(

@@ -88,6 +88,7 @@ def registered():
     mi.register_bsdf("half_mirror", HalfMirror)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("theta_deg", [0, 60])
 def test_emits_what_it_does_not_reflect(tmp_path, theta_deg):
     """Emission is 1 - 0.3 - 0.4 cos(theta); an isothermal room hides the surface (Kirchhoff)."""

@@ -71,6 +71,7 @@ def test_two_plates_at_two_ranges(plate, range_m):
     )
 
 
+@pytest.mark.slow
 def test_more_temperatures_than_can_be_told_apart(plate):
     """Ninety plates of ninety temperatures: recorded by wavelength, each pixel as exact as the
     noise allows.

@@ -254,6 +254,7 @@ def test_unreadable_images(tmp_path, content, reason):
         read_exr(path)
 
 
+@pytest.mark.slow
 @given(st.data())
 @settings(max_examples=150, deadline=None)
 def test_damaged_images(folder, data):
@@ -271,6 +272,7 @@ def test_damaged_images(folder, data):
     _read_or_refuse(folder, bytes(damaged))
 
 
+@pytest.mark.slow
 @given(st.binary(max_size=300), st.booleans())
 @settings(max_examples=150, deadline=None)
 def test_random_bytes(folder, content, as_exr):

@@ -93,6 +93,7 @@ def test_passes_do_not_change_the_statistics(monkeypatch):
     np.testing.assert_allclose(parts.channels["range.Y"], whole.channels["range.Y"], rtol=0.02)
 
 
+@pytest.mark.slow
 def test_same_seed_same_image():
     images = [mi_lcair.render(load(), spp=8, seed=seed).channels["Y"] for seed in (7, 7, 8)]
     np.testing.assert_array_equal(images[0], images[1])
@@ -127,6 +128,7 @@ def test_one_sample_has_no_standard_error():
     assert "stderr.Y" not in result.channels and result.rms_error is None
 
 
+@pytest.mark.slow
 def test_invalid_samples_are_counted_and_left_out(monkeypatch):
     """A NaN or infinity in two of 10,000 samples: counted, reported, and the rest of the pixel
     stands.
@@ -160,6 +162,7 @@ def test_unusable_sampling(keywords, name):
         mi_lcair.render(load(), **keywords)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("closure", ["none", "tail"])
 @pytest.mark.parametrize("split", [None, "image", "target"])
 def test_paths_are_traced_once(closure, split):

@@ -61,6 +61,7 @@ def test_loads(tmp_path):
     )  # a file scene.xml is named after its folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "elements, given, message",
     [

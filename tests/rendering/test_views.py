@@ -53,6 +53,7 @@ def test_one_view_is_the_scenes_own_sensor(cylinder):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "view, area",
     [
@@ -110,6 +111,7 @@ def test_standard_errors_are_those_of_repetitions(cylinder, spp, resolution, low
     assert low < ratio < 1.7
 
 
+@pytest.mark.slow
 def test_a_seed_gives_its_numbers_and_a_tolerance_its_error(cylinder):
     views = [View(10.0), View(170.0)]
     first, again, other = (
@@ -123,6 +125,7 @@ def test_a_seed_gives_its_numbers_and_a_tolerance_its_error(cylinder):
     assert render_views(cylinder, views, 31, tolerance=1e-5, max_spp=7).spp == 6
 
 
+@pytest.mark.slow
 def test_a_hot_source_that_no_path_met_counts(plate):
     """A speck at 3000 K, 4 mm wide, before a cold slab: two samples a pixel miss it, and the
     tolerance asks for more.
@@ -144,6 +147,7 @@ def test_a_hot_source_that_no_path_met_counts(plate):
     )
 
 
+@pytest.mark.slow
 def test_a_view_of_nothing_does_not_keep_the_others(plate):
     """A one-sided slab, from above and from below, where it sends nothing: no tolerance of nothing
     can be reached.

@@ -19,6 +19,7 @@ def colour_at(path, figure, row, column):
     return image[image.shape[0] - 1 - int(y), int(x), :3]
 
 
+@pytest.mark.slow
 def test_pixels_lie_where_the_axes_say(tmp_path, figures):
     """Row 0 is at the top and column 0 at the left. The scale spans all values."""
     values = np.array([[1, 2, 3], [3, 3, 1]], np.float32)
@@ -33,6 +34,7 @@ def test_pixels_lie_where_the_axes_say(tmp_path, figures):
     assert top_left[0] < bottom_right[0] and top_left[1] > bottom_right[1]
 
 
+@pytest.mark.slow
 def test_logarithmic_colours(tmp_path, figures):
     """On a logarithmic scale 10 is half way between 1 and 100.
 
@@ -59,6 +61,7 @@ def test_a_logarithmic_scale_ends_six_decades_below_the_largest_value(tmp_path, 
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name, label",
     [
@@ -80,6 +83,7 @@ def test_units(tmp_path, figures, name, label):
     assert bar.yaxis.get_offset_text().get_text() == ""  # no "+3e2" to be added in the head
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name, nothing, is_grey",
     [
@@ -129,6 +133,7 @@ def test_images_with_little_to_show(tmp_path, figures, values, log):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "value, limits", [(0.0, (0, 1)), (36.0, (34.2, 37.8)), (-2.0, (-2.1, -1.9))]
 )
@@ -150,6 +155,7 @@ def test_numbers_that_cannot_be_drawn(tmp_path, log):
     assert [file.name for file in tmp_path.iterdir()] == ["a.png"]
 
 
+@pytest.mark.slow
 def test_names_are_no_formulas(tmp_path, figures):
     """Dollar signs in a title or channel do not begin mathematics."""
     for channels in (["$\\bad$.Y"], ["$\\bad$.Y", "Y"]):
@@ -162,6 +168,7 @@ def test_names_are_one_short_line(tmp_path, figures):
     assert len(title) <= 120 and title.isprintable() and title.endswith(r"a\x1b[31m b")
 
 
+@pytest.mark.slow
 def test_a_montage_gives_each_channel_its_own_scale(tmp_path, figures):
     """Each channel has a panel and a colour bar, in the given order and without overlaps."""
     channels = {f"bounce{k:02d}.Y": np.linspace(0, 10.0**-k, 12).reshape(3, 4) for k in range(5)}

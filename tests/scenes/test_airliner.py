@@ -44,6 +44,7 @@ def parts():
     return named
 
 
+@pytest.mark.slow
 def test_airliner_has_the_public_dimensions(parts):
     assert parts.keys() == BODIES
     lowest, highest = MODELS["a340"].vertices.min(axis=0), MODELS["a340"].vertices.max(axis=0)
@@ -154,6 +155,7 @@ def test_airliner_parts_reach_into_each_other(parts):
         assert inside(end(f"pylon_{number}", 2, np.min), parts[f"nacelle_{number}"]).all()
 
 
+@pytest.mark.slow
 def test_airliner_exhausts_stand_free(parts):
     """No corner of an annulus or a cone lies inside another body, tested on the left side."""
     model = MODELS["a340"]

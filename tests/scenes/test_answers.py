@@ -120,6 +120,7 @@ def test_furnace_of_lower_rungs(material, lobe, metal):
     assert result.mean == pytest.approx(radiance("MWIR", 300), rel=2e-4)
 
 
+@pytest.mark.slow
 def test_furnace_temperature():
     result = mi_lcair.render(mi_lcair.load("furnace", temperature=800, resolution=16), spp=64)
     assert result.mean == pytest.approx(radiance("MWIR", 800), rel=1e-3)

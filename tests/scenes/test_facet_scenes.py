@@ -35,6 +35,7 @@ def test_models_are_as_built(tmp_path):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "position, distance, sideways", [(1, 1119, 500), (2, 510, 500), (3, 1128, 500)]
 )
@@ -139,6 +140,7 @@ def test_hot_parts_show_from_behind_only():
     )
 
 
+@pytest.mark.slow
 def test_splits_of_the_range():
     """The splits by emitting group and by first hit both add up to the intensity.
 

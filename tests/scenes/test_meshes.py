@@ -170,6 +170,7 @@ def test_furnace_bodies_are_closed(name, inward, size, surface):
     assert area(corners) == pytest.approx(surface, rel=2e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name, facets",
     [

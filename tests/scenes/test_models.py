@@ -37,6 +37,7 @@ TABLE_3_2 = {  # thesis Table 3.2: position -> K for gloss black and for bare al
 # Topology
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name, count",
     [
@@ -171,6 +172,7 @@ def test_cylinder_has_its_dimensions(name):
     assert np.hypot(body[:, 1], body[:, 2]).max() == pytest.approx(0.15, abs=PRINTED)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["cylinder_bare_aluminum", "cylinder_gloss_black"])
 def test_cylinder_encloses_cylinder_nose_and_wings(name):
     """The volume is that of a prism, two boxes and a nose.

@@ -89,6 +89,7 @@ def test_closed_cube(plate):
     assert np.all(np.abs(areas.area[0, order] - exact) < 4 * areas.error[0, order] + 3e-4 * exact)
 
 
+@pytest.mark.slow
 def test_other_temperatures_and_bands(plate):
     """Recomputed intensities agree with new renders, within 3 standard errors of both.
 
@@ -168,6 +169,7 @@ def many(plate, tmp_path):
     return checked(scene, Path("many.xml"), {})
 
 
+@pytest.mark.slow
 def test_more_temperatures_than_can_be_told_apart(many):
     """The spectrum by wavelength integrates to the in-band intensity.
 
@@ -189,6 +191,7 @@ def test_more_temperatures_than_can_be_told_apart(many):
         areas.intensity("target", {"floor": 310.0})
 
 
+@pytest.mark.slow
 def test_by_wavelength_is_planck(plate):
     """The spectrum of 65 temperatures is the sum over the facets that the sensor sees.
 
@@ -228,6 +231,7 @@ def test_by_wavelength_is_planck(plate):
     )
 
 
+@pytest.mark.slow
 def test_csv_and_plot(many, tmp_path):
     result = mi_lcair.signature(many, spp=16, by_spectrum=True)
     write(tmp_path / "s.csv", result.effective_areas, "many")
@@ -246,6 +250,7 @@ def test_csv_and_plot(many, tmp_path):
     assert (tmp_path / "s.png").stat().st_size > 10000
 
 
+@pytest.mark.slow
 def test_a_response_band(plate, tmp_path):
     """The effective areas hold for any response of the band.
 
@@ -261,6 +266,7 @@ def test_a_response_band(plate, tmp_path):
     np.testing.assert_allclose(np.trapezoid(values, x), result.intensity, rtol=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wanted", ["MWIR", "total", "7-9"])
 def test_another_band_is_refused(plate, wanted):
     areas = mi_lcair.signature(closed_cube(plate), spp=2, by_spectrum=True).effective_areas

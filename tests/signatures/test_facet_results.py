@@ -55,6 +55,7 @@ def by_group(columns, name, group):
     return columns[name][columns["group"] == group]
 
 
+@pytest.mark.slow
 def test_columns(roof):
     result = mi_lcair.signature(roof, spp=2048, facets=True)
     columns = result.facets.columns

@@ -69,6 +69,7 @@ def test_plates(name, facet, other, expected):
     assert view.solid_angle.sum() == pytest.approx(2 * pi, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_closed_cube(cube):
     """View factors and solid angles of a cube's walls are within 0.5 %.
 
@@ -123,6 +124,7 @@ def test_map_follows_the_thesis_azimuth():
     assert set(np.unique(view.map)) == {NOTHING, 1}
 
 
+@pytest.mark.slow
 def test_map_agrees_with_the_table(cube, tmp_path):
     """The solid angles of the map's pixels add up to those of the table.
 
@@ -143,6 +145,7 @@ def test_map_agrees_with_the_table(cube, tmp_path):
         assert pixel[view.map == number].sum() == pytest.approx(angle, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_seed_and_rays(cube):
     scene = cube()
     few = [hemispherical_view(scene, 0, rays=1000, seed=seed) for seed in (1, 1, 2)]
@@ -164,6 +167,7 @@ def test_what_has_no_view(cube, facet, reason):
         hemispherical_view(scene, facet)
 
 
+@pytest.mark.slow
 def test_picture(tmp_path):
     """The number of each facet lies inside its region of the picture."""
     view = hemispherical_view(mi_lcair.load("furnace"), 2, rays=2**12)

@@ -52,6 +52,7 @@ def whole(cylinder, tmp_path_factory):
     return path.read_text()
 
 
+@pytest.mark.slow
 def test_rows_are_signatures(cylinder):
     """Each row agrees with a signature of its view, by group and by bounce."""
     columns = trend(cylinder, elevations_deg=(-10, 20), tolerance=0.01, spp=None).columns
@@ -83,6 +84,7 @@ class Stopped(Exception):
     pass
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("batches", [1, 2])
 def test_what_was_interrupted_is_resumed(cylinder, whole, tmp_path, batches):
     path, done = tmp_path / "trend.csv", []
@@ -127,6 +129,7 @@ def test_angles_that_have_no_end_are_resumed(cylinder, tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_a_scene_that_was_edited_is_not_resumed(plate, tmp_path):
     """A scene whose file has another temperature is refused on resuming and by a worker."""
 
@@ -362,6 +365,7 @@ def free_port() -> int:
         return probe.getsockname()[1]
 
 
+@pytest.mark.slow
 def test_a_cluster_without_workers(cylinder, monkeypatch):
     distributed = pytest.importorskip("dask.distributed")
     monkeypatch.setattr(cluster, "WORKER_TIMEOUT_S", 0.5)
@@ -372,6 +376,7 @@ def test_a_cluster_without_workers(cylinder, monkeypatch):
         trend(cylinder, dask=workers.scheduler_address)
 
 
+@pytest.mark.slow
 def test_plot(cylinder, figures, tmp_path):
     result = trend(cylinder, elevations_deg=(0, 30))
     trend_plot.save_plot(tmp_path / "trend.png", result, "cylinder")

@@ -45,6 +45,7 @@ def test_a_refused_plan_gives_the_reason(tmp_path):
         mi_lcair.plan(scene, 0.1)
 
 
+@pytest.mark.slow
 def test_views_know_it_too(tmp_path):
     """Straight down on the speck, the error of a view contains one path that meets it."""
     from mi_lcair.rendering.many_views import render_views

@@ -22,6 +22,7 @@ def share(folder, reflectance, max_bounces, closure="none", spp=4, seed=0):
     return result, result.mean / float(in_band_radiance(scene.band, 300))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bounces", [10, 100, 1000, 4000])
 def test_geometric_law(tmp_path, bounces):
     """The radiance after N reflections is 1 - rho^(N + 1) of its limit.
@@ -54,6 +55,7 @@ def test_reflectance_one(tmp_path):
         assert fraction == 0 and result.invalid == 0
 
 
+@pytest.mark.slow
 def test_energy_balance(tmp_path):
     """With rho = 1 and a lamp on one of six faces, each reflection adds the same radiance.
 
@@ -67,6 +69,7 @@ def test_energy_balance(tmp_path):
     assert np.mean(added[29:]) == pytest.approx(np.mean(added[8:12]), rel=0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["furnace", "cylinder_ir_range"])
 def test_no_ray_escapes(name):
     """Of a million rays none escapes; `python -m docs.studies.leaks` traces 1e8.

@@ -106,6 +106,7 @@ def test_of_the_brdf(corner, form):
             )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", sr.FORMS)
 @pytest.mark.parametrize("corner", CORNERS)
 def test_of_the_emissivity(corner, form):

@@ -144,6 +144,7 @@ def test_slivers(tmp_path, strips):
     assert_exact(load(tmp_path, two_plates(strips=strips)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shift", [10, 100])
 def test_meshes_far_from_their_origin(tmp_path, shift):
     """Plates of 0.2 m with vertices at 10 m and 100 m are moved to the origin; nothing is lost."""
@@ -157,6 +158,7 @@ def test_meshes_too_far_from_their_origin(tmp_path, shift):
         load(tmp_path, two_plates(shift=shift), x=shift + 0.1)
 
 
+@pytest.mark.slow
 def test_a_large_ground_costs_nothing(tmp_path):
     """A ground of 2000 km under plates of 0.2 m does not change the result.
 
@@ -189,6 +191,7 @@ def test_coincident_facets(tmp_path, gap, parted):
     assert all(np.allclose(image, 400, atol=0.1) for image in images) == parted
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gap, crossed", [(1e-3, True), (2e-5, True), (5e-6, False), (1e-7, False)])
 def test_narrow_gaps(tmp_path, gap, crossed):
     """A ray between parallel plates hits the other plate, unless the gap is too narrow.

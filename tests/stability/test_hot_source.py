@@ -92,6 +92,7 @@ def test_emitter_sampling_bounds_and_reports(scene):
     assert np.max(np.abs(Y - exact()) / error) < 8
 
 
+@pytest.mark.slow
 def test_without_it_the_scatter_misleads(scene):
     """Without emitter sampling, `stderr.Y` does not contain the error.
 

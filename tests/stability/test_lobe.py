@@ -156,6 +156,7 @@ SATURATED = {
 SATURATED_WIDTHS = (0.0042, 0.03, 0.1, 0.3, 1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", sr.FORMS)
 def test_where_HDR_exceeds_one(form):
     """The angle that the plugin reports agrees with Float64. Beyond it the emissivity is 0."""

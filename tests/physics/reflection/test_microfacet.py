@@ -62,6 +62,7 @@ def vector(theta, phi=0):
 # ------------------------------------------------------------------ Equations
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("parameters", SURFACES)
 @EXACT
 def test_brdf_is_the_printed_one(parameters):
@@ -142,6 +143,7 @@ def many_directions(count, parameters, Vector, seed=1):
     return direction(theta_i, phi, Vector), direction(theta_r, 0.0, Vector)
 
 
+@pytest.mark.slow
 @BOTH_TYPES
 def test_reciprocal_to_the_last_bit(Type, Vector):
     parameters = random_parameters(2000)
@@ -150,6 +152,7 @@ def test_reciprocal_to_the_last_bit(Type, Vector):
     np.testing.assert_array_equal(MODEL.f(S, i, r), MODEL.f(S, r, i))
 
 
+@pytest.mark.slow
 @BOTH_TYPES
 def test_values_and_derivatives_are_finite(Type, Vector):
     parameters = random_parameters(2000, seed=2)
@@ -179,6 +182,7 @@ def test_at_the_horizon():
         assert all(np.all(np.isfinite(x)) for x in (f, pdf, drawn, f * np.maximum(cos_i, 0)))
 
 
+@pytest.mark.slow
 @EXACT
 @pytest.mark.parametrize("held", range(5), ids=MODEL.names)
 def test_derivatives_of_the_brdf(held):

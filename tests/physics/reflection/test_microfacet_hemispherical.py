@@ -88,6 +88,7 @@ def test_no_more_is_reflected_than_arrives():
         assert HDR.min() >= 0 and HDR.max() <= 1 + 1e-9, parameters
 
 
+@pytest.mark.slow
 def test_parts_are_the_whole():
     """HDR is the lobe times its scale plus the floor, also for many surfaces at once."""
     parameters = random_parameters(20, seed=6)
@@ -119,6 +120,7 @@ def test_a_table_holds_1e_5(alpha, gamma, n, k):
     assert np.abs(np.interp(places, nodes, table) * scale - exact).max() < 1e-5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("held", range(5), ids=MODEL.names)
 def test_derivatives_agree_with_central_differences(held):
     theta = Float64(np.radians([0, 30, 60, 80, 88, 89.5]))
@@ -143,6 +145,7 @@ def test_derivatives_agree_with_central_differences(held):
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "alpha, gamma, lost",
     [(0.01, 1, 0.11), (0.1, 2, 0.06), (0.5, 2, 0.30), (0.3, 4, 0.07), (1, 1, 0.62)],

@@ -141,6 +141,7 @@ def test_numbers_that_no_surface_has_are_refused(model, form):
 # ------------------------------------------------------------------- reflectance
 
 
+@pytest.mark.slow
 @every_form
 def test_readings_and_their_derivatives_are_finite(model, form):
     """Readings and derivatives are finite in the cube and on its faces, up to grazing angles."""
@@ -155,6 +156,7 @@ def test_readings_and_their_derivatives_are_finite(model, form):
     assert np.all(readings(u)[0] >= 0)
 
 
+@pytest.mark.slow
 @every_form
 def test_derivatives_are_those_of_the_readings(model, form):
     u, step = random_points(model, 4), 1e-6
@@ -222,6 +224,7 @@ def test_hemispherical_reflectances_are_integrals_of_f(model, form):
     assert checked == 5
 
 
+@pytest.mark.slow
 @every_form
 def test_the_floor_and_the_lobe_make_up_HDR(model, form):
     theta = np.radians([0.0, 30.0, 60.0, 80.0])

@@ -118,6 +118,7 @@ def test_brdf_is_zero_from_below_and_at_the_horizon():
             assert sr.f(surface(0.2, 0.1, 0.5, 0.3, form), i, r)[0] == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", sr.FORMS)
 @pytest.mark.parametrize("Type, Vector", [(Float, Array3f), (Float64, Array3f64)])
 def test_values_and_gradients_are_finite_over_the_whole_box(Type, Vector, form):
@@ -147,6 +148,7 @@ def test_values_and_gradients_are_finite_over_the_whole_box(Type, Vector, form):
         assert np.all(np.isfinite(dr.grad(number).numpy()))
 
 
+@pytest.mark.slow
 @thesis.EXACT
 @pytest.mark.parametrize("k", range(4), ids=["epsilon", "rho_d", "b", "e"])
 def test_gradients_of_the_brdf(k):
@@ -252,6 +254,7 @@ def test_half_vectors_have_the_distribution_of_visible_slopes(e, theta_deg):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("e", [0.0015, 0.0042, 0.1, 0.6, 1])
 def test_lobe_pdf_is_the_density_of_visible_slopes_seen_as_directions(e):
     """`lobe_pdf` is the density of visible slopes, transformed to directions.
@@ -276,6 +279,7 @@ def test_lobe_pdf_is_the_density_of_visible_slopes_seen_as_directions(e):
         np.testing.assert_allclose(computed[above], (per_half / (4 * (r @ half)))[above], rtol=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("e", [0.0042, 0.1, 0.6, 1])
 def test_lobe_pdf_integrates_to_the_samples_above_the_horizon(e):
     """The integral of lobe_pdf over the hemisphere is the share of samples that point upward.

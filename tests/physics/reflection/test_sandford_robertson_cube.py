@@ -24,6 +24,7 @@ def check_feasible(*values):
     MODEL.check_feasible(*values, form="thesis")
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(unit, unit, unit, unit), min_size=1, max_size=4))
 @settings(max_examples=60, deadline=None)
 def test_every_point_is_feasible(u):

@@ -84,6 +84,7 @@ def test_limits(quantity):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("quantity", BOTH)
 @pytest.mark.parametrize("form", sr.FORMS)
 def test_more_nodes_change_nothing(monkeypatch, quantity, form):
@@ -100,6 +101,7 @@ def test_more_nodes_change_nothing(monkeypatch, quantity, form):
             np.testing.assert_allclose(quantity(S, theta).numpy(), computed, rtol=0, atol=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("quantity", BOTH)
 @pytest.mark.parametrize("form", sr.FORMS)
 @pytest.mark.parametrize("parameters", [MATERIALS[0], MATERIALS[2], (0.2, 0.1, 0.5, 0.3)])

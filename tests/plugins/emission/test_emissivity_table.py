@@ -69,6 +69,7 @@ def test_the_table_is_right_within_what_it_states(distribution):
     assert 1e-6 < table.error < 1e-4 and np.abs(difference).max() < 4.5 * table.error
 
 
+@pytest.mark.slow
 def test_between_the_nodes(plate):
     """Straight lines between the nodes add at most 5e-5."""
     table = emissivity_of(mi.load_dict(METAL))
@@ -117,6 +118,7 @@ def test_an_update_of_the_bsdf_is_honoured(plate, name):
         assert image(changing) == pytest.approx(image(fresh), abs=3e-4 * blackbody(400))
 
 
+@pytest.mark.slow
 def test_a_stock_integrator_refuses_an_old_table(plate):
     """It cannot bring the table up to date; the emission would silently be the old one."""
     one_plate = scene(INTEGRATORS["path"], camera(2), mesh=plate("p", SQUARE, METAL, 400))

@@ -128,6 +128,7 @@ def test_one_hot_triangle_among_many(tmp_path):
     assert mean == pytest.approx(expected, abs=4 * error)
 
 
+@pytest.mark.slow
 def test_what_is_drawn_has_its_probability():
     """A million indices, with weights over nine decades: frequencies are the stated probabilities,
     which are the weights' to 2^-32.
@@ -145,6 +146,7 @@ def test_what_is_drawn_has_its_probability():
     assert deviations.std() == pytest.approx(1, abs=0.03) and abs(deviations.mean()) < 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [1, 512])
 def test_points_from_two_numbers(n):
     """Where Mitsuba's interface gives two numbers for triangle and point: both are uniform."""
@@ -236,6 +238,7 @@ def lamp(kind):
     }[kind]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("emitter_sampling", [False, True])
 @pytest.mark.parametrize("kind", ["point", "spot", "directional"])
 def test_lights_that_no_path_can_hit(kind, emitter_sampling):

@@ -112,6 +112,7 @@ def test_wing_root():
         assert abs(image.mean - whole.mean) < image.closure_error < 0.02 * whole.mean
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bounces", [3, 6, 10])
 def test_furnace(bounces):
     scene = mi_lcair.load("furnace", resolution=16)

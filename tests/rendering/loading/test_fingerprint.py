@@ -84,6 +84,7 @@ def test_changes(scene, change):
     assert mi_lcair.load(scene).fingerprint != before
 
 
+@pytest.mark.slow
 def test_a_mesh(scene):
     before = mi_lcair.load(scene).fingerprint
     write_ply(
@@ -92,6 +93,7 @@ def test_a_mesh(scene):
     assert mi_lcair.load(scene).fingerprint != before
 
 
+@pytest.mark.slow
 def test_a_parameter(scene):
     (scene.with_name("own.toml")).write_text(TOML + FILES["own.toml"])
     texts = [{}, {"band": "LWIR"}]
@@ -114,6 +116,7 @@ def test_values_changed_since(scene):
     assert len(set(seen)) == 3
 
 
+@pytest.mark.slow
 def test_the_same_elsewhere(scene, tmp_path, monkeypatch):
     """Not where the files lie, nor the working folder, nor when it was loaded."""
     before = mi_lcair.load(scene).fingerprint
