@@ -28,6 +28,10 @@ MODULES = (
     "paths.tail",
     "emission.emitter_table",
     "paths.channels",
+    "lattice_sampler",
+    "paths.aim",
+    "paths.launch",
+    "paths.sums",
     "bounce_path",
 )
 

@@ -4,7 +4,6 @@ It can record the radiance separately for each number of reflections.
 """
 
 from contextlib import contextmanager
-from dataclasses import dataclass
 from math import hypot
 
 import drjit as dr
@@ -16,9 +15,10 @@ from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.derivatives import derivations, deriving_plugins, leaves, tracing, value_along
 from mi_lcair.plugins.emission.emissivity import Table
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
-from mi_lcair.plugins.paths.channels import Channels, Pixels, pixel_statistics
+from mi_lcair.plugins.paths.channels import Channels
+from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.paths.rounding import rounding_error
-from mi_lcair.plugins.paths.tail import Tail
+from mi_lcair.plugins.paths.sums import Sums
 from mi_lcair.plugins.properties import HOTTEST, Property, read
 
 PROPERTIES = (
@@ -60,7 +60,7 @@ class BouncePath(RBIntegrator):
 
     Derivatives (forward and reverse, `mi.render(scene, params)`) are available with respect to the
     parameters of BSDFs and emitters and to facet temperatures, but not to the geometry. Memory does
-    not grow with the number of bounces. `PathTracer.observe` also returns the radiance by number of
+    not grow with the number of bounces. `PathTracer.trace` also returns the radiance by number of
     reflections, by emitting group and by the group that is hit first, all from the same paths.
     """
 
@@ -132,21 +132,6 @@ class BouncePath(RBIntegrator):
             raise InputError("bounce_path: closure = tail has no derivatives; use none or ambient")
 
 
-@dataclass(frozen=True)
-class Samples:
-    """Results of one pass, one value per path; Dr.Jit has not evaluated them yet.
-
-    radiance: [W m^-2 sr^-1]. channels: the recorded channels by name (see `Channels.samples`).
-    chance: the largest contribution of a source that the path could have hit but did not hit (see
-    `walk`) [W m^-2 sr^-1]. tail: sums for closure = tail; None for another closure.
-    """
-
-    radiance: mi.Float
-    channels: dict[str, mi.Float]
-    chance: mi.Float
-    tail: Tail | None
-
-
 class PathTracer(RBIntegrator):
     """Integrator for one scene, with all data that a render derives from the scene.
 
@@ -203,79 +188,41 @@ class PathTracer(RBIntegrator):
             L += channels.add_tail()[0]
         return L, valid, [], state
 
-    def observe(
+    def trace(
         self,
         sensor,
-        seed: int,
-        spp: int,
-        first: int,
-        pixels: int,
+        launch: Launch,
         split: str | None = "image",
         facets=None,
-        stride: int = 1,
         count_segments: bool = False,
-    ) -> Pixels:
-        """Statistics of the pixels of one pass; parameters as in `sampled`."""
-        samples = self.sampled(
-            sensor, seed, spp, first, pixels, split, facets, stride, count_segments
-        )
-        return pixel_statistics(samples, spp, split == "target")
-
-    def sampled(
-        self,
-        sensor,
-        seed: int,
-        spp: int,
-        first: int,
-        pixels: int,
-        split: str | None = "image",
-        facets=None,
-        stride: int = 1,
-        count_segments: bool = False,
-    ) -> Samples:
-        """Samples of one pass over some pixels; call it inside the context `prepared`.
+    ) -> Sums:
+        """Trace the paths of a launch; call it inside the context `prepared`.
 
         Parameters
         ----------
         sensor : mi.Sensor
-        seed : int
-            Seed of the random numbers.
-        spp : int
-            Paths per pixel. The samples of a pixel are consecutive.
-        first, pixels, stride : int
-            Numbers of the pixels, counted row by row: `pixels` pixels from `first` on, every
-            `stride`-th one.
+        launch : Launch
+            Where the paths begin and which random numbers they use.
         split : str or None
             Channels recorded beside the radiance. None: no channels. "image": the channels of
             `Channels.samples`. "target": also the part of each channel that lies on the model's
             facets. "model": only that part; paths that first hit something else are not followed.
         facets : object or None
             Numbering of facets with the methods `number(shape, prim_index, active)` and
-            `add(facet, L, channels, spp, first)`. The second one receives the samples, each with
-            the facet that its path hits first.
+            `add(facet, L, weight, channels, launch)`. The second one receives the samples, each with the
+            facet that its path hits first.
         count_segments : bool
             Also record the number of rays of each path.
 
         Returns
         -------
-        Samples
-            One value per path, (pixels * spp,).
+        Sums
+            Sums over the points of each randomisation.
         """
-        count = pixels * spp
-        sampler = sensor.sampler().clone()
-        sampler.set_sample_count(spp)
-        sampler.set_samples_per_wavefront(spp)
-        sampler.seed(seed, count)
-        width, height = sensor.film().crop_size()
-        index = dr.opaque(mi.UInt32, first) + dr.arange(mi.UInt32, count) // dr.opaque(
-            mi.UInt32, spp
-        ) * dr.opaque(mi.UInt32, stride)
-        position = mi.Point2f(index % width, index // width) + sampler.next_2d()
         with dr.suspend_grad():
+            sampler, position, weight = launch.begin(sensor.sampler())
             aperture = sampler.next_2d() if sensor.needs_aperture_sample() else mi.Point2f(0.5)
-            ray, weight = sensor.sample_ray(
-                sensor.shutter_open(), 0, position / mi.Vector2f(width, height), aperture
-            )
+            ray, _ = sensor.sample_ray(sensor.shutter_open(), 0, position, aperture)
             channels, tail = None, None
             if split or facets or self.closure == "tail":
                 channels = Channels.empty(
@@ -312,8 +259,10 @@ class PathTracer(RBIntegrator):
             if facets is not None:
                 # One kernel for all later uses of these arrays
                 dr.eval(L, channels, by_name, chance)
-                facets.add(channels.facet, L[0], channels, spp, first)
-            return Samples(radiance=L[0], channels=by_name, chance=chance, tail=tail)
+                facets.add(channels.facet, L[0], weight, channels, launch)
+            if not self.emitters.draws:
+                chance = None
+            return Sums.of(L[0], by_name, weight, chance, tail, launch)
 
     def chance_contribution(self, sensor) -> float:
         """Upper bound of the radiance from a source that no path has hit [W m^-2 sr^-1].
@@ -321,7 +270,7 @@ class PathTracer(RBIntegrator):
         This is the part of the bound that is known before paths are traced. Without emitter
         sampling it is the radiance of the brightest emitter. With emitter sampling it is the
         radiance of the brightest emitter in the sensor's field of view, hidden or not. The part
-        that comes from reflections is estimated along the paths (`Samples.chance`).
+        that comes from reflections is estimated along the paths (`Sums.chance`).
         """
         if self.emitter_sampling:
             return self.emitters.brightest_in_view(sensor)
@@ -347,7 +296,7 @@ class PathTracer(RBIntegrator):
         channels : Channels or None
             Receives the radiance by number of reflections, source and first hit.
         facets : object or None
-            Numbering of facets, see `sampled`.
+            Numbering of facets, see `trace`.
 
         Returns
         -------

@@ -86,7 +86,7 @@ class Azimuths(Angles):
     help="Pixels along each side of a view.",
 )
 @click.option(
-    "--spp", type=POSITIVE, help="Samples per pixel, 1 or an even number, instead of --tolerance."
+    "--spp", type=POSITIVE, help="Samples per pixel, instead of --tolerance."
 )
 @click.option(
     "--tolerance",
@@ -152,7 +152,7 @@ def command(options, azimuth, elevation, output, plot, **settings):
         )
     if result.missed:
         note(
-            f"{result.missed} of {len(result.columns['spp'])} views did not reach the tolerance; "
+            f"{result.missed} of {len(result.columns['paths'])} views did not reach the tolerance; "
             "raise --max-spp"
         )
     if result.columns["invalid"].any():

@@ -146,7 +146,7 @@ def scene(name: str, centre, radius: float, sky: str | None) -> str:
             <string name="component_format" value="float32"/>
             <rfilter type="box"/>
         </film>
-        <sampler type="independent">
+        <sampler type="lattice">
             <integer name="sample_count" value="$spp"/>
         </sampler>
     </sensor>

@@ -13,15 +13,17 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.atmosphere import Atmosphere
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import brightness_temperature
-from mi_lcair.plugins.emission.sources import Sources
+from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.rendering.apparent import apparent
 from mi_lcair.rendering.limits import check_memory, check_paths
 from mi_lcair.rendering.scene import Scene
-from mi_lcair.rendering.statistics import Accumulator, check_valid
+from mi_lcair.rendering.statistics import Totals, check_valid
 
 BOUNCE_CHANNELS = 17  # bounce channels in the image; the last holds all counts from 16 on
 # Paths of one pass. A pass takes seconds, and Ctrl-C takes effect at its end.
 PASS_SAMPLES = 2**20
+# Independent randomisations of a pixel's points. Their scatter gives the standard error.
+RANDOMISATIONS = 4
 PILOT_SPP = 16  # samples per pixel before the first estimate of the error
 DEFAULT_MAX_SPP = 2**16  # largest number of samples per pixel for a tolerance
 
@@ -38,20 +40,12 @@ class Render:
     header : dict
         Header of the radiance EXR.
     band : Band
-    parts : dict
-        Mean over the pixels and its standard error (or None) of every channel, in Float64, under
-        the names of `Channels.samples`.
-    covariance : numpy.ndarray or None
-        Covariance of the means of the channels whose names begin with COVARYING, in the order of
-        `parts`. None if they were not recorded.
-    sources : Sources
-        The sources that the channels source.N belong to.
     spp : int
         Samples per pixel.
     mean, mean_error : float
         Mean radiance and its standard error [W m^-2 sr^-1].
     rms_error : float or None
-        Rms standard error over the pixels, as a fraction of the mean, see `Accumulator.rms_error`.
+        Rms standard error over the pixels, as a fraction of the mean, see `Totals.rms_error`.
         None for one sample per pixel.
     reached : bool or None
         Whether the tolerance was reached. None if none was given.
@@ -67,9 +61,6 @@ class Render:
     channels: dict[str, np.ndarray]
     header: dict[str, str | int | float]
     band: Band
-    parts: dict[str, tuple[float, float | None]]
-    covariance: np.ndarray | None
-    sources: Sources
     spp: int
     mean: float
     mean_error: float | None
@@ -80,13 +71,6 @@ class Render:
     closure_error: float | None
     seconds: float
 
-    @property
-    def by_bounce(self) -> np.ndarray:
-        """Mean radiance over the pixels by number of reflections; the last holds 64 and more."""
-        return np.array(
-            [mean for name, (mean, _) in self.parts.items() if name.startswith("bounce.")]
-        )
-
 
 def render(
     scene: Scene,
@@ -96,8 +80,6 @@ def render(
     seed: int = 0,
     sensor: int = 0,
     split: str | None = "image",
-    by_spectrum: bool = False,
-    facets=None,
     atmosphere: Atmosphere | None = None,
     range_m: float | None = None,
     progress=None,
@@ -108,8 +90,9 @@ def render(
     ----------
     scene : Scene
     spp : int or None
-        Samples per pixel (the number in the scene). With a tolerance, the number of samples before
-        the first estimate of the error (16).
+        Samples per pixel (the number in the scene), rounded up to a multiple of RANDOMISATIONS if
+        it is larger. With a tolerance, the number of samples before the first estimate of the error
+        (16).
     tolerance : float or None
         Render until the rms standard error over the pixels is below this fraction of the mean
         radiance, or until max_spp is reached.
@@ -119,10 +102,8 @@ def render(
         The same seed gives the same image.
     sensor : int
         Number of the sensor, counted from 0.
-    split, facets
-        What is recorded beside the radiance, see `PathTracer.sampled`.
-    by_spectrum : bool
-        Record emission separately for each spectrum of a group.
+    split : str or None
+        What is recorded beside the radiance, see `PathTracer.trace`.
     atmosphere : Atmosphere or None
         Also compute the apparent radiance through this atmosphere (`apparent.Y`, `path.Y`).
     range_m : float or None
@@ -147,45 +128,52 @@ def render(
         atmosphere.check_covers(scene.band)
         if range_m is not None:
             atmosphere.path(range_m)  # raises InputError here, before anything is rendered
-        split, by_spectrum = "target", True
+        split = "target"
     start = time.perf_counter()
     camera = scene.sensor(sensor)
     width, height = camera.film().crop_size()
     goal = (spp or camera.sampler().sample_count()) if tolerance is None else (spp or PILOT_SPP)
     limit = goal if tolerance is None else (max_spp or DEFAULT_MAX_SPP)
     check_paths(width * height, spp=goal if tolerance is None else spp, max_spp=max_spp)
-    seeds = np.random.SeedSequence(seed)
+    randomisations = min(RANDOMISATIONS, goal)
+    whole = lambda samples: -(-samples // randomisations) * randomisations
+    goal, limit = whole(goal), whole(limit)
     done = 0
-    with scene.prepared(by_spectrum) as tracer:
+    with scene.prepared(by_spectrum=atmosphere is not None) as tracer:
         check_memory(width * height, tracer, split)
         if tolerance is not None:
             check_reachable(tolerance, tracer, scene.name)
-        total = Accumulator(
-            width * height, tracer.chance_contribution(camera), tracer.systematic_error
+        total = Totals(
+            width * height,
+            randomisations,
+            chance=tracer.chance_contribution(camera),
+            systematic=tracer.systematic_error,
         )
         while done < min(goal, limit):
-            step = max(1, min(min(goal, limit) - done, PASS_SAMPLES // (width * height)))
-            # An even number, so that the samples of a pass can be divided into two halves
-            step -= step % 2 if step > 1 else 0
-            run = min(width * height, PASS_SAMPLES // step)
+            step = min(min(goal, limit) - done, PASS_SAMPLES // (width * height))
+            step = max(1, step // randomisations)  # points of each randomisation
+            run = max(1, PASS_SAMPLES // (step * randomisations))  # pixels
             for first in range(0, width * height, run):
-                pass_seed = int(seeds.spawn(1)[0].generate_state(1)[0])
-                pixels = min(run, width * height - first)
-                total.add(
-                    first,
-                    tracer.observe(camera, pass_seed, step, first, pixels, split, facets),
+                launch = Launch(
+                    columns=width,
+                    rows=height,
+                    seed=seed,
+                    randomisations=randomisations,
+                    points=step,
+                    first_point=done // randomisations,
+                    first=first,
+                    windows=min(run, width * height - first),
                 )
-            done += step
+                total.add(launch, tracer.trace(camera, launch, split))
+            done += step * randomisations
             check_valid(total.invalid, done * width * height, scene.name)
             if tolerance is not None and done >= goal:
-                goal = samples_needed(total, done, tolerance)
+                goal = whole(samples_needed(total, done, tolerance))
             if progress:
                 progress(done, min(goal, limit))
     rms_error = total.rms_error()
     reached = None if tolerance is None else rms_error is not None and rms_error <= tolerance
     closure_error = None if total.tail is None else total.tail.error(tracer.max_bounces)
-    scale = total.error_scale()
-    covariance = total.covariance * scale if by_spectrum and scale is not None else None
     channels, air = image_channels(total, scene.band), {}
     if atmosphere is not None:
         air = {
@@ -193,7 +181,12 @@ def render(
             "atmosphere_range_m": "range.Y" if range_m is None else f"{range_m:g}",
         }
         channels |= apparent(
-            total.mean, total.channels, tracer.emitters.sources, scene.band, atmosphere, range_m
+            total.mean(),
+            {name: total.mean(name) for name in total.sums},
+            tracer.emitters.sources,
+            scene.band,
+            atmosphere,
+            range_m,
         )
     return Render(
         channels={
@@ -202,11 +195,8 @@ def render(
         },
         header=header(scene, tracer, sensor, done, seed, total, closure_error) | air,
         band=scene.band,
-        parts=total.means(),
-        covariance=covariance,
-        sources=tracer.emitters.sources,
         spp=done,
-        mean=float(total.mean.mean()),
+        mean=float(total.mean().mean()),
         mean_error=total.mean_error(),
         rms_error=rms_error,
         reached=reached,
@@ -248,7 +238,7 @@ def check_bounded(emitters, name: str) -> None:
         )
 
 
-def samples_needed(total: Accumulator, done: int, tolerance: float) -> int:
+def samples_needed(total: Totals, done: int, tolerance: float) -> int:
     """Estimated number of samples per pixel for the tolerance, from the error after `done`."""
     error = total.rms_error()
     if error is None:
@@ -266,12 +256,13 @@ def growth(excess: float) -> float:
     return min(4.0, 1.05 * excess**2)
 
 
-def image_channels(total: Accumulator, band: Band) -> dict[str, np.ndarray]:
+def image_channels(total: Totals, band: Band) -> dict[str, np.ndarray]:
     """Channels of the radiance EXR by name, in the order in which it has them, (P,) each."""
-    channels = {"Y": total.mean, "temperature.Y": brightness_temperature(band, total.mean)}
-    if total.count.min() > 1:
+    mean = total.mean()
+    channels = {"Y": mean, "temperature.Y": brightness_temperature(band, mean)}
+    if total.randomisations > 1:
         channels["stderr.Y"] = total.standard_error()
-    parts = total.channels
+    parts = {name: total.mean(name) for name in total.sums}
     if parts:
         by_bounce = [values for name, values in parts.items() if name.startswith("bounce.")]
         for k in range(min(len(by_bounce), BOUNCE_CHANNELS)):
@@ -291,7 +282,7 @@ def image_channels(total: Accumulator, band: Band) -> dict[str, np.ndarray]:
 
 
 def header(
-    scene: Scene, tracer, sensor: int, spp: int, seed: int, total: Accumulator, closure_error
+    scene: Scene, tracer, sensor: int, spp: int, seed: int, total: Totals, closure_error
 ) -> dict:
     """Header of the radiance EXR: the scene, the settings and the versions."""
     entries = {
@@ -302,8 +293,9 @@ def header(
         "parameters": json.dumps(scene.parameters),
         "sensor": sensor,
         "spp": spp,
+        "randomisations": total.randomisations,
         "seed": str(seed),
-        "paths": str(spp * len(total.mean)),
+        "paths": str(spp * len(total.valid)),
         "invalid_samples": str(total.invalid),
         "max_bounces": tracer.max_bounces,
         "emitter_sampling": str(tracer.emitter_sampling),

@@ -15,6 +15,7 @@ from mi_lcair.errors import InputError, mitsuba_error, unknown
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.reflection import NAMES
 from mi_lcair.plugins.derivatives import deriving_plugins
+from mi_lcair.plugins.paths.launch import numbers
 from mi_lcair.plugins.reflection_bsdf import is_reflection_bsdf
 from mi_lcair.rendering.loading.files import survey
 from mi_lcair.rendering.loading.fingerprint import fingerprint, source_digest
@@ -93,6 +94,11 @@ class Scene:
                 f"the scene has {len(self.sensors)}, counted from 0"
             )
         return self.sensors[index]
+
+    @property
+    def sampler(self) -> str:
+        """How the first sensor's paths draw their numbers: "lattice" or "independent"."""
+        return numbers(self.sensors[0].sampler())
 
     def prepared(self, by_spectrum: bool = False):
         """Context manager that gives the scene's `PathTracer`, see `BouncePath.prepared`."""

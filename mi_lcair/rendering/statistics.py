@@ -1,11 +1,10 @@
-"""Running statistics of a render's pixels over passes: means, standard errors, covariances."""
+"""Statistics of a render: means over windows, and their errors from randomisations."""
 
 import numpy as np
+from scipy.special import stdtrit
 
 from mi_lcair.errors import InputError
 
-# Prefixes of the channels whose covariances are recorded, for the error of sums of them.
-COVARYING = ("source.", "target.source.", "target.hit")
 # Largest fraction of NaN or infinite samples in a result. Such samples are left out or count as 0,
 # which changes a mean by about their fraction. The limit is a tenth of the usual tolerance of 1 %.
 MOST_INVALID = 1e-3
@@ -27,111 +26,130 @@ def invalid_remark(invalid: int, paths: int) -> list[str]:
     return [f"{invalid} of {paths} samples were NaN or infinite and do not count"]
 
 
-class Accumulator:
-    """Running mean and variance of each pixel, and mean channels, over passes, in Float64.
+class Totals:
+    """Sums over launches, and the means and errors that they give, in Float64.
 
-    The algorithm is that of Chan, Golub and LeVeque, 1983. For channels, only the variance of the
-    mean over all pixels is recorded, from the scatter of the parts of each pixel's samples. An
-    image of variances for every channel would double the memory.
+    The points of one randomisation are not independent, so their scatter says nothing about the
+    error of their mean. The randomisations of a window are independent: the scatter of their means
+    gives the standard error. It has R - 1 degrees of freedom for R randomisations, so that an
+    interval is Student's factor times the standard error, see `student_factor`.
 
-    chance: radiance that a source which no path has hit may add to one path [W m^-2 sr^-1].
-    systematic: relative error that more samples do not reduce. It is part of every standard error.
+    windows, randomisations: sizes of the arrays. by_randomisation: whether channels are kept for
+    each randomisation. Otherwise only their means are known, which needs less memory. chance:
+    radiance that a source which no path has hit may add to one path [W m^-2 sr^-1]. systematic:
+    relative error that more samples do not reduce. It is part of every standard error.
+    largest_weights: largest weight of a path that may contribute to a channel, by its name, see
+    `Aim`; 1 if it is missing.
     """
 
-    def __init__(self, pixels: int, chance: float = 0.0, systematic: float = 0.0):
-        self.chance, self.systematic = chance, systematic
-        self.count, self.mean, self.squares, self.parts = (np.zeros(pixels) for _ in range(4))
-        self.channels, self.scatter = {}, {}
-        self.covariance = 0.0
-        self.invalid = 0
-        self.tail = None
+    def __init__(
+        self,
+        windows: int,
+        randomisations: int,
+        by_randomisation: bool = False,
+        chance: float = 0.0,
+        systematic: float = 0.0,
+        largest_weights: dict[str | None, float] | None = None,
+    ):
+        self.by_randomisation, self.systematic = by_randomisation, systematic
+        self.largest_weights = largest_weights or {}
+        self.valid, self.radiance = (np.zeros((windows, randomisations)) for _ in range(2))
+        self.sums = {}
+        self.chance, self.met = chance, np.zeros(windows)
+        self.invalid, self.tail = 0, None
 
-    def add(self, first: int, part) -> None:
-        """Add the statistics `part` (`Pixels`) of consecutive pixels, from pixel `first` on."""
-        run = slice(first, first + len(part.count))
-        before, count = self.count[run], self.count[run] + part.count
-        share = part.count / np.maximum(count, 1)
-        difference = part.mean - self.mean[run]
-        self.squares[run] += part.squares + difference**2 * before * share
-        self.mean[run] += difference * share
-        self.invalid += part.invalid
-        self.chance = max(self.chance, part.chance)
-        if part.tail is not None:
-            self.tail = part.tail if self.tail is None else self.tail + part.tail
-        for k, part_count in enumerate(part.part_count):
-            after = before + part_count
-            share = part_count / np.maximum(after, 1)
-            by_source = []
-            for name, values in part.channels.items():
-                mean = self.channels.setdefault(name, np.zeros(len(self.count)))
-                difference = values[k] - mean[run]
-                mean[run] += difference * share
-                self.scatter[name] = self.scatter.get(name, 0.0) + np.sum(
-                    difference**2 * before * share
-                )
-                if name.startswith(COVARYING):
-                    by_source.append(difference * np.sqrt(before * share))
-            if by_source:
-                self.covariance += np.array(by_source) @ np.array(by_source).T
-            before = after
-            self.parts[run] += part_count > 0
-        self.count[run] = count
+    @property
+    def randomisations(self) -> int:
+        return self.valid.shape[1]
 
-    def error_scale(self) -> float | None:
-        """Factor from scatter to the variance of a mean over all pixels.
+    def add(self, launch, found) -> None:
+        """Add the `Sums` of a launch to the windows from the launch's first one on."""
+        run = slice(launch.first, launch.first + launch.windows)
+        self.valid[run] += found.valid
+        self.radiance[run] += found.radiance
+        for name, values in found.channels.items():
+            if not self.by_randomisation:
+                values = values.sum(axis=1, keepdims=True)
+            if name not in self.sums:
+                self.sums[name] = np.zeros((len(self.valid), values.shape[1]))
+            self.sums[name][run] += values
+        self.met[run] = np.maximum(self.met[run], found.chance)
+        self.invalid += launch.paths - int(found.valid.sum())
+        if found.tail is not None:
+            self.tail = found.tail if self.tail is None else self.tail + found.tail
 
-        None if no pixel has samples in two parts.
+    @property
+    def paths(self) -> np.ndarray:
+        """Number of valid paths of each window, (windows,)."""
+        return self.valid.sum(axis=1)
+
+    def mean(self, name: str | None = None) -> np.ndarray:
+        """Mean of a channel over the paths of each window, (windows,); None is the radiance."""
+        sums = self.radiance if name is None else self.sums[name]
+        return sums.sum(axis=1) / np.maximum(self.paths, 1)
+
+    def deviations(self, name: str | None = None) -> np.ndarray:
+        """Deviations of the randomisations from the mean, (windows, randomisations).
+
+        They are scaled so that the sum of their squares is the squared standard error of the mean,
+        and the sum of the products of two channels their covariance. They are infinite for a single
+        randomisation.
         """
-        freedom = np.sum(np.maximum(self.parts - 1, 0))
-        return (
-            np.mean(1 / np.maximum(self.count, 1)) / freedom / len(self.count)
-            if freedom > 0
-            else None
-        )
+        R = self.randomisations
+        if R < 2:
+            return np.full(self.valid.shape, np.inf)
+        sums = self.radiance if name is None else self.sums[name]
+        means = sums / np.maximum(self.valid, 1)
+        return (means - means.mean(axis=1, keepdims=True)) / np.sqrt(R * (R - 1))
 
-    def means(self) -> dict[str, tuple[float, float | None]]:
-        """Mean of each channel over the pixels, and its standard error (or None), by name."""
-        scale = self.error_scale()
-        return {
-            name: (
-                float(values.mean()),
-                None
-                if scale is None
-                else float(
-                    np.hypot(np.sqrt(self.scatter[name] * scale), self.systematic * values.mean())
-                ),
-            )
-            for name, values in self.channels.items()
-        }
+    def scatter_error(self, name: str | None = None) -> np.ndarray:
+        """Standard error of each window's mean from the scatter of its randomisations."""
+        return np.sqrt(np.sum(self.deviations(name) ** 2, axis=1))
 
-    def scatter_error(self) -> np.ndarray:
-        """Standard error of each pixel's mean from its scatter; infinite below two samples."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(
-                self.count > 1, np.sqrt(self.squares / (self.count * (self.count - 1))), np.inf
-            )
+    def standard_error(self, name: str | None = None) -> np.ndarray:
+        """Standard error of each window's mean, (windows,); infinite for one randomisation."""
+        return np.hypot(self.scatter_error(name), self.systematic * self.mean(name))
 
-    def standard_error(self) -> np.ndarray:
-        """Standard error of each pixel's mean, (P,) [W m^-2 sr^-1]; infinite below two samples."""
-        return np.hypot(self.scatter_error(), self.systematic * self.mean)
+    def missed(self, name: str | None = None) -> np.ndarray:
+        """What one path that hits a source which no other has hit adds to a window's mean.
+
+        The scatter cannot see such a source. Without emitter sampling this is the radiance of the
+        brightest source divided by the number of paths. With emitter sampling it is less for a
+        source outside the field of view (`EmitterTable.by_chance`).
+        """
+        most = self.chance * self.largest_weights.get(name, 1.0)
+        return np.maximum(most, self.met) / np.maximum(self.paths, 1)
+
+    def half_width(self, name: str | None = None) -> np.ndarray:
+        """Half of the 95 % interval of each window's mean, (windows,).
+
+        It includes the contribution of one path that hits a source which no other has hit.
+        """
+        scatter = student_factor(self.randomisations - 1) * self.scatter_error(name)
+        systematic = student_factor(np.inf) * self.systematic * self.mean(name)
+        return np.hypot(scatter, systematic) + self.missed(name)
 
     def mean_error(self) -> float | None:
-        """Standard error of the mean over the pixels; None below two samples per pixel."""
-        if self.count.min() < 2:
+        """Standard error of the mean over all windows; None for one randomisation."""
+        if self.randomisations < 2:
             return None
-        scatter = np.sqrt(np.sum(self.scatter_error() ** 2)) / len(self.mean)
-        return float(np.hypot(scatter, self.systematic * self.mean.mean()))
+        scatter = np.sqrt(np.sum(self.scatter_error() ** 2)) / len(self.valid)
+        return float(np.hypot(scatter, self.systematic * self.mean().mean()))
 
     def rms_error(self) -> float | None:
-        """Rms standard error over the pixels as a fraction of the mean; None below two samples.
+        """Rms standard error over the windows as a fraction of the mean of all windows.
 
-        The sample variance cannot see a source that no path has hit. The error therefore includes
-        the contribution of one path that hits the brightest source. Without emitter sampling this
-        is the radiance of the source. With emitter sampling it is less for a source outside the
-        field of view (`EmitterTable.by_chance`).
+        It is None for one randomisation. It includes `missed`, for a source that one path among
+        those of all windows hits.
         """
-        if self.count.min() < 2:
+        if self.randomisations < 2:
             return None
-        missed = self.chance**2 / (self.count.mean() * self.count.sum())
-        mean, rms = self.mean.mean(), np.sqrt(np.mean(self.standard_error() ** 2) + missed)
+        most = max(self.chance, self.met.max())
+        missed = most**2 / (self.paths.mean() * self.paths.sum())
+        mean, rms = self.mean().mean(), np.sqrt(np.mean(self.standard_error() ** 2) + missed)
         return float(rms / mean) if mean > 0 else 0.0
+
+
+def student_factor(freedom: float) -> float:
+    """Half of Student's 95 % interval, in standard errors; infinite without a degree of freedom."""
+    return float(stdtrit(freedom, 0.975)) if freedom > 0 else np.inf

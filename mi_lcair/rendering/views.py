@@ -158,10 +158,10 @@ def film(width: int, height: int) -> dict:
     }
 
 
-def cameras(scene: Scene, target: Target, views: list[View], resolution: int):
+def cameras(scene: Scene, target: Target, views: list[View]):
     """One sensor for all views, so that one kernel renders them all.
 
-    The views are next to each other in its film.
+    The views are next to each other in its film, with one pixel each.
 
     Parameters
     ----------
@@ -169,17 +169,15 @@ def cameras(scene: Scene, target: Target, views: list[View], resolution: int):
     target : Target
         The extent of the scene's model.
     views : list of View
-    resolution : int
-        Pixels along each side of a view.
     """
     far = depth(scene)
-    inner = {f"view{k}": target.camera(view, resolution, far) for k, view in enumerate(views)}
+    inner = {f"view{k}": target.camera(view, 1, far) for k, view in enumerate(views)}
     return mi.load_dict(
         {
             "type": "batch",
             **inner,
-            "film": film(len(views) * resolution, resolution),
-            "sampler": {"type": "independent"},
+            "film": film(len(views), 1),
+            "sampler": {"type": scene.sampler},
         }
     )
 
@@ -188,6 +186,7 @@ def seen_from(scene: Scene, view: View, resolution: int) -> Scene:
     """The same scene with a single sensor, for this view, of resolution x resolution pixels."""
     check_resolution(resolution)
     camera = Target.of(scene).camera(view, resolution, depth(scene))
+    camera["sampler"] = {"type": scene.sampler}
     return replace(scene, sensors=[mi.load_dict(camera)])
 
 

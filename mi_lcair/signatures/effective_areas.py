@@ -14,9 +14,8 @@ from mi_lcair.errors import InputError, unknown
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
-from mi_lcair.plugins.emission.sources import Source
-from mi_lcair.rendering.render import Render
-from mi_lcair.rendering.statistics import COVARYING
+from mi_lcair.plugins.emission.sources import Source, Sources
+from mi_lcair.rendering.statistics import Totals
 
 PARTS = ("target", "scene")
 # Wavelengths in even steps over the band. The trapezoid rule over them integrates Planck's law in
@@ -38,11 +37,10 @@ class EffectiveAreas:
     sources : list of Source
         Sources, one for each group and spectrum.
     area, error : ndarray, shape (2, sources)
-        Effective areas and their standard errors, m^2. The errors are None for one sample per
-        pixel.
+        Effective areas and their standard errors, m^2.
     projected_area : float
         Projected area of the model's facets that the sensor sees, m^2.
-    covariance : ndarray, shape (2, sources + 1, sources + 1), or None
+    covariance : ndarray, shape (2, sources + 1, sources + 1)
         Covariance of the effective areas and, last, of the projected area, m^4.
     nodes_um : ndarray, shape (nodes,)
         Wavelengths of `by_wavelength`, um.
@@ -54,9 +52,9 @@ class EffectiveAreas:
     band: Band
     sources: list[Source]
     area: np.ndarray
-    error: np.ndarray | None
+    error: np.ndarray
     projected_area: float
-    covariance: np.ndarray | None
+    covariance: np.ndarray
     nodes_um: np.ndarray
     by_wavelength: np.ndarray
 
@@ -73,7 +71,7 @@ class EffectiveAreas:
                 "temperature": source.temperature,
                 **{f"{part}_m2": float(self.area[p, k]) for p, part in enumerate(PARTS)},
                 **{
-                    f"{part}_error_m2": None if self.error is None else float(self.error[p, k])
+                    f"{part}_error_m2": float(self.error[p, k])
                     for p, part in enumerate(PARTS)
                 },
             }
@@ -82,7 +80,7 @@ class EffectiveAreas:
 
     def intensity(
         self, part: str = "target", temperatures: dict | None = None, band=None
-    ) -> tuple[float, float | None]:
+    ) -> tuple[float, float]:
         """In-band intensity, W/sr, and its standard error, optionally at other temperatures.
 
         Parameters
@@ -100,8 +98,8 @@ class EffectiveAreas:
         -------
         intensity : float
             Intensity, W/sr.
-        error : float or None
-            Standard error, W/sr; None for one sample per pixel.
+        error : float
+            Standard error, W/sr.
 
         Raises
         ------
@@ -121,11 +119,7 @@ class EffectiveAreas:
                 for source, T in zip(self.sources, self.temperatures(temperatures or {}))
             ]
         )
-        error = (
-            None
-            if self.covariance is None
-            else float(np.sqrt(max(radiance @ self.covariance[p, :-1, :-1] @ radiance, 0)))
-        )
+        error = float(np.sqrt(max(radiance @ self.covariance[p, :-1, :-1] @ radiance, 0)))
         return float(self.area[p] @ radiance), error
 
     def spectrum(self, wavelengths_um, temperatures: dict | None = None) -> np.ndarray:
@@ -238,50 +232,48 @@ class EffectiveAreas:
             )
 
 
-def effective_areas(image: Render, window_area: float) -> EffectiveAreas:
+def effective_areas(
+    total: Totals, all_sources: Sources, band: Band, window_area: float
+) -> EffectiveAreas:
     """Effective areas from a render that recorded the emission of each source.
 
     Parameters
     ----------
-    image : Render
-        Image with the parts source.N and, for many temperatures, wavelength.N.
+    total : Totals
+        Sums over one window, with the channels source.N and, for many temperatures, wavelength.N.
+    all_sources : Sources
+        The sources that the channels belong to.
+    band : Band
+        The rendered band.
     window_area : float
         Area of the sensor's window, m^2.
     """
-    numbers = [k for k, source in enumerate(image.sources.list) if source.name is not None]
-    sources = [image.sources.list[k] for k in numbers]
+    numbers = [k for k, source in enumerate(all_sources.list) if source.name is not None]
+    sources = [all_sources.list[k] for k in numbers]
     # A source that is too cold to radiate in the band has no intensity. Its area is set to 0.
     scale = np.array(
         [window_area / source.in_band if source.in_band > 0 else 0.0 for source in sources]
     )
     prefixes = {"target": "target.", "scene": ""}
-    mean = np.array(
-        [[image.parts[f"{prefixes[part]}source.{k}"][0] for k in numbers] for part in PARTS]
-    ).reshape(2, -1)
-    covariance, error = None, None
-    if image.covariance is not None:
-        names = [name for name in image.parts if name.startswith(COVARYING)]
-        rows = [
-            [names.index(f"{prefixes[part]}source.{k}") for k in numbers]
-            + [names.index("target.hit")]
-            for part in PARTS
-        ]
-        scales = np.append(scale, window_area)
-        covariance = np.array(
-            [image.covariance[np.ix_(row, row)] * np.outer(scales, scales) for row in rows]
-        )
-        error = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))[:, :-1]
-    nodes = image.sources.wavelengths_um
+    names = [[f"{prefixes[part]}source.{k}" for k in numbers] for part in PARTS]
+    mean = np.array([[total.mean(name)[0] for name in row] for row in names]).reshape(2, -1)
+    scales = np.append(scale, window_area)[:, None]
+    deviations = [
+        scales * np.array([total.deviations(name)[0] for name in [*row, "target.hit"]])
+        for row in names
+    ]
+    covariance = np.array([of_part @ of_part.T for of_part in deviations])
+    nodes = all_sources.wavelengths_um
     by_wavelength = [
-        [image.parts[f"{prefixes[part]}wavelength.{k}"][0] for k in range(len(nodes))]
+        [total.mean(f"{prefixes[part]}wavelength.{k}")[0] for k in range(len(nodes))]
         for part in PARTS
     ]
     return EffectiveAreas(
-        band=image.band,
+        band=band,
         sources=sources,
         area=mean * scale,
-        error=error,
-        projected_area=image.parts["target.hit"][0] * window_area,
+        error=np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))[:, :-1],
+        projected_area=total.mean("target.hit")[0] * window_area,
         covariance=covariance,
         nodes_um=nodes,
         by_wavelength=np.array(by_wavelength) * window_area,

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from mi_lcair.files import replacing
+from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.render import BOUNCE_CHANNELS
 from mi_lcair.table import safe_cell
 
-BATCHES = 8  # batches of a pass over the pixels; their scatter gives the standard errors
 EDGE_ON = 1e-6  # cosine below which the projected area of a facet is only rounding error
 FEW = 30  # smallest expected number of samples on a facet that gives a visible fraction
 
@@ -56,66 +56,46 @@ class FacetSums:
         self.table = table
         self.number = table.number
         self.samples = 0
-        self.hits, self.total, self.closure, self.mean, self.scatter = (
-            np.zeros(table.count) for _ in range(5)
-        )
+        self.hits, self.weights, self.closure = (np.zeros(table.count) for _ in range(3))
         self.by_bounce = None
-        self.batches, self.weight = 0, 0.0
-        self.sweep, self.sweep_spp = np.zeros((BATCHES, table.count)), np.zeros(BATCHES)
+        self.by_randomisation = None  # sums of the radiance, (randomisations, facets)
 
-    def add(self, facet, L, channels, spp: int, first: int) -> None:
-        """Add the samples of a run of pixels.
+    def add(self, facet, L, weight, channels, launch: Launch) -> None:
+        """Add the samples of a launch.
 
         Parameters
         ----------
         facet : mitsuba.UInt32
-            Facet that each path hits first. The `spp` samples of a pixel are consecutive.
+            Facet that each path hits first.
         L : mitsuba.Float
             Radiance of each path, W m^-2 sr^-1.
+        weight : mitsuba.Float
+            Weight of each path.
         channels : Channels
             Parts of the radiance of each path.
-        spp : int
-            Samples per pixel.
-        first : int
-            Number of the first pixel. 0 begins another pass over the image.
+        launch : Launch
+            The launch, of one window.
         """
-        if first == 0:
-            self.end_sweep()
         facet, L = facet.numpy(), L.numpy().astype(np.float64)
         index = np.flatnonzero((facet < self.table.count) & np.isfinite(L))
         facet, count = facet[index].astype(np.int64), self.table.count
-        batches = min(BATCHES, spp)
-        batch_of = np.arange(spp) * batches // spp  # batch of each sample of a pixel
+        shape = (launch.randomisations, count)
+        weight = np.broadcast_to(weight.numpy(), len(L))[index]
         sums = np.bincount(
-            batch_of[index % spp] * count + facet, L[index], batches * count
-        ).reshape(batches, count)
-        self.sweep[:batches] += sums
-        self.sweep_spp[:batches] = np.bincount(batch_of)
-        self.total += sums.sum(axis=0)
-        self.hits += np.bincount(facet, minlength=count)
-        self.closure += np.bincount(facet, channels.closure.numpy()[index], count)
+            index // launch.points * count + facet, weight * L[index], np.prod(shape)
+        )
         bounces = [
-            np.bincount(facet, values.numpy()[index], count) for values in channels.by_bounce
+            np.bincount(facet, weight * values.numpy()[index], count)
+            for values in channels.by_bounce
         ]
         if self.by_bounce is None:
-            self.by_bounce = np.zeros((len(bounces), count))
+            self.by_bounce, self.by_randomisation = np.zeros((len(bounces), count)), np.zeros(shape)
+        self.hits += np.bincount(facet, minlength=count)
+        self.weights += np.bincount(facet, weight, count)
+        self.closure += np.bincount(facet, weight * channels.closure.numpy()[index], count)
         self.by_bounce += bounces
+        self.by_randomisation += sums.reshape(shape)
         self.samples += len(L)
-
-    def end_sweep(self) -> None:
-        """Update mean and scatter of each facet with the batches of a pass over all pixels.
-
-        Each batch is an observation, weighted with its samples per pixel, of the facet's sum per
-        sample of a pixel.
-        """
-        for sums, spp in zip(self.sweep, self.sweep_spp):
-            if spp:
-                difference = sums / spp - self.mean
-                self.scatter += difference**2 * (self.weight * spp / (self.weight + spp))
-                self.mean += difference * (spp / (self.weight + spp))
-                self.weight += spp
-                self.batches += 1
-        self.sweep[:], self.sweep_spp[:] = 0, 0
 
     def results(self, window_area: float, direction: np.ndarray) -> FacetResults:
         """The table of results.
@@ -127,27 +107,23 @@ class FacetSums:
         direction : ndarray, shape (3,)
             Unit vector toward the sensor.
         """
-        self.end_sweep()
         table, per_sample = self.table, window_area / self.samples
         mean_cosine = mean_cosines(table, direction)
         projected = table.area * mean_cosine
+        total = self.by_randomisation.sum(axis=0)
         with np.errstate(divide="ignore", invalid="ignore"):
             visible = np.where(
-                mean_cosine > EDGE_ON, self.hits * per_sample / projected, 0 * mean_cosine
+                mean_cosine > EDGE_ON, self.weights * per_sample / projected, 0 * mean_cosine
             )
             # The visible fraction is unknown for a facet that is seen from behind, or so nearly
             # edge-on that it gets too few samples.
             visible[(self.hits > 0) & (projected < FEW * per_sample)] = np.nan
             radiance, closure, by_bounce = (
-                sums / self.hits for sums in (self.total, self.closure, self.by_bounce)
+                sums / self.weights for sums in (total, self.closure, self.by_bounce)
             )
-            error = (
-                np.sqrt(self.scatter / (self.batches - 1) / self.weight)
-                * window_area
-                / (self.samples / self.weight)
-            )
-        if self.batches < 2:
-            error = np.full(table.count, np.nan)
+        # The sum is R times the mean of the R randomisations
+        R = len(self.by_randomisation)
+        error = np.sqrt(R) * self.by_randomisation.std(axis=0, ddof=1) * per_sample
         bounces = {
             f"bounce{k:02d}_W_m2_sr": by_bounce[k]
             if k < BOUNCE_CHANNELS - 1
@@ -168,7 +144,7 @@ class FacetSums:
             "emitted_W_m2_sr": by_bounce[0],
             **bounces,
             "closure_W_m2_sr": closure,
-            "intensity_W_sr": self.total * per_sample,
+            "intensity_W_sr": total * per_sample,
             "standard_error_W_sr": error,
         }
         return FacetResults(

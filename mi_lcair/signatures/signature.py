@@ -1,14 +1,18 @@
 """Intensity of a scene toward an orthographic sensor, with and without the background."""
 
+import time
 from dataclasses import asdict, dataclass
 
 import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.rendering.facet_table import FacetTable
-from mi_lcair.rendering.render import Render, render
+from mi_lcair.rendering.limits import check_paths
+from mi_lcair.rendering.render import DEFAULT_MAX_SPP, check_reachable
 from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import window, window_area
+from mi_lcair.rendering.window_means import window_means
 from mi_lcair.signatures.effective_areas import EffectiveAreas, effective_areas
 from mi_lcair.signatures.facet_results import FacetResults, FacetSums
 
@@ -17,12 +21,12 @@ from mi_lcair.signatures.facet_results import FacetResults, FacetSums
 class Intensity:
     """Intensity toward the sensor, W/sr, and its parts.
 
-    All standard errors are None for one sample per pixel.
-
     Attributes
     ----------
     intensity, standard_error : float
         Intensity and its standard error, W/sr.
+    half_width : float
+        Half of the 95 % interval of the intensity, W/sr.
     by_bounce : list of float
         Intensity of paths with at most 0, 1, ... max_bounces reflections, W/sr. The last entry
         holds all reflections from the 64th on.
@@ -35,12 +39,13 @@ class Intensity:
     """
 
     intensity: float
-    standard_error: float | None
+    standard_error: float
+    half_width: float
     by_bounce: list[float]
     by_group: dict[str, float]
-    by_group_error: dict[str, float | None]
+    by_group_error: dict[str, float]
     by_seen: dict[str, float]
-    by_seen_error: dict[str, float | None]
+    by_seen_error: dict[str, float]
     closure: float
 
 
@@ -129,8 +134,17 @@ def signature(
     ----------
     scene : Scene
         Scene with an orthographic sensor.
-    spp, tolerance, max_spp, seed, sensor, progress
+    spp : int or None
+        Paths for each pixel of the sensor (the number in the scene).
+    tolerance : float or None
+        Trace paths until the 95 % interval of the target's intensity is within this fraction of it,
+        or until max_spp is reached. Without a target it is that of the scene's intensity.
+    max_spp : int or None
+        Largest number of paths for each pixel with a tolerance (65536).
+    seed, sensor : int
         As for `render`.
+    progress : callable or None
+        Called with (paths done, paths expected).
     by_spectrum : bool
         Also compute the effective area of each source in the scene.
     facets : bool
@@ -150,86 +164,92 @@ def signature(
             f"{scene.name}: band total has no wavelengths, so that its intensity has no spectrum; "
             "choose a band with limits"
         )
-    area = window_area(scene.sensor(sensor), scene.name)
-    sums, by_facet = FacetSums(FacetTable(scene)) if facets else None, None
-    image = render(
-        scene,
-        spp,
-        tolerance,
-        max_spp,
-        seed,
-        sensor,
-        "target",
-        by_spectrum,
-        sums,
-        progress=progress,
-    )
-    if sums is not None:
-        *_, direction = window(scene.sensor(sensor))
-        by_facet = sums.results(area, -direction)
-    scene_error = None if image.mean_error is None else image.mean_error * area
+    for name, value in (("spp", spp), ("max_spp", max_spp), ("tolerance", tolerance)):
+        if value is not None and not value > 0:
+            raise InputError(f"{name} = {value} must be positive")
+    start = time.perf_counter()
+    camera = scene.sensor(sensor)
+    area = window_area(camera, scene.name)
+    pixels = int(np.prod(camera.film().crop_size()))
+    if tolerance is None:
+        spp = spp or camera.sampler().sample_count()
+    check_paths(pixels, spp=spp, max_spp=max_spp)
+    sums = FacetSums(FacetTable(scene)) if facets else None
+    with scene.prepared(by_spectrum) as tracer:
+        if tolerance is not None:
+            check_reachable(tolerance, tracer, scene.name)
+        total = window_means(
+            scene,
+            tracer,
+            camera,
+            paths=spp and spp * pixels,
+            excess=lambda total: excess(total, tolerance),
+            most_paths=(max_spp or DEFAULT_MAX_SPP) * pixels,
+            seed=seed,
+            facets=sums,
+            progress=progress,
+        )
+        sources = tracer.emitters.sources
+    *_, direction = window(camera)
     return Signature(
-        band=image.band.name,
-        scene=intensity(image, "", image.mean * area, scene_error, area),
-        target=intensity(image, "target.", *scaled(image.parts["target"], area), area),
-        effective_areas=effective_areas(image, area) if by_spectrum else None,
-        facets=by_facet,
+        band=scene.band.name,
+        scene=intensity(total, "", area),
+        target=intensity(total, "target.", area),
+        effective_areas=effective_areas(total, sources, scene.band, area) if by_spectrum else None,
+        facets=sums.results(area, -direction) if facets else None,
         window_area=area,
-        seconds=image.seconds,
-        paths=image.paths,
-        invalid=image.invalid,
-        reached=image.reached,
+        seconds=time.perf_counter() - start,
+        paths=int(total.valid.sum()) + total.invalid,
+        invalid=total.invalid,
+        reached=None if tolerance is None else excess(total, tolerance) <= 1,
     )
 
 
-def intensity(
-    image: Render, prefix: str, total: float, error: float | None, area: float
-) -> Intensity:
-    """The Intensity whose parts have names with a common prefix in an image.
+def excess(total: Totals, tolerance: float) -> float:
+    """Ratio of the 95 % interval of the target's mean radiance to the tolerance.
+
+    Without a target it is that of the scene's mean radiance.
+    """
+    name = "target" if total.mean("target")[0] > 0 else None
+    allowed = tolerance * total.mean(name)[0]
+    return float(total.half_width(name)[0] / allowed) if allowed > 0 else np.inf
+
+
+def intensity(total: Totals, prefix: str, area: float) -> Intensity:
+    """The Intensity whose parts have channels with a common prefix.
 
     Parameters
     ----------
-    image : Render
-        Rendered image, whose parts are mean radiances, W m^-2 sr^-1.
+    total : Totals
+        Sums over the paths of one window.
     prefix : str
         "" for the scene, "target." for the target.
-    total, error : float
-        Intensity and its standard error, W/sr.
     area : float
         Area of the sensor's window, m^2.
     """
-    parts = {
-        name.removeprefix(prefix): scaled(part, area)
-        for name, part in image.parts.items()
-        if name.startswith(prefix)
-    }
+    whole = prefix.removesuffix(".") or None
+    mean = lambda name: float(total.mean(name)[0] * area)
+    error = lambda name: float(total.standard_error(name)[0] * area)
 
     def split(kind):
         """Values and standard errors of the parts of one kind, by name."""
-        of_kind = {
-            name.removeprefix(kind): part for name, part in parts.items() if name.startswith(kind)
+        names = [name for name in total.sums if name.startswith(prefix + kind)]
+        label = len(prefix + kind)
+        return {name[label:]: mean(name) for name in names}, {
+            name[label:]: error(name) for name in names
         }
-        values = {name: value for name, (value, _) in of_kind.items()}
-        return values, {name: error for name, (_, error) in of_kind.items()}
 
-    by_bounce = np.cumsum(
-        [value for name, (value, _) in parts.items() if name.startswith("bounce.")]
-    )
+    by_bounce = np.cumsum(list(split("bounce.")[0].values()))
     by_group, by_group_error = split("group.")
     by_seen, by_seen_error = split("seen.")
     return Intensity(
-        intensity=total,
-        standard_error=error,
+        intensity=mean(whole),
+        standard_error=error(whole),
+        half_width=float(total.half_width(whole)[0] * area),
         by_bounce=by_bounce.tolist(),
         by_group=by_group,
         by_group_error=by_group_error,
         by_seen=by_seen,
         by_seen_error=by_seen_error,
-        closure=parts["closure"][0],
+        closure=mean(f"{prefix}closure"),
     )
-
-
-def scaled(part: tuple[float, float | None], area: float) -> tuple[float, float | None]:
-    """A part (mean, standard error) times an area; the error may be None."""
-    mean, error = part
-    return mean * area, None if error is None else error * area

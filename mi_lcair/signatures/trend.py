@@ -24,7 +24,7 @@ OWN_COLUMNS = (
     "intensity_W_sr",
     "standard_error_W_sr",
     "projected_area_m2",
-    "spp",
+    "paths",
     "reached",
     "invalid",
 )
@@ -49,7 +49,7 @@ class Sweep:
     spp : int or None
         Samples per pixel; None for as many as `tolerance` needs.
     tolerance : float
-        Standard error of a view's intensity, as a fraction of it.
+        Half of the 95 % interval of a view's intensity, as a fraction of it.
     max_spp : int or None
         Largest number of samples per pixel for `tolerance`; None for the default.
     seed : int
@@ -111,7 +111,7 @@ class Trend:
     ----------
     columns : dict of str to ndarray, shape (views,)
         azimuth_deg and elevation_deg of the observer; intensity_W_sr of the model and its
-        standard_error_W_sr; projected_area_m2 of the model; spp, samples per pixel; reached, 1 if
+        standard_error_W_sr; projected_area_m2 of the model; paths, their number; reached, 1 if
         the tolerance was reached or spp was fixed, otherwise 0; invalid, the number of NaN or
         infinite samples of the view's batch, which count as 0; and the parts of the intensity,
         group.LABEL_W_sr and bounce.N_W_sr.
@@ -174,7 +174,8 @@ def trend(
     spp : int, optional
         Samples per pixel, instead of a tolerance.
     tolerance : float, optional
-        Standard error of each view's intensity, as a fraction of it; 0.01 if spp is not given.
+        Half of the 95 % interval of each view's intensity, as a fraction of it; 0.01 if spp is not
+        given.
     max_spp : int, optional
         Largest number of samples per pixel for the tolerance.
     seed : int
@@ -281,7 +282,7 @@ def render_batch(scene: Scene, sweep: Sweep, number: int, views) -> dict[View, d
     dict of View to dict of str to float
         Values by name of column, for each view.
     """
-    seed = np.random.SeedSequence(sweep.seed, spawn_key=(number,))
+    seed = int(np.random.SeedSequence(sweep.seed, spawn_key=(number,)).generate_state(1)[0])
     result = render_views(
         scene, list(views), sweep.resolution, sweep.spp, sweep.tolerance, sweep.max_spp, seed
     )
@@ -301,7 +302,7 @@ def render_batch(scene: Scene, sweep: Sweep, number: int, views) -> dict[View, d
                 intensity,
                 error,
                 result.parts["hit"][0],
-                np.full(len(views), result.spp),
+                np.full(len(views), result.paths),
                 reached,
                 np.full(len(views), result.invalid),
             ),

@@ -1,16 +1,13 @@
 """Channels that `bounce_path` records beside the radiance, and statistics of its pixels."""
 
 from dataclasses import dataclass, field
-from math import gcd
 
 import drjit as dr
 import mitsuba as mi
-import numpy as np
 
 from mi_lcair.plugins.emission.sources import WAVELENGTHS, Sources
 from mi_lcair.plugins.paths.tail import COUNTS, Tail, add_tail
 
-SUMMED_IN_FLOAT32 = 8  # consecutive samples summed in Float32, before sums in Float64
 MAX_BOUNCE_CHANNELS = 65  # the last one holds every bounce count from 64 on
 
 
@@ -74,7 +71,7 @@ class Channels:
         emitter : mi.EmitterPtr
             The emitter at the first hit.
         facets : object or None
-            Numbering of facets, see `PathTracer.sampled`.
+            Numbering of facets, see `PathTracer.trace`.
         """
         hit = first.is_valid()
         self.range = dr.select(hit, first.t, 0)
@@ -168,81 +165,3 @@ class Channels:
         dr.eval(self.last, self.of_model)
         self.closure, tail = add_tail(self.last, self.of_model)
         return self.closure, tail
-
-
-@dataclass
-class Pixels:
-    """Statistics of one pass over some pixels, as NumPy Float64 arrays.
-
-    count: number of finite samples of each pixel. mean: mean radiance. squares: sum of the squared
-    deviations from the mean. channels: means by name, (parts, pixels); the samples of a pixel are
-    divided into equal parts. part_count: number of finite samples in each part. invalid: number of
-    NaN or infinite samples, which are left out. chance: largest contribution of a source that one
-    of the paths could have hit but did not hit [W m^-2 sr^-1]. tail: sums for closure = tail; None
-    for another closure.
-    """
-
-    count: np.ndarray
-    mean: np.ndarray
-    squares: np.ndarray
-    channels: dict[str, np.ndarray]
-    part_count: np.ndarray
-    invalid: int
-    chance: float
-    tail: Tail | None
-
-
-def sums(values, size: int) -> np.ndarray:
-    """Sums of each `size` consecutive values, in Float64.
-
-    Only a few values are summed in Float32, because a Float32 sum of 16,000 equal numbers has an
-    error of 1e-5.
-    """
-    few = gcd(size, SUMMED_IN_FLOAT32)
-    partial = dr.block_sum(values, few).numpy().reshape(-1, size // few)
-    return partial.sum(axis=1, dtype=np.float64)
-
-
-def pixel_statistics(results, spp: int, in_parts: bool = False) -> Pixels:
-    """Statistics of pixels from the samples of one pass.
-
-    Deviations are taken from the mean of the pixel. Computed as the difference of mean square and
-    squared mean, a small variance would be lost in Float32 rounding.
-
-    Parameters
-    ----------
-    results : Samples
-        Values per sample, `spp` consecutive ones for each pixel.
-    spp : int
-    in_parts : bool
-        Give the channels in two parts if spp is even. The scatter of the parts gives the standard
-        errors of the channels.
-    """
-    L, chance = results.radiance, results.chance
-    finite = dr.isfinite(L)
-    samples = {name: dr.select(finite, value, 0) for name, value in results.channels.items()}
-    L, valid = dr.select(finite, L, 0), dr.select(finite, mi.Float(1), 0)
-    # Evaluate all in one kernel. Otherwise each reduction would trace the paths again.
-    dr.eval(finite, L, valid, samples, chance)
-    count, total = sums(valid, spp), sums(L, spp)
-    mean = total / np.maximum(count, 1)
-    deviation = dr.select(finite, L - dr.repeat(mi.Float(mean), spp), 0)
-    squares = sums(dr.square(deviation), spp)
-
-    parts = 2 if in_parts and spp % 2 == 0 else 1
-
-    def by_part(value):
-        return sums(value, spp // parts).reshape(-1, parts).T
-
-    part_count = by_part(valid)
-    channels = {name: by_part(value) / np.maximum(part_count, 1) for name, value in samples.items()}
-    return Pixels(
-        count=count,
-        mean=mean,
-        squares=squares,
-        channels=channels,
-        part_count=part_count,
-        invalid=dr.width(L) - int(count.sum()),
-        chance=float(dr.max(chance)[0]),
-        tail=results.tail,
-    )

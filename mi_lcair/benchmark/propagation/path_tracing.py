@@ -1,12 +1,12 @@
-"""Path tracing by `mi_lcair.render`, with its options.
+"""Path tracing by `mi_lcair.signature`, with its options.
 
 The options are the number of bounces, emitter sampling and the closure, which replaces the bounces
 beyond the last one.
 """
 
 from mi_lcair.benchmark.propagation.problem import Method, Problem
-from mi_lcair.rendering.render import render
 from mi_lcair.rendering.settings import changed
+from mi_lcair.signatures.signature import signature
 
 
 def intensity(
@@ -48,12 +48,10 @@ def intensity(
         closure=closure,
         ambient_temperature=temperature,
     ):
-        image = render(
-            problem.scene, spp=spp, seed=seed, split="target" if problem.has_background else None
-        )
-    mean = image.parts["target"][0] if problem.has_background else image.mean
+        result = signature(problem.scene, spp=spp, seed=seed)
+    part = result.target if problem.has_background else result.scene
     segments = 1 + bounces + (closure == "ambient") + (bounces if emitter_sampling else 0)
-    return mean * problem.window_area, image.paths * segments
+    return part.intensity, result.paths * segments
 
 
 def method(name: str, applies=lambda problem: True, **options) -> Method:

@@ -1,0 +1,106 @@
+"""Sampler `lattice`: the points of a randomly shifted lattice, for the numbers that a path uses."""
+
+from pathlib import Path
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+VECTOR = np.loadtxt(Path(__file__).with_name("lattice_vector.txt"), dtype=np.uint32).ravel()
+# The golden ratio times 2^32. Its multiples give successive dimensions unrelated hash values.
+GOLDEN = 0x9E3779B9
+MANTISSA = 24  # bits of a uniform number that Float32 represents exactly, without rounding to 1
+
+
+def hashed(x: mi.UInt32) -> mi.UInt32:
+    """A permutation of the 32-bit integers that looks random (C. Wellons, `lowbias32`)."""
+    x = (x ^ (x >> 16)) * mi.UInt32(0x7FEB352D)
+    x = (x ^ (x >> 15)) * mi.UInt32(0x846CA68B)
+    return x ^ (x >> 16)
+
+
+class LatticeSampler(mi.Sampler):
+    r"""Points of an embedded rank-1 lattice with a random shift in each dimension.
+
+    Number d of point i of a randomisation is the fraction
+
+        u_d(i) = (g(i) z_d + s_d) / 2^32 mod 1,
+
+    where g(i) is i with its 32 bits in reverse order, z the generating vector of `VECTOR` and s_d
+    the shift, a hash of the randomisation and d. The first 2^m points are a lattice for every m.
+    More points continue it. The points of a randomisation are not independent of each other: their
+    scatter says nothing about the error of a mean. Different randomisations are independent, so
+    that the means over several of them show the error.
+
+    Beyond dimension 1024 the generating vector begins again, with other shifts.
+
+    ============ ======= ===========================================================
+    sample_count integer points of a pixel                                        (4)
+    ============ ======= ===========================================================
+
+    With Mitsuba's own integrators each pixel gets one randomisation of `sample_count` points. With
+    `bounce_path`, see `Launch`.
+
+    Source: R. Cools, F. Y. Kuo, D. Nuyens, SIAM J. Sci. Comput. 28 (2006) 2162.
+    """
+
+    def __init__(self, props):
+        super().__init__(props)
+        self.vector = mi.UInt32(VECTOR)
+        self.reversed_index, self.key, self.dimension = (mi.UInt32(0) for _ in range(3))
+
+    @staticmethod
+    def at(randomisation: mi.UInt32, point: mi.UInt32, seed: mi.UInt32) -> "LatticeSampler":
+        """A sampler whose lanes have these numbers of a randomisation and of a point in it."""
+        sampler = LatticeSampler(mi.Properties())
+        sampler.place(randomisation, point, seed)
+        return sampler
+
+    def place(self, randomisation: mi.UInt32, point: mi.UInt32, seed: mi.UInt32) -> None:
+        self.reversed_index = dr.brev(point)
+        # Two rounds, so that seed 1 of randomisation 2 is not seed 2 of randomisation 1
+        self.key = hashed(randomisation + hashed(mi.UInt32(seed) + GOLDEN))
+        self.dimension = mi.UInt32(0)
+
+    def seed(self, seed, wavefront_size=0xFFFFFFFF):
+        super().seed(seed, wavefront_size)
+        lane = dr.arange(mi.UInt32, self.wavefront_size())
+        points = dr.opaque(mi.UInt32, self.sample_count())
+        self.place(lane // points, lane % points, mi.UInt32(seed))
+
+    def advance(self):
+        super().advance()
+        self.key, self.dimension = hashed(self.key + GOLDEN), mi.UInt32(0)
+
+    def next_1d(self, active=True):
+        z = dr.gather(mi.UInt32, self.vector, self.dimension % len(VECTOR))
+        u = self.reversed_index * z + hashed(self.key + self.dimension * GOLDEN)
+        self.dimension += 1
+        return mi.Float(u >> (32 - MANTISSA)) * 2.0**-MANTISSA
+
+    def next_2d(self, active=True):
+        x = self.next_1d(active)
+        return mi.Point2f(x, self.next_1d(active))
+
+    def fork(self):
+        """A sampler with the same sample count, not seeded."""
+        sampler = LatticeSampler(mi.Properties())
+        sampler.set_sample_count(self.sample_count())
+        return sampler
+
+    def clone(self):
+        """A copy that continues with the same numbers."""
+        sampler = self.fork()
+        for name in ("reversed_index", "key", "dimension"):
+            setattr(sampler, name, mi.UInt32(getattr(self, name)))
+        return sampler
+
+    def schedule_state(self):
+        super().schedule_state()
+        dr.schedule(self.reversed_index, self.key, self.dimension)
+
+    def to_string(self):
+        return f"LatticeSampler[sample_count = {self.sample_count()}]"
+
+
+mi.register_sampler("lattice", LatticeSampler)
