@@ -15,7 +15,7 @@ from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.derivatives import derivations, deriving_plugins, leaves, tracing, value_along
 from mi_lcair.plugins.emission.emissivity import Table
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
-from mi_lcair.plugins.paths.channels import Channels
+from mi_lcair.plugins.paths.channels import SIZES, Channels
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.paths.rounding import rounding_error
 from mi_lcair.plugins.paths.sums import Sums
@@ -262,7 +262,8 @@ class PathTracer(RBIntegrator):
                 facets.add(channels.facet, L[0], weight, channels, launch)
             if not self.emitters.draws:
                 chance = None
-            return Sums.of(L[0], by_name, weight, chance, tail, launch)
+            found = Sums.of(L[0], by_name, weight, chance, tail, launch)
+            return found.without(f"bounce.{k}" for k in range(self.max_bounces + 1, SIZES[-1]))
 
     def chance_contribution(self, sensor) -> float:
         """Upper bound of the radiance from a source that no path has hit [W m^-2 sr^-1].
@@ -314,8 +315,10 @@ class PathTracer(RBIntegrator):
         primal = mode == dr.ADMode.Primal
         ctx = mi.BSDFContext()
         emitters = self.emitters
-        # The closure `ambient` needs one more ray, which only receives the ambient radiance
-        limit = self.max_bounces + (1 if self.closure == "ambient" else 0)
+        # The closure `ambient` needs one more ray, which only receives the ambient radiance. The
+        # limits are opaque numbers, so that one kernel serves every number of reflections.
+        most = dr.opaque(mi.UInt32, self.max_bounces)
+        limit = most + 1 if self.closure == "ambient" else most
 
         # Copy the inputs, because the loop changes its state variables in place
         ray = mi.Ray3f(ray)
@@ -341,7 +344,7 @@ class PathTracer(RBIntegrator):
             if dr.hint(channels.model_only, mode="scalar"):
                 active &= channels.of_model > 0
 
-        while dr.hint(active, max_iterations=limit + 1, label=f"bounce_path ({mode.name})"):
+        while dr.hint(active, label=f"bounce_path ({mode.name})"):
             # Only the triangle and the distance of the hit were computed so far. The full
             # interaction is computed here, so that the loop carries few state variables.
             si = pi.compute_surface_interaction(ray, mi.RayFlags.All, active)
@@ -365,15 +368,13 @@ class PathTracer(RBIntegrator):
             # The ray after the last reflection receives the ambient radiance from any surface, in
             # place of what that surface emits
             if dr.hint(self.closure == "ambient", mode="scalar"):
-                beyond = bounce > self.max_bounces
+                beyond = bounce > most
                 Le = dr.select(beyond, dr.select(si.is_valid(), β * self.ambient_radiance, 0), Le)
             # A replay subtracts what the primal pass added, so that after the subtractions L is the
             # radiance from later vertices
             L = L + Le if primal else L - Le
             if dr.hint(channels is not None, mode="scalar"):
-                channels.add(
-                    Le[0], bounce, emitters.sources, emitter, si.prim_index, self.max_bounces
-                )
+                channels.add(Le[0], bounce, emitters.sources, emitter, si.prim_index, most)
 
             # A path ends where its ray escapes and after the last allowed reflection
             active_next = active & si.is_valid() & (bounce < limit)
@@ -387,9 +388,7 @@ class PathTracer(RBIntegrator):
                 # `ambient` must not be accompanied by emitter sampling: it would count emission
                 # that the ambient radiance replaces.
                 active_em = (
-                    active_next
-                    & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
-                    & (bounce < self.max_bounces)
+                    active_next & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) & (bounce < most)
                 )
                 # Two 2D samples, for the emitter and for the point on it: the 23 bits of a Float32
                 # number are too few for both
@@ -411,7 +410,7 @@ class PathTracer(RBIntegrator):
                         emitters.sources,
                         drawn.emitter,
                         drawn.hit.prim_index,
-                        self.max_bounces,
+                        most,
                     )
 
             # ----------------------- Reflection -----------------------
@@ -447,7 +446,7 @@ class PathTracer(RBIntegrator):
             # closure `ambient` is left out, since it receives no emission.
             if dr.hint(emitters.draws, mode="scalar"):
                 gain = β[0] * emitters.by_chance(drawn, bs.pdf, delta)
-                reaches = active_next & (bounce < self.max_bounces)
+                reaches = active_next & (bounce < most)
                 chance = dr.maximum(chance, dr.select(reaches, gain, 0))
             # The offset from the surface is smaller than Mitsuba's in a small scene, see
             # `EmitterTable.leave`

@@ -10,6 +10,7 @@ import mitsuba as mi
 from mi_lcair import scenes
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.materials import material
+from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.progress import stepper
 from mi_lcair.rendering.views import film
 
@@ -174,7 +175,15 @@ def observes(loaded, spp: int, split: str | None):
 
     def run(seed):
         with integrator.prepared(loaded) as tracer:
-            return tracer.observe(sensor, seed, spp, 0, width * height, split).invalid
+            launch = Launch(
+                columns=width,
+                rows=height,
+                seed=seed,
+                randomisations=1,
+                points=spp,
+                windows=width * height,
+            )
+            return tracer.trace(sensor, launch, split).valid
 
     return run
 

@@ -107,11 +107,5 @@ def _print_tables(result):
 
 
 def _with_error(value, error, unit=" W/sr"):
-    """A value with its standard error as text.
-
-    For one sample the error is None. The text then says so, unless the unit is left out.
-    """
-    text = f"{value:.6g}{unit}"
-    if error is not None:
-        return f"{text} +- {error:.2g}"
-    return f"{text} (standard error unknown for one sample)" if unit else text
+    """A value with its standard error as text."""
+    return f"{value:.6g}{unit} +- {error:.2g}"

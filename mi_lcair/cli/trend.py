@@ -85,9 +85,7 @@ class Azimuths(Angles):
     show_default=True,
     help="Pixels along each side of a view.",
 )
-@click.option(
-    "--spp", type=POSITIVE, help="Samples per pixel, instead of --tolerance."
-)
+@click.option("--spp", type=POSITIVE, help="Samples per pixel, instead of --tolerance.")
 @click.option(
     "--tolerance",
     type=Fraction(),

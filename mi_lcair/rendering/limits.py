@@ -11,7 +11,7 @@ MOST_PATHS = 2**40  # paths of one render; a processor traces about 10^7 paths i
 # Memory for the radiance and statistics of a pixel, and for each channel in double and in single
 # precision [bytes]. Measured on images of 1 and 9 million pixels: 192 bytes per pixel in the scene
 # two_plates, 508 in furnace with 43 channels.
-BYTES_PER_PIXEL, BYTES_PER_CHANNEL = 100, 10
+BYTES_PER_PIXEL, BYTES_PER_CHANNEL = 200, 10
 GIB = 2**30
 
 

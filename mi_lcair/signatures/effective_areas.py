@@ -70,10 +70,7 @@ class EffectiveAreas:
                 "spectrum": source.name,
                 "temperature": source.temperature,
                 **{f"{part}_m2": float(self.area[p, k]) for p, part in enumerate(PARTS)},
-                **{
-                    f"{part}_error_m2": float(self.error[p, k])
-                    for p, part in enumerate(PARTS)
-                },
+                **{f"{part}_error_m2": float(self.error[p, k]) for p, part in enumerate(PARTS)},
             }
             for k, source in enumerate(self.sources)
         ]

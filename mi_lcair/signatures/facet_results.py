@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mi_lcair.files import replacing
+from mi_lcair.plugins.paths.channels import MAX_BOUNCE_CHANNELS, entries
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.render import BOUNCE_CHANNELS
@@ -52,8 +53,9 @@ class FacetSums:
     A render adds to the sums, and `results` turns them into a table.
     """
 
-    def __init__(self, table: FacetTable):
+    def __init__(self, table: FacetTable, max_bounces: int):
         self.table = table
+        self.bounces = min(max_bounces + 1, MAX_BOUNCE_CHANNELS)
         self.number = table.number
         self.samples = 0
         self.hits, self.weights, self.closure = (np.zeros(table.count) for _ in range(3))
@@ -86,7 +88,7 @@ class FacetSums:
         )
         bounces = [
             np.bincount(facet, weight * values.numpy()[index], count)
-            for values in channels.by_bounce
+            for values in entries(channels.by_bounce)[: self.bounces]
         ]
         if self.by_bounce is None:
             self.by_bounce, self.by_randomisation = np.zeros((len(bounces), count)), np.zeros(shape)

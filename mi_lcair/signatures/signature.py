@@ -174,7 +174,7 @@ def signature(
     if tolerance is None:
         spp = spp or camera.sampler().sample_count()
     check_paths(pixels, spp=spp, max_spp=max_spp)
-    sums = FacetSums(FacetTable(scene)) if facets else None
+    sums = FacetSums(FacetTable(scene), scene.mi.integrator().max_bounces) if facets else None
     with scene.prepared(by_spectrum) as tracer:
         if tolerance is not None:
             check_reachable(tolerance, tracer, scene.name)

@@ -35,9 +35,7 @@ class Aim:
         """
         parts = [np.ones((CELLS, CELLS)), may_be_model.astype(float), importance * may_be_model]
         shares = [ANYWHERE, ON_MODEL, 1 - ANYWHERE - ON_MODEL]
-        density = sum(
-            share * part / part.sum() for share, part in zip(shares, parts) if part.any()
-        )
+        density = sum(share * part / part.sum() for share, part in zip(shares, parts) if part.any())
         density /= density.sum()
         of_rows = density.sum(axis=1)
         columns = np.cumsum(density, axis=1) / of_rows[:, None]

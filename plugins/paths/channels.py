@@ -9,6 +9,8 @@ from mi_lcair.plugins.emission.sources import WAVELENGTHS, Sources
 from mi_lcair.plugins.paths.tail import COUNTS, Tail, add_tail
 
 MAX_BOUNCE_CHANNELS = 65  # the last one holds every bounce count from 64 on
+# Numbers of bounce channels that are recorded. There are few, because each needs its own kernel.
+SIZES = (5, 17, 33, MAX_BOUNCE_CHANNELS)
 
 
 @dataclass
@@ -25,10 +27,10 @@ class Channels:
     number of rays of each path; None if they are not counted.
     """
 
-    by_bounce: list
-    by_source: list
+    by_bounce: dr.Local
+    by_source: dr.Local
     by_wavelength: list
-    last: list = field(default_factory=list)
+    last: dr.Local
     closure: mi.Float | None = None
     range: mi.Float | None = None
     seen: mi.UInt32 | None = None
@@ -46,11 +48,14 @@ class Channels:
         count_segments: bool = False,
     ) -> "Channels":
         """Channels of value 0; `sources` None records only what the closure needs."""
-        zeros = lambda count: [mi.Float(0) for _ in range(count)]
+        zeros = lambda count: dr.alloc_local(mi.Float, count, value=mi.Float(0)) if count else None
         return Channels(
-            zeros(min(max_bounces + 1, MAX_BOUNCE_CHANNELS)),
+            zeros(next(size for size in SIZES if size > min(max_bounces, SIZES[-1] - 1))),
             zeros(len(sources.list) if sources else 0),
-            zeros(WAVELENGTHS if sources and sources.share is not None else 0),
+            [
+                mi.Float(0)
+                for _ in range(WAVELENGTHS if sources and sources.share is not None else 0)
+            ],
             zeros(COUNTS if closure == "tail" else 0),
             mi.Float(0),
             mi.Float(0),
@@ -80,7 +85,7 @@ class Channels:
         if facets is not None:
             self.facet = facets.number(first.shape, first.prim_index, hit)
 
-    def add(self, value, bounce, sources: Sources, emitter, prim_index, max_bounces: int):
+    def add(self, value, bounce, sources: Sources, emitter, prim_index, max_bounces):
         """Add radiance to the channels.
 
         Parameters
@@ -93,25 +98,23 @@ class Channels:
         emitter : mi.EmitterPtr
         prim_index : mi.UInt32
             The primitive of the emitter's shape that emitted the radiance.
-        max_bounces : int
+        max_bounces : mi.UInt32
             Radiance with more reflections belongs to the closure.
         """
         beyond = bounce > max_bounces
         self.closure += dr.select(beyond, value, 0)
         value = dr.select(beyond, 0, value)
-        channel = dr.minimum(bounce, len(self.by_bounce) - 1)
-        for k in range(len(self.by_bounce)):
-            self.by_bounce[k] += dr.select(channel == k, value, 0)
-        if self.by_source:
+        add_to(self.by_bounce, dr.minimum(bounce, len(self.by_bounce) - 1), value)
+        if self.by_source is not None or self.by_wavelength:
             entry = sources.entry(emitter, prim_index)
-            source = sources.number(entry)
-            for k in range(len(self.by_source)):
-                self.by_source[k] += dr.select(source == k, value, 0)
+        if self.by_source is not None:
+            add_to(self.by_source, sources.number(entry), value)
         if self.by_wavelength:
             for k, share in enumerate(sources.shares(entry)):
                 self.by_wavelength[k] += value * share
-        for k in range(len(self.last)):
-            self.last[k] += dr.select(bounce + COUNTS == max_bounces + 1 + k, value, 0)
+        if self.last is not None:
+            place = mi.Int32(bounce) + (COUNTS - 1) - mi.Int32(max_bounces)
+            add_to(self.last, mi.UInt32(dr.maximum(place, 0)), dr.select(place >= 0, value, 0))
 
     def samples(self, L, labels: list[str], sources: Sources, of_model: bool) -> dict:
         """All channels by name.
@@ -136,9 +139,10 @@ class Channels:
             One value per sample for each name.
         """
         groups = {label: mi.Float(0) for label in labels}
-        for source, value in zip(sources.list, self.by_source):
+        by_source = entries(self.by_source)
+        for source, value in zip(sources.list, by_source):
             groups[source.group] += value
-        found = {f"bounce.{k}": value for k, value in enumerate(self.by_bounce)}
+        found = {f"bounce.{k}": value for k, value in enumerate(entries(self.by_bounce))}
         found["closure"] = self.closure
         found |= {f"group.{label}": value for label, value in groups.items()}
         found |= {
@@ -146,7 +150,7 @@ class Channels:
         }
         if of_model:
             if sources.by_spectrum:
-                found |= {f"source.{k}": value for k, value in enumerate(self.by_source)}
+                found |= {f"source.{k}": value for k, value in enumerate(by_source)}
             found |= {f"wavelength.{k}": value for k, value in enumerate(self.by_wavelength)}
         if self.segments is not None:
             found["segments"] = self.segments
@@ -162,6 +166,17 @@ class Channels:
 
     def add_tail(self) -> tuple[mi.Float, Tail]:
         """Set the closure to the geometric tail; return it with the sums that give its error."""
-        dr.eval(self.last, self.of_model)
-        self.closure, tail = add_tail(self.last, self.of_model)
+        last = entries(self.last)
+        dr.eval(last, self.of_model)
+        self.closure, tail = add_tail(last, self.of_model)
         return self.closure, tail
+
+
+def add_to(local: dr.Local, index: mi.UInt32, value: mi.Float) -> None:
+    """Add a value to one entry of a path's own array."""
+    local.write(local.read(index) + value, index)
+
+
+def entries(local: dr.Local | None) -> list[mi.Float]:
+    """All entries of a path's own array; none if it is None."""
+    return [] if local is None else [local.read(mi.UInt32(k)) for k in range(len(local))]

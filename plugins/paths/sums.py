@@ -1,6 +1,6 @@
 """Sums over the paths of a launch, for each window and randomisation."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import gcd
 
 import drjit as dr
@@ -75,3 +75,9 @@ class Sums:
             chance=np.broadcast_to(np.asarray(largest, dtype=np.float64), launch.windows),
             tail=tail,
         )
+
+    def without(self, names) -> "Sums":
+        """These sums without the channels of these names, and without their parts on the model."""
+        unwanted = {prefix + name for name in names for prefix in ("", "target.")}
+        kept = {name: value for name, value in self.channels.items() if name not in unwanted}
+        return replace(self, channels=kept)

@@ -11,6 +11,7 @@ import mi_lcair
 from mi_lcair.benchmark.propagation import exact
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.plugins.paths.launch import Launch
 
 WHITE = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 1.0}}
 BLACK = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}
@@ -58,9 +59,11 @@ def observe(integrator, spp=1024, seed=0, sensor=None, **shapes):
         optimize=False,
     )
     with scene.integrator().prepared(scene) as tracer:
-        pixels = tracer.observe(scene.sensors()[0], seed, spp, 0, 256)
-    variance = pixels.squares / (pixels.count - 1)
-    return pixels.mean.mean(), np.sqrt(np.sum(variance / pixels.count)) / 256, variance.mean()
+        launch = Launch(16, 16, seed, min(32, spp), max(1, spp // 32), windows=256)
+        means = tracer.trace(scene.sensors()[0], launch).radiance / launch.points
+    variance = means.var(axis=1, ddof=1)
+    error = np.sqrt(np.sum(variance / launch.randomisations)) / 256
+    return means.mean(), error, variance.mean() * launch.points
 
 
 def assert_same_mean(first, second):
@@ -279,7 +282,8 @@ def test_a_pass_traces_its_paths_once(plate, closure, split):
         dr.scoped_set_flag(dr.JitFlag.KernelHistory, True),
     ):
         dr.kernel_history_clear()
-        tracer.observe(built.sensors()[0], 0, 4, 0, 256, split)
+        launch = Launch(16, 16, 0, randomisations=1, points=4, windows=256)
+        tracer.trace(built.sensors()[0], launch, split)
         sizes = sorted(
             kernel["operation_count"]
             for kernel in dr.kernel_history()

@@ -8,6 +8,7 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
+from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.rendering.scene import checked
 from mi_lcair.rendering.settings import changed
 
@@ -103,9 +104,10 @@ def test_what_a_render_derives_does_not_change():
     """Settings that change later do not reach a tracer that is already made, and nobody sets it."""
     scene = mi_lcair.load("open_box", resolution=4, max_bounces=3)
     with scene.prepared() as tracer:
-        first = tracer.observe(scene.sensor(0), 1, 16, 0, 16)
+        launch = Launch(columns=4, rows=4, seed=1, randomisations=1, points=16, windows=16)
+        first = tracer.trace(scene.sensor(0), launch)
         with changed(scene, max_bounces=0):
-            second = tracer.observe(scene.sensor(0), 1, 16, 0, 16)
+            second = tracer.trace(scene.sensor(0), launch)
         with pytest.raises(AttributeError, match="max_bounces"):
             tracer.max_bounces = 0
-    np.testing.assert_array_equal(first.mean, second.mean)
+    np.testing.assert_array_equal(first.radiance, second.radiance)

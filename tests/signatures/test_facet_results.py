@@ -115,9 +115,9 @@ def test_target_and_scene(roof):
         sum(scene.by_seen[name] for name in ("floor", "roof", "wall")), rel=1e-6
     )
     image = mi_lcair.render(roof, spp=256)
-    assert image.channels["target.Y"].mean(dtype=float) * result.window_area == pytest.approx(
-        target.intensity, rel=1e-5
-    )
+    in_image = image.channels["target.Y"].mean(dtype=float) * result.window_area
+    # The image's paths begin elsewhere; its error over the window is at least twice the signature's
+    assert in_image == pytest.approx(target.intensity, abs=12 * target.standard_error)
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
+from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.emission.triangles import Choice, TriangleTable, random_integer
 from tests.plugins.conftest import plate  # noqa: F401, fixture
 from tests.plugins.small_scenes import camera, scene
@@ -71,10 +72,14 @@ def floor_scene(integrator, **shapes):
 def observed(loaded, spp, passes):
     """(mean radiance of the image, its standard error)."""
     integrator, sensor = loaded.integrator(), loaded.sensors()[0]
-    pixels = int(np.prod(sensor.film().crop_size()))
+    width, height = sensor.film().crop_size()
     with integrator.prepared(loaded) as tracer:
         means = [
-            tracer.observe(sensor, seed, spp, 0, pixels, None).mean.mean() for seed in range(passes)
+            tracer.trace(
+                sensor, Launch(width, height, seed, 1, spp, windows=width * height), None
+            ).radiance.mean()
+            / spp
+            for seed in range(passes)
         ]
     return np.mean(means), np.std(means, ddof=1) / np.sqrt(passes)
 
