@@ -209,8 +209,8 @@ class PathTracer(RBIntegrator):
             facets. "model": only that part; paths that first hit something else are not followed.
         facets : object or None
             Numbering of facets with the methods `number(shape, prim_index, active)` and
-            `add(facet, L, weight, channels, launch)`. The second one receives the samples, each with the
-            facet that its path hits first.
+            `add(facet, L, weight, channels, launch)`. The second one receives the samples, each with
+            the facet that its path hits first.
         count_segments : bool
             Also record the number of rays of each path.
 

@@ -1,6 +1,6 @@
 """Channels that `bounce_path` records beside the radiance, and statistics of its pixels."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import drjit as dr
 import mitsuba as mi

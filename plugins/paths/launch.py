@@ -24,8 +24,8 @@ class Launch:
     columns, rows: number of windows along the sides of the film. first, windows, stride: numbers of
     the windows, counted row by row: `windows` windows from `first` on, every `stride`-th one.
     randomisations: number of randomisations of each window. first_point, points: the points of each
-    randomisation. seed: seed of all random numbers. aim: density of the positions in each window; None
-    for a constant one.
+    randomisation. seed: seed of all random numbers. aim: density of the positions in each window;
+    None for a constant one.
 
     The paths of a window follow each other, and within them those of a randomisation.
     """

@@ -19,10 +19,10 @@ SUMMED_IN_FLOAT32 = 8
 class Sums:
     """Sums over the points of each randomisation, (windows, randomisations), NumPy Float64.
 
-    All but `valid` are weighted sums. NaN and infinite samples are left out. valid: number of the other samples. radiance: their sum
-    [W m^-2 sr^-1]. channels: sums of the channels by name, see `Channels.samples`. chance: largest
-    contribution of a source that a path of the window could have hit but did not hit, (windows,)
-    [W m^-2 sr^-1]. tail: sums for closure = tail; None for another closure.
+    All but `valid` are weighted sums. NaN and infinite samples are left out. valid: number of the
+    other samples. radiance: their sum [W m^-2 sr^-1]. channels: sums of the channels by name, see
+    `Channels.samples`. chance: largest contribution of a source that a path of the window could
+    have hit but did not hit, (windows,) [W m^-2 sr^-1]. tail: sums for closure = tail; None for another closure.
     """
 
     valid: np.ndarray

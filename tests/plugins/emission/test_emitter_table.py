@@ -7,8 +7,8 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.emission.triangles import Choice, TriangleTable, random_integer
+from mi_lcair.plugins.paths.launch import Launch
 from tests.plugins.conftest import plate  # noqa: F401, fixture
 from tests.plugins.small_scenes import camera, scene
 
