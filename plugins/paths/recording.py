@@ -21,7 +21,10 @@ OFF = "MI_LCAIR_NO_RECORDING"  # environment variable; not empty: nothing is rec
 MOST_RECORDINGS = 16  # of one scene; the one used least recently is dropped
 PACKAGE = __name__.partition(".")[0] + "."
 # Attributes that depend on temperatures and never enter a kernel. They would spoil the comparison.
-NOT_IN_KERNELS = {"brightest", "bounds", "unbounded", "error", "relative_error"} | {"derived_from", "made_of"}
+NOT_IN_KERNELS = {"brightest", "bounds", "unbounded", "error", "relative_error"} | {
+    "derived_from",
+    "made_of",
+}
 
 
 class Unseen:

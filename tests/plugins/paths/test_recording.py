@@ -93,9 +93,7 @@ def check(recorded, scene, seed=1, **options):
 
 def differ(results):
     return all(
-        not np.array_equal(results[i], results[j])
-        for i in range(len(results))
-        for j in range(i)
+        not np.array_equal(results[i], results[j]) for i in range(len(results)) for j in range(i)
     )
 
 
