@@ -124,7 +124,9 @@ class Recorded:
         except RuntimeError as error:
             self.frozen.clear()
             self.reason = f"the recording failed: {error.__cause__ or error}"
-            warnings.warn(f"passes are not recorded, and small ones are slower: {self.reason}")
+            warnings.warn(
+                f"passes are not recorded, and small ones are slower: {self.reason}", stacklevel=2
+            )
             return function(*arrays)
         finally:
             call.content = None  # the recording keeps `call`, and must not keep the scene

@@ -112,7 +112,7 @@ def test_new_seeds_repeat_one_recording(recorded, name):
 def test_changed_temperatures_are_used(recorded):
     scene = load("two_plates")
     parameters = mi.traverse(scene.mi)
-    name = next(key for key in parameters.keys() if key.endswith("emitter.temperature"))
+    name = next(key for key, _ in parameters if key.endswith("emitter.temperature"))
     results = []
     for kelvin in (310.0, 330.0, 350.0, 310.0):
         parameters[name] = kelvin
@@ -126,7 +126,7 @@ def test_changed_temperatures_are_used(recorded):
 def test_changed_facet_temperatures_are_used(recorded):
     scene = load("cylinder_ir_range")
     parameters = mi.traverse(scene.mi)
-    name = next(key for key in parameters.keys() if key.endswith("face_temperature"))
+    name = next(key for key, _ in parameters if key.endswith("face_temperature"))
     first, results = mi.Float(parameters[name]), []
     for factor in (1.0, 1.05, 1.1, 1.0):
         parameters[name] = first * dr.opaque(mi.Float, factor)
@@ -140,9 +140,7 @@ def test_changed_facet_temperatures_are_used(recorded):
 def test_changed_materials_are_used(recorded):
     scene = load("two_plates")
     parameters = mi.traverse(scene.mi)
-    key = next(
-        key for key in parameters.keys() if key.endswith("rho_d") and parameters[key][0] == 1
-    )
+    key = next(key for key, _ in parameters if key.endswith("rho_d") and parameters[key][0] == 1)
     results = []
     for value in (1.0, 0.9, 0.8, 1.0):
         parameters[key] = value
@@ -181,7 +179,7 @@ def test_changed_ambient_temperature_is_used(recorded):
 def test_changed_parameters_of_other_plugins_are_used(recorded):
     scene = load("cavity")
     parameters = mi.traverse(scene.mi)
-    key = next(key for key in parameters.keys() if "reflectance" in key)
+    key = next(key for key, _ in parameters if "reflectance" in key)
     results = []
     for value in (0.3, 0.5, 0.7):
         parameters[key] = value
@@ -193,7 +191,7 @@ def test_changed_parameters_of_other_plugins_are_used(recorded):
 def test_changed_geometry_is_used(recorded):
     scene = load("two_plates")
     parameters = mi.traverse(scene.mi)
-    key = next(key for key in parameters.keys() if key.endswith("vertex_positions"))
+    key = next(key for key, _ in parameters if key.endswith("vertex_positions"))
     positions, results = mi.Float(parameters[key]), []
     for factor in (1.0, 0.9, 0.8):
         parameters[key] = positions * factor
@@ -220,7 +218,7 @@ def test_emitter_sampling_and_spectra(recorded):
     scene = load("cylinder_ir_range")
     scene.mi.integrator().emitter_sampling = True
     parameters = mi.traverse(scene.mi)
-    name = next(key for key in parameters.keys() if key.endswith("face_temperature"))
+    name = next(key for key, _ in parameters if key.endswith("face_temperature"))
     for factor in (1.0, 1.03, 1.06):
         parameters[name] = parameters[name] * factor
         parameters.update()
@@ -265,3 +263,23 @@ def test_a_pass_that_cannot_be_recorded_is_traced(recorded):
         assert result[0] == 3 and "before recording" in recorded.reason
         assert scene.surfaces()[0].lobe == "brdf"  # the plugins have their attributes again
     assert check(Recorded(), scene).sum() > 0
+
+
+class Users(mi.BSDF):
+    """A user's BSDF that reflects nothing. Its Python number would go into a recording unseen."""
+
+    def __init__(self, props):
+        mi.BSDF.__init__(self, props)
+        self.m_components, self.m_flags = [mi.BSDFFlags.DiffuseReflection | 0], 0
+        self.number = 0.0
+
+
+def test_a_users_plugin_in_python_is_not_recorded(recorded):
+    mi.register_bsdf("users_number", Users)
+    scene = mi.load_dict({"type": "scene", "s": {"type": "sphere", "b": {"type": "users_number"}}})
+    recorded.update(scene)
+    assert "from elsewhere" in recorded.reason
+    calls = []
+    for _ in range(2):
+        recorded(lambda x: calls.append(x), scene, (), dr.opaque(mi.Float, 1, 4))
+    assert len(calls) == 2 and recorded.count == 0
