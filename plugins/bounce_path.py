@@ -445,8 +445,17 @@ class PathTracer(RBIntegrator):
                 # Two 2D samples, for the emitter and for the point on it: the 23 bits of a Float32
                 # number are too few for both
                 drawn = emitters.sample(scene, si, sampler.next_2d(), sampler.next_2d(), active_em)
+
+            # Named samples, because the derivative of a delta lobe repeats `sample` with them
+            sample1, sample2 = sampler.next_1d(), sampler.next_2d()
+            if dr.hint(emitters.draws, mode="scalar"):
                 with dr.resume_grad(when=not primal):
-                    f, pdf = bsdf.eval_pdf(ctx, si, si.to_local(drawn.ds.d), drawn.counts)
+                    # One call is faster than one for the drawn and one for the next direction
+                    f, pdf, bs, weight = bsdf.eval_pdf_sample(
+                        ctx, si, si.to_local(drawn.ds.d), sample1, sample2, active_next
+                    )
+                    # Of these only `f` has derivatives
+                    bs, weight = dr.detach((bs, weight))
                     # A point source or a parallel beam cannot be hit by a reflected ray, so its
                     # whole radiance belongs to emitter sampling
                     mis = dr.select(drawn.ds.delta, 1, mis_weight(drawn.ds.pdf, pdf))
@@ -467,9 +476,8 @@ class PathTracer(RBIntegrator):
 
             # ----------------------- Reflection -----------------------
 
-            # Named samples, because the derivative of a delta lobe repeats `sample` with them
-            sample1, sample2 = sampler.next_1d(), sampler.next_2d()
-            bs, weight = bsdf.sample(ctx, si, sample1, sample2, active_next)
+            if dr.hint(not emitters.draws, mode="scalar"):
+                bs, weight = bsdf.sample(ctx, si, sample1, sample2, active_next)
             delta = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
             # A path without throughput contributes nothing further
             active_next &= dr.max(weight) != 0
