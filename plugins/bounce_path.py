@@ -444,7 +444,7 @@ class PathTracer(RBIntegrator):
                 )
                 # Two 2D samples, for the emitter and for the point on it: the 23 bits of a Float32
                 # number are too few for both
-                drawn = emitters.sample(scene, si, sampler.next_2d(), sampler.next_2d(), active_em)
+                drawn = emitters.draw(si, sampler.next_2d(), sampler.next_2d(), active_em)
 
             # Named samples, because the derivative of a delta lobe repeats `sample` with them
             sample1, sample2 = sampler.next_1d(), sampler.next_2d()
@@ -456,11 +456,16 @@ class PathTracer(RBIntegrator):
                     )
                     # Of these only `f` has derivatives
                     bs, weight = dr.detach((bs, weight))
+                    # No ray where the surface reflects nothing. A replay traces it even so, since
+                    # the derivative of a value that is 0 need not be 0.
+                    if dr.hint(primal, mode="scalar"):
+                        active_em &= dr.max(f) != 0
+                    direct = emitters.trace(scene, si, drawn, active_em)
                     # A point source or a parallel beam cannot be hit by a reflected ray, so its
                     # whole radiance belongs to emitter sampling
                     mis = dr.select(drawn.ds.delta, 1, mis_weight(drawn.ds.pdf, pdf))
                     Lr = dr.select(
-                        drawn.counts, β * f * drawn.radiance(si) * (mis / drawn.ds.pdf), 0
+                        direct.counts, β * f * direct.radiance(si) * (mis / drawn.ds.pdf), 0
                     )
                 # This radiance is reflected once more than the emission at the current vertex
                 L = L + Lr if primal else L - Lr
@@ -469,8 +474,8 @@ class PathTracer(RBIntegrator):
                         Lr[0],
                         bounce + 1,
                         emitters.sources,
-                        drawn.emitter,
-                        drawn.hit.prim_index,
+                        direct.emitter,
+                        direct.hit.prim_index,
                         self.max_bounces,
                     )
 

@@ -25,21 +25,34 @@ OFFSET = 64 * 2.0**-24
 
 
 @dataclass
-class EmitterSample:
-    """A sampled direction toward an emitter, and the first hit along it.
+class DrawnDirection:
+    """A direction drawn toward an emitter; whether the emitter can be seen along it is not known.
 
-    ds: the direction, with the density `ds.pdf` [1/sr] for the point where the ray starts. hit: the
-    first hit of the ray. emitter: the emitter that sends radiance along the ray. counts: whether
-    the first hit is the drawn point, so that the sample counts. bound: upper bound of the radiance
-    of the drawn triangle or emitter, hidden or not [W m^-2 sr^-1]. all_surfaces: whether
-    only triangles of meshes are drawn.
+    ds: the direction, with the density `ds.pdf` [1/sr] for the point where the ray starts. index:
+    what was drawn, as an index into the table of probabilities. other: the drawn emitter where it
+    is not a triangle of a mesh; None if the table has only triangles. bound: upper bound of the
+    radiance of the drawn triangle or emitter, hidden or not [W m^-2 sr^-1].
+    """
+
+    ds: mi.DirectionSample3f
+    index: mi.UInt32
+    other: mi.EmitterPtr | None
+    bound: mi.Float
+
+
+@dataclass
+class EmitterSample:
+    """The first hit along a drawn direction.
+
+    ds: the direction. hit: the first hit of the ray, where the sample counts. emitter: the emitter
+    that sends radiance along the ray. counts: whether the first hit is the drawn point, so that the
+    sample counts. all_surfaces: whether all emitters that can be drawn are surfaces.
     """
 
     ds: mi.DirectionSample3f
     hit: mi.SurfaceInteraction3f
     emitter: mi.EmitterPtr
     counts: mi.Bool
-    bound: mi.Float
     all_surfaces: bool
 
     def radiance(self, si):
@@ -71,7 +84,7 @@ def one_band(thermal):
 class EmitterTable:
     """The emitters of a scene, their labels, and one sampling density for all of them.
 
-    `sample` draws from a mixture. One part are the triangles of emitting meshes, with probabilities
+    `draw` draws from a mixture. One part are the triangles of emitting meshes, with probabilities
     proportional to area times an upper bound of the radiance. The other part are all other
     emitters, with equal probabilities. If `sampling` is True, all emitters are drawn, otherwise
     only those that a reflected ray cannot hit.
@@ -147,6 +160,10 @@ class EmitterTable:
         if others:
             self.others = mi.UInt32([pointer_id(mi.EmitterPtr(emitter)) for emitter in others])
         self.draws = self.triangles is not None or bool(others)
+        self.all_surfaces = all(e.flags() & int(mi.EmitterFlags.Surface) for e in others)
+        self.transmits = any(
+            shape.bsdf().flags() & int(mi.BSDFFlags.Transmission) for shape in scene.shapes()
+        )
         if self.draws:
             share = 0.0 if self.triangles is None else 1.0 if not others else 0.5
             parts = [np.full(len(others), (1 - share) / max(len(others), 1))]
@@ -206,17 +223,14 @@ class EmitterTable:
             dr.gather(mi.UInt32, self.is_background, dr.reinterpret_array(mi.UInt32, emitter)) == 0
         )
 
-    def sample(self, scene, si, sample1, sample2, active):
-        """Draw a direction toward an emitter and trace it to its first hit.
+    def draw(self, si, sample1, sample2, active):
+        """Draw a direction toward an emitter.
 
-        A sample counts only if the first hit is the drawn point. Otherwise, where emitters overlap
-        or hide each other, the radiance of one would be used with the density of another. The
-        direction is taken from the start of the ray, and the density is per solid angle at that
+        The direction is taken from the start of the ray, and the density is per solid angle at that
         start. A direction taken from si.p would miss an emitter as near as the offset of the start.
 
         Parameters
         ----------
-        scene : mi.Scene
         si : mi.SurfaceInteraction3f
             The hit from which to draw.
         sample1, sample2 : mi.Point2f
@@ -226,10 +240,10 @@ class EmitterTable:
 
         Returns
         -------
-        EmitterSample
+        DrawnDirection
         """
         ds = dr.zeros(mi.DirectionSample3f)
-        index = self.choice.pick(random_integer(sample1), active)
+        index, other = self.choice.pick(random_integer(sample1), active), None
         from_triangles = active & (index < self.triangle_count)
         from_others = active & ~from_triangles
         bound = dr.gather(mi.Float, self.bound, index, active)
@@ -246,37 +260,67 @@ class EmitterTable:
                 mi.EmitterPtr,
                 dr.gather(mi.UInt32, self.others, index - self.triangle_count, from_others),
             )
-            # The start depends on the side of the surface, and the side on the direction. A first
-            # sample from si.p gives the side, and the second one is drawn from the start.
-            aim, _ = other.sample_direction(si, sample2, from_others)
+            # The start depends on the side of the surface. Reflection stays on the observer's side.
+            # Where light may pass through a surface, a first sample from si.p gives the side.
+            toward = si.to_world(si.wi)
+            if self.transmits:
+                toward = other.sample_direction(si, sample2, from_others)[0].d
             start = dr.zeros(mi.Interaction3f)
-            start.p, start.time = self.leave(si, aim.d), si.time
+            start.p, start.time = self.leave(si, toward), si.time
             ds_other, value = other.sample_direction(start, sample2, from_others)
-            # Irradiance on a perpendicular surface, from a point light or a parallel beam
-            of_beam = value[0] * ds_other.pdf
-            bound = dr.select(from_others & ds_other.delta, of_beam, bound)
+            if not self.all_surfaces:
+                # Irradiance on a perpendicular surface, from a point light or a parallel beam
+                of_beam = value[0] * ds_other.pdf
+                bound = dr.select(from_others & ds_other.delta, of_beam, bound)
             ds_other.pdf *= dr.gather(mi.Float, self.probability, index, from_others)
             ds = dr.select(from_triangles, ds, ds_other)
+        return DrawnDirection(ds, index, other, bound)
 
-        hit = scene.ray_intersect(self.spawn_ray(si, ds.d), active)
-        emitter, counts = hit.emitter(scene, active), mi.Bool(False)
+    def trace(self, scene, si, drawn: DrawnDirection, active):
+        """Trace a drawn direction to its first hit.
+
+        A sample counts only if the first hit is the drawn point. Otherwise, where emitters overlap
+        or hide each other, the radiance of one would be used with the density of another.
+
+        Parameters
+        ----------
+        scene : mi.Scene
+        si : mi.SurfaceInteraction3f
+            The hit from which the direction was drawn.
+        drawn : DrawnDirection
+        active : mi.Bool
+
+        Returns
+        -------
+        EmitterSample
+        """
+        ds = drawn.ds
+        active = active & (ds.pdf > 0)
+        ray = self.spawn_ray(si, ds.d)
+        pi = scene.ray_intersect_preliminary(ray, coherent=False, active=active)
+        met = active & pi.is_valid()
+        counts = mi.Bool(False)
         if self.triangles is not None:
-            triangle, known = self.triangles.find(
-                hit.shape, hit.prim_index, from_triangles & hit.is_valid()
-            )
-            counts = known & (triangle == index)
-        if self.others is not None:
+            of_triangles = drawn.index < self.triangle_count
+            triangle, known = self.triangles.find(pi.shape, pi.prim_index, met & of_triangles)
+            counts = known & (triangle == drawn.index)
+        emitter = pi.shape.emitter()
+        if self.others is None:
+            hit = pi.compute_surface_interaction(ray, mi.RayFlags.All, counts)
+        else:
+            from_others = active & ~(drawn.index < self.triangle_count)
+            on_other = met & from_others & (emitter == drawn.other)
+            hit = pi.compute_surface_interaction(ray, mi.RayFlags.All, counts | on_other)
             # A line hits a sphere, cylinder, disk or rectangle at most twice, from different sides.
             # Shape and side therefore identify the point. A comparison of distances would need a
             # tolerance, and no tolerance is right near the shape and at grazing incidence.
-            same_side = dr.dot(hit.n, ds.d) * dr.dot(ds.n, ds.d) > 0
-            nothing_before = ~hit.is_valid() | (hit.t > ds.dist * (1 - 1e-4))
-            on_surface = mi.has_flag(other.flags(), mi.EmitterFlags.Surface)
-            counts |= from_others & dr.select(
-                on_surface, (emitter == other) & same_side, nothing_before
-            )
-            emitter = dr.select(from_triangles, emitter, other)
-        return EmitterSample(ds, hit, emitter, counts & (ds.pdf > 0), bound, self.others is None)
+            counts |= on_other & (dr.dot(hit.n, ds.d) * dr.dot(ds.n, ds.d) > 0)
+            if not self.all_surfaces:
+                nothing_before = ~met | (pi.t > ds.dist * (1 - 1e-4))
+                on_surface = mi.has_flag(drawn.other.flags(), mi.EmitterFlags.Surface)
+                counts |= from_others & ~on_surface & nothing_before
+                emitter = dr.select(from_others, drawn.other, emitter)
+        return EmitterSample(ds, hit, emitter, counts, self.all_surfaces)
 
     def by_chance(self, drawn, pdf, delta):
         """Upper bound of the radiance that a path gains from one source that no path has hit.
@@ -290,7 +334,7 @@ class EmitterTable:
 
         Parameters
         ----------
-        drawn : EmitterSample
+        drawn : DrawnDirection
             The drawn emitter; it represents all emitters. Its `bound` is its radiance, or its
             irradiance if it is a point light or a parallel beam.
         pdf : mi.Float
@@ -308,7 +352,7 @@ class EmitterTable:
         return dr.select(delta, self.opaque_brightest, drawn.bound * share)
 
     def pdf(self, scene, start, si, emitter, active):
-        """Density with which `sample` draws the direction of the ray that hit `si` [1/sr].
+        """Density with which `draw` draws the direction of the ray that hit `si` [1/sr].
 
         Parameters
         ----------
@@ -324,7 +368,7 @@ class EmitterTable:
         Returns
         -------
         mi.Float
-            Density per solid angle at the start of the ray; 0 if `sample` does not draw `emitter`.
+            Density per solid angle at the start of the ray; 0 if `draw` does not draw `emitter`.
         """
         density = mi.Float(0)
         known = mi.Bool(False)
