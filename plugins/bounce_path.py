@@ -456,10 +456,10 @@ class PathTracer(RBIntegrator):
                     )
                     # Of these only `f` has derivatives
                     bs, weight = dr.detach((bs, weight))
-                    # No ray where the surface reflects nothing. A replay traces it even so, since
+                    # No ray where nothing is emitted or reflected. A replay traces it even so, since
                     # the derivative of a value that is 0 need not be 0.
                     if dr.hint(primal, mode="scalar"):
-                        active_em &= dr.max(f) != 0
+                        active_em &= drawn.may_radiate & (dr.max(f) != 0)
                     direct = emitters.trace(scene, si, drawn, active_em)
                     # A point source or a parallel beam cannot be hit by a reflected ray, so its
                     # whole radiance belongs to emitter sampling

@@ -30,13 +30,15 @@ class DrawnDirection:
 
     ds: the direction, with the density `ds.pdf` [1/sr] for the point where the ray starts. index:
     what was drawn, as an index into the table of probabilities. other: the drawn emitter where it
-    is not a triangle of a mesh; None if the table has only triangles. bound: upper bound of the
-    radiance of the drawn triangle or emitter, hidden or not [W m^-2 sr^-1].
+    is not a triangle of a mesh; None if the table has only triangles. may_radiate: False where the
+    drawn emitter is known to send nothing along the direction. bound: upper bound of the radiance
+    of the drawn triangle or emitter, hidden or not [W m^-2 sr^-1].
     """
 
     ds: mi.DirectionSample3f
     index: mi.UInt32
     other: mi.EmitterPtr | None
+    may_radiate: mi.Bool
     bound: mi.Float
 
 
@@ -44,25 +46,25 @@ class DrawnDirection:
 class EmitterSample:
     """The first hit along a drawn direction.
 
-    ds: the direction. hit: the first hit of the ray, where the sample counts. emitter: the emitter
-    that sends radiance along the ray. counts: whether the first hit is the drawn point, so that the
-    sample counts. all_surfaces: whether all emitters that can be drawn are surfaces.
+    drawn: the direction. hit: the first hit of the ray, where that is the drawn triangle. emitter:
+    the emitter that sends radiance along the ray. counts: whether the first hit is the drawn point,
+    so that the sample counts. of_triangle: whether it counts and the point is on a triangle of a
+    mesh.
     """
 
-    ds: mi.DirectionSample3f
+    drawn: DrawnDirection
     hit: mi.SurfaceInteraction3f
     emitter: mi.EmitterPtr
     counts: mi.Bool
-    all_surfaces: bool
+    of_triangle: mi.Bool
 
     def radiance(self, si):
         """Radiance from the emitter toward `si`, with derivatives [W m^-2 sr^-1]."""
-        if self.all_surfaces:
-            return self.emitter.eval(self.hit, self.counts)
-        hit = self.counts & mi.has_flag(self.emitter.flags(), mi.EmitterFlags.Surface)
-        return self.emitter.eval(self.hit, hit) + self.emitter.eval_direction(
-            si, self.ds, self.counts & ~hit
-        )
+        drawn, of_triangle = self.drawn, self.of_triangle
+        radiance = self.emitter.eval(self.hit, of_triangle)
+        if drawn.other is not None:
+            radiance += drawn.other.eval_direction(si, drawn.ds, self.counts & ~of_triangle)
+        return radiance
 
 
 def can_be_hit(emitter) -> bool:
@@ -243,7 +245,8 @@ class EmitterTable:
         DrawnDirection
         """
         ds = dr.zeros(mi.DirectionSample3f)
-        index, other = self.choice.pick(random_integer(sample1), active), None
+        index = self.choice.pick(random_integer(sample1), active)
+        other, may_radiate = None, mi.Bool(True)
         from_triangles = active & (index < self.triangle_count)
         from_others = active & ~from_triangles
         bound = dr.gather(mi.Float, self.bound, index, active)
@@ -268,13 +271,13 @@ class EmitterTable:
             start = dr.zeros(mi.Interaction3f)
             start.p, start.time = self.leave(si, toward), si.time
             ds_other, value = other.sample_direction(start, sample2, from_others)
-            if not self.all_surfaces:
-                # Irradiance on a perpendicular surface, from a point light or a parallel beam
-                of_beam = value[0] * ds_other.pdf
-                bound = dr.select(from_others & ds_other.delta, of_beam, bound)
+            may_radiate = from_triangles | (dr.max(value) != 0)
+            # Irradiance on a perpendicular surface, from a point light or a parallel beam
+            of_beam = value[0] * ds_other.pdf
+            bound = dr.select(from_others & ds_other.delta, of_beam, bound)
             ds_other.pdf *= dr.gather(mi.Float, self.probability, index, from_others)
             ds = dr.select(from_triangles, ds, ds_other)
-        return DrawnDirection(ds, index, other, bound)
+        return DrawnDirection(ds, index, other, may_radiate, bound)
 
     def trace(self, scene, si, drawn: DrawnDirection, active):
         """Trace a drawn direction to its first hit.
@@ -296,31 +299,28 @@ class EmitterTable:
         """
         ds = drawn.ds
         active = active & (ds.pdf > 0)
+        of_triangles = active & (drawn.index < self.triangle_count)
         ray = self.spawn_ray(si, ds.d)
         pi = scene.ray_intersect_preliminary(ray, coherent=False, active=active)
-        met = active & pi.is_valid()
-        counts = mi.Bool(False)
+        met, emitter, on_triangle = active & pi.is_valid(), pi.shape.emitter(), mi.Bool(False)
         if self.triangles is not None:
-            of_triangles = drawn.index < self.triangle_count
             triangle, known = self.triangles.find(pi.shape, pi.prim_index, met & of_triangles)
-            counts = known & (triangle == drawn.index)
-        emitter = pi.shape.emitter()
-        if self.others is None:
-            hit = pi.compute_surface_interaction(ray, mi.RayFlags.All, counts)
-        else:
-            from_others = active & ~(drawn.index < self.triangle_count)
-            on_other = met & from_others & (emitter == drawn.other)
-            hit = pi.compute_surface_interaction(ray, mi.RayFlags.All, counts | on_other)
+            on_triangle = known & (triangle == drawn.index)
+        hit = pi.compute_surface_interaction(ray, mi.RayFlags.All, on_triangle)
+        counts = on_triangle
+        if self.others is not None:
             # A line hits a sphere, cylinder, disk or rectangle at most twice, from different sides.
             # Shape and side therefore identify the point. A comparison of distances would need a
             # tolerance, and no tolerance is right near the shape and at grazing incidence.
-            counts |= on_other & (dr.dot(hit.n, ds.d) * dr.dot(ds.n, ds.d) > 0)
+            on_other = met & ~of_triangles & (emitter == drawn.other)
+            n = pi.compute_surface_interaction(ray, mi.RayFlags.Minimal, on_other).n
+            counts |= on_other & (dr.dot(n, ds.d) * dr.dot(ds.n, ds.d) > 0)
             if not self.all_surfaces:
                 nothing_before = ~met | (pi.t > ds.dist * (1 - 1e-4))
                 on_surface = mi.has_flag(drawn.other.flags(), mi.EmitterFlags.Surface)
-                counts |= from_others & ~on_surface & nothing_before
-                emitter = dr.select(from_others, drawn.other, emitter)
-        return EmitterSample(ds, hit, emitter, counts, self.all_surfaces)
+                counts |= active & ~of_triangles & ~on_surface & nothing_before
+            emitter = dr.select(of_triangles, emitter, drawn.other)
+        return EmitterSample(drawn, hit, emitter, counts, on_triangle)
 
     def by_chance(self, drawn, pdf, delta):
         """Upper bound of the radiance that a path gains from one source that no path has hit.
