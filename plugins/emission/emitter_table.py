@@ -173,13 +173,16 @@ class EmitterTable:
                 parts.insert(0, share * weights / weights.sum())
             choice = Choice(np.concatenate(parts))
             self.choice, self.triangle_count = choice, len(choice.probability) - len(others)
-            self.probability = mi.Float(choice.probability)
             of_others = [0.0 if bounds.get(e) is None else float(bounds[e].max()) for e in others]
+            # Triangles have a density per area [1/m^2], other emitters a probability
+            density = choice.probability.copy()
             if self.triangles is not None:
-                self.density = table.density(choice.probability[: self.triangle_count])
+                density[: self.triangle_count] = table.density(density[: self.triangle_count])
                 of_others = np.append(radiance, of_others)
-            self.bound = mi.Float(np.array(of_others))
-            dr.make_opaque(self.probability, self.bound)
+            self.density = mi.Float(density)
+            self.density_and_bound = mi.Float(np.stack([density, of_others], axis=1).ravel())
+            self.probability_of_other = mi.Float(choice.probability[-1] if others else 0.0)
+            dr.make_opaque(self.density, self.density_and_bound, self.probability_of_other)
         dr.make_opaque(self.label_of, self.is_background, self.others, self.least_offset)
 
     def leave(self, si, d):
@@ -249,15 +252,13 @@ class EmitterTable:
         other, may_radiate = None, mi.Bool(True)
         from_triangles = active & (index < self.triangle_count)
         from_others = active & ~from_triangles
-        bound = dr.gather(mi.Float, self.bound, index, active)
+        density, bound = dr.gather(mi.Vector2f, self.density_and_bound, index, active)
         if self.triangles is not None:
             _, ds.p, ds.n = self.triangles.point(index, sample2, from_triangles)
             ds.d = ds.p - self.leave(si, ds.p - si.p)
             ds.dist = dr.norm(ds.d)
             ds.d /= ds.dist
-            ds.pdf = solid_angle_density(
-                dr.gather(mi.Float, self.density, index, from_triangles), ds.dist, ds.d, ds.n
-            )
+            ds.pdf = solid_angle_density(density, ds.dist, ds.d, ds.n)
         if self.others is not None:
             other = dr.reinterpret_array(
                 mi.EmitterPtr,
@@ -275,7 +276,7 @@ class EmitterTable:
             # Irradiance on a perpendicular surface, from a point light or a parallel beam
             of_beam = value[0] * ds_other.pdf
             bound = dr.select(from_others & ds_other.delta, of_beam, bound)
-            ds_other.pdf *= dr.gather(mi.Float, self.probability, index, from_others)
+            ds_other.pdf *= density
             ds = dr.select(from_triangles, ds, ds_other)
         return DrawnDirection(ds, index, other, may_radiate, bound)
 
@@ -385,10 +386,7 @@ class EmitterTable:
             before.p = start
             ds = mi.DirectionSample3f(scene, si, before)
             other = emitter.pdf_direction(before, ds, active & ~known)
-            # All other emitters have the same probability; it is the last entry of the table
-            last = dr.width(self.probability) - 1
-            probability = dr.gather(mi.Float, self.probability, mi.UInt32(last), active)
-            density = dr.select(known, density, other * probability)
+            density = dr.select(known, density, other * self.probability_of_other)
         return density
 
 
