@@ -456,8 +456,8 @@ class PathTracer(RBIntegrator):
                     )
                     # Of these only `f` has derivatives
                     bs, weight = dr.detach((bs, weight))
-                    # No ray where nothing is emitted or reflected. A replay traces it even so, since
-                    # the derivative of a value that is 0 need not be 0.
+                    # No ray where nothing is emitted or reflected. A replay traces it even so,
+                    # because a value of 0 may have a derivative.
                     if dr.hint(primal, mode="scalar"):
                         active_em &= drawn.may_radiate & (dr.max(f) != 0)
                     direct = emitters.trace(scene, si, drawn, active_em)

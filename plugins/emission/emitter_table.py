@@ -308,7 +308,7 @@ class EmitterTable:
             triangle, known = self.triangles.find(pi.shape, pi.prim_index, met & of_triangles)
             on_triangle = known & (triangle == drawn.index)
         hit = pi.compute_surface_interaction(ray, mi.RayFlags.All, on_triangle)
-        counts = on_triangle
+        counts = mi.Bool(on_triangle)  # a copy, because |= changes an array in place
         if self.others is not None:
             # A line hits a sphere, cylinder, disk or rectangle at most twice, from different sides.
             # Shape and side therefore identify the point. A comparison of distances would need a
