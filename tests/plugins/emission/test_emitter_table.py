@@ -284,7 +284,7 @@ def test_derivative_at_a_radiance_of_zero():
     lamp["emitter"] = {"type": "thermal", "radiance": 0.0}
     loaded = floor_scene(DRAWING, lamp=lamp)
     params = mi.traverse(loaded)
-    key = next(name for name in params.keys() if name.endswith("emitter.radiance"))
+    (key,) = [name for name, _ in params if name.endswith("emitter.radiance")]
     dr.enable_grad(params[key])
     params.update()
     dr.backward(dr.mean(mi.render(loaded, params, spp=1024).array))
