@@ -12,13 +12,16 @@ from mitsuba.python.ad.integrators.common import RBIntegrator, mis_weight
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.plugins.derivatives import derivations, deriving_plugins, leaves, tracing, value_along
+from mi_lcair.plugins.derivatives import derivations, deriving_plugins, flatten, leaves, tracing, value_along
 from mi_lcair.plugins.emission.emissivity import Table
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
 from mi_lcair.plugins.paths.channels import SIZES, Channels
-from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.plugins.paths.launch import Launch, Paths
+from mi_lcair.plugins.paths.rays import ParallelRays
+from mi_lcair.plugins.paths.recording import Recorded
 from mi_lcair.plugins.paths.rounding import rounding_error
-from mi_lcair.plugins.paths.sums import Sums
+from mi_lcair.plugins.paths.sums import BlockSums, Sums, block_size
+from mi_lcair.plugins.paths.tail import Tail
 from mi_lcair.plugins.properties import HOTTEST, Property, read
 
 PROPERTIES = (
@@ -167,6 +170,8 @@ class PathTracer(RBIntegrator):
                 rounding_error(integrator.max_bounces),
                 max((table.relative_error for table in tables), default=0.0),
             ),
+            recorded=Recorded(),
+            arrays=flatten(emitters),
             is_complete=True,
         )
 
@@ -220,50 +225,85 @@ class PathTracer(RBIntegrator):
             Sums over the points of each randomisation.
         """
         with dr.suspend_grad():
-            sampler, position, weight = launch.begin(sensor.sampler())
-            aperture = sampler.next_2d() if sensor.needs_aperture_sample() else mi.Point2f(0.5)
-            ray, _ = sensor.sample_ray(sensor.shutter_open(), 0, position, aperture)
-            channels, tail = None, None
-            if split or facets or self.closure == "tail":
-                channels = Channels.empty(
-                    self.max_bounces,
-                    self.closure,
-                    self.emitters.sources if split else None,
-                    split == "model",
-                    count_segments,
-                )
-            (L, _), _, channels, chance = self.walk(
-                dr.ADMode.Primal,
-                self.scene,
-                sampler,
-                ray,
-                None,
-                None,
-                mi.Bool(True),
-                channels,
-                facets,
-            )
-            if self.closure == "tail":
-                # The sums in add_tail need evaluated arrays. Evaluating everything here traces the
-                # paths once; otherwise each sum would trace them again.
-                dr.eval(L, channels, chance)
-                added, tail = channels.add_tail()
-                L += added
-            by_name = (
-                channels.samples(
-                    L[0], self.emitters.labels, self.emitters.sources, split == "target"
-                )
-                if split
-                else {}
-            )
-            if facets is not None:
-                # One kernel for all later uses of these arrays
-                dr.eval(L, channels, by_name, chance)
-                facets.add(channels.facet, L[0], weight, channels, launch)
-            if not self.emitters.draws:
-                chance = None
-            found = Sums.of(L[0], by_name, weight, chance, tail, launch)
+            paths = launch.paths_from(sensor.sampler())
+            rays = ParallelRays.of(sensor)
+            arguments = paths, rays or sensor, split, count_segments, block_size(launch)
+            if facets is not None or self.closure == "tail":
+                blocks, tail = self.whole_sums(*arguments, facets, launch)
+            else:
+                blocks, tail = self.recorded(self, *arguments), None
+            found = Sums.of(blocks, tail, launch)
             return found.without(f"bounce.{k}" for k in range(self.max_bounces + 1, SIZES[-1]))
+
+    def block_sums(self, paths: Paths, rays, split, count_segments: bool, size: int) -> BlockSums:
+        """Sums over blocks of the paths of a launch.
+
+        A launch of an orthographic sensor may be recorded. This method therefore reads only the
+        tracer and its arguments, and launches kernels but reads no values.
+
+        Parameters
+        ----------
+        paths : Paths
+        rays : ParallelRays or mi.Sensor
+        split, count_segments
+            As for `trace`.
+        size : int
+            Paths in a block.
+        """
+        L, channels, chance, weight = self.follow(paths, rays, split, count_segments)
+        by_name = self.by_name(L, channels, split)
+        return BlockSums.of(L[0], by_name, weight, chance, size)
+
+    def whole_sums(
+        self, paths: Paths, rays, split, count_segments: bool, size: int, facets, launch: Launch
+    ) -> tuple[BlockSums, Tail | None]:
+        """As `block_sums`, also for facets and for closure = tail, which read values."""
+        L, channels, chance, weight = self.follow(paths, rays, split, count_segments, facets)
+        tail = None
+        if self.closure == "tail":
+            # The sums in add_tail need evaluated arrays. Evaluating everything here traces the
+            # paths once; otherwise each sum would trace them again.
+            dr.eval(L, channels, chance)
+            added, tail = channels.add_tail()
+            L += added
+        by_name = self.by_name(L, channels, split)
+        if facets is not None:
+            # One kernel for all later uses of these arrays
+            dr.eval(L, channels, by_name, chance)
+            facets.add(channels.facet, L[0], weight, channels, launch)
+        return BlockSums.of(L[0], by_name, weight, chance, size), tail
+
+    def follow(self, paths: Paths, rays, split, count_segments: bool, facets=None) -> tuple:
+        """Radiance of each path, its `Channels`, its `chance` (see `walk`) and its weight."""
+        sampler, column, row, position, weight = paths.begin()
+        if isinstance(rays, ParallelRays):
+            ray = rays.at(column, row, position, paths.columns, paths.rows)
+        else:
+            size = mi.Vector2f(paths.columns, paths.rows)
+            aperture = sampler.next_2d() if rays.needs_aperture_sample() else mi.Point2f(0.5)
+            film_position = (mi.Point2f(column, row) + position) / size
+            ray, _ = rays.sample_ray(rays.shutter_open(), 0, film_position, aperture)
+        channels = None
+        if split or facets or self.closure == "tail":
+            channels = Channels.empty(
+                self.max_bounces,
+                self.closure,
+                self.emitters.sources if split else None,
+                split == "model",
+                count_segments,
+            )
+        primal, everywhere = dr.ADMode.Primal, mi.Bool(True)
+        (L, _), _, channels, chance = self.walk(
+            primal, self.scene, sampler, ray, None, None, everywhere, channels, facets
+        )
+        return L, channels, chance if self.emitters.draws else None, weight
+
+    def by_name(self, L, channels: Channels | None, split) -> dict:
+        """The channels of each path by name."""
+        if not split:
+            return {}
+        of_model = split == "target"
+        return channels.samples(L[0], self.emitters.labels, self.emitters.sources, of_model)
 
     def chance_contribution(self, sensor) -> float:
         """Upper bound of the radiance from a source that no path has hit [W m^-2 sr^-1].

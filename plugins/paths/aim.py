@@ -52,16 +52,22 @@ class Aim:
         """The constant density."""
         return Aim.at(np.ones((CELLS, CELLS)), np.ones((CELLS, CELLS), bool))
 
-    def place(self, sample: mi.Point2f) -> tuple[mi.Point2f, mi.Float]:
-        """A position in the window, in 0..1, and the weight of a path that begins there.
+    @property
+    def tables(self) -> tuple[mi.Float, mi.Float]:
+        """`rows` and `columns`, for `place`."""
+        return self.rows, self.columns
 
-        The inverse of the cumulative density keeps the order of the numbers, and so the uniformity
-        of a lattice.
-        """
-        row, y, of_row = pick(self.rows, mi.UInt32(0), sample.y)
-        column, x, of_column = pick(self.columns, row * CELLS, sample.x)
-        position = (mi.Point2f(column, row) + mi.Point2f(x, y)) / CELLS
-        return position, 1 / (of_row * of_column * CELLS**2)
+
+def place(rows: mi.Float, columns: mi.Float, sample: mi.Point2f) -> tuple[mi.Point2f, mi.Float]:
+    """A position in the window, in 0..1, and the weight of a path that begins there.
+
+    The inverse of the cumulative density keeps the order of the numbers, and so the uniformity of a
+    lattice. rows, columns: as for `Aim`. sample: uniform numbers.
+    """
+    row, y, of_row = pick(rows, mi.UInt32(0), sample.y)
+    column, x, of_column = pick(columns, row * CELLS, sample.x)
+    position = (mi.Point2f(column, row) + mi.Point2f(x, y)) / CELLS
+    return position, 1 / (of_row * of_column * CELLS**2)
 
 
 def pick(cumulative: mi.Float, first: mi.UInt32, number: mi.Float) -> tuple:
