@@ -12,7 +12,7 @@ from mitsuba.python.ad.integrators.common import RBIntegrator, mis_weight
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.plugins.derivatives import derivations, deriving_plugins, flatten, leaves, tracing, value_along
+from mi_lcair.plugins.derivatives import derivations, deriving_plugins, leaves, tracing, value_along
 from mi_lcair.plugins.emission.emissivity import Table
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
 from mi_lcair.plugins.paths.channels import SIZES, Channels
@@ -170,8 +170,7 @@ class PathTracer(RBIntegrator):
                 rounding_error(integrator.max_bounces),
                 max((table.relative_error for table in tables), default=0.0),
             ),
-            recorded=Recorded(),
-            arrays=flatten(emitters),
+            recorded=Recorded(deriving_plugins(scene)),
             is_complete=True,
         )
 

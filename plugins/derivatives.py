@@ -88,12 +88,17 @@ def check_attached(plugin) -> None:
 
 
 def flatten(tree) -> list:
-    """The Dr.Jit arrays of a PyTree of tuples, dataclasses and arrays."""
+    """The Dr.Jit arrays of a PyTree of tuples, dictionaries, objects and arrays.
+
+    Mitsuba's objects are left out.
+    """
     if dr.is_array_v(tree):
         return [tree]
-    if isinstance(tree, tuple):
-        return [array for branch in tree for array in flatten(branch)]
-    return [array for branch in getattr(tree, "__dict__", {}).values() for array in flatten(branch)]
+    if isinstance(tree, mi.Object):
+        return []
+    branches = tree if isinstance(tree, (tuple, dict)) else getattr(tree, "__dict__", {})
+    branches = branches.values() if isinstance(branches, dict) else branches
+    return [array for branch in branches for array in flatten(branch)]
 
 
 def value_along(bsdf, ctx, si, sample1, sample2, bs, active=True):
