@@ -23,6 +23,7 @@ from mi_lcair.plugins.paths.rounding import rounding_error
 from mi_lcair.plugins.paths.sums import BlockSums, Sums, block_size
 from mi_lcair.plugins.paths.tail import Tail
 from mi_lcair.plugins.properties import HOTTEST, Property, read
+from mi_lcair.plugins.scene_state import SceneState
 
 PROPERTIES = (
     Property("max_bounces", "integer", 4, lower=0, upper=10_000),
@@ -97,16 +98,20 @@ class BouncePath(RBIntegrator):
         )
 
     @contextmanager
-    def prepared(self, scene, by_spectrum: bool = False):
+    def prepared(self, scene, by_spectrum: bool = False, kept: dict | None = None):
         """Context manager that gives a `PathTracer` for the scene.
 
-        Inside the context, all data that plugins derive from the scene's parameters are up to date.
+        Inside the context, all data that plugins derive from the scene's parameters are up to date,
+        and the scene must not change.
 
         Parameters
         ----------
         scene : mi.Scene
         by_spectrum : bool
             Record emission separately for each spectrum of a group, not only for each group.
+        kept : dict or None
+            The tracers of this scene that were made before, with the states of the scene. One of
+            them is given again if nothing has changed since, and a new one is added.
         """
         self.check()
         plugins = deriving_plugins(scene)
@@ -114,7 +119,17 @@ class BouncePath(RBIntegrator):
             for plugin in plugins:
                 plugin.refresh()
         with tracing(plugins):
-            yield PathTracer(self, scene, by_spectrum)
+            yield self.tracer(scene, by_spectrum, {} if kept is None else kept)
+
+    def tracer(self, scene, by_spectrum: bool, kept: dict):
+        """A tracer for the present state of the scene: the kept one, or a new one."""
+        settings = [getattr(self, entry.name) for entry in PROPERTIES]
+        state = SceneState(scene, scene, *settings)
+        if by_spectrum in kept and kept[by_spectrum][0] == state:
+            return kept[by_spectrum][1]
+        tracer = PathTracer(self, scene, by_spectrum)
+        kept[by_spectrum] = state, tracer
+        return tracer
 
     def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):
         with self.prepared(scene) as tracer:

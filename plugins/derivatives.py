@@ -158,17 +158,21 @@ def children(node) -> list:
     return [member for member in members(node).values() if isinstance(member, mi.Object)]
 
 
-def deriving_plugins(scene) -> list:
-    """The scene's plugins that derive something from parameters, each once."""
+def nodes(scene) -> list:
+    """The objects of a scene that a path can meet, each once: no sensors and no integrator."""
     found, waiting, seen = [], [scene], {scene}
     while waiting:
         node = waiting.pop()
-        if hasattr(node, "derive"):
-            found.append(node)
+        found.append(node)
         new = [child for child in children(node) if child not in seen]
         seen.update(new)
-        waiting += new
+        waiting += [child for child in new if not isinstance(child, (mi.Sensor, mi.Integrator))]
     return found
+
+
+def deriving_plugins(scene) -> list:
+    """The scene's plugins that derive something from parameters, each once."""
+    return [node for node in nodes(scene) if hasattr(node, "derive")]
 
 
 def derivations(scene) -> list:

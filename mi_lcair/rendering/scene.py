@@ -3,7 +3,7 @@
 import os
 import re
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -56,6 +56,7 @@ class Scene:
     path: Path
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     digest: bytes = b""
+    _tracers: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def remarks(self) -> list[str]:
@@ -101,8 +102,11 @@ class Scene:
         return numbers(self.sensors[0].sampler())
 
     def prepared(self, by_spectrum: bool = False):
-        """Context manager that gives the scene's `PathTracer`, see `BouncePath.prepared`."""
-        return self.mi.integrator().prepared(self.mi, by_spectrum)
+        """Context manager that gives the scene's `PathTracer`, see `BouncePath.prepared`.
+
+        It is the same one as before if nothing has changed, with its tables and its recordings.
+        """
+        return self.mi.integrator().prepared(self.mi, by_spectrum, self._tracers)
 
     def surfaces(self) -> list:
         """The scene's BSDFs of reflection models."""

@@ -1,6 +1,7 @@
 """Aim: a density of the positions in a window at which paths begin."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import drjit as dr
 import mitsuba as mi
@@ -48,6 +49,7 @@ class Aim:
         )
 
     @staticmethod
+    @cache
     def anywhere() -> "Aim":
         """The constant density."""
         return Aim.at(np.ones((CELLS, CELLS)), np.ones((CELLS, CELLS), bool))

@@ -1,4 +1,4 @@
-"""Recorded passes give the numbers of passes that are traced anew, whatever has changed between."""
+"""Recorded launches give the sums of launches that are traced anew, whatever changed between."""
 
 import gc
 import weakref
@@ -8,87 +8,52 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from mi_lcair.plugins.paths.channels import Channels
-from mi_lcair.plugins.paths.recording import OFF, Recorded
+import mi_lcair
+from mi_lcair.plugins.paths.aim import Aim
+from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.plugins.paths.recording import OFF
+from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.scene import load
+from mi_lcair.rendering.views import Target, View, cameras
+from mi_lcair.signatures.facet_results import FacetSums
+from mi_lcair.signatures.signature import signature
+from mi_lcair.signatures.trend import trend
 
-PATHS, BLOCK = 2**10, 128
-
-
-class Random:
-    """Random numbers of a path: one PCG stream each."""
-
-    DRJIT_STRUCT = {"stream": mi.PCG32}
-
-    def __init__(self, seed=None, index=None):
-        self.stream = mi.PCG32() if seed is None else mi.PCG32(initstate=seed, initseq=index)
-
-    def next_1d(self):
-        return self.stream.next_float32()
-
-    def next_2d(self):
-        return mi.Point2f(self.stream.next_float32(), self.stream.next_float32())
+SCENES = {
+    "two_plates": {},
+    "open_box": {},
+    "cavity": {},
+    "furnace": {},
+    "cylinder_ir_range": {},
+    "a340_landing": {"position": 3},
+}
+POINTS = 64
 
 
-def sums(tracer, split, block):
-    """A pass: sums of radiance and channels over blocks of paths, from rays and a seed."""
-
-    def trace(ray, seed, index):
-        channels = Channels.empty(tracer.max_bounces, tracer.closure, tracer.emitters.sources)
-        (L, _), _, channels, chance = tracer.walk(
-            dr.ADMode.Primal,
-            tracer.scene,
-            Random(mi.UInt64(seed), mi.UInt64(index)),
-            ray,
-            None,
-            None,
-            mi.Bool(True),
-            channels,
-        )
-        values = {"L": L[0], "chance": chance} | channels.samples(
-            L[0], tracer.emitters.labels, tracer.emitters.sources, split == "target"
-        )
-        dr.eval(values)
-        return {name: dr.block_sum(value, block) for name, value in values.items()}
-
-    return trace
-
-
-def both(recorded, scene, seed, split="target", paths=PATHS, sensor=None, by_spectrum=False):
-    """Sums of one pass, recorded and traced anew, as NumPy arrays."""
+def both(scene, seed=1, split="target", points=POINTS, sensor=None, by_spectrum=False, **numbers):
+    """The tracer, and the sums of one launch, recorded and traced anew."""
+    numbers = {"columns": 1, "rows": 1, "randomisations": 8} | numbers
+    launch = Launch(seed=seed, points=points, **numbers)
     with scene.prepared(by_spectrum) as tracer:
-        recorded.update(tracer.scene, tracer.emitters, tracer.ambient_radiance)
-        index = dr.arange(mi.UInt32, paths)
-        at = mi.Point2f(index % 32 + 0.5, index // 32 % 32 + 0.5) / 32
-        ray, _ = (sensor or scene.sensor(0)).sample_ray(0, 0, at, mi.Point2f(0.5))
-        arrays = ray, dr.opaque(mi.UInt32, seed), index
-        dr.eval(arrays)
-        key = (
-            split,
-            BLOCK,
-            tracer.max_bounces,
-            tracer.emitter_sampling,
-            tracer.closure,
-            len(tracer.emitters.labels),
-        )
-        trace = sums(tracer, split, BLOCK)
-        return [
-            {name: value.numpy() for name, value in result.items()}
-            for result in (
-                recorded(trace, tracer.scene, key, *arrays),
-                trace(*arrays),
-            )
-        ]
+        trace = lambda: tracer.trace(sensor or scene.sensor(0), launch, split)
+        recorded = trace()
+        reason, tracer.recorded.reason = tracer.recorded.reason, "the test traces anew"
+        anew = trace()
+        tracer.recorded.reason = reason
+    return tracer, recorded, anew
 
 
-def check(recorded, scene, seed=1, **options):
-    """The sums of a pass, after a check that both ways give the same."""
-    replayed, traced = both(recorded, scene, seed, **options)
-    assert recorded.reason is None
-    assert replayed.keys() == traced.keys()
-    for name, value in traced.items():
-        np.testing.assert_array_equal(replayed[name], value, err_msg=name)
-    return replayed["L"]
+def check(scene, *arguments, **options):
+    """The radiance of a launch, after a check that both ways give the same; and the tracer."""
+    tracer, recorded, anew = both(scene, *arguments, **options)
+    assert tracer.recorded.reason is None and tracer.recorded.count > 0
+    np.testing.assert_array_equal(recorded.valid, anew.valid)
+    np.testing.assert_array_equal(recorded.radiance, anew.radiance)
+    np.testing.assert_array_equal(recorded.chance, anew.chance)
+    assert recorded.channels.keys() == anew.channels.keys()
+    for name, values in anew.channels.items():
+        np.testing.assert_array_equal(recorded.channels[name], values, err_msg=name)
+    return recorded.radiance, tracer
 
 
 def differ(results):
@@ -97,189 +62,295 @@ def differ(results):
     )
 
 
-@pytest.fixture
-def recorded():
-    return Recorded()
-
-
-@pytest.mark.parametrize("name", ["two_plates", "cavity", "cylinder_ir_range"])
-def test_new_seeds_repeat_one_recording(recorded, name):
-    scene = load(name)
-    assert differ([check(recorded, scene, seed) for seed in (1, 2, 3)])
-    assert recorded.count == 1
-
-
-def test_changed_temperatures_are_used(recorded):
-    scene = load("two_plates")
+def parameter(scene, ending):
+    """All parameters of a scene, and the name of the first one with this ending."""
     parameters = mi.traverse(scene.mi)
-    name = next(key for key, _ in parameters if key.endswith("emitter.temperature"))
-    results = []
-    for kelvin in (310.0, 330.0, 350.0, 310.0):
-        parameters[name] = kelvin
-        parameters.update()
-        results.append(check(recorded, scene))
-    assert differ(results[:3])
-    np.testing.assert_array_equal(results[0], results[3])
-    assert recorded.count == 1
+    return parameters, next(name for name, _ in parameters if name.endswith(ending))
 
 
-def test_changed_facet_temperatures_are_used(recorded):
-    scene = load("cylinder_ir_range")
-    parameters = mi.traverse(scene.mi)
-    name = next(key for key, _ in parameters if key.endswith("face_temperature"))
-    first, results = mi.Float(parameters[name]), []
-    for factor in (1.0, 1.05, 1.1, 1.0):
-        parameters[name] = first * dr.opaque(mi.Float, factor)
-        parameters.update()
-        results.append(check(recorded, scene))
-    assert differ(results[:3])
-    np.testing.assert_array_equal(results[0], results[3])
-    assert recorded.count == 1
+@pytest.mark.parametrize("name", SCENES)
+def test_new_seeds_and_sizes_repeat_one_recording(name):
+    scene = load(name, **SCENES[name])
+    found = [check(scene, seed) for seed in (1, 2, 3)]
+    assert differ([radiance for radiance, _ in found])
+    found += [check(scene, points=points) for points in (256, 1024, 24)]
+    found.append(check(scene, randomisations=4, first_point=64))
+    tracers = {id(tracer) for _, tracer in found}
+    assert len(tracers) == 1 and found[0][1].recorded.count <= 2
 
 
-def test_changed_materials_are_used(recorded):
+@pytest.mark.parametrize("sampler", ["independent", "lattice"])
+def test_both_samplers_and_an_aim(sampler):
     scene = load("two_plates")
-    parameters = mi.traverse(scene.mi)
-    key = next(key for key, _ in parameters if key.endswith("rho_d") and parameters[key][0] == 1)
-    results = []
-    for value in (1.0, 0.9, 0.8, 1.0):
-        parameters[key] = value
-        parameters.update()
-        results.append(check(recorded, scene))
-    assert differ(results[:3])
-    np.testing.assert_array_equal(results[0], results[3])
-    assert recorded.count == 1
-
-
-def test_changed_lobes_bounces_and_splits_are_recorded_once_each(recorded):
-    scene = load("two_plates")
+    film = {"type": "hdrfilm", "width": 8, "height": 8, "pixel_format": "luminance"}
+    place = mi.ScalarTransform4f().look_at(origin=[0, 0, 5], target=[0, 0, 0], up=[0, 1, 0])
+    camera = mi.load_dict(
+        {"type": "orthographic", "to_world": place, "film": film, "sampler": {"type": sampler}}
+    )
+    corner = np.zeros((256, 256))
+    corner[:100, 50:120] = 1
+    aims = [None, Aim.anywhere(), Aim.at(corner, corner > 0)]
     for _ in range(2):
-        for lobe in ("brdf", "mirror", "diffuse"):
-            scene.set_lobe(lobe)
-            check(recorded, scene)
-        scene.set_lobe("brdf")
-        for bounces in (0, 3):
-            scene.mi.integrator().max_bounces = bounces
-            check(recorded, scene)
-        scene.mi.integrator().max_bounces = 1
-        check(recorded, scene, split="image")
-    assert recorded.count == 6
+        found = [check(scene, sensor=camera, aim=aim)[0] for aim in aims]
+        assert differ(found)
 
 
-def test_changed_ambient_temperature_is_used(recorded):
-    scene = load("cavity", max_bounces=2)
-    scene.mi.integrator().closure, results = "ambient", []
-    for kelvin in (500.0, 600.0, 700.0):
-        scene.mi.integrator().ambient_temperature = kelvin
-        results.append(check(recorded, scene))
-    assert differ(results)
-    assert recorded.count == 1
-
-
-def test_changed_parameters_of_other_plugins_are_used(recorded):
-    scene = load("cavity")
-    parameters = mi.traverse(scene.mi)
-    key = next(key for key, _ in parameters if "reflectance" in key)
-    results = []
-    for value in (0.3, 0.5, 0.7):
+@pytest.mark.parametrize(
+    "name, ending, values",
+    [
+        ("two_plates", "emitter.temperature", [310.0, 330.0, 350.0]),
+        ("two_plates", "rho_d", [0.5, 0.4, 0.3]),
+        ("cavity", "reflectance.value", [0.3, 0.5, 0.7]),
+        ("furnace", "temperature", [400.0, 500.0, 600.0]),
+        ("open_box", "temperature", [310.0, 330.0, 350.0]),
+    ],
+)
+def test_changed_parameters_are_used(name, ending, values):
+    scene, results = load(name), []
+    parameters, key = parameter(scene, ending)
+    for value in (*values, values[0]):
         parameters[key] = value
         parameters.update()
-        results.append(check(recorded, scene))
-    assert differ(results)
+        results += [check(scene)[0], check(scene)[0]]
+    assert differ(results[:6:2])
+    np.testing.assert_array_equal(results[::2], results[1::2])
+    np.testing.assert_array_equal(results[0], results[6])
 
 
-def test_changed_geometry_is_used(recorded):
-    scene = load("two_plates")
-    parameters = mi.traverse(scene.mi)
-    key = next(key for key, _ in parameters if key.endswith("vertex_positions"))
-    positions, results = mi.Float(parameters[key]), []
+@pytest.mark.parametrize("name", ["cylinder_ir_range", "a340_landing"])
+@pytest.mark.parametrize("in_place", [False, True])
+def test_changed_facet_temperatures_are_used(name, in_place):
+    scene, results = load(name, **SCENES[name]), []
+    parameters, key = parameter(scene, "face_temperature")
+    for factor in (1.0, 1.05, 1.1):
+        if in_place:
+            parameters[key] *= factor
+        else:
+            parameters[key] = parameters[key] * dr.opaque(mi.Float, factor)
+        parameters.update()
+        results += [check(scene)[0], check(scene)[0]]
+    assert differ(results[::2])
+
+
+def test_changed_geometry_is_used():
+    scene, results = load("two_plates"), []
+    parameters, key = parameter(scene, "vertex_positions")
+    positions = mi.Float(parameters[key])
     for factor in (1.0, 0.9, 0.8):
         parameters[key] = positions * factor
         parameters.update()
-        results.append(check(recorded, scene))
+        results.append(check(scene)[0])
     assert differ(results)
 
 
-def test_another_sensor_and_more_paths_need_no_recording(recorded):
+def test_changed_lobes_bounces_and_splits_are_used():
+    scene = load("open_box")
+    for _ in range(2):
+        results = []
+        for lobe in ("brdf", "mirror", "diffuse"):
+            scene.set_lobe(lobe)
+            results.append(check(scene)[0])
+        for bounces in (0, 1, 6):
+            scene.mi.integrator().max_bounces = bounces
+            results.append(check(scene)[0])
+        scene.mi.integrator().emitter_sampling ^= True
+        results.append(check(scene)[0])
+        assert differ(results)
+        scene.mi.integrator().emitter_sampling ^= True
+        for split in ("target", "image", "model", None):
+            check(scene, split=split)
+    check(scene, by_spectrum=True)
+
+
+def test_changed_ambient_temperature_is_used():
+    scene, results = load("cavity", max_bounces=2), []
+    scene.mi.integrator().closure = "ambient"
+    for kelvin in (500.0, 600.0, 700.0):
+        scene.mi.integrator().ambient_temperature = kelvin
+        results.append(check(scene)[0])
+    assert differ(results)
+
+
+def test_views_of_a_trend():
+    """Any number of views, and other directions, need no other recording after the second one."""
     scene = load("two_plates")
-    film = {"type": "hdrfilm", "width": 32, "height": 32, "pixel_format": "luminance"}
-    place = mi.ScalarTransform4f().look_at(origin=[0.3, 4, 5], target=[0, 0, 0], up=[0, 0, 1])
-    sensor = mi.load_dict({"type": "perspective", "to_world": place, "film": film})
-    check(recorded, scene)
-    check(recorded, scene, paths=4 * PATHS)
-    check(recorded, scene, paths=3 * BLOCK)
-    assert recorded.count == 1
-    check(recorded, scene, sensor=sensor)  # its rays differ in direction as well
-    check(recorded, scene, sensor=sensor, seed=5)
-    assert recorded.count == 2
+    target = Target.of(scene)
+    counts = []
+    for turn in (0, 10, 20):
+        for views in (1, 3, 5):
+            sensor = cameras(scene, target, [View(turn + 30 * k, 20) for k in range(views)])
+            _, tracer = check(scene, sensor=sensor, columns=views, windows=views)
+            counts.append(tracer.recorded.count)
+    assert counts[-1] <= 2
 
 
-def test_emitter_sampling_and_spectra(recorded):
-    scene = load("cylinder_ir_range")
-    scene.mi.integrator().emitter_sampling = True
-    parameters = mi.traverse(scene.mi)
-    name = next(key for key, _ in parameters if key.endswith("face_temperature"))
-    for factor in (1.0, 1.03, 1.06):
-        parameters[name] = parameters[name] * factor
-        parameters.update()
-        check(recorded, scene)
-        check(recorded, scene, by_spectrum=True)
-
-
-def test_another_scene_may_come_and_go(recorded):
-    scene = load("two_plates")
-    first = check(recorded, scene)
-    other = load("open_box")
-    check(recorded, scene)
-    check(Recorded(), other)
-    del other
+def test_several_scenes():
+    scenes = [load(name) for name in ("two_plates", "open_box", "furnace")]
+    first = [[check(scene)[0] for scene in scenes] for _ in range(2)][1]
+    last = scenes.pop()
+    del last
     gc.collect()
-    np.testing.assert_array_equal(check(recorded, scene), first)
+    for scene, radiance in zip(scenes, first):
+        np.testing.assert_array_equal(check(scene)[0], radiance)
 
 
 def test_recordings_keep_no_scene():
-    scene, recorded = load("two_plates"), Recorded()
-    check(recorded, scene)
+    scene = load("two_plates")
+    check(scene)
     gone = weakref.ref(scene.surfaces()[0])
-    recorded.plugins = []
     del scene
     gc.collect()
     assert gone() is None
 
 
-def test_recording_is_switched_off(recorded, monkeypatch):
+def test_recording_is_switched_off(monkeypatch):
     monkeypatch.setenv(OFF, "1")
-    replayed, traced = both(recorded, load("two_plates"), 1)
-    np.testing.assert_array_equal(replayed["L"], traced["L"])
-    assert recorded.count == 0 and OFF in recorded.reason
+    tracer, recorded, anew = both(load("two_plates"))
+    np.testing.assert_array_equal(recorded.radiance, anew.radiance)
+    assert tracer.recorded.count == 0 and OFF in tracer.recorded.reason
 
 
-def test_a_pass_that_cannot_be_recorded_is_traced(recorded):
+def test_a_launch_that_cannot_be_recorded_is_traced(monkeypatch):
     scene, outside = load("two_plates"), dr.opaque(mi.Float, 2)
     with scene.prepared() as tracer:
-        recorded.update(tracer.scene, tracer.emitters)
+        monkeypatch.setattr(
+            type(tracer), "block_sums", lambda self, paths, *_: paths.lane + outside
+        )
+        paths = Launch(1, 1, 1, 8, 16).paths_from(scene.sensor(0).sampler())
         with pytest.warns(UserWarning, match="not recorded"):
-            result = recorded(lambda x: x + outside, tracer.scene, (), dr.opaque(mi.Float, 1, 4))
-        assert result[0] == 3 and "before recording" in recorded.reason
-        assert scene.surfaces()[0].lobe == "brdf"  # the plugins have their attributes again
-    assert check(Recorded(), scene).sum() > 0
+            result = tracer.recorded(tracer, paths)
+        assert result[3] == 5 and "before recording" in tracer.recorded.reason
+    monkeypatch.undo()
+    assert scene.surfaces()[0].lobe == "brdf"  # the plugins have their attributes again
+    assert check(load("two_plates"))[0].sum() > 0
+
+
+def test_parameters_with_gradients_are_traced():
+    scene = load("two_plates")
+    plain, _ = check(scene)
+    parameters, key = parameter(scene, "emitter.temperature")
+    dr.enable_grad(parameters[key])
+    parameters.update()
+    tracer, attached, _ = both(scene)
+    assert tracer.recorded.count == 0
+    np.testing.assert_array_equal(attached.radiance, plain)
+    dr.disable_grad(parameters[key])
+    parameters.update()
+    np.testing.assert_array_equal(check(scene)[0], plain)
+
+
+def test_facets_are_traced():
+    scene = load("two_plates")
+    launch = Launch(1, 1, 1, 8, POINTS)
+    with scene.prepared() as tracer:
+        sums = FacetSums(FacetTable(scene), tracer.max_bounces)
+        found = tracer.trace(scene.sensor(0), launch, "target", sums)
+        assert tracer.recorded.count == 0 and sums.samples == launch.paths
+        plain = tracer.trace(scene.sensor(0), launch, "target")
+    np.testing.assert_allclose(found.radiance, plain.radiance, rtol=1e-6)
 
 
 class Users(mi.BSDF):
-    """A user's BSDF that reflects nothing. Its Python number would go into a recording unseen."""
+    """A user's BSDF whose reflectance is a Python number that Mitsuba does not know."""
 
     def __init__(self, props):
         mi.BSDF.__init__(self, props)
-        self.m_components, self.m_flags = [mi.BSDFFlags.DiffuseReflection | 0], 0
-        self.number = 0.0
+        self.m_components = [mi.BSDFFlags.DiffuseReflection | mi.BSDFFlags.FrontSide]
+        self.m_flags = self.m_components[0]
+        self.number = 0.5
+
+    def sample(self, ctx, si, sample1, sample2, active=True):
+        bs = dr.zeros(mi.BSDFSample3f)
+        bs.wo, bs.eta = mi.warp.square_to_cosine_hemisphere(sample2), 1
+        bs.pdf = mi.warp.square_to_cosine_hemisphere_pdf(bs.wo)
+        bs.sampled_type = mi.UInt32(+mi.BSDFFlags.DiffuseReflection)
+        return bs, mi.Spectrum(self.number)
+
+    def eval(self, ctx, si, wo, active=True):
+        return mi.Spectrum(self.number * wo.z * dr.inv_pi)
+
+    def pdf(self, ctx, si, wo, active=True):
+        return mi.warp.square_to_cosine_hemisphere_pdf(wo)
+
+    def to_string(self):
+        return f"Users[{self.number}]"
 
 
-def test_a_users_plugin_in_python_is_not_recorded(recorded):
+def test_a_users_plugin_in_python_gets_a_new_tracer_each_time(tmp_path):
     mi.register_bsdf("users_number", Users)
-    scene = mi.load_dict({"type": "scene", "s": {"type": "sphere", "b": {"type": "users_number"}}})
-    recorded.update(scene)
-    assert "from elsewhere" in recorded.reason
-    calls = []
-    for _ in range(2):
-        recorded(lambda x: calls.append(x), scene, (), dr.opaque(mi.Float, 1, 4))
-    assert len(calls) == 2 and recorded.count == 0
+    text = (mi_lcair.scenes.path("open_box")).read_text()
+    path = tmp_path / "users.xml"
+    start = text.index("<bsdf")
+    end = text.index("</bsdf>", start) + len("</bsdf>")
+    name = text[start:end].split('id="')[1].split('"')[0] if 'id="' in text[start:end] else ""
+    users = f'<bsdf type="users_number" id="{name}"/>' if name else '<bsdf type="users_number"/>'
+    path.write_text(text[:start] + users + text[end:])
+    scene, results = load(path), []
+    plugin = next(node for node in mi_lcair_nodes(scene) if isinstance(node, Users))
+    for number in (0.5, 0.3, 0.1):
+        plugin.number = number
+        results.append(check(scene)[0])
+    assert differ(results)
+
+
+def mi_lcair_nodes(scene):
+    from mi_lcair.plugins.derivatives import nodes
+
+    return nodes(scene.mi)
+
+
+# ------------------------------------------------ Kernels
+
+
+def compiled(run) -> int:
+    """Number of kernels that are compiled, or found on disk, while a function runs."""
+    dr.kernel_history_clear()
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        run()
+        dr.sync_thread()
+        history = dr.kernel_history([dr.KernelType.JIT])
+    return sum(not entry["cache_hit"] for entry in history)
+
+
+@pytest.mark.parametrize("name", ["two_plates", "cylinder_ir_range"])
+def test_signatures_in_a_sweep_compile_nothing(name):
+    scene = load(name)
+    temperature = "face_temperature" if name == "cylinder_ir_range" else "emitter.temperature"
+    parameters, key = parameter(scene, temperature)
+    _, of_material = parameter(scene, "rho_d" if name == "two_plates" else ".e")
+
+    def step(k):
+        parameters[key] = parameters[key] * (1 + 0.01 * k)
+        parameters[of_material] = parameters[of_material] * (1 - 0.01 * k)
+        parameters.update()
+        signature(scene, spp=1 + k, seed=k)
+
+    step(0)
+    step(1)
+    assert [compiled(lambda k=k: step(k)) for k in range(2, 5)] == [0, 0, 0]
+
+
+def test_views_of_all_batches_compile_nothing():
+    scene = load("two_plates")
+    sweep = lambda count, first: trend(
+        scene, [View(first + 10.0 * k) for k in range(count)], spp=1, seed=count
+    )
+    sweep(3, 0)
+    assert [compiled(lambda: sweep(5, 5)), compiled(lambda: sweep(4, 50))] == [0, 0]
+
+
+def test_steps_of_an_optimisation_compile_nothing():
+    scene = load("two_plates", resolution=8)
+    parameters, key = parameter(scene, "rho_d")
+
+    def step(k):
+        parameters[key] = 0.5 + 0.01 * k
+        dr.enable_grad(parameters[key])
+        parameters.update()
+        image = mi.render(scene.mi, parameters, spp=4, seed=k)
+        dr.backward(dr.mean(dr.square(image)))
+        assert dr.grad(parameters[key])[0] != 0
+
+    step(0)
+    step(1)
+    assert [compiled(lambda k=k: step(k)) for k in range(2, 5)] == [0, 0, 0]
