@@ -12,7 +12,7 @@ from mitsuba.python.ad.integrators.common import RBIntegrator, mis_weight
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.plugins.derivatives import derivations, deriving_plugins, leaves, tracing, value_along
+from mi_lcair.plugins.derivatives import derivations, deriving_plugins, flatten, leaves, own_memory, tracing, value_along
 from mi_lcair.plugins.emission.emissivity import Table
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
 from mi_lcair.plugins.paths.channels import SIZES, Channels
@@ -168,6 +168,7 @@ class PathTracer(RBIntegrator):
     def __init__(self, integrator: BouncePath, scene, by_spectrum: bool):
         super().__init__(mi.Properties())
         emitters = EmitterTable(scene, integrator.emitter_sampling, by_spectrum)
+        own_memory(flatten(emitters))
         ambient = integrator.closure == "ambient"
         tables = [part for part in derivations(scene) if isinstance(part, Table)]
         vars(self).update(

@@ -218,3 +218,13 @@ def leaves(scene, mode: dr.ADMode):
     finally:
         for plugin, tree in zip(plugins, derived):
             plugin.derived = tree
+
+
+def own_memory(arrays) -> None:
+    """Copy arrays that were made from NumPy's into memory of Dr.Jit.
+
+    NumPy's memory is aligned by chance, and Dr.Jit compiles a kernel for either case.
+    """
+    for array in arrays:
+        array *= dr.opaque(type(array), 1)
+    dr.eval(arrays)

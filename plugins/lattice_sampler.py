@@ -71,7 +71,10 @@ class LatticeSampler(mi.Sampler):
         super().seed(seed, wavefront_size)
         lane = dr.arange(mi.UInt32, self.wavefront_size())
         points = dr.opaque(mi.UInt32, self.sample_count())
-        self.place(lane // points, lane % points, mi.UInt32(seed))
+        # An opaque seed, so that one kernel serves all seeds
+        seed = mi.UInt32(seed)
+        dr.make_opaque(seed)
+        self.place(lane // points, lane % points, seed)
 
     def advance(self):
         super().advance()

@@ -7,6 +7,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mi_lcair.plugins.derivatives import own_memory
+
 CELLS = 256  # cells along each side of the window; a power of two
 # Shares of the paths that begin anywhere in the window, and anywhere where the model may be. They
 # bound the weights of the paths.
@@ -41,9 +43,10 @@ class Aim:
         of_rows = density.sum(axis=1)
         columns = np.cumsum(density, axis=1) / of_rows[:, None]
         weight = CELLS**-2.0 / density
+        tables = mi.Float(np.cumsum(of_rows)), mi.Float(columns.ravel())
+        own_memory(tables)
         return Aim(
-            mi.Float(np.cumsum(of_rows)),
-            mi.Float(columns.ravel()),
+            *tables,
             float(weight.max()),
             float(weight[may_be_model].max(initial=0.0)),
         )

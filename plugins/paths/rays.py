@@ -39,10 +39,11 @@ class ParallelRays:
             kinds = [child for child in children(sensor) if isinstance(child, mi.Sensor)]
         if any(kind.class_name() != "OrthographicCamera" for kind in kinds):
             return None
-        count = len(kinds)
-        index = dr.arange(mi.UInt32, 3 * count)
-        first, corner = 3 * dr.arange(mi.UInt32, count), index % 3
-        x = (mi.Float(index // 3) + dr.select(corner == 1, FAR, NEAR)) / count
+        # An opaque number, so that one kernel serves any number of sensors
+        count = dr.opaque(mi.UInt32, len(kinds))
+        index = dr.arange(mi.UInt32, 3 * len(kinds))
+        first, corner = 3 * dr.arange(mi.UInt32, len(kinds)), index % 3
+        x = (mi.Float(index // 3) + dr.select(corner == 1, FAR, NEAR)) / mi.Float(count)
         position = mi.Point2f(x, dr.select(corner == 2, FAR, NEAR))
         ray, _ = sensor.sample_ray(0, 0, position, mi.Point2f(0.5))
         dr.eval(ray)
@@ -53,7 +54,7 @@ class ParallelRays:
             mi.Vector3f(at_top - start) / (FAR - NEAR),
             dr.gather(mi.Vector3f, ray.d, first),
             dr.gather(mi.Float, ray.maxt, first),
-            mi.UInt32(count),
+            count,
         )
         dr.make_opaque(rays)
         return rays
