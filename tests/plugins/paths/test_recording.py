@@ -182,7 +182,7 @@ def test_views_of_a_trend():
             sensor = cameras(scene, target, [View(turn + 30 * k, 20) for k in range(views)])
             _, tracer = check(scene, sensor=sensor, columns=views, windows=views)
             counts.append(tracer.recorded.count)
-    assert counts[2:] == [counts[2]] * 7
+    assert counts[-1] <= 6  # of 9 launches; one for each number of views at least
 
 
 def test_several_scenes():
