@@ -3,15 +3,16 @@
 Run from the root of the repository: python -m benchmarks.recording [SCENE ...]
 
 The time of this thread is the processor time of Python, of Dr.Jit, and of the share of the kernels
-that the calling thread runs. The last line of each scene is a whole signature of 2^12 paths, again
-and again, with nothing changed between. A launch of 2^6 paths has next to no kernels: what it takes is
-the overhead of Python and Dr.Jit, which does not depend on the number of paths.
+that the calling thread runs. A launch of 2^6 paths has next to no kernels: it takes the overhead of
+Python and Dr.Jit, which does not depend on the number of paths. The last line of each scene is a
+whole signature of 2^12 paths or a path for each pixel, repeated with nothing changed between.
 """
 
 import sys
 import time
 
 import mi_lcair  # noqa: F401  before drjit, so that it finds the right LLVM
+
 import drjit as dr  # isort: skip
 import numpy as np
 

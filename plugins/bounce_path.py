@@ -12,7 +12,15 @@ from mitsuba.python.ad.integrators.common import RBIntegrator, mis_weight
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.plugins.derivatives import derivations, deriving_plugins, flatten, leaves, own_memory, tracing, value_along
+from mi_lcair.plugins.derivatives import (
+    derivations,
+    deriving_plugins,
+    flatten,
+    leaves,
+    own_memory,
+    tracing,
+    value_along,
+)
 from mi_lcair.plugins.emission.emissivity import Table
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
 from mi_lcair.plugins.paths.channels import SIZES, Channels
@@ -127,8 +135,9 @@ class BouncePath(RBIntegrator):
         state = SceneState(scene, scene, *settings)
         if by_spectrum in kept and kept[by_spectrum][0] == state:
             return kept[by_spectrum][1]
-        tracer = PathTracer(self, scene, by_spectrum)
-        kept[by_spectrum] = state, tracer
+        tracer = PathTracer(self, scene, by_spectrum, state)
+        if not state.has_gradients:
+            kept[by_spectrum] = state, tracer
         return tracer
 
     def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):
@@ -165,7 +174,7 @@ class PathTracer(RBIntegrator):
     scene alone. The data derived from the scene must therefore belong to the integrator.
     """
 
-    def __init__(self, integrator: BouncePath, scene, by_spectrum: bool):
+    def __init__(self, integrator: BouncePath, scene, by_spectrum: bool, state: SceneState):
         super().__init__(mi.Properties())
         emitters = EmitterTable(scene, integrator.emitter_sampling, by_spectrum)
         own_memory(flatten(emitters))
@@ -186,7 +195,7 @@ class PathTracer(RBIntegrator):
                 rounding_error(integrator.max_bounces),
                 max((table.relative_error for table in tables), default=0.0),
             ),
-            recorded=Recorded(deriving_plugins(scene)),
+            recorded=Recorded(state),
             is_complete=True,
         )
 
@@ -245,6 +254,9 @@ class PathTracer(RBIntegrator):
             arguments = paths, rays or sensor, split, count_segments, block_size(launch)
             if facets is not None or self.closure == "tail":
                 blocks, tail = self.whole_sums(*arguments, facets, launch)
+            elif rays is None:
+                # A recording would not see that a sensor of another kind has changed
+                blocks, tail = self.block_sums(*arguments), None
             else:
                 blocks, tail = self.recorded(self, *arguments), None
             found = Sums.of(blocks, tail, launch)
@@ -253,8 +265,8 @@ class PathTracer(RBIntegrator):
     def block_sums(self, paths: Paths, rays, split, count_segments: bool, size: int) -> BlockSums:
         """Sums over blocks of the paths of a launch.
 
-        A launch of an orthographic sensor may be recorded. This method therefore reads only the
-        tracer and its arguments, and launches kernels but reads no values.
+        It may be recorded. It therefore uses only the tracer and its arguments, and launches
+        kernels but reads no values.
 
         Parameters
         ----------

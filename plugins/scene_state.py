@@ -1,9 +1,8 @@
 """The state of a scene: all that a path tracer's tables and kernels depend on."""
 
 import drjit as dr
-import mitsuba as mi
 
-from mi_lcair.plugins.derivatives import flatten, held, members, nodes, same_variables
+from mi_lcair.plugins.derivatives import attached, flatten, held, members, nodes, same_variables
 
 PACKAGE = __name__.partition(".")[0] + "."
 
@@ -13,15 +12,17 @@ class SceneState:
 
     `==` tells whether nothing has changed. It holds references to everything, so that the identity
     of an object or of a Dr.Jit variable says whether it is still the same one. Derivatives of
-    parameters are a part of the state. is_known: whether everything can be seen; False with a
-    plugin in Python from elsewhere, whose attributes may change in any way.
+    parameters are a part of the state. plugins: the plugins in Python of this package. is_known:
+    whether everything can be seen; False with a plugin in Python from elsewhere, whose attributes
+    may change in any way.
     """
 
     def __init__(self, scene, *settings):
-        self.values, arrays, self.is_known = list(settings), [], True
+        self.values, self.plugins, self.is_known, arrays = list(settings), [], True, []
         for node in nodes(scene):
             found = [node, *members(node).values()]
             if type(node).__module__.startswith(PACKAGE):
+                self.plugins.append(node)
                 found += vars(node).values()
                 arrays += flatten(tuple(getattr(node, "derivations", ())))
             elif not type(node).__module__.startswith("mitsuba"):
@@ -29,6 +30,10 @@ class SceneState:
             for value in found:
                 (arrays if dr.is_array_v(value) else self.values).append(value)
         self.variables = held([variable for array in arrays for variable in components(array)])
+
+    @property
+    def has_gradients(self) -> bool:
+        return attached(self.variables)
 
     def __eq__(self, other):
         return (

@@ -83,4 +83,3 @@ class ParallelRays:
         )
         direction = take(mi.Vector3f, self.direction)
         return mi.Ray3f(start, direction, take(mi.Float, self.length), 0, [])
-

@@ -14,7 +14,8 @@ from contextlib import contextmanager
 
 import drjit as dr
 
-from mi_lcair.plugins.derivatives import attached, flatten
+from mi_lcair.plugins.derivatives import flatten
+from mi_lcair.plugins.scene_state import SceneState
 
 OFF = "MI_LCAIR_NO_RECORDING"  # environment variable; not empty: nothing is recorded
 MOST_RECORDINGS = 16  # of one tracer; the one used least recently is dropped
@@ -26,11 +27,15 @@ class Recorded:
     reason: why launches are traced and not recorded; None if they are recorded.
     """
 
-    def __init__(self, plugins):
-        """plugins: the plugins in Python of this package in the tracer's scene."""
-        self.plugins = plugins
+    def __init__(self, state: SceneState):
+        """state: the state of the tracer's scene."""
+        self.plugins = state.plugins
         self.frozen = dr.freeze(run, limit=MOST_RECORDINGS, warn_after=2**31 - 1)
-        self.reason = f"{OFF} is set" if os.environ.get(OFF) else None
+        self.reason = None
+        if os.environ.get(OFF):
+            self.reason = f"{OFF} is set"
+        elif state.has_gradients:
+            self.reason = "parameters have gradients"
 
     @property
     def count(self) -> int:
@@ -43,10 +48,10 @@ class Recorded:
         arguments: PyTrees of Dr.Jit arrays, and numbers and texts. There is a recording for each
         set of numbers and texts. The widths of arrays may differ from call to call.
         """
+        if self.reason:
+            return tracer.block_sums(*arguments)
         attributes = tuple(vars(plugin) for plugin in self.plugins)
         arrays = flatten((attributes, tracer.emitters, tracer.ambient_radiance))
-        if self.reason or attached(arrays):
-            return tracer.block_sums(*arguments)
         call = Unseen((tracer, self.plugins, attributes))
         try:
             with attributes_replaced(self.plugins, [{} for _ in self.plugins]):

@@ -185,6 +185,21 @@ def test_views_of_a_trend():
     assert counts[-1] <= 6  # of 9 launches; one for each number of views at least
 
 
+def test_another_kind_of_sensor_is_traced():
+    """Changes of a perspective sensor are used; a recording would not see them."""
+    scene, results = load("two_plates"), []
+    film = {"type": "hdrfilm", "width": 8, "height": 8, "pixel_format": "luminance"}
+    place = mi.ScalarTransform4f().look_at(origin=[0, 0, 5], target=[0, 0, 0], up=[0, 1, 0])
+    camera = mi.load_dict({"type": "perspective", "to_world": place, "fov": 10.0, "film": film})
+    parameters = mi.traverse(camera)
+    for clip in (10.0, 4.96, 4.9):
+        parameters["far_clip"] = clip
+        parameters.update()
+        tracer, found, _ = both(scene, sensor=camera)
+        results.append(found.radiance)
+    assert tracer.recorded.count == 0 and differ(results[::2])
+
+
 def test_several_scenes():
     scenes = [load(name) for name in ("two_plates", "open_box", "furnace")]
     first = [[check(scene)[0] for scene in scenes] for _ in range(2)][1]
@@ -226,14 +241,17 @@ def test_a_launch_that_cannot_be_recorded_is_traced(monkeypatch):
     assert check(load("two_plates"))[0].sum() > 0
 
 
-def test_parameters_with_gradients_are_traced():
-    scene = load("two_plates")
+@pytest.mark.parametrize(
+    "name, ending", [("two_plates", "emitter.temperature"), ("cavity", "reflectance.value")]
+)
+def test_parameters_with_gradients_are_traced(name, ending):
+    scene = load(name)
     plain, _ = check(scene)
-    parameters, key = parameter(scene, "emitter.temperature")
+    parameters, key = parameter(scene, ending)
     dr.enable_grad(parameters[key])
     parameters.update()
     tracer, attached, _ = both(scene)
-    assert tracer.recorded.count == 0
+    assert tracer.recorded.count == 0 and "gradients" in tracer.recorded.reason
     np.testing.assert_array_equal(attached.radiance, plain)
     dr.disable_grad(parameters[key])
     parameters.update()
