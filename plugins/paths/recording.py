@@ -54,7 +54,8 @@ class Recorded:
         arrays = flatten((attributes, tracer.emitters, tracer.ambient_radiance))
         call = Unseen((tracer, self.plugins, attributes))
         try:
-            with attributes_replaced(self.plugins, [{} for _ in self.plugins]):
+            hidden = [{} for _ in self.plugins]
+            with without_collection(), attributes_replaced(self.plugins, hidden):
                 return self.frozen(call, tracer.scene, arrays, *arguments)
         except RuntimeError as error:
             self.frozen.clear()
@@ -83,12 +84,20 @@ class Unseen:
 def run(call, scene, arrays, *arguments):
     """The function that is recorded. `freeze` compares all arguments but `call`."""
     tracer, plugins, attributes = call.content
-    # An array of NumPy's that the garbage collector finds while Dr.Jit records ends the process
+    with attributes_replaced(plugins, attributes):
+        return tracer.block_sums(*arguments)
+
+
+@contextmanager
+def without_collection():
+    """Context manager in which Python's garbage collector does not run.
+
+    Dr.Jit ends the process if the collector finds an array in memory of NumPy's while it records.
+    """
     collects = gc.isenabled()
     gc.disable()
     try:
-        with attributes_replaced(plugins, attributes):
-            return tracer.block_sums(*arguments)
+        yield
     finally:
         if collects:
             gc.enable()

@@ -34,12 +34,13 @@ def both(scene, seed=1, split="target", points=POINTS, sensor=None, by_spectrum=
     """The tracer, and the sums of one launch, recorded and traced anew."""
     numbers = {"columns": 1, "rows": 1, "randomisations": 8} | numbers
     launch = Launch(seed=seed, points=points, **numbers)
+    trace = lambda tracer: tracer.trace(sensor or scene.sensor(0), launch, split)
     with scene.prepared(by_spectrum) as tracer:
-        trace = lambda: tracer.trace(sensor or scene.sensor(0), launch, split)
-        recorded = trace()
-        reason, tracer.recorded.reason = tracer.recorded.reason, "the test traces anew"
-        anew = trace()
-        tracer.recorded.reason = reason
+        recorded = trace(tracer)
+    # A tracer that no one has used before
+    with scene.mi.integrator().prepared(scene.mi, by_spectrum) as new:
+        new.recorded.reason = "the test traces anew"
+        anew = trace(new)
     return tracer, recorded, anew
 
 
@@ -239,6 +240,21 @@ def test_a_launch_that_cannot_be_recorded_is_traced(monkeypatch):
     monkeypatch.undo()
     assert scene.surfaces()[0].lobe == "brdf"  # the plugins have their attributes again
     assert check(load("two_plates"))[0].sum() > 0
+
+
+def test_garbage_waits_while_a_launch_is_recorded(monkeypatch):
+    """Dr.Jit ends the process if an array in memory of NumPy's is freed while it records."""
+    scene, enabled = load("two_plates"), []
+    with scene.prepared() as tracer:
+        original = type(tracer).block_sums
+
+        def block_sums(self, *arguments):
+            enabled.append(gc.isenabled())
+            return original(self, *arguments)
+
+        monkeypatch.setattr(type(tracer), "block_sums", block_sums)
+        tracer.trace(scene.sensor(0), Launch(1, 1, 1, 8, POINTS))
+    assert enabled == [False] and gc.isenabled() and tracer.recorded.count == 1
 
 
 @pytest.mark.parametrize(
