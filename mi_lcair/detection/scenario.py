@@ -318,7 +318,6 @@ class Sampling:
                         f"{f'lie in {least}..{most}' if most < np.inf else f'be {least} or more'}"
                     )
 
-
     @property
     def has_tolerance(self) -> bool:
         """Whether the number of samples follows from a tolerance."""
