@@ -18,10 +18,11 @@ from mi_lcair.rendering.image import write_exr
 def test_signature_table(run, renderer):
     result = run("signature", "two_plates", "--spp", 4)
     assert renderer.sampling["spp"] == 4
-    rows = [line.split() for line in result.stdout.splitlines()]
-    assert "scene   22.0755 W/sr +- 0.005 (95 %)".split() in rows
-    assert "target  11.5 W/sr +- 0.005 (95 %)".split() in rows
-    assert "error   the 95 % interval is +- 0.043 % of the target's intensity".split() in rows
+    lines = result.stdout.splitlines()
+    rows = [line.split() for line in lines]
+    assert "scene   22.0755 W/sr +- 0.005 (95 %)" in lines
+    assert "target  11.5 W/sr +- 0.005 (95 %)" in lines
+    assert "error   the 95 % interval is +- 0.043 % of the target's intensity" in lines
     assert ["0", "10", "20"] in rows and ["1", "11", "22"] in rows
     assert ["hot", "21", "+-", "0.002", "21", "+-", "0.002"] in rows
     assert ["self", "1.0755", "+-", "0", "1.0755", "+-", "0"] in rows
