@@ -58,7 +58,7 @@ from mi_lcair.errors import InputError
     "--spp",
     type=POSITIVE,
     help="Number of paths, divided by the number of pixels of render.resolution, instead of a "
-    "tolerance (default: 64). The paths begin anywhere in the window.",
+    "tolerance (default: 64). The paths begin anywhere in a window around the target.",
 )
 @click.option("--max-spp", type=POSITIVE, help="Largest --spp for the tolerances (default: 65536).")
 @renderer_options

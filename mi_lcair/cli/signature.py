@@ -22,7 +22,7 @@ from mi_lcair.errors import InputError
 @click.command("signature")
 @scene_options(
     spp="Number of paths, divided by the number of pixels of the film (default: the scene's own). "
-    "The paths begin anywhere in the window.",
+    "The paths begin anywhere on the film.",
     tolerance="Trace paths until half of the 95 % interval of the target's intensity is at most "
     "this fraction of it, such as 0.01 or 1%.",
 )

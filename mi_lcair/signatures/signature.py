@@ -228,31 +228,37 @@ def signature(
                 tolerance=tolerance,
             )
 
-        criterion = excess or excess_of_intensity
+        if excess is None:
+            ratio = lambda total: excess_of_intensity(total, tolerance)
+        else:
+            ratio = lambda total: excess(result(total))
         total = window_means(
             scene,
             tracer,
             camera,
             paths=spp and spp * pixels,
-            excess=lambda total: criterion(result(total)),
+            excess=ratio,
             most_paths=(max_spp or DEFAULT_MAX_SPP) * pixels,
             seed=seed,
             facets=sums,
             progress=progress,
         )
-        found = result(total)
     *_, direction = window(camera)
     return replace(
-        found,
+        result(total),
         facets=sums.results(area, -direction) if facets else None,
-        reached=criterion(found) <= 1 if adaptive else None,
+        reached=ratio(total) <= 1 if adaptive else None,
     )
 
 
-def excess_of_intensity(result: Signature) -> float:
-    """Ratio of the half width of the main part's 95 % interval to the tolerance."""
-    part = getattr(result, result.main_part)
-    return part.half_width / (result.tolerance * part.intensity) if part.intensity > 0 else np.inf
+def excess_of_intensity(total: Totals, tolerance: float) -> float:
+    """Ratio of the 95 % interval of the target's mean radiance to the tolerance.
+
+    Without a target it is that of the scene's mean radiance.
+    """
+    name = "target" if total.mean("target")[0] > 0 else None
+    allowed = tolerance * total.mean(name)[0]
+    return float(total.half_width(name)[0] / allowed) if allowed > 0 else np.inf
 
 
 def intensity(total: Totals, prefix: str, area: float) -> Intensity:
