@@ -55,8 +55,8 @@ def test_cavity(opening):
     sphere's formula.
     """
     scene = mi_lcair.load("cavity", opening=opening, resolution=32)
-    result = mi_lcair.render(scene, spp=512, seed=3)
-    measured = np.cumsum(result.by_bounce) / radiance("total", 800)
+    result = mi_lcair.signature(scene, spp=512, seed=3)
+    measured = np.array(result.scene.by_bounce) / result.window_area / radiance("total", 800)
     for bounces in range(5):
         assert measured[bounces] == pytest.approx(
             exact.cavity_emissivity(opening, bounces), rel=1.5e-3
