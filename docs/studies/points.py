@@ -159,12 +159,12 @@ def covered(means: np.ndarray, truth: float, systematic=0.0, missed=0.0) -> floa
     return float(np.mean(np.abs(mean - truth) <= half))
 
 
-def coverage(text, scene) -> list[str]:
-    """Return the rows of the tables of intervals of a scene."""
+def coverage(scene, numbers_of_paths) -> list[tuple[int, float, float, list[float]]]:
+    """Return rows (paths, coverage by scatter, stated coverage, those of the channels)."""
     R = window_means.RANDOMISATIONS
     rows, truth = [], None
     with scene.prepared() as tracer:
-        for paths in sorted(COVERAGE_PATHS, reverse=True):
+        for paths in sorted(numbers_of_paths, reverse=True):
             found = runs(scene, tracer, paths, R, paths)
             if truth is None:
                 truth = {name: values.mean() for name, values in found.items()}
@@ -175,13 +175,19 @@ def coverage(text, scene) -> list[str]:
                 if name.startswith(("target.group.", "target.bounce.", "target.hit"))
                 and truth[name] > LEAST_SHARE * truth["target"]
             ]
-            target = found["target"]
-            rows.append(
-                f"| {text} | {paths} | {covered(target, truth['target']):.1%} | "
-                f"{covered(target, truth['target'], tracer.systematic_error, missed):.1%} | "
-                f"{min(parts):.1%} - {max(parts):.1%} |"
-            )
+            of_target = found["target"], truth["target"]
+            stated = covered(*of_target, tracer.systematic_error, missed)
+            rows.append((paths, covered(*of_target), stated, parts))
     return rows[::-1]
+
+
+def intervals(scenes) -> str:
+    """Return the rows of the table of intervals."""
+    return "\n".join(
+        f"| {text} | {paths} | {scatter:.1%} | {stated:.1%} | {min(parts):.1%} - {max(parts):.1%} |"
+        for text, scene in tqdm(scenes)
+        for paths, scatter, stated, parts in coverage(scene, COVERAGE_PATHS)
+    )
 
 
 def counts(scenes, paths: int = 2**13) -> str:
@@ -251,7 +257,7 @@ def main(page):
         gains=gains(scenes),
         counts=counts(scenes),
         images=image_gains(),
-        coverage="\n".join(row for case in tqdm(scenes) for row in coverage(*case)),
+        coverage=intervals(scenes),
     )
     with replacing(page) as partial:
         partial.write_text(text, encoding="utf-8")
