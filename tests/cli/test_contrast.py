@@ -125,8 +125,8 @@ def told(run, *options):
             "reflections",
         ),
         (
-            ["--tolerance", "1%", "--max-spp", 4],
-            "tolerance      1 % NOT reached at 4 samples per pixel: the 95 % interval is +- ",
+            ["--tolerance", "0.1%", "--max-spp", 4],
+            "tolerance      0.1 % NOT reached at 4 samples per pixel: the 95 % interval is +- ",
             " % of the contrast; raise --max-spp",
         ),
         (
