@@ -22,13 +22,13 @@ from mi_lcair.rendering.loading.fingerprint import fingerprint, source_digest
 from mi_lcair.rendering.loading.meshes import check_mesh_files, check_shapes
 from mi_lcair.rendering.loading.nodes import check_nodes
 from mi_lcair.rendering.loading.origin import check_meshes_near, far_origin, move
-from mi_lcair.rendering.loading.samplers import add_samplers, remarks_on_samplers
 from mi_lcair.rendering.loading.remarks import (
     clipped,
     shapes_without_bsdf,
     surfaces_that_emit_nothing,
     thin_sheets,
 )
+from mi_lcair.rendering.loading.samplers import add_samplers, remarks_on_samplers
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
 # Largest number of moves of a scene to the origin. One move may not be enough, because the position
