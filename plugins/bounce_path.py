@@ -195,6 +195,7 @@ class PathTracer(RBIntegrator):
         split: str | None = "image",
         facets=None,
         count_segments: bool = False,
+        counted: int | None = None,
     ) -> Sums:
         """Trace the paths of a launch; call it inside the context `prepared`.
 
@@ -213,6 +214,9 @@ class PathTracer(RBIntegrator):
             the facet that its path hits first.
         count_segments : bool
             Also record the number of rays of each path.
+        counted : int or None
+            Largest number of reflections whose radiance is recorded separately, in one of SIZES;
+            that of more reflections is added to the last channel. None: as many as `max_bounces`.
 
         Returns
         -------
@@ -226,7 +230,7 @@ class PathTracer(RBIntegrator):
             channels, tail = None, None
             if split or facets or self.closure == "tail":
                 channels = Channels.empty(
-                    self.max_bounces,
+                    self.max_bounces if counted is None else counted,
                     self.closure,
                     self.emitters.sources if split else None,
                     split == "model",

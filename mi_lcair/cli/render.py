@@ -109,11 +109,3 @@ def _remarks(options, result):
                 + ("reached" if result.reached else "NOT reached; raise --max-spp")
             ),
         )
-    elif (
-        options.plan and result.rms_error is not None and result.rms_error > options.plan.tolerance
-    ):
-        yield (
-            "tolerance",
-            f"{options.plan.tolerance:.3g} NOT reached: more noise than the probes saw; use "
-            "--tolerance without --plan",
-        )

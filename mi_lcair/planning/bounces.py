@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from mi_lcair.planning.probe import BATCHES, upper
+from mi_lcair.planning.probe import upper
 
 LARGEST_RATIO = 0.999  # ratio of successive bounces; a larger one is mostly noise
 LEAST_FALL = 1e-6  # relative fall from one bounce to the next that a geometric tail needs
 
 
 def fewest_bounces(
-    by_bounce: np.ndarray, budget: float, each_pixel: bool
+    by_bounce: np.ndarray, budget: float, each_pixel: bool, reflections: int | None = None
 ) -> tuple[int, str, float]:
     """The smallest number of reflections whose truncation error is within a budget.
 
@@ -17,12 +17,14 @@ def fewest_bounces(
 
     Parameters
     ----------
-    by_bounce : ndarray, shape (BATCHES, n, pixels)
-        Radiance, W m^-2 sr^-1, of paths with 0, 1, ... n - 1 reflections.
+    by_bounce : ndarray, shape (R, n, pixels)
+        Radiance, W m^-2 sr^-1, of paths with 0, 1, ... n - 1 reflections, by randomisation.
     budget : float
         Error that is allowed, as a fraction of the mean radiance.
     each_pixel : bool
         Whether the error is the rms over the pixels. Otherwise it is that of their mean.
+    reflections : int or None
+        Number up to which the last entry sums; None for n - 1. No tail is found for such a sum.
 
     Returns
     -------
@@ -34,11 +36,17 @@ def fewest_bounces(
         Upper bound (95 %) of the truncation error, as a fraction of the mean radiance.
     """
     by_pixel = by_bounce.mean(axis=0)  # (n, pixels); no radiance is negative, so noise adds little
-    by_batch = by_bounce.mean(axis=2)  # (BATCHES, n)
+    by_batch = by_bounce.mean(axis=2)  # (R, n)
     means = by_pixel.mean(axis=1)  # (n,)
     last = len(means) - 1
-    ratio = min(means[last] / means[last - 1], LARGEST_RATIO) if means[last - 1] > 0 else 0.0
-    beyond = ratio / (1 - ratio)  # sum of the series after the last bounce, relative to that bounce
+    summed = 0 if reflections is None else reflections - last  # entries added to the last one
+    # Sum of the series beyond the probed numbers, relative to the last entry
+    if summed:
+        whole = means[last] + means[last - 1]
+        beyond = min(means[last] / whole, LARGEST_RATIO) ** (summed + 1) if whole > 0 else 0.0
+    else:
+        ratio = min(means[last] / means[last - 1], LARGEST_RATIO) if means[last - 1] > 0 else 0.0
+        beyond = ratio / (1 - ratio)
     total = means.sum() + beyond * means[last]
     total_by_batch = by_batch.sum(axis=1) + beyond * by_batch[:, last]
 
@@ -55,7 +63,7 @@ def fewest_bounces(
         before, at = by_batch[:, n - 1], by_batch[:, n]
         fall = np.maximum(before - at, LEAST_FALL * before)
         # A batch whose bounces do not fall has no tail.
-        of_batches = np.divide(at**2, fall, out=np.zeros(BATCHES), where=fall > 0)
+        of_batches = np.divide(at**2, fall, out=np.zeros(len(at)), where=fall > 0)
         return factor * by_pixel[n], of_batches
 
     def bound(error_by_pixel, error_by_batch):
@@ -65,14 +73,14 @@ def fewest_bounces(
         return upper(error_by_batch / total_by_batch, signed=True)
 
     # Truncate as early as the budget allows.
-    best = (last, "none", bound(*missing(last)))
-    for n in range(last, -1, -1):
+    best = (last + summed, "none", bound(*missing(last)))
+    for n in range(last - bool(summed), -1, -1):
         error = bound(*missing(n))
         if error > budget:
             break
         best = (n, "none", error)
     # Take a tail if it saves two reflections or more, or if truncation alone never suffices.
-    for n in range(2, last if best[2] > budget else best[0] - 1):
+    for n in range(2, 0 if summed else last if best[2] > budget else best[0] - 1):
         error = bound(*(truth - estimate for truth, estimate in zip(missing(n), tail(n))))
         if error <= budget:
             return n, "tail", error
