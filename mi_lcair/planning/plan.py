@@ -189,7 +189,7 @@ def plan(
         probes, full, reference, tolerance, pays
     )
     left_out += remarks
-    rays = settings.max_bounces + 1
+    rays = settings.max_bounces + 1 + (settings.closure == "ambient")
     simpler = candidates(scene, exact=False)
     if simpler and pays(SAVING * rays):
         tail_error = bias if settings.closure == "tail" else 0.0

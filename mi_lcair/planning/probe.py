@@ -7,6 +7,7 @@ the render does not need.
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from math import gcd
 
 import numpy as np
 
@@ -19,8 +20,8 @@ from mi_lcair.rendering.statistics import student_factor
 
 # Randomisations of a probe, under all settings the same ones, so that the difference between two
 # probes has little noise. In a window their number decides how well the noise is known.
-WINDOW_RANDOMISATIONS, PIXEL_RANDOMISATIONS = 32, 8
-WINDOW_POINTS, PIXEL_POINTS = 2**8, 2  # points of each randomisation
+WINDOW_RANDOMISATIONS, PIXEL_RANDOMISATIONS = 64, 8
+WINDOW_POINTS, PIXEL_POINTS = 2**7, 2  # points of each randomisation
 # A probe of pixels takes one of 16, so that it costs little beside the image. They are spread over
 # the image. Their number lies between the limits, if the image has as many.
 PIXEL_SHARE, LEAST_PIXELS, MOST_PIXELS = 16, 2**6, 2**11
@@ -177,8 +178,9 @@ def pixels_launch(width: int, height: int, seed: int, factor: int) -> Launch:
     """The launch of a probe of some pixels of an image."""
     wanted = np.clip(width * height // PIXEL_SHARE, LEAST_PIXELS, MOST_PIXELS)
     stride = max(1, width * height // int(wanted))
-    # A stride that divides the width would put all pixels into a few columns.
-    stride += stride > 1 and width % stride == 0
+    # A stride with a divisor of the width would put all pixels into a few columns.
+    while gcd(stride, width) > 1:
+        stride += 1
     return Launch(
         columns=width,
         rows=height,

@@ -144,9 +144,9 @@ def test_each_pixel():
 
 
 def test_what_cannot_win_is_not_tried():
-    """A small scene is rendered sooner than a simpler lobe is probed; a thousand are not."""
+    """A small scene is rendered sooner than a simpler lobe is probed; ten thousand are not."""
     scene = mi_lcair.load("furnace", resolution=16)
-    once, often = (mi_lcair.plan(scene, renders=renders) for renders in (1, 1000))
+    once, often = (mi_lcair.plan(scene, renders=renders) for renders in (1, 10_000))
     assert once.lobe["bare_aluminum"] == "brdf" and once.max_bounces == 32
     assert once.bias < 1e-6 and len(once.untried) == 2
     assert any("bare_aluminum" in sentence for sentence in once.untried)
