@@ -16,7 +16,7 @@ from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.reflection.interface import Rung
 from mi_lcair.planning.bounces import fewest_bounces
 from mi_lcair.planning.lobes import rungs
-from mi_lcair.planning.probe import Settings, pixels_launch
+from mi_lcair.planning.probe import FEW_COUNTS, Settings, difference, pixels_launch, probe
 from mi_lcair.rendering.scene import checked
 from mi_lcair.rendering.settings import changed
 from tests.plugins.conftest import corner, plate  # noqa: F401, fixtures
@@ -192,6 +192,48 @@ def test_geometric_series():
     assert fewest_bounces(falling, 1e-3, False)[:2] == (1, "none") and fewest_bounces(
         falling, 1e-4, True
     )[:2] == (2, "none")
+
+
+def test_few_counts_and_their_sum():
+    """Four counts and the sum of the others give the same number of reflections as all of them.
+
+    Where four are too few, the number is the largest one that was followed. Its error is that of
+    a geometric series.
+    """
+    by_bounce = np.broadcast_to(0.1 ** np.arange(33)[None, :, None], (8, 33, 4))
+    few = np.concatenate([by_bounce[:, :4], by_bounce[:, 4:].sum(axis=1, keepdims=True)], axis=1)
+    n, closure, error = fewest_bounces(few, 2e-3, False, reflections=32)
+    assert (n, closure) == fewest_bounces(by_bounce, 2e-3, False)[:2] == (2, "none")
+    assert error == pytest.approx(1e-3, rel=1e-6)
+    assert fewest_bounces(few, 5e-5, True, reflections=32)[:2] == (32, "none")
+    slow = np.broadcast_to(0.9 ** np.arange(33)[None, :, None], (8, 33, 4))
+    few = np.concatenate([slow[:, :4], slow[:, 4:].sum(axis=1, keepdims=True)], axis=1)
+    n, _, error = fewest_bounces(few, 1e-4, True, reflections=32)
+    assert n == 32 and error == pytest.approx(0.9**33, rel=0.2)
+
+
+def test_probes_count_few_or_all_reflections():
+    """Both record the same radiance; the last of few entries is the sum of the others."""
+    scene = mi_lcair.load("furnace", resolution=16)
+    for each_pixel in (False, True):
+        whole = probe(scene, Settings.of(scene), each_pixel)
+        few = probe(scene, Settings.of(scene), each_pixel, counted=FEW_COUNTS)
+        assert whole.is_complete and not few.is_complete
+        assert few.by_bounce.shape[1] == FEW_COUNTS + 1
+        assert few.value == pytest.approx(whole.value, rel=1e-5)
+        assert few.by_bounce[:, -1] == pytest.approx(
+            whole.by_bounce[:, FEW_COUNTS:].sum(axis=1), rel=1e-4, abs=1e-7
+        )
+
+
+def test_the_difference_of_images_is_that_of_the_pixels():
+    """Without noise it is the rms over the pixels; noise makes it larger, but not by its size."""
+    random = np.random.default_rng(1)
+    gap = random.normal(size=2000) * 0.01
+    still = np.broadcast_to(gap, (8, 2000))
+    assert difference(still, True) == pytest.approx(0.01, rel=0.1)
+    noisy = still + 0.05 * random.normal(size=(8, 2000))
+    assert 0.005 < difference(noisy, True) < 0.015
 
 
 @pytest.mark.parametrize("tolerance", [0, 1, -0.1])
