@@ -57,6 +57,7 @@ MOST_PATHS = 2**20  # paths of the longest probe
 # million rays in a second.
 KERNEL = 2**21
 SAVING = 0.3  # share of a render's cost that simpler lobes or other emitter sampling may save
+LARGE_PROBE = 0.5  # share of the render's paths from which on a probe is too large to pay
 
 
 @dataclass(frozen=True)
@@ -179,34 +180,23 @@ def plan(
         check_bounded(tracer.emitters, scene.name)
     own = Settings.of(scene)
     probes = ProbeSeries(scene, each_pixel, seed, sensor, progress)
-    full, reference = reference_probe(probes, own, tolerance)
-    paths = renders * expected_paths(reference, tolerance, each_pixel, pixel_count(scene, sensor))
-    pays = lambda rays: rays > 0 and rays * paths > KERNEL
-    left_out = [] if own.closure == "none" else [f"the scene's own closure, {own.closure}"]
-    untried = []
-
-    reference, settings, bias, probe, remarks = fewer_bounces(
-        probes, full, reference, tolerance, pays
+    expected = lambda reference: (
+        renders * expected_paths(reference, tolerance, each_pixel, pixel_count(scene, sensor))
     )
-    left_out += remarks
-    rays = settings.max_bounces + 1 + (settings.closure == "ambient")
-    simpler = candidates(scene, exact=False)
-    if simpler and pays(SAVING * rays):
-        tail_error = bias if settings.closure == "tail" else 0.0
-        share = PIXEL_SHARE if each_pixel else INTENSITY_SHARE
-        settings, bias, lobe_probe, remarks = simpler_lobes(
-            probes, settings, reference, bias, tail_error, share * tolerance
-        )
-        probe = lobe_probe or probe
-        left_out += remarks
-    elif simpler:
-        names = ", ".join(material or "an unnamed material" for material in simpler)
-        untried.append(f"simpler lobes for {names}: a probe takes longer than they can save")
-    if pays(SAVING * rays):
-        settings = cheaper_emitter_sampling(probes, settings, probe or reference, tolerance)
+    full, reference = reference_probe(probes, own, tolerance, expected)
+    if reference.may_lack > LACK_SHARE * tolerance:
+        settings, bias, left_out = full, truncation_error(probes, reference), []
+        untried = [
+            "any simplification: a probe that excludes a source which no path has hit takes about "
+            "as long as the render"
+        ]
     else:
-        word = "without" if settings.emitter_sampling else "with"
-        untried.append(f"paths {word} emitter sampling: a probe takes longer than it can save")
+        settings, bias, left_out, untried = simplified(
+            probes, full, reference, tolerance, expected(reference)
+        )
+    if own.closure != "none":
+        left_out.insert(0, f"the scene's own closure, {own.closure}")
+    check_bounces(probes, settings.max_bounces, full, bias, tolerance)
     if progress:
         progress(probes.done, probes.done)
     return Plan(
@@ -221,6 +211,57 @@ def plan(
     )
 
 
+def simplified(
+    probes: ProbeSeries, full: Settings, reference: Probe, tolerance: float, paths: float
+) -> tuple[Settings, float, list[str], list[str]]:
+    """Simpler settings than `full`, as far as that saves time.
+
+    Parameters
+    ----------
+    probes : ProbeSeries
+    full : Settings
+        Settings of full fidelity.
+    reference : Probe
+        Probe under `full`, which has missed no important source.
+    tolerance : float
+        Error that is allowed, as a fraction of the mean radiance.
+    paths : float
+        Expected number of paths of all renders.
+
+    Returns
+    -------
+    settings : Settings
+    bias : float
+        Upper bound (95 %) of their error, as a fraction of the mean radiance.
+    left_out, untried : list of str
+        As for `Plan`.
+    """
+    pays = lambda rays: rays > 0 and rays * paths > KERNEL
+    untried = []
+    reference, settings, bias, probe, left_out = fewer_bounces(
+        probes, full, reference, tolerance, pays
+    )
+    rays = settings.max_bounces + 1 + (settings.closure == "ambient")
+    simpler = candidates(probes.scene, exact=False)
+    if simpler and pays(SAVING * rays):
+        tail_error = bias if settings.closure == "tail" else 0.0
+        share = PIXEL_SHARE if probes.each_pixel else INTENSITY_SHARE
+        settings, bias, lobe_probe, remarks = simpler_lobes(
+            probes, settings, reference, bias, tail_error, share * tolerance
+        )
+        probe = lobe_probe or probe
+        left_out += remarks
+    elif simpler:
+        names = ", ".join(material or "an unnamed material" for material in simpler)
+        untried.append(f"simpler lobes for {names}: a probe takes longer than they can save")
+    if pays(SAVING * rays):
+        settings = cheaper_emitter_sampling(probes, settings, probe or reference, tolerance)
+    else:
+        word = "without" if settings.emitter_sampling else "with"
+        untried.append(f"paths {word} emitter sampling: a probe takes longer than it can save")
+    return settings, bias, left_out, untried
+
+
 def pixel_count(scene: Scene, sensor: int) -> int:
     """Number of pixels of a sensor."""
     return int(np.prod(scene.sensor(sensor).film().crop_size()))
@@ -232,21 +273,36 @@ def expected_paths(reference: Probe, tolerance: float, each_pixel: bool, pixels:
         spp = reference.paths / reference.value.shape[1]
         error = np.sqrt(reference.variance / len(reference.value)) / reference.mean
         return pixels * max(PILOT_SPP, spp * (error / tolerance) ** 2)
-    error = half_width(reference.value.mean(axis=1)) / reference.mean + reference.may_lack
+    noise = half_width(reference.value.mean(axis=1)) / reference.mean
     # The error of a lattice falls faster than 1 / sqrt(paths) and slower than 1 / paths.
-    return max(FIRST_PATHS, reference.paths * (error / tolerance) ** 1.5)
+    of_noise, of_source = (noise / tolerance) ** 1.5, reference.may_lack / tolerance
+    return max(FIRST_PATHS, reference.paths * (of_noise + of_source))
 
 
 # ---------------------- Reference probe ----------------------
 
 
-def reference_probe(probes: ProbeSeries, own: Settings, tolerance: float) -> tuple[Settings, Probe]:
+def reference_probe(
+    probes: ProbeSeries, own: Settings, tolerance: float, expected
+) -> tuple[Settings, Probe]:
     """Settings of full fidelity, and a probe under them that has missed no important source.
 
     Lobes that are exact take the place of the BRDF at once. The first probe uses the scene's own
     emitter sampling. If it may have missed a source, further ones trace more paths or sample
-    emitters. `own` are the scene's own settings. Raises InputError for a dark scene, and if too
-    many paths would be needed.
+    emitters. The first probe is returned, whatever it has missed, if a probe with more paths would
+    cost about as much as the render.
+
+    Parameters
+    ----------
+    probes : ProbeSeries
+    own : Settings
+        The scene's own settings.
+    tolerance : float
+        Error that is allowed, as a fraction of the mean radiance.
+    expected : callable
+        Number of paths of all renders under full fidelity, estimated from a probe.
+
+    Raises InputError for a dark scene, and if too many paths would be needed.
     """
     scene = probes.scene
     full = Settings(
@@ -269,6 +325,8 @@ def reference_probe(probes: ProbeSeries, own: Settings, tolerance: float) -> tup
         # The bound falls as 1 / paths. The next probe takes the paths that it needs, and 20 % more.
         more = reference.may_lack / allowed
         if more * reference.paths <= most:
+            if is_first and more * reference.paths > LARGE_PROBE * expected(reference):
+                break
             probes.factor = int(np.ceil(1.2 * more * probes.factor))
             reference = probes(full, counted=counted)
         elif is_first:
@@ -290,6 +348,30 @@ def reference_probe(probes: ProbeSeries, own: Settings, tolerance: float) -> tup
 
 
 # -------------------------- Bounces --------------------------
+
+
+def reflections_needed(probes: ProbeSeries, probe: Probe, budget: float) -> tuple[int, str, float]:
+    """Number of reflections, closure and error for a budget, see `fewest_bounces`."""
+    reflections = None if probe.is_complete else probe.reflections
+    return fewest_bounces(probe.by_bounce, budget, probes.each_pixel, reflections)
+
+
+def truncation_error(probes: ProbeSeries, probe: Probe) -> float:
+    """Upper bound of what is missing after all reflections of a probe."""
+    *_, error = reflections_needed(probes, probe, budget=0.0)
+    return error
+
+
+def check_bounces(
+    probes: ProbeSeries, bounces: int, full: Settings, error: float, tolerance: float
+) -> None:
+    """Raise InputError if the error of following `bounces` reflections is not below `tolerance`."""
+    if not error < tolerance:
+        raise InputError(
+            f"{probes.scene.name}: no plan for {tolerance:.2%}: what lies beyond {bounces} "
+            f"reflections may be {error:.2%} of the mean, and no more than {full.max_bounces} were "
+            "probed; allow a larger tolerance, or set max_bounces and --tolerance yourself"
+        )
 
 
 def fewer_bounces(
@@ -323,27 +405,16 @@ def fewer_bounces(
     Raises InputError if no number that was probed suffices.
     """
     budget = BOUNCE_SHARE * tolerance
-    search = lambda probe: fewest_bounces(
-        probe.by_bounce,
-        budget,
-        probes.each_pixel,
-        None if probe.is_complete else probe.reflections,
-    )
-    bounces, closure, error = search(reference)
+    bounces, closure, error = reflections_needed(probes, reference, budget)
     if not reference.is_complete and bounces == full.max_bounces:
         reference = probes(full)
-        bounces, closure, error = search(reference)
-    if not error < tolerance:
-        raise InputError(
-            f"{probes.scene.name}: no plan for {tolerance:.2%}: what lies beyond {bounces} "
-            f"reflections may be {error:.2%} of the mean, and no more than {full.max_bounces} were "
-            "probed; allow a larger tolerance, or set max_bounces and --tolerance yourself"
-        )
+        bounces, closure, error = reflections_needed(probes, reference, budget)
+    check_bounces(probes, bounces, full, error, tolerance)
     if reference.is_complete and not pays(full.max_bounces - bounces):
-        # The kernel for all reflections is compiled already. A budget of 0 leaves none out.
-        *_, beyond_all = fewest_bounces(reference.by_bounce, 0.0, probes.each_pixel)
-        if beyond_all <= budget:
-            bounces, closure, error = full.max_bounces, "none", beyond_all
+        # The kernel for all reflections is compiled already
+        error_of_all = truncation_error(probes, reference)
+        if error_of_all <= budget:
+            bounces, closure, error = full.max_bounces, "none", error_of_all
     settings = replace(full, max_bounces=bounces, closure=closure)
     probe = None
     fewer = range(bounces - 2)  # one more ray than these numbers say, and two saved at least
