@@ -27,8 +27,8 @@ from mi_lcair.files import replacing
 from mi_lcair.kernel_cache import VARIABLE
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.planning.plan import PROBED_BOUNCES
 from mi_lcair.planning.probe import Settings
+from mi_lcair.planning.reference import PROBED_BOUNCES
 
 REPETITIONS, TOLERANCE, PIXEL_TOLERANCE = 12, 0.01, 0.01
 TIMES = 3  # times that each run is timed; the median counts

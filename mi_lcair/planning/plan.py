@@ -15,49 +15,33 @@ tried. Both are counted in rays, so that the load of the machine decides nothing
 """
 
 import time
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 
 import numpy as np
-from scipy.special import fdtri
 
 from mi_lcair.errors import InputError
-from mi_lcair.planning.ambient import ambient_closure
-from mi_lcair.planning.bounces import fewest_bounces
+from mi_lcair.planning.bounces import check_bounces, fewer_bounces, truncation_error
+from mi_lcair.planning.emitter_sampling import cheaper_emitter_sampling
 from mi_lcair.planning.lobes import candidates, simpler_lobes
-from mi_lcair.planning.probe import (
-    FEW_COUNTS,
-    Probe,
-    ProbeSeries,
-    Settings,
-    cost,
-    differ,
-    half_width,
+from mi_lcair.planning.probe import Probe, ProbeSeries, Settings
+from mi_lcair.planning.reference import (
+    LACK_SHARE,
+    expected_paths,
+    pixel_count,
+    reference_probe,
 )
-from mi_lcair.plugins.paths.channels import MAX_BOUNCE_CHANNELS
-from mi_lcair.rendering.render import PILOT_SPP, check_bounded
+from mi_lcair.rendering.render import check_bounded
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.window import window_area
-from mi_lcair.rendering.window_means import FIRST_PATHS
 
-# Reflections that a probe follows: at least the first number, at most the second.
-PROBED_BOUNCES, MOST_BOUNCES = 32, MAX_BOUNCE_CHANNELS - 1
-# A scene whose own number of reflections is smaller is first probed with few bounce channels.
-MANY_BOUNCES = 16
-BOUNCE_SHARE = 0.15  # share of the tolerance that fewer reflections may use
 # Shares that all simplifications together may use; noise gets the rest. A larger bias would need
 # more additional paths than simplifications save (SAVING). It adds to the noise of an intensity,
 # and its square to the squared noise of an image.
 INTENSITY_SHARE, PIXEL_SHARE = 0.2, 0.5
-LACK_SHARE = 0.3  # share that a source which no path has hit may add
-WORTHWHILE = 0.8  # emitter sampling is switched only if the cost falls below this share
-CONFIDENCE = 0.95  # confidence with which one variance must be the smaller one
-MORE_PATHS = 2**19  # paths of a probe up to which it is enlarged before emitters are sampled
-MOST_PATHS = 2**20  # paths of the longest probe
 # Rays that are traced while a kernel is compiled. Measured: 0.1 s to 0.3 s for a kernel, and ten
 # million rays in a second.
 KERNEL = 2**21
 SAVING = 0.3  # share of a render's cost that simpler lobes or other emitter sampling may save
-LARGE_PROBE = 0.5  # share of the render's paths from which on a probe is too large to pay
 
 
 @dataclass(frozen=True)
@@ -260,206 +244,3 @@ def simplified(
         word = "without" if settings.emitter_sampling else "with"
         untried.append(f"paths {word} emitter sampling: a probe takes longer than it can save")
     return settings, bias, left_out, untried
-
-
-def pixel_count(scene: Scene, sensor: int) -> int:
-    """Number of pixels of a sensor."""
-    return int(np.prod(scene.sensor(sensor).film().crop_size()))
-
-
-def expected_paths(reference: Probe, tolerance: float, each_pixel: bool, pixels: int) -> float:
-    """Estimated number of paths of a render to `tolerance` under full fidelity."""
-    if each_pixel:
-        spp = reference.paths / reference.value.shape[1]
-        error = np.sqrt(reference.variance / len(reference.value)) / reference.mean
-        return pixels * max(PILOT_SPP, spp * (error / tolerance) ** 2)
-    noise = half_width(reference.value.mean(axis=1)) / reference.mean
-    # The error of a lattice falls faster than 1 / sqrt(paths) and slower than 1 / paths.
-    of_noise, of_source = (noise / tolerance) ** 1.5, reference.may_lack / tolerance
-    return max(FIRST_PATHS, reference.paths * (of_noise + of_source))
-
-
-# ---------------------- Reference probe ----------------------
-
-
-def reference_probe(
-    probes: ProbeSeries, own: Settings, tolerance: float, expected
-) -> tuple[Settings, Probe]:
-    """Settings of full fidelity, and a probe under them that has missed no important source.
-
-    Lobes that are exact take the place of the BRDF at once. The first probe uses the scene's own
-    emitter sampling. If it may have missed a source, further ones trace more paths or sample
-    emitters. The first probe is returned, whatever it has missed, if a probe with more paths would
-    cost about as much as the render.
-
-    Parameters
-    ----------
-    probes : ProbeSeries
-    own : Settings
-        The scene's own settings.
-    tolerance : float
-        Error that is allowed, as a fraction of the mean radiance.
-    expected : callable
-        Number of paths of all renders under full fidelity, estimated from a probe.
-
-    Raises InputError for a dark scene, and if too many paths would be needed.
-    """
-    scene = probes.scene
-    full = Settings(
-        lobe=dict.fromkeys(own.lobe, "brdf") | candidates(scene, exact=True),
-        max_bounces=min(max(own.max_bounces, PROBED_BOUNCES), MOST_BOUNCES),
-        emitter_sampling=own.emitter_sampling,
-    )
-    counted = FEW_COUNTS if own.max_bounces < MANY_BOUNCES else None
-    reference = probes(full, counted=counted)
-    if not reference.mean > 0:
-        raise InputError(
-            f"{scene.name}: nothing to plan for: "
-            f"{'the image' if probes.each_pixel else 'the target'} is dark; let the sensor see "
-            f"something that radiates in band {scene.band.label}"
-        )
-
-    allowed = LACK_SHARE * tolerance
-    most, is_first = MORE_PATHS, True
-    while reference.may_lack > allowed:
-        # The bound falls as 1 / paths. The next probe takes the paths that it needs, and 20 % more.
-        more = reference.may_lack / allowed
-        if more * reference.paths <= most:
-            if is_first and more * reference.paths > LARGE_PROBE * expected(reference):
-                break
-            probes.factor = int(np.ceil(1.2 * more * probes.factor))
-            reference = probes(full, counted=counted)
-        elif is_first:
-            # Emitter sampling is adopted if it excludes more, or if it finds radiance that paths
-            # missed.
-            most, is_first = MOST_PATHS, False
-            sampling_emitters = replace(full, emitter_sampling=True)
-            second = probes(sampling_emitters, counted=counted)
-            if second.may_lack < reference.may_lack or differ(second, reference, allowed):
-                full, reference = sampling_emitters, second
-        else:
-            raise InputError(
-                f"{scene.name}: no plan for {tolerance:.2%}: a source of up to "
-                f"{reference.chance:.3g} W m^-2 sr^-1 is met by chance alone, and to rule out "
-                f"one that matters takes {more * reference.paths:.2g} paths; "
-                "allow a larger tolerance, or set --spp yourself"
-            )
-    return full, reference
-
-
-# -------------------------- Bounces --------------------------
-
-
-def reflections_needed(probes: ProbeSeries, probe: Probe, budget: float) -> tuple[int, str, float]:
-    """Number of reflections, closure and error for a budget, see `fewest_bounces`."""
-    reflections = None if probe.is_complete else probe.reflections
-    return fewest_bounces(probe.by_bounce, budget, probes.each_pixel, reflections)
-
-
-def truncation_error(probes: ProbeSeries, probe: Probe) -> float:
-    """Upper bound of what is missing after all reflections of a probe."""
-    *_, error = reflections_needed(probes, probe, budget=0.0)
-    return error
-
-
-def check_bounces(
-    probes: ProbeSeries, bounces: int, full: Settings, error: float, tolerance: float
-) -> None:
-    """Raise InputError if the error of following `bounces` reflections is not below `tolerance`."""
-    if not error < tolerance:
-        raise InputError(
-            f"{probes.scene.name}: no plan for {tolerance:.2%}: what lies beyond {bounces} "
-            f"reflections may be {error:.2%} of the mean, and no more than {full.max_bounces} were "
-            "probed; allow a larger tolerance, or set max_bounces and --tolerance yourself"
-        )
-
-
-def fewer_bounces(
-    probes: ProbeSeries, full: Settings, reference: Probe, tolerance: float, pays
-) -> tuple[Probe, Settings, float, Probe | None, list[str]]:
-    """The settings with the fewest reflections, and with a closure if that saves more.
-
-    Parameters
-    ----------
-    probes : ProbeSeries
-    full : Settings
-        Settings of full fidelity.
-    reference : Probe
-        Probe under `full`.
-    tolerance : float
-        Error that is allowed, as a fraction of the mean radiance.
-    pays : callable
-        Whether saving this number of rays a path is worth a new kernel.
-
-    Returns
-    -------
-    reference : Probe
-        A probe under `full`, which counts more reflections separately if that was necessary.
-    settings : Settings
-    error : float
-        Upper bound (95 %) of the error, as a fraction of the mean radiance.
-    probe : Probe or None
-        A probe under `settings`, if one was needed.
-    left_out : list of str
-
-    Raises InputError if no number that was probed suffices.
-    """
-    budget = BOUNCE_SHARE * tolerance
-    bounces, closure, error = reflections_needed(probes, reference, budget)
-    if not reference.is_complete and bounces == full.max_bounces:
-        reference = probes(full)
-        bounces, closure, error = reflections_needed(probes, reference, budget)
-    check_bounces(probes, bounces, full, error, tolerance)
-    if reference.is_complete and not pays(full.max_bounces - bounces):
-        # The kernel for all reflections is compiled already
-        error_of_all = truncation_error(probes, reference)
-        if error_of_all <= budget:
-            bounces, closure, error = full.max_bounces, "none", error_of_all
-    settings = replace(full, max_bounces=bounces, closure=closure)
-    probe = None
-    fewer = range(bounces - 2)  # one more ray than these numbers say, and two saved at least
-    if fewer and pays(bounces - 1):
-        without = replace(full, closure="none")
-        ambient = ambient_closure(probes, without, reference, fewer, budget)
-        if ambient is not None:
-            settings, error, probe = ambient
-    if not error > 0:
-        return reference, settings, error, probe, []
-    beyond = {
-        "none": "",
-        "tail": " but for their geometric continuation",
-        "ambient": " but for a blackbody at "
-        f"{settings.ambient_temperature or 0:.1f} K that stands for them",
-    }[settings.closure]
-    remark = f"reflections beyond {settings.max_bounces}{beyond}: at most {error:.2g} of the mean"
-    return reference, settings, error, probe, [remark]
-
-
-# --------------------- Emitter sampling ----------------------
-
-
-def cheaper_emitter_sampling(
-    probes: ProbeSeries, settings: Settings, current: Probe, tolerance: float
-) -> Settings:
-    """The cheaper of `settings` with and without emitter sampling.
-
-    The cost is that of a path times the variance of the randomisations at equal numbers of paths.
-    The variance must be smaller with CONFIDENCE, because a few randomisations know it badly.
-    `current` is a probe under `settings`, or under full fidelity.
-    """
-    other_settings = replace(settings, emitter_sampling=not settings.emitter_sampling)
-    other = probes(other_settings, count_segments=True)
-    # The reflected paths are the same, so that one count of their rays serves both
-    current_cost, other_cost = (
-        cost(other.segments, of_either.emitter_sampling) * result.variance
-        for of_either, result in ((settings, current), (other_settings, other))
-    )
-    freedom = (current.value.shape[0] - 1) * current.value.shape[1]
-    clearly = fdtri(freedom, freedom, CONFIDENCE)  # ratio that equal variances rarely exceed
-    # Emitter sampling must stay where the probe without it misses radiance.
-    misses_radiance = settings.emitter_sampling and (
-        differ(current, other, BOUNCE_SHARE * tolerance) or other.may_lack > LACK_SHARE * tolerance
-    )
-    if clearly * other_cost < WORTHWHILE * current_cost and not misses_radiance:
-        return other_settings
-    return settings
