@@ -22,7 +22,8 @@ from mi_lcair.rendering.window_means import FIRST_PATHS
 
 # Reflections that a probe follows: at least the first number, at most the second.
 PROBED_BOUNCES, MOST_BOUNCES = 32, MAX_BOUNCE_CHANNELS - 1
-# A scene whose own number of reflections is smaller is first probed with few bounce channels.
+# A scene whose own number of reflections is smaller is first probed with few bounce channels. So is
+# every image, because it takes so many paths that another kernel matters little.
 MANY_BOUNCES = 16
 LACK_SHARE = 0.3  # share that a source which no path has hit may add
 MORE_PATHS = 2**19  # paths of a probe up to which it is enlarged before emitters are sampled
@@ -58,7 +59,7 @@ def reference_probe(
         max_bounces=min(max(own.max_bounces, PROBED_BOUNCES), MOST_BOUNCES),
         emitter_sampling=own.emitter_sampling,
     )
-    counted = FEW_COUNTS if own.max_bounces < MANY_BOUNCES else None
+    counted = FEW_COUNTS if probes.each_pixel or own.max_bounces < MANY_BOUNCES else None
     reference = probes(full, counted=counted)
     if not reference.mean > 0:
         raise InputError(
