@@ -92,7 +92,9 @@ def window_means(
     first = max(LEAST_POINTS, FIRST_PATHS // (windows * RANDOMISATIONS))
     limit = whole(paths or most_paths)
     goal = limit if paths else min(first, limit)
-    done, aimed = 0, windows > 1 or facets is not None or bool(paths)
+    # The results by facet and a sensor of several views need a constant density
+    may_aim = facets is None and sensor.class_name() == "OrthographicCamera"
+    done = 0
     while done < goal:
         points = min(goal - done, max(1, PASS_SAMPLES // (windows * RANDOMISATIONS)))
         launch = Launch(
@@ -111,9 +113,9 @@ def window_means(
         if not paths and done >= goal:
             needed = excess(total)
             goal = next_goal(done, needed, limit)
-            if needed > WORTH_AIMING and not aimed:
+            if needed > WORTH_AIMING and may_aim:
                 # Begin again, with the same number of paths
-                aim, aimed = aim_at_model(scene, tracer, sensor, seed, split), True
+                aim, may_aim = aim_at_model(scene, tracer, sensor, seed, split), False
                 total, goal, done = nothing(aim), done, 0
         if progress:
             progress(done * RANDOMISATIONS, goal * RANDOMISATIONS)

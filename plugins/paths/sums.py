@@ -22,7 +22,8 @@ class Sums:
     All but `valid` are weighted sums. NaN and infinite samples are left out. valid: number of the
     other samples. radiance: their sum [W m^-2 sr^-1]. channels: sums of the channels by name, see
     `Channels.samples`. chance: largest contribution of a source that a path of the window could
-    have hit but did not hit, (windows,) [W m^-2 sr^-1]. tail: sums for closure = tail; None for another closure.
+    have hit but did not hit, (windows,) [W m^-2 sr^-1]. tail: sums for closure = tail; None for
+    another closure.
     """
 
     valid: np.ndarray
