@@ -74,7 +74,10 @@ def reference_probe(
         # The bound falls as 1 / paths. The next probe takes the paths that it needs, and 20 % more.
         more = reference.may_lack / allowed
         if more * reference.paths <= most:
-            if is_first and more * reference.paths > LARGE_PROBE * expected(reference):
+            # Where the source matters more than the noise, the render needs this answer too.
+            noise = half_width(reference.value.mean(axis=1)) / reference.mean
+            is_large = more * reference.paths > LARGE_PROBE * expected(reference)
+            if is_first and is_large and noise > reference.may_lack:
                 break
             probes.factor = int(np.ceil(1.2 * more * probes.factor))
             reference = probes(full, counted=counted)
