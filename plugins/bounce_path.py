@@ -224,6 +224,7 @@ class PathTracer(RBIntegrator):
         split: str | None = "image",
         facets=None,
         count_segments: bool = False,
+        counted: int | None = None,
     ) -> Sums:
         """Trace the paths of a launch; call it inside the context `prepared`.
 
@@ -242,6 +243,9 @@ class PathTracer(RBIntegrator):
             with the facet that its path hits first.
         count_segments : bool
             Also record the number of rays of each path.
+        counted : int or None
+            Largest number of reflections whose radiance is recorded separately, in one of SIZES;
+            that of more reflections is added to the last channel. None: as many as `max_bounces`.
 
         Returns
         -------
@@ -251,7 +255,8 @@ class PathTracer(RBIntegrator):
         with dr.suspend_grad():
             paths = launch.paths_from(sensor.sampler())
             rays = ParallelRays.of(sensor)
-            arguments = paths, rays or sensor, split, count_segments, block_size(launch)
+            counted = self.max_bounces if counted is None else counted
+            arguments = paths, rays or sensor, split, counted, count_segments, block_size(launch)
             if facets is not None or self.closure == "tail":
                 blocks, tail = self.whole_sums(*arguments, facets, launch)
             elif rays is None:
@@ -262,7 +267,9 @@ class PathTracer(RBIntegrator):
             found = Sums.of(blocks, tail, launch)
             return found.without(f"bounce.{k}" for k in range(self.max_bounces + 1, SIZES[-1]))
 
-    def block_sums(self, paths: Paths, rays, split, count_segments: bool, size: int) -> BlockSums:
+    def block_sums(
+        self, paths: Paths, rays, split, counted: int, count_segments: bool, size: int
+    ) -> BlockSums:
         """Sums over blocks of the paths of a launch.
 
         It may be recorded. It therefore uses only the tracer and its arguments, and launches
@@ -272,20 +279,29 @@ class PathTracer(RBIntegrator):
         ----------
         paths : Paths
         rays : ParallelRays or mi.Sensor
-        split, count_segments
+        split, counted, count_segments
             As for `trace`.
         size : int
             Paths in a block.
         """
-        L, channels, chance, weight = self.follow(paths, rays, split, count_segments)
+        L, channels, chance, weight = self.follow(paths, rays, split, counted, count_segments)
         by_name = self.by_name(L, channels, split)
         return BlockSums.of(L[0], by_name, weight, chance, size)
 
     def whole_sums(
-        self, paths: Paths, rays, split, count_segments: bool, size: int, facets, launch: Launch
+        self,
+        paths: Paths,
+        rays,
+        split,
+        counted: int,
+        count_segments: bool,
+        size: int,
+        facets,
+        launch: Launch,
     ) -> tuple[BlockSums, Tail | None]:
         """As `block_sums`, also for facets and for closure = tail, which read values."""
-        L, channels, chance, weight = self.follow(paths, rays, split, count_segments, facets)
+        followed = self.follow(paths, rays, split, counted, count_segments, facets)
+        L, channels, chance, weight = followed
         tail = None
         if self.closure == "tail":
             # The sums in add_tail need evaluated arrays. Evaluating everything here traces the
@@ -300,7 +316,9 @@ class PathTracer(RBIntegrator):
             facets.add(channels.facet, L[0], weight, channels, launch)
         return BlockSums.of(L[0], by_name, weight, chance, size), tail
 
-    def follow(self, paths: Paths, rays, split, count_segments: bool, facets=None) -> tuple:
+    def follow(
+        self, paths: Paths, rays, split, counted: int, count_segments: bool, facets=None
+    ) -> tuple:
         """Radiance of each path, its `Channels`, its `chance` (see `walk`) and its weight."""
         sampler, column, row, position, weight = paths.begin()
         if isinstance(rays, ParallelRays):
@@ -313,7 +331,7 @@ class PathTracer(RBIntegrator):
         channels = None
         if split or facets or self.closure == "tail":
             channels = Channels.empty(
-                self.max_bounces,
+                counted,
                 self.closure,
                 self.emitters.sources if split else None,
                 split == "model",

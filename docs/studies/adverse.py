@@ -55,14 +55,16 @@ def rendered(adverse: Adverse, scene: Scene, tolerance: float, max_spp: int, see
 
 def planned(adverse: Adverse, scene: Scene, tolerance: float, seed: int) -> bool | None:
     """Whether a plan, carried out with another seed, is within its tolerance; None if it was
-    refused.
+    refused, or if the render did not reach the rest of the tolerance.
     """
     try:
         found = mi_lcair.plan(scene, tolerance, seed=seed)
     except InputError:
         return None
     with found.applied(scene):
-        result = mi_lcair.signature(scene, spp=found.spp, seed=1000 + seed)
+        result = mi_lcair.signature(scene, tolerance=found.noise_tolerance, seed=1000 + seed)
+    if not result.reached:
+        return None
     mean = result.target.intensity / result.window_area
     return abs(mean / adverse.mean - 1) <= tolerance + adverse.error
 

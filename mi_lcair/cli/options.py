@@ -57,18 +57,25 @@ class SceneOptions:
     def run_planned(self, function, each_pixel: bool, **own):
         """As `run`, but with --plan make a plan first and apply it.
 
-        The plan replaces the attribute `plan`. `each_pixel` is passed to `mi_lcair.plan`.
+        The plan replaces the attribute `plan`, and the render goes on until its noise is within the
+        tolerance that the plan leaves. `each_pixel` is passed to `mi_lcair.plan`.
         """
         if self.plan is None:
             return self.run(function, **own)
-        scene, sampling = self.load(), dict(self.sampling)
-        tolerance = sampling.pop("tolerance") or DEFAULT_TOLERANCE
+        scene, sampling = self.load(), self.sampling
+        sampling["tolerance"] = sampling["tolerance"] or DEFAULT_TOLERANCE
         with progress_bar("probes") as progress:
             self.plan = mi_lcair.plan(
-                scene, tolerance, each_pixel, sampling["seed"], sampling["sensor"], progress
+                scene,
+                sampling["tolerance"],
+                each_pixel,
+                sampling["seed"],
+                sampling["sensor"],
+                progress,
             )
+        rest = {"tolerance": self.plan.noise_tolerance}
         with self.plan.applied(scene), progress_bar() as progress:
-            return function(scene, **(sampling | {"spp": self.plan.spp}), **own, progress=progress)
+            return function(scene, **(sampling | rest), **own, progress=progress)
 
     def planned(self) -> dict:
         """Entries of the JSON output: `plan` if a plan was applied, otherwise none."""
@@ -195,19 +202,19 @@ def _with_scene_options(spp_help, tolerance_help, command):
     @click.option(
         "--plan",
         type=click.Choice(["auto"]),
-        help="Let probes choose lobes, reflections, closure, emitter sampling and samples for "
-        "--tolerance (1%).",
+        help="Let probes choose lobes, reflections, closure and emitter sampling, and render to "
+        "the rest of --tolerance (1%).",
     )
     @wraps(command)
     def with_sampling(options, sensor, spp, tolerance, max_spp, plan, **own):
-        if max_spp and not tolerance:
+        if max_spp and not (tolerance or plan):
             raise click.UsageError(
                 "--max-spp needs --tolerance; --spp sets a fixed number of samples",
                 click.get_current_context(),
             )
-        if plan and (spp or max_spp):
+        if plan and spp:
             raise click.UsageError(
-                "--plan chooses the samples per pixel; --spp and --max-spp do not go with it",
+                "--plan chooses the samples for --tolerance; --spp does not go with it",
                 click.get_current_context(),
             )
         options.plan = plan

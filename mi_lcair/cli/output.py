@@ -81,25 +81,23 @@ class Verdict:
     """Tolerance that a command was given for its result, and whether the result reached it.
 
     tolerance: allowed error as a fraction; None without one. reached: None without a tolerance.
-    plan: plan that chose the samples; None without one. max_spp: limit that was given, if any.
+    bias: upper bound of the error of a plan's settings, as a fraction; None without a plan.
+    max_spp: limit that was given, if any.
     """
 
     tolerance: float | None
     reached: bool | None
-    plan: object
+    bias: float | None
     max_spp: int | None
 
     @staticmethod
-    def on(options, error: float | None, reached: bool | None) -> "Verdict":
-        """The verdict on a result of `SceneOptions.run_planned`.
+    def on(options, reached: bool | None) -> "Verdict":
+        """The verdict on a result of `SceneOptions.run_planned`, which says whether it reached it.
 
-        error: its error as a fraction; None if it is unknown. reached: what the result itself says.
+        A planned result was given the tolerance that its plan leaves for noise.
         """
-        plan = options.plan
-        if plan and reached is None:
-            reached = error is not None and error <= plan.tolerance
-        tolerance = plan.tolerance if plan else options.sampling["tolerance"]
-        return Verdict(tolerance, reached, plan, options.sampling["max_spp"])
+        bias = options.plan.bias if options.plan else None
+        return Verdict(options.sampling["tolerance"], reached, bias, options.sampling["max_spp"])
 
     def as_dict(self) -> dict:
         """Entries for JSON."""
@@ -107,9 +105,8 @@ class Verdict:
 
     def row(self, error: str) -> tuple[str, str]:
         """Row for `print_columns` with the error in words, see `error_row`."""
-        if self.plan:
-            remedy = "more noise than the probes saw, so use --tolerance without --plan"
-            return error_row(error, self.tolerance, self.reached, remedy=remedy)
+        if self.bias:
+            error += f", and the plan leaves out at most {percent(self.bias)}"
         max_spp = None
         if self.reached is False:
             from mi_lcair.rendering.render import DEFAULT_MAX_SPP

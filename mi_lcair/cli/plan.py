@@ -1,9 +1,11 @@
 """mi-lcair plan: find the cheapest settings for a tolerance."""
 
+import math
+
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import Fraction, loading_options, sensor_option
+from mi_lcair.cli.options import POSITIVE, Fraction, loading_options, sensor_option
 from mi_lcair.cli.output import print_columns, print_json
 
 
@@ -22,14 +24,27 @@ from mi_lcair.cli.output import print_columns, print_json
     is_flag=True,
     help="Bound the rms error over the pixels, as for `render`, instead of that of the intensity.",
 )
-def command(options, sensor, tolerance, each_pixel):
+@click.option(
+    "--renders",
+    type=POSITIVE,
+    help="Number of renders that the plan is for; probes that save less than they take are left "
+    "out (default: try everything).",
+)
+def command(options, sensor, tolerance, each_pixel, renders):
     """Find the cheapest settings for SCENE.
 
     SCENE is a Mitsuba XML file or the name of a bundled scene. Cheap probes choose the lobe of each
-    material, the number of reflections, closure, emitter sampling and samples per pixel. `--plan
-    auto` of render and signature applies such a plan.
+    material, the number of reflections, closure and emitter sampling, and bound the error of these
+    settings. `--plan auto` of render and signature makes such a plan for one render and applies it;
+    the render stops when its noise is within the rest of the tolerance.
     """
-    plan = options.run(mi_lcair.plan, sensor=sensor, tolerance=tolerance, each_pixel=each_pixel)
+    plan = options.run(
+        mi_lcair.plan,
+        sensor=sensor,
+        tolerance=tolerance,
+        each_pixel=each_pixel,
+        renders=renders or math.inf,
+    )
     if options.json:
         print_json(plan.as_dict())
         return
@@ -43,19 +58,21 @@ def rows(plan):
         ", ".join(f"{material or 'unnamed'}: {lobe}" for material, lobe in plan.lobe.items())
         or "no material with a fidelity ladder",
     )
-    yield "reflections", f"{plan.max_bounces}, closure {plan.closure}"
+    closure = plan.closure
+    if plan.ambient_temperature is not None:
+        closure += f" at {plan.ambient_temperature:.1f} K"
+    yield "reflections", f"{plan.max_bounces}, closure {closure}"
     yield "emitter sampling", "on" if plan.emitter_sampling else "off"
-    yield "samples per pixel", plan.spp
     yield (
-        "predicted error",
+        "error",
         (
-            f"{plan.predicted_error:.2%} of the mean (95 %), "
+            f"at most {plan.bias:.2%} of the mean (95 %), "
             + ("rms over the pixels" if plan.each_pixel else "of the target's intensity")
         ),
     )
-    yield (
-        "predicted time",
-        f"{plan.predicted_seconds:.2g} s, after {plan.probe_seconds:.2g} s of probes",
-    )
+    yield "left for noise", f"{plan.noise_tolerance:.2%}"
+    yield "probes", f"{plan.probe_seconds:.2g} s"
     for sentence in plan.left_out or ["nothing"]:
         yield "left out", sentence
+    for sentence in plan.untried:
+        yield "not tried", sentence

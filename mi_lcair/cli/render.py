@@ -62,7 +62,7 @@ def command(options, output, atmosphere, range_m):
     write_exr(output, result.channels, result.header)
     note_invalid(result)
 
-    verdict = Verdict.on(options, result.rms_error, result.reached)
+    verdict = Verdict.on(options, result.reached)
     if options.json:
         print_json(
             {

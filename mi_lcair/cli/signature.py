@@ -68,8 +68,7 @@ def command(options, spectrum, plot, facets):
         result.facets.write(facets)
     name = result.main_part
     part = getattr(result, name)
-    relative = part.half_width / part.intensity if part.intensity > 0 else None
-    verdict = Verdict.on(options, relative, result.reached)
+    verdict = Verdict.on(options, result.reached)
     if options.json:
         print_json(result.as_dict() | verdict.as_dict() | options.planned())
     else:

@@ -1,25 +1,33 @@
-"""Probes: cheap renders of some pixels of a scene, and comparisons between them.
+"""Probes: small launches through some pixels or a whole window, and comparisons between them.
 
-A probe measures the radiance by number of reflections, its noise, and the cost of a path.
+A probe measures the radiance by number of reflections, and its noise from randomisations. Its
+kernel is that of the later render, so that a probe under the chosen settings compiles nothing that
+the render does not need.
 """
 
-import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from math import gcd
 
 import numpy as np
 
+from mi_lcair.plugins.paths.aim import Aim
+from mi_lcair.plugins.paths.channels import SIZES
+from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.settings import changed
+from mi_lcair.rendering.statistics import student_factor
 
-# A probe consists of independent batches. Their seeds are the same under all settings, so that the
-# difference between two probes has little noise.
-BATCHES = 8
-PATHS = 2**13  # paths of one batch
-PIXELS = 2**11  # largest number of pixels of a probe; they are spread over the image
+# Randomisations of a probe, under all settings the same ones, so that the difference between two
+# probes has little noise. In a window their number decides how well the noise is known.
+WINDOW_RANDOMISATIONS, PIXEL_RANDOMISATIONS = 64, 8
+WINDOW_POINTS, PIXEL_POINTS = 2**7, 2  # points of each randomisation
+# A probe of pixels takes one of 16, so that it costs little beside the image. They are spread over
+# the image. Their number lies between the limits, if the image has as many.
+PIXEL_SHARE, LEAST_PIXELS, MOST_PIXELS = 16, 2**6, 2**11
+FEW_COUNTS = SIZES[0] - 1  # reflections counted separately by the fastest kernel
 # Cost of sampling an emitter, in rays. Measured: between 0.6 and 2.7 in the bundled scenes.
 EMITTER_SAMPLE = 2
-T_95 = 2.365  # Student's factor for 95 % confidence with BATCHES - 1 degrees of freedom
 
 
 @dataclass(frozen=True)
@@ -30,6 +38,7 @@ class Settings:
     max_bounces: int
     emitter_sampling: bool
     closure: str = "none"
+    ambient_temperature: float | None = None
 
     @staticmethod
     def of(scene: Scene) -> "Settings":
@@ -40,54 +49,65 @@ class Settings:
             max_bounces=integrator.max_bounces,
             emitter_sampling=integrator.emitter_sampling,
             closure=integrator.closure,
+            ambient_temperature=integrator.ambient_temperature,
         )
 
     def applied(self, scene: Scene):
         """Context manager that applies these settings to `scene` within the block."""
-        return changed(scene, **asdict(self), ambient_temperature=None)
+        return changed(scene, **asdict(self))
 
 
 @dataclass(frozen=True)
 class Probe:
-    """Radiance, W m^-2 sr^-1, of some pixels of a scene under certain settings.
+    """Radiance, W m^-2 sr^-1, of a window or of some pixels of a scene under certain settings.
 
     Attributes
     ----------
-    by_bounce : ndarray, shape (BATCHES, n, pixels)
-        Radiance of paths with 0, 1, ... n - 1 reflections. It is that of the whole image with
-        `each_pixel`, otherwise that of the model's facets.
-    deviation : ndarray, shape (BATCHES,)
-        Standard deviation of one sample, rms over the pixels.
-    between : float
-        Standard deviation of one sample, estimated from the means of the batches. It includes the
-        noise that all samples of a batch share, such as that of the tail's ratio.
-    cost : float
-        Cost of a path, in rays; see `cost`.
-    seconds : float
-        Time of a path, s, without compilation. It is used for predictions only.
+    value : ndarray, shape (R, P)
+        Mean radiance of each randomisation and pixel. It is that of the whole image for a probe of
+        pixels. Otherwise it is that of the model's facets, and P = 1.
+    by_bounce : ndarray, shape (R, n, P)
+        The part after 0, 1, ... n - 1 reflections.
+    closure : ndarray, shape (R, P)
+        The part that the closure adds.
+    reflections : int
+        Largest number of reflections that were followed. If it is n or more, the last entry of
+        `by_bounce` holds all from n - 1 to this number.
+    segments : float or None
+        Mean number of rays of a path, if they were counted.
     paths : int
         Number of paths of the probe.
     chance : float
         Upper bound of the radiance that one path adds if it hits a source that no other has hit.
     """
 
+    value: np.ndarray
     by_bounce: np.ndarray
-    deviation: np.ndarray
-    between: float
-    cost: float
-    seconds: float
+    closure: np.ndarray
+    reflections: int
+    segments: float | None
     paths: int
     chance: float
 
     @property
-    def value(self) -> np.ndarray:
-        """Radiance of all bounces, shape (BATCHES, pixels)."""
-        return self.by_bounce.sum(axis=1)
+    def mean(self) -> float:
+        """Mean radiance."""
+        return float(self.value.mean())
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether each number of reflections was counted separately."""
+        return self.by_bounce.shape[1] == self.reflections + 1
+
+    @property
+    def variance(self) -> float:
+        """Variance of the mean of one randomisation, averaged over the pixels."""
+        return float(self.value.var(axis=0, ddof=1).mean())
 
     @property
     def may_lack(self) -> float:
         """Upper bound of what a source that no path has hit adds, as a fraction of the mean."""
-        return self.chance / (self.paths * self.value.mean())
+        return self.chance / (self.paths * self.mean)
 
 
 def probe(
@@ -97,8 +117,10 @@ def probe(
     seed: int = 0,
     sensor: int = 0,
     factor: int = 1,
+    counted: int | None = None,
+    count_segments: bool = False,
 ) -> Probe:
-    """Render some pixels of a scene in BATCHES independent batches.
+    """Trace a few paths through some pixels of a scene, or through its whole window.
 
     Parameters
     ----------
@@ -107,57 +129,72 @@ def probe(
     settings : Settings
         Settings that are applied to the scene during the probe.
     each_pixel : bool
-        Whether the whole image is measured. Otherwise the radiance of the model's facets is.
+        Whether pixels of the image are measured. Otherwise the radiance of the model's facets is.
     seed : int
         Seed of the random numbers.
     sensor : int
         Number of the scene's sensor, from 0.
     factor : int
-        Paths of a batch, as a multiple of PATHS.
+        Points of each randomisation, as a multiple of the usual number.
+    counted, count_segments
+        As for `PathTracer.trace`.
 
     Returns
     -------
     Probe
     """
     camera = scene.sensor(sensor)
-    width, height = camera.film().crop_size()
-    stride = max(1, width * height // PIXELS)
-    # A stride that divides the width would put all pixels into a few columns.
-    stride += stride > 1 and width % stride == 0
-    pixels = -(-width * height // stride)
-    spp = max(2, factor * PATHS // pixels // 2 * 2)  # even: `scatter` compares two halves
-    seeds = np.random.SeedSequence(seed).generate_state(BATCHES).tolist()
-    prefix = "" if each_pixel else "target."
-    by_bounce, deviation, means, segments, times = [], [], [], [], []
+    if each_pixel:
+        launch = pixels_launch(*camera.film().crop_size(), seed, factor)
+        split, prefix = "image", ""
+    else:
+        launch = Launch(
+            columns=1,
+            rows=1,
+            seed=seed,
+            randomisations=WINDOW_RANDOMISATIONS,
+            points=WINDOW_POINTS * factor,
+            aim=Aim.anywhere(),
+        )
+        split, prefix = "target", "target."
     with settings.applied(scene), scene.prepared() as tracer:
-        chance = tracer.chance_contribution(camera)
-        for batch in range(BATCHES):
-            start = time.perf_counter()
-            part = tracer.observe(
-                camera, seeds[batch], spp, 0, pixels, "target", stride=stride, count_segments=True
-            )
-            times.append(time.perf_counter() - start)
-            names = [name for name in part.channels if name.startswith(f"{prefix}bounce.")]
-            by_bounce.append([part.channels[name].mean(axis=0) for name in names])
-            deviation.append(scatter(part, each_pixel, spp))
-            means.append(part.channels["target"].mean())
-            segments.append(part.channels["segments"].mean())
-            chance = max(chance, part.chance)
+        sums = tracer.trace(camera, launch, split, count_segments=count_segments, counted=counted)
+        chance = max(tracer.chance_contribution(camera), float(sums.chance.max()))
+    valid = np.maximum(sums.valid, 1)
+    mean = lambda values: (values / valid).T
+    names = [name for name in sums.channels if name.startswith(f"{prefix}bounce.")]
     return Probe(
-        by_bounce=np.array(by_bounce),
-        deviation=np.array(deviation),
-        between=float(np.std(means, ddof=1) * np.sqrt(pixels * spp)),
-        cost=cost(float(np.mean(segments)), tracer.emitters.draws),
-        # The first batch includes the compilation.
-        seconds=float(np.median(times[1:])) / (pixels * spp),
-        paths=BATCHES * pixels * spp,
+        value=mean(sums.radiance if each_pixel else sums.channels["target"]),
+        by_bounce=np.stack([mean(sums.channels[name]) for name in names], axis=1),
+        closure=mean(sums.channels[f"{prefix}closure"]),
+        reflections=settings.max_bounces,
+        segments=float(mean(sums.channels["segments"]).mean()) if count_segments else None,
+        paths=launch.paths,
         chance=chance,
+    )
+
+
+def pixels_launch(width: int, height: int, seed: int, factor: int) -> Launch:
+    """The launch of a probe of some pixels of an image."""
+    wanted = np.clip(width * height // PIXEL_SHARE, LEAST_PIXELS, MOST_PIXELS)
+    stride = max(1, width * height // int(wanted))
+    # A stride with a divisor of the width would put all pixels into a few columns.
+    while gcd(stride, width) > 1:
+        stride += 1
+    return Launch(
+        columns=width,
+        rows=height,
+        seed=seed,
+        randomisations=PIXEL_RANDOMISATIONS,
+        points=PIXEL_POINTS * factor,
+        windows=-(-width * height // stride),
+        stride=stride,
     )
 
 
 @dataclass
 class ProbeSeries:
-    """Probes of one scene under different settings, with the same pixels and seeds.
+    """Probes of one scene under different settings, with the same pixels and random numbers.
 
     `factor` multiplies the paths of the following probes; `done` counts the probes so far.
     `progress` is called with (probes done, probes expected) after each probe.
@@ -171,10 +208,12 @@ class ProbeSeries:
     factor: int = 1
     done: int = 0
 
-    def __call__(self, settings: Settings) -> Probe:
-        """The probe of the scene under `settings`."""
+    def __call__(self, settings: Settings, **counts) -> Probe:
+        """The probe of the scene under `settings`; counts: what it counts, as for `probe`."""
         self.done += 1
-        result = probe(self.scene, settings, self.each_pixel, self.seed, self.sensor, self.factor)
+        result = probe(
+            self.scene, settings, self.each_pixel, self.seed, self.sensor, self.factor, **counts
+        )
         if self.progress:
             self.progress(self.done, self.done + 2)
         return result
@@ -196,45 +235,43 @@ def cost(segments: float, draws_emitters: bool) -> float:
     return segments + (EMITTER_SAMPLE * max(segments - 1, 0) if draws_emitters else 0.0)
 
 
-def scatter(part, each_pixel: bool, spp: int) -> float:
-    """Standard deviation of one sample, rms over the pixels.
-
-    It comes from the samples with `each_pixel`, otherwise from two halves of the target's samples.
-    """
-    if each_pixel:
-        return float(np.sqrt(part.squares.sum() / (part.count - 1).clip(1).sum()))
-    first, second = part.channels["target"]
-    return float(np.sqrt(np.mean((first - second) ** 2) * spp / 4))
-
-
 def differ(first: Probe, second: Probe, share: float) -> bool:
     """Whether the means of two probes differ by more than their noise explains.
 
     The difference less its 95 % interval must exceed `share` of the first probe's mean.
     """
     gap = first.value.mean(axis=1) - second.value.mean(axis=1)
-    error = T_95 * gap.std(ddof=1) / np.sqrt(BATCHES)
-    return abs(gap.mean()) - error > share * first.value.mean()
+    return abs(gap.mean()) - half_width(gap) > share * first.mean
 
 
-def difference(result: Probe, reference: Probe, each_pixel: bool) -> float:
-    """Upper bound (95 %) of the difference between two probes, as a fraction of the mean radiance.
+def difference(gap: np.ndarray, each_pixel: bool) -> float:
+    """Upper bound (95 %) of a difference of radiances, in its own unit.
 
-    It is the rms over the pixels with `each_pixel`, otherwise the difference of the means.
+    It is the rms over the pixels with `each_pixel`, otherwise the absolute value of the mean.
+
+    Parameters
+    ----------
+    gap : ndarray, shape (R, P)
+        Difference in each randomisation and pixel.
+    each_pixel : bool
     """
-    gap = (result.value - reference.value) / reference.value.mean()
     if not each_pixel:
         return upper(gap.mean(axis=1), signed=True)
-    # The mean product of two independent batches is the squared difference without their noise.
-    products = np.mean(gap[0::2] * gap[1::2], axis=1)
-    error = products.std(ddof=1) / np.sqrt(len(products))
-    return float(np.sqrt(max(0.0, products.mean() + T_95 * error)))
+    # The mean product of two independent randomisations is the squared difference without their
+    # noise. The scatter over the pixels also contains that of the choice of pixels.
+    products = np.mean(gap[0::2] * gap[1::2], axis=0)
+    return float(np.sqrt(max(0.0, upper(products))))
 
 
 def upper(values: np.ndarray, signed: bool = False) -> float:
-    """Upper bound (95 %) of the mean of BATCHES independent values.
+    """Upper bound (95 %) of the mean of independent values.
 
     With `signed` it bounds the absolute value of the mean.
     """
     mean = abs(values.mean()) if signed else values.mean()
-    return float(mean + T_95 * values.std(ddof=1) / np.sqrt(BATCHES))
+    return float(mean + half_width(values))
+
+
+def half_width(values: np.ndarray) -> float:
+    """Half of the 95 % interval of the mean of independent values."""
+    return student_factor(len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values))

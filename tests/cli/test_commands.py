@@ -106,16 +106,16 @@ def test_a_plan_is_followed_and_reported(run, command):
         "max_bounces",
         "emitter_sampling",
         "closure",
-        "spp",
-        "predicted_error",
-        "predicted_seconds",
+        "bias",
+        "noise_tolerance",
     }
     assert (
         plan["max_bounces"] == 1
         and plan["tolerance"] == 0.05
         and plan["each_pixel"] == (command[0] == "render")
     )
-    assert json.loads(result.stdout)["paths"] == 64 * plan["spp"]
+    assert plan["bias"] + plan["noise_tolerance"] == pytest.approx(0.05, rel=0.05)
+    assert json.loads(result.stdout)["reached"] is True
 
 
 @pytest.mark.slow
@@ -132,6 +132,7 @@ def test_a_plan_chooses_the_samples(refused, renderer):
     assert "--plan chooses the samples" in refused(
         "render", "cavity", "-o", "out.exr", "--plan", "auto", "--spp", 4
     )
+    assert "--max-spp needs --tolerance" in refused("signature", "cavity", "--max-spp", 4)
 
 
 @pytest.mark.slow
