@@ -94,7 +94,7 @@ def window_means(
     goal = limit if paths else min(first, limit)
     # The results by facet and a sensor of several views need a constant density
     may_aim = facets is None and sensor.class_name() == "OrthographicCamera"
-    done = 0
+    done, last, before = 0, 0.0, 0
     while done < goal:
         points = min(goal - done, max(1, PASS_SAMPLES // (windows * RANDOMISATIONS)))
         launch = Launch(
@@ -111,12 +111,16 @@ def window_means(
         done += points
         check_valid(total.invalid, done * windows * RANDOMISATIONS, scene.name)
         if not paths and done >= goal:
-            needed = excess(total)
+            # The error of a lattice falls at most as 1 / points. A smaller estimate is luck, and to
+            # end there would state too small an error too often.
+            needed = max(excess(total), last * before / done)
+            last, before = needed, done
             goal = next_goal(done, needed, limit)
             if needed > WORTH_AIMING and may_aim:
                 # Begin again, with the same number of paths
                 aim, may_aim = aim_at_model(scene, tracer, sensor, seed, split), False
                 total, goal, done = nothing(aim), done, 0
+                last = 0.0
         if progress:
             progress(done * RANDOMISATIONS, goal * RANDOMISATIONS)
     return total
