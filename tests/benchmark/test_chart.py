@@ -85,7 +85,7 @@ def test_times_faster():
     )
     assert faster(["fast"], ["slow", "lucky"], 0.006) == "5"  # lucky takes 10 us
     assert faster(["slow", "fast"], ["slow"], 0.006) == "1 000"
-    assert faster(["fast"], ["slow"], 0.00012) == "> 100"  # the longest run takes 10 ms
+    assert faster(["fast"], ["slow"], 0.000121) == "> 100"  # the longest run takes 10 ms
     assert faster(["slow"], ["fast"], 0.0005) == "-"
     assert faster(["fast"], ["unknown"], 0.006) == "-"
 
