@@ -42,6 +42,7 @@ def track_small_launch(rounds=9):
 
 
 track_small_launch.unit = "small / large"
+track_small_launch.timeout = 900
 
 
 def track_image(spp=64, rounds=3):
@@ -55,3 +56,4 @@ def track_image(spp=64, rounds=3):
 
 
 track_image.unit = "lattice / independent"
+track_image.timeout = 900

@@ -8,6 +8,7 @@ import numpy as np
 import mi_lcair
 from benchmarks.timing import ratio
 
+TIMEOUT = 900  # seconds after which asv gives a benchmark up
 AZIMUTHS = np.arange(0, 360, 2.0)
 
 
@@ -25,7 +26,6 @@ def track_trend(azimuths=AZIMUTHS, tolerance=0.01, rounds=3):
 
 
 track_trend.unit = "apart / together"
-track_trend.timeout = 900
 
 
 def measurements(step_deg=2.0):
@@ -95,3 +95,14 @@ def peakmem_signature(paths=2**23):
     """Memory of an intensity."""
     scene = mi_lcair.load("cylinder_ir_range", resolution=1)
     mi_lcair.signature(scene, spp=paths)
+
+
+for benchmark in (
+    track_trend,
+    track_fit,
+    track_help,
+    track_command,
+    peakmem_image,
+    peakmem_signature,
+):
+    benchmark.timeout = TIMEOUT
