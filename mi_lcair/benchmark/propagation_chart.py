@@ -28,7 +28,8 @@ class Effort:
     Attributes
     ----------
     seconds
-        Time of a run after which the effort of a method is not raised further [s].
+        Processor time of a run, for each thread, after which the effort of a method is not raised
+        further [s]. A busy machine changes it little.
     most
         Largest effort of a method.
     repetitions
@@ -48,7 +49,7 @@ class Effort:
     seeds: int
 
 
-FULL, QUICK = Effort(0.2, 4**12, 20, 3, 2**18, 4), Effort(0.02, 4**10, 3, 1, 2**14, 2)
+FULL, QUICK = Effort(0.2, 4**12, 15, 3, 2**18, 4), Effort(0.02, 4**10, 3, 1, 2**14, 2)
 
 
 @dataclass(frozen=True)
@@ -125,7 +126,7 @@ def curves(problem: Problem, methods, effort: Effort, step=lambda: None) -> list
             first, *_ = timed(problem, method, level, 0)  # this run includes the compile
             run = timed(problem, method, level, 1)
             compiles[method, level], runs[method, level] = first, [run]
-            if run[0] > effort.seconds:
+            if run[-1] > effort.seconds:
                 break
     step()
     for seed in range(2, effort.repetitions + 1):
@@ -135,7 +136,7 @@ def curves(problem: Problem, methods, effort: Effort, step=lambda: None) -> list
         step()
     points = []
     for (method, level), done in runs.items():
-        seconds, values, rays = (np.array(column) for column in zip(*done))
+        seconds, values, rays, _ = (np.array(column) for column in zip(*done))
         compiled = max(0.0, compiles[method, level] - float(np.median(seconds)))
         points.append(
             chart.point(
@@ -153,12 +154,13 @@ def wanted(method: Method, done, effort: Effort) -> int:
     return min(LEAST_REPETITIONS, effort.repetitions) if slow else effort.repetitions
 
 
-def timed(problem: Problem, method: Method, effort: int, seed: int) -> tuple[float, float, int]:
-    """Seconds, intensity and rays of one run."""
+def timed(problem: Problem, method: Method, effort: int, seed: int) -> tuple:
+    """Seconds, intensity, rays and processor time for each thread [s] of one run."""
     dr.sync_thread()
-    start = time.perf_counter()
+    start, busy = time.perf_counter(), time.process_time()
     value, rays = method.run(problem, effort, seed)
-    return time.perf_counter() - start, value, rays
+    busy = (time.process_time() - busy) / dr.thread_count()
+    return time.perf_counter() - start, value, rays, busy
 
 
 def closed(problem: Problem, case: str, opening: float | None, effort: Effort) -> list[Closure]:

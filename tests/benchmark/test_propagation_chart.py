@@ -82,7 +82,8 @@ def test_curves_repeat_in_turn_and_stop(monkeypatch):
 
     def fake(case, method, effort, seed):
         calls.append((method.name, effort, seed))
-        return (3.0 if seed == 0 else 0.1 * effort), 10 + (-1) ** seed / effort, effort
+        seconds = 3.0 if seed == 0 else 0.1 * effort
+        return seconds, 10 + (-1) ** seed / effort, effort, seconds
 
     monkeypatch.setattr(propagation_chart, "timed", fake)
     monkeypatch.setattr(propagation_chart, "MOST_SECONDS", 100)

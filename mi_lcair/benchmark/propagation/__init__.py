@@ -19,10 +19,10 @@ from mi_lcair.benchmark.propagation.stock import STOCK
 
 # Groups of methods; the page compares the fastest of each.
 GROUPS = {
-    "thesis": (SINGLE, MULTIPLE, HEMISPHERE, STRATIFIED, PEAK, RADIOSITY),
-    "stock": (STOCK,),
-    "independent": (INDEPENDENT, INDEPENDENT_EMITTERS),
     "lattice": (LATTICE, LATTICE_EMITTERS),
+    "independent": (INDEPENDENT, INDEPENDENT_EMITTERS),
+    "stock": (STOCK,),
+    "thesis": (SINGLE, MULTIPLE, HEMISPHERE, STRATIFIED, PEAK, RADIOSITY),
     "closure": (AMBIENT, TAIL),
 }
 METHODS = tuple(method for group in GROUPS.values() for method in group)
