@@ -209,8 +209,8 @@ class PathTracer(RBIntegrator):
             facets. "model": only that part; paths that first hit something else are not followed.
         facets : object or None
             Numbering of facets with the methods `number(shape, prim_index, active)` and
-            `add(facet, L, weight, channels, launch)`. The second one receives the samples, each with
-            the facet that its path hits first.
+            `add(facet, L, weight, channels, launch)`. The second one receives the samples, each
+            with the facet that its path hits first.
         count_segments : bool
             Also record the number of rays of each path.
 
@@ -392,14 +392,28 @@ class PathTracer(RBIntegrator):
                 )
                 # Two 2D samples, for the emitter and for the point on it: the 23 bits of a Float32
                 # number are too few for both
-                drawn = emitters.sample(scene, si, sampler.next_2d(), sampler.next_2d(), active_em)
+                drawn = emitters.draw(si, sampler.next_2d(), sampler.next_2d(), active_em)
+
+            # Named samples, because the derivative of a delta lobe repeats `sample` with them
+            sample1, sample2 = sampler.next_1d(), sampler.next_2d()
+            if dr.hint(emitters.draws, mode="scalar"):
                 with dr.resume_grad(when=not primal):
-                    f, pdf = bsdf.eval_pdf(ctx, si, si.to_local(drawn.ds.d), drawn.counts)
+                    # One call is faster than one for the drawn and one for the next direction
+                    f, pdf, bs, weight = bsdf.eval_pdf_sample(
+                        ctx, si, si.to_local(drawn.ds.d), sample1, sample2, active_next
+                    )
+                    # Of these only `f` has derivatives
+                    bs, weight = dr.detach((bs, weight))
+                    # No ray where nothing is emitted or reflected. A replay traces it even so,
+                    # because a value of 0 may have a derivative.
+                    if dr.hint(primal, mode="scalar"):
+                        active_em &= drawn.may_radiate & (dr.max(f) != 0)
+                    direct = emitters.trace(scene, si, drawn, active_em)
                     # A point source or a parallel beam cannot be hit by a reflected ray, so its
                     # whole radiance belongs to emitter sampling
                     mis = dr.select(drawn.ds.delta, 1, mis_weight(drawn.ds.pdf, pdf))
                     Lr = dr.select(
-                        drawn.counts, β * f * drawn.radiance(si) * (mis / drawn.ds.pdf), 0
+                        direct.counts, β * f * direct.radiance(si) * (mis / drawn.ds.pdf), 0
                     )
                 # This radiance is reflected once more than the emission at the current vertex
                 L = L + Lr if primal else L - Lr
@@ -408,16 +422,15 @@ class PathTracer(RBIntegrator):
                         Lr[0],
                         bounce + 1,
                         emitters.sources,
-                        drawn.emitter,
-                        drawn.hit.prim_index,
+                        direct.emitter,
+                        direct.hit.prim_index,
                         most,
                     )
 
             # ----------------------- Reflection -----------------------
 
-            # Named samples, because the derivative of a delta lobe repeats `sample` with them
-            sample1, sample2 = sampler.next_1d(), sampler.next_2d()
-            bs, weight = bsdf.sample(ctx, si, sample1, sample2, active_next)
+            if dr.hint(not emitters.draws, mode="scalar"):
+                bs, weight = bsdf.sample(ctx, si, sample1, sample2, active_next)
             delta = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
             # A path without throughput contributes nothing further
             active_next &= dr.max(weight) != 0

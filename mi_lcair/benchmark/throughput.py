@@ -1,7 +1,7 @@
 """Speed of `bounce_path` beside Mitsuba's own integrators and beside ray intersection alone."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import median
 
 import drjit as dr
@@ -16,17 +16,27 @@ from mi_lcair.rendering.views import film
 
 # `rr_depth` of the stock integrators. It is so deep that Russian roulette never ends a path.
 NEVER = 1000
+RAW = "ray intersection alone"
+RADIUS = 0.2  # of the analytic sphere, as of the mesh [m]
+# Name of each scene, and its bodies inside the emitting room. `sphere` is a mesh; `analytic sphere`
+# is Mitsuba's own shape, which is not drawn from the table of triangles.
+SCENES = {
+    "furnace": ("sphere", "slabs"),
+    "box with a sphere": ("sphere",),
+    "box with an analytic sphere": ("analytic sphere",),
+}
 
 
 @dataclass(frozen=True)
 class Row:
-    """Speed of one contestant.
+    """Speed of one contestant in one scene, see `SCENES`.
 
     The speeds are medians over the repetitions. `ratio` is the speed relative to the contestant
     named in `against`, or None where `against` is empty. `compile_seconds` is the time of the first
     run less the median of the later ones.
     """
 
+    scene: str
     name: str
     paths_per_second: float
     rays_per_second: float
@@ -47,9 +57,9 @@ class Throughput:
 
 
 def measure(
-    bounces: int = 5, spp: int = 64, resolution: int = 128, repeats: int = 7, progress=None
+    bounces: int = 5, spp: int = 64, resolution: int = 128, repeats: int = 9, progress=None
 ) -> Throughput:
-    """Measure the speed of `bounce_path` and of Mitsuba's own integrators in the furnace.
+    """Measure the speed of `bounce_path` and of Mitsuba's own integrators in three scenes.
 
     All contestants run in turn in one process. They trace the same geometry with the same number of
     bounces and samples. `bounce_path` uses `thermal` and the material bare aluminum (MWIR), in one
@@ -74,68 +84,68 @@ def measure(
     Returns
     -------
     Throughput
-        One row for each contestant, and one for `bounce_path` against ray intersection alone.
+        One row for each contestant in each scene, and one for `bounce_path` against ray
+        intersection alone.
     """
 
     paths = resolution**2 * spp
-    contestants = all_contestants(bounces, spp, resolution)
-    step = stepper(progress, (repeats + 1) * len(contestants))
-    times = {name: [] for name in contestants}
-    # The contestants run in turn, so that a change of the machine's load concerns all of them.
-    for repeat in range(repeats + 1):
-        for name, (run, _, _) in contestants.items():
-            times[name].append(timed(run, repeat))
-            step()
-    first = {name: values.pop(0) for name, values in times.items()}
-    seconds = {name: median(values) for name, values in times.items()}
-    rows = [
-        Row(
-            name,
-            paths / seconds[name],
-            paths * rays / seconds[name],
-            against,
-            median(b / a for a, b in zip(times[name], times[against])) if against else None,
-            max(0.0, first[name] - seconds[name]),
-        )
-        for name, (_, rays, against) in contestants.items()
-    ]
-    # The last row compares the first contestant with the last one, ray intersection alone.
-    bare_row, raw_row = rows[0], rows[-1]
+    in_scenes = {name: contestants(name, bounces, spp, resolution) for name in SCENES}
+    step = stepper(progress, (repeats + 1) * sum(map(len, in_scenes.values())))
+    rows = []
+    for scene, of_scene in in_scenes.items():
+        times = {name: [] for name in of_scene}
+        # The contestants run in turn, so that a change of the machine's load concerns all of them.
+        for repeat in range(repeats + 1):
+            for name, (run, _, _) in of_scene.items():
+                times[name].append(timed(run, repeat))
+                step()
+        first = {name: values.pop(0) for name, values in times.items()}
+        seconds = {name: median(values) for name, values in times.items()}
+        rows += [
+            Row(
+                scene,
+                name,
+                paths / seconds[name],
+                paths * rays / seconds[name],
+                against,
+                median(b / a for a, b in zip(times[name], times[against])) if against else None,
+                max(0.0, first[name] - seconds[name]),
+            )
+            for name, (_, rays, against) in of_scene.items()
+        ]
+    # The last row compares the first contestant with ray intersection alone.
+    bare_row, raw_row = rows[0], next(row for row in rows if row.name == RAW)
     rows.append(
-        Row(
-            "bounce_path",
-            bare_row.paths_per_second,
-            bare_row.rays_per_second,
-            raw_row.name,
-            bare_row.rays_per_second / raw_row.rays_per_second,
-            bare_row.compile_seconds,
+        replace(
+            bare_row,
+            against=raw_row.name,
+            ratio=bare_row.rays_per_second / raw_row.rays_per_second,
         )
     )
     return Throughput(rows, bounces, spp, resolution, repeats)
 
 
-def all_contestants(bounces: int, spp: int, resolution: int) -> dict:
-    """Load the scenes of all contestants; the parameters are those of `measure`.
+def contestants(scene: str, bounces: int, spp: int, resolution: int) -> dict:
+    """Load one of `SCENES` for each contestant; the other parameters are those of `measure`.
 
     Returns, for each name, a function of the seed that renders once, the number of rays of a path,
-    and the name of the contestant with which the speed is compared ("" for none).
+    and the name of the contestant with which the speed is compared ("" for none). The channels and
+    ray intersection alone are measured in the furnace.
     """
 
     def ours(body="material", **options):
         integrator = {"type": "bounce_path", "max_bounces": bounces, **options}
-        return furnace(integrator, body, resolution)
+        return room(integrator, body, resolution, SCENES[scene])
 
     def stock(kind):
         integrator = {"type": kind, "max_depth": bounces + 1, "rr_depth": NEVER}
-        return furnace(integrator, "roughconductor", resolution)
+        return room(integrator, "roughconductor", resolution, SCENES[scene])
 
     def renders(loaded):
         return lambda seed: loaded.integrator().render(loaded, seed=seed, spp=spp)
 
     bare = ours()
-    split, whole = ours(), ours()
-    paths = resolution**2 * spp
-    return {
+    found = {
         "bounce_path": (renders(bare), bounces + 1, "prb_basic"),
         "bounce_path, microfacet": (renders(ours("microfacet")), bounces + 1, "prb_basic"),
         "prb_basic": (renders(stock("prb_basic")), bounces + 1, ""),
@@ -145,17 +155,19 @@ def all_contestants(bounces: int, spp: int, resolution: int) -> dict:
             "path",
         ),
         "path": (renders(stock("path")), 2 * bounces + 1, ""),
+    }
+    if scene != "furnace":
+        return found
+    split, whole = ours(), ours()
+    paths = resolution**2 * spp
+    return found | {
         "bounce_path, split into channels": (
             observes(split, spp, "image"),
             bounces + 1,
             "bounce_path, total only",
         ),
         "bounce_path, total only": (observes(whole, spp, None), bounces + 1, ""),
-        "ray intersection alone": (
-            lambda seed: intersect(bare, paths, bounces + 1, seed),
-            bounces + 1,
-            "",
-        ),
+        RAW: (lambda seed: intersect(bare, paths, bounces + 1, seed), bounces + 1, ""),
     }
 
 
@@ -211,11 +223,11 @@ def intersect(loaded, paths: int, rays: int, seed: int):
     return hits
 
 
-def furnace(integrator: dict, model: str, resolution: int):
-    """Return the furnace's geometry and camera with this project's plugins or with Mitsuba's own.
+def room(integrator: dict, model: str, resolution: int, bodies: tuple[str, ...]):
+    """Return the furnace's room and camera with this project's plugins or with Mitsuba's own.
 
-    model: the bodies' BSDF, all metals with lobes of one width. A reflection model goes with
-    `thermal`, `roughconductor` with `area`.
+    bodies: what is in the room, see `SCENES`. model: the bodies' BSDF, all metals with lobes of one
+    width. A reflection model goes with `thermal`, `roughconductor` with `area`.
     """
     T = mi.ScalarTransform4f
     metal = material("bare_aluminum", band("MWIR"))
@@ -234,14 +246,23 @@ def furnace(integrator: dict, model: str, resolution: int):
     meshes = scenes.FOLDER / "meshes"
 
     def shape(name, bsdf, to_world=T()):
-        return {
+        mesh = {
             "type": "ply",
             "filename": str(meshes / f"furnace_{name}.ply"),
             "face_normals": True,
-            "to_world": to_world,
-            "bsdf": bsdf,
-            "emitter": emitter,
         }
+        return mesh | {"to_world": to_world, "bsdf": bsdf, "emitter": emitter}
+
+    choices = {
+        "sphere": {"sphere": shape("sphere", body)},
+        "analytic sphere": {
+            "sphere": {"type": "sphere", "radius": RADIUS, "bsdf": body, "emitter": emitter}
+        },
+        "slabs": {
+            "slab_1": shape("slab", body, T().translate([-0.45, 0, 0]) @ T().rotate([0, 0, 1], 65)),
+            "slab_2": shape("slab", body, T().translate([0.45, 0, 0]) @ T().rotate([0, 0, 1], -65)),
+        },
+    }
 
     camera = T().look_at(origin=[0, -0.75, 0.3], target=[0, 0, 0], up=[0, 0, 1]) @ T().scale(
         [0.5, 0.5, 1]
@@ -257,9 +278,7 @@ def furnace(integrator: dict, model: str, resolution: int):
                 "sampler": {"type": "independent"},
             },
             "room": shape("room", grey),
-            "sphere": shape("sphere", body),
-            "slab_1": shape("slab", body, T().translate([-0.45, 0, 0]) @ T().rotate([0, 0, 1], 65)),
-            "slab_2": shape("slab", body, T().translate([0.45, 0, 0]) @ T().rotate([0, 0, 1], -65)),
+            **{name: of_one for kind in bodies for name, of_one in choices[kind].items()},
         },
         optimize=False,
     )

@@ -6,16 +6,24 @@ import click
 
 import mi_lcair
 from mi_lcair.cli.options import (
+    POSITIVE,
     Assignment,
+    Fraction,
     json_option,
     prepare_renderer,
     progress_bar,
     renderer_options,
 )
-from mi_lcair.cli.output import check_outputs, note, print_columns, print_json, print_written
+from mi_lcair.cli.output import (
+    check_outputs,
+    error_row,
+    interval,
+    note,
+    print_columns,
+    print_json,
+    print_written,
+)
 from mi_lcair.errors import InputError
-
-TERMS = ("target", "background", "path", "total", "nei_max")
 
 
 @click.command("contrast")
@@ -34,19 +42,46 @@ TERMS = ("target", "background", "path", "total", "nei_max")
     help="Find the ranges at which the target is detected; needs sensor.nei.",
 )
 @click.option("--plot", type=click.Path(path_type=Path), help="Draw the spectra, FILE.png.")
+@click.option(
+    "--tolerance",
+    type=Fraction(),
+    help="Trace paths until half of the 95 % interval of each contrast is at most this fraction of "
+    "it.",
+)
+@click.option(
+    "--tolerance-W-m2",
+    "tolerance_W_m2",
+    type=click.FloatRange(min=0, min_open=True),
+    help="The same in W m^-2, for a contrast that may be zero. With both tolerances, one suffices.",
+)
+@click.option(
+    "--spp",
+    type=POSITIVE,
+    help="Number of paths, divided by the number of pixels of render.resolution, instead of a "
+    "tolerance (default: 64). The paths begin anywhere in a window around the target.",
+)
+@click.option("--max-spp", type=POSITIVE, help="Largest --spp for the tolerances (default: 65536).")
 @renderer_options
 @json_option
-def command(scenario, changes, ranges, plot, variant, threads, json):
+def command(scenario, changes, ranges, plot, variant, threads, json, **sampling):
     """Measure a target against its background.
 
     SCENARIO is a TOML file or the name of a bundled scenario. It states the target, the observer,
     the atmosphere, the background and the sensor. The command prints the irradiances at the sensor,
-    the contrast, and the largest noise at which the target is detected.
+    the contrast, and the largest noise at which the target is detected. The options of the sampling
+    override [render] of the scenario.
     """
     from mi_lcair.detection.scenario import Scenario
 
     check_outputs((plot, ".png"))
-    parsed = Scenario.read(scenario, **dict(changes))
+    given = {name: value for name, value in sampling.items() if value is not None}
+    if "spp" in given and len(given) > 1:
+        raise InputError(
+            "--spp sets a fixed number of samples; tolerances and --max-spp choose one, and do not "
+            "go with it"
+        )
+    own = {f"render.{name}": value for name, value in given.items()}
+    parsed = Scenario.read(scenario, **dict(changes) | own)
     if ranges and parsed.sensor.nei is None:
         raise InputError(
             f"scenario '{scenario}': --range needs nei of [sensor], the noise-equivalent "
@@ -104,6 +139,7 @@ def _print_tables(result, detections):
                 if result.no_target is None
                 else [("without target", f"{result.no_target:.5g} W/m^2 in the field of view")]
             ),
+            _error(result),
             ("time", f"{result.seconds:.2f} s"),
         ]
     )
@@ -118,14 +154,20 @@ def _print_tables(result, detections):
             (
                 "reflections up to",
                 "intensity W/sr",
-                *(f"{name.replace('_', ' ')} W/m^2" for name in TERMS),
+                "target W/m^2",
+                "background W/m^2",
+                "path W/m^2",
+                "total W/m^2 (95 %)",
+                "nei max W/m^2",
                 *extra,
             ),
             *(
                 (
                     row.max_bounces,
                     _with_error(row.intensity),
-                    *(_with_error(getattr(row, name)) for name in TERMS),
+                    *map(_with_error, (row.target, row.background, row.path)),
+                    f"{row.total.value:.5g} +- {row.half_width:.2g}",
+                    _with_error(row.nei_max),
                     *([] if row.observed is None else [f"{row.observed:.5g}"]),
                     *([] if row.detected is None else ["yes" if row.detected else "no"]),
                 )
@@ -148,6 +190,38 @@ def _print_tables(result, detections):
                 ),
             ]
         )
+
+
+def _error(result):
+    """Row about the widest 95 % interval of a contrast, and about the tolerances if any."""
+    from mi_lcair.rendering.render import DEFAULT_MAX_SPP
+
+    sampling, rows = result.scenario.render, result.rows
+    allowed = [
+        *([] if sampling.tolerance is None else [f"{100 * sampling.tolerance:.4g} %"]),
+        *([] if sampling.tolerance_W_m2 is None else [f"{sampling.tolerance_W_m2:.4g} W/m^2"]),
+    ]
+    chosen = [row for row in rows if row.reached is False] or rows
+    widest = max(chosen, key=lambda row: row.half_width)
+    several = len(rows) > 1
+    contrast = f"the contrast with {widest.max_bounces} reflections" if several else "the contrast"
+    may_be_zero = widest.half_width >= abs(widest.total.value)
+    return error_row(
+        interval(
+            widest.half_width,
+            widest.total.value,
+            "W/m^2",
+            contrast,
+            absolute=sampling.tolerance_W_m2 is not None,
+        ),
+        " or ".join(allowed) or None,
+        result.reached,
+        sampling.max_spp or DEFAULT_MAX_SPP,
+        where=f"in {len(chosen)} of {len(rows)} rows" if several else "",
+        remedy="give --tolerance-W-m2, as no fraction of zero can be reached"
+        if may_be_zero and sampling.tolerance_W_m2 is None
+        else "raise --max-spp",
+    )
 
 
 def _sentence(detection):

@@ -2,7 +2,7 @@
 
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import wraps
+from functools import partial, wraps
 
 import click
 
@@ -176,24 +176,21 @@ def sensor_option(command):
     )(command)
 
 
-def scene_options(command):
-    """Give a command the argument SCENE and the options of a render.
+def scene_options(spp: str, tolerance: str):
+    """Decorator that gives a command the argument SCENE and the options of a render.
 
-    The command receives them as one argument `options`, a SceneOptions.
+    The command receives them as one argument `options`, a SceneOptions. `spp` and `tolerance` are
+    the help texts of these options: what they mean for the command.
     """
+    return partial(_with_scene_options, spp, tolerance)
 
+
+def _with_scene_options(spp_help, tolerance_help, command):
     @sensor_option
-    @click.option("--spp", type=POSITIVE, help="Samples per pixel (default: the scene's own).")
+    @click.option("--spp", type=POSITIVE, help=spp_help)
+    @click.option("--tolerance", type=Fraction(), help=tolerance_help)
     @click.option(
-        "--tolerance",
-        type=Fraction(),
-        help="Render until the rms standard error is below this fraction of the mean, such as 0.01 "
-        "or 1%.",
-    )
-    @click.option(
-        "--max-spp",
-        type=POSITIVE,
-        help="Largest number of samples per pixel for --tolerance (default: 65536).",
+        "--max-spp", type=POSITIVE, help="Largest --spp for --tolerance (default: 65536)."
     )
     @click.option(
         "--plan",

@@ -5,6 +5,7 @@ import logging
 import sys
 import warnings
 from contextlib import contextmanager
+from dataclasses import dataclass
 
 import click
 
@@ -18,6 +19,103 @@ def print_columns(rows) -> None:
     widths = [max(map(len, column)) for column in zip(*rows)]
     for row in rows:
         click.echo("  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip())
+
+
+def percent(fraction: float) -> str:
+    """A fraction as text, in percent with two digits."""
+    return f"{float(f'{100 * fraction:.2g}'):g} %"
+
+
+def interval(half_width: float, value: float, unit: str, of: str, absolute: bool = False) -> str:
+    """The 95 % interval of a value in words, as a fraction of the value if it is not zero.
+
+    `half_width` is half of the interval. `of` names the value, such as "the target's intensity".
+    `absolute`: state the half width in its unit too.
+    """
+    width = f"{half_width:.2g} {unit}"
+    if half_width >= abs(value):
+        return f"the 95 % interval is +- {width}, and {of} may be zero"
+    fraction = percent(half_width / abs(value))
+    return f"the 95 % interval is +- {f'{width}, ' if absolute else ''}{fraction} of {of}"
+
+
+def error_row(
+    error: str,
+    tolerance: float | str | None = None,
+    reached: bool | None = None,
+    max_spp: int | None = None,
+    where: str = "",
+    remedy: str = "raise --max-spp",
+) -> tuple[str, str]:
+    """Row (label, text) for `print_columns`: the error of a result and whether it was allowed.
+
+    All commands use it, so that they say the same in the same words.
+
+    Parameters
+    ----------
+    error : str
+        The error in words, see `interval`.
+    tolerance : float or str or None
+        Allowed error, a fraction or in words. Without one, the row only states the error.
+    reached : bool or None
+        Whether the tolerance was reached.
+    max_spp : int or None
+        Samples per pixel at which a result that did not reach it ended.
+    where : str
+        Which of several results reached it.
+    remedy : str
+        What to do if it was not reached.
+    """
+    if tolerance is None:
+        return "error", error
+    allowed = tolerance if isinstance(tolerance, str) else f"{100 * tolerance:.4g} %"
+    where = f" {where}" if where else ""
+    if reached:
+        return "tolerance", f"{allowed} reached{where}: {error}"
+    ended = f" at {max_spp} samples per pixel" if max_spp else ""
+    return "tolerance", f"{allowed} NOT reached{where}{ended}: {error}; {remedy}"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Tolerance that a command was given for its result, and whether the result reached it.
+
+    tolerance: allowed error as a fraction; None without one. reached: None without a tolerance.
+    plan: plan that chose the samples; None without one. max_spp: limit that was given, if any.
+    """
+
+    tolerance: float | None
+    reached: bool | None
+    plan: object
+    max_spp: int | None
+
+    @staticmethod
+    def on(options, error: float | None, reached: bool | None) -> "Verdict":
+        """The verdict on a result of `SceneOptions.run_planned`.
+
+        error: its error as a fraction; None if it is unknown. reached: what the result itself says.
+        """
+        plan = options.plan
+        if plan and reached is None:
+            reached = error is not None and error <= plan.tolerance
+        tolerance = plan.tolerance if plan else options.sampling["tolerance"]
+        return Verdict(tolerance, reached, plan, options.sampling["max_spp"])
+
+    def as_dict(self) -> dict:
+        """Entries for JSON."""
+        return {"tolerance": self.tolerance, "reached": self.reached}
+
+    def row(self, error: str) -> tuple[str, str]:
+        """Row for `print_columns` with the error in words, see `error_row`."""
+        if self.plan:
+            remedy = "more noise than the probes saw, so use --tolerance without --plan"
+            return error_row(error, self.tolerance, self.reached, remedy=remedy)
+        max_spp = None
+        if self.reached is False:
+            from mi_lcair.rendering.render import DEFAULT_MAX_SPP
+
+            max_spp = self.max_spp or DEFAULT_MAX_SPP
+        return error_row(error, self.tolerance, self.reached, max_spp)
 
 
 def check_outputs(*outputs) -> None:

@@ -6,13 +6,18 @@ import click
 
 import mi_lcair
 from mi_lcair.cli.options import scene_options
-from mi_lcair.cli.output import note_invalid, print_columns, print_json
+from mi_lcair.cli.output import Verdict, note_invalid, percent, print_columns, print_json
 from mi_lcair.cli.plan import rows as plan_rows
 from mi_lcair.errors import InputError
 
 
 @click.command("render")
-@scene_options
+@scene_options(
+    spp="Samples per pixel (default: the scene's own); with --tolerance, those before the first "
+    "estimate of the error (default: 16).",
+    tolerance="Render until the rms standard error over the pixels is below this fraction of the "
+    "mean radiance, such as 0.01 or 1%.",
+)
 @click.option(
     "-o",
     "--output",
@@ -57,6 +62,7 @@ def command(options, output, atmosphere, range_m):
     write_exr(output, result.channels, result.header)
     note_invalid(result)
 
+    verdict = Verdict.on(options, result.rms_error, result.reached)
     if options.json:
         print_json(
             {
@@ -65,7 +71,7 @@ def command(options, output, atmosphere, range_m):
                 "mean": result.mean,
                 "rms_error": result.rms_error,
                 "spp": result.spp,
-                "reached": result.reached,
+                **verdict.as_dict(),
                 "invalid": result.invalid,
                 "closure_error": result.closure_error,
                 "paths": result.paths,
@@ -75,16 +81,16 @@ def command(options, output, atmosphere, range_m):
         )
         return
     height, width = result.channels["Y"].shape
-    error = (
+    error = "the rms standard error over the pixels is " + (
         "unknown for one sample"
         if result.rms_error is None
-        else f"{result.rms_error:.2%} of the mean"
+        else f"{percent(result.rms_error)} of the mean"
     )
     print_columns(
         [
             ("image", f"{output}, {width} x {height} pixels, {result.band.label}"),
             ("mean radiance", f"{result.mean:.6g} W m^-2 sr^-1"),
-            ("standard error", f"{error} (rms over the pixels)"),
+            verdict.row(error),
             ("samples per pixel", result.spp),
             ("time", f"{result.seconds:.2f} s"),
             *_remarks(options, result),
@@ -93,7 +99,7 @@ def command(options, output, atmosphere, range_m):
 
 
 def _remarks(options, result):
-    """Yield (label, text) rows about the plan, unusable samples, and the tolerance."""
+    """Yield (label, text) rows about the plan, unusable samples, and the closure."""
     if options.plan:
         yield "plan", ""
         yield from ((f"  {label}", text) for label, text in plan_rows(options.plan))
@@ -101,19 +107,3 @@ def _remarks(options, result):
         yield "invalid samples", f"{result.invalid} NaN or infinite, left out of the image"
     if result.closure_error is not None:
         yield "closure error", f"{result.closure_error:.2g} W m^-2 sr^-1 (estimated)"
-    if result.reached is not None:
-        yield (
-            "tolerance",
-            (
-                f"{options.sampling['tolerance']:.3g} "
-                + ("reached" if result.reached else "NOT reached; raise --max-spp")
-            ),
-        )
-    elif (
-        options.plan and result.rms_error is not None and result.rms_error > options.plan.tolerance
-    ):
-        yield (
-            "tolerance",
-            f"{options.plan.tolerance:.3g} NOT reached: more noise than the probes saw; use "
-            "--tolerance without --plan",
-        )

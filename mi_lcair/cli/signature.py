@@ -7,7 +7,9 @@ import click
 import mi_lcair
 from mi_lcair.cli.options import scene_options
 from mi_lcair.cli.output import (
+    Verdict,
     check_outputs,
+    interval,
     note_invalid,
     print_columns,
     print_json,
@@ -18,7 +20,12 @@ from mi_lcair.errors import InputError
 
 
 @click.command("signature")
-@scene_options
+@scene_options(
+    spp="Number of paths, divided by the number of pixels of the film (default: the scene's own). "
+    "The paths begin anywhere on the film.",
+    tolerance="Trace paths until half of the 95 % interval of the target's intensity is at most "
+    "this fraction of it, such as 0.01 or 1%.",
+)
 @click.option(
     "--spectrum", type=click.Path(path_type=Path), help="Write the spectral intensity, FILE.csv."
 )
@@ -59,24 +66,32 @@ def command(options, spectrum, plot, facets):
             save_plot(plot, result.effective_areas, options.scene)
     if facets:
         result.facets.write(facets)
+    name = result.main_part
+    part = getattr(result, name)
+    relative = part.half_width / part.intensity if part.intensity > 0 else None
+    verdict = Verdict.on(options, relative, result.reached)
     if options.json:
-        print_json(result.as_dict() | options.planned())
+        print_json(result.as_dict() | verdict.as_dict() | options.planned())
     else:
-        _print_tables(result.as_dict())
+        error = interval(part.half_width, part.intensity, "W/sr", f"the {name}'s intensity")
+        _print_tables(result.as_dict(), verdict.row(error))
         if options.plan:
             click.echo()
             print_columns([("plan", ""), *plan_rows(options.plan)])
     print_written(spectrum, plot, facets)
 
 
-def _print_tables(result):
-    """Print the intensities of target and scene, and tables of their parts."""
+def _print_tables(result, error):
+    """Print the intensities of target and scene, their error, and tables of their parts."""
     target, scene = result["target"], result["scene"]
     print_columns(
         [
             ("band", result["band"]),
-            ("target", _with_error(target["intensity"], target["standard_error"])),
-            ("scene", _with_error(scene["intensity"], scene["standard_error"])),
+            *(
+                (name, f"{part['intensity']:.6g} W/sr +- {part['half_width']:.2g} (95 %)")
+                for name, part in (("target", target), ("scene", scene))
+            ),
+            error,
             ("time", f"{result['seconds']:.2f} s"),
             ("paths", result["paths"]),
         ]
@@ -96,7 +111,7 @@ def _print_tables(result):
                     (
                         name,
                         *(
-                            _with_error(part[key][name], part[f"{key}_error"][name], "")
+                            f"{part[key][name]:.6g} +- {part[f'{key}_error'][name]:.2g}"
                             for part in (target, scene)
                         ),
                     )
@@ -104,8 +119,3 @@ def _print_tables(result):
                 ),
             ]
         )
-
-
-def _with_error(value, error, unit=" W/sr"):
-    """A value with its standard error as text."""
-    return f"{value:.6g}{unit} +- {error:.2g}"

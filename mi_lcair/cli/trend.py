@@ -7,7 +7,15 @@ import click
 
 import mi_lcair
 from mi_lcair.cli.options import POSITIVE, Fraction, loading_options, progress_bar
-from mi_lcair.cli.output import check_outputs, note, print_columns, print_json, print_written
+from mi_lcair.cli.output import (
+    check_outputs,
+    error_row,
+    note,
+    percent,
+    print_columns,
+    print_json,
+    print_written,
+)
 
 MOST_ANGLES = 100_000  # largest number of angles in START:STOP:STEP
 
@@ -83,18 +91,24 @@ class Azimuths(Angles):
     type=POSITIVE,
     default=64,
     show_default=True,
-    help="Pixels along each side of a view.",
+    help="Pixels along each side of a view, to which --spp and --max-spp refer. The paths begin "
+    "anywhere in the view.",
 )
-@click.option("--spp", type=POSITIVE, help="Samples per pixel, instead of --tolerance.")
+@click.option(
+    "--spp",
+    type=POSITIVE,
+    help="Paths of each view, divided by its number of pixels, instead of --tolerance.",
+)
 @click.option(
     "--tolerance",
     type=Fraction(),
-    help="Standard error of each intensity, as a fraction of it (default: 1%).",
+    help="Trace paths until half of the 95 % interval of each intensity is at most this fraction "
+    "of it (default: 1%).",
 )
 @click.option(
     "--max-spp",
     type=POSITIVE,
-    help="Largest number of samples per pixel for --tolerance (default: 65536).",
+    help="Largest --spp for --tolerance (default: 65536).",
 )
 @click.option(
     "--batch", type=POSITIVE, help="Views rendered together (default: as many as a pass holds)."
@@ -130,6 +144,7 @@ def command(options, azimuth, elevation, output, plot, **settings):
         print_json(
             {
                 "band": result.band,
+                "tolerance": result.tolerance,
                 **{name: values.tolist() for name, values in result.columns.items()},
             }
         )
@@ -148,14 +163,26 @@ def command(options, azimuth, elevation, output, plot, **settings):
                 *(summary(result.at_elevation(angle), angle) for angle in elevation),
             ]
         )
-    if result.missed:
-        note(
-            f"{result.missed} of {len(result.columns['paths'])} views did not reach the tolerance; "
-            "raise --max-spp"
-        )
+        click.echo()
+        print_columns([_error(result, settings["max_spp"])])
     if result.columns["invalid"].any():
         note("some samples were NaN or infinite and count as 0; see column invalid")
     print_written(output, plot)
+
+
+def _error(result, max_spp):
+    """Row about the widest 95 % interval, and about the tolerance if there is one."""
+    from mi_lcair.rendering.render import DEFAULT_MAX_SPP
+
+    views = len(result.columns["reached"])
+    widest = f"+- {percent(result.widest)}" if isfinite(result.widest) else "as wide as it"
+    return error_row(
+        f"the widest 95 % interval is {widest} of the intensity",
+        result.tolerance,
+        not result.missed,
+        max_spp or DEFAULT_MAX_SPP,
+        where=f"in {result.missed or views} of {views} views",
+    )
 
 
 def summary(at, elevation):

@@ -24,9 +24,19 @@ from mi_lcair.rendering.scene import Scene, find, load
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.rendering.views import Target, View, hidden_share, seen_from
-from mi_lcair.signatures.signature import signature
+from mi_lcair.signatures.signature import Signature, signature
 
 SIGNIFICANT = 3  # standard errors by which a contrast must differ from zero
+# Smallest projected area of a target, in squares of its radius. Rays meet less than that only
+# through the rounding of Float32, as on a plate that is seen edge-on.
+SMALLEST_TARGET = 1e-6
+ENOUGH_TO_MEET = 2**20  # paths after which a target that none of them has met is given up
+# What resolves a contrast near zero, by whether a tolerance was reached; None without one.
+REMEDIES = {
+    None: "raise spp",
+    True: "lower the tolerance",
+    False: "no fraction of zero can be reached, so give tolerance_W_m2 of [render]",
+}
 NEAR = 10  # range, in radii of the target, below which rays to the observer are not parallel
 
 
@@ -50,6 +60,10 @@ class Row:
         Irradiance of the background that the target hides, W m^-2.
     total : Estimate
         Contrast, W m^-2, positive or negative (3.19).
+    half_width : float
+        Half of the 95 % interval of the contrast, W m^-2.
+    reached : bool or None
+        Whether the half width is within a tolerance; None without one.
     nei_max : Estimate
         Largest noise-equivalent irradiance that detects the target, W m^-2, behind the optics
         (3.14).
@@ -72,6 +86,8 @@ class Row:
     path: Estimate
     background: Estimate
     total: Estimate
+    half_width: float
+    reached: bool | None
     nei_max: Estimate
     projected_area: Estimate
     solid_angle: float
@@ -138,6 +154,11 @@ class Contrast:
     remarks: list[str]
     seconds: float
 
+    @property
+    def reached(self) -> bool | None:
+        """Whether all rows have reached a tolerance; None without one."""
+        return all(row.reached for row in self.rows) if self.scenario.render.has_tolerance else None
+
     def detection_ranges(self) -> list[DetectionRange]:
         """Detection range of each row, along the line of sight. Raises InputError without a nei."""
         return [
@@ -163,6 +184,9 @@ class Contrast:
             "range_m": self.path.range_m,
             "atmosphere": self.air.name,
             "background": self.background_name,
+            "tolerance": self.scenario.render.tolerance,
+            "tolerance_W_m2": self.scenario.render.tolerance_W_m2,
+            "reached": self.reached,
             **{name: getattr(self, name) for name in plain},
             "rows": [row.as_dict() for row in self.rows],
         }
@@ -216,9 +240,9 @@ def measured(scenario: Scenario, progress) -> Contrast:
     )
     rows, invalid, paths = [], 0, 0
     for bounces, irradiance, result in rendered(
-        view, scenario.render, detector, air, behind, progress
+        view, target, scenario.render, detector, air, path, behind, progress
     ):
-        rows.append(row(bounces, irradiance, path, detector, target))
+        rows.append(row(bounces, irradiance, path, detector, target, result.reached))
         invalid, paths = invalid + result.invalid, paths + result.paths
     irradiance = rows[-1].irradiance
     transmittance, radiance = path.at(irradiance.wavelengths_um)
@@ -249,9 +273,11 @@ def measured(scenario: Scenario, progress) -> Contrast:
 
 def rendered(
     view: Scene,
+    target: Target,
     sampling: Sampling,
     detector: Detector,
     air: Atmosphere,
+    path: LineOfSight,
     behind: Backdrop,
     progress,
 ):
@@ -261,9 +287,11 @@ def rendered(
     ----------
     view : Scene
         Scene with the sensor of the observer.
+    target : Target
+        Sphere that holds the target.
     sampling : Sampling
-        Numbers of reflections, samples per pixel, lobe and seed.
-    detector, air, behind : Detector, Atmosphere, Backdrop
+        Numbers of reflections, samples per pixel or tolerances, lobe and seed.
+    detector, air, path, behind : Detector, Atmosphere, LineOfSight, Backdrop
         What the irradiance depends on beside the target.
     progress : callable or None
         Called with (samples per pixel done, expected).
@@ -274,6 +302,27 @@ def rendered(
         If no ray hits the target.
     """
     bounces = sampling.max_bounces or (view.mi.integrator().max_bounces,)
+
+    def irradiance(result: Signature) -> Irradiance:
+        part = result.target
+        return Irradiance(
+            result.effective_areas,
+            part.standard_error / part.intensity if part.intensity > 0 else 0.0,
+            detector.band,
+            air,
+            behind,
+            result.degrees_of_freedom,
+            result.missed,
+        )
+
+    def excess(result: Signature) -> float:
+        """Ratio of the half width of the contrast's 95 % interval to the allowed one."""
+        if result.paths >= ENOUGH_TO_MEET:
+            check_met(result, target)
+        terms = irradiance(result)
+        allowed = sampling.allowed(terms.at(path)["total"].value)
+        return terms.half_width(path) / allowed if allowed > 0 else np.inf
+
     for k, count in enumerate(bounces):
 
         def step(done, total):
@@ -282,13 +331,22 @@ def rendered(
 
         with changed(view, lobe=sampling.lobe, max_bounces=count):
             result = signature(
-                view, sampling.spp, seed=sampling.seed, by_spectrum=True, progress=step
+                view,
+                sampling.spp,
+                max_spp=sampling.max_spp,
+                seed=sampling.seed,
+                by_spectrum=True,
+                progress=step,
+                excess=excess if sampling.has_tolerance else None,
             )
-        areas, target = result.effective_areas, result.target
-        if not areas.projected_area > 0:
-            raise InputError("no ray met the target; raise resolution or spp of [render]")
-        relative_error = target.standard_error / target.intensity if target.intensity > 0 else 0.0
-        yield count, Irradiance(areas, relative_error, detector.band, air, behind), result
+        check_met(result, target)
+        yield count, irradiance(result), result
+
+
+def check_met(result: Signature, target: Target) -> None:
+    """Raise InputError if the paths of a render met no more of the target than by rounding."""
+    if not result.effective_areas.projected_area > SMALLEST_TARGET * target.radius**2:
+        raise InputError("no ray met the target; raise resolution or spp of [render]")
 
 
 def backdrop(scenario: Scenario, detector: Detector) -> Backdrop:
@@ -330,7 +388,12 @@ def target_scene(scenario: Scenario, detector: Detector) -> Scene:
 
 
 def row(
-    max_bounces: int, irradiance: Irradiance, path: LineOfSight, detector: Detector, target: Target
+    max_bounces: int,
+    irradiance: Irradiance,
+    path: LineOfSight,
+    detector: Detector,
+    target: Target,
+    reached: bool | None,
 ) -> Row:
     """The row of a target at the end of a path.
 
@@ -346,6 +409,8 @@ def row(
         Detector of the sensor.
     target : Target
         Sphere that holds the target.
+    reached : bool or None
+        Whether a tolerance was reached; None without one.
     """
     terms = irradiance.at(path)
     total, area = terms["total"], irradiance.projected_area
@@ -354,6 +419,8 @@ def row(
     return Row(
         max_bounces,
         **terms,
+        half_width=irradiance.half_width(path),
+        reached=reached,
         nei_max=nei_max,
         projected_area=area,
         solid_angle=area.value / path.range_m**2,
@@ -408,7 +475,7 @@ def remarks(
     """
     lines = [
         f"with {row.max_bounces} reflections the contrast is less than {SIGNIFICANT} of its "
-        "standard errors: it may be zero; raise spp"
+        f"standard errors: it may be zero; {REMEDIES[row.reached]}"
         for row in rows
         if abs(row.total.value) < SIGNIFICANT * row.total.standard_error
     ]

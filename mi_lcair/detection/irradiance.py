@@ -10,6 +10,7 @@ import numpy as np
 
 from mi_lcair.physics.atmosphere import Atmosphere, LineOfSight
 from mi_lcair.physics.bands import Band
+from mi_lcair.rendering.statistics import student_factor
 from mi_lcair.signatures.effective_areas import EffectiveAreas
 
 TERMS = ("intensity", "target", "path", "background", "total")
@@ -61,6 +62,10 @@ class Irradiance:
         Atmosphere, whose wavelengths are resolved.
     backdrop : Backdrop
         Background of the target.
+    degrees_of_freedom : float
+        Degrees of freedom of the standard errors.
+    missed : float
+        Intensity that a source which no path has hit may add to the target, W/sr.
     """
 
     def __init__(
@@ -70,6 +75,8 @@ class Irradiance:
         band: Band,
         air: Atmosphere,
         backdrop: Backdrop,
+        degrees_of_freedom: float = np.inf,
+        missed: float = 0.0,
     ):
         rows = np.concatenate(
             [
@@ -88,8 +95,10 @@ class Irradiance:
         self.wavelengths_um = np.column_stack(
             [middle - half / np.sqrt(3), middle + half / np.sqrt(3)]
         ).ravel()
-        self.weights_um = np.repeat(half, 2) * band.response_at(self.wavelengths_um)
-        self.areas = areas
+        self.response = band.response_at(self.wavelengths_um)
+        self.weights_um = np.repeat(half, 2) * self.response
+        self.areas, self.missed = areas, missed
+        self.degrees_of_freedom = degrees_of_freedom
         self.backdrop = backdrop.at(self.wavelengths_um)
         self.projected_area = Estimate(
             areas.projected_area, float(np.sqrt(areas.covariance[0, -1, -1]))
@@ -134,6 +143,16 @@ class Irradiance:
             name: Estimate(float(value), float(error))
             for name, value, error in zip(TERMS, per_amount @ self.amounts, errors)
         }
+
+    def half_width(self, path: LineOfSight) -> float:
+        """Half of the 95 % interval of the contrast at the end of a path, W m^-2.
+
+        It includes a source that no path of the render has hit.
+        """
+        transmittance, _ = path.at(self.wavelengths_um)
+        missed = self.missed * (transmittance * self.response).max() / path.range_m**2
+        error = self.at(path)["total"].standard_error
+        return float(student_factor(self.degrees_of_freedom) * error + missed)
 
     def spectral(self, path: LineOfSight) -> dict[str, np.ndarray]:
         """The TERMS at `wavelengths_um`, by name, without the response.

@@ -35,12 +35,16 @@ FILES = (
 SMALLEST, LARGEST = 1e-30, 1e12  # sizes of numbers whose squares and ratios stay finite
 SIZES = f"{SMALLEST:g}..{LARGEST:g}"
 POLAR = ("range_m", "azimuth_deg", "elevation_deg")
+DEFAULT_SPP = 64  # samples per pixel without a tolerance
+TO_A_TOLERANCE = ("tolerance", "tolerance_W_m2", "max_spp")  # entries that spp does not go with
 # Entries that are removed when a change sets the entry on the left.
 REPLACES = {
     ("background", "sky"): ("temperature",),
     ("background", "temperature"): ("sky",),
     ("observer", "position_m"): POLAR,
     **{("observer", name): ("position_m",) for name in POLAR},
+    ("render", "spp"): TO_A_TOLERANCE,
+    **{("render", name): ("spp",) for name in TO_A_TOLERANCE},
 }
 
 
@@ -248,14 +252,22 @@ class Sampling:
     Attributes
     ----------
     max_bounces : tuple of int
-        Numbers of reflections. Each gets a render with the same random numbers. If it is empty, the
-        scene's own number is used.
+        Numbers of reflections. Each gets a render from the same seed. If it is empty, the scene's
+        own number is used.
     lobe : str, optional
         Fidelity of reflections, "brdf", "mirror" or "diffuse", by default the scene's own.
     resolution : int
-        Pixels along each side of the image.
-    spp : int
-        Samples per pixel.
+        `spp` and `max_spp` count the paths of a render divided by resolution x resolution. The
+        paths begin anywhere in a window around the target, not in one pixel each.
+    spp : int or None
+        Samples per pixel (64). None with a tolerance.
+    tolerance : float or None
+        Allowed half of the 95 % interval of each contrast, as a fraction of its magnitude.
+    tolerance_W_m2 : float or None
+        Allowed half of the 95 % interval of each contrast, W m^-2. With both tolerances, a render
+        ends when one of them is reached.
+    max_spp : int or None
+        Largest number of samples per pixel with a tolerance (65536).
     seed : int
         Seed of the random numbers.
     """
@@ -263,22 +275,57 @@ class Sampling:
     max_bounces: tuple[int, ...] = ()
     lobe: str | None = None
     resolution: int = 256
-    spp: int = 64
+    spp: int | None = None
+    tolerance: float | None = None
+    tolerance_W_m2: float | None = None
+    max_spp: int | None = None
     seed: int = 0
 
     def __post_init__(self):
+        given = [name for name in TO_A_TOLERANCE if getattr(self, name) is not None]
+        if self.spp is not None and given:
+            raise InputError(
+                f"[render]: spp and {given[0]} do not go together; spp is a fixed number of "
+                "samples, a tolerance chooses one"
+            )
+        if given == ["max_spp"]:
+            raise InputError(
+                "[render]: max_spp goes with a tolerance; give tolerance or tolerance_W_m2, or spp "
+                "instead"
+            )
+        if not given and self.spp is None:
+            object.__setattr__(self, "spp", DEFAULT_SPP)
+        if self.tolerance is not None and not 0 < self.tolerance < 1:
+            raise InputError(
+                f"[render]: tolerance = {self.tolerance:g}; must be a fraction between 0 and 1"
+            )
+        if self.tolerance_W_m2 is not None and not self.tolerance_W_m2 > 0:
+            raise InputError(
+                f"[render]: tolerance_W_m2 = {self.tolerance_W_m2:g}; must be positive"
+            )
         for name, least, most in (
             ("max_bounces", 0, 10_000),
             ("resolution", 1, np.inf),
             ("spp", 2, 2**31),
+            ("max_spp", 2, 2**31),
             ("seed", 0, 2**32 - 1),
         ):
-            for value in np.ravel(getattr(self, name)).tolist():
+            given = getattr(self, name)
+            for value in [] if given is None else np.ravel(given).tolist():
                 if not least <= value <= most:
                     raise InputError(
                         f"[render]: {name} = {value}; must "
                         f"{f'lie in {least}..{most}' if most < np.inf else f'be {least} or more'}"
                     )
+
+    @property
+    def has_tolerance(self) -> bool:
+        """Whether the number of samples follows from a tolerance."""
+        return self.spp is None
+
+    def allowed(self, contrast: float) -> float:
+        """Allowed half width, W m^-2, of the 95 % interval of a contrast; 0 without a tolerance."""
+        return max((self.tolerance or 0) * abs(contrast), self.tolerance_W_m2 or 0)
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from mi_lcair.rendering.loading.fingerprint import fingerprint, source_digest
 from mi_lcair.rendering.loading.meshes import check_mesh_files, check_shapes
 from mi_lcair.rendering.loading.nodes import check_nodes
 from mi_lcair.rendering.loading.origin import check_meshes_near, far_origin, move
+from mi_lcair.rendering.loading.samplers import add_samplers, remarks_on_samplers
 from mi_lcair.rendering.loading.remarks import (
     clipped,
     shapes_without_bsdf,
@@ -175,7 +176,7 @@ def parsed_and_checked(path: Path, texts: dict[str, str]) -> Scene:
     check_meshes_near(meshes, loaded)
     check_shapes(loaded)
     scene = checked(loaded, path, texts)
-    notes = [*scene.notes, *defaults]
+    notes = [*scene.notes, *defaults, *remarks_on_samplers(state)]
     if origin.any():
         notes.append(
             f"the scene lies {np.linalg.norm(origin):g} m from its origin; for the renderer's "
@@ -214,6 +215,7 @@ def parsed(path: Path, texts: dict[str, str]):
     mi.parser.transform_all(configuration(), state)
     if state.root.props.plugin_name() != "scene":
         raise InputError(f"{path}: holds no <scene>")
+    add_samplers(state)
     if mi.variant().startswith("llvm"):
         state.root.props["embree_use_robust_intersections"] = True
     return state

@@ -127,7 +127,7 @@ class Totals:
         """
         scatter = student_factor(self.randomisations - 1) * self.scatter_error(name)
         systematic = student_factor(np.inf) * self.systematic * self.mean(name)
-        return np.hypot(scatter, systematic) + self.missed(name)
+        return np.sqrt(scatter**2 + systematic**2 + self.missed(name) ** 2)
 
     def mean_error(self) -> float | None:
         """Standard error of the mean over all windows; None for one randomisation."""

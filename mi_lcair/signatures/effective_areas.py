@@ -260,6 +260,9 @@ def effective_areas(
         for row in names
     ]
     covariance = np.array([of_part @ of_part.T for of_part in deviations])
+    areas = mean * scale
+    # The systematic error is the same fraction of all sources, and is no error of positions
+    covariance[:, :-1, :-1] += total.systematic**2 * areas[:, :, None] * areas[:, None, :]
     nodes = all_sources.wavelengths_um
     by_wavelength = [
         [total.mean(f"{prefixes[part]}wavelength.{k}")[0] for k in range(len(nodes))]
@@ -268,7 +271,7 @@ def effective_areas(
     return EffectiveAreas(
         band=band,
         sources=sources,
-        area=mean * scale,
+        area=areas,
         error=np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))[:, :-1],
         projected_area=total.mean("target.hit")[0] * window_area,
         covariance=covariance,

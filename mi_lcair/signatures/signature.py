@@ -1,14 +1,15 @@
 """Intensity of a scene toward an orthographic sensor, with and without the background."""
 
 import time
-from dataclasses import asdict, dataclass
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.limits import check_paths
-from mi_lcair.rendering.render import DEFAULT_MAX_SPP, check_reachable
+from mi_lcair.rendering.render import DEFAULT_MAX_SPP, check_bounded, check_reachable
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import window, window_area
@@ -76,8 +77,14 @@ class Signature:
         Number of paths.
     invalid : int
         Number of samples that were NaN or infinite, and count as 0.
+    degrees_of_freedom : int
+        Degrees of freedom of all standard errors, see `student_factor`.
+    missed : float
+        Intensity that a source which no path has hit may add to the target, W/sr.
+    tolerance : float or None
+        Tolerance that was asked for.
     reached : bool or None
-        Whether the tolerance was reached; None without one.
+        Whether the tolerance was reached, or the criterion `excess` was met; None without them.
     """
 
     band: str
@@ -89,7 +96,15 @@ class Signature:
     seconds: float
     paths: int
     invalid: int
-    reached: bool | None
+    degrees_of_freedom: int
+    missed: float
+    tolerance: float | None
+    reached: bool | None = None
+
+    @property
+    def main_part(self) -> str:
+        """Part that a tolerance refers to: "target", or "scene" if the target is dark."""
+        return "target" if self.target.intensity > 0 else "scene"
 
     def __getattr__(self, name):
         """The attribute of `self.scene`, such as intensity or by_bounce."""
@@ -108,6 +123,7 @@ class Signature:
             "seconds": self.seconds,
             "paths": self.paths,
             "invalid": self.invalid,
+            "tolerance": self.tolerance,
             "reached": self.reached,
         }
         if self.effective_areas is not None:
@@ -125,6 +141,7 @@ def signature(
     by_spectrum: bool = False,
     facets: bool = False,
     progress=None,
+    excess: Callable[[Signature], float] | None = None,
 ) -> Signature:
     """Render a scene and integrate its radiance over the sensor's window.
 
@@ -135,12 +152,13 @@ def signature(
     scene : Scene
         Scene with an orthographic sensor.
     spp : int or None
-        Paths for each pixel of the sensor (the number in the scene).
+        Number of paths, divided by the number of pixels of the sensor's film (the number in the
+        scene). The paths begin anywhere in the window, not in one pixel each.
     tolerance : float or None
         Trace paths until the 95 % interval of the target's intensity is within this fraction of it,
         or until max_spp is reached. Without a target it is that of the scene's intensity.
     max_spp : int or None
-        Largest number of paths for each pixel with a tolerance (65536).
+        As `spp`: the largest number of paths with a tolerance (65536).
     seed, sensor : int
         As for `render`.
     progress : callable or None
@@ -149,6 +167,9 @@ def signature(
         Also compute the effective area of each source in the scene.
     facets : bool
         Also compute the results of each facet of the model.
+    excess : callable or None
+        Instead of a tolerance: ratio of the error to the allowed error for the Signature (without
+        facets) that the paths so far give. Paths are added until it is at most 1.
 
     Returns
     -------
@@ -157,8 +178,14 @@ def signature(
     Raises
     ------
     InputError
-        If the sensor is not orthographic, or if `by_spectrum` is asked of the band "total".
+        If the sensor is not orthographic, if `by_spectrum` is asked of the band "total", if a
+        number of paths is given beside a tolerance, or if a tolerance cannot be reached.
     """
+    if spp and (tolerance or excess or max_spp):
+        raise InputError(
+            "spp sets a fixed number of samples; tolerance and max_spp choose one, and "
+            "do not go with it"
+        )
     if by_spectrum and scene.band.is_total:
         raise InputError(
             f"{scene.name}: band total has no wavelengths, so that its intensity has no spectrum; "
@@ -171,41 +198,60 @@ def signature(
     camera = scene.sensor(sensor)
     area = window_area(camera, scene.name)
     pixels = int(np.prod(camera.film().crop_size()))
-    if tolerance is None:
+    adaptive = tolerance is not None or excess is not None
+    if not adaptive:
         spp = spp or camera.sampler().sample_count()
     check_paths(pixels, spp=spp, max_spp=max_spp)
     sums = FacetSums(FacetTable(scene), scene.mi.integrator().max_bounces) if facets else None
     with scene.prepared(by_spectrum) as tracer:
         if tolerance is not None:
             check_reachable(tolerance, tracer, scene.name)
+        elif adaptive:
+            check_bounded(tracer.emitters, scene.name)
+        sources = tracer.emitters.sources
+
+        def result(total: Totals) -> Signature:
+            return Signature(
+                band=scene.band.name,
+                scene=intensity(total, "", area),
+                target=intensity(total, "target.", area),
+                effective_areas=effective_areas(total, sources, scene.band, area)
+                if by_spectrum
+                else None,
+                facets=None,
+                window_area=area,
+                seconds=time.perf_counter() - start,
+                paths=int(total.valid.sum()) + total.invalid,
+                invalid=total.invalid,
+                degrees_of_freedom=total.randomisations - 1,
+                missed=float(total.missed("target")[0] * area),
+                tolerance=tolerance,
+            )
+
+        if excess is None:
+            ratio = lambda total: excess_of_intensity(total, tolerance)
+        else:
+            ratio = lambda total: excess(result(total))
         total = window_means(
             scene,
             tracer,
             camera,
             paths=spp and spp * pixels,
-            excess=lambda total: excess(total, tolerance),
+            excess=ratio,
             most_paths=(max_spp or DEFAULT_MAX_SPP) * pixels,
             seed=seed,
             facets=sums,
             progress=progress,
         )
-        sources = tracer.emitters.sources
     *_, direction = window(camera)
-    return Signature(
-        band=scene.band.name,
-        scene=intensity(total, "", area),
-        target=intensity(total, "target.", area),
-        effective_areas=effective_areas(total, sources, scene.band, area) if by_spectrum else None,
+    return replace(
+        result(total),
         facets=sums.results(area, -direction) if facets else None,
-        window_area=area,
-        seconds=time.perf_counter() - start,
-        paths=int(total.valid.sum()) + total.invalid,
-        invalid=total.invalid,
-        reached=None if tolerance is None else excess(total, tolerance) <= 1,
+        reached=ratio(total) <= 1 if adaptive else None,
     )
 
 
-def excess(total: Totals, tolerance: float) -> float:
+def excess_of_intensity(total: Totals, tolerance: float) -> float:
     """Ratio of the 95 % interval of the target's mean radiance to the tolerance.
 
     Without a target it is that of the scene's mean radiance.

@@ -2,7 +2,7 @@
 
 import json
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 
@@ -11,7 +11,7 @@ import numpy as np
 
 import mi_lcair
 from mi_lcair.errors import InputError
-from mi_lcair.rendering.many_views import render_views, views_per_batch
+from mi_lcair.rendering.many_views import FAINT, render_views, views_per_batch
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import View, check_resolution
 from mi_lcair.signatures.trend_file import TrendFile
@@ -23,6 +23,7 @@ OWN_COLUMNS = (
     "elevation_deg",
     "intensity_W_sr",
     "standard_error_W_sr",
+    "half_width_W_sr",
     "projected_area_m2",
     "paths",
     "reached",
@@ -45,7 +46,7 @@ class Sweep:
     views : tuple of View
         Views in their order.
     resolution : int
-        Pixels along each side of a view.
+        `spp` and `max_spp` count the paths of a view divided by resolution x resolution.
     spp : int or None
         Samples per pixel; None for as many as `tolerance` needs.
     tolerance : float
@@ -84,9 +85,9 @@ class Sweep:
     def header(self, band: str) -> dict[str, str]:
         """Lines of a file's header: how its rows are made, by key."""
         samples = (
-            f"spp {self.spp}"
+            f"spp {self.spp} over each view"
             if self.spp
-            else f"tolerance {self.tolerance:g}, max_spp {self.max_spp or 'default'}"
+            else f"95 % interval {self.tolerance:g}, max_spp {self.max_spp or 'default'}"
         )
         views = sha256(repr(self.views).encode()).hexdigest()[:16]
         return {
@@ -111,26 +112,42 @@ class Trend:
     ----------
     columns : dict of str to ndarray, shape (views,)
         azimuth_deg and elevation_deg of the observer; intensity_W_sr of the model and its
-        standard_error_W_sr; projected_area_m2 of the model; paths, their number; reached, 1 if
-        the tolerance was reached or spp was fixed, otherwise 0; invalid, the number of NaN or
-        infinite samples of the view's batch, which count as 0; and the parts of the intensity,
-        group.LABEL_W_sr and bounce.N_W_sr.
+        standard_error_W_sr; half_width_W_sr, half of its 95 % interval; projected_area_m2 of the
+        model; paths, their number; reached, 1 if the tolerance was reached or spp was fixed,
+        otherwise 0; invalid, the number of NaN or infinite samples of the view's batch, which count
+        as 0; and the parts of the intensity, group.LABEL_W_sr and bounce.N_W_sr.
     band : str
         Label of the band.
+    tolerance : float or None
+        Tolerance of the intensities; None if spp was fixed.
     """
 
     columns: dict[str, np.ndarray]
     band: str
+    tolerance: float | None = None
 
     @property
     def missed(self) -> int:
         """Number of views that did not reach the tolerance."""
         return int(np.sum(self.columns["reached"] == 0))
 
+    @property
+    def widest(self) -> float:
+        """Largest half width of a view's 95 % interval, as a fraction of its intensity.
+
+        As for the tolerance, views fainter than FAINT of the brightest count as bright as that.
+        """
+        intensity, half_width = (
+            self.columns[f"{name}_W_sr"] for name in ("intensity", "half_width")
+        )
+        least = FAINT * intensity.max()
+        return float(np.max(half_width / np.maximum(intensity, least))) if least > 0 else np.inf
+
     def at_elevation(self, elevation_deg: float) -> "Trend":
         """The rows whose elevation is `elevation_deg`, degrees."""
         chosen = self.columns["elevation_deg"] == elevation_deg
-        return Trend({name: values[chosen] for name, values in self.columns.items()}, self.band)
+        columns = {name: values[chosen] for name, values in self.columns.items()}
+        return replace(self, columns=columns)
 
     def parts(self, kind: str) -> dict[str, np.ndarray]:
         """Parts of the intensity, W/sr; `kind` is "group" or "bounce".
@@ -170,7 +187,8 @@ def trend(
     elevations_deg : sequence of float
         Elevations of the observer above the horizontal, degrees.
     resolution : int
-        Pixels along each side of a view.
+        `spp` and `max_spp` count the paths of a view divided by resolution x resolution. The paths
+        begin anywhere in the view, not in one pixel each.
     spp : int, optional
         Samples per pixel, instead of a tolerance.
     tolerance : float, optional
@@ -244,7 +262,7 @@ def trend(
         file.add(rows)
         if progress:
             progress(len(file.rows), len(views))
-    return Trend(file.columns(), scene.band.label)
+    return Trend(file.columns(), scene.band.label, None if spp else sweep.tolerance)
 
 
 def whole_path(value: str) -> str:
@@ -301,6 +319,7 @@ def render_batch(scene: Scene, sweep: Sweep, number: int, views) -> dict[View, d
                 [view.elevation_deg for view in views],
                 intensity,
                 error,
+                result.half_width,
                 result.parts["hit"][0],
                 np.full(len(views), result.paths),
                 reached,

@@ -25,31 +25,46 @@ OFFSET = 64 * 2.0**-24
 
 
 @dataclass
-class EmitterSample:
-    """A sampled direction toward an emitter, and the first hit along it.
+class DrawnDirection:
+    """A direction drawn toward an emitter; whether the emitter can be seen along it is not known.
 
-    ds: the direction, with the density `ds.pdf` [1/sr] for the point where the ray starts. hit: the
-    first hit of the ray. emitter: the emitter that sends radiance along the ray. counts: whether
-    the first hit is the drawn point, so that the sample counts. bound: upper bound of the radiance
-    of the drawn triangle or emitter, hidden or not [W m^-2 sr^-1]. all_surfaces: whether
-    only triangles of meshes are drawn.
+    ds: the direction, with the density `ds.pdf` [1/sr] for the point where the ray starts. index:
+    what was drawn, as an index into the table of probabilities. other: the drawn emitter where it
+    is not a triangle of a mesh; None if the table has only triangles. may_radiate: False where the
+    drawn emitter is known to send nothing along the direction. bound: upper bound of the radiance
+    of the drawn triangle or emitter, hidden or not [W m^-2 sr^-1].
     """
 
     ds: mi.DirectionSample3f
+    index: mi.UInt32
+    other: mi.EmitterPtr | None
+    may_radiate: mi.Bool
+    bound: mi.Float
+
+
+@dataclass
+class EmitterSample:
+    """The first hit along a drawn direction.
+
+    drawn: the direction. hit: the first hit of the ray, where that is the drawn triangle. emitter:
+    the emitter that sends radiance along the ray. counts: whether the first hit is the drawn point,
+    so that the sample counts. of_triangle: whether it counts and the point is on a triangle of a
+    mesh.
+    """
+
+    drawn: DrawnDirection
     hit: mi.SurfaceInteraction3f
     emitter: mi.EmitterPtr
     counts: mi.Bool
-    bound: mi.Float
-    all_surfaces: bool
+    of_triangle: mi.Bool
 
     def radiance(self, si):
         """Radiance from the emitter toward `si`, with derivatives [W m^-2 sr^-1]."""
-        if self.all_surfaces:
-            return self.emitter.eval(self.hit, self.counts)
-        hit = self.counts & mi.has_flag(self.emitter.flags(), mi.EmitterFlags.Surface)
-        return self.emitter.eval(self.hit, hit) + self.emitter.eval_direction(
-            si, self.ds, self.counts & ~hit
-        )
+        drawn, of_triangle = self.drawn, self.of_triangle
+        radiance = self.emitter.eval(self.hit, of_triangle)
+        if drawn.other is not None:
+            radiance += drawn.other.eval_direction(si, drawn.ds, self.counts & ~of_triangle)
+        return radiance
 
 
 def can_be_hit(emitter) -> bool:
@@ -71,7 +86,7 @@ def one_band(thermal):
 class EmitterTable:
     """The emitters of a scene, their labels, and one sampling density for all of them.
 
-    `sample` draws from a mixture. One part are the triangles of emitting meshes, with probabilities
+    `draw` draws from a mixture. One part are the triangles of emitting meshes, with probabilities
     proportional to area times an upper bound of the radiance. The other part are all other
     emitters, with equal probabilities. If `sampling` is True, all emitters are drawn, otherwise
     only those that a reflected ray cannot hit.
@@ -147,6 +162,10 @@ class EmitterTable:
         if others:
             self.others = mi.UInt32([pointer_id(mi.EmitterPtr(emitter)) for emitter in others])
         self.draws = self.triangles is not None or bool(others)
+        self.all_surfaces = all(e.flags() & int(mi.EmitterFlags.Surface) for e in others)
+        self.transmits = any(
+            shape.bsdf().flags() & int(mi.BSDFFlags.Transmission) for shape in scene.shapes()
+        )
         if self.draws:
             share = 0.0 if self.triangles is None else 1.0 if not others else 0.5
             parts = [np.full(len(others), (1 - share) / max(len(others), 1))]
@@ -154,13 +173,16 @@ class EmitterTable:
                 parts.insert(0, share * weights / weights.sum())
             choice = Choice(np.concatenate(parts))
             self.choice, self.triangle_count = choice, len(choice.probability) - len(others)
-            self.probability = mi.Float(choice.probability)
             of_others = [0.0 if bounds.get(e) is None else float(bounds[e].max()) for e in others]
+            # Triangles have a density per area [1/m^2], other emitters a probability
+            density = choice.probability.copy()
             if self.triangles is not None:
-                self.density = table.density(choice.probability[: self.triangle_count])
+                density[: self.triangle_count] = table.density(density[: self.triangle_count])
                 of_others = np.append(radiance, of_others)
-            self.bound = mi.Float(np.array(of_others))
-            dr.make_opaque(self.probability, self.bound)
+            self.density = mi.Float(density)
+            self.density_and_bound = mi.Float(np.stack([density, of_others], axis=1).ravel())
+            self.probability_of_other = mi.Float(choice.probability[-1] if others else 0.0)
+            dr.make_opaque(self.density, self.density_and_bound, self.probability_of_other)
         dr.make_opaque(self.label_of, self.is_background, self.others, self.least_offset)
 
     def leave(self, si, d):
@@ -206,17 +228,14 @@ class EmitterTable:
             dr.gather(mi.UInt32, self.is_background, dr.reinterpret_array(mi.UInt32, emitter)) == 0
         )
 
-    def sample(self, scene, si, sample1, sample2, active):
-        """Draw a direction toward an emitter and trace it to its first hit.
+    def draw(self, si, sample1, sample2, active):
+        """Draw a direction toward an emitter.
 
-        A sample counts only if the first hit is the drawn point. Otherwise, where emitters overlap
-        or hide each other, the radiance of one would be used with the density of another. The
-        direction is taken from the start of the ray, and the density is per solid angle at that
+        The direction is taken from the start of the ray, and the density is per solid angle at that
         start. A direction taken from si.p would miss an emitter as near as the offset of the start.
 
         Parameters
         ----------
-        scene : mi.Scene
         si : mi.SurfaceInteraction3f
             The hit from which to draw.
         sample1, sample2 : mi.Point2f
@@ -226,57 +245,83 @@ class EmitterTable:
 
         Returns
         -------
-        EmitterSample
+        DrawnDirection
         """
         ds = dr.zeros(mi.DirectionSample3f)
         index = self.choice.pick(random_integer(sample1), active)
+        other, may_radiate = None, mi.Bool(True)
         from_triangles = active & (index < self.triangle_count)
         from_others = active & ~from_triangles
-        bound = dr.gather(mi.Float, self.bound, index, active)
+        density, bound = dr.gather(mi.Vector2f, self.density_and_bound, index, active)
         if self.triangles is not None:
             _, ds.p, ds.n = self.triangles.point(index, sample2, from_triangles)
             ds.d = ds.p - self.leave(si, ds.p - si.p)
             ds.dist = dr.norm(ds.d)
             ds.d /= ds.dist
-            ds.pdf = solid_angle_density(
-                dr.gather(mi.Float, self.density, index, from_triangles), ds.dist, ds.d, ds.n
-            )
+            ds.pdf = solid_angle_density(density, ds.dist, ds.d, ds.n)
         if self.others is not None:
             other = dr.reinterpret_array(
                 mi.EmitterPtr,
                 dr.gather(mi.UInt32, self.others, index - self.triangle_count, from_others),
             )
-            # The start depends on the side of the surface, and the side on the direction. A first
-            # sample from si.p gives the side, and the second one is drawn from the start.
-            aim, _ = other.sample_direction(si, sample2, from_others)
+            # The start depends on the side of the surface. Reflection stays on the observer's side.
+            # Where light may pass through a surface, a first sample from si.p gives the side.
+            toward = si.to_world(si.wi)
+            if self.transmits:
+                toward = other.sample_direction(si, sample2, from_others)[0].d
             start = dr.zeros(mi.Interaction3f)
-            start.p, start.time = self.leave(si, aim.d), si.time
+            start.p, start.time = self.leave(si, toward), si.time
             ds_other, value = other.sample_direction(start, sample2, from_others)
+            may_radiate = from_triangles | (dr.max(value) != 0)
             # Irradiance on a perpendicular surface, from a point light or a parallel beam
             of_beam = value[0] * ds_other.pdf
             bound = dr.select(from_others & ds_other.delta, of_beam, bound)
-            ds_other.pdf *= dr.gather(mi.Float, self.probability, index, from_others)
+            ds_other.pdf *= density
             ds = dr.select(from_triangles, ds, ds_other)
+        return DrawnDirection(ds, index, other, may_radiate, bound)
 
-        hit = scene.ray_intersect(self.spawn_ray(si, ds.d), active)
-        emitter, counts = hit.emitter(scene, active), mi.Bool(False)
+    def trace(self, scene, si, drawn: DrawnDirection, active):
+        """Trace a drawn direction to its first hit.
+
+        A sample counts only if the first hit is the drawn point. Otherwise, where emitters overlap
+        or hide each other, the radiance of one would be used with the density of another.
+
+        Parameters
+        ----------
+        scene : mi.Scene
+        si : mi.SurfaceInteraction3f
+            The hit from which the direction was drawn.
+        drawn : DrawnDirection
+        active : mi.Bool
+
+        Returns
+        -------
+        EmitterSample
+        """
+        ds = drawn.ds
+        active = active & (ds.pdf > 0)
+        of_triangles = active & (drawn.index < self.triangle_count)
+        ray = self.spawn_ray(si, ds.d)
+        pi = scene.ray_intersect_preliminary(ray, coherent=False, active=active)
+        met, emitter, on_triangle = active & pi.is_valid(), pi.shape.emitter(), mi.Bool(False)
         if self.triangles is not None:
-            triangle, known = self.triangles.find(
-                hit.shape, hit.prim_index, from_triangles & hit.is_valid()
-            )
-            counts = known & (triangle == index)
+            triangle, known = self.triangles.find(pi.shape, pi.prim_index, met & of_triangles)
+            on_triangle = known & (triangle == drawn.index)
+        hit = pi.compute_surface_interaction(ray, mi.RayFlags.All, on_triangle)
+        counts = mi.Bool(on_triangle)  # a copy, because |= changes an array in place
         if self.others is not None:
             # A line hits a sphere, cylinder, disk or rectangle at most twice, from different sides.
             # Shape and side therefore identify the point. A comparison of distances would need a
             # tolerance, and no tolerance is right near the shape and at grazing incidence.
-            same_side = dr.dot(hit.n, ds.d) * dr.dot(ds.n, ds.d) > 0
-            nothing_before = ~hit.is_valid() | (hit.t > ds.dist * (1 - 1e-4))
-            on_surface = mi.has_flag(other.flags(), mi.EmitterFlags.Surface)
-            counts |= from_others & dr.select(
-                on_surface, (emitter == other) & same_side, nothing_before
-            )
-            emitter = dr.select(from_triangles, emitter, other)
-        return EmitterSample(ds, hit, emitter, counts & (ds.pdf > 0), bound, self.others is None)
+            on_other = met & ~of_triangles & (emitter == drawn.other)
+            n = pi.compute_surface_interaction(ray, mi.RayFlags.Minimal, on_other).n
+            counts |= on_other & (dr.dot(n, ds.d) * dr.dot(ds.n, ds.d) > 0)
+            if not self.all_surfaces:
+                nothing_before = ~met | (pi.t > ds.dist * (1 - 1e-4))
+                on_surface = mi.has_flag(drawn.other.flags(), mi.EmitterFlags.Surface)
+                counts |= active & ~of_triangles & ~on_surface & nothing_before
+            emitter = dr.select(of_triangles, emitter, drawn.other)
+        return EmitterSample(drawn, hit, emitter, counts, on_triangle)
 
     def by_chance(self, drawn, pdf, delta):
         """Upper bound of the radiance that a path gains from one source that no path has hit.
@@ -290,7 +335,7 @@ class EmitterTable:
 
         Parameters
         ----------
-        drawn : EmitterSample
+        drawn : DrawnDirection
             The drawn emitter; it represents all emitters. Its `bound` is its radiance, or its
             irradiance if it is a point light or a parallel beam.
         pdf : mi.Float
@@ -308,7 +353,7 @@ class EmitterTable:
         return dr.select(delta, self.opaque_brightest, drawn.bound * share)
 
     def pdf(self, scene, start, si, emitter, active):
-        """Density with which `sample` draws the direction of the ray that hit `si` [1/sr].
+        """Density with which `draw` draws the direction of the ray that hit `si` [1/sr].
 
         Parameters
         ----------
@@ -324,7 +369,7 @@ class EmitterTable:
         Returns
         -------
         mi.Float
-            Density per solid angle at the start of the ray; 0 if `sample` does not draw `emitter`.
+            Density per solid angle at the start of the ray; 0 if `draw` does not draw `emitter`.
         """
         density = mi.Float(0)
         known = mi.Bool(False)
@@ -341,10 +386,7 @@ class EmitterTable:
             before.p = start
             ds = mi.DirectionSample3f(scene, si, before)
             other = emitter.pdf_direction(before, ds, active & ~known)
-            # All other emitters have the same probability; it is the last entry of the table
-            last = dr.width(self.probability) - 1
-            probability = dr.gather(mi.Float, self.probability, mi.UInt32(last), active)
-            density = dr.select(known, density, other * probability)
+            density = dr.select(known, density, other * self.probability_of_other)
         return density
 
 

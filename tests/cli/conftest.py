@@ -80,16 +80,22 @@ class Renderer:
         scene = {
             "intensity": 22.0755,
             "standard_error": 0.0021,
+            "half_width": 0.005,
             "by_bounce": [20.0, 22.0],
             "by_group": {"hot": 21.0, "self": 1.0755},
-            "by_group_error": {"hot": 0.002, "self": None},
+            "by_group_error": {"hot": 0.002, "self": 0.0},
             "by_seen": {"plate": 22.0755},
             "by_seen_error": {"plate": 0.0021},
         }
         target = {**scene, "intensity": 11.5, "by_bounce": [10.0, 11.0], **self.results}
+        tolerance, reached = sampling["tolerance"], self.results.get("reached")
         return SimpleNamespace(
             invalid=self.results.get("invalid", 0),
             paths=2**32,
+            target=SimpleNamespace(**target),
+            scene=SimpleNamespace(**scene),
+            main_part="target",
+            reached=reached,
             as_dict=lambda: {
                 "band": "total",
                 **scene,
@@ -97,6 +103,8 @@ class Renderer:
                 "scene": scene,
                 "seconds": 1.5,
                 "paths": 2**32,
+                "tolerance": tolerance,
+                "reached": reached,
             },
         )
 

@@ -146,7 +146,7 @@ def test_render_prints_what_it_made(run, renderer):
         == """\
 image              out.exr, 3 x 2 pixels, MWIR 3-5 um
 mean radiance      5.25 W m^-2 sr^-1
-standard error     1.25% of the mean (rms over the pixels)
+error              the rms standard error over the pixels is 1.2 % of the mean
 samples per pixel  16
 time               1.50 s
 """
@@ -157,11 +157,23 @@ time               1.50 s
 @pytest.mark.parametrize(
     "results, row",
     [
-        ({"reached": True}, "tolerance          0.01 reached"),
-        ({"reached": False}, "tolerance          0.01 NOT reached; raise --max-spp"),
+        (
+            {"reached": True},
+            "tolerance          1 % reached: the rms standard error over the pixels is 1.2 % of "
+            "the mean",
+        ),
+        (
+            {"reached": False},
+            "tolerance          1 % NOT reached at 65536 samples per pixel: the rms standard error "
+            "over the pixels is 1.2 % of the mean; raise --max-spp",
+        ),
         ({"invalid": 3}, "invalid samples    3 NaN or infinite, left out of the image"),
         ({"closure_error": 0.0123}, "closure error      0.012 W m^-2 sr^-1 (estimated)"),
-        ({"rms_error": None}, "standard error     unknown for one sample (rms over the pixels)"),
+        (
+            {"rms_error": None, "reached": False},
+            "tolerance          1 % NOT reached at 65536 samples per pixel: the rms standard error "
+            "over the pixels is unknown for one sample; raise --max-spp",
+        ),
     ],
 )
 def test_render_says_what_went_short(run, renderer, results, row):
@@ -186,6 +198,7 @@ def test_render_json(run, renderer):
         "mean": 5.25,
         "rms_error": 0.0125,
         "spp": 16,
+        "tolerance": None,
         "reached": None,
         "invalid": 0,
         "closure_error": None,

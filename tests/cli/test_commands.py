@@ -18,29 +18,40 @@ from mi_lcair.rendering.image import write_exr
 def test_signature_table(run, renderer):
     result = run("signature", "two_plates", "--spp", 4)
     assert renderer.sampling["spp"] == 4
-    rows = [line.split() for line in result.stdout.splitlines()]
-    assert ["scene", "22.0755", "W/sr", "+-", "0.0021"] in rows and [
-        "target",
-        "11.5",
-        "W/sr",
-        "+-",
-        "0.0021",
-    ] in rows
+    lines = result.stdout.splitlines()
+    rows = [line.split() for line in lines]
+    assert "scene   22.0755 W/sr +- 0.005 (95 %)" in lines
+    assert "target  11.5 W/sr +- 0.005 (95 %)" in lines
+    assert "error   the 95 % interval is +- 0.043 % of the target's intensity" in lines
     assert ["0", "10", "20"] in rows and ["1", "11", "22"] in rows
-    assert ["hot", "21", "+-", "0.002", "21", "+-", "0.002"] in rows and [
-        "self",
-        "1.0755",
-        "1.0755",
-    ] in rows
+    assert ["hot", "21", "+-", "0.002", "21", "+-", "0.002"] in rows
+    assert ["self", "1.0755", "+-", "0", "1.0755", "+-", "0"] in rows
     assert ["plate", "22.0755", "+-", "0.0021", "22.0755", "+-", "0.0021"] in rows
 
 
-def test_signature_of_one_sample(run, renderer):
-    renderer.results = {"standard_error": None}
-    assert (
-        "target  11.5 W/sr (standard error unknown for one sample)"
-        in run("signature", "two_plates").stdout.splitlines()
-    )
+@pytest.mark.parametrize(
+    "results, row",
+    [
+        (
+            {"reached": True},
+            "tolerance  1 % reached: the 95 % interval is +- 0.043 % of the target's intensity",
+        ),
+        (
+            {"reached": False},
+            "tolerance  1 % NOT reached at 64 samples per pixel: the 95 % interval is +- 0.043 % "
+            "of the target's intensity; raise --max-spp",
+        ),
+        (
+            {"reached": False, "half_width": 12.0},
+            "tolerance  1 % NOT reached at 64 samples per pixel: the 95 % interval is +- 12 W/sr, "
+            "and the target's intensity may be zero; raise --max-spp",
+        ),
+    ],
+)
+def test_signature_says_what_it_reached(run, renderer, results, row):
+    renderer.results = results
+    result = run("signature", "two_plates", "--tolerance", "1%", "--max-spp", 64)
+    assert row in result.stdout.splitlines()
 
 
 def test_signature_json(run, renderer):
@@ -48,7 +59,11 @@ def test_signature_json(run, renderer):
     assert (
         json.loads(result.stdout)
         == renderer.signature(
-            renderer.load("two_plates"), False, False, progress=lambda *_: None
+            renderer.load("two_plates"),
+            False,
+            False,
+            progress=lambda *_: None,
+            tolerance=None,
         ).as_dict()
     )
 

@@ -40,7 +40,8 @@ def test_table(run, folder):
         k for k, line in enumerate(lines) if line.startswith("reflections up to  intensity W/sr")
     )
     assert (
-        lines[head].split()[-5:] == ["max", "W/m^2", "observed", "W/m^2", "detected"]
+        "total W/m^2 (95 %)" in lines[head]
+        and lines[head].split()[-5:] == ["max", "W/m^2", "observed", "W/m^2", "detected"]
         and lines[head + 2].startswith("1 ")
         and lines[head + 1].endswith("yes")
     )
@@ -73,6 +74,8 @@ def test_json(run):
         == [[pytest.approx(2.0), row["detection_range"]["largest_m"]]]
         and found["scenario"]["sensor"]["nei"] == 1e-9
     )
+    assert found["tolerance"] is found["reached"] is row["reached"] is None
+    assert row["half_width"] > 2 * row["total"]["standard_error"]
     without = json.loads(run(*plain).stdout)["rows"][0]
     assert without["detected"] is None and "detection_range" not in without
 
@@ -97,6 +100,70 @@ def test_ranges_that_are_none_or_cut_short(run):
         "no",
         "range",
     ]
+
+
+def told(run, *options):
+    """Line of the table that states the error of a contrast."""
+    result = run("contrast", "disc.toml", "-D", "render.resolution=32", *options)
+    assert result.exit_code == 0, result.output
+    return next(line for line in result.stdout.splitlines() if line[:5] in ("error", "toler"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "options, start, end",
+    [
+        (["--spp", 4], "error          the 95 % interval is +- ", " % of the contrast"),
+        (
+            ["--tolerance", "2%"],
+            "tolerance      2 % reached: the 95 % interval is +- ",
+            " % of the contrast",
+        ),
+        (
+            ["--tolerance-W-m2", 1e-5, "-D", "render.max_bounces=[0, 1]"],
+            "tolerance      1e-05 W/m^2 reached in 2 of 2 rows: the 95 % interval is +- ",
+            "reflections",
+        ),
+        (
+            ["--tolerance", "0.1%", "--max-spp", 4],
+            "tolerance      0.1 % NOT reached at 4 samples per pixel: the 95 % interval is +- ",
+            " % of the contrast; raise --max-spp",
+        ),
+        (
+            ["--tolerance", "1%", "--max-spp", 4, "-D", "background.temperature=400"],
+            "tolerance      1 % NOT reached at 4 samples per pixel: the 95 % interval is +- ",
+            "and the contrast may be zero; give --tolerance-W-m2, as no fraction of zero can be "
+            "reached",
+        ),
+        (
+            ["--tolerance", "1%", "--tolerance-W-m2", 1e-6, "-D", "background.temperature=400"],
+            "tolerance      1 % or 1e-06 W/m^2 reached: the 95 % interval is +- ",
+            "and the contrast may be zero",
+        ),
+    ],
+)
+def test_each_contrast_says_what_it_reached(run, options, start, end):
+    line = told(run, *options)
+    assert line.startswith(start) and line.endswith(end), line
+
+
+@pytest.mark.slow
+def test_the_options_override_the_scenario(run, folder):
+    """Each option replaces its entry of [render], and spp the tolerances or they it."""
+    text = (folder / "disc.toml").read_text()
+    (folder / "disc.toml").write_text(text + "[render]\ntolerance = 0.5\n")
+    asked = lambda *options: json.loads(
+        run("contrast", "disc.toml", "-D", "render.resolution=8", "--json", *options).stdout
+    )["scenario"]["render"]
+    entries = lambda render: tuple(
+        render[name] for name in ("spp", "tolerance", "tolerance_W_m2", "max_spp")
+    )
+    assert entries(asked()) == (None, 0.5, None, None)
+    assert entries(asked("--tolerance", "20%", "--max-spp", 9)) == (None, 0.2, None, 9)
+    assert entries(asked("--tolerance-W-m2", 1)) == (None, 0.5, 1, None)
+    assert entries(asked("--spp", 4)) == (4, None, None, None)
+    (folder / "disc.toml").write_text(text + "[render]\nspp = 4\n")
+    assert entries(asked("--tolerance", "50%")) == (None, 0.5, None, None)
 
 
 def test_notes_on_stderr(run):
@@ -143,6 +210,11 @@ def test_notes_on_stderr(run):
         (["--plot", "x.pdf"], "does not end in .png"),
         (["--plot", "none/x.png"], "does not exist"),
         (["-D", "sensor"], "key=value"),
+        (["--spp", "4", "--tolerance", "1%"], "do not go with it"),
+        (["--spp", "4", "--max-spp", "8"], "do not go with it"),
+        (["--max-spp", "8"], "max_spp goes with a tolerance"),
+        (["--tolerance", "0"], "not a fraction"),
+        (["--tolerance-W-m2", "-1"], "--tolerance-W-m2"),
     ],
 )
 def test_refused(refused, folder, options, message):

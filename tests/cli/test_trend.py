@@ -47,11 +47,9 @@ def test_trend(run, folder):
         "t.png",
     )
     assert result.exit_code == 0, result.output
-    assert [line.split()[:2] for line in result.stdout.splitlines()] == [
-        ["elevation", "views"],
-        ["0", "4"],
-        ["20", "4"],
-    ]
+    *table, blank, error = result.stdout.splitlines()
+    assert [line.split()[:2] for line in table] == [["elevation", "views"], ["0", "4"], ["20", "4"]]
+    assert not blank and error.startswith("error  the widest 95 % interval is +- ")
     assert sorted(file.name for file in folder.iterdir()) == ["t.csv", "t.png"]
     rows = [line for line in (folder / "t.csv").read_text().splitlines() if line[0] in "0123456789"]
     assert [tuple(map(float, row.split(",")[:2])) for row in rows] == [
@@ -63,6 +61,20 @@ def test_trend(run, folder):
 def test_json(run):
     result = json.loads(run("trend", "cylinder_ir_range", *FEW, "-o", "t.csv", "--json").stdout)
     assert result["azimuth_deg"] == [0, 90, 180, 270] and len(result["intensity_W_sr"]) == 4
+    assert result["tolerance"] is None and result["reached"] == [1] * 4
+    assert all(
+        half > error > 0
+        for half, error in zip(result["half_width_W_sr"], result["standard_error_W_sr"])
+    )
+
+
+@pytest.mark.slow
+def test_a_tolerance_that_was_reached_is_told(run):
+    args = ("--azimuth", "0,90", "--resolution", 8, "--tolerance", "5%", "-o", "t.csv")
+    error = run("trend", "cylinder_ir_range", *args).stdout.splitlines()[-1]
+    start = "tolerance  5 % reached in 2 of 2 views: the widest 95 % interval is +- "
+    assert error.startswith(start) and error.endswith(" % of the intensity")
+    assert 0 < float(error.removeprefix(start).split()[0]) <= 5
 
 
 @pytest.mark.slow
@@ -81,7 +93,11 @@ def test_a_tolerance_that_was_missed_is_told(run):
         "-o",
         "t.csv",
     )
-    assert result.exit_code == 0 and "1 of 1 views did not reach the tolerance" in result.stderr
+    error = result.stdout.splitlines()[-1]
+    assert result.exit_code == 0 and error.endswith(" % of the intensity; raise --max-spp")
+    assert error.startswith(
+        "tolerance  0.1 % NOT reached in 1 of 1 views at 4 samples per pixel: the widest"
+    )
 
 
 @pytest.mark.parametrize(
@@ -100,7 +116,7 @@ def test_a_tolerance_that_was_missed_is_told(run):
         (("-o", "t.csv"), "Missing option '--azimuth'"),
         (("--azimuth", "0", "-o", "t.txt"), "does not end in .csv"),
         (("--azimuth", "0", "-o", "no/t.csv"), "output folder 'no' does not exist"),
-        (("--azimuth", "0", "-o", "t.csv", "--spp", 3), "spp = 3 must be 1 or even"),
+        (("--azimuth", "0", "-o", "t.csv", "--spp", 0), "--spp"),
         (("--azimuth", "0", "--elevation", "95", "-o", "t.csv"), "-90..90"),
         (("--azimuth", "0", "--spp", 2, "--tolerance", "1%", "-o", "t.csv"), "do not go with it"),
     ],

@@ -104,6 +104,22 @@ def test_changes_are_toml_or_text(written):
     ).render.max_bounces == (2,)
 
 
+def test_a_tolerance_instead_of_a_number_of_samples(written):
+    text = TOML + "[render]\nspp = 8\n"
+    render = Scenario.read(written(text), **{"render.tolerance": 0.02}).render
+    assert (render.spp, render.tolerance, render.has_tolerance) == (None, 0.02, True)
+    assert render.allowed(-5) == 0.02 * 5
+    both = Scenario.read(
+        written(text), **{"render.tolerance": 0.02, "render.tolerance_W_m2": 1}
+    ).render
+    assert both.allowed(5) == 1 and both.allowed(500) == 10
+    with pytest.raises(InputError, match="spp and tolerance_W_m2 do not go together"):
+        Scenario.read(written(text + "tolerance_W_m2 = 1e-8\n"))
+    fixed = Scenario.read(written(TOML + "[render]\ntolerance = 0.1\n"), **{"render.spp": 8})
+    assert (fixed.render.spp, fixed.render.tolerance) == (8, None)
+    assert not fixed.render.has_tolerance and fixed.render.allowed(5) == 0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "changes, message",
@@ -136,6 +152,12 @@ def test_changes_are_toml_or_text(written):
         ({"background.temperature": 0}, "temperature = 0 K; must be positive"),
         ({"atmosphere.extrapolate": 1}, "extrapolate = 1; must be true or false"),
         ({"render.spp": 1}, "spp = 1; must lie in 2.."),
+        ({"render.tolerance": 0}, "tolerance = 0; must be a fraction between 0 and 1"),
+        ({"render.tolerance": 1.5}, "tolerance = 1.5; must be a fraction"),
+        ({"render.tolerance": "1%"}, "tolerance = '1%'; must be a finite number"),
+        ({"render.tolerance_W_m2": -1.0}, "tolerance_W_m2 = -1; must be positive"),
+        ({"render.tolerance": 0.1, "render.max_spp": 1}, "max_spp = 1; must lie in 2.."),
+        ({"render.max_spp": 8}, "max_spp goes with a tolerance"),
         ({"render.max_bounces": "[1, -1]"}, "max_bounces = -1; must lie in 0..10000"),
         ({"render.max_bounces": "[1, 2.5]"}, "max_bounces = 2.5; must be a whole number"),
         ({"render.resolution": 0}, "resolution = 0"),

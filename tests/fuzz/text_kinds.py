@@ -20,6 +20,7 @@ from mi_lcair.physics.directional_table import over_the_hemisphere, read_directi
 from mi_lcair.physics.spectrum import has_elevations, spectrum
 from mi_lcair.rendering.facet_image import by_facet
 from mi_lcair.rendering.image import read_exr, write_exr
+from mi_lcair.rendering.render import DEFAULT_MAX_SPP
 from mi_lcair.rendering.views import View
 from mi_lcair.reports.image_picture import save_picture
 from mi_lcair.signatures.trend_file import TrendFile
@@ -203,7 +204,8 @@ def use_scenario(path: Path) -> None:
         sampling = scenario.render
         renders = max(1, len(sampling.max_bounces))
         bounces = max((*sampling.max_bounces, 1))
-        if sampling.resolution**2 * sampling.spp * renders * bounces > MOST_RAYS:
+        spp = sampling.spp or sampling.max_spp or DEFAULT_MAX_SPP
+        if sampling.resolution**2 * spp * renders * bounces > MOST_RAYS:
             return
         result = mi_lcair.contrast(scenario)
         json.dumps(result.as_dict(), allow_nan=False)

@@ -73,6 +73,38 @@ def test_as_dict():
     assert entries["paths"] == 64 * 256
 
 
+def test_a_criterion_of_ones_own_ends_the_paths():
+    """Paths are added until the criterion holds, or max_spp is reached."""
+    scene, asked = mi_lcair.load("open_box", resolution=16, max_bounces=2), []
+
+    def excess(result):
+        asked.append(result)
+        return result.target.half_width / 0.05
+
+    result = mi_lcair.signature(scene, excess=excess)
+    assert result.reached and result.target.half_width <= 0.05 < asked[0].target.half_width
+    assert all(earlier.paths < later.paths for earlier, later in zip(asked, asked[1:-1]))
+    assert (result.degrees_of_freedom, result.tolerance) == (7, None)
+    assert 0 < result.missed < result.target.half_width
+    short = mi_lcair.signature(scene, excess=lambda result: 2.0, max_spp=32)
+    assert short.reached is False and short.paths == 32 * 256
+
+
+def test_a_tolerance_is_that_of_the_target():
+    result = mi_lcair.signature(mi_lcair.load("open_box", resolution=16), tolerance=0.01)
+    assert result.reached and result.target.half_width <= 0.01 * result.target.intensity
+    entries = result.as_dict()
+    assert (entries["tolerance"], entries["reached"]) == (0.01, True)
+    assert entries["target"]["half_width"] == result.target.half_width
+    assert mi_lcair.signature(mi_lcair.load("open_box", resolution=16), spp=4).reached is None
+
+
+@pytest.mark.parametrize("other", [{"tolerance": 0.1}, {"max_spp": 8}, {"excess": lambda _: 0.0}])
+def test_a_number_of_paths_stands_alone(other):
+    with pytest.raises(InputError, match="spp sets a fixed number of samples"):
+        mi_lcair.signature(mi_lcair.load("open_box", resolution=16), spp=4, **other)
+
+
 def test_perspective_is_refused(scene):
     with pytest.raises(
         InputError, match="needs an orthographic sensor, and this one is PerspectiveCamera"

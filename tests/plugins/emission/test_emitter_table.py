@@ -279,3 +279,20 @@ def test_derivatives_of_a_point_light(emitter_sampling, backward):
             mean = dr.mean(image, axis=None)
         assert slope * value == pytest.approx(float(dr.detach(mean).array[0]), rel=1e-3)
         dr.disable_grad(parameters[key])
+
+
+def test_derivative_at_a_radiance_of_zero():
+    """A lamp that is off gets no ray of emitter sampling in the primal pass. The derivative with
+    respect to its radiance is still the floor's reflectance times the lamp's form factor.
+    """
+    lamp = {"type": "sphere", "center": [0, 0, 1.0], "radius": 0.2, "bsdf": BLACK}
+    lamp["emitter"] = {"type": "thermal", "radiance": 0.0}
+    loaded = floor_scene(DRAWING, lamp=lamp)
+    params = mi.traverse(loaded)
+    (key,) = [name for name, _ in params if name.endswith("emitter.radiance")]
+    dr.enable_grad(params[key])
+    params.update()
+    dr.backward(dr.mean(mi.render(loaded, params, spp=1024).array))
+    # Form factor of a sphere at distance d: cos(theta) (R / d)^2, averaged over the window
+    form_factor = 0.2**2 * (1 - 1.5 * WINDOW**2 / 6)
+    assert float(dr.grad(params[key])[0]) == pytest.approx(0.5 * form_factor, rel=0.01)
