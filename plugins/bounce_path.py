@@ -12,14 +12,26 @@ from mitsuba.python.ad.integrators.common import RBIntegrator, mis_weight
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.plugins.derivatives import derivations, deriving_plugins, leaves, tracing, value_along
+from mi_lcair.plugins.derivatives import (
+    derivations,
+    deriving_plugins,
+    flatten,
+    leaves,
+    own_memory,
+    tracing,
+    value_along,
+)
 from mi_lcair.plugins.emission.emissivity import Table
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
 from mi_lcair.plugins.paths.channels import SIZES, Channels
-from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.plugins.paths.launch import Launch, Paths
+from mi_lcair.plugins.paths.rays import ParallelRays
+from mi_lcair.plugins.paths.recording import Recorded
 from mi_lcair.plugins.paths.rounding import rounding_error
-from mi_lcair.plugins.paths.sums import Sums
+from mi_lcair.plugins.paths.sums import BlockSums, Sums, block_size
+from mi_lcair.plugins.paths.tail import Tail
 from mi_lcair.plugins.properties import HOTTEST, Property, read
+from mi_lcair.plugins.scene_state import SceneState
 
 PROPERTIES = (
     Property("max_bounces", "integer", 4, lower=0, upper=10_000),
@@ -94,16 +106,20 @@ class BouncePath(RBIntegrator):
         )
 
     @contextmanager
-    def prepared(self, scene, by_spectrum: bool = False):
+    def prepared(self, scene, by_spectrum: bool = False, kept: dict | None = None):
         """Context manager that gives a `PathTracer` for the scene.
 
-        Inside the context, all data that plugins derive from the scene's parameters are up to date.
+        Inside the context, all data that plugins derive from the scene's parameters are up to date,
+        and the scene must not change.
 
         Parameters
         ----------
         scene : mi.Scene
         by_spectrum : bool
             Record emission separately for each spectrum of a group, not only for each group.
+        kept : dict or None
+            The tracers of this scene that were made before, with the states of the scene. One of
+            them is given again if nothing has changed since, and a new one is added.
         """
         self.check()
         plugins = deriving_plugins(scene)
@@ -111,7 +127,18 @@ class BouncePath(RBIntegrator):
             for plugin in plugins:
                 plugin.refresh()
         with tracing(plugins):
-            yield PathTracer(self, scene, by_spectrum)
+            yield self.tracer(scene, by_spectrum, {} if kept is None else kept)
+
+    def tracer(self, scene, by_spectrum: bool, kept: dict):
+        """A tracer for the present state of the scene: the kept one, or a new one."""
+        settings = [getattr(self, entry.name) for entry in PROPERTIES]
+        state = SceneState(scene, scene, *settings)
+        if by_spectrum in kept and kept[by_spectrum][0] == state:
+            return kept[by_spectrum][1]
+        tracer = PathTracer(self, scene, by_spectrum, state)
+        if not state.has_gradients:
+            kept[by_spectrum] = state, tracer
+        return tracer
 
     def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):
         with self.prepared(scene) as tracer:
@@ -147,9 +174,10 @@ class PathTracer(RBIntegrator):
     scene alone. The data derived from the scene must therefore belong to the integrator.
     """
 
-    def __init__(self, integrator: BouncePath, scene, by_spectrum: bool):
+    def __init__(self, integrator: BouncePath, scene, by_spectrum: bool, state: SceneState):
         super().__init__(mi.Properties())
         emitters = EmitterTable(scene, integrator.emitter_sampling, by_spectrum)
+        own_memory(flatten(emitters))
         ambient = integrator.closure == "ambient"
         tables = [part for part in derivations(scene) if isinstance(part, Table)]
         vars(self).update(
@@ -167,6 +195,7 @@ class PathTracer(RBIntegrator):
                 rounding_error(integrator.max_bounces),
                 max((table.relative_error for table in tables), default=0.0),
             ),
+            recorded=Recorded(state),
             is_complete=True,
         )
 
@@ -220,50 +249,88 @@ class PathTracer(RBIntegrator):
             Sums over the points of each randomisation.
         """
         with dr.suspend_grad():
-            sampler, position, weight = launch.begin(sensor.sampler())
-            aperture = sampler.next_2d() if sensor.needs_aperture_sample() else mi.Point2f(0.5)
-            ray, _ = sensor.sample_ray(sensor.shutter_open(), 0, position, aperture)
-            channels, tail = None, None
-            if split or facets or self.closure == "tail":
-                channels = Channels.empty(
-                    self.max_bounces,
-                    self.closure,
-                    self.emitters.sources if split else None,
-                    split == "model",
-                    count_segments,
-                )
-            (L, _), _, channels, chance = self.walk(
-                dr.ADMode.Primal,
-                self.scene,
-                sampler,
-                ray,
-                None,
-                None,
-                mi.Bool(True),
-                channels,
-                facets,
-            )
-            if self.closure == "tail":
-                # The sums in add_tail need evaluated arrays. Evaluating everything here traces the
-                # paths once; otherwise each sum would trace them again.
-                dr.eval(L, channels, chance)
-                added, tail = channels.add_tail()
-                L += added
-            by_name = (
-                channels.samples(
-                    L[0], self.emitters.labels, self.emitters.sources, split == "target"
-                )
-                if split
-                else {}
-            )
-            if facets is not None:
-                # One kernel for all later uses of these arrays
-                dr.eval(L, channels, by_name, chance)
-                facets.add(channels.facet, L[0], weight, channels, launch)
-            if not self.emitters.draws:
-                chance = None
-            found = Sums.of(L[0], by_name, weight, chance, tail, launch)
+            paths = launch.paths_from(sensor.sampler())
+            rays = ParallelRays.of(sensor)
+            arguments = paths, rays or sensor, split, count_segments, block_size(launch)
+            if facets is not None or self.closure == "tail":
+                blocks, tail = self.whole_sums(*arguments, facets, launch)
+            elif rays is None:
+                # A recording would not see that a sensor of another kind has changed
+                blocks, tail = self.block_sums(*arguments), None
+            else:
+                blocks, tail = self.recorded(self, *arguments), None
+            found = Sums.of(blocks, tail, launch)
             return found.without(f"bounce.{k}" for k in range(self.max_bounces + 1, SIZES[-1]))
+
+    def block_sums(self, paths: Paths, rays, split, count_segments: bool, size: int) -> BlockSums:
+        """Sums over blocks of the paths of a launch.
+
+        It may be recorded. It therefore uses only the tracer and its arguments, and launches
+        kernels but reads no values.
+
+        Parameters
+        ----------
+        paths : Paths
+        rays : ParallelRays or mi.Sensor
+        split, count_segments
+            As for `trace`.
+        size : int
+            Paths in a block.
+        """
+        L, channels, chance, weight = self.follow(paths, rays, split, count_segments)
+        by_name = self.by_name(L, channels, split)
+        return BlockSums.of(L[0], by_name, weight, chance, size)
+
+    def whole_sums(
+        self, paths: Paths, rays, split, count_segments: bool, size: int, facets, launch: Launch
+    ) -> tuple[BlockSums, Tail | None]:
+        """As `block_sums`, also for facets and for closure = tail, which read values."""
+        L, channels, chance, weight = self.follow(paths, rays, split, count_segments, facets)
+        tail = None
+        if self.closure == "tail":
+            # The sums in add_tail need evaluated arrays. Evaluating everything here traces the
+            # paths once; otherwise each sum would trace them again.
+            dr.eval(L, channels, chance)
+            added, tail = channels.add_tail()
+            L += added
+        by_name = self.by_name(L, channels, split)
+        if facets is not None:
+            # One kernel for all later uses of these arrays
+            dr.eval(L, channels, by_name, chance)
+            facets.add(channels.facet, L[0], weight, channels, launch)
+        return BlockSums.of(L[0], by_name, weight, chance, size), tail
+
+    def follow(self, paths: Paths, rays, split, count_segments: bool, facets=None) -> tuple:
+        """Radiance of each path, its `Channels`, its `chance` (see `walk`) and its weight."""
+        sampler, column, row, position, weight = paths.begin()
+        if isinstance(rays, ParallelRays):
+            ray = rays.at(column, row, position, paths.columns, paths.rows)
+        else:
+            size = mi.Vector2f(paths.columns, paths.rows)
+            aperture = sampler.next_2d() if rays.needs_aperture_sample() else mi.Point2f(0.5)
+            film_position = (mi.Point2f(column, row) + position) / size
+            ray, _ = rays.sample_ray(rays.shutter_open(), 0, film_position, aperture)
+        channels = None
+        if split or facets or self.closure == "tail":
+            channels = Channels.empty(
+                self.max_bounces,
+                self.closure,
+                self.emitters.sources if split else None,
+                split == "model",
+                count_segments,
+            )
+        primal, everywhere = dr.ADMode.Primal, mi.Bool(True)
+        (L, _), _, channels, chance = self.walk(
+            primal, self.scene, sampler, ray, None, None, everywhere, channels, facets
+        )
+        return L, channels, chance if self.emitters.draws else None, weight
+
+    def by_name(self, L, channels: Channels | None, split) -> dict:
+        """The channels of each path by name."""
+        if not split:
+            return {}
+        of_model = split == "target"
+        return channels.samples(L[0], self.emitters.labels, self.emitters.sources, of_model)
 
     def chance_contribution(self, sensor) -> float:
         """Upper bound of the radiance from a source that no path has hit [W m^-2 sr^-1].

@@ -88,12 +88,17 @@ def check_attached(plugin) -> None:
 
 
 def flatten(tree) -> list:
-    """The Dr.Jit arrays of a PyTree of tuples, dataclasses and arrays."""
+    """The Dr.Jit arrays of a PyTree of tuples, dictionaries, objects and arrays.
+
+    Mitsuba's objects are left out.
+    """
     if dr.is_array_v(tree):
         return [tree]
-    if isinstance(tree, tuple):
-        return [array for branch in tree for array in flatten(branch)]
-    return [array for branch in getattr(tree, "__dict__", {}).values() for array in flatten(branch)]
+    if isinstance(tree, mi.Object):
+        return []
+    branches = tree if isinstance(tree, (tuple, dict)) else getattr(tree, "__dict__", {})
+    branches = branches.values() if isinstance(branches, dict) else branches
+    return [array for branch in branches for array in flatten(branch)]
 
 
 def value_along(bsdf, ctx, si, sample1, sample2, bs, active=True):
@@ -153,17 +158,21 @@ def children(node) -> list:
     return [member for member in members(node).values() if isinstance(member, mi.Object)]
 
 
-def deriving_plugins(scene) -> list:
-    """The scene's plugins that derive something from parameters, each once."""
+def nodes(scene) -> list:
+    """The objects of a scene that a path can meet, each once: no sensors and no integrator."""
     found, waiting, seen = [], [scene], {scene}
     while waiting:
         node = waiting.pop()
-        if hasattr(node, "derive"):
-            found.append(node)
+        found.append(node)
         new = [child for child in children(node) if child not in seen]
         seen.update(new)
-        waiting += new
+        waiting += [child for child in new if not isinstance(child, (mi.Sensor, mi.Integrator))]
     return found
+
+
+def deriving_plugins(scene) -> list:
+    """The scene's plugins that derive something from parameters, each once."""
+    return [node for node in nodes(scene) if hasattr(node, "derive")]
 
 
 def derivations(scene) -> list:
@@ -209,3 +218,13 @@ def leaves(scene, mode: dr.ADMode):
     finally:
         for plugin, tree in zip(plugins, derived):
             plugin.derived = tree
+
+
+def own_memory(arrays) -> None:
+    """Copy arrays that were made from NumPy's into memory of Dr.Jit.
+
+    NumPy's memory is aligned by chance, and Dr.Jit compiles a kernel for either case.
+    """
+    for array in arrays:
+        array *= dr.opaque(type(array), 1)
+    dr.eval(arrays)

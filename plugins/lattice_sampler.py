@@ -44,15 +44,20 @@ class LatticeSampler(mi.Sampler):
     Source: R. Cools, F. Y. Kuo, D. Nuyens, SIAM J. Sci. Comput. 28 (2006) 2162.
     """
 
-    def __init__(self, props):
+    def __init__(self, props, vector=None):
         super().__init__(props)
-        self.vector = mi.UInt32(VECTOR)
+        self.vector = mi.UInt32(VECTOR) if vector is None else vector
         self.reversed_index, self.key, self.dimension = (mi.UInt32(0) for _ in range(3))
 
     @staticmethod
-    def at(randomisation: mi.UInt32, point: mi.UInt32, seed: mi.UInt32) -> "LatticeSampler":
-        """A sampler whose lanes have these numbers of a randomisation and of a point in it."""
-        sampler = LatticeSampler(mi.Properties())
+    def at(
+        randomisation: mi.UInt32, point: mi.UInt32, seed: mi.UInt32, vector: mi.UInt32 | None = None
+    ) -> "LatticeSampler":
+        """A sampler whose lanes have these numbers of a randomisation and of a point in it.
+
+        vector: a copy of `VECTOR` to use; None makes one.
+        """
+        sampler = LatticeSampler(mi.Properties(), vector)
         sampler.place(randomisation, point, seed)
         return sampler
 
@@ -66,7 +71,10 @@ class LatticeSampler(mi.Sampler):
         super().seed(seed, wavefront_size)
         lane = dr.arange(mi.UInt32, self.wavefront_size())
         points = dr.opaque(mi.UInt32, self.sample_count())
-        self.place(lane // points, lane % points, mi.UInt32(seed))
+        # An opaque seed, so that one kernel serves all seeds
+        seed = mi.UInt32(seed)
+        dr.make_opaque(seed)
+        self.place(lane // points, lane % points, seed)
 
     def advance(self):
         super().advance()

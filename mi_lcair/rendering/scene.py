@@ -3,7 +3,7 @@
 import os
 import re
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -22,13 +22,13 @@ from mi_lcair.rendering.loading.fingerprint import fingerprint, source_digest
 from mi_lcair.rendering.loading.meshes import check_mesh_files, check_shapes
 from mi_lcair.rendering.loading.nodes import check_nodes
 from mi_lcair.rendering.loading.origin import check_meshes_near, far_origin, move
-from mi_lcair.rendering.loading.samplers import add_samplers, remarks_on_samplers
 from mi_lcair.rendering.loading.remarks import (
     clipped,
     shapes_without_bsdf,
     surfaces_that_emit_nothing,
     thin_sheets,
 )
+from mi_lcair.rendering.loading.samplers import add_samplers, remarks_on_samplers
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
 # Largest number of moves of a scene to the origin. One move may not be enough, because the position
@@ -57,6 +57,7 @@ class Scene:
     path: Path
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     digest: bytes = b""
+    _tracers: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def remarks(self) -> list[str]:
@@ -102,8 +103,11 @@ class Scene:
         return numbers(self.sensors[0].sampler())
 
     def prepared(self, by_spectrum: bool = False):
-        """Context manager that gives the scene's `PathTracer`, see `BouncePath.prepared`."""
-        return self.mi.integrator().prepared(self.mi, by_spectrum)
+        """Context manager that gives the scene's `PathTracer`, see `BouncePath.prepared`.
+
+        It is the same one as before if nothing has changed, with its tables and its recordings.
+        """
+        return self.mi.integrator().prepared(self.mi, by_spectrum, self._tracers)
 
     def surfaces(self) -> list:
         """The scene's BSDFs of reflection models."""

@@ -1,10 +1,13 @@
 """Aim: a density of the positions in a window at which paths begin."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+
+from mi_lcair.plugins.derivatives import own_memory
 
 CELLS = 256  # cells along each side of the window; a power of two
 # Shares of the paths that begin anywhere in the window, and anywhere where the model may be. They
@@ -40,28 +43,36 @@ class Aim:
         of_rows = density.sum(axis=1)
         columns = np.cumsum(density, axis=1) / of_rows[:, None]
         weight = CELLS**-2.0 / density
+        tables = mi.Float(np.cumsum(of_rows)), mi.Float(columns.ravel())
+        own_memory(tables)
         return Aim(
-            mi.Float(np.cumsum(of_rows)),
-            mi.Float(columns.ravel()),
+            *tables,
             float(weight.max()),
             float(weight[may_be_model].max(initial=0.0)),
         )
 
     @staticmethod
+    @cache
     def anywhere() -> "Aim":
         """The constant density."""
         return Aim.at(np.ones((CELLS, CELLS)), np.ones((CELLS, CELLS), bool))
 
-    def place(self, sample: mi.Point2f) -> tuple[mi.Point2f, mi.Float]:
-        """A position in the window, in 0..1, and the weight of a path that begins there.
+    @property
+    def tables(self) -> tuple[mi.Float, mi.Float]:
+        """`rows` and `columns`, for `place`."""
+        return self.rows, self.columns
 
-        The inverse of the cumulative density keeps the order of the numbers, and so the uniformity
-        of a lattice.
-        """
-        row, y, of_row = pick(self.rows, mi.UInt32(0), sample.y)
-        column, x, of_column = pick(self.columns, row * CELLS, sample.x)
-        position = (mi.Point2f(column, row) + mi.Point2f(x, y)) / CELLS
-        return position, 1 / (of_row * of_column * CELLS**2)
+
+def place(rows: mi.Float, columns: mi.Float, sample: mi.Point2f) -> tuple[mi.Point2f, mi.Float]:
+    """A position in the window, in 0..1, and the weight of a path that begins there.
+
+    The inverse of the cumulative density keeps the order of the numbers, and so the uniformity of a
+    lattice. rows, columns: as for `Aim`. sample: uniform numbers.
+    """
+    row, y, of_row = pick(rows, mi.UInt32(0), sample.y)
+    column, x, of_column = pick(columns, row * CELLS, sample.x)
+    position = (mi.Point2f(column, row) + mi.Point2f(x, y)) / CELLS
+    return position, 1 / (of_row * of_column * CELLS**2)
 
 
 def pick(cumulative: mi.Float, first: mi.UInt32, number: mi.Float) -> tuple:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from mi_lcair.plugins.lattice_sampler import LatticeSampler, hashed
-from mi_lcair.plugins.paths.aim import Aim
+from mi_lcair.plugins.lattice_sampler import VECTOR, LatticeSampler, hashed
+from mi_lcair.plugins.paths.aim import Aim, place
 
 
 def numbers(sampler) -> str:
@@ -45,27 +45,70 @@ class Launch:
     def paths(self) -> int:
         return self.windows * self.randomisations * self.points
 
-    def begin(self, own) -> tuple[object, mi.Point2f, mi.Float]:
-        """Sampler of the launch, where each path begins on the film, in 0..1, and its weight.
-
-        own: the sensor's sampler, which chooses between independent and lattice numbers.
-        """
-        # Opaque numbers, so that one kernel serves all launches
+    def paths_from(self, own) -> "Paths":
+        """The paths of the launch. own: the sensor's sampler, which chooses the random numbers."""
         opaque = lambda value: dr.opaque(mi.UInt32, value)
-        columns, rows, points, seed = map(opaque, (self.columns, self.rows, self.points, self.seed))
+        is_lattice = numbers(own) == "lattice"
         lane = dr.arange(mi.UInt32, self.paths)
-        randomisation, point = lane // points, opaque(self.first_point) + lane % points
-        of_each = opaque(self.randomisations)
-        window = opaque(self.first) + randomisation // of_each * opaque(self.stride)
-        if numbers(own) == "independent":
-            sampler = own.clone()
-            start = hashed(seed + hashed(opaque(self.first) + hashed(opaque(self.first_point))))
-            sampler.seed(start, self.paths)
+        dr.eval(lane)
+        return Paths(
+            lane,
+            *map(opaque, (self.columns, self.rows, self.seed, self.randomisations, self.points)),
+            *map(opaque, (self.first_point, self.first, self.stride)),
+            mi.UInt32(VECTOR) if is_lattice else None,
+            self.aim and self.aim.tables,
+        )
+
+
+@dataclass
+class Paths:
+    """The paths of a launch, as Dr.Jit arrays, so that one kernel serves all launches.
+
+    lane: (paths,), number of each path. vector: the lattice; None for independent numbers. aim: see
+    `Aim.tables`. The others are numbers of `Launch`.
+    """
+
+    lane: mi.UInt32
+    columns: mi.UInt32
+    rows: mi.UInt32
+    seed: mi.UInt32
+    randomisations: mi.UInt32
+    points: mi.UInt32
+    first_point: mi.UInt32
+    first: mi.UInt32
+    stride: mi.UInt32
+    vector: mi.UInt32 | None
+    aim: tuple | None
+
+    def begin(self) -> tuple:
+        """Sampler of each path, column and row of its window, its position there, its weight."""
+        randomisation, point = self.lane // self.points, self.first_point + self.lane % self.points
+        window = self.first + randomisation // self.randomisations * self.stride
+        if self.vector is None:
+            start = hashed(self.seed + hashed(self.first + hashed(self.first_point)))
+            sampler = Random(start, self.lane)
         else:
-            number = window * of_each + randomisation % of_each
-            sampler = LatticeSampler.at(number, point, seed)
-        corner = mi.Point2f(window % columns, window // columns)
+            number = window * self.randomisations + randomisation % self.randomisations
+            sampler = LatticeSampler.at(number, point, self.seed, self.vector)
         position, weight = sampler.next_2d(), mi.Float(1)
         if self.aim is not None:
-            position, weight = self.aim.place(position)
-        return sampler, (corner + position) / mi.Vector2f(columns, rows), weight
+            position, weight = place(*self.aim, position)
+        return sampler, window % self.columns, window // self.columns, position, weight
+
+
+class Random:
+    """Independent random numbers of each path: those of Mitsuba's sampler `independent`."""
+
+    DRJIT_STRUCT = {"stream": mi.PCG32}
+
+    def __init__(self, seed=None, lane=None):
+        if seed is not None:
+            state, sequence = mi.sample_tea_32(seed, lane)
+            self.stream = mi.PCG32(initstate=mi.UInt64(state), initseq=mi.UInt64(sequence))
+
+    def next_1d(self, active=True):
+        return self.stream.next_float32()
+
+    def next_2d(self, active=True):
+        x = self.next_1d(active)
+        return mi.Point2f(x, self.next_1d(active))

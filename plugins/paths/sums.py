@@ -33,7 +33,47 @@ class Sums:
     tail: Tail | None
 
     @staticmethod
-    def of(L, channels: dict, weight, chance, tail: Tail | None, launch: Launch) -> "Sums":
+    def of(blocks: "BlockSums", tail: Tail | None, launch: Launch) -> "Sums":
+        """The sums of a launch, from those over its blocks of `block_size` paths."""
+        total = lambda values: (
+            values.numpy()
+            .reshape(launch.windows, launch.randomisations, -1)
+            .sum(axis=-1, dtype=np.float64)
+        )
+        chance = np.zeros(launch.windows)
+        if blocks.chance is not None:
+            chance = blocks.chance.numpy().reshape(launch.windows, -1).max(axis=1).astype(float)
+        return Sums(
+            valid=total(blocks.valid),
+            radiance=total(blocks.radiance),
+            channels={name: total(values) for name, values in blocks.channels.items()},
+            chance=chance,
+            tail=tail,
+        )
+
+    def without(self, names) -> "Sums":
+        """These sums without the channels of these names, and without their parts on the model."""
+        unwanted = {prefix + name for name in names for prefix in ("", "target.")}
+        kept = {name: value for name, value in self.channels.items() if name not in unwanted}
+        return replace(self, channels=kept)
+
+
+def block_size(launch: Launch) -> int:
+    """Number of consecutive points that are summed in Float32."""
+    return gcd(launch.points, SUMMED_IN_FLOAT32)
+
+
+@dataclass
+class BlockSums:
+    """Sums over blocks of consecutive paths, as Dr.Jit arrays; the fields are those of `Sums`."""
+
+    valid: mi.Float
+    radiance: mi.Float
+    channels: dict[str, mi.Float]
+    chance: mi.Float | None
+
+    @staticmethod
+    def of(L, channels: dict, weight, chance, size: int) -> "BlockSums":
         """Sums of samples.
 
         Parameters
@@ -45,40 +85,23 @@ class Sums:
             Weight of each path, see `Aim`.
         chance : mi.Float or None
             Contribution of a source that the path did not hit; None for 0 [W m^-2 sr^-1].
-        tail : Tail or None
-        launch : Launch
+        size : int
+            Paths in a block.
         """
         finite = dr.isfinite(L)
-        values = [mi.Float(1), *(value * weight for value in (L, *channels.values()))]
-        values = [dr.select(finite, value, 0) for value in values]
-        # One array for all sums: a transfer for each would cost more than a small launch
-        table = dr.empty(mi.Float, len(values) * launch.paths)
-        # An opaque number of paths, so that one kernel serves launches of all sizes
-        lane, paths = dr.arange(mi.UInt32, launch.paths), dr.opaque(mi.UInt32, launch.paths)
-        for row, value in enumerate(values):
-            dr.scatter(table, value, lane + row * paths, mode=dr.ReduceMode.Permute)
-        largest = 0.0
-        if chance is not None:
-            # One kernel for both arrays, which would otherwise trace the paths twice
-            chance *= weight
-            dr.eval(table, chance)
-            largest = dr.block_reduce(
-                dr.ReduceOp.Max, chance, launch.randomisations * launch.points
-            ).numpy()
-        few = gcd(launch.points, SUMMED_IN_FLOAT32)
-        parts = dr.block_sum(table, few).numpy()
-        shape = (len(values), launch.windows, launch.randomisations, launch.points // few)
-        valid, radiance, *rest = parts.reshape(shape).sum(axis=-1, dtype=np.float64)
-        return Sums(
-            valid=valid,
-            radiance=radiance,
-            channels=dict(zip(channels, rest)),
-            chance=np.broadcast_to(np.asarray(largest, dtype=np.float64), launch.windows),
-            tail=tail,
+        samples = BlockSums(
+            dr.select(finite, mi.Float(1), 0),
+            dr.select(finite, L * weight, 0),
+            {name: dr.select(finite, value * weight, 0) for name, value in channels.items()},
+            None if chance is None else chance * weight,
         )
-
-    def without(self, names) -> "Sums":
-        """These sums without the channels of these names, and without their parts on the model."""
-        unwanted = {prefix + name for name in names for prefix in ("", "target.")}
-        kept = {name: value for name, value in self.channels.items() if name not in unwanted}
-        return replace(self, channels=kept)
+        # One kernel for all arrays, which would otherwise trace the paths again and again
+        dr.eval(samples)
+        sums = BlockSums(
+            dr.block_sum(samples.valid, size),
+            dr.block_sum(samples.radiance, size),
+            {name: dr.block_sum(value, size) for name, value in samples.channels.items()},
+            None if chance is None else dr.block_reduce(dr.ReduceOp.Max, samples.chance, size),
+        )
+        dr.eval(sums)
+        return sums

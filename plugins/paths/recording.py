@@ -1,0 +1,120 @@
+"""Recording of the launches of one tracer, so that later ones do not run its Python code.
+
+Dr.Jit's `freeze` records which kernels a function launches, and launches them again for other
+arrays. An array that it was not given is an error, but a Python number goes into the recording
+unseen. A recording must therefore never outlive the state of the scene for which it was made. It
+belongs to a `PathTracer`, whose scene does not change. What differs between its launches is an
+array, a number or a text among the arguments.
+"""
+
+import gc
+import os
+import warnings
+from contextlib import contextmanager
+
+import drjit as dr
+
+from mi_lcair.plugins.derivatives import flatten
+from mi_lcair.plugins.scene_state import SceneState
+
+OFF = "MI_LCAIR_NO_RECORDING"  # environment variable; not empty: nothing is recorded
+MOST_RECORDINGS = 16  # of one tracer; the one used least recently is dropped
+
+
+class Recorded:
+    """Recordings of `PathTracer.block_sums` for one tracer.
+
+    reason: why launches are traced and not recorded; None if they are recorded.
+    """
+
+    def __init__(self, state: SceneState):
+        """state: the state of the tracer's scene."""
+        self.plugins = state.plugins
+        self.frozen = dr.freeze(run, limit=MOST_RECORDINGS, warn_after=2**31 - 1)
+        self.reason = None
+        if os.environ.get(OFF):
+            self.reason = f"{OFF} is set"
+        elif state.has_gradients:
+            self.reason = "parameters have gradients"
+
+    @property
+    def count(self) -> int:
+        """Number of recordings made so far."""
+        return self.frozen.n_recordings
+
+    def __call__(self, tracer, *arguments):
+        """Result of `tracer.block_sums(*arguments)`, from a recording if there is one.
+
+        arguments: PyTrees of Dr.Jit arrays, and numbers and texts. There is a recording for each
+        set of numbers and texts. The widths of arrays may differ from call to call.
+        """
+        if self.reason:
+            return tracer.block_sums(*arguments)
+        attributes = tuple(vars(plugin) for plugin in self.plugins)
+        arrays = flatten((attributes, tracer.emitters, tracer.ambient_radiance))
+        call = Unseen((tracer, self.plugins, attributes))
+        try:
+            hidden = [{} for _ in self.plugins]
+            with without_collection(), attributes_replaced(self.plugins, hidden):
+                return self.frozen(call, tracer.scene, arrays, *arguments)
+        except RuntimeError as error:
+            self.frozen.clear()
+            self.reason = f"the recording failed: {error.__cause__ or error}"
+        finally:
+            call.content = None  # the recording keeps `call`, and must not keep the scene
+        warnings.warn(
+            f"launches are not recorded, and small ones are slower: {self.reason}", stacklevel=2
+        )
+        return tracer.block_sums(*arguments)
+
+
+class Unseen:
+    """Holds an object so that `freeze` neither looks into it nor compares it."""
+
+    def __init__(self, content):
+        self.content = content
+
+    def __eq__(self, other):
+        return isinstance(other, Unseen)
+
+    def __hash__(self):
+        return 0
+
+
+def run(call, scene, arrays, *arguments):
+    """The function that is recorded. `freeze` compares all arguments but `call`."""
+    tracer, plugins, attributes = call.content
+    with attributes_replaced(plugins, attributes):
+        return tracer.block_sums(*arguments)
+
+
+@contextmanager
+def without_collection():
+    """Context manager in which Python's garbage collector does not run.
+
+    Dr.Jit ends the process if the collector finds an array in memory of NumPy's while it records.
+    """
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
+
+
+@contextmanager
+def attributes_replaced(plugins, attributes):
+    """Context manager in which the plugins have other dictionaries of attributes.
+
+    `freeze` looks for arrays in all attributes of plugins in Python. That takes up to 7 ms for each
+    call. It finds none in an empty dictionary, and gets the arrays in a list.
+    """
+    own = [vars(plugin) for plugin in plugins]
+    for plugin, replacement in zip(plugins, attributes):
+        plugin.__dict__ = replacement
+    try:
+        yield
+    finally:
+        for plugin, original in zip(plugins, own):
+            plugin.__dict__ = original

@@ -1,0 +1,58 @@
+"""The state of a scene: all that a path tracer's tables and kernels depend on."""
+
+import drjit as dr
+
+from mi_lcair.plugins.derivatives import attached, flatten, held, members, nodes, same_variables
+
+PACKAGE = __name__.partition(".")[0] + "."
+
+
+class SceneState:
+    """All objects of a scene that a path meets, their parameters and their attributes.
+
+    `==` tells whether nothing has changed. It holds references to everything, so that the identity
+    of an object or of a Dr.Jit variable says whether it is still the same one. Derivatives of
+    parameters are a part of the state. plugins: the plugins in Python of this package. is_known:
+    whether everything can be seen; False with a plugin in Python from elsewhere, whose attributes
+    may change in any way.
+    """
+
+    def __init__(self, scene, *settings):
+        self.values, self.plugins, self.is_known, arrays = list(settings), [], True, []
+        for node in nodes(scene):
+            found = [node, *members(node).values()]
+            if type(node).__module__.startswith(PACKAGE):
+                self.plugins.append(node)
+                found += vars(node).values()
+                arrays += flatten(tuple(getattr(node, "derivations", ())))
+            elif not type(node).__module__.startswith("mitsuba"):
+                self.is_known = False
+            for value in found:
+                (arrays if dr.is_array_v(value) else self.values).append(value)
+        self.variables = held([variable for array in arrays for variable in components(array)])
+
+    @property
+    def has_gradients(self) -> bool:
+        return attached(self.variables)
+
+    def __eq__(self, other):
+        return (
+            self.is_known
+            and len(self.values) == len(other.values)
+            and all(map(same, self.values, other.values))
+            and same_variables(self.variables, other.variables)
+        )
+
+
+def same(a, b) -> bool:
+    """Whether two values are the same object, or equal numbers or texts."""
+    return a is b or (type(a) is type(b) and isinstance(a, (bool, int, float, str)) and a == b)
+
+
+def components(array) -> list:
+    """The Dr.Jit variables of an array, which may be a tensor or have components."""
+    if dr.is_tensor_v(array):
+        return components(array.array)
+    if dr.depth_v(array) > 1:
+        return [variable for component in array for variable in components(component)]
+    return [array]
