@@ -8,7 +8,12 @@ import numpy as np
 
 from mi_lcair.files import replacing
 
-TOLERANCES = (0.05, 0.01, 0.001)  # relative errors for which a table names the cheapest method
+TOLERANCES = (
+    0.05,
+    0.01,
+    0.001,
+    0.0001,
+)  # relative errors for which a table names the cheapest method
 
 
 @dataclass(frozen=True)
@@ -125,6 +130,60 @@ def reach(points, case: str, method: str, tolerance: float, by="error") -> Point
     return reached
 
 
+def seconds_to(points, case: str, method: str, tolerance: float) -> float | None:
+    """Time in which a method reaches an rms error.
+
+    Time and error are interpolated between measured efforts as powers of each other. The first
+    effort of the two is the last whose error is above the tolerance.
+
+    Parameters
+    ----------
+    points
+        Points of any cases and methods.
+    case, method
+        Names of the case and of the method.
+    tolerance
+        Relative rms error.
+
+    Returns
+    -------
+    float or None
+        Time [s] after the compile, at least that of the least effort, or None if the method does
+        not reach the error.
+    """
+    last = reach(points, case, method, tolerance, by="rms")
+    if last is None:
+        return None
+    before = [p for p in curve(points, case, method) if p.effort < last.effort]
+    if not before or last.rms == 0:
+        return last.seconds
+    share = math.log(before[-1].rms / tolerance) / math.log(before[-1].rms / last.rms)
+    return math.exp((1 - share) * math.log(before[-1].seconds) + share * math.log(last.seconds))
+
+
+def fastest(points, case: str, methods, tolerance: float) -> tuple[str, float] | None:
+    """Name and time [s] of the fastest of some methods to an rms error; None if none reaches it."""
+    times = {method: seconds_to(points, case, method, tolerance) for method in methods}
+    reached = {method: seconds for method, seconds in times.items() if seconds is not None}
+    return min(reached.items(), key=lambda item: item[1], default=None)
+
+
+def times_faster(points, case: str, methods, rivals, tolerance: float) -> str:
+    """How many times faster the fastest of `methods` is than the fastest of `rivals`, as text.
+
+    It is "-" if none of `methods` reaches the rms error or if there are no rivals on this case. If
+    no rival reaches the error, it is a lower bound from the longest run of a rival, such as
+    "> 12".
+    """
+    ours, theirs = (fastest(points, case, group, tolerance) for group in (methods, rivals))
+    tried = [p.seconds for p in points if p.case == case and p.method in rivals]
+    if ours is None or not tried:
+        return "-"
+    if theirs is None:
+        return f"> {digits(max(tried) / ours[1])}"
+    return digits(theirs[1] / ours[1])
+
+
 def cheapest(points, case: str, tolerance: float) -> Point | None:
     """The point of the fastest method that reaches a tolerance.
 
@@ -205,7 +264,7 @@ def table(points, case: str, choice: str | None) -> str:
             if curve(points, case, method) and not reach(points, case, method, tolerance)
         ]
         cells = [
-            f"{tolerance:.1%}".replace(".0%", "%"),
+            percent(tolerance),
             best.method if best else "none",
             *costs(best),
             ", ".join(costs(usual)) if usual else "never reaches it" if choice else "",
@@ -214,6 +273,11 @@ def table(points, case: str, choice: str | None) -> str:
         ]
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
+
+
+def percent(tolerance: float) -> str:
+    """A tolerance in percent, such as 1% or 0.01%."""
+    return f"{100 * tolerance:g}%"
 
 
 def costs(p: Point | None) -> tuple[str, str]:

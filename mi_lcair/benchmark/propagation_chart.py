@@ -16,6 +16,7 @@ from mi_lcair.benchmark.propagation.problem import Method, Problem
 from mi_lcair.progress import stepper
 
 CHOICE = "quadrature, stratified"  # the method that the thesis chooses (3.5.5)
+MOST_SECONDS, LEAST_REPETITIONS = 3.0, 5
 # Pairs of the number of bounces and the closure.
 CLOSURES = [(bounces, "none") for bounces in (0, 1, 2, 3, 4)] + [(1, "ambient"), (2, "tail")]
 
@@ -27,26 +28,28 @@ class Effort:
     Attributes
     ----------
     seconds
-        Time of a run after which the effort of a method is not raised further [s].
+        Processor time of a run, for each thread, after which the effort of a method is not raised
+        further [s]. A busy machine changes it little.
     most
         Largest effort of a method.
     repetitions
-        Runs of random methods.
+        Runs of random methods. If they take more than MOST_SECONDS together, there are fewer,
+        but at least LEAST_REPETITIONS.
     same
         Runs of methods that give the same answer each time.
-    spp, seeds
-        Samples for each pixel and number of runs of a closure.
+    paths, seeds
+        Number of paths and number of runs of a closure.
     """
 
     seconds: float
     most: int
     repetitions: int
     same: int
-    spp: int
+    paths: int
     seeds: int
 
 
-FULL, QUICK = Effort(0.2, 4**12, 7, 3, 64, 4), Effort(0.02, 4**10, 3, 1, 4, 2)
+FULL, QUICK = Effort(0.2, 4**12, 15, 3, 2**18, 4), Effort(0.02, 4**10, 3, 1, 2**14, 2)
 
 
 @dataclass(frozen=True)
@@ -91,13 +94,11 @@ def measure(quick: bool = False, progress=None) -> Chart:
     quick: whether to do less work. progress: function of (steps done, steps in total).
     """
     effort = QUICK if quick else FULL
-    total = 6 * len(METHODS) + len(exact.CAVITY_BLOCKS) + 3
+    total = 6 * effort.repetitions + len(exact.CAVITY_BLOCKS) + 3
     step = stepper(progress, total)
     points, closures, cases = [], [], problems.all_problems(quick)
     for problem in cases:
-        for method in METHODS:
-            points += curve(problem, method, effort)
-            step()
+        points += curves(problem, METHODS, effort, step)
     cavities = [problems.cavity(opening) for opening in exact.CAVITY_BLOCKS]
     for opening, problem in zip(exact.CAVITY_BLOCKS, cavities):
         closures += closed(
@@ -113,40 +114,53 @@ def measure(quick: bool = False, progress=None) -> Chart:
     return Chart(cases, points, closures, quick)
 
 
-def curve(problem: Problem, method: Method, effort: Effort) -> list[chart.Point]:
-    """A method's points on one problem, by rising effort, up to the first slow run."""
+def curves(problem: Problem, methods, effort: Effort, step=lambda: None) -> list[chart.Point]:
+    """The points of methods on one problem, each by rising effort up to its first slow run.
+
+    The methods run in turn, so that a change of the machine's load concerns all of them. step: a
+    function that is called after each round, `effort.repetitions` times.
+    """
+    compiles, runs = {}, {}
+    for method in methods:
+        for level in (level for level in method.efforts(problem) if level <= effort.most):
+            first, *_ = timed(problem, method, level, 0)  # this run includes the compile
+            run = timed(problem, method, level, 1)
+            compiles[method, level], runs[method, level] = first, [run]
+            if run[-1] > effort.seconds:
+                break
+    step()
+    for seed in range(2, effort.repetitions + 1):
+        for (method, level), done in runs.items():
+            if seed <= wanted(method, done, effort):
+                done.append(timed(problem, method, level, seed))
+        step()
     points = []
-    for level in (level for level in method.efforts(problem) if level <= effort.most):
-        first, _, _ = timed(problem, method, level, 0)  # this run includes the compile
-        runs = [
-            timed(problem, method, level, seed + 1)
-            for seed in range(effort.repetitions if method.is_random else effort.same)
-        ]
-        seconds, values, rays = (np.array(column) for column in zip(*runs))
-        median = float(np.median(seconds))
+    for (method, level), done in runs.items():
+        seconds, values, rays, _ = (np.array(column) for column in zip(*done))
+        compiled = max(0.0, compiles[method, level] - float(np.median(seconds)))
         points.append(
             chart.point(
-                problem.name,
-                method.name,
-                level,
-                rays,
-                seconds,
-                max(0.0, first - median),
-                values,
-                problem.answer,
+                problem.name, method.name, level, rays, seconds, compiled, values, problem.answer
             )
         )
-        if median > effort.seconds:
-            break
     return points
 
 
-def timed(problem: Problem, method: Method, effort: int, seed: int) -> tuple[float, float, int]:
-    """Seconds, intensity and rays of one run."""
+def wanted(method: Method, done, effort: Effort) -> int:
+    """Number of runs of a method at one effort, given those that are done."""
+    if not method.is_random:
+        return effort.same
+    slow = sum(seconds for seconds, *_ in done) > MOST_SECONDS
+    return min(LEAST_REPETITIONS, effort.repetitions) if slow else effort.repetitions
+
+
+def timed(problem: Problem, method: Method, effort: int, seed: int) -> tuple:
+    """Seconds, intensity, rays and processor time for each thread [s] of one run."""
     dr.sync_thread()
-    start = time.perf_counter()
+    start, busy = time.perf_counter(), time.process_time()
     value, rays = method.run(problem, effort, seed)
-    return time.perf_counter() - start, value, rays
+    busy = (time.process_time() - busy) / dr.thread_count()
+    return time.perf_counter() - start, value, rays, busy
 
 
 def closed(problem: Problem, case: str, opening: float | None, effort: Effort) -> list[Closure]:
@@ -154,7 +168,7 @@ def closed(problem: Problem, case: str, opening: float | None, effort: Effort) -
     closures = []
     for bounces, closure in CLOSURES:
         values = [
-            path_tracing.intensity(problem, effort.spp, seed, bounces, closure=closure)[0]
+            path_tracing.intensity(problem, effort.paths, seed, bounces, closure=closure)[0]
             / problem.answer
             - 1
             for seed in range(effort.seeds)

@@ -35,7 +35,7 @@ def draw(path, points, title: str, cases=None, samples="samples", floor=1e-7) ->
     cases = cases or chart.names(points, "case")
     with drawing(path, (11, 1.2 + 3.1 * len(cases)), dpi=120, layout="constrained") as figure:
         styles = {
-            method: {"color": f"C{k % 10}", "marker": marker}
+            method: {"color": colour(k), "marker": marker}
             for k, (method, marker) in enumerate(zip(chart.names(points, "method"), cycle(MARKERS)))
         }
         rows = figure.subplots(len(cases), 2, sharey="row", squeeze=False)
@@ -57,6 +57,13 @@ def draw(path, points, title: str, cases=None, samples="samples", floor=1e-7) ->
             fontsize=8,
             frameon=False,
         )
+
+
+def colour(k: int) -> str | tuple:
+    """Colour of line number k: Matplotlib's ten colours, then their lighter variants."""
+    import matplotlib
+
+    return f"C{k}" if k < 10 else matplotlib.colormaps["tab20"](2 * (k % 10) + 1)
 
 
 def draw_curves(panel, points, case: str, field: str, styles: dict, floor: float) -> dict:

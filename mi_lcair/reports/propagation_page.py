@@ -7,8 +7,15 @@ import drjit as dr
 import numpy as np
 
 from mi_lcair.benchmark import chart
-from mi_lcair.benchmark.propagation import METHODS
-from mi_lcair.benchmark.propagation_chart import CHOICE, CLOSURES, FULL, QUICK, Chart
+from mi_lcair.benchmark.propagation import GROUPS
+from mi_lcair.benchmark.propagation_chart import (
+    CHOICE,
+    CLOSURES,
+    FULL,
+    LEAST_REPETITIONS,
+    QUICK,
+    Chart,
+)
 from mi_lcair.drawing import drawing
 from mi_lcair.files import replacing
 from mi_lcair.reports import method_chart
@@ -123,6 +130,7 @@ def fields(result: Chart, command: str) -> dict[str, str]:
         "command": command,
         "threads": str(dr.thread_count()),
         "repetitions": str(effort.repetitions),
+        "least": str(min(LEAST_REPETITIONS, effort.repetitions)),
         "answers": answers,
         "tables": tables,
         "limit": f"{effort.seconds:g}",
@@ -139,27 +147,30 @@ def fields(result: Chart, command: str) -> dict[str, str]:
 
 
 def summary(result: Chart) -> str:
-    """Table of the cheapest methods for an error of 1 %, as Markdown.
+    """Table of the times that path tracing with lattice points is faster, as Markdown.
 
-    Each scene has a row with our best method, the best of the thesis, and the factor in time.
+    Each scene and rms error has a row with our fastest method, the thesis's fastest, and the
+    factors in time to the thesis, to Mitsuba's integrator and to independent points.
     """
-    ours = [method.name for method in METHODS if not method.section]
+    of = {name: [method.name for method in group] for name, group in GROUPS.items()}
     rows = []
     for problem in result.problems:
-        best = {}
-        for whose, chosen in (("ours", True), ("thesis", False)):
-            kept = [p for p in result.points if (p.method in ours) == chosen]
-            best[whose] = chart.cheapest(kept, problem.name, 0.01)
-        cells = [
-            f"{p.method} ({chart.duration(p.seconds)})" if p else "none reaches it"
-            for p in (best["ours"], best["thesis"])
-        ]
-        factor = (
-            chart.digits(best["thesis"].seconds / best["ours"].seconds)
-            if all(best.values())
-            else ""
-        )
-        rows.append(f"| {problem.name} | {cells[0]} | {cells[1]} | {factor} |")
+        for tolerance in chart.TOLERANCES[1:]:
+            best = [
+                chart.fastest(result.points, problem.name, of[name], tolerance)
+                for name in ("lattice", "thesis")
+            ]
+            cells = [
+                f"{name[0]} ({chart.duration(name[1])})" if name else "none reaches it"
+                for name in best
+            ]
+            factors = [
+                chart.times_faster(result.points, problem.name, of["lattice"], of[rival], tolerance)
+                for rival in ("thesis", "stock", "independent")
+            ]
+            rows.append(
+                f"| {problem.name} | {chart.percent(tolerance)} | {' | '.join(cells + factors)} |"
+            )
     return "\n".join(rows)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import mi_lcair
 from mi_lcair.benchmark import chart
 from mi_lcair.benchmark.chart import digits, duration
-from mi_lcair.benchmark.reflectance import METHODS, half_vector, sobol
+from mi_lcair.benchmark.reflectance import METHODS, half_vector, lattice, sobol
 from mi_lcair.benchmark.reflectance_chart import (
     CHOICE,
     FULL,
@@ -21,6 +21,7 @@ from mi_lcair.benchmark.reflectance_chart import (
 )
 from mi_lcair.reports import method_chart
 
+OUR_METHODS = half_vector.method, sobol.method, lattice.method
 TEMPLATE = Path(__file__).with_name("reflectance_page.template.md")
 
 
@@ -28,7 +29,7 @@ def write(folder, points, quick: bool) -> None:
     """Write reflectance.png, reflectance.csv and reflectance.md to a folder."""
     folder = Path(folder)
     title = (
-        f"Reflectance DHR({THETA_DEG}°) by seven methods: median error, quartiles, and rms (dashed)"
+        f"Reflectance DHR({THETA_DEG}°) by eight methods: median error, quartiles, and rms (dashed)"
     )
     method_chart.draw(folder / "reflectance.png", points, title, samples="evaluations of the BRDF")
     chart.write_csv(
@@ -51,6 +52,11 @@ def page(points, quick: bool) -> str:
         "needs": "\n".join(needs_row(points, case) for case in cases),
         "factors": "\n".join(
             factor_row(points, case, method) for case in cases for method in THESIS_EFFORTS
+        ),
+        "faster": "\n".join(
+            faster_row(points, case, tolerance)
+            for case in cases
+            for tolerance in chart.TOLERANCES[1:]
         ),
         "reach": reach_rows(points, cases[0]),
         "tables": "\n\n".join(
@@ -96,13 +102,24 @@ def factor_row(points, case: str, method) -> str:
     return f"| {' | '.join(cells)} |"
 
 
+def faster_row(points, case: str, tolerance: float) -> str:
+    """Row: the thesis's fastest method to an rms error, and how many times faster ours are."""
+    thesis = [method.name for method in METHODS if method.section]
+    best = chart.fastest(points, case, thesis, tolerance)
+    cells = [f"{best[0]} ({duration(best[1])})" if best else "none reaches it"]
+    cells += [
+        chart.times_faster(points, case, [method.name], thesis, tolerance) for method in OUR_METHODS
+    ]
+    return f"| {case} | {chart.percent(tolerance)} | {' | '.join(cells)} |"
+
+
 def reach_rows(points, case: str) -> str:
     """Rows: the settings of the thesis, ours with few samples, and the others at full effort."""
     efforts = {
         method.name: {chart.curve(points, case, method.name)[-1].effort} for method in METHODS
     }
     efforts |= {method.name: {effort} for method, effort in THESIS_EFFORTS.items()}
-    efforts |= {method.name: {1, 4, 64} for method in (half_vector.method, sobol.method)}
+    efforts |= {method.name: {1, 4, 64} for method in OUR_METHODS}
     return "\n".join(
         f"| {p.method} | {digits(p.samples)} | {percent(p.error)} | {percent(p.rms)} | "
         f"{duration(p.seconds)} |"

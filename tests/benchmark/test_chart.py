@@ -66,6 +66,30 @@ def test_reach_by_rms():
     assert chart.reach(POINTS, "box", "slow", 0.05, by="rms") == SLOW[2]
 
 
+def test_seconds_to_an_error_are_interpolated():
+    """The rms errors of SLOW are 0.6, 0.12, 0.012 and 0.0012 at 10, 100, 1000 and 10000 us.
+
+    Between the last two the error is inversely proportional to the time.
+    """
+    assert chart.seconds_to(POINTS, "box", "slow", 0.006) == pytest.approx(2e-3)
+    assert chart.seconds_to(POINTS, "box", "slow", 0.012) == pytest.approx(1e-3)
+    assert chart.seconds_to(POINTS, "box", "slow", 1) == pytest.approx(1e-5)
+    assert chart.seconds_to(POINTS, "box", "slow", 0.001) is None
+    assert chart.seconds_to(POINTS, "cavity, closed", "lucky", 1) is None
+
+
+def test_times_faster():
+    fast = [*POINTS, *points("box", "fast", [0.2, 0.04, 0.004, 0.0004, 0.00004], 1e-9)]
+    faster = lambda methods, rivals, tolerance: chart.times_faster(
+        fast, "box", methods, rivals, tolerance
+    )
+    assert faster(["fast"], ["slow", "lucky"], 0.006) == "5"  # lucky takes 10 us
+    assert faster(["slow", "fast"], ["slow"], 0.006) == "1 000"
+    assert faster(["fast"], ["slow"], 0.000121) == "> 100"  # the longest run takes 10 ms
+    assert faster(["slow"], ["fast"], 0.0005) == "-"
+    assert faster(["fast"], ["unknown"], 0.006) == "-"
+
+
 def test_cheapest_by_time():
     assert (
         chart.cheapest(POINTS, "box", 0.05) == LUCKY[2]
@@ -82,10 +106,11 @@ def test_not_a_number_reaches_nothing():
 
 
 def test_table():
-    head, _, five, one, tenth = chart.table(POINTS, "box", "slow").splitlines()
+    head, _, five, one, tenth, hundredth = chart.table(POINTS, "box", "slow").splitlines()
     assert head.count("|") == five.count("|") == 9
     assert five == "| 5% | lucky | 1 000 | 1 µs | 100, 100 µs | 100 | 0.1 |  |"
     assert tenth == "| 0.1% | slow | 10 000 | 10 ms | 10 000, 10 ms | 1 | 1 | lucky |"
+    assert hundredth == "| 0.01% | none |  |  | never reaches it |  |  | slow; lucky |"
     assert "| none |  |  | never reaches it |  |  | slow |" in chart.table(
         POINTS, "cavity, closed", "slow"
     )

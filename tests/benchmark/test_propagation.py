@@ -81,8 +81,8 @@ def problem(
     T = mi.ScalarTransform4f
     film = {
         "type": "hdrfilm",
-        "width": 32,
-        "height": 32,
+        "width": 1,
+        "height": 1,
         "pixel_format": "luminance",
         "component_format": "float32",
         "rfilter": {"type": "box"},
@@ -135,13 +135,19 @@ CLOSED_FORMS = [  # method, problem, effort, stated error
     ("radiosity", problems.two_plates, 4**10, 3e-3),
     ("radiosity", problems.open_box, 4**10, 3e-3),
     ("radiosity", problems.cavity, 4**9, 3e-3),
-    ("path tracing", problems.two_plates, 512, 6e-3),
-    ("path tracing", problems.cavity, 16, 1e-3),
-    ("path tracing", problems.furnace, 16, 2e-4),
-    ("path tracing, emitter sampling", problems.two_plates, 512, 3e-3),
-    ("path tracing, emitter sampling", problems.cavity, 16, 3e-3),
-    ("path tracing, N = 1 and ambient", problems.furnace, 16, 2e-4),
-    ("path tracing, N = 2 and tail", problems.cavity, 32, 1e-3),
+    ("lattice points", problems.two_plates, 2**21, 6e-3),
+    ("lattice points", problems.cavity, 2**16, 1e-3),
+    ("lattice points", problems.furnace, 2**16, 2e-4),
+    ("lattice points, emitter sampling", problems.two_plates, 2**21, 3e-3),
+    ("lattice points, emitter sampling", problems.cavity, 2**16, 3e-3),
+    ("independent points", problems.two_plates, 2**21, 6e-3),
+    ("independent points", problems.cavity, 2**16, 1e-3),
+    ("independent points, emitter sampling", problems.two_plates, 2**21, 3e-3),
+    ("Mitsuba's path", problems.two_plates, 4**10, 6e-3),
+    ("Mitsuba's path", problems.open_box, 4**10, 4e-3),
+    ("Mitsuba's path", problems.cavity, 4**8, 1e-3),
+    ("lattice points, N = 1 and ambient", problems.furnace, 2**16, 2e-4),
+    ("lattice points, N = 2 and tail", problems.cavity, 2**17, 1e-3),
 ]
 
 
@@ -250,9 +256,10 @@ def test_radiosity_against_path_tracing(plate):
         "z1": (grey(0.7), 300.0),
     }
     cube = problem(plates(plate, **walls), [0.5, 0.5, 0.9], [0.5, 0.5, 0], 0.4, bounces=40)
-    for case, spp in ((cube, 256), (problems.open_box(), 1024), (problems.cavity(), 64)):
+    cases = ((cube, 2**18), (problems.open_box(), 2**22), (problems.cavity(), 2**18))
+    for case, count in cases:
         radiosity, _ = BY_NAME["radiosity"].run(case, 4**10, 1)
-        paths, _ = path_tracing.intensity(case, spp, 1, emitter_sampling=case.name == "open_box")
+        paths, _ = path_tracing.intensity(case, count, 1, emitter_sampling=case.name == "open_box")
         assert radiosity == pytest.approx(paths, rel=3e-3), case.name
 
 
@@ -291,16 +298,29 @@ def test_closures_on_the_cavity(opening):
     """
     case = problems.cavity(opening)
     error = lambda bounces, closure: abs(
-        path_tracing.intensity(case, 64, 2, bounces, closure=closure)[0] / case.answer - 1
+        path_tracing.intensity(case, 2**18, 2, bounces, closure=closure)[0] / case.answer - 1
     )
     assert error(2, "tail") < 2e-3
     if exact.cavity_opening_fraction(opening) < 0.03:
         assert error(1, "ambient") < error(4, "none")
 
 
+def test_independent_points_are_other_numbers():
+    """The same scene and seed with another sampler, whose error is larger."""
+    case = problems.open_box()
+    lattice, independent = (
+        [
+            path_tracing.intensity(case, 2**14, seed, emitter_sampling=True, sampler=sampler)[0]
+            for seed in range(8)
+        ]
+        for sampler in ("lattice", "independent")
+    )
+    assert np.std(independent) > 2 * np.std(lattice)
+
+
 def test_settings_are_put_back():
     case = problems.cavity()
-    path_tracing.intensity(case, 1, 0, 1, emitter_sampling=True, closure="ambient")
+    path_tracing.intensity(case, 4096, 0, 1, emitter_sampling=True, closure="ambient")
     integrator = case.scene.mi.integrator()
     assert (
         integrator.max_bounces,

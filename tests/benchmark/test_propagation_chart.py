@@ -16,11 +16,12 @@ from mi_lcair.benchmark.propagation_chart import (
     Chart,
     Closure,
     Effort,
-    curve,
+    curves,
+    wanted,
 )
 from mi_lcair.reports.propagation_page import fields, write
 
-EFFORT = Effort(seconds=1.0, most=100, repetitions=5, same=2, spp=1, seeds=2)
+EFFORT = Effort(seconds=1.0, most=100, repetitions=5, same=2, paths=1, seeds=2)
 
 
 def problem(name="box", answer=10.0) -> Problem:
@@ -33,15 +34,25 @@ def result() -> Chart:
     On the first our method is ten times as fast as radiosity. On the second it is the only one.
     """
     points = [
-        Point("box", name, effort, 10 * effort, seconds * effort, 0.2, error / effort, 0, 1, 10, 1)
+        Point(
+            "box",
+            name,
+            effort,
+            10 * effort,
+            seconds * effort,
+            0.2,
+            *[error / effort] * 3,
+            10,
+            error / effort,
+        )
         for name, seconds, error in (
             ("radiosity", 0.5, 0.05),
-            ("path tracing", 0.05, 0.05),
+            ("lattice points", 0.05, 0.05),
             ("mirror, one bounce", 0.01, 5),
         )
         for effort in (1, 10, 100)
     ]
-    points += [Point("hall", "path tracing", 1, 10, 0.3, 0.2, 0.0005, 0, 1, 10, 1)]
+    points += [Point("hall", "lattice points", 1, 10, 0.3, 0.2, 0.0005, 0, 1, 10, 0.0005)]
     errors = {"none": -0.02, "ambient": 0.005, "tail": -0.0002}
     closures = [
         Closure(
@@ -61,33 +72,48 @@ def result() -> Chart:
     return Chart([problem("box"), problem("hall")], points, closures, False)
 
 
-def test_curve_repeats_and_stops(monkeypatch):
+def test_curves_repeat_in_turn_and_stop(monkeypatch):
     """A random method is repeated with other seeds, a deterministic one with fewer repetitions.
 
     The compile is timed separately. No effort is tried beyond the first that takes too long.
+    Methods and efforts take turns.
     """
-    calls = []
+    calls, rounds = [], []
 
     def fake(case, method, effort, seed):
-        calls.append((effort, seed))
-        return (3.0 if seed == 0 else 0.1 * effort), 10 + (-1) ** seed / effort, effort
+        calls.append((method.name, effort, seed))
+        seconds = 3.0 if seed == 0 else 0.1 * effort
+        return seconds, 10 + (-1) ** seed / effort, effort, seconds
 
     monkeypatch.setattr(propagation_chart, "timed", fake)
+    monkeypatch.setattr(propagation_chart, "MOST_SECONDS", 100)
     random = Method("random", "", None, lambda case: [1, 4, 16, 64, 256], True)
-    points = curve(problem(), random, EFFORT)
-    assert [p.effort for p in points] == [1, 4, 16]
-    assert calls[:6] == [(1, seed) for seed in range(6)]
+    same = Method("same", "3.5", None, lambda case: [1, 256], False)
+    points = curves(problem(), [random, same], EFFORT, lambda: rounds.append(len(calls)))
+    assert [p.effort for p in points if p.method == "random"] == [1, 4, 16]
+    first = [("random", effort, seed) for effort in (1, 4, 16) for seed in (0, 1)]
+    # The effort 256 exceeds `most`
+    assert calls[: rounds[0]] == [*first, ("same", 1, 0), ("same", 1, 1)]
+    turn = [("random", effort, 2) for effort in (1, 4, 16)]
+    assert calls[rounds[0] : rounds[1]] == [*turn, ("same", 1, 2)]
+    assert calls[rounds[1] :] == [
+        ("random", effort, seed) for seed in (3, 4, 5) for effort in (1, 4, 16)
+    ]
+    assert len(rounds) == EFFORT.repetitions
     assert points[1].error == pytest.approx(1 / 40) and points[1].seconds == pytest.approx(0.4)
     assert points[1].compile_seconds == pytest.approx(2.6)
-    calls.clear()
-    curve(problem(), Method("same", "3.5", None, lambda case: [1, 256], False), EFFORT)
-    assert calls == [(1, 0), (1, 1), (1, 2)]  # the effort 256 exceeds `most`
+
+
+def test_slow_runs_are_repeated_less():
+    done = [(propagation_chart.MOST_SECONDS, 0, 0), (1.0, 0, 0)]
+    effort = Effort(seconds=1.0, most=100, repetitions=20, same=2, paths=1, seeds=2)
+    random = Method("random", "", None, lambda case: [1], True)
+    assert wanted(random, done[1:], effort) == 20
+    assert wanted(random, done, effort) == propagation_chart.LEAST_REPETITIONS
 
 
 def test_page_says_what_the_points_say():
     text = fields(result(), "the command")
-    assert "| box | path tracing (500 ms) | radiosity (5 s) | 10 |" in text["summary"]
-    assert "| hall | path tracing (300 ms) | none reaches it |  |" in text["summary"]
     assert "mirror, one bounce" in text["tables"].split("### hall")[0].split("never get there")[1]
     assert text["ambient"] == "on 2 of 3 openings, up to 0.300 of the sphere"
     assert text["tail_worst"] == "0.020 %"

@@ -11,6 +11,7 @@ from drjit.llvm import Float64, UInt32
 from mi_lcair.benchmark.reflectance import (
     METHODS,
     half_vector,
+    lattice,
     normal_importance,
     problem,
     rejection,
@@ -44,6 +45,7 @@ STATED = {
     rejection: (64000, 0.08),
     half_vector: (65536, 0.01),
     sobol: (65536, 5e-4),
+    lattice: (65536, 1e-3),
 }
 
 

@@ -26,7 +26,7 @@ def test_writes_its_files(run, folder, measured):
     found = run("chart", "propagation", "-o", "out", "--quick")
     assert found.exit_code == 0 and measured == [True]
     assert len(list((folder / "out").iterdir())) == 5
-    assert "box    1.0%      path tracing" in found.stdout
+    assert "box    1%        lattice points" in found.stdout
 
 
 @pytest.mark.slow

@@ -39,7 +39,7 @@ def test_writes_and_prints(run, measured, folder):
     lines = [line.split("  ") for line in result.stdout.splitlines()]
     assert [cell.strip() for cell in lines[2] if cell] == [
         "aluminum MWIR",
-        "1.0%",
+        "1%",
         "ours",
         "100",
         "100 µs",

@@ -9,6 +9,7 @@ import sys
 
 import pytest
 
+import mi_lcair
 from mi_lcair import scenes
 from mi_lcair.benchmark.propagation import exact
 from mi_lcair.errors import InputError
@@ -86,7 +87,14 @@ def test_every_parameter_is_used_and_declared(name):
 def test_parameters_that_the_scene_is_about(name, expected):
     defaults = {parameter: default for parameter, (default, _) in scenes.parameters(name).items()}
     assert expected.items() <= defaults.items()
-    assert {"max_bounces", "emitter_sampling", "resolution", "spp"} <= defaults.keys()
+    assert {"max_bounces", "emitter_sampling", "resolution", "spp", "sampler"} <= defaults.keys()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_sampler(name):
+    """Every bundled scene uses the lattice, and independent numbers where these are asked for."""
+    assert mi_lcair.load(name).sampler == "lattice"
+    assert mi_lcair.load(name, sampler="independent").sampler == "independent"
 
 
 # -------------------------------------------------------------------- Exact answers

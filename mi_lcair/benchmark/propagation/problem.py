@@ -43,6 +43,8 @@ class Problem:
         Temperature of the surroundings [K], for `closure = ambient`; None without surroundings.
     diffuse
         Whether every surface is Lambertian.
+    independent
+        The same scene with Mitsuba's independent sampler, or None.
     """
 
     name: str
@@ -55,6 +57,7 @@ class Problem:
     resolution_deg: float
     ambient: float | None
     diffuse: bool
+    independent: Scene | None = None
 
     @cached_property
     def facets(self) -> FacetTable:
@@ -98,7 +101,7 @@ class Method:
         run(problem, effort, seed) returns the intensity [W/sr] and the number of rays traced.
     efforts
         efforts(problem) returns the efforts worth a try in ascending order, or an empty list where
-        the method does not apply. Each method has its own unit of effort, such as paths per pixel.
+        the method does not apply. Each method has its own unit of effort, such as paths.
     is_random
         Whether the result depends on the seed.
     """

@@ -4,6 +4,7 @@ They are bundled scenes. Their answer is a closed form or a far more precise ren
 """
 
 from dataclasses import replace
+from math import log2
 
 import mitsuba as mi
 import numpy as np
@@ -13,6 +14,7 @@ from mi_lcair.benchmark.propagation import exact, path_tracing
 from mi_lcair.benchmark.propagation.problem import Problem
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.rendering.facet_table import FacetTable
+from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.window import window
 
 RANGE_WALLS = 258.0  # K: between the upper half's 263 K and the lower half's 253 K
@@ -27,7 +29,7 @@ LOBE = 0.25
 
 def two_plates() -> Problem:
     """The scene two_plates, whose answer is a view factor in closed form."""
-    scene = mi_lcair.load("two_plates", resolution=64)
+    scene, independent = loaded("two_plates")
     return Problem(
         "two_plates",
         scene,
@@ -39,12 +41,13 @@ def two_plates() -> Problem:
         resolution_deg=DIFFUSE,
         ambient=None,
         diffuse=True,
+        independent=independent,
     )
 
 
 def open_box() -> Problem:
     """The scene open_box, whose answer is a view factor in closed form."""
-    scene = mi_lcair.load("open_box", resolution=64)
+    scene, independent = loaded("open_box")
     answer = exact.open_box_intensity(blackbody(scene, 800), blackbody(scene, 300))
     return Problem(
         "open_box",
@@ -57,6 +60,7 @@ def open_box() -> Problem:
         resolution_deg=DIFFUSE,
         ambient=None,
         diffuse=True,
+        independent=independent,
     )
 
 
@@ -65,7 +69,7 @@ def cavity(opening: int = 8) -> Problem:
 
     opening: number of facets removed. The facetted sphere is within 0.02 % of it.
     """
-    scene = mi_lcair.load("cavity", opening=opening, resolution=64)
+    scene, independent = loaded("cavity", opening=opening)
     answer = exact.cavity_emissivity(opening) * blackbody(scene, 800) * 0.06**2
     return Problem(
         "cavity",
@@ -78,12 +82,13 @@ def cavity(opening: int = 8) -> Problem:
         resolution_deg=DIFFUSE,
         ambient=800.0,
         diffuse=True,
+        independent=independent,
     )
 
 
 def furnace() -> Problem:
     """The scene furnace, where every pixel has the blackbody's radiance."""
-    scene = mi_lcair.load("furnace", resolution=64)
+    scene, independent = loaded("furnace")
     return Problem(
         "furnace",
         scene,
@@ -95,6 +100,7 @@ def furnace() -> Problem:
         resolution_deg=LOBE,
         ambient=300.0,
         diffuse=False,
+        independent=independent,
     )
 
 
@@ -105,17 +111,17 @@ def all_problems(quick: bool) -> list[Problem]:
         open_box(),
         cavity(),
         furnace(),
-        wing_root(16 if quick else 128),
-        cylinder(64 if quick else 1024),
+        wing_root(2**16 if quick else 2**20),
+        cylinder(2**18 if quick else 2**23),
     ]
 
 
-def cylinder(spp: int) -> Problem:
+def cylinder(paths: int) -> Problem:
     """The scene cylinder_ir_range: bare aluminium in LWIR, seen from the tail.
 
-    spp: paths per pixel of the reference render.
+    paths: paths of the reference render.
     """
-    scene = mi_lcair.load("cylinder_ir_range", resolution=64)
+    scene, independent = loaded("cylinder_ir_range")
     return referred(
         Problem(
             "cylinder",
@@ -128,18 +134,20 @@ def cylinder(spp: int) -> Problem:
             resolution_deg=LOBE,
             ambient=RANGE_WALLS,
             diffuse=False,
+            independent=independent,
         ),
-        spp,
+        paths,
     )
 
 
-def wing_root(spp: int) -> Problem:
+def wing_root(paths: int) -> Problem:
     """A small window inside a facet at the wing root, in the same view as `cylinder`.
 
-    spp: paths per pixel of the reference render.
+    paths: paths of the reference render.
     """
-    scene = mi_lcair.load("cylinder_ir_range", resolution=64)
-    look_at_facet(scene, WING_ROOT_FACET)
+    scene, independent = loaded("cylinder_ir_range")
+    for either in (scene, independent):
+        look_at_facet(either, WING_ROOT_FACET)
     return referred(
         Problem(
             "wing root",
@@ -152,9 +160,21 @@ def wing_root(spp: int) -> Problem:
             resolution_deg=LOBE,
             ambient=RANGE_WALLS,
             diffuse=False,
+            independent=independent,
         ),
-        spp,
+        paths,
     )
+
+
+def loaded(name: str, **parameters) -> list[Scene]:
+    """A bundled scene with the lattice sampler, and the same with the independent sampler.
+
+    The film has a single pixel, so that paths per pixel are paths.
+    """
+    return [
+        mi_lcair.load(name, resolution=1, sampler=sampler, **parameters)
+        for sampler in ("lattice", "independent")
+    ]
 
 
 def blackbody(scene, temperature: float) -> float:
@@ -162,21 +182,20 @@ def blackbody(scene, temperature: float) -> float:
     return float(in_band_radiance(scene.band, temperature))
 
 
-def referred(problem: Problem, spp: int) -> Problem:
+def referred(problem: Problem, paths: int) -> Problem:
     """Return the problem with an answer computed by path tracing.
 
     The answer is the mean over independent seeds. Its standard error follows from their scatter.
     """
     seeds = 8
-    values = [
-        path_tracing.intensity(problem, spp // seeds, 1_000_000 + seed)[0] for seed in range(seeds)
-    ]
+    run = lambda seed: path_tracing.intensity(problem, paths // seeds, seed)[0]
+    values = [run(1_000_000 + seed) for seed in range(seeds)]
     error = float(np.std(values, ddof=1) / np.sqrt(seeds))
     return replace(
         problem,
         answer=float(np.mean(values)),
         standard_error=error,
-        source=f"path tracing, N = {problem.bounces}, {spp} paths a pixel",
+        source=f"path tracing, N = {problem.bounces}, 2^{log2(paths):.0f} paths",
     )
 
 

@@ -2,9 +2,9 @@
 
 Patches are equal parts of the scene's triangles. The view factor F_ij is the share of the rays from
 patch i that hit patch j. The rays have cosine-distributed directions and start from points spread
-over the patch. Points and directions are a Kronecker sequence in four dimensions, shifted by random
-numbers. B = E + rho F B is solved by a Neumann series of N terms, one for each bounce. The radiance
-of a patch is B / pi. The intensity sums it over the projected visible areas. Surfaces are
+over the patch. Points and directions are those of the lattice sampler. Each patch has its own
+randomisation. B = E + rho F B is solved by a Neumann series of N terms, one for each bounce. The
+radiance of a patch is B / pi. The intensity sums it over the projected visible areas. Surfaces are
 one-sided.
 """
 
@@ -15,10 +15,7 @@ from scipy.sparse import csr_array
 
 from mi_lcair.benchmark.propagation.primary import part_corners, part_index, visible_points
 from mi_lcair.benchmark.propagation.problem import Method, Problem, emitted
-
-# Steps of the Kronecker sequence: powers of 1 / x, where x is the root of x^5 = x + 1. It
-# generalises the golden ratio to four dimensions.
-STEPS = 1 / 1.1673039782614187 ** np.arange(1, 5)
+from mi_lcair.plugins.lattice_sampler import LatticeSampler
 
 
 def intensity(problem: Problem, patches: int, rays: int, seed: int) -> tuple[float, int]:
@@ -33,7 +30,7 @@ def intensity(problem: Problem, patches: int, rays: int, seed: int) -> tuple[flo
     rays
         Rays from each patch, for its view factors.
     seed
-        Seed of the random shifts.
+        Seed of the lattice's shifts.
 
     Returns
     -------
@@ -101,30 +98,21 @@ def view_factors(
     rays
         Rays from each patch.
     seed
-        Seed of the random shifts.
+        Seed of the lattice's shifts.
     """
     patches = len(corners)
     index = dr.arange(mi.UInt32, patches * rays)
     patch, k = index // dr.opaque(mi.UInt32, rays), index % dr.opaque(mi.UInt32, rays)
-    shift = np.random.default_rng(seed).random((4, patches))
-    sequence = np.outer(STEPS, np.arange(1, rays + 1)) % 1
-
-    def coordinate(axis):
-        x = dr.gather(mi.Float, mi.Float(sequence[axis]), k) + dr.gather(
-            mi.Float, mi.Float(shift[axis]), patch
-        )
-        return x - dr.floor(x)
-
-    a, b, c, d = (coordinate(axis) for axis in range(4))
+    sampler = LatticeSampler.at(patch, k, dr.opaque(mi.UInt32, seed))
     p0, p1, p2 = (
         dr.gather(mi.Point3f, mi.Point3f(corners[:, corner].T), patch) for corner in range(3)
     )
-    uv = mi.warp.square_to_uniform_triangle(mi.Point2f(a, b))
+    uv = mi.warp.square_to_uniform_triangle(sampler.next_2d())
     si = dr.zeros(mi.SurfaceInteraction3f, patches * rays)
     si.p = p0 + uv.x * (p1 - p0) + uv.y * (p2 - p0)
     si.n = mi.Normal3f(dr.normalize(dr.cross(p1 - p0, p2 - p0)))
     si.sh_frame = mi.Frame3f(si.n)
-    wo = mi.warp.square_to_cosine_hemisphere(mi.Point2f(c, d))
+    wo = mi.warp.square_to_cosine_hemisphere(sampler.next_2d())
 
     ray = emitters.spawn_ray(si, si.to_world(wo))
     pi = scene.ray_intersect_preliminary(ray)

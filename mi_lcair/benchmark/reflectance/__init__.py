@@ -5,6 +5,7 @@ Each method is one file. `METHODS` lists them all.
 
 from mi_lcair.benchmark.reflectance import (
     half_vector,
+    lattice,
     normal_importance,
     rejection,
     sobol,
@@ -25,5 +26,6 @@ METHODS: tuple[Method, ...] = tuple(
         rejection,
         half_vector,
         sobol,
+        lattice,
     )
 )

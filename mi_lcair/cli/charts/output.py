@@ -43,6 +43,11 @@ def print_cheapest(points, case: str, cost: str) -> None:
         for tolerance in chart.TOLERANCES:
             best = chart.cheapest(points, name, tolerance)
             rows.append(
-                [name, f"{tolerance:.1%}", best.method if best else "none", *chart.costs(best)]
+                [
+                    name,
+                    chart.percent(tolerance),
+                    best.method if best else "none",
+                    *chart.costs(best),
+                ]
             )
     print_columns(rows)

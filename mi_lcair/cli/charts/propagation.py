@@ -14,7 +14,7 @@ from mi_lcair.cli.output import print_json
 def command(folder, quick, json):
     """Compare methods that follow radiation from facet to facet.
 
-    The methods are those of the thesis and path tracing, on six scenes.
+    The methods are those of the thesis, path tracing and Mitsuba's own integrator, on six scenes.
     """
     from mi_lcair.benchmark import propagation_chart
     from mi_lcair.files import filling

@@ -12,7 +12,7 @@ from mi_lcair.cli.output import print_json
 @click.command("reflectance")
 @chart_options("reflectance.png, .csv and .md")
 def command(folder, quick, json):
-    """Compare seven methods that integrate a BRDF over the hemisphere."""
+    """Compare eight methods that integrate a BRDF over the hemisphere."""
     from mi_lcair.benchmark import reflectance_chart
     from mi_lcair.files import filling
     from mi_lcair.reports import reflectance_page

@@ -1,0 +1,59 @@
+"""Time to an error, lattice points against independent points."""
+
+import mi_lcair
+from benchmarks.timing import ratio
+
+# Half of the 95 % interval. The rms error is then about 0.1 %.
+TOLERANCE = 0.002
+MOST_PATHS = 2**28
+SCENES = {
+    "two_plates": {},
+    "open_box": {},
+    "cavity": {"opening": 8},
+    "furnace": {"max_bounces": 8},
+    "cylinder_ir_range": {},
+    "a340_landing": {"position": 3, "band": "LWIR"},
+}
+
+
+def track_time_to_error(name, tolerance=TOLERANCE, rounds=3):
+    """Time of an intensity with independent points / with lattice points, to one tolerance."""
+    scenes = [
+        mi_lcair.load(name, resolution=1, sampler=sampler, **SCENES[name])
+        for sampler in ("independent", "lattice")
+    ]
+    run = lambda scene: (
+        lambda seed: mi_lcair.signature(scene, tolerance=tolerance, max_spp=MOST_PATHS, seed=seed)
+    )
+    return ratio(*map(run, scenes), rounds)
+
+
+track_time_to_error.params = list(SCENES)
+track_time_to_error.param_names = ["scene"]
+track_time_to_error.unit = "independent / lattice"
+track_time_to_error.timeout = 900
+
+
+def track_small_launch(rounds=9):
+    """Time of an intensity from 2^12 paths / from 2^20 paths, both recorded before."""
+    scene = mi_lcair.load("two_plates", resolution=1)
+    run = lambda paths: lambda seed: mi_lcair.signature(scene, spp=paths, seed=seed)
+    return ratio(run(2**12), run(2**20), rounds)
+
+
+track_small_launch.unit = "small / large"
+track_small_launch.timeout = 900
+
+
+def track_image(spp=64, rounds=3):
+    """Time of an image of the cylinder with lattice points / with independent points."""
+    scenes = [
+        mi_lcair.load("cylinder_ir_range", resolution=128, sampler=sampler)
+        for sampler in ("lattice", "independent")
+    ]
+    run = lambda scene: lambda seed: mi_lcair.render(scene, spp=spp, seed=seed)
+    return ratio(*map(run, scenes), rounds)
+
+
+track_image.unit = "lattice / independent"
+track_image.timeout = 900
