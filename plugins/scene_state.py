@@ -5,6 +5,9 @@ import drjit as dr
 from mi_lcair.plugins.derivatives import attached, flatten, held, members, nodes, same_variables
 
 PACKAGE = __name__.partition(".")[0] + "."
+# Mitsuba's objects of which `dr.freeze` finds all arrays. Others may end the process while it
+# records: a bitmap texture does.
+RECORDABLE = {"Scene", "PLYMesh", "SmoothDiffuse", "UniformSpectrum", "MeshAttribute"}
 
 
 class SceneState:
@@ -14,11 +17,12 @@ class SceneState:
     of an object or of a Dr.Jit variable says whether it is still the same one. Derivatives of
     parameters are a part of the state. plugins: the plugins in Python of this package. is_known:
     whether everything can be seen; False with a plugin in Python from elsewhere, whose attributes
-    may change in any way.
+    may change in any way. is_recordable: whether launches in the scene can be recorded.
     """
 
     def __init__(self, scene, *settings):
         self.values, self.plugins, self.is_known, arrays = list(settings), [], True, []
+        self.is_recordable = True
         for node in nodes(scene):
             found = [node, *members(node).values()]
             if type(node).__module__.startswith(PACKAGE):
@@ -26,7 +30,9 @@ class SceneState:
                 found += vars(node).values()
                 arrays += flatten(tuple(getattr(node, "derivations", ())))
             elif not type(node).__module__.startswith("mitsuba"):
-                self.is_known = False
+                self.is_known = self.is_recordable = False
+            elif node.class_name().partition("[")[0] not in RECORDABLE:
+                self.is_recordable = False
             for value in found:
                 (arrays if dr.is_array_v(value) else self.values).append(value)
         self.variables = held([variable for array in arrays for variable in components(array)])

@@ -154,14 +154,16 @@ def measured(name: str, parameters: dict) -> tuple[str, dict[str, Curve]]:
     }
     expected, error = reference(name, both["lattice"])
     curves = {sampler: errors(intensity, scene, expected) for sampler, scene in both.items()}
-    if error:  # the scenes without a closed form, whose model fills only part of the window
-        curves["lattice, aimed"] = errors(aimed(both["lattice"]), both["lattice"], expected)
+    curves["lattice, aimed"] = errors(aimed(both["lattice"]), both["lattice"], expected)
     cells = [label(name, parameters), f"{error / expected:.1e}" if error else "closed form"]
     for tolerance in TOLERANCES:
         needs = {key: c.paths_to(tolerance, key == "independent") for key, c in curves.items()}
         cells += [count_text(needs.get(key)) for key in LINES]
+        cells += [
+            digits(needs["independent"] / needs[key]) if needs[key] else "-"
+            for key in ("lattice", "lattice, aimed")
+        ]
         lattice = needs["lattice"]
-        cells.append(digits(needs["independent"] / lattice) if lattice else "-")
     if lattice is None:
         return f"| {' | '.join([*cells, '-', '-', '-'])} |", curves
     counts = [min(MOST_TIMED, round(needs[sampler])) for sampler in both]

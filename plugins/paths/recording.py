@@ -34,6 +34,8 @@ class Recorded:
         self.reason = None
         if os.environ.get(OFF):
             self.reason = f"{OFF} is set"
+        elif not state.is_recordable:
+            self.reason = "the scene has objects that are not known to be recordable"
         elif state.has_gradients:
             self.reason = "parameters have gradients"
 

@@ -15,7 +15,7 @@ def test_intervals_hold_the_truth(name, parameters):
     renderer states covers them. A stated interval may hold the truth more often, because it allows
     for a source that no path has hit.
     """
-    for _, scatter, stated, channels in coverage(mi_lcair.load(name, **parameters), (2**12, 2**14)):
+    for _, scatter, stated, channels in coverage(mi_lcair.load(name, **parameters), (2**12,)):
         assert stated >= 0.9
         if name != "furnace":
             assert 0.89 <= scatter <= 0.985 and min(channels) >= 0.88
