@@ -10,7 +10,7 @@ from mi_lcair.plugins.paths.tail import COUNTS, Tail, add_tail
 
 MAX_BOUNCE_CHANNELS = 65  # the last one holds every bounce count from 64 on
 # Numbers of bounce channels that are recorded. There are few, because each needs its own kernel.
-SIZES = (5, 17, 33, MAX_BOUNCE_CHANNELS)
+SIZES = (6, 17, 33, MAX_BOUNCE_CHANNELS)
 
 
 @dataclass
