@@ -33,6 +33,8 @@ from mi_lcair.plugins.paths.tail import Tail
 from mi_lcair.plugins.properties import HOTTEST, Property, read
 from mi_lcair.plugins.scene_state import SceneState
 
+MOST_KEPT = 8  # tracers of a scene that are kept, each with other settings
+
 PROPERTIES = (
     Property("max_bounces", "integer", 4, lower=0, upper=10_000),
     Property("emitter_sampling", "boolean", False),
@@ -130,14 +132,20 @@ class BouncePath(RBIntegrator):
             yield self.tracer(scene, by_spectrum, {} if kept is None else kept)
 
     def tracer(self, scene, by_spectrum: bool, kept: dict):
-        """A tracer for the present state of the scene: the kept one, or a new one."""
+        """A tracer for the present state of the scene: a kept one, or a new one.
+
+        One is kept for each of the last MOST_KEPT settings of the integrator.
+        """
         settings = [getattr(self, entry.name) for entry in PROPERTIES]
-        state = SceneState(scene, scene, *settings)
-        if by_spectrum in kept and kept[by_spectrum][0] == state:
-            return kept[by_spectrum][1]
+        state, key = SceneState(scene, scene, *settings), (by_spectrum, *settings)
+        if key in kept and kept[key][0] == state:
+            return kept[key][1]
         tracer = PathTracer(self, scene, by_spectrum, state)
         if not state.has_gradients:
-            kept[by_spectrum] = state, tracer
+            kept.pop(key, None)
+            kept[key] = state, tracer
+            if len(kept) > MOST_KEPT:
+                kept.pop(next(iter(kept)))
         return tracer
 
     def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):
