@@ -25,14 +25,14 @@ class ManyViews:
     projected area of the model [m^2]. brightest: intensity of a window filled by the brightest
     source, (V,) [W/sr]. half_width: half of the 95 % interval of the target's intensity, (V,)
     [W/sr]. It includes the contribution of one path that hits a source which no other path has hit.
-    paths: number of paths of each view. invalid: number of NaN or infinite samples, which are left
-    out.
+    paths: number of paths of each view, (V,). invalid: number of NaN or infinite samples, which are
+    left out.
     """
 
     parts: dict[str, np.ndarray]
     brightest: np.ndarray
     half_width: np.ndarray
-    paths: int
+    paths: np.ndarray
     invalid: int
 
     def excess(self, tolerance: float) -> np.ndarray:
@@ -80,7 +80,7 @@ def render_views(
         `spp` and `max_spp` count the paths of a view divided by resolution x resolution.
     spp : int or None
         Paths for each of resolution x resolution pixels. None: as many paths, up to max_spp, as
-        every view needs for the tolerance.
+        each view needs for the tolerance.
     tolerance : float
         Largest half width of the 95 % interval of an intensity, as a fraction of the intensity. See
         `ManyViews.excess` for faint views.
@@ -114,7 +114,7 @@ def render_views(
             sensor,
             len(views),
             paths=spp and spp * pixels,
-            excess=lambda total: of_totals(total, area, brightest).excess(tolerance).max(),
+            excess=lambda total: of_totals(total, area, brightest).excess(tolerance),
             most_paths=(max_spp or DEFAULT_MAX_SPP) * pixels,
             seed=seed,
             split="model",
@@ -135,6 +135,6 @@ def of_totals(total: Totals, area: np.ndarray, brightest: np.ndarray) -> ManyVie
         },
         brightest=brightest,
         half_width=total.half_width("target") * area,
-        paths=int(total.valid.sum() + total.invalid) // len(area),
+        paths=total.traced.astype(int),
         invalid=total.invalid,
     )

@@ -34,12 +34,12 @@ class Totals:
     gives the standard error. It has R - 1 degrees of freedom for R randomisations, so that an
     interval is Student's factor times the standard error, see `student_factor`.
 
-    windows, randomisations: sizes of the arrays. by_randomisation: whether channels are kept for
-    each randomisation. Otherwise only their means are known, which needs less memory. chance:
-    radiance that a source which no path has hit may add to one path [W m^-2 sr^-1]. systematic:
-    relative error that more samples do not reduce. It is part of every standard error.
-    largest_weights: largest weight of a path that may contribute to a channel, by its name, see
-    `Aim`; 1 if it is missing.
+    windows, randomisations: sizes of the arrays. traced: number of paths of each window.
+    by_randomisation: whether channels are kept for each randomisation. Otherwise only their means
+    are known, which needs less memory. chance: radiance that a source which no path has hit may add
+    to one path [W m^-2 sr^-1]. systematic: relative error that more samples do not reduce. It is
+    part of every standard error. largest_weights: largest weight of a path that may contribute to a
+    channel, by its name, see `Aim`; 1 if it is missing.
     """
 
     def __init__(
@@ -56,16 +56,17 @@ class Totals:
         self.valid, self.radiance = (np.zeros((windows, randomisations)) for _ in range(2))
         self.sums = {}
         self.chance, self.met = chance, np.zeros(windows)
-        self.invalid, self.tail = 0, None
+        self.traced, self.invalid, self.tail = np.zeros(windows), 0, None
 
     @property
     def randomisations(self) -> int:
         return self.valid.shape[1]
 
     def add(self, launch, found) -> None:
-        """Add the `Sums` of a launch to the windows from the launch's first one on."""
-        run = slice(launch.first, launch.first + launch.windows)
+        """Add the `Sums` of a launch to its windows."""
+        run = launch.window_numbers
         self.valid[run] += found.valid
+        self.traced[run] += launch.randomisations * launch.points
         self.radiance[run] += found.radiance
         for name, values in found.channels.items():
             if not self.by_randomisation:

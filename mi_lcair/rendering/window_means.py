@@ -31,7 +31,7 @@ def window_means(
     sensor,
     windows: int = 1,
     paths: int | None = None,
-    excess: Callable[[Totals], float] | None = None,
+    excess: Callable[[Totals], float | np.ndarray] | None = None,
     most_paths: int | None = None,
     seed: int = 0,
     split: str = "target",
@@ -52,8 +52,8 @@ def window_means(
     paths : int or None
         Paths of each window, rounded up to a multiple of RANDOMISATIONS.
     excess : callable or None
-        Without `paths`: ratio of the error to the allowed error for the totals so far. Paths are
-        added until it is at most 1.
+        Without `paths`: ratio of the error to the allowed error of each window for the totals so
+        far. Paths are added to a window until its ratio is at most 1.
     most_paths : int or None
         Largest number of paths of each window that are traced for `excess`.
     seed : int
@@ -94,9 +94,11 @@ def window_means(
     goal = limit if paths else min(first, limit)
     # The results by facet and a sensor of several views need a constant density
     may_aim = facets is None and sensor.class_name() == "OrthographicCamera"
-    done, last, before = 0, 0.0, 0
+    # The windows that need more paths, with the ratios and the points of the last estimate
+    active, last, before = np.arange(windows), np.zeros(windows), 0
+    done = 0
     while done < goal:
-        points = min(goal - done, max(1, PASS_SAMPLES // (windows * RANDOMISATIONS)))
+        points = min(goal - done, max(1, PASS_SAMPLES // (len(active) * RANDOMISATIONS)))
         launch = Launch(
             columns=windows,
             rows=1,
@@ -104,23 +106,26 @@ def window_means(
             randomisations=RANDOMISATIONS,
             points=points,
             first_point=done,
-            windows=windows,
+            windows=len(active),
+            chosen=tuple(active.tolist()),
             aim=aim,
         )
         total.add(launch, tracer.trace(sensor, launch, split, facets))
         done += points
-        check_valid(total.invalid, done * windows * RANDOMISATIONS, scene.name)
+        check_valid(total.invalid, int(total.valid.sum()) + total.invalid, scene.name)
         if not paths and done >= goal:
             # The error of a lattice falls at most as 1 / points. A smaller estimate is luck, and to
             # end there would state too small an error too often.
-            needed = max(excess(total), last * before / done)
+            needed = np.maximum(np.broadcast_to(excess(total), windows), last * before / done)
             last, before = needed, done
-            goal = next_goal(done, needed, limit)
-            if needed > WORTH_AIMING and may_aim:
+            more = active[needed[active] > 1]
+            goal = next_goal(done, needed[more].min(initial=np.inf) if len(more) else 0.0, limit)
+            if needed.max() > WORTH_AIMING and may_aim:
                 # Begin again, with the same number of paths
                 aim, may_aim = aim_at_model(scene, tracer, sensor, seed, split), False
-                total, goal, done = nothing(aim), done, 0
-                last = 0.0
+                total, goal, done, last = nothing(aim), done, 0, np.zeros(windows)
+            elif len(more):
+                active = more
         if progress:
             progress(done * RANDOMISATIONS, goal * RANDOMISATIONS)
     return total

@@ -321,7 +321,7 @@ def render_batch(scene: Scene, sweep: Sweep, number: int, views) -> dict[View, d
                 error,
                 result.half_width,
                 result.parts["hit"][0],
-                np.full(len(views), result.paths),
+                result.paths,
                 reached,
                 np.full(len(views), result.invalid),
             ),

@@ -4,7 +4,9 @@ from dataclasses import dataclass
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 
+from mi_lcair.plugins.derivatives import own_memory
 from mi_lcair.plugins.lattice_sampler import VECTOR, LatticeSampler, hashed
 from mi_lcair.plugins.paths.aim import Aim, place
 
@@ -23,9 +25,9 @@ class Launch:
 
     columns, rows: number of windows along the sides of the film. first, windows, stride: numbers of
     the windows, counted row by row: `windows` windows from `first` on, every `stride`-th one.
-    randomisations: number of randomisations of each window. first_point, points: the points of each
-    randomisation. seed: seed of all random numbers. aim: density of the positions in each window;
-    None for a constant one.
+    chosen: their numbers instead, in rising order. randomisations: number of randomisations of each
+    window. first_point, points: the points of each randomisation. seed: seed of all random numbers.
+    aim: density of the positions in each window; None for a constant one.
 
     The paths of a window follow each other, and within them those of a randomisation.
     """
@@ -39,22 +41,32 @@ class Launch:
     first: int = 0
     windows: int = 1
     stride: int = 1
+    chosen: tuple[int, ...] | None = None
     aim: Aim | None = None
 
     @property
     def paths(self) -> int:
         return self.windows * self.randomisations * self.points
 
+    @property
+    def window_numbers(self) -> np.ndarray:
+        """Numbers of the windows, (windows,)."""
+        if self.chosen is not None:
+            return np.array(self.chosen)
+        return self.first + self.stride * np.arange(self.windows)
+
     def paths_from(self, own) -> "Paths":
         """The paths of the launch. own: the sensor's sampler, which chooses the random numbers."""
         opaque = lambda value: dr.opaque(mi.UInt32, value)
         is_lattice = numbers(own) == "lattice"
-        lane = dr.arange(mi.UInt32, self.paths)
+        lane, windows = dr.arange(mi.UInt32, self.paths), mi.UInt32(self.window_numbers)
         dr.eval(lane)
+        own_memory([windows])
         return Paths(
             lane,
+            windows,
             *map(opaque, (self.columns, self.rows, self.seed, self.randomisations, self.points)),
-            *map(opaque, (self.first_point, self.first, self.stride)),
+            opaque(self.first_point),
             mi.UInt32(VECTOR) if is_lattice else None,
             self.aim and self.aim.tables,
         )
@@ -64,28 +76,28 @@ class Launch:
 class Paths:
     """The paths of a launch, as Dr.Jit arrays, so that one kernel serves all launches.
 
-    lane: (paths,), number of each path. vector: the lattice; None for independent numbers. aim: see
-    `Aim.tables`. The others are numbers of `Launch`.
+    lane: (paths,), number of each path. windows: (windows,), their numbers. vector: the lattice;
+    None for independent numbers. aim: see `Aim.tables`. The others are numbers of `Launch`.
     """
 
     lane: mi.UInt32
+    windows: mi.UInt32
     columns: mi.UInt32
     rows: mi.UInt32
     seed: mi.UInt32
     randomisations: mi.UInt32
     points: mi.UInt32
     first_point: mi.UInt32
-    first: mi.UInt32
-    stride: mi.UInt32
     vector: mi.UInt32 | None
     aim: tuple | None
 
     def begin(self) -> tuple:
         """Sampler of each path, column and row of its window, its position there, its weight."""
         randomisation, point = self.lane // self.points, self.first_point + self.lane % self.points
-        window = self.first + randomisation // self.randomisations * self.stride
+        window = dr.gather(mi.UInt32, self.windows, randomisation // self.randomisations)
         if self.vector is None:
-            start = hashed(self.seed + hashed(self.first + hashed(self.first_point)))
+            first = dr.gather(mi.UInt32, self.windows, mi.UInt32(0))
+            start = hashed(self.seed + hashed(first + hashed(self.first_point)))
             sampler = Random(start, self.lane)
         else:
             number = window * self.randomisations + randomisation % self.randomisations

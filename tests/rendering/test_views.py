@@ -119,11 +119,14 @@ def test_a_seed_gives_its_numbers_and_a_tolerance_its_error(cylinder):
     )
     assert np.array_equal(first.parts["target"], again.parts["target"])
     assert not np.array_equal(first.parts["target"], other.parts["target"])
-    assert first.excess(0.004).max() <= 1 and first.paths > FIRST_PATHS
+    assert first.excess(0.004).max() <= 1 and first.paths.sum() > FIRST_PATHS
     stopped = render_views(cylinder, views, 32, tolerance=1e-5, max_spp=4)
-    assert stopped.paths == 4 * 32**2 and stopped.excess(1e-5).min() > 1
+    assert set(stopped.paths) == {4 * 32**2} and stopped.excess(1e-5).min() > 1
     # 7 x 31 x 31 = 6727 paths are not a multiple of the 8 randomisations
-    assert render_views(cylinder, views, 31, tolerance=1e-5, max_spp=7).paths == 6728
+    assert render_views(cylinder, views, 31, tolerance=1e-5, max_spp=7).paths.tolist() == [
+        6728,
+        6728,
+    ]
 
 
 @pytest.mark.slow
@@ -143,7 +146,7 @@ def test_a_hot_source_that_no_path_met_counts(plate):
     )
     found = render_views(scene, [View(0, 90)], 16, tolerance=0.02)
     exact = (0.08 - 1.6e-5) * L_300 + 1.6e-5 * float(in_band_radiance(band("LWIR"), 3000.0))
-    assert found.paths > FIRST_PATHS and found.parts["target"][0, 0] == pytest.approx(
+    assert found.paths[0] > FIRST_PATHS and found.parts["target"][0, 0] == pytest.approx(
         exact, rel=0.1
     )
 
@@ -160,12 +163,14 @@ def test_a_view_of_nothing_does_not_keep_the_others(plate):
         tolerance=0.01,
     )
     assert (
-        found.parts["target"][0, 1] == 0 and found.excess(0.01).max() <= 1 and found.paths < 2**18
+        found.parts["target"][0, 1] == 0
+        and found.excess(0.01).max() <= 1
+        and found.paths.max() < 2**18
     )
     alone = render_views(
         loaded(slab=plate("slab", SLAB, BLACK, 300.0)), [View(0, -90)], 16, tolerance=0.01
     )
-    assert alone.excess(0.01).max() <= 1 and 2**12 < alone.paths < 2**18
+    assert alone.excess(0.01).max() <= 1 and 2**12 < alone.paths[0] < 2**18
 
 
 def test_bad_input(plate, cylinder):
