@@ -233,6 +233,7 @@ class PathTracer(RBIntegrator):
         facets=None,
         count_segments: bool = False,
         counted: int | None = None,
+        rays: ParallelRays | None = None,
     ) -> Sums:
         """Trace the paths of a launch; call it inside the context `prepared`.
 
@@ -254,6 +255,8 @@ class PathTracer(RBIntegrator):
         counted : int or None
             Largest number of reflections whose radiance is recorded separately, in one of SIZES;
             that of more reflections is added to the last channel. None: as many as `max_bounces`.
+        rays : ParallelRays or None
+            The rays of the sensor, for a caller of many launches; None makes them from the sensor.
 
         Returns
         -------
@@ -262,7 +265,7 @@ class PathTracer(RBIntegrator):
         """
         with dr.suspend_grad():
             paths = launch.paths_from(sensor.sampler())
-            rays = ParallelRays.of(sensor)
+            rays = ParallelRays.of(sensor) if rays is None else rays
             counted = self.max_bounces if counted is None else counted
             arguments = paths, rays or sensor, split, counted, count_segments, block_size(launch)
             if facets is not None or self.closure == "tail":

@@ -10,6 +10,7 @@ import numpy as np
 
 from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.plugins.paths.rays import ParallelRays
 from mi_lcair.rendering.aiming import aim_at_model
 from mi_lcair.rendering.limits import check_memory
 from mi_lcair.rendering.render import PASS_SAMPLES
@@ -87,6 +88,7 @@ def window_means(
             largest_weights={None: aim.largest_weight, "target": aim.largest_on_model},
         )
 
+    rays = ParallelRays.of(sensor)
     aim = Aim.anywhere()
     total = nothing(aim)
     first = max(LEAST_POINTS, FIRST_PATHS // (windows * RANDOMISATIONS))
@@ -110,7 +112,7 @@ def window_means(
             chosen=tuple(active.tolist()),
             aim=aim,
         )
-        total.add(launch, tracer.trace(sensor, launch, split, facets))
+        total.add(launch, tracer.trace(sensor, launch, split, facets, rays=rays))
         done += points
         check_valid(total.invalid, int(total.valid.sum()) + total.invalid, scene.name)
         if not paths and done >= goal:
