@@ -16,15 +16,13 @@ import numpy as np
 from tqdm import tqdm
 
 import mi_lcair
+from docs.studies.page import write_page
 from mi_lcair.errors import InputError
-from mi_lcair.files import replacing
 from mi_lcair.rendering.scene import Scene
 from tests.stability.adverse_scenes import ADVERSE, Adverse
 
 SEEDS, TOLERANCE, MAX_SPP, PLAN_TOLERANCE = 20, 0.5, 2**15, 0.1
 STANDARD_ERRORS = 3  # how far a mean may lie from the truth
-
-TEMPLATE = Path(__file__).with_name("adverse.template.md")
 
 
 @dataclass(frozen=True)
@@ -98,19 +96,17 @@ def main(page):
         "The most plans outside their tolerance: "
         f"{max(outside for *_, outside in rows)} of {SEEDS}."
     )
-    with replacing(page) as partial:
-        partial.write_text(
-            TEMPLATE.read_text(encoding="utf-8").format(
-                seeds=SEEDS,
-                tolerance=TOLERANCE,
-                max_spp=MAX_SPP,
-                errors=STANDARD_ERRORS,
-                plan=PLAN_TOLERANCE,
-                rows="\n".join(text for text, *_ in rows),
-                verdict=verdict,
-            ),
-            encoding="utf-8",
-        )
+    write_page(
+        page,
+        "adverse",
+        seeds=SEEDS,
+        tolerance=TOLERANCE,
+        max_spp=MAX_SPP,
+        errors=STANDARD_ERRORS,
+        plan=PLAN_TOLERANCE,
+        rows="\n".join(text for text, *_ in rows),
+        verdict=verdict,
+    )
 
 
 if __name__ == "__main__":

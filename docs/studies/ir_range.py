@@ -16,8 +16,8 @@ import numpy as np
 from tqdm import tqdm
 
 import mi_lcair
+from docs.studies.page import write_page
 from mi_lcair.drawing import drawing
-from mi_lcair.files import replacing
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.rendering.facet_image import pixel_rays
@@ -274,11 +274,7 @@ def main(page: Path) -> None:
     _, mirror, _ = wing_root("mirror")
     steps.close()
     save_convergence(folder / "wing_root.png", facet, brdf, mirror)
-    template = Path(__file__).with_name("ir_range.template.md").read_text(encoding="utf-8")
-    with replacing(page) as partial:
-        partial.write_text(
-            template.format(**fields(cases, facet, brdf, mirror, error)), encoding="utf-8"
-        )
+    write_page(page, "ir_range", **fields(cases, facet, brdf, mirror, error))
 
 
 if __name__ == "__main__":

@@ -15,11 +15,11 @@ import numpy as np
 from tqdm import tqdm
 
 import mi_lcair
+from docs.studies.page import write_page
 from mi_lcair.detection.contrast import Contrast, backdrop
 from mi_lcair.detection.irradiance import Estimate, Irradiance
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.drawing import drawing
-from mi_lcair.files import replacing
 from mi_lcair.physics.atmosphere import atmosphere
 from mi_lcair.physics.spectrum import spectrum
 from mi_lcair.reports import contrast_plot
@@ -384,9 +384,7 @@ def main(page: Path) -> None:
     save_bounces(folder / "bounces.png")
     save_variations(folder / "assumptions.png", changes)
     steps.close()
-    template = Path(__file__).with_name("landing.template.md").read_text(encoding="utf-8")
-    with replacing(page) as partial:
-        partial.write_text(template.format(**fields(cases, changes)), encoding="utf-8")
+    write_page(page, "landing", **fields(cases, changes))
 
 
 if __name__ == "__main__":

@@ -18,10 +18,10 @@ from statistics import median
 import numpy as np
 
 import mi_lcair
+from docs.studies.page import label, write_page
 from mi_lcair.benchmark.chart import digits, duration
 from mi_lcair.benchmark.propagation import exact
 from mi_lcair.drawing import drawing
-from mi_lcair.files import replacing
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.rendering.aiming import aim_at_model
@@ -81,11 +81,6 @@ class Curve:
 
 def rms(values) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
-
-
-def label(name: str, parameters: dict) -> str:
-    """Name of a scene with its parameters."""
-    return " ".join([name, *(f"{key}={value}" for key, value in parameters.items())])
 
 
 def intensity(scene, paths: int, seed: int) -> float:
@@ -256,21 +251,18 @@ def main(page):
         image_rows.append(row)
         print(row, flush=True)
     draw(page.with_suffix(".png"), panels)
-    template = Path(__file__).with_name("paths.template.md").read_text(encoding="utf-8")
-    with replacing(page) as partial:
-        partial.write_text(
-            template.format(
-                seeds=SEEDS,
-                rounds=ROUNDS,
-                threads=dr.thread_count(),
-                resolution=RESOLUTION,
-                converged=CONVERGED,
-                randomisations=RANDOMISATIONS,
-                rows="\n".join(rows),
-                images="\n".join(image_rows),
-            ),
-            encoding="utf-8",
-        )
+    write_page(
+        page,
+        "paths",
+        seeds=SEEDS,
+        rounds=ROUNDS,
+        threads=dr.thread_count(),
+        resolution=RESOLUTION,
+        converged=CONVERGED,
+        randomisations=RANDOMISATIONS,
+        rows="\n".join(rows),
+        images="\n".join(image_rows),
+    )
 
 
 if __name__ == "__main__":

@@ -22,8 +22,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import mi_lcair
+from docs.studies.page import label, write_page
 from mi_lcair.benchmark.propagation import exact
-from mi_lcair.files import replacing
 from mi_lcair.kernel_cache import VARIABLE
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
@@ -47,11 +47,6 @@ SCENES = [
 PAID = [case for case in SCENES if case[0] in ("furnace", "cylinder_ir_range", "a340_landing")]
 # Resolution of the image in a plan for each pixel. Other scenes keep their own.
 RESOLUTION = {"cylinder_ir_range": 384, "a340_landing": 384}
-
-
-def label(name, parameters):
-    """Return the name of a scene with its parameters."""
-    return " ".join([name, *(f"{key}={value}" for key, value in parameters.items())])
 
 
 def full_fidelity(scene):
@@ -226,29 +221,26 @@ def write(page):
     paid_rows, factors = table(paid, PAID)
     intensity_rows, intensity_factors = table(paid_intensity, SCENES)
     held_rows, inside = table(held, SCENES)
-    template = Path(__file__).with_name("plan.template.md").read_text(encoding="utf-8")
-    with replacing(page) as partial:
-        partial.write_text(
-            template.format(
-                tolerance=TOLERANCE,
-                pixel_tolerance=PIXEL_TOLERANCE,
-                repetitions=REPETITIONS,
-                times=TIMES,
-                bounces=PROBED_BOUNCES,
-                held=held_rows,
-                paid=paid_rows,
-                intensities=intensity_rows,
-                least=min(factors),
-                twice=sum(factor >= 2 for factor in factors),
-                images=len(factors),
-                least_intensity=min(intensity_factors),
-                most_intensity=max(intensity_factors),
-                inside=sum(with_all for with_all, _ in inside),
-                inside_once=sum(once for _, once in inside),
-                runs=REPETITIONS * len(inside),
-            ),
-            encoding="utf-8",
-        )
+    write_page(
+        page,
+        "plan",
+        tolerance=TOLERANCE,
+        pixel_tolerance=PIXEL_TOLERANCE,
+        repetitions=REPETITIONS,
+        times=TIMES,
+        bounces=PROBED_BOUNCES,
+        held=held_rows,
+        paid=paid_rows,
+        intensities=intensity_rows,
+        least=min(factors),
+        twice=sum(factor >= 2 for factor in factors),
+        images=len(factors),
+        least_intensity=min(intensity_factors),
+        most_intensity=max(intensity_factors),
+        inside=sum(with_all for with_all, _ in inside),
+        inside_once=sum(once for _, once in inside),
+        runs=REPETITIONS * len(inside),
+    )
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from scipy.stats import qmc
 from tqdm import tqdm
 
 import mi_lcair
-from mi_lcair.files import replacing
+from docs.studies.page import label, write_page
 from mi_lcair.plugins.lattice_sampler import LatticeSampler, hashed
 from mi_lcair.plugins.paths.channels import Channels
 from mi_lcair.plugins.paths.launch import Launch
@@ -36,11 +36,6 @@ COUNTS = (2, 4, 8, 16)  # numbers of randomisations that are compared
 LEAST_SHARE = 0.02  # smallest share of the intensity of a channel whose coverage is stated
 IMAGES = {"cylinder_ir_range": 48, "a340_landing": 96}  # resolutions
 SPP, SEEDS = (16, 64, 256), 8
-
-
-def label(name, parameters):
-    """Return the name of a scene with its parameters."""
-    return " ".join([name, *(f"{key}={value}" for key, value in parameters.items())])
 
 
 # ---------------------------------------------------------------- Kinds of points
@@ -247,8 +242,9 @@ def main(page):
     scenes = [
         (label(name, parameters), mi_lcair.load(name, **parameters)) for name, parameters in SCENES
     ]
-    template = Path(__file__).with_name("points.template.md").read_text(encoding="utf-8")
-    text = template.format(
+    write_page(
+        page,
+        "points",
         repetitions=REPETITIONS,
         runs=RUNS,
         share=LEAST_SHARE,
@@ -259,8 +255,6 @@ def main(page):
         images=image_gains(),
         coverage=intervals(scenes),
     )
-    with replacing(page) as partial:
-        partial.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

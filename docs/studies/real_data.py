@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from docs.studies.page import write_page
 from docs.studies.real_data_tables import LOSS_FORM, LOSS_MODEL, LOSS_WIDTH, tables
 from mi_lcair.fitting.estimation import Fit, emissivity_error, fit
 from mi_lcair.fitting.loss import SCALES
@@ -233,11 +234,10 @@ def main(folder: Path, page: Path) -> None:
         save_plot(
             pictures / f"{name}.png", [(brdf, one, {"emissivity": emissivity}) for one in joint]
         )
-    template = Path(__file__).with_name("real_data.template.md").read_text(encoding="utf-8")
     rows = {model: list(surfaces.values()) for model, surfaces in by_model.items()}
     fields = by_model | tables(rows, chosen) | numbers(by_model[LOSS_MODEL])
     fields |= {"title": TITLES, "pictures": pictures.name}
-    page.write_text(template.format(**fields), encoding="utf-8")
+    write_page(page, "real_data", **fields)
 
 
 if __name__ == "__main__":
