@@ -4,14 +4,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mi_lcair.rendering.aiming import aim_at_model
 from mi_lcair.rendering.window_means import window_means
 from mi_lcair.sensitivity.columns import MOST_COLUMNS, columns_of, tables_of
 from mi_lcair.sensitivity.common_numbers import CommonNumbers
 from mi_lcair.sensitivity.sensitivities import Sensitivities
 
 SPLITS = {"target": "target", "scene": "image"}  # channels that hold each part of the radiance
-WORTH_AIMING = 2**19  # paths from which on a pilot is traced, to aim the paths at the model
 # Paths that decide whether a control variate helps, as a fraction of all paths, and at least
 PILOT_SHARE, PILOT_PATHS = 16, 2**14
 
@@ -68,9 +66,8 @@ def sensitivities(
     if tolerance is not None:
         numbers.render(part=part)
     with scene.prepared(numbers.by_spectrum) as tracer:
-        camera, aim = numbers.camera, numbers.aim
-        if aim is None and numbers.paths >= WORTH_AIMING:
-            aim = aim_at_model(scene, tracer, camera, seed, split)
+        camera = numbers.camera
+        numbers.take_aim(tracer)
 
         def means(tables, paths, seed):
             return window_means(
@@ -81,7 +78,7 @@ def sensitivities(
                 seed=seed,
                 split=split,
                 progress=progress,
-                aim=aim,
+                aim=numbers.aim,
                 tables=tables,
             )
 
