@@ -1,0 +1,1 @@
+"""Parameters of a loaded scene, and derivatives of its radiance with respect to them."""
