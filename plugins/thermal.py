@@ -7,6 +7,7 @@ import re
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
@@ -88,6 +89,7 @@ class Thermal(mi.Emitter):
         self.by_primitive = False  # whether the temperature depends on the facet that was hit
         self.derived = None  # blackbody radiance, one value or one per facet
         self.derived_from = ()  # the temperatures from which `derived` was computed
+        self.first_temperatures = None  # the temperatures when the scene was loaded, in NumPy
         self.bsdf = self.triangles = None  # the shape's BSDF and triangle table, set when needed
         if values["radiance"] is not None:
             self.radiance = mi.Float(values["radiance"])
@@ -154,6 +156,8 @@ class Thermal(mi.Emitter):
                     f"thermal: temperature{where} = {values[bad][0]:g} K; "
                     "it must be positive and finite"
                 )
+            if self.first_temperatures is None:
+                self.first_temperatures = np.array(values)
             Float64 = dr.float64_array_t(mi.Float)
             self.derived = mi.Float(in_band_radiance(self.band, Float64(temperature)))
             dr.make_opaque(self.derived)

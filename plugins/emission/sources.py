@@ -127,6 +127,19 @@ def by_wavelength(source: Source) -> Source:
     return source if source.temperature is None else Source(source.group)
 
 
+def rounded(temperatures) -> np.ndarray:
+    """Temperatures [K] without the error of Float32, 301.7 K for 301.70001 K.
+
+    Names and comparisons of temperatures use these values.
+    """
+    return np.asarray(temperatures, dtype=float).round(4)
+
+
+def kelvin(temperature: float) -> str:
+    """A rounded temperature [K] as names show it."""
+    return f"{temperature:.7g}"
+
+
 def spectra(emitter, band) -> list[Source]:
     """Sources of one emitter: a list of one, or one for each facet.
 
@@ -156,13 +169,12 @@ def spectra(emitter, band) -> list[Source]:
             f"group {emitter.group}: its temperature varies inside the facets, so that its spectra "
             "cannot be told apart; give it a temperature per facet (face_temperature)"
         )
-    # Rounding removes Float32's error, 301.70001 K for 301.7 K, from names and comparisons
     temperatures, number = np.unique(
-        dr.detach(emitter.sources()[0]).numpy().astype(float).round(4), return_inverse=True
+        rounded(dr.detach(emitter.sources()[0]).numpy()), return_inverse=True
     )
     radiances = in_band_radiance(band, temperatures)
     sources = [
-        Source(emitter.group, f"{T:.7g} K", float(L), float(T))
+        Source(emitter.group, f"{kelvin(T)} K", float(L), float(T))
         for T, L in zip(temperatures, radiances)
     ]
     return [sources[k] for k in number.ravel()]
