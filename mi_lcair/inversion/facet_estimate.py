@@ -16,11 +16,13 @@ LEAST_RANDOMISATIONS = 4  # two for each half
 # The weights depend on the radiances of the facets. Those of the first solution are taken at equal
 # radiances, those of the others at the solution before.
 SOLUTIONS = 3
-# Share of the image's mean in a pixel's variance of the rendering. The variance of few randomisations
-# is small by chance in some pixels, and these would get too large a weight.
+# Share of the image's mean in a pixel's variance of the rendering. The variance of few
+# randomisations is small by chance in some pixels, and these would get too large a weight.
 SHARE_OF_MEAN = 0.1
 STEP = 1e-3  # difference of temperatures for the derivative of Planck's law [K]
-BATCH = 256  # columns of the inverse of the normal matrix that are in memory at once
+# Right sides that SuperLU solves together. With a hundred or more, the threads of its linear algebra
+# take a thousand times as long as the solution.
+BATCH = 32
 
 
 @dataclass(frozen=True)
@@ -298,13 +300,14 @@ def inverse_columns(normal: SuperLU, columns: np.ndarray) -> np.ndarray:
     """Columns of the inverse of the normal matrix, which is symmetric, (F, columns)."""
     unit = np.zeros((normal.shape[0], len(columns)))
     unit[columns, np.arange(len(columns))] = 1
-    return normal.solve(unit)
+    ends = range(BATCH, len(columns), BATCH)
+    return np.hstack([normal.solve(part) for part in np.hsplit(unit, ends)])
 
 
 def radiance_errors(normal: SuperLU, scatter) -> np.ndarray:
     """Standard errors of the radiances: the root of the diagonal of inverse, scatter, inverse."""
     variances = []
-    for begin in range(0, normal.shape[0], BATCH):
-        rows = inverse_columns(normal, np.arange(begin, min(begin + BATCH, normal.shape[0])))
+    for columns in np.split(np.arange(normal.shape[0]), range(BATCH, normal.shape[0], BATCH)):
+        rows = inverse_columns(normal, columns)
         variances.append((rows * (scatter @ rows)).sum(axis=0))
     return np.sqrt(np.concatenate(variances))
