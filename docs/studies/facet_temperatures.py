@@ -41,7 +41,7 @@ def matrices(scene, seed):
 
 
 def adam(scene, images, facet):
-    """Return the facets' temperatures after STEPS steps of Adam, and the processor seconds that they took.
+    """Return the facets' temperatures after STEPS steps of Adam, and its seconds.
 
     facet: facet of each triangle. The first step is not timed.
     """
@@ -100,14 +100,15 @@ def main(draws=DRAWS):
         print(
             f"{deviations.shape[1]} facets, {draws} draws, {SPP} samples per pixel: rms error "
             f"{rms(deviations):.4f} K, standard errors {rms(errors):.4f} K (rms), mean error "
-            f"{deviations.mean():+.5f} K, coverage {inside.mean():.3f}; {np.median(seconds):.2f} s of processor time",
+            f"{deviations.mean():+.5f} K, coverage {inside.mean():.3f}; "
+            f"{np.median(seconds):.2f} s of processor time",
             flush=True,
         )
         by_adam, adam_seconds = adam(scene, noisy(), body(RINGS, SEGMENTS)[2])
         print(
             f"Adam, {STEPS} steps of {ADAM_SPP} samples per pixel: rms error "
-            f"{rms(by_adam - true):.3f} K (start {rms(START - true):.2f} K); {adam_seconds:.1f} s of "
-            f"processor time, "
+            f"{rms(by_adam - true):.3f} K (start {rms(START - true):.2f} K); "
+            f"{adam_seconds:.1f} s of processor time, "
             f"{adam_seconds / np.median(seconds):.0f} times the estimate's"
         )
 

@@ -20,8 +20,8 @@ SOLUTIONS = 3
 # randomisations is small by chance in some pixels, and these would get too large a weight.
 SHARE_OF_MEAN = 0.1
 STEP = 1e-3  # difference of temperatures for the derivative of Planck's law [K]
-# Right sides that SuperLU solves together. With a hundred or more, the threads of its linear algebra
-# take a thousand times as long as the solution.
+# Right sides that SuperLU solves together. With a hundred or more, it starts threads that take far
+# longer than the solution.
 BATCH = 32
 
 
