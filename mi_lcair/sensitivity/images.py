@@ -1,0 +1,91 @@
+"""Images of the derivatives of the radiance with respect to many parameters, from one render."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.rendering.limits import check_memory, check_paths
+from mi_lcair.rendering.render import PASS_SAMPLES
+from mi_lcair.rendering.statistics import Totals, check_valid
+from mi_lcair.sensitivity.columns import recordings
+from mi_lcair.sensitivity.derivative_images import DerivativeImages
+
+
+def derivative_images(
+    scene,
+    names,
+    *,
+    sensor: int = 0,
+    spp: int | None = None,
+    seed: int = 0,
+    randomisations: int = 4,
+    progress=None,
+) -> DerivativeImages:
+    """Images of the radiance and of its derivatives, all from the same paths.
+
+    Parameters
+    ----------
+    scene : Scene
+    names : sequence of str
+        Names of parameters, see `mi_lcair.sensitivity.parameters`.
+    sensor, spp, seed
+        As for `render`.
+    randomisations : int
+        Number of independent images.
+    progress : callable or None
+        Called with (pixels done, pixels expected).
+
+    Returns
+    -------
+    DerivativeImages
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, if a parameter has no derivative, and as for `render`.
+    """
+    camera = scene.sensor(sensor)
+    width, height = camera.film().crop_size()
+    pixels = width * height
+    spp = spp or camera.sampler().sample_count()
+    check_paths(pixels, spp=spp)
+    points, run = -(-spp // randomisations), max(1, PASS_SAMPLES // spp)
+    radiance, images, method = None, {}, {}
+    with scene.prepared() as tracer:
+        check_memory(pixels * randomisations * (1 + len(names)), tracer, None)
+        batches = recordings(scene, tracer, camera, names, None, seed=seed)
+        for number, some in enumerate(batches):
+            total = Totals(pixels, randomisations, by_randomisation=True)
+            for first, end in pairwise([*range(0, pixels, run), pixels]):
+                launch = Launch(
+                    columns=width,
+                    rows=height,
+                    seed=seed,
+                    randomisations=randomisations,
+                    points=points,
+                    first=first,
+                    windows=end - first,
+                )
+                total.add(launch, tracer.trace(camera, launch, None, tables=some.tables))
+                if progress:
+                    progress(number * pixels + end, len(batches) * pixels)
+            check_valid(total.invalid, pixels * points * randomisations, scene.name)
+            if radiance is None:
+                radiance = mean_images(total, ["weighted"], height, width)
+            method |= some.method
+            for name, channels in some.channels.items():
+                images[name] = mean_images(total, channels, height, width)
+    found = np.array([images[name] for name in names]).reshape(-1, *radiance.shape)
+    return DerivativeImages(
+        names=tuple(names),
+        radiance=radiance,
+        columns=found.swapaxes(0, 1),
+        method=tuple(method[name] for name in names),
+    )
+
+
+def mean_images(total: Totals, channels, height: int, width: int) -> np.ndarray:
+    """Means of the sum of some channels over the paths of each pixel, for each randomisation."""
+    means = sum(total.sums[name] for name in channels) / np.maximum(total.valid, 1)
+    return means.T.reshape(-1, height, width).astype(np.float32)
