@@ -187,10 +187,7 @@ def set_values(scene, values: Mapping[str, float]) -> None:
         If a name is unknown, if a value is outside its bounds, or if two names change the same
         number. The scene is then as before.
     """
-    wanted = list(zip(chosen(scene, values), map(float, values.values())))
-    check_apart([entry for entry, _ in wanted])
-    check_emission(wanted)
-    check_materials(wanted)
+    wanted = checked(scene, values)
     arrays = {}
     for entry, value in wanted:
         for place, numbers in zip(entry.places, entry.moved(value)):
@@ -199,6 +196,15 @@ def set_values(scene, values: Mapping[str, float]) -> None:
     own = {owner: mi.Float(array) for owner, array in arrays.items()}
     own_memory(own.values())
     replace(own)
+
+
+def checked(scene, values: Mapping[str, float]) -> list[tuple["Entry", float]]:
+    """The parameters that `set_values` would change; raises InputError as `set_values`."""
+    wanted = list(zip(chosen(scene, values), map(float, values.values())))
+    check_apart([entry for entry, _ in wanted])
+    check_emission(wanted)
+    check_materials(wanted)
+    return wanted
 
 
 @contextmanager
