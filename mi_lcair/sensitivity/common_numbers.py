@@ -5,14 +5,16 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.rendering.aiming import aim_at_model
 from mi_lcair.rendering.limits import check_paths
-from mi_lcair.rendering.render import DEFAULT_MAX_SPP, check_bounded
+from mi_lcair.rendering.render import DEFAULT_MAX_SPP, check_bounded, check_reachable
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import window_area
 from mi_lcair.rendering.window_means import window_means
 from mi_lcair.sensitivity.parameters import changed
 
 PARTS = {"target": "target", "scene": None}  # channel of each part of the radiance
+WORTH_AIMING = 2**19  # paths from which on a pilot is traced, to aim the paths at the model
 
 
 class CommonNumbers:
@@ -32,13 +34,17 @@ class CommonNumbers:
         As for `signature`.
     paths : int or None
         Number of paths in place of `spp`.
-    excess : callable or None
-        Without a number of paths: ratio of the error to the allowed error for the `Totals` so far.
-        The first render adds paths until it is at most 1.
+    tolerance : float or None
+        Allowed half of the 95 % interval of the intensity of `part`, as a fraction of it. The first
+        render adds paths until it is reached.
     by_spectrum : bool
         Also record the emission of each source.
     progress : callable or None
         Called with (paths done, paths expected) in each render.
+    part : str
+        "target" or "scene".
+    excess : callable or None
+        In place of a tolerance: ratio of the error to the allowed error for the `Totals` so far.
 
     Attributes
     ----------
@@ -49,7 +55,7 @@ class CommonNumbers:
     count : int
         Number of renders so far.
     reached : bool or None
-        Whether the first render met `excess`; None for a given number of paths.
+        Whether the first render met the tolerance; None for a given number of paths.
     """
 
     def __init__(
@@ -58,19 +64,22 @@ class CommonNumbers:
         sensor: int = 0,
         spp: int | None = None,
         paths: int | None = None,
-        excess: Callable[[Totals], float] | None = None,
+        tolerance: float | None = None,
         seed: int = 0,
         by_spectrum: bool = False,
         progress=None,
+        part: str = "target",
+        excess: Callable[[Totals], float] | None = None,
     ):
-        for name, value in (("spp", spp), ("paths", paths)):
+        for name, value in (("spp", spp), ("paths", paths), ("tolerance", tolerance)):
             if value is not None and not value > 0:
                 raise InputError(f"{name} = {value} must be positive")
         self.scene, self.camera = scene, scene.sensor(sensor)
         self.area = window_area(self.camera, scene.name)
-        self.excess, self.seed, self.by_spectrum = excess, seed, by_spectrum
+        self.excess = excess or (self.within_tolerance if tolerance else None)
+        self.tolerance, self.part, self.seed, self.by_spectrum = tolerance, part, seed, by_spectrum
         self.pixels = int(np.prod(self.camera.film().crop_size()))
-        if excess is None and paths is None:
+        if self.excess is None and paths is None:
             spp = spp or self.camera.sampler().sample_count()
             check_paths(self.pixels, spp=spp)
             paths = spp * self.pixels
@@ -83,6 +92,9 @@ class CommonNumbers:
             self.sources = tracer.emitters.sources
             if self.paths is None:
                 check_bounded(tracer.emitters, self.scene.name)
+                if self.tolerance is not None:
+                    check_reachable(self.tolerance, tracer, self.scene.name)
+            self.take_aim(tracer)
             total = window_means(
                 self.scene,
                 tracer,
@@ -100,13 +112,13 @@ class CommonNumbers:
         self.count += 1
         return total
 
+    def take_aim(self, tracer) -> None:
+        """Choose where the paths begin, if their number is known and large enough for a pilot."""
+        if self.aim is None and (self.paths or 0) >= WORTH_AIMING:
+            self.aim = aim_at_model(self.scene, tracer, self.camera, self.seed, "target")
 
-def excess_of(tolerance: float, part: str) -> Callable[[Totals], float]:
-    """Ratio of the 95 % interval of a part's mean radiance to a fraction of it, of `Totals`."""
-    name = PARTS[part]
-
-    def excess(total: Totals) -> float:
-        allowed = tolerance * total.mean(name)[0]
+    def within_tolerance(self, total: Totals) -> float:
+        """Ratio of the 95 % interval of the part's mean radiance to the tolerance."""
+        name = PARTS[self.part]
+        allowed = self.tolerance * total.mean(name)[0]
         return float(total.half_width(name)[0] / allowed) if allowed > 0 else np.inf
-
-    return excess

@@ -13,7 +13,7 @@ from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.rendering.limits import check_paths
 from mi_lcair.rendering.render import PASS_SAMPLES
 from mi_lcair.rendering.statistics import Totals, check_valid
-from mi_lcair.sensitivity.common_numbers import PARTS, CommonNumbers, excess_of
+from mi_lcair.sensitivity.common_numbers import PARTS, CommonNumbers
 from mi_lcair.sensitivity.derivative_images import DerivativeImages
 from mi_lcair.sensitivity.parameters import changed, parameter
 from mi_lcair.sensitivity.sensitivities import Sensitivities
@@ -68,8 +68,9 @@ def differences(
         If a name is unknown, a step is not positive, or a parameter cannot change.
     """
     ends = [stepped(scene, name, step) for name, step in zip(names, spread(names, steps))]
-    excess = excess_of(tolerance, part) if tolerance else None
-    numbers = CommonNumbers(scene, sensor, spp, paths, excess, seed, weights is not None, progress)
+    numbers = CommonNumbers(
+        scene, sensor, spp, paths, tolerance, seed, weights is not None, progress, part
+    )
 
     def intensity(values=None) -> tuple[Totals, np.ndarray]:
         """The sums, and the mean and the deviations of the intensity, (1 + R,)."""

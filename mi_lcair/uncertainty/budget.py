@@ -13,7 +13,6 @@ from mi_lcair.errors import InputError
 from mi_lcair.rendering.scene import Scene, load
 from mi_lcair.rendering.settings import changed as settings_changed
 from mi_lcair.rendering.statistics import invalid_remark
-from mi_lcair.sensitivity.common_numbers import excess_of
 from mi_lcair.sensitivity.parameters import checked
 from mi_lcair.uncertainty.check import Check, check
 from mi_lcair.uncertainty.contrast_number import ContrastNumber
@@ -145,8 +144,8 @@ def budget(
         what = read(what)
     if isinstance(what, Scenario) and (sensor, spp, tolerance, seed) != (0, None, None, 0):
         raise InputError("the table [render] of a scenario sets its sampling")
-    sampling = {"sensor": sensor, "spp": spp, "seed": seed}
-    with result_of(what, sampling, tolerance) as number:
+    sampling = {"sensor": sensor, "spp": spp, "tolerance": tolerance, "seed": seed}
+    with result_of(what, sampling) as number:
         inputs = Inputs.of(stated, number.known, number.what)
         rendered = {
             name: number.known[name].value for name in inputs.names if number.needs_render(name)
@@ -185,7 +184,7 @@ def read(what) -> Scene | Scenario:
 
 
 @contextmanager
-def result_of(what: Scene | Scenario, sampling: Mapping, tolerance: float | None):
+def result_of(what: Scene | Scenario, sampling: Mapping):
     """Context manager that gives the `Number` of a scene or scenario, rendered once."""
     if isinstance(what, Scenario):
         try:
@@ -199,14 +198,9 @@ def result_of(what: Scene | Scenario, sampling: Mapping, tolerance: float | None
             raise InputError(f"scenario '{what.name}': {error}") from None
     else:
         check_differentiable(what)
-        excess = None
-        if tolerance is not None:
-            if sampling["spp"]:
-                raise InputError("spp sets a fixed number of samples; a tolerance chooses one")
-            if not tolerance > 0:
-                raise InputError(f"tolerance = {tolerance} must be positive")
-            excess = excess_of(tolerance, "target")
-        yield Intensity(what, **sampling, excess=excess)
+        if sampling["spp"] and sampling["tolerance"]:
+            raise InputError("spp sets a fixed number of samples; a tolerance chooses one")
+        yield Intensity(what, **sampling)
 
 
 def check_differentiable(scene: Scene) -> None:

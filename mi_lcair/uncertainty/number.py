@@ -19,8 +19,8 @@ from mi_lcair.plugins.paths.channels import MAX_BOUNCE_CHANNELS
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.sensitivity.common_numbers import CommonNumbers
 from mi_lcair.sensitivity.differences import NEAREST
-from mi_lcair.sensitivity.differences import differences as sensitivities
 from mi_lcair.sensitivity.parameters import Parameter, checked, parameters
+from mi_lcair.sensitivity.window import sensitivities
 from mi_lcair.signatures.effective_areas import PARTS, EffectiveAreas, effective_areas
 
 # Step of a derivative in closed form, in standard deviations. Its error falls with the square.
@@ -217,7 +217,6 @@ class Number:
         found = sensitivities(
             self.scene,
             names,
-            sigma,
             part=self.part,
             weights=self.weights(),
             paths=self.numbers.paths,
@@ -283,7 +282,7 @@ class Intensity(Number):
     scene : Scene
     part : str
         "target", or "scene" for all in the sensor's window.
-    sensor, spp, seed, excess, progress
+    sensor, spp, tolerance, seed, progress
         As for `CommonNumbers`.
     """
 
@@ -292,7 +291,9 @@ class Intensity(Number):
     def __init__(self, scene, part: str = "target", **sampling):
         self.title = f"intensity of the {part}"
         self.scene, self.what, self.known = scene, scene.name, parameters(scene)
-        self.start(CommonNumbers(scene, by_spectrum=has_spectra(scene), **sampling), part)
+        self.start(
+            CommonNumbers(scene, by_spectrum=has_spectra(scene), part=part, **sampling), part
+        )
 
     def linear(self, total, areas, own):
         name = None if self.part == "scene" else self.part

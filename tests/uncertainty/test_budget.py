@@ -192,7 +192,7 @@ def test_contrast_by_sources_and_by_renders():
         "a340_landing/position_3",
         **{"render.resolution": 32, "render.spp": 64, "render.max_bounces": "[1, 2]"},
     )
-    with result_of(scenario, {}, None) as number:
+    with result_of(scenario, {}) as number:
         assert number.value == pytest.approx(mi_lcair.contrast(scenario).rows[-1].total.value)
         for name, step in (("bare_aluminum.epsilon", 0.02), ("bare_aluminum.b", 0.02)):
             (found,), (error,) = number.derivatives([name], [step])
