@@ -17,7 +17,7 @@ from mi_lcair.sensitivity.parameters import checked
 from mi_lcair.uncertainty.check import Check, check
 from mi_lcair.uncertainty.contrast_number import ContrastNumber
 from mi_lcair.uncertainty.inputs import Inputs
-from mi_lcair.uncertainty.monte_carlo import MonteCarlo, monte_carlo
+from mi_lcair.uncertainty.monte_carlo import MonteCarlo, check_draws, monte_carlo
 from mi_lcair.uncertainty.number import Intensity, Number
 from mi_lcair.uncertainty.propagation import Row, combined, rows
 from mi_lcair.uncertainty.uncertainties import Uncertainties
@@ -140,13 +140,16 @@ def budget(
     """
     start = time.perf_counter()
     stated = Uncertainties.read(uncertainties)
+    if draws is not None:
+        check_draws(draws)
     if isinstance(what, (str, Path)):
-        what = read(what)
+        what = scene_or_scenario(what)
     if isinstance(what, Scenario) and (sensor, spp, tolerance, seed) != (0, None, None, 0):
         raise InputError("the table [render] of a scenario sets its sampling")
     sampling = {"sensor": sensor, "spp": spp, "tolerance": tolerance, "seed": seed}
     with result_of(what, sampling) as number:
         inputs = Inputs.of(stated, number.known, number.what)
+        number.start()
         rendered = {
             name: number.known[name].value for name in inputs.names if number.needs_render(name)
         }
@@ -157,7 +160,7 @@ def budget(
         sigma = combined(found)
         checks = check(number, inputs, derivative, sigma)
         distribution = None
-        if draws:
+        if draws is not None:
             distribution = monte_carlo(number, inputs, draws, seed, progress)
         return Budget(
             what=number.what,
@@ -170,22 +173,25 @@ def budget(
             checks=checks,
             monte_carlo=distribution,
             remarks=remarks(number, checks, distribution),
-            renders=number.numbers.count,
+            renders=number.renders,
             paths=number.numbers.paths,
             seconds=time.perf_counter() - start,
         )
 
 
-def read(what) -> Scene | Scenario:
+def is_scenario(what: str | Path) -> bool:
+    """Whether a file or a bundled name is that of a contrast scenario, not of a scene."""
+    return Path(what).suffix == ".toml" or str(what) in scenes.scenarios()
+
+
+def scene_or_scenario(what: str | Path) -> Scene | Scenario:
     """The scene or the scenario of a file or of a bundled name."""
-    if Path(what).suffix == ".toml" or str(what) in scenes.scenarios():
-        return Scenario.read(what)
-    return load(what)
+    return Scenario.read(what) if is_scenario(what) else load(what)
 
 
 @contextmanager
 def result_of(what: Scene | Scenario, sampling: Mapping):
-    """Context manager that gives the `Number` of a scene or scenario, rendered once."""
+    """Context manager that gives the `Number` of a scene or scenario."""
     if isinstance(what, Scenario):
         try:
             setting = setting_of(what)
@@ -199,7 +205,10 @@ def result_of(what: Scene | Scenario, sampling: Mapping):
     else:
         check_differentiable(what)
         if sampling["spp"] and sampling["tolerance"]:
-            raise InputError("spp sets a fixed number of samples; a tolerance chooses one")
+            raise InputError(
+                "spp sets a fixed number of samples; a tolerance chooses one, and does not go "
+                "with it"
+            )
         yield Intensity(what, **sampling)
 
 

@@ -12,6 +12,7 @@ from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.sensitivity.common_numbers import CommonNumbers
 from mi_lcair.sensitivity.parameters import RADIANCE_UNIT, Parameter, parameters
+from mi_lcair.signatures.effective_areas import SPECTRUM_ROWS
 from mi_lcair.uncertainty.number import Linear, Number
 
 TARGET, PATH, BACKGROUND, TOTAL = (
@@ -46,9 +47,9 @@ class ContrastNumber(Number):
     def __init__(self, scenario: Scenario, setting: Setting, progress=None):
         self.scenario, self.setting = scenario, setting
         self.scene, self.what = setting.view, scenario.name
-        self.known = parameters(self.scene)
+        self.known = parameters(self.scene) | self.own_quantities()
         sampling = scenario.render
-        numbers = CommonNumbers(
+        self.numbers = CommonNumbers(
             self.scene,
             spp=sampling.spp,
             seed=sampling.seed,
@@ -56,23 +57,25 @@ class ContrastNumber(Number):
             by_spectrum=True,
             progress=progress,
         )
-        self.numbers = numbers  # `excess` needs it in the first render
-        self.start(numbers, "target")
+
+    def start(self):
+        super().start()
         if not self.areas.projected_area > 0:
             raise InputError("no ray met the target; raise resolution or spp of [render]")
-        self.known |= self.own_quantities()
 
     def own_quantities(self) -> dict[str, Parameter]:
         """The scenario's quantities and their values, by name."""
-        irradiance, path = self.irradiance(self.total, self.areas), self.setting.path
-        transmittance, radiance = path.at(irradiance.wavelengths_um)
-        width = irradiance.weights_um.sum()
-        of_band = irradiance.in_band
+        setting, band = self.setting, self.setting.detector.band
+        extrapolate, range_m = self.scenario.atmosphere.extrapolate, setting.path.range_m
+        x = np.linspace(band.lower_um, band.upper_um, SPECTRUM_ROWS)
+        background = np.trapezoid(setting.backdrop.at(x) * band.response_at(x), x)
+        transmittance = setting.air.transmittance_mean(band, range_m, extrapolate)
+        (path_radiance,) = setting.air.band_path_radiance(band, [range_m], extrapolate)
         values = {
-            "transmittance": (of_band(transmittance) / width, "1", 0.0, 1.0),
-            "path_radiance": (of_band(radiance), RADIANCE_UNIT, 0.0, np.inf),
-            "background_radiance": (of_band(irradiance.backdrop), RADIANCE_UNIT, 0.0, np.inf),
-            "range_m": (path.range_m, "m", self.setting.target.radius, self.farthest),
+            "transmittance": (transmittance, "1", 0.0, 1.0),
+            "path_radiance": (path_radiance, RADIANCE_UNIT, 0.0, np.inf),
+            "background_radiance": (background, RADIANCE_UNIT, 0.0, np.inf),
+            "range_m": (range_m, "m", setting.target.radius, self.farthest),
             "nei": (0.0, self.unit, -np.inf, np.inf),
         }
         temperature = self.scenario.background.temperature

@@ -75,8 +75,7 @@ def monte_carlo(number: Number, inputs: Inputs, draws: int, seed: int, progress=
     InputError
         For fewer than LEAST_DRAWS draws, or if nearly all draws are outside the bounds.
     """
-    if draws < LEAST_DRAWS:
-        raise InputError(f"monte_carlo = {draws}; must be {LEAST_DRAWS} draws or more")
+    check_draws(draws)
     random = np.random.default_rng(seed)
     # The eigenvectors also serve a covariance that is singular
     variances, axes = np.linalg.eigh(inputs.covariance)
@@ -107,6 +106,12 @@ def monte_carlo(number: Number, inputs: Inputs, draws: int, seed: int, progress=
         interval=tuple(np.quantile(results, (0.025, 0.975)).tolist()),
         results=results,
     )
+
+
+def check_draws(draws: int) -> None:
+    """Raise InputError for fewer than LEAST_DRAWS draws."""
+    if draws < LEAST_DRAWS:
+        raise InputError(f"{draws} draws for a Monte Carlo; must be {LEAST_DRAWS} or more")
 
 
 def error_of_deviation(results: np.ndarray) -> float:

@@ -17,6 +17,7 @@ from mi_lcair.planning.bounces import beyond_last
 from mi_lcair.plugins.emission.sources import Source, rounded
 from mi_lcair.plugins.paths.channels import MAX_BOUNCE_CHANNELS
 from mi_lcair.rendering.statistics import Totals
+from mi_lcair.sensitivity.columns import MOST_COLUMNS
 from mi_lcair.sensitivity.common_numbers import CommonNumbers
 from mi_lcair.sensitivity.differences import NEAREST
 from mi_lcair.sensitivity.parameters import Parameter, checked, parameters
@@ -51,8 +52,8 @@ class Linear:
 class Number:
     """A number that a scene gives, and what it depends on.
 
-    A subclass sets `title`, `unit`, `what`, `scene`, `known`, and calls `start`. It defines
-    `linear`.
+    It knows its quantities from the beginning. Everything else needs `start`, the first render.
+    A subclass sets the attributes below and defines `linear`.
 
     Attributes
     ----------
@@ -65,6 +66,8 @@ class Number:
         All quantities on which the number depends, by name.
     numbers : CommonNumbers
         The renders.
+    part : str
+        Part of the radiance, "target" or "scene".
     """
 
     title: str
@@ -72,18 +75,27 @@ class Number:
     what: str
     scene: object
     known: dict[str, Parameter]
+    numbers: CommonNumbers
+    part: str = "target"
+    columns = 0  # renders of derivatives so far
 
-    def start(self, numbers: CommonNumbers, part: str) -> None:
+    def start(self) -> None:
         """Render the scene once, and prepare everything that follows from that."""
-        self.numbers, self.part = numbers, part
-        self.prefix = "target." if part == "target" else ""
-        self.total = numbers.render()
-        self.sources = numbers.sources
-        areas = self.areas_of(self.total)
+        self.total = self.numbers.render()
+        self.areas = areas = self.areas_of(self.total)
         # Whether all temperatures and radiances are told apart, so that they need no render
         self.is_linear = areas is not None and not areas.nodes_um.size
-        self.areas = areas
         self.base = self.linear(self.total, areas, {})
+
+    @property
+    def prefix(self) -> str:
+        """Beginning of the names of the part's channels."""
+        return "target." if self.part == "target" else ""
+
+    @property
+    def renders(self) -> int:
+        """Number of renders so far."""
+        return self.numbers.count + self.columns
 
     def linear(self, total: Totals, areas: EffectiveAreas | None, own: Mapping) -> Linear:
         """The result of a render, for these values of the quantities that are not the scene's."""
@@ -222,6 +234,7 @@ class Number:
             paths=self.numbers.paths,
             seed=self.numbers.seed,
         )
+        self.columns += -(-len(names) // MOST_COLUMNS)
         return found.derivative, found.error[1:]
 
     def differences(self, names, sigma) -> np.ndarray:
@@ -290,10 +303,9 @@ class Intensity(Number):
 
     def __init__(self, scene, part: str = "target", **sampling):
         self.title = f"intensity of the {part}"
-        self.scene, self.what, self.known = scene, scene.name, parameters(scene)
-        self.start(
-            CommonNumbers(scene, by_spectrum=has_spectra(scene), part=part, **sampling), part
-        )
+        self.part, self.scene, self.what = part, scene, scene.name
+        self.known = parameters(scene)
+        self.numbers = CommonNumbers(scene, by_spectrum=has_spectra(scene), part=part, **sampling)
 
     def linear(self, total, areas, own):
         name = None if self.part == "scene" else self.part
