@@ -17,8 +17,9 @@ from mi_lcair.sensitivity.parameters import checked
 from mi_lcair.uncertainty.check import Check, check
 from mi_lcair.uncertainty.contrast_number import ContrastNumber
 from mi_lcair.uncertainty.inputs import Inputs
+from mi_lcair.uncertainty.intensity_number import IntensityNumber
 from mi_lcair.uncertainty.monte_carlo import MonteCarlo, check_draws, monte_carlo
-from mi_lcair.uncertainty.number import Intensity, Number
+from mi_lcair.uncertainty.number import Number
 from mi_lcair.uncertainty.propagation import Row, combined, rows
 from mi_lcair.uncertainty.uncertainties import Uncertainties
 
@@ -209,7 +210,7 @@ def result_of(what: Scene | Scenario, sampling: Mapping):
                 "spp sets a fixed number of samples; a tolerance chooses one, and does not go "
                 "with it"
             )
-        yield Intensity(what, **sampling)
+        yield IntensityNumber(what, **sampling)
 
 
 def check_differentiable(scene: Scene) -> None:

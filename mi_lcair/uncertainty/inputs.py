@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mi_lcair.errors import InputError, unknown
-from mi_lcair.sensitivity.parameters import Parameter
+from mi_lcair.sensitivity.entries import Parameter
 from mi_lcair.uncertainty.uncertainties import Uncertainties, of_material, relative
 
 

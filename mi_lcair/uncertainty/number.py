@@ -20,9 +20,10 @@ from mi_lcair.rendering.statistics import Totals
 from mi_lcair.sensitivity.columns import MOST_COLUMNS
 from mi_lcair.sensitivity.common_numbers import CommonNumbers
 from mi_lcair.sensitivity.differences import NEAREST
-from mi_lcair.sensitivity.parameters import Parameter, checked, parameters
+from mi_lcair.sensitivity.entries import Parameter
+from mi_lcair.sensitivity.parameters import checked
 from mi_lcair.sensitivity.window import sensitivities
-from mi_lcair.signatures.effective_areas import PARTS, EffectiveAreas, effective_areas
+from mi_lcair.signatures.effective_areas import EffectiveAreas, effective_areas
 
 # Step of a derivative in closed form, in standard deviations. Its error falls with the square.
 SMALL = 1e-2
@@ -287,48 +288,6 @@ class Number:
         return self.value
 
 
-class Intensity(Number):
-    """Intensity of a scene's target toward an orthographic sensor, W/sr.
-
-    Parameters
-    ----------
-    scene : Scene
-    part : str
-        "target", or "scene" for all in the sensor's window.
-    sensor, spp, tolerance, seed, progress
-        As for `CommonNumbers`.
-    """
-
-    unit = "W/sr"
-
-    def __init__(self, scene, part: str = "target", **sampling):
-        self.title = f"intensity of the {part}"
-        self.part, self.scene, self.what = part, scene, scene.name
-        self.known = parameters(scene)
-        self.numbers = CommonNumbers(scene, by_spectrum=has_spectra(scene), part=part, **sampling)
-
-    def linear(self, total, areas, own):
-        name = None if self.part == "scene" else self.part
-        if areas is None or areas.nodes_um.size:
-            mean, error = total.mean(name)[0], total.standard_error(name)[0]
-            area = self.numbers.area
-            return Linear(np.ones(1), np.array([mean * area]), np.array([[(error * area) ** 2]]))
-        p = PARTS.index(self.part)
-        factors = np.array([radiance_of(source, areas.band) for source in areas.sources])
-        # What a closure adds belongs to no source
-        closure = total.mean(f"{self.prefix}closure")[0] * self.numbers.area
-        covariance = np.zeros((len(factors) + 1,) * 2)
-        covariance[:-1, :-1] = areas.covariance[p, :-1, :-1]
-        return Linear(np.append(factors, 1.0), np.append(areas.area[p], closure), covariance)
-
-
-def radiance_of(source: Source, band) -> float:
-    """In-band radiance of a source before emissivity [W m^-2 sr^-1]."""
-    if source.temperature is not None:
-        return float(in_band_radiance(band, source.temperature))
-    return source.spectrum.in_band_radiance(band)
-
-
 def shifted(source: Source, by: float, band) -> Source:
     """A source whose temperature is higher by `by` [K]."""
     temperature = source.temperature + by
@@ -344,18 +303,4 @@ def scaled(source: Source, factor: float) -> Source:
         source,
         in_band=source.in_band * factor,
         spectrum=Spectrum(table.name, table.wavelengths_um, table.radiance * factor),
-    )
-
-
-def has_spectra(scene) -> bool:
-    """Whether all sources of a scene have a spectrum, so that their emission can be told apart."""
-    if scene.band.is_total:
-        return False
-    return all(
-        hasattr(emitter, "group")
-        and (
-            emitter.spectrum is not None
-            or (emitter.radiance is None and emitter.derived is not None)
-        )
-        for emitter in scene.mi.emitters()
     )

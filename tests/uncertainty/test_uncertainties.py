@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mi_lcair.errors import InputError
-from mi_lcair.sensitivity.parameters import Parameter
+from mi_lcair.sensitivity.entries import Parameter
 from mi_lcair.uncertainty.inputs import Inputs
 from mi_lcair.uncertainty.uncertainties import Uncertainties
 
