@@ -37,7 +37,7 @@ COMPARED = [
     ("a340_landing", {"position": 1, "band": "MWIR"}, "bare_aluminum"),
 ]
 OF_MATERIALS = {
-    "gloss_black": {"epsilon": 0.015, "rho_d": 0.0002, "b": 0.015, "e": 0.0005},
+    "gloss_black": {"epsilon": 0.01, "rho_d": 0.0002, "b": 0.015, "e": 0.0005},
     "bare_aluminum": {"epsilon": 0.015, "rho_d": 0.005, "b": 0.015, "e": 0.0005},
 }
 OF_AIRLINER = {
@@ -62,7 +62,8 @@ def shares(budgets: dict[tuple, Budget]) -> str:
         case: {row.quantity: row.share for row in budget.rows} for case, budget in budgets.items()
     }
     names = sorted(
-        next(iter(by_case.values())), key=lambda name: -max(found[name] for found in by_case.values())
+        next(iter(by_case.values())),
+        key=lambda name: -max(found[name] for found in by_case.values()),
     )
     percent = lambda share: f"{100 * share:.2g} %" if share >= 5e-4 else "-"
     lines = [

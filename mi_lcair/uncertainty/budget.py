@@ -162,7 +162,7 @@ def budget(
         checks = check(number, inputs, derivative, sigma)
         distribution = None
         if draws is not None:
-            distribution = monte_carlo(number, inputs, draws, seed, progress)
+            distribution = monte_carlo(number, inputs, derivative, draws, seed, progress)
         return Budget(
             what=number.what,
             title=number.title,
