@@ -342,13 +342,7 @@ class PathTracer(RBIntegrator):
     ) -> tuple:
         """Radiance, `Channels`, `chance` (see `walk`), weight and `Columns` of each path."""
         sampler, column, row, position, weight = paths.begin()
-        if isinstance(rays, ParallelRays):
-            ray = rays.at(column, row, position, paths.columns, paths.rows)
-        else:
-            size = mi.Vector2f(paths.columns, paths.rows)
-            aperture = sampler.next_2d() if rays.needs_aperture_sample() else mi.Point2f(0.5)
-            film_position = (mi.Point2f(column, row) + position) / size
-            ray, _ = rays.sample_ray(rays.shutter_open(), 0, film_position, aperture)
+        ray = self.first_ray(paths, rays, sampler, column, row, position)
         channels = None
         if split or facets or self.closure == "tail":
             channels = Channels.empty(
@@ -380,6 +374,15 @@ class PathTracer(RBIntegrator):
             tables,
         )
         return L, channels, chance if self.emitters.draws else None, weight, columns
+
+    def first_ray(self, paths: Paths, rays, sampler, column, row, position) -> mi.Ray3f:
+        """First ray of each path; `rays` as for `block_sums`, the others as `Paths.begin` gives."""
+        if isinstance(rays, ParallelRays):
+            return rays.at(column, row, position, paths.columns, paths.rows)
+        size = mi.Vector2f(paths.columns, paths.rows)
+        aperture = sampler.next_2d() if rays.needs_aperture_sample() else mi.Point2f(0.5)
+        film_position = (mi.Point2f(column, row) + position) / size
+        return rays.sample_ray(rays.shutter_open(), 0, film_position, aperture)[0]
 
     def by_name(self, L, channels: Channels | None, split, columns=None, tables=None) -> dict:
         """The channels of each path by name."""
@@ -437,8 +440,8 @@ class PathTracer(RBIntegrator):
             Backward: the gradient of the objective with respect to the radiance of each path.
         L : mi.Spectrum or None
             Radiance of each path from the primal pass [W m^-2 sr^-1]; unused in mode Primal.
-        channels : Channels or None
-            Receives the radiance by number of reflections, source and first hit.
+        channels : Channels, FacetColumns or None
+            Receives the radiance by number of reflections, source and first hit, or by facet.
         facets : object or None
             Numbering of facets, see `trace`.
         columns : Columns or None
@@ -452,7 +455,7 @@ class PathTracer(RBIntegrator):
             replay.
         valid : mi.Bool
             Whether the first ray hits a surface.
-        channels : Channels or None
+        channels : Channels, FacetColumns or None
         chance : mi.Float
             Largest contribution that a source could make to the path after a reflection, if the
             path hit the source (see `EmitterTable.by_chance`) [W m^-2 sr^-1]. It is 0 where no
