@@ -114,7 +114,9 @@ def monte_carlo(
     results = np.array(results)
     plain = squares(results)
     known = derivative @ inputs.covariance @ derivative
-    controlled = plain - squares(np.array(changes)) + known
+    linear = squares(np.array(changes))
+    slope = np.cov(plain, linear)[0, 1] / linear.var(ddof=1) if linear.var() > 0 else 0.0
+    controlled = plain - slope * (linear - known)
     # Where draws are cut off at a bound, the spread of the linear answer is not known
     is_controlled = bool(not outside and controlled.mean() > 0 and controlled.std() < plain.std())
     chosen = controlled if is_controlled else plain
