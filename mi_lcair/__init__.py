@@ -25,6 +25,7 @@ _HOME = {
     "parameters": "sensitivity.parameters",
     "sensitivities": "sensitivity.window",
     "derivative_images": "sensitivity.images",
+    "budget": "uncertainty.budget",
 }
 __all__ = ["__version__", *_HOME]
 

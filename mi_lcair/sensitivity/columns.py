@@ -19,7 +19,8 @@ from mi_lcair.plugins.paths.columns import (
     column_tables,
 )
 from mi_lcair.plugins.paths.launch import Launch
-from mi_lcair.sensitivity.parameters import Entry, chosen
+from mi_lcair.sensitivity.entries import Entry
+from mi_lcair.sensitivity.parameters import chosen
 
 MOST_COLUMNS = SIZES[-1]  # columns of one render
 PILOT_POINTS = 16  # paths of each randomisation and cell that measure the incoming radiance

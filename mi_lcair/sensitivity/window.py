@@ -58,11 +58,11 @@ def sensitivities(
         If a name is unknown, if a parameter has no derivative, and as for `signature`.
     """
     numbers = CommonNumbers(
-        scene, sensor, spp, paths, tolerance, seed, weights is not None, progress
+        scene, sensor, spp, paths, tolerance, seed, weights is not None, progress, part
     )
     split = SPLITS[part]
     if tolerance is not None:
-        numbers.render(part=part)
+        numbers.render()
     with scene.prepared(numbers.by_spectrum) as tracer:
         camera = numbers.camera
         numbers.take_aim(tracer)
