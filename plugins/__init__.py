@@ -31,6 +31,7 @@ MODULES = (
     "lattice_sampler",
     "paths.aim",
     "paths.launch",
+    "paths.rays",
     "paths.sums",
     "bounce_path",
 )

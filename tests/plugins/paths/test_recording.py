@@ -18,15 +18,8 @@ from mi_lcair.rendering.views import Target, View, cameras
 from mi_lcair.signatures.facet_results import FacetSums
 from mi_lcair.signatures.signature import signature
 from mi_lcair.signatures.trend import trend
+from tests.plugins.small_scenes import SCENES
 
-SCENES = {
-    "two_plates": {},
-    "open_box": {},
-    "cavity": {},
-    "furnace": {},
-    "cylinder_ir_range": {},
-    "a340_landing": {"position": 3},
-}
 POINTS = 64
 
 
