@@ -1,6 +1,7 @@
 """The floors of CONTRIBUTING.md: modules import from their own floor or a lower one."""
 
 import ast
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -28,13 +29,17 @@ def floor(module: str) -> int:
     return FLOORS[max((name for name in FLOORS if f"{module}.".startswith(f"{name}.")), key=len)]
 
 
-def modules():
+@cache
+def modules() -> list:
     """(name of the module, its syntax tree) of every module of the package."""
+    found = []
     for folder in ("mi_lcair", "plugins", "fitting", "scenes"):
         for path in (ROOT / folder).rglob("*.py"):
             parts = path.relative_to(ROOT).with_suffix("").parts
             name = ".".join(parts if folder == "mi_lcair" else ("mi_lcair", *parts))
-            yield name.removesuffix(".__init__"), ast.parse(path.read_text(encoding="utf-8"))
+            tree = ast.parse(path.read_text(encoding="utf-8"))
+            found.append((name.removesuffix(".__init__"), tree))
+    return found
 
 
 NAMES = {name for name, _ in modules()}
