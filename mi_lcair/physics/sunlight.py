@@ -57,7 +57,7 @@ def air_names() -> list[str]:
     return [*sorted(name.removeprefix("sun_").removesuffix("_clear") for name in names), NO_AIR]
 
 
-def sunlight(air="none", elevation_deg=None, distance_au: float = 1.0) -> Sunlight:
+def sunlight(air=NO_AIR, elevation_deg=None, distance_au: float | None = None) -> Sunlight:
     """The sunlight through an air.
 
     Parameters
@@ -68,8 +68,8 @@ def sunlight(air="none", elevation_deg=None, distance_au: float = 1.0) -> Sunlig
         of a CSV file wavelength_um,irradiance_W_m2_um with the irradiance at the scene.
     elevation_deg : float or None
         Elevation of the sun above the horizon [degrees]; only a bundled air needs it.
-    distance_au : float
-        Distance of the sun [astronomical units]. The irradiance of a file is not changed by it.
+    distance_au : float or None
+        Distance of the sun [astronomical units]; None for 1.
 
     Returns
     -------
@@ -78,8 +78,8 @@ def sunlight(air="none", elevation_deg=None, distance_au: float = 1.0) -> Sunlig
     Raises
     ------
     InputError
-        If the name is unknown, the file holds no irradiance, or the sun is lower than in the
-        table of the air.
+        If the name is unknown, the file holds no irradiance, a distance is given for a file, or the
+        sun is lower than in the table of the air.
     """
     path = Path(air)
     if str(air) == NO_AIR:
@@ -90,9 +90,14 @@ def sunlight(air="none", elevation_deg=None, distance_au: float = 1.0) -> Sunlig
         raise unknown("air", str(air), [*air_names(), "a CSV file"])
     else:
         table = spectral_table(path, "sunlight", ((IRRADIANCE, LARGEST),))
+        if distance_au is not None:
+            raise InputError(
+                f"sunlight {path}: distance_au = {distance_au:g}, but a file holds the irradiance "
+                "at the scene; leave the distance out"
+            )
         return Sunlight(str(air), table.wavelengths_um, table.columns[0])
     name = f"{air} {elevation_deg:g} deg" if str(air) != NO_AIR else "E490"
-    return Sunlight(name, x, irradiance / distance_au**2)
+    return Sunlight(name, x, irradiance / (distance_au or 1) ** 2)
 
 
 def outside_air() -> tuple[np.ndarray, np.ndarray]:

@@ -48,8 +48,9 @@ def test_a_users_table_and_the_distance(tmp_path):
     file = tmp_path / "sun.csv"
     file.write_text("# measured\nirradiance_W_m2_um,wavelength_um\n3,3\n3,3.1\n5,3.2\n")
     assert sunlight(file).in_band_irradiance(band("3-3.2")) == pytest.approx(0.7)
-    assert sunlight(file, None, 2.0).in_band_irradiance(band("3-3.2")) == pytest.approx(0.7)
-    near, far = (sunlight("none", None, d).in_band_irradiance(band("MWIR")) for d in (1.0, 2.0))
+    with pytest.raises(InputError, match="distance_au = 2, but a file"):
+        sunlight(file, None, 2.0)
+    near, far = (sunlight("none", None, d).in_band_irradiance(band("MWIR")) for d in (None, 2.0))
     assert near == pytest.approx(4 * far)
     assert air_names() == [*AIRS, "none"]
 
