@@ -29,7 +29,7 @@ class Sun(mi.Emitter):
 
     ============= ======= ==========================================================================
     azimuth_deg   float   direction toward the sun: azimuth from +x (the nose of a model that is
-                          not turned) toward +y (its left side)                                  (0)
+                          not turned) toward +y (its left side)                                (0.0)
     elevation_deg float   elevation above the x-y plane
     diameter_deg  float   diameter of the disc, at most 10                                    (0.53)
     band          string  MWIR, LWIR, "a-b" in um, or the CSV file of a response
