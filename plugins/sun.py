@@ -60,6 +60,7 @@ class Sun(mi.Emitter):
 
     is_sun = True
     facet_type = "sky"  # part of the background
+    multiplied_by = "irradiance"  # the parameter that multiplies the radiance
     temperature = texture = derived = None  # as for emitter `thermal`, a source with a spectrum
 
     def __init__(self, props):
