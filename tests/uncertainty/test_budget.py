@@ -10,7 +10,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.uncertainty.budget import NOISE, TRUNCATION, result_of
 from tests.detection.disc_scenario import AREA as DISC_AREA
-from tests.detection.disc_scenario import disc, write_disc
+from tests.detection.disc_scenario import disc, triangles, write_disc
 from tests.uncertainty.plate_scene import AREA, EMISSIVITY, TEMPERATURE, plate_scene
 
 mi.set_variant("llvm_ad_mono")
@@ -23,6 +23,12 @@ def row(budget, name):
 def slope(band, T):
     """dB/dT of a blackbody [W m^-2 sr^-1 K^-1]."""
     return float(in_band_radiance(band, T + 0.01) - in_band_radiance(band, T - 0.01)) / 0.02
+
+
+def triangle_areas():
+    """Areas of the disc's triangles, m^2."""
+    a, b, c = np.moveaxis(triangles(), 1, 0)
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
 
 
 def cylinder(**parameters):
@@ -240,3 +246,40 @@ def test_what_cannot_be_used(tmp_path, arguments, message):
 def test_to_a_tolerance():
     found = mi_lcair.budget(cylinder(), {"sigma": {"self.temperature": 1.0}}, tolerance=0.002)
     assert 0 < row(found, NOISE).contribution < 0.001 * found.value and found.remarks == []
+
+
+def test_independent_errors_of_facets(tmp_path):
+    """The disc's n equal facets: each has the n-th part of the derivative, and squares add."""
+    write_disc(tmp_path, np.full(len(triangles()), 400.0))
+    scenario = disc(tmp_path, render__resolution=64, render__spp=64)
+    band, areas = scenario.sensor.detector().band, triangle_areas()
+    one = slope(band, 400) / 1000**2
+    found = mi_lcair.budget(scenario, {"facets": {"self": 2.0}}, draws=2000)
+    expected = 2 * one * np.sqrt(np.sum(areas**2))
+    assert row(found, "self facets").contribution == pytest.approx(expected, rel=0.02)
+    assert found.sigma_of_quantities == row(found, "self facets").contribution
+    assert found.monte_carlo.sigma == pytest.approx(found.sigma_of_quantities, rel=1e-6)
+    # Only two of the facets, from a table
+    (tmp_path / "sigma.csv").write_text("facet,sigma_K\n0,3\n7,4\n")
+    found = mi_lcair.budget(scenario, {"facets": {"self": str(tmp_path / "sigma.csv")}})
+    expected = one * np.hypot(3 * areas[0], 4 * areas[7])
+    assert row(found, "self facets").contribution == pytest.approx(expected, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    "facets, message",
+    [
+        ({"selv": 1.0}, "unknown group 'selv'; known: self"),
+        ({"self": "facet,sigma_K\n9999,1\n"}, "group self has no facet 9999"),
+        ({"self": "facet,sigma_K\n0,-1\n"}, "sigma_K -1; must be 0 or more"),
+        ({"self": "facet,sigma_K\n0,1\n0,2\n"}, "a facet is listed twice"),
+        ({"self": "number,sigma\n0,1\n"}, "the header must name facet and sigma_K"),
+    ],
+)
+def test_facets_that_cannot_be_used(tmp_path, facets, message):
+    write_disc(tmp_path, np.full(len(triangles()), 400.0))
+    if isinstance(facets.get("self"), str):
+        (tmp_path / "s.csv").write_text(facets["self"])
+        facets = {"self": str(tmp_path / "s.csv")}
+    with pytest.raises(InputError, match=message):
+        mi_lcair.budget(disc(tmp_path, render__resolution=8), {"facets": facets})
