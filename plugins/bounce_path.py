@@ -599,9 +599,7 @@ class PathTracer(RBIntegrator):
             delta = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
             if dr.hint(columns is not None, mode="scalar"):
                 # Also for directions of weight 0, for the mean of the control variate to be 0
-                columns.reflect(
-                    tables, vertices, bsdf, bounce, β[0], weight[0], bs.wo, active_next
-                )
+                columns.reflect(tables, vertices, bsdf, bounce, β[0], weight[0], bs.wo, active_next)
             # A path without throughput contributes nothing further
             active_next &= dr.max(weight) != 0
 

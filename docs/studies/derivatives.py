@@ -30,6 +30,7 @@ SCENES = [
 ]
 REPLAYED = 3  # scenes, from the first one on, of which the path replay is measured too
 PATHS = 2**20
+LEAST = 1e-6  # smallest change of the intensity of a parameter at its bound that is listed
 STEP = 0.05  # step of the differences, relative to the value
 SEEDS, REPLAY_PATHS = 12, 2**17  # independent runs of the path replay, and paths of each
 RESOLUTION = 64
@@ -86,8 +87,10 @@ def agreement(name: str, values: dict) -> list[str]:
             both = np.hypot(error, check.error[1 + j])
             cells.append(f"{check.derivative[j]:.4g} ± {check.error[1 + j]:.1g}")
             cells.append(f"{abs(value - check.derivative[j]) / both:.1f}" if both > 0 else "0")
-        else:
+        elif share > LEAST:
             cells += ["-", "-"]
+        else:
+            continue  # such as the width of a lobe that reflects nothing
         rows.append(f"| {' | '.join(cells)} |")
     return rows
 

@@ -105,8 +105,10 @@ def recordings(scene, tracer, sensor, names, split, weights=None, seed: int = 0)
     Raises
     ------
     InputError
-        If a name is unknown, if a column would have no derivative, or if a weight is missing.
+        If a name is unknown, if a column would have no derivative, if a weight is missing, or for
+        closure = tail.
     """
+    scene.mi.integrator().check_differentiable()
     if weights is not None:
         if tracer.closure == "ambient":
             raise InputError(

@@ -247,6 +247,14 @@ def test_a_contrast_of_zero_needs_an_absolute_tolerance(folder, changes, reached
     assert ("give tolerance_W_m2 of [render]" in remark) != reached
 
 
+@pytest.mark.parametrize(
+    "changes", [{"render__tolerance": 1e-7}, {"render__tolerance_W_m2": 1e-15}]
+)
+def test_a_tolerance_below_the_rounding_is_refused(folder, changes):
+    with pytest.raises(InputError, match="cannot be reached: Float32's rounding"):
+        contrast(disc(folder, render__resolution=16, render__max_spp=64, **changes))
+
+
 @pytest.mark.slow
 def test_each_number_of_reflections_ends_at_the_tolerance():
     """The contrasts of the airliner with 0 and 2 reflections, both to 2 %."""

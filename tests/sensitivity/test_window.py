@@ -274,3 +274,13 @@ def test_values_are_followed_without_new_kernels(plate):
 def test_bad_names(plate):
     with pytest.raises(InputError, match="paint.epsilon"):
         sensitivities(plate, ["paint.epsilom"], paths=2**12)
+
+
+def test_the_tail_has_no_derivatives(plate):
+    integrator = plate.mi.integrator()
+    integrator.closure, integrator.max_bounces = "tail", 3
+    try:
+        with pytest.raises(InputError, match="closure = tail has no derivatives"):
+            sensitivities(plate, PAINT, paths=2**12)
+    finally:
+        integrator.closure, integrator.max_bounces = "none", 1
