@@ -121,7 +121,7 @@ def parsed(tree: Mapping, name: str, folder: Path) -> Uncertainties:
         tables[table] = tree.get(table, {})
         if not isinstance(tables[table], Mapping):
             raise InputError(f"{table} must be a table, [{table}]")
-    sigma = dict(tables["sigma"])
+    sigma = flat(tables["sigma"])
     sigma |= {f"scenario.{key}": value for key, value in tables["scenario"].items()}
     for key, value in sigma.items():
         check_sigma(key, value)
@@ -140,6 +140,15 @@ def parsed(tree: Mapping, name: str, folder: Path) -> Uncertainties:
     if not (sigma or fits or facets or correlated):
         raise InputError("holds no uncertainties; give [sigma], [scenario], [facets] or [fits]")
     return Uncertainties(name, sigma, correlated, fits, facets)
+
+
+def flat(table: Mapping, prefix: str = "") -> dict:
+    """The entries of a table with dotted names, as TOML nests a key such as a.b without quotes."""
+    entries = {}
+    for key, value in table.items():
+        inside = flat(value, f"{prefix}{key}.") if isinstance(value, Mapping) else None
+        entries |= {f"{prefix}{key}": value} if inside is None else inside
+    return entries
 
 
 def check_sigma(name: str, value) -> None:
