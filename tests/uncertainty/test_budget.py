@@ -283,3 +283,28 @@ def test_facets_that_cannot_be_used(tmp_path, facets, message):
         facets = {"self": str(tmp_path / "s.csv")}
     with pytest.raises(InputError, match=message):
         mi_lcair.budget(disc(tmp_path, render__resolution=8), {"facets": facets})
+
+
+def test_a_scene_whose_sources_have_no_spectra(tmp_path):
+    """In the band `total` everything is rendered: dI/dT = 4 I / T."""
+    found = mi_lcair.budget(
+        plate_scene(tmp_path, band="total"), {"sigma": {"plate.temperature": 3}}
+    )
+    contribution = row(found, "plate.temperature").contribution
+    assert contribution == pytest.approx(4 * found.value / TEMPERATURE * 3, rel=1e-3)
+    (check,) = found.checks
+    assert check.holds and check.plus == pytest.approx(contribution, rel=0.05)
+
+
+def test_a_contrast_with_too_many_temperatures(tmp_path):
+    """The derivative then comes from differences, and its error is not known."""
+    temperatures = np.linspace(395, 405, len(triangles()))
+    write_disc(tmp_path, temperatures)
+    scenario = disc(tmp_path, render__resolution=32)
+    found = mi_lcair.budget(scenario, {"sigma": {"self.temperature": 1.0}})
+    slopes = [slope(scenario.sensor.detector().band, T) for T in temperatures]
+    expected = DISC_AREA * np.average(slopes, weights=triangle_areas()) / 1000**2
+    found_row = row(found, "self.temperature")
+    assert found_row.contribution == pytest.approx(expected, rel=0.01)
+    assert np.isnan(found_row.sensitivity_error)
+    assert found_row.as_dict()["sensitivity_error"] is None
