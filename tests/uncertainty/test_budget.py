@@ -77,6 +77,7 @@ def test_correlated_quantities_together(tmp_path):
     assert total[0.5] == pytest.approx(np.sqrt(a**2 + b**2 + a * b), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_group_and_one_of_its_temperatures():
     """A common error of all temperatures beside independent ones of each."""
     names = ("self.temperature", "self@298.2.temperature")
@@ -90,6 +91,7 @@ def test_a_group_and_one_of_its_temperatures():
     assert found.renders == 1
 
 
+@pytest.mark.slow
 def test_cylinder_against_its_monte_carlo():
     """Temperatures and all parameters of the paint."""
     stated = {
@@ -130,6 +132,7 @@ def test_a_large_error_of_a_temperature_is_not_linear(tmp_path):
     assert small.checks[0].holds and small.remarks == []
 
 
+@pytest.mark.slow
 def test_monte_carlo_stays_inside_the_bounds(tmp_path):
     """Draws of a reflectance below 0 are drawn again, and the budget says so."""
     scene = plate_scene(tmp_path)
@@ -142,6 +145,7 @@ def test_monte_carlo_stays_inside_the_bounds(tmp_path):
     assert f"{mc.outside} of {100 + mc.outside} draws were outside" in found.remarks[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sigma", [2.0, 8.0])
 def test_error_of_the_monte_carlo_covers_the_truth(tmp_path, sigma):
     """The scatter of the standard deviation over seeds is what each of them states.
@@ -197,6 +201,7 @@ def test_contrast_in_closed_form(tmp_path):
     assert sum(row.share for row in found.rows) == pytest.approx(1)
 
 
+@pytest.mark.slow
 def test_contrast_by_sources_and_by_renders():
     """The derivative from weights of the sources is that of contrasts that are rendered anew.
 
@@ -248,13 +253,14 @@ def test_to_a_tolerance():
     assert 0 < row(found, NOISE).contribution < 0.001 * found.value and found.remarks == []
 
 
+@pytest.mark.slow
 def test_independent_errors_of_facets(tmp_path):
     """The disc's n equal facets: each has the n-th part of the derivative, and squares add."""
     write_disc(tmp_path, np.full(len(triangles()), 400.0))
     scenario = disc(tmp_path, render__resolution=64, render__spp=64)
     band, areas = scenario.sensor.detector().band, triangle_areas()
     one = slope(band, 400) / 1000**2
-    found = mi_lcair.budget(scenario, {"facets": {"self": 2.0}}, draws=2000)
+    found = mi_lcair.budget(scenario, {"facets": {"self": 2.0}}, draws=50)
     expected = 2 * one * np.sqrt(np.sum(areas**2))
     assert row(found, "self facets").contribution == pytest.approx(expected, rel=0.02)
     assert found.sigma_of_quantities == row(found, "self facets").contribution
@@ -296,6 +302,7 @@ def test_a_scene_whose_sources_have_no_spectra(tmp_path):
     assert check.holds and check.plus == pytest.approx(contribution, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_contrast_with_too_many_temperatures(tmp_path):
     """The derivative then comes from differences, and its error is not known."""
     temperatures = np.linspace(395, 405, len(triangles()))
