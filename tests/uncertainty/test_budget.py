@@ -3,6 +3,7 @@
 import mitsuba as mi
 import numpy as np
 import pytest
+from scipy.stats import truncnorm
 
 import mi_lcair
 from mi_lcair.detection.scenario import Scenario
@@ -139,7 +140,11 @@ def test_monte_carlo_stays_inside_the_bounds(tmp_path):
     stated = {"sigma": {"paint.reflectance": 0.4}}
     found = mi_lcair.budget(scene, stated, draws=100)
     mc = found.monte_carlo
-    assert not mc.is_controlled and mc.outside > 10 and mc.sigma < 0.95 * found.sigma_of_quantities
+    assert mc.is_controlled and mc.outside > 10 and mc.sigma < 0.95 * found.sigma_of_quantities
+    # The result is linear in the reflectance, whose cut-off normal distribution is known
+    expected = found.sigma_of_quantities * truncnorm.std(-1, 1.5)
+    assert mc.sigma == pytest.approx(expected, abs=3 * mc.sigma_error)
+    assert mc.sigma_error < 0.02 * mc.sigma
     top = AREA * float(in_band_radiance(scene.band, TEMPERATURE))
     assert mc.results.min() > -0.01 * top and mc.results.max() < 1.01 * top
     assert f"{mc.outside} of {100 + mc.outside} draws were outside" in found.remarks[-1]
