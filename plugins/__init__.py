@@ -32,6 +32,7 @@ MODULES = (
     "paths.aim",
     "paths.launch",
     "paths.sums",
+    "paths.facet_columns",
     "bounce_path",
 )
 

@@ -331,14 +331,7 @@ class PathTracer(RBIntegrator):
         self, paths: Paths, rays, split, counted: int, count_segments: bool, facets=None
     ) -> tuple:
         """Radiance of each path, its `Channels`, its `chance` (see `walk`) and its weight."""
-        sampler, column, row, position, weight = paths.begin()
-        if isinstance(rays, ParallelRays):
-            ray = rays.at(column, row, position, paths.columns, paths.rows)
-        else:
-            size = mi.Vector2f(paths.columns, paths.rows)
-            aperture = sampler.next_2d() if rays.needs_aperture_sample() else mi.Point2f(0.5)
-            film_position = (mi.Point2f(column, row) + position) / size
-            ray, _ = rays.sample_ray(rays.shutter_open(), 0, film_position, aperture)
+        sampler, ray, weight = self.begin(paths, rays)
         channels = None
         if split or facets or self.closure == "tail":
             channels = Channels.empty(
@@ -353,6 +346,18 @@ class PathTracer(RBIntegrator):
             primal, self.scene, sampler, ray, None, None, everywhere, channels, facets
         )
         return L, channels, chance if self.emitters.draws else None, weight
+
+    def begin(self, paths: Paths, rays) -> tuple:
+        """Sampler, first ray and weight of each path; `rays` as for `block_sums`."""
+        sampler, column, row, position, weight = paths.begin()
+        if isinstance(rays, ParallelRays):
+            ray = rays.at(column, row, position, paths.columns, paths.rows)
+        else:
+            size = mi.Vector2f(paths.columns, paths.rows)
+            aperture = sampler.next_2d() if rays.needs_aperture_sample() else mi.Point2f(0.5)
+            film_position = (mi.Point2f(column, row) + position) / size
+            ray, _ = rays.sample_ray(rays.shutter_open(), 0, film_position, aperture)
+        return sampler, ray, weight
 
     def by_name(self, L, channels: Channels | None, split) -> dict:
         """The channels of each path by name."""
@@ -390,8 +395,8 @@ class PathTracer(RBIntegrator):
             Backward: the gradient of the objective with respect to the radiance of each path.
         L : mi.Spectrum or None
             Radiance of each path from the primal pass [W m^-2 sr^-1]; unused in mode Primal.
-        channels : Channels or None
-            Receives the radiance by number of reflections, source and first hit.
+        channels : Channels, FacetColumns or None
+            Receives the radiance by number of reflections, source and first hit, or by facet.
         facets : object or None
             Numbering of facets, see `trace`.
 
@@ -402,7 +407,7 @@ class PathTracer(RBIntegrator):
             replay.
         valid : mi.Bool
             Whether the first ray hits a surface.
-        channels : Channels or None
+        channels : Channels, FacetColumns or None
         chance : mi.Float
             Largest contribution that a source could make to the path after a reflection, if the
             path hit the source (see `EmitterTable.by_chance`) [W m^-2 sr^-1]. It is 0 where no

@@ -1,0 +1,154 @@
+"""Radiance of paths by the facet that emitted it, for a matrix that acts on facet radiances."""
+
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mi_lcair.plugins.emission.triangles import ABSENT, pointer_id
+from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.plugins.paths.rays import ParallelRays
+
+
+class ColumnTable:
+    """Finds the column of a hit: the number of the facet that emits there.
+
+    emitters: the emitters whose facets have columns. columns: for each of them the columns of the
+    primitives of its shape, (primitives,) UInt32; ABSENT for a primitive without a column.
+    """
+
+    def __init__(self, emitters, columns):
+        keys = [pointer_id(mi.EmitterPtr(emitter)) for emitter in emitters]
+        # Entry 0 belongs to every other emitter, and to hits without an emitter
+        first, last = np.zeros((2, max(keys) + 1), dtype=np.uint32)
+        first[keys] = 1 + np.cumsum([0, *(len(own) for own in columns[:-1])])
+        last[keys] = [len(own) - 1 for own in columns]
+        self.first, self.last = mi.UInt32(first), mi.UInt32(last)
+        self.columns = mi.UInt32(np.concatenate([[ABSENT], *columns]).astype(np.uint32))
+        dr.make_opaque(self.first, self.last, self.columns)
+
+    def column(self, emitter, prim_index) -> mi.UInt32:
+        """The column of a hit; ABSENT if it has none."""
+        key = dr.reinterpret_array(mi.UInt32, emitter)
+        known = key < dr.width(self.first)
+        first = dr.gather(mi.UInt32, self.first, key, known)
+        # A shape that is not a mesh may have several primitives, but it is one facet
+        primitive = dr.minimum(prim_index, dr.gather(mi.UInt32, self.last, key, known))
+        return dr.gather(mi.UInt32, self.columns, first + primitive)
+
+
+class Store:
+    """Arrays of a launch's contributions, with `slots` entries for each path.
+
+    It is no PyTree, because the loop must not carry arrays that are longer than the number of
+    paths. column: ABSENT where there is no contribution. value: radiance [W m^-2 sr^-1].
+    """
+
+    def __init__(self, table: ColumnTable, lane: mi.UInt32, slots: int):
+        self.table, self.lane, self.slots = table, lane, dr.opaque(mi.UInt32, slots)
+        size = dr.width(lane) * slots
+        self.column, self.value = dr.full(mi.UInt32, ABSENT, size), dr.zeros(mi.Float, size)
+        dr.make_opaque(self.column, self.value)
+
+
+@dataclass
+class FacetColumns:
+    """Recorder of contributions by facet, used by `PathTracer.walk` in place of `Channels`.
+
+    rest: radiance from everything that has no column [W m^-2 sr^-1]. count: number of contributions
+    of each path so far. store: the contributions.
+    """
+
+    rest: mi.Float
+    count: mi.UInt32
+    store: Store
+
+    model_only = False
+    segments = None
+
+    def meet(self, first, emitters, emitter, facets):
+        """Record nothing of the first hit."""
+
+    def add(self, value, bounce, sources, emitter, prim_index, max_bounces):
+        """Add radiance to its column or to the rest; the parameters are those of `Channels.add`."""
+        store = self.store
+        column = store.table.column(emitter, prim_index)
+        # Radiance with more reflections belongs to the closure
+        has_column = (column != ABSENT) & (bounce <= max_bounces)
+        self.rest += dr.select(has_column, 0, value)
+        adds = has_column & (value != 0)
+        place = store.lane * store.slots + self.count
+        dr.scatter(store.value, value, place, adds)
+        dr.scatter(store.column, column, place, adds)
+        self.count += dr.select(adds, mi.UInt32(1), 0)
+
+
+@dataclass(frozen=True)
+class Contributions:
+    """Contributions of the paths of a launch to columns, as NumPy arrays.
+
+    path, column: the path and the column of each contribution, ordered by path, (n,). value:
+    radiance for a blackbody radiance of 1, in Float64, (n,). rest: radiance of each path from
+    everything without a column [W m^-2 sr^-1], (paths,). valid: whether a path's radiance is
+    finite, (paths,). Invalid paths have no contributions, and their rest is 0.
+    """
+
+    path: np.ndarray
+    column: np.ndarray
+    value: np.ndarray
+    rest: np.ndarray
+    valid: np.ndarray
+
+
+def slots(tracer) -> int:
+    """Largest number of contributions of a path: one per vertex, and one per drawn emitter."""
+    return 1 + tracer.max_bounces * (2 if tracer.emitters.draws else 1)
+
+
+def contributions(tracer, sensor, launch: Launch, table: ColumnTable) -> Contributions:
+    """Trace the paths of a launch and record what each facet contributes.
+
+    Call it inside the context `BouncePath.prepared`, with `unit_radiance` for the emitters of
+    `table`.
+    """
+    with dr.suspend_grad():
+        paths = launch.paths_from(sensor.sampler())
+        sampler, ray, _ = tracer.begin(paths, ParallelRays.of(sensor) or sensor)
+        store = Store(table, paths.lane, slots(tracer))
+        recorder = FacetColumns(mi.Float(0), mi.UInt32(0), store)
+        (L, _), _, recorder, _ = tracer.walk(
+            dr.ADMode.Primal, tracer.scene, sampler, ray, None, None, mi.Bool(True), recorder
+        )
+        # One kernel traces the paths and fills the store
+        dr.eval(L, recorder.rest, store.column, store.value)
+    valid = np.isfinite(L[0].numpy()) & np.isfinite(recorder.rest.numpy())
+    column = store.column.numpy().reshape(launch.paths, -1)
+    path, slot = np.nonzero((column != ABSENT) & valid[:, None])
+    value = store.value.numpy().reshape(launch.paths, -1)
+    return Contributions(
+        path,
+        column[path, slot].astype(np.int32),
+        value[path, slot].astype(np.float64),
+        np.where(valid, recorder.rest.numpy(), 0).astype(np.float64),
+        valid,
+    )
+
+
+@contextmanager
+def unit_radiance(emitters):
+    """Context manager in which these emitters radiate as if their blackbody radiance were 1.
+
+    A path's contribution is then the factor of the facet's blackbody radiance, also for a facet
+    that is too cold to radiate. The tables of the tracer keep the emitters' own radiances.
+    """
+    kept = [emitter.derived for emitter in emitters]
+    try:
+        for emitter, derived in zip(emitters, kept):
+            emitter.derived = dr.full(mi.Float, 1, dr.width(derived))
+            dr.make_opaque(emitter.derived)
+        yield
+    finally:
+        for emitter, derived in zip(emitters, kept):
+            emitter.derived = derived
