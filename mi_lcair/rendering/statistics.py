@@ -4,6 +4,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from mi_lcair.errors import InputError
+from mi_lcair.plugins.paths.aim import Aim
 
 # Largest fraction of NaN or infinite samples in a result. Such samples are left out or count as 0,
 # which changes a mean by about their fraction. The limit is a tenth of the usual tolerance of 1 %.
@@ -38,8 +39,7 @@ class Totals:
     by_randomisation: whether channels are kept for each randomisation. Otherwise only their means
     are known, which needs less memory. chance: radiance that a source which no path has hit may add
     to one path [W m^-2 sr^-1]. systematic: relative error that more samples do not reduce. It is
-    part of every standard error. largest_weights: largest weight of a path that may contribute to a
-    channel, by its name, see `Aim`; 1 if it is missing.
+    part of every standard error. aim: where in the windows the paths begin; None for anywhere.
     """
 
     def __init__(
@@ -49,10 +49,10 @@ class Totals:
         by_randomisation: bool = False,
         chance: float = 0.0,
         systematic: float = 0.0,
-        largest_weights: dict[str | None, float] | None = None,
+        aim: Aim | None = None,
     ):
         self.by_randomisation, self.systematic = by_randomisation, systematic
-        self.largest_weights = largest_weights or {}
+        self.aim = aim
         self.valid, self.radiance = (np.zeros((windows, randomisations)) for _ in range(2))
         self.sums = {}
         self.chance, self.met = chance, np.zeros(windows)
@@ -118,7 +118,11 @@ class Totals:
         brightest source divided by the number of paths. With emitter sampling it is less for a
         source outside the field of view (`EmitterTable.by_chance`).
         """
-        most = self.chance * self.largest_weights.get(name, 1.0)
+        largest_weight = 1.0
+        if self.aim is not None:
+            weights = {None: self.aim.largest_weight, "target": self.aim.largest_on_model}
+            largest_weight = weights.get(name, 1.0)
+        most = self.chance * largest_weight
         return np.maximum(most, self.met) / np.maximum(self.paths, 1)
 
     def half_width(self, name: str | None = None) -> np.ndarray:

@@ -38,6 +38,7 @@ def window_means(
     split: str = "target",
     facets=None,
     progress=None,
+    aim: Aim | None = None,
 ) -> Totals:
     """Trace paths through windows next to each other until their means are known well enough.
 
@@ -63,6 +64,9 @@ def window_means(
         What is recorded beside the radiance, see `PathTracer.trace`.
     progress : callable or None
         Called with (paths done, paths expected) of each window.
+    aim : Aim or None
+        Where the paths begin, such as `aim` of earlier results. None: anywhere, or at the model if
+        that pays.
 
     Returns
     -------
@@ -85,17 +89,17 @@ def window_means(
             by_randomisation=True,
             chance=chance,
             systematic=tracer.systematic_error,
-            largest_weights={None: aim.largest_weight, "target": aim.largest_on_model},
+            aim=aim,
         )
 
     rays = ParallelRays.of(sensor)
-    aim = Aim.anywhere()
+    # The results by facet and a sensor of several views need a constant density
+    may_aim = aim is None and facets is None and sensor.class_name() == "OrthographicCamera"
+    aim = aim or Aim.anywhere()
     total = nothing(aim)
     first = max(LEAST_POINTS, FIRST_PATHS // (windows * RANDOMISATIONS))
     limit = whole(paths or most_paths)
     goal = limit if paths else min(first, limit)
-    # The results by facet and a sensor of several views need a constant density
-    may_aim = facets is None and sensor.class_name() == "OrthographicCamera"
     # The windows that need more paths, with the ratios and the points of the last estimate
     active, last, before = np.arange(windows), np.zeros(windows), 0
     done = 0

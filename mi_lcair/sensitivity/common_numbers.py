@@ -1,0 +1,102 @@
+"""Repeated renders of one scene with the same paths, to compare parameters without their noise."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from mi_lcair.errors import InputError
+from mi_lcair.rendering.limits import check_paths
+from mi_lcair.rendering.render import DEFAULT_MAX_SPP, check_reachable
+from mi_lcair.rendering.statistics import Totals
+from mi_lcair.rendering.window import window_area
+from mi_lcair.rendering.window_means import window_means
+from mi_lcair.sensitivity.parameters import changed
+
+PARTS = {"target": "target", "scene": None}  # channel of each part of the radiance
+
+
+class CommonNumbers:
+    """Renders of a scene's window with the same random numbers, for different parameters.
+
+    The first render chooses the number of paths and where they begin. All later ones repeat both.
+    Their random numbers are the same too, so that the difference of two renders is much better
+    known than either of them.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene with an orthographic sensor.
+    sensor : int
+        Number of the sensor.
+    spp, tolerance, seed
+        As for `signature`.
+    paths : int or None
+        Number of paths in place of `spp`.
+    by_spectrum : bool
+        Also record the emission of each source.
+    progress : callable or None
+        Called with (paths done, paths expected) in each render.
+
+    Attributes
+    ----------
+    area : float
+        Area of the window, m^2.
+    count : int
+        Number of renders so far.
+    """
+
+    def __init__(
+        self,
+        scene,
+        sensor: int = 0,
+        spp: int | None = None,
+        paths: int | None = None,
+        tolerance: float | None = None,
+        seed: int = 0,
+        by_spectrum: bool = False,
+        progress=None,
+    ):
+        for name, value in (("spp", spp), ("paths", paths), ("tolerance", tolerance)):
+            if value is not None and not value > 0:
+                raise InputError(f"{name} = {value} must be positive")
+        self.scene, self.camera = scene, scene.sensor(sensor)
+        self.area = window_area(self.camera, scene.name)
+        self.tolerance, self.seed, self.by_spectrum = tolerance, seed, by_spectrum
+        self.pixels = int(np.prod(self.camera.film().crop_size()))
+        if tolerance is None and paths is None:
+            spp = spp or self.camera.sampler().sample_count()
+            check_paths(self.pixels, spp=spp)
+            paths = spp * self.pixels
+        self.paths, self.aim, self.count, self.progress = paths, None, 0, progress
+        self.reached = None
+
+    def render(self, values: Mapping[str, float] | None = None, part: str = "target") -> Totals:
+        """Sums over the paths, with these values of parameters in place of the scene's.
+
+        part: the part of the radiance that the tolerance refers to, "target" or "scene".
+        """
+        with changed(self.scene, values or {}), self.scene.prepared(self.by_spectrum) as tracer:
+            self.sources = tracer.emitters.sources
+            if self.paths is None:
+                check_reachable(self.tolerance, tracer, self.scene.name)
+            total = window_means(
+                self.scene,
+                tracer,
+                self.camera,
+                paths=self.paths,
+                excess=lambda total: self.excess(total, part),
+                most_paths=DEFAULT_MAX_SPP * self.pixels,
+                seed=self.seed,
+                aim=self.aim,
+                progress=self.progress,
+            )
+        if self.paths is None:
+            self.paths, self.reached = int(total.traced[0]), self.excess(total, part) <= 1
+        self.aim = total.aim
+        self.count += 1
+        return total
+
+    def excess(self, total: Totals, part: str) -> float:
+        """Ratio of the 95 % interval of a part's mean radiance to the tolerance."""
+        allowed = self.tolerance * total.mean(PARTS[part])[0]
+        return float(total.half_width(PARTS[part])[0] / allowed) if allowed > 0 else np.inf

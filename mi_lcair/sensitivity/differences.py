@@ -1,0 +1,233 @@
+"""Derivatives by finite differences of two renders with the same random numbers.
+
+Each derivative takes two renders. It holds for every parameter, and serves to check faster methods.
+"""
+
+from collections.abc import Mapping
+from itertools import pairwise
+
+import numpy as np
+
+from mi_lcair.errors import InputError
+from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.rendering.limits import check_paths
+from mi_lcair.rendering.render import PASS_SAMPLES
+from mi_lcair.rendering.statistics import Totals, check_valid
+from mi_lcair.sensitivity.common_numbers import PARTS, CommonNumbers
+from mi_lcair.sensitivity.derivative_images import DerivativeImages
+from mi_lcair.sensitivity.parameters import changed, parameter
+from mi_lcair.sensitivity.sensitivities import Sensitivities
+
+METHOD = "difference"
+NEAREST = 1e-3  # fraction of the way to its lower bound that a temperature keeps away from it
+
+
+def differences(
+    scene,
+    names,
+    steps,
+    *,
+    sensor: int = 0,
+    part: str = "target",
+    weights: Mapping | None = None,
+    spp: int | None = None,
+    paths: int | None = None,
+    tolerance: float | None = None,
+    seed: int = 0,
+    progress=None,
+) -> Sensitivities:
+    """Derivatives of an intensity by central differences, [I(p + step) - I(p - step)] / (2 step).
+
+    A step that would cross a bound ends there, so that the difference is one-sided at a bound.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene with an orthographic sensor.
+    names : sequence of str
+        Names of parameters, see `mi_lcair.sensitivity.parameters`.
+    steps : float or sequence of float
+        Step of each parameter, in its unit.
+    sensor, spp, tolerance, seed, progress
+        As for `signature`.
+    part : str
+        "target" (the model's facets) or "scene".
+    weights : mapping or None
+        Factor of each source's intensity in the sum, by (group, name of the spectrum) as in
+        `Source`. None: the sum over all sources without factors.
+    paths : int or None
+        Number of paths in place of `spp`.
+
+    Returns
+    -------
+    Sensitivities
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, a step is not positive, or a parameter cannot change.
+    """
+    ends = [stepped(scene, name, step) for name, step in zip(names, spread(names, steps))]
+    numbers = CommonNumbers(
+        scene, sensor, spp, paths, tolerance, seed, weights is not None, progress
+    )
+
+    def intensity(values=None) -> tuple[Totals, np.ndarray]:
+        """The sums, and the mean and the deviations of the intensity, (1 + R,)."""
+        total = numbers.render(values, part)
+        if weights is None:
+            rows = [(PARTS[part], 1.0)]
+        else:
+            prefix = "target." if part == "target" else ""
+            rows = [
+                (f"{prefix}source.{k}", weight_of(weights, source))
+                for k, source in enumerate(numbers.sources.list)
+                if source.name is not None
+            ]
+        means = sum(factor * total.mean(name)[0] for name, factor in rows)
+        deviations = sum(factor * total.deviations(name)[0] for name, factor in rows)
+        return total, numbers.area * np.append(means, deviations)
+
+    total, value = intensity()
+    columns = [value]
+    for name, (low, high) in zip(names, ends):
+        found, at = zip(*(intensity_at(scene, intensity, name, x) for x in (low, high)))
+        columns.append((found[1] - found[0]) / (at[1] - at[0]))
+    columns = np.array(columns)
+    prefix = "target." if part == "target" else ""
+    count = scene.mi.integrator().max_bounces + 1
+    by_bounce = [f"{prefix}bounce.{k}" for k in range(count)]
+    return Sensitivities(
+        names=tuple(names),
+        value=float(columns[0, 0]),
+        derivative=columns[1:, 0],
+        deviations=columns[:, 1:],
+        method=(METHOD,) * len(names),
+        bounces=np.array([total.mean(n)[0] for n in by_bounce if n in total.sums]) * numbers.area,
+        paths=int(total.traced[0]),
+    )
+
+
+def intensity_at(scene, intensity, name: str, value: float) -> tuple[np.ndarray, float]:
+    """The intensity at a value of a parameter, and that value as Float32 holds it."""
+    with changed(scene, {name: value}):
+        return intensity()[1], parameter(scene, name).value
+
+
+def weight_of(weights: Mapping, source) -> float:
+    key = (source.group, source.name)
+    if key not in weights:
+        raise InputError(
+            f"source '{source.name}' of group {source.group} has no weight; temperatures cannot "
+            "change under weights"
+        )
+    return weights[key]
+
+
+def image_differences(
+    scene,
+    names,
+    steps,
+    *,
+    sensor: int = 0,
+    spp: int | None = None,
+    seed: int = 0,
+    randomisations: int = 4,
+    progress=None,
+) -> DerivativeImages:
+    """Derivatives of an image by central differences of two images with the same random numbers.
+
+    Parameters
+    ----------
+    scene : Scene
+    names, steps
+        As for `differences`.
+    sensor, spp, seed
+        As for `render`.
+    randomisations : int
+        Number of independent images.
+    progress : callable or None
+        Called with (images done, images expected).
+
+    Returns
+    -------
+    DerivativeImages
+
+    Raises
+    ------
+    InputError
+        As for `differences`.
+    """
+    ends = [stepped(scene, name, step) for name, step in zip(names, spread(names, steps))]
+    expected = 1 + 2 * len(names)
+
+    def image(number: int) -> np.ndarray:
+        result = randomised_images(scene, sensor, spp, seed, randomisations)
+        if progress:
+            progress(number, expected)
+        return result
+
+    radiance, columns = image(1), []
+    for k, (name, end) in enumerate(zip(names, ends)):
+        found, at = [], []
+        for side, value in enumerate(end):
+            with changed(scene, {name: value}):
+                found.append(image(2 + 2 * k + side))
+                at.append(parameter(scene, name).value)
+        columns.append((found[1] - found[0]) / (at[1] - at[0]))
+    shape = (len(names), *radiance.shape)
+    return DerivativeImages(
+        names=tuple(names),
+        radiance=radiance.astype(np.float32),
+        columns=np.reshape(columns, shape).swapaxes(0, 1).astype(np.float32),
+        method=(METHOD,) * len(names),
+    )
+
+
+def randomised_images(scene, sensor, spp, seed, randomisations) -> np.ndarray:
+    """Independent images of the radiance, (randomisations, height, width) [W m^-2 sr^-1]."""
+    camera = scene.sensor(sensor)
+    width, height = camera.film().crop_size()
+    spp = spp or camera.sampler().sample_count()
+    check_paths(width * height, spp=spp)
+    points, run = -(-spp // randomisations), max(1, PASS_SAMPLES // spp)
+    pixels = width * height
+    total = Totals(pixels, randomisations, by_randomisation=True)
+    with scene.prepared() as tracer:
+        for first, end in pairwise([*range(0, pixels, run), pixels]):
+            launch = Launch(
+                columns=width,
+                rows=height,
+                seed=seed,
+                randomisations=randomisations,
+                points=points,
+                first=first,
+                windows=end - first,
+            )
+            total.add(launch, tracer.trace(camera, launch, None))
+    check_valid(total.invalid, pixels * points * randomisations, scene.name)
+    return (total.radiance / np.maximum(total.valid, 1)).T.reshape(randomisations, height, width)
+
+
+def spread(names, steps) -> np.ndarray:
+    """A step for each name; raises InputError if one is not positive and finite."""
+    steps = np.broadcast_to(np.asarray(steps, dtype=float), (len(names),))
+    for name, step in zip(names, steps):
+        if not 0 < step < np.inf:
+            raise InputError(f"{name}: step {step:g} must be positive and finite")
+    return steps
+
+
+def stepped(scene, name: str, step: float) -> tuple[float, float]:
+    """The values one step below and above a parameter's value, but within its bounds."""
+    entry = parameter(scene, name)
+    lower = entry.lower
+    if entry.kind == "temperature":
+        lower += NEAREST * (entry.value - lower)
+    low, high = max(entry.value - step, lower), min(entry.value + step, entry.upper)
+    if not low < high:
+        raise InputError(
+            f"{name} = {entry.value:g} cannot change: its bounds are {entry.lower:g}.."
+            f"{entry.upper:g}"
+        )
+    return low, high
