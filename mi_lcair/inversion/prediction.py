@@ -1,0 +1,214 @@
+"""Predicted measurements near the values at which they were rendered, and unbiased products.
+
+The radiance of a pixel is linear in the blackbody radiances of all sources. A `Block` therefore
+follows temperatures exactly without a new render, and other parameters to first order.
+
+A noisy render in the matrix of least squares biases the solution: the noise of the derivatives
+times itself does not average out. Products of two independent randomisations of the render have no
+bias (instrumental variables). `product` sums over all pairs of different randomisations.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from mi_lcair.inversion.images import slope
+from mi_lcair.physics.bands import Band
+from mi_lcair.physics.blackbody import in_band_radiance
+
+
+@dataclass(frozen=True)
+class Block:
+    """What one datum predicts near the values at which it was rendered.
+
+    Attributes
+    ----------
+    measured : ndarray, shape (n,)
+        Measured values.
+    noise : callable
+        Standard deviations (n,) of the measurement for predicted values (n,).
+    radiance : ndarray, shape (R, n)
+        Prediction of each independent randomisation.
+    columns : list of R arrays, each (n, K)
+        Its derivatives, dense or sparse.
+    unknown : ndarray of int, shape (K,)
+        Number of each column's unknown.
+    reference : ndarray, shape (K,)
+        Values at which the datum was rendered.
+    band : Band or None
+        Band of the blackbody radiances; None if no column is a temperature.
+    is_temperature : ndarray of bool, shape (K,)
+        Columns in which the radiance is linear in the blackbody radiance of the unknown.
+    variance : ndarray, shape (n,)
+        Variance of the mean over the randomisations.
+    weight : ndarray, shape (n,)
+        Weights, independent of the randomisations of `radiance` and `columns`.
+    gain, offset : int or None
+        Numbers of the unknown gain and offset.
+    """
+
+    measured: np.ndarray
+    noise: Callable
+    radiance: np.ndarray
+    columns: list
+    unknown: np.ndarray
+    reference: np.ndarray
+    band: Band | None
+    is_temperature: np.ndarray
+    variance: np.ndarray
+    weight: np.ndarray
+    gain: int | None = None
+    offset: int | None = None
+
+    def at(self, x: np.ndarray) -> "Prediction":
+        """The prediction for the values x of all unknowns, (N,)."""
+        values = x[self.unknown]
+        moved, rate = values - self.reference, np.ones(len(values))
+        hot = self.is_temperature
+        if hot.any():
+            at_reference = slope(self.band, self.reference[hot])
+            moved[hot] = (
+                in_band_radiance(self.band, values[hot])
+                - in_band_radiance(self.band, self.reference[hot])
+            ) / at_reference
+            rate[hot] = slope(self.band, values[hot]) / at_reference
+        is_moved = moved.any()
+        radiance = [F + J @ moved if is_moved else F for F, J in zip(self.radiance, self.columns)]
+        columns = [scaled(J, rate) for J in self.columns]
+        unknown, factor = self.unknown, 1.0
+        if self.gain is not None or self.offset is not None:
+            factor = 1.0 if self.gain is None else x[self.gain]
+            zero = 0.0 if self.offset is None else x[self.offset]
+            extra, numbers = [[] for _ in radiance], []
+            if self.gain is not None:
+                numbers.append(self.gain)
+                extra = [[*more, F] for more, F in zip(extra, radiance)]
+            if self.offset is not None:
+                numbers.append(self.offset)
+                extra = [[*more, np.ones_like(F)] for more, F in zip(extra, radiance)]
+            columns = [
+                beside(scaled(J, np.full(J.shape[1], factor)), np.stack(more, axis=1))
+                for J, more in zip(columns, extra)
+            ]
+            radiance = [factor * F + zero for F in radiance]
+            unknown = np.append(unknown, numbers).astype(int)
+        return Prediction(self, np.array(radiance), columns, unknown, factor**2 * self.variance)
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """A block's prediction for given values: radiance (R, n), columns [(n, K)], unknown (K,).
+
+    variance: that of the mean over the randomisations, (n,).
+    """
+
+    block: Block
+    radiance: np.ndarray
+    columns: list
+    unknown: np.ndarray
+    variance: np.ndarray
+
+    @property
+    def mean(self) -> np.ndarray:
+        return self.radiance.mean(axis=0)
+
+    @property
+    def noise(self) -> np.ndarray:
+        """Standard deviation of the measurement, (n,)."""
+        return self.block.noise(self.mean)
+
+    @property
+    def residuals(self) -> np.ndarray:
+        """Measured less predicted value of each randomisation, (R, n)."""
+        return self.block.measured - self.radiance
+
+
+@dataclass(frozen=True)
+class Equations:
+    """Normal equations of all blocks at some values.
+
+    matrix: J^T W J, (N, N), from products of different randomisations. gradient: J^T W residual,
+    (N,). middle: covariance of the gradient, (N, N). cost: sum of the weighted squared residuals.
+    """
+
+    matrix: np.ndarray
+    gradient: np.ndarray
+    middle: np.ndarray
+    cost: float
+
+
+def equations(blocks: list[Block], x: np.ndarray, is_sparse: bool = False) -> Equations:
+    """Normal equations at the values x, (N,)."""
+    count = len(x)
+    gradient, cost = np.zeros(count), 0.0
+    matrix, middle = (
+        [sparse.csr_array((count, count)) if is_sparse else np.zeros((count, count))] for _ in "ab"
+    )
+    for block in blocks:
+        found = block.at(x)
+        w = block.weight
+        J, r = found.columns, [row[:, None] for row in found.residuals]
+        gradient[found.unknown] += np.ravel(product(J, w, r))
+        cost += float(np.ravel(product(r, w, r))[0])
+        mean = sum(J[1:], J[0]) * (1 / len(J))
+        uncertain = w**2 * (found.noise**2 + found.variance)
+        for total, part in (
+            (matrix, product(J, w, J)),
+            (middle, mean.T @ weighted(mean, uncertain)),
+        ):
+            total[0] = placed(total[0], part, found.unknown, is_sparse)
+    return Equations(matrix[0], gradient, middle[0], cost)
+
+
+def cost_of(blocks: list[Block], x: np.ndarray) -> float:
+    """Sum of the weighted squared residuals at the values x, without the render's own noise."""
+    total = 0.0
+    for block in blocks:
+        r = [row[:, None] for row in block.at(x).residuals]
+        total += float(np.ravel(product(r, block.weight, r))[0])
+    return total
+
+
+def product(a: list, w: np.ndarray, b: list):
+    """Mean of a_r^T diag(w) b_s over all pairs of different randomisations r, s."""
+    R = len(a)
+    if R == 1:
+        return a[0].T @ weighted(b[0], w)  # a prediction without noise
+    both = sum(a[1:], a[0]).T @ weighted(sum(b[1:], b[0]), w)
+    same = [one.T @ weighted(other, w) for one, other in zip(a, b)]
+    return (both - sum(same[1:], same[0])) / (R * (R - 1))
+
+
+def weighted(columns, w: np.ndarray):
+    """diag(w) columns, dense or sparse."""
+    if sparse.issparse(columns):
+        return sparse.diags_array(w) @ columns
+    return w[:, None] * columns
+
+
+def scaled(columns, factors: np.ndarray):
+    """columns diag(factors), dense or sparse."""
+    if (factors == 1).all():
+        return columns
+    if sparse.issparse(columns):
+        return columns @ sparse.diags_array(factors)
+    return columns * factors
+
+
+def beside(columns, more: np.ndarray):
+    """Columns with dense columns behind them."""
+    if sparse.issparse(columns):
+        return sparse.hstack([columns, sparse.csr_array(more)], format="csr")
+    return np.concatenate([columns, more], axis=1)
+
+
+def placed(total, part, unknown: np.ndarray, is_sparse: bool):
+    """The total with a block's part added at the rows and columns of its unknowns."""
+    if is_sparse:
+        part = sparse.coo_array(part)
+        at = (unknown[part.coords[0]], unknown[part.coords[1]])
+        return total + sparse.csr_array((part.data, at), shape=total.shape)
+    total[np.ix_(unknown, unknown)] += part.toarray() if sparse.issparse(part) else part
+    return total
