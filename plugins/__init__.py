@@ -29,6 +29,8 @@ MODULES = (
     "emission.emitter_table",
     "paths.channels",
     "lattice_sampler",
+    "paths.surface_slopes",
+    "paths.columns",
     "paths.aim",
     "paths.launch",
     "paths.sums",

@@ -24,6 +24,7 @@ from mi_lcair.plugins.derivatives import (
 from mi_lcair.plugins.emission.emissivity import Table
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
 from mi_lcair.plugins.paths.channels import SIZES, Channels
+from mi_lcair.plugins.paths.columns import CELLS, Columns, ColumnTables
 from mi_lcair.plugins.paths.launch import Launch, Paths
 from mi_lcair.plugins.paths.rays import ParallelRays
 from mi_lcair.plugins.paths.recording import Recorded
@@ -218,7 +219,7 @@ class PathTracer(RBIntegrator):
         channels = (
             Channels.empty(self.max_bounces, self.closure, None) if self.closure == "tail" else None
         )
-        (L, state), valid, channels, _ = self.walk(
+        (L, state), valid, channels, _, _ = self.walk(
             mode, scene, sampler, ray, δL, state_in, active, channels
         )
         if channels is not None:
@@ -234,6 +235,7 @@ class PathTracer(RBIntegrator):
         count_segments: bool = False,
         counted: int | None = None,
         rays: ParallelRays | None = None,
+        tables: ColumnTables | None = None,
     ) -> Sums:
         """Trace the paths of a launch; call it inside the context `prepared`.
 
@@ -257,6 +259,9 @@ class PathTracer(RBIntegrator):
             that of more reflections is added to the last channel. None: as many as `max_bounces`.
         rays : ParallelRays or None
             The rays of the sensor, for a caller of many launches; None makes them from the sensor.
+        tables : ColumnTables or None
+            Parameters in which the radiance is differentiated. Channels with the columns are then
+            recorded too, see `Columns.samples`; for `split` = "target" those of the model's part.
 
         Returns
         -------
@@ -267,7 +272,8 @@ class PathTracer(RBIntegrator):
             paths = launch.paths_from(sensor.sampler())
             rays = ParallelRays.of(sensor) if rays is None else rays
             counted = self.max_bounces if counted is None else counted
-            arguments = paths, rays or sensor, split, counted, count_segments, block_size(launch)
+            size = block_size(launch)
+            arguments = paths, rays or sensor, split, counted, count_segments, size, tables
             if facets is not None or self.closure == "tail":
                 blocks, tail = self.whole_sums(*arguments, facets, launch)
             elif rays is None:
@@ -279,7 +285,7 @@ class PathTracer(RBIntegrator):
             return found.without(f"bounce.{k}" for k in range(self.max_bounces + 1, SIZES[-1]))
 
     def block_sums(
-        self, paths: Paths, rays, split, counted: int, count_segments: bool, size: int
+        self, paths: Paths, rays, split, counted: int, count_segments: bool, size: int, tables
     ) -> BlockSums:
         """Sums over blocks of the paths of a launch.
 
@@ -290,13 +296,15 @@ class PathTracer(RBIntegrator):
         ----------
         paths : Paths
         rays : ParallelRays or mi.Sensor
-        split, counted, count_segments
+        split, counted, count_segments, tables
             As for `trace`.
         size : int
             Paths in a block.
         """
-        L, channels, chance, weight = self.follow(paths, rays, split, counted, count_segments)
-        by_name = self.by_name(L, channels, split)
+        L, channels, chance, weight, columns = self.follow(
+            paths, rays, split, counted, count_segments, tables
+        )
+        by_name = self.by_name(L, channels, split, columns, tables)
         return BlockSums.of(L[0], by_name, weight, chance, size)
 
     def whole_sums(
@@ -307,12 +315,14 @@ class PathTracer(RBIntegrator):
         counted: int,
         count_segments: bool,
         size: int,
+        tables,
         facets,
         launch: Launch,
     ) -> tuple[BlockSums, Tail | None]:
         """As `block_sums`, also for facets and for closure = tail, which read values."""
-        followed = self.follow(paths, rays, split, counted, count_segments, facets)
-        L, channels, chance, weight = followed
+        L, channels, chance, weight, columns = self.follow(
+            paths, rays, split, counted, count_segments, tables, facets
+        )
         tail = None
         if self.closure == "tail":
             # The sums in add_tail need evaluated arrays. Evaluating everything here traces the
@@ -320,7 +330,7 @@ class PathTracer(RBIntegrator):
             dr.eval(L, channels, chance)
             added, tail = channels.add_tail()
             L += added
-        by_name = self.by_name(L, channels, split)
+        by_name = self.by_name(L, channels, split, columns, tables)
         if facets is not None:
             # One kernel for all later uses of these arrays
             dr.eval(L, channels, by_name, chance)
@@ -328,10 +338,11 @@ class PathTracer(RBIntegrator):
         return BlockSums.of(L[0], by_name, weight, chance, size), tail
 
     def follow(
-        self, paths: Paths, rays, split, counted: int, count_segments: bool, facets=None
+        self, paths: Paths, rays, split, counted: int, count_segments: bool, tables, facets=None
     ) -> tuple:
-        """Radiance of each path, its `Channels`, its `chance` (see `walk`) and its weight."""
-        sampler, ray, weight = self.begin(paths, rays)
+        """Radiance, `Channels`, `chance` (see `walk`), weight and `Columns` of each path."""
+        sampler, column, row, position, weight = paths.begin()
+        ray = self.first_ray(paths, rays, sampler, column, row, position)
         channels = None
         if split or facets or self.closure == "tail":
             channels = Channels.empty(
@@ -341,30 +352,48 @@ class PathTracer(RBIntegrator):
                 split == "model",
                 count_segments,
             )
+        columns = None
+        if tables is not None:
+            x = mi.UInt32((mi.Float(column) + position.x) * (CELLS / mi.Float(paths.columns)))
+            y = mi.UInt32((mi.Float(row) + position.y) * (CELLS / mi.Float(paths.rows)))
+            columns = Columns.empty(
+                tables, dr.minimum(y, CELLS - 1) * CELLS + dr.minimum(x, CELLS - 1)
+            )
         primal, everywhere = dr.ADMode.Primal, mi.Bool(True)
-        (L, _), _, channels, chance = self.walk(
-            primal, self.scene, sampler, ray, None, None, everywhere, channels, facets
+        (L, _), _, channels, chance, columns = self.walk(
+            primal,
+            self.scene,
+            sampler,
+            ray,
+            None,
+            None,
+            everywhere,
+            channels,
+            facets,
+            columns,
+            tables,
         )
-        return L, channels, chance if self.emitters.draws else None, weight
+        return L, channels, chance if self.emitters.draws else None, weight, columns
 
-    def begin(self, paths: Paths, rays) -> tuple:
-        """Sampler, first ray and weight of each path; `rays` as for `block_sums`."""
-        sampler, column, row, position, weight = paths.begin()
+    def first_ray(self, paths: Paths, rays, sampler, column, row, position) -> mi.Ray3f:
+        """First ray of each path; `rays` as for `block_sums`, the others as `Paths.begin` gives."""
         if isinstance(rays, ParallelRays):
-            ray = rays.at(column, row, position, paths.columns, paths.rows)
-        else:
-            size = mi.Vector2f(paths.columns, paths.rows)
-            aperture = sampler.next_2d() if rays.needs_aperture_sample() else mi.Point2f(0.5)
-            film_position = (mi.Point2f(column, row) + position) / size
-            ray, _ = rays.sample_ray(rays.shutter_open(), 0, film_position, aperture)
-        return sampler, ray, weight
+            return rays.at(column, row, position, paths.columns, paths.rows)
+        size = mi.Vector2f(paths.columns, paths.rows)
+        aperture = sampler.next_2d() if rays.needs_aperture_sample() else mi.Point2f(0.5)
+        film_position = (mi.Point2f(column, row) + position) / size
+        return rays.sample_ray(rays.shutter_open(), 0, film_position, aperture)[0]
 
-    def by_name(self, L, channels: Channels | None, split) -> dict:
+    def by_name(self, L, channels: Channels | None, split, columns=None, tables=None) -> dict:
         """The channels of each path by name."""
-        if not split:
-            return {}
-        of_model = split == "target"
-        return channels.samples(L[0], self.emitters.labels, self.emitters.sources, of_model)
+        found, of_model = {}, split == "target"
+        if columns is not None:
+            found = columns.samples(tables)
+            if of_model:
+                found = {name: value * channels.of_model for name, value in found.items()}
+        if split:
+            found |= channels.samples(L[0], self.emitters.labels, self.emitters.sources, of_model)
+        return found
 
     def chance_contribution(self, sensor) -> float:
         """Upper bound of the radiance from a source that no path has hit [W m^-2 sr^-1].
@@ -381,7 +410,20 @@ class PathTracer(RBIntegrator):
     # ---------------------------------------------------------------- The loop
 
     @dr.syntax
-    def walk(self, mode, scene, sampler, ray, δL, L, active, channels=None, facets=None):
+    def walk(
+        self,
+        mode,
+        scene,
+        sampler,
+        ray,
+        δL,
+        L,
+        active,
+        channels=None,
+        facets=None,
+        columns=None,
+        tables=None,
+    ):
         """Trace paths from the observer.
 
         Parameters
@@ -399,6 +441,9 @@ class PathTracer(RBIntegrator):
             Receives the radiance by number of reflections, source and first hit, or by facet.
         facets : object or None
             Numbering of facets, see `trace`.
+        columns : Columns or None
+            Receives the derivatives in the parameters of `tables`.
+        tables : ColumnTables or None
 
         Returns
         -------
@@ -412,6 +457,7 @@ class PathTracer(RBIntegrator):
             Largest contribution that a source could make to the path after a reflection, if the
             path hit the source (see `EmitterTable.by_chance`) [W m^-2 sr^-1]. It is 0 where no
             emitters are drawn: the radiance of the brightest source is the bound there.
+        columns : Columns or None
         """
         primal = mode == dr.ADMode.Primal
         ctx = mi.BSDFContext()
@@ -480,6 +526,10 @@ class PathTracer(RBIntegrator):
             # A path ends where its ray escapes and after the last allowed reflection
             active_next = active & si.is_valid() & (bounce < limit)
             bsdf = si.bsdf(ray)
+            if dr.hint(columns is not None, mode="scalar"):
+                vertices = columns.vertices(tables, bsdf, si.wi)
+                own = dr.select(bounce > most, 0, β[0] * mis)
+                columns.emit(tables, vertices, emitter, si.prim_index, Le[0], own)
 
             # -------------------- Emitter sampling --------------------
 
@@ -509,7 +559,7 @@ class PathTracer(RBIntegrator):
                     # because a value of 0 may have a derivative.
                     if dr.hint(primal, mode="scalar"):
                         active_em &= drawn.may_radiate & (dr.max(f) != 0)
-                    direct = emitters.trace(scene, si, drawn, active_em)
+                    direct = emitters.trace(scene, si, drawn, active_em, columns is not None)
                     # A point source or a parallel beam cannot be hit by a reflected ray, so its
                     # whole radiance belongs to emitter sampling
                     mis = dr.select(drawn.ds.delta, 1, mis_weight(drawn.ds.pdf, pdf))
@@ -527,6 +577,17 @@ class PathTracer(RBIntegrator):
                         direct.hit.prim_index,
                         most,
                     )
+                if dr.hint(columns is not None, mode="scalar"):
+                    hit, by_drawn = direct.hit, β[0] * f[0] * (mis / drawn.ds.pdf)
+                    brought = columns.emit(
+                        tables,
+                        columns.vertices(tables, hit.bsdf(), hit.wi),
+                        direct.emitter,
+                        hit.prim_index,
+                        Lr[0],
+                        dr.select(direct.counts, by_drawn, 0),
+                    )
+                    columns.draw(vertices, si.to_local(drawn.ds.d), brought)
 
             # ----------------------- Reflection -----------------------
 
@@ -551,6 +612,8 @@ class PathTracer(RBIntegrator):
                         # Add this vertex's part of the radiance's derivative
                         δL += dr.forward_to(Lo)
 
+            if dr.hint(columns is not None, mode="scalar"):
+                columns.reflect(tables, vertices, bsdf, bounce, β[0], weight[0], bs.wo, active_next)
             # The weight is BSDF times cosine divided by the density of the direction
             β *= weight
             # The next vertex needs both for its multiple importance sampling weight
@@ -572,7 +635,7 @@ class PathTracer(RBIntegrator):
         if dr.hint(channels is not None and channels.segments is not None, mode="scalar"):
             # Each turn of the loop follows one ray; rays of emitter sampling are not counted
             channels.segments = mi.Float(bounce)
-        return (L if primal else δL, L), valid, channels, chance
+        return (L if primal else δL, L), valid, channels, chance, columns
 
 
 mi.register_integrator("bounce_path", BouncePath)

@@ -175,18 +175,7 @@ class ReflectionBSDF(mi.BSDF):
     def derive(self) -> None:
         """Compute the tables that `eval` and `sample` use, in Float64 and with derivatives."""
         dr.make_opaque(*self.sources())
-        Float64 = dr.float64_array_t(mi.Float)
-        S = self.model.surface(*(Float64(number) for number in self.sources()), form=self.form)
-        quadratures = lambda t: self.model.lobe_HDR(S, dr.acos(dr.square(t)))
-        coarse = quadratures(dr.linspace(Float64, 0, 1, STEPS // STEPS_PER_QUADRATURE + 1))
-        fine = quadratures(dr.arange(Float64, STEPS_AT_HORIZON) / STEPS)
-        node = dr.arange(mi.UInt32, STEPS + 1)
-        lobe = dr.select(
-            node < STEPS_AT_HORIZON,
-            gather(fine, dr.minimum(node, STEPS_AT_HORIZON - 1)),
-            refine(coarse, STEPS_PER_QUADRATURE),
-        )
-        self.derived = S.cast(mi.Float), mi.Float(lobe)
+        self.derived = tables(self.model, self.sources(), self.form)
         dr.make_opaque(self.derived)
 
     def refresh(self) -> None:
@@ -319,6 +308,25 @@ class ReflectionBSDF(mi.BSDF):
             f"{self.model.title.replace(' ', '')}[material = {self.material}, {numbers}, "
             f"form = {self.form}, emissivity = {self.emissivity}, lobe = {self.lobe}]"
         )
+
+
+def tables(model: reflection.ReflectionModel, values: tuple, form: str) -> tuple:
+    """The `Surface` with these parameters, and the table of the lobe's HDR, in single precision.
+
+    They are computed in Float64 and keep derivatives. values: the parameters, as Mitsuba's floats.
+    """
+    Float64 = dr.float64_array_t(mi.Float)
+    S = model.surface(*(Float64(number) for number in values), form=form)
+    quadratures = lambda t: model.lobe_HDR(S, dr.acos(dr.square(t)))
+    coarse = quadratures(dr.linspace(Float64, 0, 1, STEPS // STEPS_PER_QUADRATURE + 1))
+    fine = quadratures(dr.arange(Float64, STEPS_AT_HORIZON) / STEPS)
+    node = dr.arange(mi.UInt32, STEPS + 1)
+    lobe = dr.select(
+        node < STEPS_AT_HORIZON,
+        gather(fine, dr.minimum(node, STEPS_AT_HORIZON - 1)),
+        refine(coarse, STEPS_PER_QUADRATURE),
+    )
+    return S.cast(mi.Float), mi.Float(lobe)
 
 
 def is_reflection_bsdf(plugin) -> bool:

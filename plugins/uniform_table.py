@@ -6,10 +6,18 @@ import mitsuba as mi
 
 def interpolate(table, x):
     """Linear interpolation at `x` in a table with evenly spaced nodes over 0 <= x <= 1."""
-    last = dr.width(table) - 1
-    x = x * last
-    index = dr.minimum(mi.UInt32(x), last - 1)
-    low, high = dr.gather(mi.Float, table, index), dr.gather(mi.Float, table, index + 1)
+    return interpolate_row(table, mi.UInt32(0), dr.width(table) - 1, x)
+
+
+def interpolate_row(tables, row, steps: int, x):
+    """Linear interpolation at `x` in one of several tables, which follow each other.
+
+    row: number of the table. steps: steps of each table.
+    """
+    x = x * steps
+    index = dr.minimum(mi.UInt32(x), steps - 1)
+    first = row * (steps + 1) + index
+    low, high = dr.gather(mi.Float, tables, first), dr.gather(mi.Float, tables, first + 1)
     return dr.lerp(low, high, x - mi.Float(index))
 
 

@@ -280,7 +280,7 @@ class EmitterTable:
             ds = dr.select(from_triangles, ds, ds_other)
         return DrawnDirection(ds, index, other, may_radiate, bound)
 
-    def trace(self, scene, si, drawn: DrawnDirection, active):
+    def trace(self, scene, si, drawn: DrawnDirection, active, with_hit: bool = False):
         """Trace a drawn direction to its first hit.
 
         A sample counts only if the first hit is the drawn point. Otherwise, where emitters overlap
@@ -293,6 +293,8 @@ class EmitterTable:
             The hit from which the direction was drawn.
         drawn : DrawnDirection
         active : mi.Bool
+        with_hit : bool
+            Also compute the hit of surfaces that are not triangles of meshes.
 
         Returns
         -------
@@ -321,6 +323,8 @@ class EmitterTable:
                 on_surface = mi.has_flag(drawn.other.flags(), mi.EmitterFlags.Surface)
                 counts |= active & ~of_triangles & ~on_surface & nothing_before
             emitter = dr.select(of_triangles, emitter, drawn.other)
+            if with_hit:
+                hit = pi.compute_surface_interaction(ray, mi.RayFlags.All, met & counts)
         return EmitterSample(drawn, hit, emitter, counts, on_triangle)
 
     def by_chance(self, drawn, pdf, delta):

@@ -115,10 +115,11 @@ def contributions(tracer, sensor, launch: Launch, table: ColumnTable) -> Contrib
     """
     with dr.suspend_grad():
         paths = launch.paths_from(sensor.sampler())
-        sampler, ray, _ = tracer.begin(paths, ParallelRays.of(sensor) or sensor)
+        sampler, *start, _ = paths.begin()
+        ray = tracer.first_ray(paths, ParallelRays.of(sensor) or sensor, sampler, *start)
         store = Store(table, paths.lane, slots(tracer))
         recorder = FacetColumns(mi.Float(0), mi.UInt32(0), store)
-        (L, _), _, recorder, _ = tracer.walk(
+        (L, _), _, recorder, *_ = tracer.walk(
             dr.ADMode.Primal, tracer.scene, sampler, ray, None, None, mi.Bool(True), recorder
         )
         # One kernel traces the paths and fills the store

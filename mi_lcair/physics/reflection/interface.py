@@ -101,16 +101,23 @@ class Surface:
         The derived numbers are converted, not recomputed: they keep the precision in which they
         were computed.
         """
-        return self._map(Float)
+        return self.map(Float)
 
     def repeat(self, count: int) -> "Surface":
         """Each of many surfaces, `count` times in a row.
 
         A single surface (width 1) is returned unchanged. It applies to any number of lanes.
         """
-        return self._map(lambda x: dr.repeat(x, count) if dr.width(x) > 1 else x)
+        return self.map(lambda x: dr.repeat(x, count) if dr.width(x) > 1 else x)
 
-    def _map(self, function) -> "Surface":
+    @property
+    def numbers(self) -> list:
+        """The fields that are Dr.Jit numbers, in their order."""
+        values = (getattr(self, field.name) for field in fields(self))
+        return [value for value in values if not isinstance(value, (str, bool))]
+
+    def map(self, function) -> "Surface":
+        """The surface with a function applied to each of its numbers, in their order."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         return type(self)(
             **{
