@@ -389,6 +389,9 @@ class PathTracer(RBIntegrator):
         found, of_model = {}, split == "target"
         if columns is not None:
             found = columns.samples(tables)
+            # A sample that is not finite in one column does not count at all
+            for value in found.values():
+                L[0] = dr.select(dr.isfinite(value), L[0], dr.nan)
             if of_model:
                 found = {name: value * channels.of_model for name, value in found.items()}
         if split:

@@ -39,6 +39,7 @@ def window_means(
     facets=None,
     progress=None,
     aim: Aim | None = None,
+    tables=None,
 ) -> Totals:
     """Trace paths through windows next to each other until their means are known well enough.
 
@@ -67,6 +68,8 @@ def window_means(
     aim : Aim or None
         Where the paths begin, such as `aim` of earlier results. None: anywhere, or at the model if
         that pays.
+    tables : ColumnTables or None
+        Parameters in which the radiance is differentiated, see `PathTracer.trace`.
 
     Returns
     -------
@@ -116,7 +119,7 @@ def window_means(
             chosen=tuple(active.tolist()),
             aim=aim,
         )
-        total.add(launch, tracer.trace(sensor, launch, split, facets, rays=rays))
+        total.add(launch, tracer.trace(sensor, launch, split, facets, rays=rays, tables=tables))
         done += points
         check_valid(total.invalid, int(total.valid.sum()) + total.invalid, scene.name)
         if not paths and done >= goal:

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.rendering.aiming import aim_at_model
 from mi_lcair.rendering.limits import check_paths
 from mi_lcair.rendering.render import DEFAULT_MAX_SPP, check_reachable
 from mi_lcair.rendering.statistics import Totals
@@ -13,6 +14,7 @@ from mi_lcair.rendering.window_means import window_means
 from mi_lcair.sensitivity.parameters import changed
 
 PARTS = {"target": "target", "scene": None}  # channel of each part of the radiance
+WORTH_AIMING = 2**19  # paths from which on a pilot is traced, to aim the paths at the model
 
 
 class CommonNumbers:
@@ -79,6 +81,7 @@ class CommonNumbers:
             self.sources = tracer.emitters.sources
             if self.paths is None:
                 check_reachable(self.tolerance, tracer, self.scene.name)
+            self.take_aim(tracer)
             total = window_means(
                 self.scene,
                 tracer,
@@ -95,6 +98,11 @@ class CommonNumbers:
         self.aim = total.aim
         self.count += 1
         return total
+
+    def take_aim(self, tracer) -> None:
+        """Choose where the paths begin, if their number is known and large enough for a pilot."""
+        if self.aim is None and (self.paths or 0) >= WORTH_AIMING:
+            self.aim = aim_at_model(self.scene, tracer, self.camera, self.seed, "target")
 
     def excess(self, total: Totals, part: str) -> float:
         """Ratio of the 95 % interval of a part's mean radiance to the tolerance."""

@@ -214,8 +214,14 @@ class Incoming:
     def vertices(self, tables, bsdf, wi) -> list:
         return []
 
-    emit = Columns.emit
-    draw = Columns.draw
+    def emit(self, tables, vertices, emitter, prim_index, Le, weight):
+        if tables.weight is not None:
+            Le *= dr.gather(mi.Float, tables.weight, tables.entry(emitter, prim_index))
+        self.radiance += Le
+        return Le
+
+    def draw(self, vertices, wo, Lr):
+        """A drawn direction has no part in the incoming radiance of sampled directions."""
 
     def reflect(self, tables, vertices, bsdf, bounce, beta, weight, wo, active):
         place = dr.select(bounce == 0, 0, tables.surface_number(bsdf))

@@ -1,0 +1,133 @@
+"""Columns of named parameters: derivatives of the radiance that a render records beside it."""
+
+from dataclasses import replace
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mi_lcair.errors import InputError
+from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.plugins.derivatives import own_memory
+from mi_lcair.plugins.emission.sources import spectra
+from mi_lcair.plugins.paths.columns import (
+    CELLS,
+    SIZES,
+    ColumnTables,
+    MaterialColumn,
+    SourceColumn,
+    column_tables,
+)
+from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.sensitivity.parameters import Entry, chosen
+
+MOST_COLUMNS = SIZES[-1]  # columns of one render
+PILOT_POINTS = 16  # paths of each randomisation and cell that measure the incoming radiance
+
+
+def columns_of(scene, names) -> dict[str, MaterialColumn | SourceColumn]:
+    """The columns of parameters by name, those of materials first.
+
+    Raises InputError if a name is unknown, or if a column would have no derivative.
+    """
+    entries = sorted(chosen(scene, names), key=lambda entry: entry.kind != "material")
+    return {entry.name: column_of(entry) for entry in entries}
+
+
+def column_of(entry: Entry) -> MaterialColumn | SourceColumn:
+    if entry.kind == "material":
+        nodes = tuple(place.node for place in entry.places)
+        return MaterialColumn(nodes, entry.places[0].key.removesuffix(".value"))
+    mean, relative = entry.mean(entry.numbers()), {}
+    if not mean > 0:
+        raise InputError(f"{entry.name} = {mean:g} has no derivative; give it a positive value")
+    for place in entry.places:
+        emitter = place.node.emitter() if isinstance(place.node, mi.Shape) else place.node
+        values = place.array().astype(float)
+        # The several numbers of a radiance or an emissivity change by a common factor
+        slope = np.full(values.shape, 1 / mean)
+        if entry.kind == "temperature":
+            slope = relative_slope(emitter.band, values)
+        if place.number is not None:
+            others = np.ones(len(values), bool)
+            others[place.number] = False
+            slope[others] = 0
+        relative[emitter] = slope
+    return SourceColumn(relative)
+
+
+def relative_slope(band, temperatures: np.ndarray) -> np.ndarray:
+    """Derivative of a blackbody's in-band radiance, divided by the radiance [1/K]."""
+    Float64 = dr.float64_array_t(mi.Float)
+    with dr.resume_grad():
+        T = Float64(temperatures)
+        dr.enable_grad(T)
+        L = in_band_radiance(band, T)
+        dr.forward_from(T)
+        slope, L = dr.grad(L).numpy(), dr.detach(L).numpy()
+    return np.divide(slope, L, out=np.zeros_like(L), where=L > 0)
+
+
+def tables_of(scene, tracer, sensor, columns: dict, weights=None, seed: int = 0) -> ColumnTables:
+    """The tables with which a render records columns, and the incoming radiance in them.
+
+    Parameters
+    ----------
+    scene : Scene
+    tracer : PathTracer
+        Integrator of the scene, from `Scene.prepared`.
+    sensor : mitsuba.Sensor
+    columns : dict
+        From `columns_of`.
+    weights : mapping or None
+        Factor of each source's radiance, by (group, name of its spectrum).
+    seed : int
+    """
+    if weights is not None:
+        if tracer.closure == "ambient":
+            raise InputError(
+                f"{scene.name}: closure = ambient has no source that could be weighted"
+            )
+        weights = factors(scene, tracer.emitters.band, weights)
+    tables = column_tables(scene.mi, list(columns.values()), weights)
+    if not tables.materials:
+        return with_incoming(tables, np.zeros(CELLS**2 + 1))
+    launch = Launch(
+        columns=CELLS,
+        rows=CELLS,
+        seed=seed,
+        randomisations=1,
+        points=PILOT_POINTS,
+        windows=CELLS**2,
+    )
+    found = tracer.trace(sensor, launch, None, tables=tables).channels
+    measured = lambda name: np.array(
+        [found[f"{name}.{k}"].sum(axis=1) for k in range(tables.surfaces + 1)]
+    )
+    reflected, throughput = measured("reflected"), measured("throughput")
+    ratio = lambda a, b, otherwise: np.where(b > 0, a / np.where(b > 0, b, 1), otherwise)
+    means = ratio(reflected.sum(axis=1), throughput.sum(axis=1), 0.0)
+    cells = ratio(reflected[0], throughput[0], means[0])
+    # A surface without a column has the number 0 and no score
+    return with_incoming(tables, np.concatenate([cells, [0.0], means[1:]]))
+
+
+def with_incoming(tables: ColumnTables, incoming: np.ndarray) -> ColumnTables:
+    found = mi.Float(incoming)
+    own_memory([found])
+    return replace(tables, incoming=found)
+
+
+def factors(scene, band, weights) -> dict:
+    """The weights of each emitter's facets, from those of the sources."""
+    found = {}
+    for emitter in scene.mi.emitters():
+        sources = spectra(emitter, band)
+        for source in sources:
+            if (source.group, source.name) not in weights:
+                raise InputError(
+                    f"source '{source.name}' of group {source.group} has no weight; temperatures "
+                    "cannot change under weights"
+                )
+        found[emitter] = np.array([weights[source.group, source.name] for source in sources])
+    return found
