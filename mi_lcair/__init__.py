@@ -22,6 +22,7 @@ _HOME = {
     "plan": "planning.plan",
     "audit": "planning.audit",
     "contrast": "detection.contrast",
+    "invert": "inversion.invert",
 }
 __all__ = ["__version__", *_HOME]
 

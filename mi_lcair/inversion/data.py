@@ -54,6 +54,8 @@ class Datum:
         Pixels that count; None for numbers.
     views : tuple of Scene
         For numbers: the scene as seen from each aspect.
+    aspects : tuple
+        Azimuth and elevation of the views of a trend, degrees.
     """
 
     place: Place
@@ -64,6 +66,7 @@ class Datum:
     noise: Callable
     counts: np.ndarray | None
     views: tuple[Scene, ...] = ()
+    aspects: tuple[tuple[float, float], ...] = ()
 
     @property
     def label(self) -> str:
@@ -268,7 +271,7 @@ class Loader:
         scene = self.scene(place)
         width, height = scene.sensor(place.sensor).film().crop_size()
         check_closure(scene)
-        counts, views, sigma = None, (), None
+        counts, views, aspects, sigma = None, (), (), None
         if isinstance(place, Candidate):
             counts = np.ones((height, width), dtype=bool)
             measured = np.full(height * width, np.nan)
@@ -277,7 +280,7 @@ class Loader:
             measured = values[counts]
             sigma = None if sigma is None else sigma[counts]
         elif place.trend is not None:
-            measured, sigma, views = from_trend(place, scene)
+            measured, sigma, views, aspects = from_trend(place, scene)
         else:
             measured, views = np.array([place.intensity]), (scene,)
         noise = noise_model(place, scene.band, sigma)
@@ -288,7 +291,7 @@ class Loader:
             parameters(scene),
             facet_temperatures(scene, facet_groups),
         )
-        return Datum(place, number, scene, where, measured, noise, counts, views)
+        return Datum(place, number, scene, where, measured, noise, counts, views, aspects)
 
 
 def variance_of_mean(radiance: np.ndarray) -> np.ndarray:
@@ -306,7 +309,7 @@ def noise_model(place: Place, band, sigma) -> Callable:
 
 
 def from_trend(place, scene: Scene):
-    """Intensities, standard deviations and views of a trend's CSV."""
+    """Intensities, standard deviations, views and aspects of a trend's CSV."""
     needed = (*ASPECT, INTENSITY, *(() if place.sigma else (ERROR,)))
     table = read_table(place.trend, needed)
     columns = table.numbers(needed)
@@ -314,11 +317,13 @@ def from_trend(place, scene: Scene):
     if not (sigma > 0).all():
         line = table.rows[int(np.argmin(sigma > 0))][0]
         raise InputError(f"{place.trend}, line {line}: {ERROR} is not positive; give sigma instead")
-    views = tuple(
-        seen_from(scene, View(azimuth, elevation), 1)
-        for azimuth, elevation in zip(*(columns[name] for name in ASPECT))
-    )
-    return columns[INTENSITY], sigma, views
+    aspects = tuple(zip(*(columns[name].tolist() for name in ASPECT)))
+    return columns[INTENSITY], sigma, views_of(scene, aspects), aspects
+
+
+def views_of(scene: Scene, aspects) -> tuple[Scene, ...]:
+    """The scene as seen from each (azimuth, elevation), degrees."""
+    return tuple(seen_from(scene, View(*aspect), 1) for aspect in aspects)
 
 
 def check_closure(scene: Scene) -> None:

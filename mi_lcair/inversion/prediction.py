@@ -130,12 +130,14 @@ class Equations:
     """Normal equations of all blocks at some values.
 
     matrix: J^T W J, (N, N), from products of different randomisations. gradient: J^T W residual,
-    (N,). middle: covariance of the gradient, (N, N). cost: sum of the weighted squared residuals.
+    (N,). middle: covariance of the gradient, (N, N). measured_middle: the part of it that comes
+    from the noise of the measurement. cost: sum of the weighted squared residuals.
     """
 
     matrix: np.ndarray
     gradient: np.ndarray
     middle: np.ndarray
+    measured_middle: np.ndarray
     cost: float
 
 
@@ -143,23 +145,19 @@ def equations(blocks: list[Block], x: np.ndarray, is_sparse: bool = False) -> Eq
     """Normal equations at the values x, (N,)."""
     count = len(x)
     gradient, cost = np.zeros(count), 0.0
-    matrix, middle = (
-        [sparse.csr_array((count, count)) if is_sparse else np.zeros((count, count))] for _ in "ab"
-    )
+    empty = lambda: sparse.csr_array((count, count)) if is_sparse else np.zeros((count, count))
+    matrix, middle, measured = empty(), empty(), empty()
     for block in blocks:
         found = block.at(x)
-        w = block.weight
-        J, r = found.columns, [row[:, None] for row in found.residuals]
+        w, J, r = block.weight, found.columns, [row[:, None] for row in found.residuals]
         gradient[found.unknown] += np.ravel(product(J, w, r))
         cost += float(np.ravel(product(r, w, r))[0])
-        mean = sum(J[1:], J[0]) * (1 / len(J))
-        uncertain = w**2 * (found.noise**2 + found.variance)
-        for total, part in (
-            (matrix, product(J, w, J)),
-            (middle, mean.T @ weighted(mean, uncertain)),
-        ):
-            total[0] = placed(total[0], part, found.unknown, is_sparse)
-    return Equations(matrix[0], gradient, middle[0], cost)
+        mean, noise = sum(J[1:], J[0]) * (1 / len(J)), found.noise**2
+        place = lambda total, part, unknown=found.unknown: placed(total, part, unknown, is_sparse)
+        matrix = place(matrix, product(J, w, J))
+        middle = place(middle, mean.T @ weighted(mean, w**2 * (noise + found.variance)))
+        measured = place(measured, mean.T @ weighted(mean, w**2 * noise))
+    return Equations(matrix, gradient, middle, measured, cost)
 
 
 def cost_of(blocks: list[Block], x: np.ndarray) -> float:

@@ -18,7 +18,7 @@ from mi_lcair.inversion.unknowns import Unknown
 
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-12, 1e8
 INNER = 50  # largest number of steps between two renders
-CONVERGED = 0.02  # largest last step, in standard errors
+CONVERGED = 0.02  # largest last step, in standard errors, see `length`
 HALVINGS = 12  # attempts to shorten a step that no surface can have
 CHUNK = 256  # columns of the inverse of a sparse matrix that are computed together
 
@@ -111,8 +111,7 @@ def solve(
         if is_exact:
             x, converged = new, True
             break
-        scale = errors(equations(blocks, x, is_sparse=is_sparse), prior)
-        moved = np.max(np.abs(new - x) / scale)
+        moved = length(new - x, equations(blocks, x, is_sparse), prior)
         if moved < CONVERGED or done >= iterations:
             converged = moved < CONVERGED
             break
@@ -137,7 +136,7 @@ def solve(
 
 def state(blocks, x, prior: Prior, is_sparse: bool, renders: int, converged: bool) -> State:
     """The State at the values x."""
-    found = equations(blocks, x, is_sparse=is_sparse)
+    found = equations(blocks, x, is_sparse)
     outward = found.gradient + prior.information * (prior.mean - x)
     margin = 1e-9 * np.maximum(np.abs(x), 1)
     at_bound = np.where(
@@ -174,23 +173,26 @@ def near(blocks: list[Block], start, prior: Prior, damping: float, is_sparse: bo
     """The values that minimise the cost of blocks rendered at `start`, with damping toward it."""
     x = start
     for _ in range(INNER):
-        found = equations(blocks, x, is_sparse=is_sparse)
+        found = equations(blocks, x, is_sparse)
         D = damping * (np.maximum(found.matrix.diagonal(), 0) + prior.information)
         g = found.gradient + prior.information * (prior.mean - x) + D * (start - x)
         free = ~((x <= prior.lower) & (g < 0) | (x >= prior.upper) & (g > 0))
         step = np.zeros(len(x))
         step[free] = solved(found.matrix, prior.information + D, g, free)
         new = np.clip(x + step, prior.lower, prior.upper)
-        scale = errors(found, prior)
-        moved, x = np.max(np.abs(new - x) / scale, initial=0), new
+        moved, x = length(new - x, found, prior), new
         if moved < CONVERGED / 10:
             break
     return x
 
 
-def errors(found: Equations, prior: Prior) -> np.ndarray:
-    """Approximate standard errors (N,), without correlations: the scale of steps."""
-    return 1 / np.sqrt(np.maximum(found.matrix.diagonal(), 0) + prior.information)
+def length(step: np.ndarray, found: Equations, prior: Prior) -> float:
+    """Length of a step in standard errors: the square root of the change of cost that it makes.
+
+    A step along a direction that the data do not determine is short.
+    """
+    squared = step @ (found.matrix @ step) + np.sum(prior.information * step**2)
+    return float(np.sqrt(max(squared, 0)))
 
 
 def solved(matrix, diagonal, right, free) -> np.ndarray:
@@ -233,3 +235,18 @@ def covariance(found: Equations, information: np.ndarray) -> np.ndarray:
         inverse[:, some] = factor.solve(right)
     middle = found.middle + sparse.diags_array(information)
     return inverse @ (middle @ inverse.T)
+
+
+def measurement_variance(state: State) -> np.ndarray:
+    """Variances (N,) without the noise of the render's radiance."""
+    found = state.equations
+    if sparse.issparse(found.matrix):
+        inverse = state.covariance  # the middle is nearly the matrix itself
+    else:
+        inverse = np.linalg.inv(positive(found.matrix) + np.diag(state.prior))
+    middle = found.measured_middle
+    if sparse.issparse(middle):
+        middle = middle + sparse.diags_array(state.prior)
+    else:
+        middle = middle + np.diag(state.prior)
+    return np.einsum("ij,ij->i", inverse, (middle @ inverse.T).T)

@@ -20,6 +20,7 @@ PER = {
 }
 FACETS = ".facets"  # end of the name of all facet temperatures of a group
 SPAN_K = 100.0  # width of the interval in which a temperature is taken to be known beforehand, K
+SPAN_OFFSET = 100.0  # the same for an unknown offset, W m^-2 sr^-1
 # Half widths of 95 % intervals up to which an unknown is determined, absolute and relative.
 PRECISION = {
     "temperature": (1.0, 0.0),
@@ -76,7 +77,9 @@ class Unknown:
     def span(self) -> float:
         if self.kind in ("temperature", "facet"):
             return min(SPAN_K, self.upper - self.lower)
-        if self.kind in ("radiance", "gain", "offset"):
+        if self.kind == "offset":
+            return SPAN_OFFSET
+        if self.kind in ("radiance", "gain"):
             return min(2 * max(abs(self.start), 1e-30), self.upper - self.lower)
         return self.upper - self.lower
 
@@ -256,3 +259,18 @@ def one_of(label, name, kind, unit, value, lower, upper, entry, numbers, is_soug
         is_sought,
         facet,
     )
+
+
+def instruments(data) -> list[Unknown]:
+    """The unknown gains and offsets of measurements."""
+    result = []
+    for number, place in enumerate(data):
+        for kind, start, lower in (("gain", 1.0, 0.0), ("offset", 0.0, -np.inf)):
+            if getattr(place, kind):
+                label, prior = f"{kind} [{place.name}]", getattr(place, f"{kind}_prior")
+                unit = "1" if kind == "gain" else "W m^-2 sr^-1"
+                value = start if prior is None else prior[0]
+                result.append(
+                    Unknown(label, label, kind, unit, value, lower, np.inf, prior, (number,), False)
+                )
+    return result

@@ -1,0 +1,275 @@
+"""Inversion: the unknowns of a scene from measurements, with errors, verdicts and advice."""
+
+import time
+
+import numpy as np
+
+from mi_lcair.errors import InputError
+from mi_lcair.inversion.advice import (
+    MOST_UNKNOWNS,
+    Advice,
+    advice,
+    measurements,
+    other_bands,
+    other_states,
+    priors,
+)
+from mi_lcair.inversion.answers import Answer, answers, chi_square, directions
+from mi_lcair.inversion.data import Datum, Loader, check_units
+from mi_lcair.inversion.prediction import Block
+from mi_lcair.inversion.problem import Problem, parts
+from mi_lcair.inversion.solution import Fitted, Solution
+from mi_lcair.inversion.solve import State, measurement_variance, solve
+from mi_lcair.inversion.unknowns import FACETS, Unknown, instruments, unknowns
+
+NOISY = 0.75  # share of a variance from which the noise of the render is said to dominate
+IMPROBABLE = 1e-3  # p-value below which the model is said to miss something
+
+
+def invert(problem, advise: bool = True, progress=None) -> Solution:
+    """Estimate the unknowns of an inverse problem.
+
+    Parameters
+    ----------
+    problem : path-like, dict or Problem
+        TOML file, its content as a dictionary, or the problem itself.
+    advise : bool
+        Whether to compute what further measurements would bring, if something is not determined.
+    progress : callable or None
+        Called with (renders of each datum done, largest number).
+
+    Returns
+    -------
+    Solution
+
+    Raises
+    ------
+    InputError
+        If the problem, or one of its files or scenes, cannot be used.
+    """
+    start = time.perf_counter()
+    if isinstance(problem, dict):
+        problem = Problem.of(problem)
+    elif not isinstance(problem, Problem):
+        problem = Problem.read(problem)
+    try:
+        return _inverted(problem, advise, progress, start)
+    except InputError as error:
+        text = str(error)
+        prefix = f"problem '{problem.name}': "
+        raise InputError(text if text.startswith(prefix) else prefix + text) from None
+
+
+def _inverted(problem: Problem, advise: bool, progress, start: float) -> Solution:
+    loader, groups = Loader(), facet_groups(problem)
+    data = [loader.datum(place, k, groups) for k, place in enumerate(problem.data)]
+    proposed = [
+        loader.datum(place, len(data) + k, groups) for k, place in enumerate(problem.candidates)
+    ]
+    expand = lambda more: unknowns(
+        problem.unknowns, problem.nuisance, [d.where for d in [*data, *more]], len(data)
+    )
+    everything = [*expand([]), *instruments(problem.data)]
+    check_counts(everything, data)
+
+    sampling = problem.render
+    first = np.array([one.start for one in everything])
+    weights = [datum.weight(everything, first, sampling) for datum in data]
+    is_checked = False
+
+    def render(x) -> list[Block]:
+        nonlocal is_checked
+        blocks = [
+            datum.block(everything, x, sampling, weight) for datum, weight in zip(data, weights)
+        ]
+        if not is_checked:
+            check_units(data, blocks)
+            check_seen(everything, blocks)
+            is_checked = True
+        return blocks
+
+    is_exact = all(datum.follows(everything[k]) for datum in data for k in datum.own(everything))
+    state = solve(everything, render, is_exact, sampling.iterations, progress)
+    found = answers(everything, state.x, state.covariance, state.at_bound)
+    advised = []
+    if advise and not all(one.is_determined for one in found if one.is_sought):
+        advised = advice_for(everything, state, found, data, proposed, expand, loader, sampling)
+    return Solution(
+        problem=problem.name,
+        answers=found,
+        covariance=state.covariance,
+        directions=directions(found, state.covariance, reasons(everything, data)),
+        advice=advised,
+        **(chi := chi_square(state.blocks, state.x, determined(state))),
+        render_share=render_share(state),
+        data=[
+            fitted(datum, block, everything, state.x) for datum, block in zip(data, state.blocks)
+        ],
+        materials=materials(data, everything, state.x),
+        remarks=remarks(state, found, chi),
+        renders=state.renders,
+        converged=state.converged,
+        seconds=time.perf_counter() - start,
+    )
+
+
+def facet_groups(problem: Problem) -> set[str]:
+    """Groups whose facets are unknown."""
+    names = [parts(text)[0] for text in (*problem.unknowns, *problem.nuisance)]
+    return {name.removesuffix(FACETS) for name in names if name.endswith(FACETS)}
+
+
+def check_counts(everything: list[Unknown], data: list[Datum]) -> None:
+    """Raise InputError for more unknowns without a prior than data."""
+    free = sum(one.prior is None for one in everything)
+    points = sum(len(datum.measured) for datum in data)
+    if free > points:
+        raise InputError(
+            f"{free} unknowns without a prior, but only {points} measured "
+            f"{'values' if points != 1 else 'value'}; measure more, or give priors"
+        )
+
+
+def check_seen(everything: list[Unknown], blocks: list[Block]) -> None:
+    """Raise InputError for an unknown, not a facet's, on which no measured value depends."""
+    depends = np.zeros(len(everything), dtype=bool)
+    for block in blocks:
+        of = [abs(columns).sum(axis=0) > 0 for columns in block.columns]
+        depends[block.unknown] |= np.any(of, axis=0)
+        depends[[k for k in (block.gain, block.offset) if k is not None]] = True
+    for one, is_seen in zip(everything, depends):
+        if not is_seen and one.kind != "facet" and one.prior is None:
+            raise InputError(
+                f"'{one.label}' is an unknown without any data: no measured value depends on it"
+            )
+
+
+def determined(state: State) -> float:
+    """Number of combinations of unknowns that the data determine, rather than the priors."""
+    diagonal = np.maximum(state.equations.matrix.diagonal(), 0)
+    if hasattr(state.equations.matrix, "tocsr"):
+        return float(np.sum(diagonal > state.prior))
+    scale = np.sqrt(state.prior)
+    values = np.linalg.eigvalsh(state.equations.matrix / np.outer(scale, scale))
+    values = np.maximum(values, 0)
+    return float(np.sum(values / (1 + values)))
+
+
+def render_share(state: State) -> np.ndarray:
+    """Part of each variance (N,) that the noise of the render makes."""
+    total = np.diag(state.covariance)
+    return np.clip(1 - measurement_variance(state) / np.maximum(total, 1e-300), 0, 1)
+
+
+def reasons(everything: list[Unknown], data: list[Datum]):
+    """Function of two unknowns' numbers that says why the data cannot tell them apart."""
+
+    def why(first: int, second: int) -> str:
+        used = [data[k] for k in {*everything[first].data, *everything[second].data}]
+        bands = len({datum.where.band for datum in used})
+        states = len({datum.where.state for datum in used})
+        what = "one band" if bands == 1 else f"{bands} bands with a value each"
+        if states > 1:
+            what += f" and {states} states with a value each"
+        return f"{what} cannot separate them"
+
+    return why
+
+
+def remarks(state: State, found: list[Answer], chi: dict) -> list[str]:
+    """What a user should know about a solution, one line each."""
+    lines = []
+    if not state.converged:
+        lines.append(
+            "the iteration has not converged; raise iterations of [render], or start closer"
+        )
+    share = render_share(state)
+    noisy = [one.label for one, part in zip(found, share) if part > NOISY and one.is_sought]
+    if noisy:
+        lines.append(
+            f"the noise of the render dominates the error of {len(noisy)} unknowns, such as "
+            f"{noisy[0]}; raise spp of [render]"
+        )
+    if chi["p_value"] is not None and chi["p_value"] < IMPROBABLE:
+        lines.append(
+            f"the residuals are larger than the noise explains (chi-square {chi['chi_square']:.4g} "
+            f"for {chi['degrees_of_freedom']:.4g} degrees of freedom): the scene misses something, "
+            "or the noise is understated"
+        )
+    return lines
+
+
+def advice_for(
+    everything, state: State, found, data: list[Datum], proposed, expand, loader, sampling
+) -> list[Advice]:
+    """What further measurements would bring: those of [[candidates]] and some others."""
+    if len(everything) > MOST_UNKNOWNS:
+        return []
+    by_name = {datum.label: [datum] for datum in proposed}
+    by_name |= other_bands(data, loader, len(data) + len(proposed))
+    more = [datum for made in by_name.values() for datum in made]
+    instrument = [one for one in everything if one.kind in ("gain", "offset")]
+    proposals = [
+        *priors(everything),
+        *measurements(everything, state.x, [*expand(more), *instrument], by_name, sampling),
+        *other_states(everything, state.x, data, sampling),
+    ]
+    return advice(everything, state, found, proposals)
+
+
+def fitted(datum: Datum, block: Block, everything: list[Unknown], x: np.ndarray) -> Fitted:
+    """A datum after the solution."""
+    found = block.at(x)
+    predicted = found.mean
+    residual = (datum.measured - predicted) / np.sqrt(found.noise**2 + found.variance)
+    image = datum.image if datum.is_image else lambda values: values
+    own = [everything[k] for k in datum.own(everything)]
+    facets = {}
+    for k in datum.own(everything):
+        if (one := everything[k]).kind == "facet":
+            facets.setdefault(one.name, {})[one.facet] = float(x[k])
+    return Fitted(
+        name=datum.label,
+        scene=datum.scene.name,
+        band=datum.scene.band.name,
+        state=datum.place.state,
+        parameters=dict(datum.scene.parameters),
+        values=datum.settings(everything, x),
+        kinds={one.name: one.kind for one in own if one.name in datum.where.parameters},
+        facets=facets,
+        measured=image(datum.measured),
+        predicted=image(predicted),
+        residual=image(residual),
+        aspects=list(datum.aspects),
+    )
+
+
+def materials(data: list[Datum], everything: list[Unknown], x: np.ndarray) -> dict:
+    """Estimated materials by name and band, in the form of a fit's report.
+
+    A material that is not the same in all data of a band is left out.
+    """
+    result, ambiguous = {}, set()
+    for datum in data:
+        names = {
+            everything[k].name.rpartition(".")[0]
+            for k in datum.own(everything)
+            if everything[k].kind == "material"
+        }
+        with datum.at(everything, x):
+            for surface in datum.scene.surfaces():
+                if (surface.material or surface.model.name) not in names:
+                    continue
+                entry = {
+                    "model": surface.model.name,
+                    "form": surface.form,
+                    "band": datum.scene.band.name,
+                    "parameters": dict(zip(surface.model.names, surface.values)),
+                }
+                key = surface.material or surface.model.name, datum.scene.band.name
+                of_material = result.setdefault(key[0], {})
+                if of_material.setdefault(key[1], entry) != entry:
+                    ambiguous.add(key)
+    for name, band in ambiguous:
+        del result[name][band]
+    return {name: bands for name, bands in result.items() if bands}
