@@ -258,7 +258,8 @@ def other_bands(data: list[Datum], loader: Loader, first: int) -> dict[str, list
 
 
 def rendered(datum: Datum, unknowns: list[Unknown], x: np.ndarray, sampling: Sampling) -> Block:
-    return datum.block(unknowns, x, sampling, datum.weight(unknowns, x, sampling))
+    block = datum.block(unknowns, x, sampling)
+    return replace(block, weight=datum.weight(unknowns, x, sampling))
 
 
 def information(block: Block, x: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ from scipy.ndimage import maximum_filter
 from mi_lcair.errors import InputError
 from mi_lcair.inversion.facet_temperatures import facet_temperatures, with_facets
 from mi_lcair.inversion.images import check_radiance, measured_radiance, noise_of_netd, slope
-from mi_lcair.inversion.prediction import Block
+from mi_lcair.inversion.prediction import Block, variance_of_mean
 from mi_lcair.inversion.problem import Candidate, Place, Sampling
 from mi_lcair.inversion.unknowns import Unknown, Where
 from mi_lcair.rendering.scene import Scene, load
@@ -114,10 +114,9 @@ class Datum:
     @contextmanager
     def at(self, unknowns: list[Unknown], x: np.ndarray):
         """Context manager in which the scene has the values x of the unknowns."""
-        facets = self.facet_settings(unknowns, x)
         with (
             changed(self.scene, self.settings(unknowns, x)),
-            with_facets(self.scene, facets if self.settings(unknowns, x) else {}),
+            with_facets(self.scene, self.facet_settings(unknowns, x)),
         ):
             yield
 
@@ -147,13 +146,10 @@ class Datum:
     def _seed(self, sampling: Sampling, kind: int) -> int:
         return (sampling.seed + SEEDS * (2 * self.number + kind)) % 2**32
 
-    def block(
-        self, unknowns: list[Unknown], x: np.ndarray, sampling: Sampling, weight: np.ndarray
-    ) -> Block:
+    def block(self, unknowns: list[Unknown], x: np.ndarray, sampling: Sampling) -> Block:
         """The prediction and its derivatives at the values x of the unknowns.
 
-        weight: that of the measured values, see `weight`. Raises InputError for values that no
-        surface can have.
+        Its weights are 1, see `weight`. Raises InputError for values that no surface can have.
         """
         own = self.own(unknowns)
         dense = [k for k in own if unknowns[k].kind not in ("facet", "gain", "offset")]
@@ -186,8 +182,7 @@ class Datum:
             is_temperature=np.array(
                 [unknowns[k].kind in ("temperature", "facet") for k in numbers], dtype=bool
             ),
-            variance=variance_of_mean(radiance),
-            weight=weight,
+            weight=np.ones(len(self.measured)),
             gain=kinds.get("gain"),
             offset=kinds.get("offset"),
         )
@@ -292,11 +287,6 @@ class Loader:
             facet_temperatures(scene, facet_groups),
         )
         return Datum(place, number, scene, where, measured, noise, counts, views, aspects)
-
-
-def variance_of_mean(radiance: np.ndarray) -> np.ndarray:
-    """Variance of the mean over the first axis, that of the independent randomisations."""
-    return radiance.var(axis=0, ddof=1) / len(radiance)
 
 
 def noise_model(place: Place, band, sigma) -> Callable:

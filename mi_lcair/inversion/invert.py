@@ -73,15 +73,12 @@ def _inverted(problem: Problem, advise: bool, progress, start: float) -> Solutio
     check_counts(everything, data)
 
     sampling = problem.render
-    first = np.array([one.start for one in everything])
-    weights = [datum.weight(everything, first, sampling) for datum in data]
+    weigh = lambda x: [datum.weight(everything, x, sampling) for datum in data]
     is_checked = False
 
     def render(x) -> list[Block]:
         nonlocal is_checked
-        blocks = [
-            datum.block(everything, x, sampling, weight) for datum, weight in zip(data, weights)
-        ]
+        blocks = [datum.block(everything, x, sampling) for datum in data]
         if not is_checked:
             check_units(data, blocks)
             check_seen(everything, blocks)
@@ -89,7 +86,7 @@ def _inverted(problem: Problem, advise: bool, progress, start: float) -> Solutio
         return blocks
 
     is_exact = all(datum.follows(everything[k]) for datum in data for k in datum.own(everything))
-    state = solve(everything, render, is_exact, sampling.iterations, progress)
+    state = solve(everything, render, weigh, is_exact, sampling.iterations, progress)
     found = answers(everything, state.x, state.covariance, state.at_bound)
     advised = []
     if advise and not all(one.is_determined for one in found if one.is_sought):

@@ -41,8 +41,6 @@ class Block:
         Band of the blackbody radiances; None if no column is a temperature.
     is_temperature : ndarray of bool, shape (K,)
         Columns in which the radiance is linear in the blackbody radiance of the unknown.
-    variance : ndarray, shape (n,)
-        Variance of the mean over the randomisations.
     weight : ndarray, shape (n,)
         Weights, independent of the randomisations of `radiance` and `columns`.
     gain, offset : int or None
@@ -57,7 +55,6 @@ class Block:
     reference: np.ndarray
     band: Band | None
     is_temperature: np.ndarray
-    variance: np.ndarray
     weight: np.ndarray
     gain: int | None = None
     offset: int | None = None
@@ -94,25 +91,26 @@ class Block:
             ]
             radiance = [factor * F + zero for F in radiance]
             unknown = np.append(unknown, numbers).astype(int)
-        return Prediction(self, np.array(radiance), columns, unknown, factor**2 * self.variance)
+        return Prediction(self, np.array(radiance), columns, unknown)
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """A block's prediction for given values: radiance (R, n), columns [(n, K)], unknown (K,).
-
-    variance: that of the mean over the randomisations, (n,).
-    """
+    """A block's prediction for given values: radiance (R, n), columns [(n, K)], unknown (K,)."""
 
     block: Block
     radiance: np.ndarray
     columns: list
     unknown: np.ndarray
-    variance: np.ndarray
 
     @property
     def mean(self) -> np.ndarray:
         return self.radiance.mean(axis=0)
+
+    @property
+    def variance(self) -> np.ndarray:
+        """Variance of `mean` from the noise of the render, (n,)."""
+        return variance_of_mean(self.radiance)
 
     @property
     def noise(self) -> np.ndarray:
@@ -167,6 +165,13 @@ def cost_of(blocks: list[Block], x: np.ndarray) -> float:
         r = [row[:, None] for row in block.at(x).residuals]
         total += float(np.ravel(product(r, block.weight, r))[0])
     return total
+
+
+def variance_of_mean(radiance: np.ndarray) -> np.ndarray:
+    """Variance of the mean over the first axis, that of the independent randomisations."""
+    if len(radiance) == 1:
+        return np.zeros(radiance.shape[1:])  # a prediction without noise
+    return radiance.var(axis=0, ddof=1) / len(radiance)
 
 
 def product(a: list, w: np.ndarray, b: list):

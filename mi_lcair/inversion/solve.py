@@ -6,7 +6,7 @@ keeps what they do not determine near the first guess.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
@@ -68,6 +68,7 @@ class Prior:
 def solve(
     unknowns: list[Unknown],
     render: Callable[[np.ndarray], list[Block]],
+    weigh: Callable[[np.ndarray], list[np.ndarray]],
     is_exact: bool,
     iterations: int,
     progress=None,
@@ -80,6 +81,8 @@ def solve(
     render : callable
         Gives the blocks of all data at values x, (N,). Raises InputError for values that no surface
         can have.
+    weigh : callable
+        Gives the weights of all data at values x, (N,), see `Datum.weight`.
     is_exact : bool
         Whether the blocks of one render hold for all values.
     iterations : int
@@ -104,34 +107,46 @@ def solve(
             progress(done, 1 if is_exact else iterations)
         return blocks
 
+    start = x
     blocks = rendered(x)
-    damping, converged = 0.0 if is_exact else FIRST_DAMPING, False
     while True:
-        new = near(blocks, x, prior, damping, is_sparse)
+        first = x
+        blocks = [replace(block, weight=weight) for block, weight in zip(blocks, weigh(x))]
         if is_exact:
-            x, converged = new, True
-            break
+            x, converged = near(blocks, x, prior, 0.0, is_sparse), True
+        else:
+            x, blocks, converged = descent(
+                blocks, x, prior, is_sparse, rendered, lambda: done >= iterations
+            )
+        # Weights at the first guess are not the best ones, so they are found once more
+        if first is not start or length(x - start, equations(blocks, x, is_sparse), prior) < 1:
+            return state(blocks, x, prior, is_sparse, done, converged)
+
+
+def descent(blocks, x, prior: Prior, is_sparse: bool, rendered, is_over) -> tuple:
+    """Levenberg-Marquardt steps, each with a render: values, blocks there, and convergence.
+
+    rendered: gives the blocks at values. is_over: whether no further render is allowed.
+    """
+    damping = FIRST_DAMPING
+    while damping <= MOST_DAMPING:
+        new = near(blocks, x, prior, damping, is_sparse)
         moved = length(new - x, equations(blocks, x, is_sparse), prior)
-        if moved < CONVERGED or done >= iterations:
-            converged = moved < CONVERGED
-            break
+        if moved < CONVERGED or is_over():
+            return x, blocks, moved < CONVERGED
         new, trial = feasible(rendered, x, new)
         if trial is None:
-            damping = max(10 * damping, FIRST_DAMPING)
-            converged = damping > MOST_DAMPING
-            if converged:
-                break
+            damping *= 10
             continue
+        trial = [replace(block, weight=old.weight) for block, old in zip(trial, blocks)]
         before = cost_of(blocks, x) + prior.cost(x)
         after = cost_of(trial, new) + prior.cost(new)
         # A worse step of less than a tenth of a standard error is rounding and noise of the render
         if after < before or moved < 0.1:
             x, blocks, damping = new, trial, max(damping / 10, LEAST_DAMPING)
-        elif damping > MOST_DAMPING:
-            break
         else:
             damping *= 10
-    return state(blocks, x, prior, is_sparse, done, converged)
+    return x, blocks, False
 
 
 def state(blocks, x, prior: Prior, is_sparse: bool, renders: int, converged: bool) -> State:
