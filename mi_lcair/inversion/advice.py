@@ -11,7 +11,7 @@ from mi_lcair.inversion.answers import Answer
 from mi_lcair.inversion.data import Datum, Loader
 from mi_lcair.inversion.prediction import Block, equations
 from mi_lcair.inversion.problem import Candidate, Sampling
-from mi_lcair.inversion.solve import State, positive
+from mi_lcair.inversion.solve import State
 from mi_lcair.inversion.unknowns import Unknown
 from mi_lcair.rendering.loading.files import survey
 from mi_lcair.sensitivity.parameters import changed
@@ -64,14 +64,14 @@ def advice(
 ) -> list[Advice]:
     """The advice that each proposal gives, the most useful first."""
     wanted = [k for k, one in enumerate(found) if one.is_sought and not one.is_determined]
-    now = positive(dense(state.equations.matrix)) + np.diag(state.prior)
+    now = dense(state.equations.information) + np.diag(state.prior)
     result = []
     for proposal in proposals:
         spans = [one.span**-2.0 for one in proposal.extra]
         count = len(unknowns)
         total = np.diag(np.append(np.zeros(count), spans))
         total[:count, :count] += now
-        inverse = np.linalg.inv(total + positive(proposal.information))
+        inverse = np.linalg.inv(total + proposal.information)
         errors = {
             found[k].label: float(min(np.sqrt(inverse[k, k]), found[k].standard_error))
             for k in wanted
@@ -263,9 +263,9 @@ def rendered(datum: Datum, unknowns: list[Unknown], x: np.ndarray, sampling: Sam
 
 
 def information(block: Block, x: np.ndarray) -> np.ndarray:
-    """J^T W J of a block, (N, N)."""
+    """Information (N, N) that a measurement with this prediction would give."""
     own = replace(block, measured=block.radiance.mean(axis=0))
-    return dense(equations([own], x).matrix)
+    return equations([own], x).information
 
 
 def listed(names: list[str]) -> str:

@@ -10,6 +10,7 @@ from mi_lcair.inversion.prediction import Block, product
 from mi_lcair.inversion.unknowns import Unknown
 
 NORMAL_95 = stats.norm.ppf(0.975)
+HIDDEN = "not determined: the noise of the render hides its effect; raise spp of [render]"
 ALIKE = 0.95  # correlation from which two unknowns are said to trade
 LONGEST_WORDS = 12  # largest number of directions that are put into words
 
@@ -59,10 +60,11 @@ class Direction:
         return asdict(self)
 
 
-def answers(unknowns: list[Unknown], x, covariance, at_bound) -> list[Answer]:
+def answers(unknowns: list[Unknown], x, covariance, at_bound, held) -> list[Answer]:
     """The answer for each unknown.
 
-    x: values (N,). covariance: (N, N). at_bound: -1, 0 or 1 for each.
+    x: values (N,). covariance: (N, N). at_bound: -1, 0 or 1 for each. held: whether the noise of
+    the render hides its derivative, (N,).
     """
     result = []
     for k, one in enumerate(unknowns):
@@ -79,7 +81,7 @@ def answers(unknowns: list[Unknown], x, covariance, at_bound) -> list[Answer]:
                 standard_error=error,
                 lower=low,
                 upper=high,
-                verdict=verdict(one, float(x[k]), error, at_bound[k]),
+                verdict=HIDDEN if held[k] else verdict(one, float(x[k]), error, at_bound[k]),
                 is_sought=one.is_sought,
                 facet=one.facet,
             )

@@ -3,6 +3,7 @@
 import time
 
 import numpy as np
+from scipy import sparse
 
 from mi_lcair.errors import InputError
 from mi_lcair.inversion.advice import (
@@ -19,7 +20,7 @@ from mi_lcair.inversion.data import Datum, Loader, check_units
 from mi_lcair.inversion.prediction import Block
 from mi_lcair.inversion.problem import Problem, parts
 from mi_lcair.inversion.solution import Fitted, Solution
-from mi_lcair.inversion.solve import State, measurement_variance, solve
+from mi_lcair.inversion.solve import State, is_informed, solve
 from mi_lcair.inversion.unknowns import FACETS, Unknown, instruments, unknowns
 
 NOISY = 0.75  # share of a variance from which the noise of the render is said to dominate
@@ -87,7 +88,7 @@ def _inverted(problem: Problem, advise: bool, progress, start: float) -> Solutio
 
     is_exact = all(datum.follows(everything[k]) for datum in data for k in datum.own(everything))
     state = solve(everything, render, weigh, is_exact, sampling.iterations, progress)
-    found = answers(everything, state.x, state.covariance, state.at_bound)
+    found = answers(everything, state.x, state.covariance, state.at_bound, state.held)
     advised = []
     if advise and not all(one.is_determined for one in found if one.is_sought):
         advised = advice_for(everything, state, found, data, proposed, expand, loader, sampling)
@@ -98,7 +99,7 @@ def _inverted(problem: Problem, advise: bool, progress, start: float) -> Solutio
         directions=directions(found, state.covariance, reasons(everything, data)),
         advice=advised,
         **(chi := chi_square(state.blocks, state.x, determined(state))),
-        render_share=render_share(state),
+        render_share=state.render_share,
         data=[
             fitted(datum, block, everything, state.x) for datum, block in zip(data, state.blocks)
         ],
@@ -143,19 +144,13 @@ def check_seen(everything: list[Unknown], blocks: list[Block]) -> None:
 
 def determined(state: State) -> float:
     """Number of combinations of unknowns that the data determine, rather than the priors."""
-    diagonal = np.maximum(state.equations.matrix.diagonal(), 0)
-    if hasattr(state.equations.matrix, "tocsr"):
-        return float(np.sum(diagonal > state.prior))
-    scale = np.sqrt(state.prior)
-    values = np.linalg.eigvalsh(state.equations.matrix / np.outer(scale, scale))
+    found, prior = state.equations, state.prior
+    if sparse.issparse(found.matrix):
+        return float(np.count_nonzero(is_informed(found, prior)))
+    scale = np.sqrt(prior)
+    values = np.linalg.eigvalsh(found.information / np.outer(scale, scale))
     values = np.maximum(values, 0)
     return float(np.sum(values / (1 + values)))
-
-
-def render_share(state: State) -> np.ndarray:
-    """Part of each variance (N,) that the noise of the render makes."""
-    total = np.diag(state.covariance)
-    return np.clip(1 - measurement_variance(state) / np.maximum(total, 1e-300), 0, 1)
 
 
 def reasons(everything: list[Unknown], data: list[Datum]):
@@ -180,8 +175,9 @@ def remarks(state: State, found: list[Answer], chi: dict) -> list[str]:
         lines.append(
             "the iteration has not converged; raise iterations of [render], or start closer"
         )
-    share = render_share(state)
-    noisy = [one.label for one, part in zip(found, share) if part > NOISY and one.is_sought]
+    noisy = [
+        one.label for one, part in zip(found, state.render_share) if part > NOISY and one.is_sought
+    ]
     if noisy:
         lines.append(
             f"the noise of the render dominates the error of {len(noisy)} unknowns, such as "

@@ -9,7 +9,8 @@ bias (instrumental variables). `product` sums over all pairs of different random
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy import sparse
@@ -17,6 +18,10 @@ from scipy import sparse
 from mi_lcair.inversion.images import slope
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import in_band_radiance
+
+# Smallest eigenvalue of the scaled covariance of the gradient, relative to the largest, that counts
+RANK = 1e-13
+SIGNIFICANT = 3  # standard errors by which the squared derivatives must exceed 0
 
 
 @dataclass(frozen=True)
@@ -125,37 +130,70 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Equations:
-    """Normal equations of all blocks at some values.
+    """Normal equations matrix (x_true - x) = gradient + noise of all blocks at some values x.
 
-    matrix: J^T W J, (N, N), from products of different randomisations. gradient: J^T W residual,
-    (N,). middle: covariance of the gradient, (N, N). measured_middle: the part of it that comes
-    from the noise of the measurement. cost: sum of the weighted squared residuals.
+    Attributes
+    ----------
+    matrix : array or sparse array, (N, N)
+        J^T W J from products of different randomisations.
+    gradient : ndarray, shape (N,)
+        J^T W residual, likewise.
+    noise : array or sparse array, (N, N)
+        Covariance of the gradient: noise of measurement and render. The noise of J is in it too,
+        because it comes from the product of the same randomisations.
+    measured_noise : array or sparse array, (N, N)
+        The part of `noise` that comes from the noise of the measurement.
     """
 
     matrix: np.ndarray
     gradient: np.ndarray
-    middle: np.ndarray
-    measured_middle: np.ndarray
-    cost: float
+    noise: np.ndarray
+    measured_noise: np.ndarray
+
+    @cached_property
+    def transfer(self) -> np.ndarray:
+        """matrix^T noise^-1, (N, N): least squares of the normal equations themselves.
+
+        Without noise of the render, `noise` is the matrix, and this is the unit matrix. Where the
+        noise of J hides J, it is small, so that nothing is concluded from it.
+        """
+        scale = np.sqrt(np.diag(self.noise))
+        scale[scale == 0] = 1
+        values, vectors = np.linalg.eigh(self.noise / np.outer(scale, scale))
+        kept = values > RANK * max(values[-1], 0)
+        inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
+        return self.matrix.T @ (inverse / np.outer(scale, scale))
+
+    @cached_property
+    def information(self) -> np.ndarray:
+        """Inverse covariance (N, N) that the data give the unknowns."""
+        if sparse.issparse(self.matrix):
+            return self.matrix
+        both = self.transfer @ self.matrix
+        return (both + both.T) / 2
+
+    @cached_property
+    def pull(self) -> np.ndarray:
+        """Right side (N,) that belongs to `information`."""
+        return self.gradient if sparse.issparse(self.matrix) else self.transfer @ self.gradient
 
 
 def equations(blocks: list[Block], x: np.ndarray, is_sparse: bool = False) -> Equations:
     """Normal equations at the values x, (N,)."""
     count = len(x)
-    gradient, cost = np.zeros(count), 0.0
+    gradient = np.zeros(count)
     empty = lambda: sparse.csr_array((count, count)) if is_sparse else np.zeros((count, count))
-    matrix, middle, measured = empty(), empty(), empty()
+    matrix, noise, measured = empty(), empty(), empty()
     for block in blocks:
         found = block.at(x)
         w, J, r = block.weight, found.columns, [row[:, None] for row in found.residuals]
         gradient[found.unknown] += np.ravel(product(J, w, r))
-        cost += float(np.ravel(product(r, w, r))[0])
-        mean, noise = sum(J[1:], J[0]) * (1 / len(J)), found.noise**2
+        mean, variance = sum(J[1:], J[0]) * (1 / len(J)), found.noise**2
         place = lambda total, part, unknown=found.unknown: placed(total, part, unknown, is_sparse)
         matrix = place(matrix, product(J, w, J))
-        middle = place(middle, mean.T @ weighted(mean, w**2 * (noise + found.variance)))
-        measured = place(measured, mean.T @ weighted(mean, w**2 * noise))
-    return Equations(matrix, gradient, middle, measured, cost)
+        noise = place(noise, mean.T @ weighted(mean, w**2 * (variance + found.variance)))
+        measured = place(measured, mean.T @ weighted(mean, w**2 * variance))
+    return Equations(matrix, gradient, noise, measured)
 
 
 def cost_of(blocks: list[Block], x: np.ndarray) -> float:
@@ -215,3 +253,33 @@ def placed(total, part, unknown: np.ndarray, is_sparse: bool):
         return total + sparse.csr_array((part.data, at), shape=total.shape)
     total[np.ix_(unknown, unknown)] += part.toarray() if sparse.issparse(part) else part
     return total
+
+
+def hidden(blocks: list[Block], count: int) -> np.ndarray:
+    """Unknowns (count,) whose derivatives the noise of the render hides.
+
+    The diagonal of J^T W J is found without one randomisation after the other. Its scatter gives
+    its standard error (jackknife). An estimate with such a derivative would be biased, and its
+    error understated. Sparse columns are not judged.
+    """
+    total, variance = np.zeros((2, count))
+    judged = np.zeros(count, dtype=bool)
+    for block in blocks:
+        R = len(block.columns)
+        if R < 3 or sparse.issparse(block.columns[0]):
+            continue
+        J = np.array(block.columns)
+        pairs = np.array([np.einsum("nk,n,rnk->rk", one, block.weight, J) for one in J])
+        own = pairs[range(R), range(R)]
+        both, rows = pairs.sum(axis=(0, 1)) - own.sum(axis=0), pairs.sum(axis=1) - own
+        without = (both - 2 * rows) / ((R - 1) * (R - 2))
+        total[block.unknown] += both / (R * (R - 1))
+        variance[block.unknown] += (R - 1) * without.var(axis=0)
+        judged[block.unknown] |= own.any(axis=0)
+    return judged & (total < SIGNIFICANT * np.sqrt(variance))
+
+
+def without(block: Block, unknowns: np.ndarray) -> Block:
+    """The block with derivatives of 0 for some unknowns, (N,) of bool."""
+    kept = np.where(unknowns[block.unknown], 0.0, 1.0)
+    return replace(block, columns=[scaled(J, kept) for J in block.columns])

@@ -13,7 +13,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from mi_lcair.errors import InputError
-from mi_lcair.inversion.prediction import Block, Equations, cost_of, equations
+from mi_lcair.inversion.prediction import Block, Equations, cost_of, equations, hidden, without
 from mi_lcair.inversion.unknowns import Unknown
 
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-12, 1e8
@@ -28,8 +28,10 @@ class State:
     """An estimate.
 
     x: values (N,). blocks: the data's predictions, rendered at or near x. equations: the normal
-    equations at x. prior: inverse variances (N,). covariance: (N, N). at_bound: -1 or 1 where a
-    value lies at its lower or upper bound, else 0. renders: number of renders of each datum.
+    equations at x. prior: inverse variances (N,). covariance: (N, N). render_share: part of each
+    variance that the noise of the render makes, (N,). at_bound: -1 or 1 where a value lies at its
+    lower or upper bound, else 0. held: unknowns whose derivatives the noise of the render hides, so
+    that they stay at the first guess, (N,). renders: number of renders of each datum.
     converged: whether the last step was small.
     """
 
@@ -38,7 +40,9 @@ class State:
     equations: Equations
     prior: np.ndarray
     covariance: np.ndarray
+    render_share: np.ndarray
     at_bound: np.ndarray
+    held: np.ndarray
     renders: int
     converged: bool
 
@@ -99,9 +103,11 @@ def solve(
     is_sparse = all(one.kind == "facet" for one in unknowns)
     done = 0
 
+    held = np.zeros(len(x), dtype=bool)
+
     def rendered(x):
         nonlocal done
-        blocks = render(x)
+        blocks = [without(block, held) for block in render(x)]
         done += 1
         if progress:
             progress(done, 1 if is_exact else iterations)
@@ -112,6 +118,9 @@ def solve(
     while True:
         first = x
         blocks = [replace(block, weight=weight) for block, weight in zip(blocks, weigh(x))]
+        if x is start:
+            held = hidden(blocks, len(x))
+        blocks = [without(block, held) for block in blocks]
         if is_exact:
             x, converged = near(blocks, x, prior, 0.0, is_sparse), True
         else:
@@ -120,7 +129,7 @@ def solve(
             )
         # Weights at the first guess are not the best ones, so they are found once more
         if first is not start or length(x - start, equations(blocks, x, is_sparse), prior) < 1:
-            return state(blocks, x, prior, is_sparse, done, converged)
+            return state(blocks, x, prior, is_sparse, held, done, converged)
 
 
 def descent(blocks, x, prior: Prior, is_sparse: bool, rendered, is_over) -> tuple:
@@ -141,31 +150,36 @@ def descent(blocks, x, prior: Prior, is_sparse: bool, rendered, is_over) -> tupl
         trial = [replace(block, weight=old.weight) for block, old in zip(trial, blocks)]
         before = cost_of(blocks, x) + prior.cost(x)
         after = cost_of(trial, new) + prior.cost(new)
-        # A worse step of less than a tenth of a standard error is rounding and noise of the render
-        if after < before or moved < 0.1:
-            x, blocks, damping = new, trial, max(damping / 10, LEAST_DAMPING)
-        else:
-            damping *= 10
+        # The derivatives and the change of cost are noisy. A step is refused only if the cost grows
+        # by more than it should have fallen. A step that makes it grow is followed by shorter ones.
+        if after - before < moved**2:
+            x, blocks = new, trial
+        damping = damping / 10 if after < before else max(10 * damping, FIRST_DAMPING)
+        damping = max(damping, LEAST_DAMPING)
     return x, blocks, False
 
 
-def state(blocks, x, prior: Prior, is_sparse: bool, renders: int, converged: bool) -> State:
+def state(blocks, x, prior: Prior, is_sparse: bool, held, renders, converged: bool) -> State:
     """The State at the values x."""
     found = equations(blocks, x, is_sparse)
-    outward = found.gradient + prior.information * (prior.mean - x)
+    outward = found.pull + prior.information * (prior.mean - x)
     margin = 1e-9 * np.maximum(np.abs(x), 1)
     at_bound = np.where(
         (x <= prior.lower + margin) & (outward < 0),
         -1,
         np.where((x >= prior.upper - margin) & (outward > 0), 1, 0),
     )
+    covariance, measured = covariances(found, prior.information)
+    variance = np.diag(covariance)
     return State(
         x=x,
         blocks=blocks,
         equations=found,
         prior=prior.information,
-        covariance=covariance(found, prior.information),
+        covariance=covariance,
+        render_share=np.clip(1 - measured / variance, 0, 1),
         at_bound=at_bound,
+        held=held,
         renders=renders,
         converged=converged,
     )
@@ -186,14 +200,15 @@ def feasible(rendered, x, new):
 
 def near(blocks: list[Block], start, prior: Prior, damping: float, is_sparse: bool) -> np.ndarray:
     """The values that minimise the cost of blocks rendered at `start`, with damping toward it."""
-    x = start
+    x, noise = start, equations(blocks, start, is_sparse).noise
     for _ in range(INNER):
-        found = equations(blocks, x, is_sparse)
-        D = damping * (np.maximum(found.matrix.diagonal(), 0) + prior.information)
-        g = found.gradient + prior.information * (prior.mean - x) + D * (start - x)
+        # The noise weighs the equations. It stays, so that they are the same in all steps
+        found = replace(equations(blocks, x, is_sparse), noise=noise)
+        D = damping * (np.maximum(found.information.diagonal(), 0) + prior.information)
+        g = found.pull + prior.information * (prior.mean - x) + D * (start - x)
         free = ~((x <= prior.lower) & (g < 0) | (x >= prior.upper) & (g > 0))
         step = np.zeros(len(x))
-        step[free] = solved(found.matrix, prior.information + D, g, free)
+        step[free] = solved(found, prior, D, g, free)[free]
         new = np.clip(x + step, prior.lower, prior.upper)
         moved, x = length(new - x, found, prior), new
         if moved < CONVERGED / 10:
@@ -206,62 +221,55 @@ def length(step: np.ndarray, found: Equations, prior: Prior) -> float:
 
     A step along a direction that the data do not determine is short.
     """
-    squared = step @ (found.matrix @ step) + np.sum(prior.information * step**2)
+    squared = step @ (found.information @ step) + np.sum(prior.information * step**2)
     return float(np.sqrt(max(squared, 0)))
 
 
-def solved(matrix, diagonal, right, free) -> np.ndarray:
-    """Solution of (matrix + diag(diagonal)) y = right for the free unknowns."""
-    if sparse.issparse(matrix):
-        both = (matrix + sparse.diags_array(diagonal))[free][:, free]
-        return splu(sparse.csc_array(both)).solve(right[free])
-    return np.linalg.solve(
-        positive(matrix[np.ix_(free, free)]) + np.diag(diagonal[free]), right[free]
+def solved(found: Equations, prior: Prior, damping, right, free) -> np.ndarray:
+    """Solution (N,) of the damped equations for the free unknowns."""
+    diagonal, result = prior.information + damping, np.zeros(len(right))
+    if not sparse.issparse(found.matrix):
+        both = found.information[np.ix_(free, free)] + np.diag(diagonal[free])
+        result[free] = np.linalg.solve(both, right[free])
+        return result
+    # Facets of which the data know less than the prior have but noise in the matrix
+    informed = free & is_informed(found, prior.information)
+    both = (found.matrix + sparse.diags_array(diagonal))[informed][:, informed]
+    result[informed] = splu(sparse.csc_array(both)).solve(right[informed])
+    return result
+
+
+def is_informed(found: Equations, information: np.ndarray) -> np.ndarray:
+    """Unknowns (N,) of a sparse problem of which the data know more than the prior."""
+    noise = found.noise.diagonal()
+    of_data = np.divide(
+        found.matrix.diagonal() ** 2, noise, out=np.zeros(len(noise)), where=noise > 0
     )
+    return (of_data > information) & (found.matrix.diagonal() > 0)
 
 
-def positive(matrix: np.ndarray) -> np.ndarray:
-    """The symmetric matrix without negative eigenvalues, which noise gives it."""
-    matrix = (matrix + matrix.T) / 2
-    scale = np.sqrt(np.maximum(np.diag(matrix), 0))
-    scale[scale == 0] = 1
-    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
-    if values[0] >= 0:
-        return matrix
-    return np.outer(scale, scale) * ((vectors * np.maximum(values, 0)) @ vectors.T)
+def covariances(found: Equations, information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Covariance (N, N) of the estimate, and its variances (N,) without the render's noise.
 
-
-def covariance(found: Equations, information: np.ndarray) -> np.ndarray:
-    """Covariance (N, N) of the estimate: noise of the measurement, of the render, and the prior.
-
-    It is M^-1 (middle + prior) M^-T with M = matrix + prior. `middle` has the noise of the
-    derivatives in it, so that it counts too.
+    information: inverse variances (N,) of the prior.
     """
     if not sparse.issparse(found.matrix):
-        inverse = np.linalg.inv(positive(found.matrix) + np.diag(information))
-        return inverse @ (found.middle + np.diag(information)) @ inverse.T
-    count = len(information)
-    factor = splu(sparse.csc_array(found.matrix + sparse.diags_array(information)))
-    inverse = np.empty((count, count))
-    for first in range(0, count, CHUNK):
-        some = np.arange(first, min(first + CHUNK, count))
-        right = np.zeros((count, len(some)))
-        right[some, np.arange(len(some))] = 1
-        inverse[:, some] = factor.solve(right)
-    middle = found.middle + sparse.diags_array(information)
-    return inverse @ (middle @ inverse.T)
-
-
-def measurement_variance(state: State) -> np.ndarray:
-    """Variances (N,) without the noise of the render's radiance."""
-    found = state.equations
-    if sparse.issparse(found.matrix):
-        inverse = state.covariance  # the middle is nearly the matrix itself
-    else:
-        inverse = np.linalg.inv(positive(found.matrix) + np.diag(state.prior))
-    middle = found.measured_middle
-    if sparse.issparse(middle):
-        middle = middle + sparse.diags_array(state.prior)
-    else:
-        middle = middle + np.diag(state.prior)
-    return np.einsum("ij,ij->i", inverse, (middle @ inverse.T).T)
+        inverse = np.linalg.inv(found.information + np.diag(information))
+        spread = inverse @ found.transfer
+        measured = spread @ found.measured_noise @ spread.T
+        return inverse, np.diag(measured) + inverse**2 @ information
+    covariance, variance = np.diag(1 / information), 1 / information
+    some = np.flatnonzero(is_informed(found, information))
+    if not len(some):
+        return covariance, variance
+    part = lambda matrix: sparse.csr_array(matrix)[some][:, some]
+    prior = sparse.diags_array(information[some])
+    factor = splu(sparse.csc_array(part(found.matrix) + prior))
+    inverse = np.empty((len(some), len(some)))
+    for first in range(0, len(some), CHUNK):
+        unit = np.eye(len(some), min(CHUNK, len(some) - first), -first)
+        inverse[:, first : first + CHUNK] = factor.solve(unit)
+    covariance[np.ix_(some, some)] = inverse @ ((part(found.noise) + prior) @ inverse.T)
+    measured = (part(found.measured_noise) + prior) @ inverse.T
+    variance[some] = np.einsum("ij,ji->i", inverse, measured)
+    return covariance, variance
