@@ -29,6 +29,7 @@ COMMANDS = {
         "chart",
         "plan",
         "audit",
+        "invert",
     )
 }
 COMMANDS["import"] = "import_model"  # a module cannot be named `import`

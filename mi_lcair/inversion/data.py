@@ -76,6 +76,11 @@ class Datum:
     def is_image(self) -> bool:
         return self.counts is not None
 
+    @property
+    def quantity(self) -> str:
+        """What was measured, with its unit."""
+        return "radiance (W m^-2 sr^-1)" if self.is_image else "intensity (W/sr)"
+
     def image(self, values: np.ndarray) -> np.ndarray:
         """Values (n,) of the pixels that count as an image (H, W), NaN elsewhere."""
         result = np.full(self.counts.shape, np.nan)

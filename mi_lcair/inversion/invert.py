@@ -234,6 +234,7 @@ def fitted(datum: Datum, block: Block, everything: list[Unknown], x: np.ndarray)
         predicted=image(predicted),
         residual=image(residual),
         aspects=list(datum.aspects),
+        quantity=datum.quantity,
     )
 
 

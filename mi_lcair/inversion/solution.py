@@ -40,6 +40,8 @@ class Fitted:
         deviations of measurement and render: (H, W) with NaN for pixels that do not count, or (n,).
     aspects : list of tuple of float
         Azimuth and elevation of each value of a trend; empty for others.
+    quantity : str
+        What was measured, with its unit.
     """
 
     name: str
@@ -54,10 +56,16 @@ class Fitted:
     predicted: np.ndarray
     residual: np.ndarray
     aspects: list
+    quantity: str = "radiance (W m^-2 sr^-1)"
 
     @property
     def is_image(self) -> bool:
         return self.measured.ndim == 2
+
+    @property
+    def points(self) -> int:
+        """Number of values that count."""
+        return int(np.isfinite(self.residual).sum())
 
     def as_dict(self) -> dict:
         """Entries of the solution's file."""
