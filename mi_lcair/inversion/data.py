@@ -12,8 +12,9 @@ from mi_lcair.errors import InputError
 from mi_lcair.inversion.facet_temperatures import facet_temperatures, with_facets
 from mi_lcair.inversion.images import check_radiance, measured_radiance, noise_of_netd, slope
 from mi_lcair.inversion.prediction import Block, variance_of_mean
-from mi_lcair.inversion.problem import Candidate, Place, Sampling
+from mi_lcair.inversion.problem import Candidate, Goal, Place, Sampling
 from mi_lcair.inversion.unknowns import Unknown, Where
+from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.rendering.scene import Scene, load
 from mi_lcair.rendering.views import View, seen_from
 from mi_lcair.sensitivity.differences import randomised_images
@@ -21,9 +22,13 @@ from mi_lcair.sensitivity.facets import facet_matrix
 from mi_lcair.sensitivity.images import derivative_images
 from mi_lcair.sensitivity.parameters import changed, parameters
 from mi_lcair.sensitivity.window import sensitivities
+from mi_lcair.signatures.signature import signature
 from mi_lcair.table import read_table
 
 SEEDS = 104_729  # distance between the seeds of two renders, whose noise must be independent
+DETAIL = 1e-3  # deviation from a goal that counts as one standard deviation, relative
+# Pixels along each side of an aspect's view, which `spp` counts by, and its default
+RESOLUTION, SPP_OF_VIEWS = 64, 16
 MAIN, PILOT = 0, 1  # kinds of renders, with seeds of their own
 NEIGHBOURS = 5  # side of the square of pixels of which the largest variance of the render counts
 ASPECT, INTENSITY, ERROR = (
@@ -56,6 +61,10 @@ class Datum:
         For numbers: the scene as seen from each aspect.
     aspects : tuple
         Azimuth and elevation of the views of a trend, degrees.
+    goal : Goal, optional
+        What is wanted in place of a measurement.
+    background : ndarray, shape (n,), or 0
+        Intensity of the background that the target hides [W/sr], for a wanted contrast.
     """
 
     place: Place
@@ -67,6 +76,8 @@ class Datum:
     counts: np.ndarray | None
     views: tuple[Scene, ...] = ()
     aspects: tuple[tuple[float, float], ...] = ()
+    goal: Goal | None = None
+    background: np.ndarray | float = 0.0
 
     @property
     def label(self) -> str:
@@ -79,7 +90,9 @@ class Datum:
     @property
     def quantity(self) -> str:
         """What was measured, with its unit."""
-        return "radiance (W m^-2 sr^-1)" if self.is_image else "intensity (W/sr)"
+        if self.is_image:
+            return "radiance (W m^-2 sr^-1)"
+        return f"{self.goal.quantity if self.goal else 'intensity'} (W/sr)"
 
     def image(self, values: np.ndarray) -> np.ndarray:
         """Values (n,) of the pixels that count as an image (H, W), NaN elsewhere."""
@@ -132,6 +145,8 @@ class Datum:
         mean: a pixel whose samples all missed a bright edge is too dark and seems to have no noise.
         Weights from the same samples would bias the solution.
         """
+        if self.goal is not None:
+            return self.noise(self.measured) ** -2.0
         with self.at(unknowns, x):
             if not self.is_image:
                 radiance, _ = self._traced_numbers([], sampling, self._seed(sampling, PILOT))
@@ -190,6 +205,7 @@ class Datum:
             weight=np.ones(len(self.measured)),
             gain=kinds.get("gain"),
             offset=kinds.get("offset"),
+            half_width=self.goal.value if self.goal is not None and self.goal.at_most else 0.0,
         )
 
     def _traced_image(self, names, sampling: Sampling, seed: int):
@@ -231,11 +247,12 @@ class Datum:
         """Intensities (R, n) and columns [(n, K)], one row for each view."""
         radiance, columns = [], []
         for view in self.views:
+            is_own = view is self.scene
             found = sensitivities(
                 view,
                 names,
-                sensor=0 if view is not self.scene else self.place.sensor,
-                spp=sampling.spp,
+                sensor=self.place.sensor if is_own else 0,
+                spp=sampling.spp if is_own else sampling.spp or SPP_OF_VIEWS,
                 seed=seed,
             )
             R = found.deviations.shape[1]
@@ -294,6 +311,39 @@ class Loader:
         return Datum(place, number, scene, where, measured, noise, counts, views, aspects)
 
 
+def goal_datum(goal: Goal, sampling: Sampling) -> Datum:
+    """The datum of a goal: wanted intensities, all with the same small standard deviation."""
+    place = Place(goal.scene, "goal", dict(goal.parameters))
+    scene = load(place.scene, **place.scene_parameters())
+    check_closure(scene)
+    views = views_of(scene, goal.aspects)
+    is_contrast = goal.background_K is not None
+    found = [
+        signature(
+            view, spp=sampling.spp or SPP_OF_VIEWS, seed=sampling.seed, by_spectrum=is_contrast
+        )
+        for view in views
+    ]
+    background = np.zeros(len(views))
+    if is_contrast:
+        area = np.array([result.effective_areas.projected_area for result in found])
+        background = in_band_radiance(scene.band, goal.background_K) * area
+    sigma = DETAIL * np.sqrt(np.mean([result.target.intensity**2 for result in found]))
+    return Datum(
+        place=place,
+        number=0,
+        scene=scene,
+        where=Where(place.name, scene.band.name, "", parameters(scene), {}),
+        measured=(0.0 if goal.at_most else goal.value) + background,
+        noise=lambda predicted: np.full(len(predicted), sigma),
+        counts=None,
+        views=views,
+        aspects=goal.aspects,
+        goal=goal,
+        background=background,
+    )
+
+
 def noise_model(place: Place, band, sigma) -> Callable:
     """Function that gives the standard deviation of a measurement for predicted values."""
     if sigma is not None:
@@ -318,7 +368,7 @@ def from_trend(place, scene: Scene):
 
 def views_of(scene: Scene, aspects) -> tuple[Scene, ...]:
     """The scene as seen from each (azimuth, elevation), degrees."""
-    return tuple(seen_from(scene, View(*aspect), 1) for aspect in aspects)
+    return tuple(seen_from(scene, View(*aspect), RESOLUTION) for aspect in aspects)
 
 
 def check_closure(scene: Scene) -> None:

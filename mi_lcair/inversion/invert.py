@@ -1,6 +1,7 @@
 """Inversion: the unknowns of a scene from measurements, with errors, verdicts and advice."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 from scipy import sparse
@@ -16,14 +17,16 @@ from mi_lcair.inversion.advice import (
     priors,
 )
 from mi_lcair.inversion.answers import Answer, answers, chi_square, directions
-from mi_lcair.inversion.data import Datum, Loader, check_units
-from mi_lcair.inversion.prediction import Block
-from mi_lcair.inversion.problem import Problem, parts
+from mi_lcair.inversion.data import Datum, Loader, check_units, goal_datum
+from mi_lcair.inversion.prediction import Block, cost_of
+from mi_lcair.inversion.problem import Problem, Sampling, parts
 from mi_lcair.inversion.solution import Fitted, Solution
 from mi_lcair.inversion.solve import State, is_informed, solve
 from mi_lcair.inversion.unknowns import FACETS, Unknown, instruments, unknowns
 
 NOISY = 0.75  # share of a variance from which the noise of the render is said to dominate
+DRAWS = 100  # random values drawn for one first guess that a surface can have
+UNTESTED = {"chi_square": 0.0, "degrees_of_freedom": 0.0, "p_value": None}
 IMPROBABLE = 1e-3  # p-value below which the model is said to miss something
 
 
@@ -63,18 +66,62 @@ def invert(problem, advise: bool = True, progress=None) -> Solution:
 
 def _inverted(problem: Problem, advise: bool, progress, start: float) -> Solution:
     loader, groups = Loader(), facet_groups(problem)
-    data = [loader.datum(place, k, groups) for k, place in enumerate(problem.data)]
-    proposed = [
-        loader.datum(place, len(data) + k, groups) for k, place in enumerate(problem.candidates)
-    ]
+    if problem.goal is not None:
+        data, proposed = [goal_datum(problem.goal, problem.render)], []
+    else:
+        places = enumerate([*problem.data, *problem.candidates])
+        loaded = [loader.datum(place, number, groups) for number, place in places]
+        data, proposed = loaded[: len(problem.data)], loaded[len(problem.data) :]
     expand = lambda more: unknowns(
         problem.unknowns, problem.nuisance, [d.where for d in [*data, *more]], len(data)
     )
     everything = [*expand([]), *instruments(problem.data)]
     check_counts(everything, data)
+    if problem.goal is None:
+        state = estimate(everything, data, problem.render, progress)
+    else:
+        state = best_of_starts(everything, data, problem, progress)
 
-    sampling = problem.render
-    weigh = lambda x: [datum.weight(everything, x, sampling) for datum in data]
+    found = answers(everything, state.x, state.covariance, state.at_bound, state.held)
+    chi = UNTESTED
+    if problem.goal is None:
+        chi = chi_square(state.blocks, state.x, determined(state))
+    notes = remarks(state, found, chi)
+    if problem.goal is not None:
+        found = [replace(one, verdict=chosen(one.verdict)) for one in found]
+        notes = [achieved(data[0], state, everything, problem.render), *notes]
+    advised = []
+    if (
+        advise
+        and problem.goal is None
+        and not all(one.is_determined for one in found if one.is_sought)
+    ):
+        advised = advice_for(
+            everything, state, found, data, proposed, expand, loader, problem.render
+        )
+    return Solution(
+        problem=problem.name,
+        answers=found,
+        covariance=state.covariance,
+        directions=directions(found, state.covariance, reasons(everything, data))
+        if problem.goal is None
+        else [],
+        advice=advised,
+        **chi,
+        render_share=state.render_share,
+        data=[
+            fitted(datum, block, everything, state.x) for datum, block in zip(data, state.blocks)
+        ],
+        materials=materials(data, everything, state.x),
+        remarks=notes,
+        renders=state.renders,
+        converged=state.converged,
+        seconds=time.perf_counter() - start,
+    )
+
+
+def estimate(everything: list[Unknown], data: list[Datum], sampling: Sampling, progress) -> State:
+    """The estimate of the unknowns from the data."""
     is_checked = False
 
     def render(x) -> list[Block]:
@@ -86,28 +133,70 @@ def _inverted(problem: Problem, advise: bool, progress, start: float) -> Solutio
             is_checked = True
         return blocks
 
+    weigh = lambda x: [datum.weight(everything, x, sampling) for datum in data]
     is_exact = all(datum.follows(everything[k]) for datum in data for k in datum.own(everything))
-    state = solve(everything, render, weigh, is_exact, sampling.iterations, progress)
-    found = answers(everything, state.x, state.covariance, state.at_bound, state.held)
-    advised = []
-    if advise and not all(one.is_determined for one in found if one.is_sought):
-        advised = advice_for(everything, state, found, data, proposed, expand, loader, sampling)
-    return Solution(
-        problem=problem.name,
-        answers=found,
-        covariance=state.covariance,
-        directions=directions(found, state.covariance, reasons(everything, data)),
-        advice=advised,
-        **(chi := chi_square(state.blocks, state.x, determined(state))),
-        render_share=state.render_share,
-        data=[
-            fitted(datum, block, everything, state.x) for datum, block in zip(data, state.blocks)
-        ],
-        materials=materials(data, everything, state.x),
-        remarks=remarks(state, found, chi),
-        renders=state.renders,
-        converged=state.converged,
-        seconds=time.perf_counter() - start,
+    return solve(everything, render, weigh, is_exact, sampling.iterations, progress)
+
+
+def best_of_starts(everything, data, problem: Problem, progress) -> State:
+    """The best estimate for a goal from several first guesses.
+
+    The first guess is that of the unknowns, the others are random within the bounds. Guesses that
+    no surface can have are drawn again.
+    """
+    best = None
+    for start in first_guesses(everything, data[0], problem):
+        tried = [replace(one, start=float(value)) for one, value in zip(everything, start)]
+        found = estimate(tried, data, problem.render, progress)
+        if best is None or cost_of(found.blocks, found.x) < cost_of(best.blocks, best.x):
+            best = found
+    return best
+
+
+def first_guesses(everything: list[Unknown], datum: Datum, problem: Problem):
+    """Yield the first guesses (N,) for a goal."""
+    random, first = np.random.default_rng(problem.render.seed), [one.start for one in everything]
+    yield np.array(first)
+    middle = [
+        (one.lower + one.upper) / 2 if np.isfinite(one.upper - one.lower) else one.start
+        for one in everything
+    ]
+    spans = [one.span for one in everything]
+    guesses = 1
+    for _ in range(DRAWS * problem.goal.starts):
+        if guesses == problem.goal.starts:
+            return
+        guess = middle + (random.random(len(first)) - 0.5) * spans
+        try:
+            with datum.at(everything, guess):
+                pass
+        except InputError:
+            continue
+        guesses += 1
+        yield guess
+
+
+def chosen(verdict: str) -> str:
+    """The verdict on an unknown of a goal."""
+    what, _, span = verdict.partition(":")
+    if what.startswith("not determined by"):
+        return f"free: {span.strip().removesuffix(' fits')} does as well"
+    if what == "weakly determined":
+        return f"chosen, but {span.strip().removeprefix('interval ')} does nearly as well"
+    return "chosen" if verdict == "determined" else verdict
+
+
+def achieved(datum: Datum, state: State, everything, sampling: Sampling) -> str:
+    """How near the goal is, before and after."""
+    first = np.array([one.start for one in everything])
+    before = datum.block(everything, first, sampling).radiance.mean(axis=0)
+    after = state.blocks[0].at(state.x).mean
+    rms = [np.sqrt(np.mean((values - datum.background) ** 2)) for values in (before, after)]
+    goal = datum.goal
+    wanted = f"{'at most ' if goal.at_most else ''}{goal.value:g} W/sr"
+    return (
+        f"rms {goal.quantity} over {len(datum.views)} aspects: {rms[0]:.4g} W/sr before, "
+        f"{rms[1]:.4g} W/sr after; wanted {wanted}"
     )
 
 
@@ -214,7 +303,7 @@ def fitted(datum: Datum, block: Block, everything: list[Unknown], x: np.ndarray)
     """A datum after the solution."""
     found = block.at(x)
     predicted = found.mean
-    residual = (datum.measured - predicted) / np.sqrt(found.noise**2 + found.variance)
+    residual = found.residuals.mean(axis=0) * np.sqrt(block.weight)
     image = datum.image if datum.is_image else lambda values: values
     own = [everything[k] for k in datum.own(everything)]
     facets = {}
@@ -230,8 +319,8 @@ def fitted(datum: Datum, block: Block, everything: list[Unknown], x: np.ndarray)
         values=datum.settings(everything, x),
         kinds={one.name: one.kind for one in own if one.name in datum.where.parameters},
         facets=facets,
-        measured=image(datum.measured),
-        predicted=image(predicted),
+        measured=image(datum.measured - datum.background),
+        predicted=image(predicted - datum.background),
         residual=image(residual),
         aspects=list(datum.aspects),
         quantity=datum.quantity,

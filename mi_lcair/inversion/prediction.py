@@ -50,6 +50,8 @@ class Block:
         Weights, independent of the randomisations of `radiance` and `columns`.
     gain, offset : int or None
         Numbers of the unknown gain and offset.
+    half_width : float
+        Values that differ from the measured ones by less than this are as good as equal.
     """
 
     measured: np.ndarray
@@ -63,6 +65,7 @@ class Block:
     weight: np.ndarray
     gain: int | None = None
     offset: int | None = None
+    half_width: float = 0.0
 
     def at(self, x: np.ndarray) -> "Prediction":
         """The prediction for the values x of all unknowns, (N,)."""
@@ -125,7 +128,10 @@ class Prediction:
     @property
     def residuals(self) -> np.ndarray:
         """Measured less predicted value of each randomisation, (R, n)."""
-        return self.block.measured - self.radiance
+        measured, half = self.block.measured, self.block.half_width
+        if half:
+            measured = np.clip(self.mean, measured - half, measured + half)
+        return measured - self.radiance
 
 
 @dataclass(frozen=True)

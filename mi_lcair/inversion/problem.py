@@ -237,6 +237,8 @@ class Goal:
         Apparent temperature of the background, for a contrast.
     azimuth_deg, elevation_deg : tuple of float
         Aspects over which the rms deviation from the value is made small: all pairs.
+    starts : int
+        Number of first guesses: the scene's values, and random ones within the bounds.
     """
 
     quantity: str
@@ -247,8 +249,11 @@ class Goal:
     background_K: float | None = None
     azimuth_deg: tuple[float, ...] = (0.0,)
     elevation_deg: tuple[float, ...] = (0.0,)
+    starts: int = 1
 
     def __post_init__(self):
+        if not 1 <= self.starts <= 100:
+            raise InputError(f"starts = {self.starts}; must lie in 1..100")
         if self.quantity not in NUMBERS:
             raise unknown("quantity", self.quantity, NUMBERS)
         if (self.background_K is not None) != (self.quantity == "contrast"):
@@ -258,6 +263,11 @@ class Goal:
         if self.at_most and not self.value > 0:
             raise InputError(f"value = {self.value:g}; must be positive with at_most")
 
+    @property
+    def aspects(self) -> tuple[tuple[float, float], ...]:
+        """All pairs of azimuth and elevation, degrees."""
+        return tuple((a, e) for e in self.elevation_deg for a in self.azimuth_deg)
+
 
 @dataclass(frozen=True)
 class Sampling:
@@ -266,7 +276,8 @@ class Sampling:
     Attributes
     ----------
     spp : int, optional
-        Samples per pixel (those of the scene).
+        Samples per pixel (those of the scene). For the aspects of a trend or a goal, the number of
+        paths divided by 64 x 64 (16).
     seed : int
         Seed of the random numbers.
     randomisations : int

@@ -19,7 +19,7 @@ def save_picture(path, solution) -> None:
     """
     data = solution.data[:MOST_ROWS]
     heights = [_height(fitted) for fitted in data]
-    with drawing(path, (3 * SIDE + 1.6, sum(heights) + 0.5), layout="constrained") as figure:
+    with drawing(path, (3 * SIDE + 1.6, sum(heights)), layout="constrained") as figure:
         parts = np.atleast_1d(figure.subfigures(len(data), 1, height_ratios=heights))
         for part, fitted in zip(parts, data):
             part.suptitle(plain(_title(fitted)), fontsize=10)
@@ -30,7 +30,7 @@ def _height(fitted) -> float:
     if not fitted.is_image:
         return 2.8
     height, width = fitted.measured.shape
-    return SIDE * min(height / width, TALLEST) + 0.7
+    return SIDE * min(height / width, TALLEST) + 0.4
 
 
 def _title(fitted) -> str:
