@@ -22,6 +22,10 @@ _HOME = {
     "plan": "planning.plan",
     "audit": "planning.audit",
     "contrast": "detection.contrast",
+    "parameters": "sensitivity.parameters",
+    "sensitivities": "sensitivity.window",
+    "derivative_images": "sensitivity.images",
+    "budget": "uncertainty.budget",
     "invert": "inversion.invert",
 }
 __all__ = ["__version__", *_HOME]

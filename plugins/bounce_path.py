@@ -597,6 +597,9 @@ class PathTracer(RBIntegrator):
             if dr.hint(not emitters.draws, mode="scalar"):
                 bs, weight = bsdf.sample(ctx, si, sample1, sample2, active_next)
             delta = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
+            if dr.hint(columns is not None, mode="scalar"):
+                # Also for directions of weight 0, for the mean of the control variate to be 0
+                columns.reflect(tables, vertices, bsdf, bounce, β[0], weight[0], bs.wo, active_next)
             # A path without throughput contributes nothing further
             active_next &= dr.max(weight) != 0
 
@@ -615,8 +618,6 @@ class PathTracer(RBIntegrator):
                         # Add this vertex's part of the radiance's derivative
                         δL += dr.forward_to(Lo)
 
-            if dr.hint(columns is not None, mode="scalar"):
-                columns.reflect(tables, vertices, bsdf, bounce, β[0], weight[0], bs.wo, active_next)
             # The weight is BSDF times cosine divided by the density of the direction
             β *= weight
             # The next vertex needs both for its multiple importance sampling weight

@@ -88,7 +88,7 @@ def check_attached(plugin) -> None:
 
 
 def flatten(tree) -> list:
-    """The Dr.Jit arrays of a PyTree of tuples, dictionaries, objects and arrays.
+    """The Dr.Jit arrays of a PyTree of tuples, lists, dictionaries, objects and arrays.
 
     Mitsuba's objects are left out.
     """
@@ -96,7 +96,7 @@ def flatten(tree) -> list:
         return [tree]
     if isinstance(tree, mi.Object):
         return []
-    branches = tree if isinstance(tree, (tuple, dict)) else getattr(tree, "__dict__", {})
+    branches = tree if isinstance(tree, (tuple, list, dict)) else getattr(tree, "__dict__", {})
     branches = branches.values() if isinstance(branches, dict) else branches
     return [array for branch in branches for array in flatten(branch)]
 
@@ -164,7 +164,8 @@ def nodes(scene) -> list:
     while waiting:
         node = waiting.pop()
         found.append(node)
-        new = [child for child in children(node) if child not in seen]
+        # A BSDF that is `twosided` may have the same child twice
+        new = [child for child in dict.fromkeys(children(node)) if child not in seen]
         seen.update(new)
         waiting += [child for child in new if not isinstance(child, (mi.Sensor, mi.Integrator))]
     return found

@@ -33,6 +33,7 @@ COMMANDS = {
     )
 }
 COMMANDS["import"] = "import_model"  # a module cannot be named `import`
+COMMANDS["budget"] = "estimates.budget"
 FAILED, UNUSABLE, INTERRUPTED = 1, 2, 130
 
 

@@ -222,22 +222,9 @@ def contrast(scenario, progress=None) -> Contrast:
 def measured(scenario: Scenario, progress) -> Contrast:
     """The contrast of a scenario; see `contrast`."""
     start = time.perf_counter()
-    observer, detector = scenario.observer, scenario.sensor.detector()
-    air = atmosphere(scenario.atmosphere.table, scenario.atmosphere.ranges_m)
-    air.check_covers(detector.band)
-    path = air.path(observer.range_m, scenario.atmosphere.extrapolate)
-    behind = backdrop(scenario, detector)
-
-    scene = target_scene(scenario, detector)
-    target = Target.of(scene)
-    if observer.range_m <= target.radius:
-        raise InputError(
-            f"the observer is inside the target: range {observer.range_m:g} m, but {scene.name} "
-            f"reaches {target.radius:.4g} m from its middle"
-        )
-    view = seen_from(
-        scene, View(observer.azimuth_deg, observer.elevation_deg), scenario.render.resolution
-    )
+    setting = setting_of(scenario)
+    detector, air, path, behind = setting.detector, setting.air, setting.path, setting.backdrop
+    view, target, observer = setting.view, setting.target, scenario.observer
     rows, invalid, paths = [], 0, 0
     for bounces, irradiance, result in rendered(
         view, target, scenario.render, detector, air, path, behind, progress
@@ -269,6 +256,52 @@ def measured(scenario: Scenario, progress) -> Contrast:
         ],
         seconds=time.perf_counter() - start,
     )
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What the contrast of a scenario is computed from, after all checks and before any render.
+
+    Attributes
+    ----------
+    detector : Detector
+    air : Atmosphere
+    path : LineOfSight
+        Path from the target to the sensor.
+    backdrop : Backdrop
+        Background of the target.
+    target : Target
+        Sphere that holds the target.
+    view : Scene
+        Scene with the sensor of the observer.
+    """
+
+    detector: Detector
+    air: Atmosphere
+    path: LineOfSight
+    backdrop: Backdrop
+    target: Target
+    view: Scene
+
+
+def setting_of(scenario: Scenario) -> Setting:
+    """The setting of a scenario; raises InputError if the scenario cannot be used."""
+    observer, detector = scenario.observer, scenario.sensor.detector()
+    air = atmosphere(scenario.atmosphere.table, scenario.atmosphere.ranges_m)
+    air.check_covers(detector.band)
+    path = air.path(observer.range_m, scenario.atmosphere.extrapolate)
+    behind = backdrop(scenario, detector)
+    scene = target_scene(scenario, detector)
+    target = Target.of(scene)
+    if observer.range_m <= target.radius:
+        raise InputError(
+            f"the observer is inside the target: range {observer.range_m:g} m, but {scene.name} "
+            f"reaches {target.radius:.4g} m from its middle"
+        )
+    view = seen_from(
+        scene, View(observer.azimuth_deg, observer.elevation_deg), scenario.render.resolution
+    )
+    return Setting(detector, air, path, behind, target, view)
 
 
 def rendered(

@@ -125,14 +125,7 @@ class Irradiance:
         the irradiances of the path and of the hidden background, W m^-2; and the contrast (3.19),
         W m^-2, which may be negative.
         """
-        transmittance, radiance = path.at(self.wavelengths_um)
-        # Derivative of each term with respect to each of the amounts.
-        per_amount = np.zeros((len(TERMS), len(self.amounts)))
-        per_amount[0, :-1] = self.spectra @ self.weights_um
-        per_amount[1, :-1] = self.spectra @ (transmittance * self.weights_um)
-        per_amount[2, -1], per_amount[3, -1] = self.in_band(radiance), self.in_band(self.backdrop)
-        per_amount[4] = per_amount[1] + per_amount[2] - per_amount[3]
-        per_amount[1:] /= path.range_m**2
+        per_amount = self.per_amount(path)
         if self.covariance is None:
             errors = np.abs(per_amount) @ self.errors
         else:
@@ -143,6 +136,20 @@ class Irradiance:
             name: Estimate(float(value), float(error))
             for name, value, error in zip(TERMS, per_amount @ self.amounts, errors)
         }
+
+    def per_amount(self, path: LineOfSight) -> np.ndarray:
+        """Derivative of each of the TERMS with respect to each of the amounts, (TERMS, amounts).
+
+        The amounts are the effective areas and, last, the projected area of the target.
+        """
+        transmittance, radiance = path.at(self.wavelengths_um)
+        per_amount = np.zeros((len(TERMS), len(self.amounts)))
+        per_amount[0, :-1] = self.spectra @ self.weights_um
+        per_amount[1, :-1] = self.spectra @ (transmittance * self.weights_um)
+        per_amount[2, -1], per_amount[3, -1] = self.in_band(radiance), self.in_band(self.backdrop)
+        per_amount[4] = per_amount[1] + per_amount[2] - per_amount[3]
+        per_amount[1:] /= path.range_m**2
+        return per_amount
 
     def half_width(self, path: LineOfSight) -> float:
         """Half of the 95 % interval of the contrast at the end of a path, W m^-2.

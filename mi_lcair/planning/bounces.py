@@ -46,13 +46,7 @@ def fewest_bounces(
     means = by_pixel.mean(axis=1)  # (n,)
     last = len(means) - 1
     summed = 0 if reflections is None else reflections - last  # entries added to the last one
-    # Sum of the series beyond the probed numbers, relative to the last entry
-    if summed:
-        whole = means[last] + means[last - 1]
-        beyond = min(means[last] / whole, LARGEST_RATIO) ** (summed + 1) if whole > 0 else 0.0
-    else:
-        ratio = min(means[last] / means[last - 1], LARGEST_RATIO) if means[last - 1] > 0 else 0.0
-        beyond = ratio / (1 - ratio)
+    beyond = beyond_last(means, summed)
     total = means.sum() + beyond * means[last]
     total_by_batch = by_batch.sum(axis=1) + beyond * by_batch[:, last]
 
@@ -91,6 +85,28 @@ def fewest_bounces(
         if error <= budget:
             return n, "tail", error
     return best
+
+
+def beyond_last(means: np.ndarray, summed: int = 0) -> float:
+    """Estimate of all reflections beyond the last recorded number, relative to the last entry.
+
+    The reflections are continued by a geometric series.
+
+    Parameters
+    ----------
+    means : ndarray, shape (n,)
+        Mean radiance of paths with 0, 1, ... n - 1 reflections.
+    summed : int
+        Larger numbers of reflections that the last entry holds too.
+    """
+    if len(means) < 2:
+        return 0.0
+    last, before = means[-1], means[-2]
+    if summed:
+        whole = last + before
+        return min(last / whole, LARGEST_RATIO) ** (summed + 1) if whole > 0 else 0.0
+    ratio = min(last / before, LARGEST_RATIO) if before > 0 else 0.0
+    return ratio / (1 - ratio)
 
 
 def reflections_needed(probes: ProbeSeries, probe: Probe, budget: float) -> tuple[int, str, float]:

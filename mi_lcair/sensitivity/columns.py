@@ -1,6 +1,6 @@
 """Columns of named parameters: derivatives of the radiance that a render records beside it."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
@@ -19,7 +19,8 @@ from mi_lcair.plugins.paths.columns import (
     column_tables,
 )
 from mi_lcair.plugins.paths.launch import Launch
-from mi_lcair.sensitivity.parameters import Entry, chosen
+from mi_lcair.sensitivity.entries import Entry
+from mi_lcair.sensitivity.parameters import chosen
 
 MOST_COLUMNS = SIZES[-1]  # columns of one render
 PILOT_POINTS = 16  # paths of each randomisation and cell that measure the incoming radiance
@@ -68,8 +69,24 @@ def relative_slope(band, temperatures: np.ndarray) -> np.ndarray:
     return np.divide(slope, L, out=np.zeros_like(L), where=L > 0)
 
 
-def tables_of(scene, tracer, sensor, columns: dict, weights=None, seed: int = 0) -> ColumnTables:
-    """The tables with which a render records columns, and the incoming radiance in them.
+@dataclass(frozen=True)
+class Recording:
+    """How a render records some columns.
+
+    tables: for `PathTracer.trace`. channels: for each parameter, the channels whose sum is its
+    column. method: how each column is found, see `Sensitivities`.
+    """
+
+    tables: ColumnTables
+    channels: dict[str, list[str]]
+    method: dict[str, str]
+
+
+def recordings(scene, tracer, sensor, names, split, weights=None, seed: int = 0) -> list[Recording]:
+    """How renders record the columns of parameters, at most MOST_COLUMNS in each render.
+
+    Two pilots go through the cells of the film. The first one measures the incoming radiance, and
+    the second one decides for each column whether the control variate reduces its noise.
 
     Parameters
     ----------
@@ -77,39 +94,73 @@ def tables_of(scene, tracer, sensor, columns: dict, weights=None, seed: int = 0)
     tracer : PathTracer
         Integrator of the scene, from `Scene.prepared`.
     sensor : mitsuba.Sensor
-    columns : dict
-        From `columns_of`.
+    names : sequence of str
+        Names of parameters.
+    split : str or None
+        What the render records beside the radiance, see `PathTracer.trace`.
     weights : mapping or None
         Factor of each source's radiance, by (group, name of its spectrum).
     seed : int
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, if a column would have no derivative, if a weight is missing, or for
+        closure = tail.
     """
+    scene.mi.integrator().check_differentiable()
     if weights is not None:
         if tracer.closure == "ambient":
             raise InputError(
                 f"{scene.name}: closure = ambient has no source that could be weighted"
             )
         weights = factors(scene, tracer.emitters.band, weights)
+    columns = list(columns_of(scene, names).items())
+    batches = [columns[k : k + MOST_COLUMNS] for k in range(0, max(len(columns), 1), MOST_COLUMNS)]
+    return [recording(scene, tracer, sensor, dict(b), split, weights, seed) for b in batches]
+
+
+def recording(scene, tracer, sensor, columns: dict, split, weights, seed: int) -> Recording:
     tables = column_tables(scene.mi, list(columns.values()), weights)
+    channels = {name: [f"column.{k}"] for k, name in enumerate(columns)}
     if not tables.materials:
-        return with_incoming(tables, np.zeros(CELLS**2 + 1))
-    launch = Launch(
-        columns=CELLS,
-        rows=CELLS,
-        seed=seed,
-        randomisations=1,
-        points=PILOT_POINTS,
-        windows=CELLS**2,
-    )
-    found = tracer.trace(sensor, launch, None, tables=tables).channels
+        tables = with_incoming(tables, np.zeros(CELLS**2 + 1))
+        return Recording(tables, channels, dict.fromkeys(columns, "linear"))
+
+    def pilot(randomisations: int) -> dict:
+        """Channels of paths through the cells, (cells, randomisations)."""
+        launch = Launch(
+            columns=CELLS,
+            rows=CELLS,
+            seed=seed,
+            randomisations=randomisations,
+            points=PILOT_POINTS,
+            windows=CELLS**2,
+        )
+        return tracer.trace(sensor, launch, split, tables=tables).channels
+
+    tables = with_incoming(tables, incoming_radiance(pilot(1), tables.surfaces))
+    found, method = pilot(2), {}
+    noise = lambda names: np.var(sum(found[name] for name in names), axis=1).sum()
+    for k, name in enumerate(columns):
+        method[name] = "score" if k < tables.materials else "linear"
+        controlled = [f"column.{k}", f"control.{k}"]
+        if k < tables.materials and noise(controlled) < noise(channels[name]):
+            channels[name], method[name] = controlled, "control variate"
+    return Recording(tables, channels, method)
+
+
+def incoming_radiance(found: dict, surfaces: int) -> np.ndarray:
+    """The table `ColumnTables.incoming` from the channels of a pilot through the cells."""
     measured = lambda name: np.array(
-        [found[f"{name}.{k}"].sum(axis=1) for k in range(tables.surfaces + 1)]
+        [found[f"{name}.{k}"].sum(axis=1) for k in range(surfaces + 1)]
     )
     reflected, throughput = measured("reflected"), measured("throughput")
     ratio = lambda a, b, otherwise: np.where(b > 0, a / np.where(b > 0, b, 1), otherwise)
     means = ratio(reflected.sum(axis=1), throughput.sum(axis=1), 0.0)
     cells = ratio(reflected[0], throughput[0], means[0])
     # A surface without a column has the number 0 and no score
-    return with_incoming(tables, np.concatenate([cells, [0.0], means[1:]]))
+    return np.concatenate([cells, [0.0], means[1:]])
 
 
 def with_incoming(tables: ColumnTables, incoming: np.ndarray) -> ColumnTables:

@@ -1,13 +1,13 @@
 """Repeated renders of one scene with the same paths, to compare parameters without their noise."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.rendering.aiming import aim_at_model
 from mi_lcair.rendering.limits import check_paths
-from mi_lcair.rendering.render import DEFAULT_MAX_SPP, check_reachable
+from mi_lcair.rendering.render import DEFAULT_MAX_SPP, check_bounded, check_reachable
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import window_area
 from mi_lcair.rendering.window_means import window_means
@@ -30,21 +30,32 @@ class CommonNumbers:
         Scene with an orthographic sensor.
     sensor : int
         Number of the sensor.
-    spp, tolerance, seed
+    spp, seed
         As for `signature`.
     paths : int or None
         Number of paths in place of `spp`.
+    tolerance : float or None
+        Allowed half of the 95 % interval of the intensity of `part`, as a fraction of it. The first
+        render adds paths until it is reached.
     by_spectrum : bool
         Also record the emission of each source.
     progress : callable or None
         Called with (paths done, paths expected) in each render.
+    part : str
+        "target" or "scene".
+    excess : callable or None
+        In place of a tolerance: ratio of the error to the allowed error for the `Totals` so far.
 
     Attributes
     ----------
     area : float
         Area of the window, m^2.
+    sources : Sources
+        Sources of the last render.
     count : int
         Number of renders so far.
+    reached : bool or None
+        Whether the first render met the tolerance; None for a given number of paths.
     """
 
     def __init__(
@@ -57,44 +68,46 @@ class CommonNumbers:
         seed: int = 0,
         by_spectrum: bool = False,
         progress=None,
+        part: str = "target",
+        excess: Callable[[Totals], float] | None = None,
     ):
         for name, value in (("spp", spp), ("paths", paths), ("tolerance", tolerance)):
             if value is not None and not value > 0:
                 raise InputError(f"{name} = {value} must be positive")
         self.scene, self.camera = scene, scene.sensor(sensor)
         self.area = window_area(self.camera, scene.name)
-        self.tolerance, self.seed, self.by_spectrum = tolerance, seed, by_spectrum
+        self.excess = excess or (self.within_tolerance if tolerance else None)
+        self.tolerance, self.part, self.seed, self.by_spectrum = tolerance, part, seed, by_spectrum
         self.pixels = int(np.prod(self.camera.film().crop_size()))
-        if tolerance is None and paths is None:
+        if self.excess is None and paths is None:
             spp = spp or self.camera.sampler().sample_count()
             check_paths(self.pixels, spp=spp)
             paths = spp * self.pixels
         self.paths, self.aim, self.count, self.progress = paths, None, 0, progress
         self.reached = None
 
-    def render(self, values: Mapping[str, float] | None = None, part: str = "target") -> Totals:
-        """Sums over the paths, with these values of parameters in place of the scene's.
-
-        part: the part of the radiance that the tolerance refers to, "target" or "scene".
-        """
+    def render(self, values: Mapping[str, float] | None = None) -> Totals:
+        """Sums over the paths, with these values of parameters in place of the scene's."""
         with changed(self.scene, values or {}), self.scene.prepared(self.by_spectrum) as tracer:
             self.sources = tracer.emitters.sources
             if self.paths is None:
-                check_reachable(self.tolerance, tracer, self.scene.name)
+                check_bounded(tracer.emitters, self.scene.name)
+                if self.tolerance is not None:
+                    check_reachable(self.tolerance, tracer, self.scene.name)
             self.take_aim(tracer)
             total = window_means(
                 self.scene,
                 tracer,
                 self.camera,
                 paths=self.paths,
-                excess=lambda total: self.excess(total, part),
+                excess=self.excess,
                 most_paths=DEFAULT_MAX_SPP * self.pixels,
                 seed=self.seed,
                 aim=self.aim,
                 progress=self.progress,
             )
         if self.paths is None:
-            self.paths, self.reached = int(total.traced[0]), self.excess(total, part) <= 1
+            self.paths, self.reached = int(total.traced[0]), bool(self.excess(total) <= 1)
         self.aim = total.aim
         self.count += 1
         return total
@@ -104,7 +117,8 @@ class CommonNumbers:
         if self.aim is None and (self.paths or 0) >= WORTH_AIMING:
             self.aim = aim_at_model(self.scene, tracer, self.camera, self.seed, "target")
 
-    def excess(self, total: Totals, part: str) -> float:
-        """Ratio of the 95 % interval of a part's mean radiance to the tolerance."""
-        allowed = self.tolerance * total.mean(PARTS[part])[0]
-        return float(total.half_width(PARTS[part])[0] / allowed) if allowed > 0 else np.inf
+    def within_tolerance(self, total: Totals) -> float:
+        """Ratio of the 95 % interval of the part's mean radiance to the tolerance."""
+        name = PARTS[self.part]
+        allowed = self.tolerance * total.mean(name)[0]
+        return float(total.half_width(name)[0] / allowed) if allowed > 0 else np.inf

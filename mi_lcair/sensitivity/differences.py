@@ -69,12 +69,12 @@ def differences(
     """
     ends = [stepped(scene, name, step) for name, step in zip(names, spread(names, steps))]
     numbers = CommonNumbers(
-        scene, sensor, spp, paths, tolerance, seed, weights is not None, progress
+        scene, sensor, spp, paths, tolerance, seed, weights is not None, progress, part
     )
 
     def intensity(values=None) -> tuple[Totals, np.ndarray]:
         """The sums, and the mean and the deviations of the intensity, (1 + R,)."""
-        total = numbers.render(values, part)
+        total = numbers.render(values)
         if weights is None:
             rows = [(PARTS[part], 1.0)]
         else:

@@ -22,10 +22,12 @@ from mi_lcair.plugins.paths.facet_columns import (
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.limits import check_paths
-from mi_lcair.rendering.render import RANDOMISATIONS
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import check_valid
 
+# Independent randomisations of a pixel's points. An estimate from the matrices weights one half of
+# them by the variance in the other half, which needs at least four in each.
+RANDOMISATIONS = 8
 # Entries for contributions in one pass. They need 16 bytes each while they are sorted.
 PASS_SLOTS = 2**23
 
@@ -60,6 +62,11 @@ class FacetMatrix:
     band: Band
     size: tuple[int, int]
 
+    @property
+    def mean(self) -> sparse.csr_array:
+        """Mean of the matrices, (pixels, facets)."""
+        return sparse.csr_array(sum(self.matrices) / len(self.matrices))
+
     def radiance(self, temperature=None) -> np.ndarray:
         """Radiance of each randomisation, (R, height, width) [W m^-2 sr^-1].
 
@@ -83,7 +90,8 @@ def facet_matrix(
 ) -> FacetMatrix:
     """Trace a scene once, for the images of all temperatures of its facets.
 
-    The paths are those of `mi_lcair.render` with the same seed and number of samples. With
+    The paths are those of `mi_lcair.render` if the seed and the numbers of samples and of
+    randomisations are the same. With
     `emitter_sampling`, the emitters are drawn by their radiances at the scene's own temperatures:
     the matrix is right for other temperatures, but its paths differ from those of their render.
 

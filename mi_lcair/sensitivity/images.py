@@ -8,7 +8,7 @@ from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.rendering.limits import check_memory, check_paths
 from mi_lcair.rendering.render import PASS_SAMPLES
 from mi_lcair.rendering.statistics import Totals, check_valid
-from mi_lcair.sensitivity.columns import MOST_COLUMNS, columns_of, tables_of
+from mi_lcair.sensitivity.columns import recordings
 from mi_lcair.sensitivity.derivative_images import DerivativeImages
 
 
@@ -51,18 +51,11 @@ def derivative_images(
     spp = spp or camera.sampler().sample_count()
     check_paths(pixels, spp=spp)
     points, run = -(-spp // randomisations), max(1, PASS_SAMPLES // spp)
-    columns, radiance, images, method = columns_of(scene, names), None, {}, {}
-    ordered = list(columns)
-    batches = [
-        ordered[start : start + MOST_COLUMNS]
-        for start in range(0, max(len(ordered), 1), MOST_COLUMNS)
-    ]
+    radiance, images, method = None, {}, {}
     with scene.prepared() as tracer:
-        check_memory(pixels * randomisations * (1 + len(ordered)), tracer, None)
+        check_memory(pixels * randomisations * (1 + len(names)), tracer, None)
+        batches = recordings(scene, tracer, camera, names, None, seed=seed)
         for number, some in enumerate(batches):
-            tables = tables_of(
-                scene, tracer, camera, {name: columns[name] for name in some}, seed=seed
-            )
             total = Totals(pixels, randomisations, by_randomisation=True)
             for first, end in pairwise([*range(0, pixels, run), pixels]):
                 launch = Launch(
@@ -74,20 +67,15 @@ def derivative_images(
                     first=first,
                     windows=end - first,
                 )
-                total.add(launch, tracer.trace(camera, launch, None, tables=tables))
+                total.add(launch, tracer.trace(camera, launch, None, tables=some.tables))
                 if progress:
                     progress(number * pixels + end, len(batches) * pixels)
             check_valid(total.invalid, pixels * points * randomisations, scene.name)
-            image = lambda name, total=total: mean_images(total, total.sums[name], height, width)
             if radiance is None:
-                radiance = image("weighted")
-            for k, name in enumerate(some):
-                images[name], method[name] = image(f"column.{k}"), "linear"
-                if k < tables.materials:
-                    method[name] = "score"
-                    controlled = images[name] + image(f"control.{k}")
-                    if noise(controlled) < noise(images[name]):
-                        images[name], method[name] = controlled, "control variate"
+                radiance = mean_images(total, ["weighted"], height, width)
+            method |= some.method
+            for name, channels in some.channels.items():
+                images[name] = mean_images(total, channels, height, width)
     found = np.array([images[name] for name in names]).reshape(-1, *radiance.shape)
     return DerivativeImages(
         names=tuple(names),
@@ -97,12 +85,7 @@ def derivative_images(
     )
 
 
-def mean_images(total: Totals, sums: np.ndarray, height: int, width: int) -> np.ndarray:
-    """Means over the paths of each pixel, one image for each randomisation, Float32."""
-    means = sums / np.maximum(total.valid, 1)
+def mean_images(total: Totals, channels, height: int, width: int) -> np.ndarray:
+    """Means of the sum of some channels over the paths of each pixel, for each randomisation."""
+    means = sum(total.sums[name] for name in channels) / np.maximum(total.valid, 1)
     return means.T.reshape(-1, height, width).astype(np.float32)
-
-
-def noise(images: np.ndarray) -> float:
-    """Mean variance of a pixel between independent images; 0 for a single image."""
-    return float(images.var(axis=0, dtype=float).mean())

@@ -19,147 +19,19 @@ multiplies all radiances and emissivities by the same factor.
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 
-import drjit as dr
 import mitsuba as mi
-import numpy as np
 
-from mi_lcair.errors import InputError, unknown
-from mi_lcair.plugins.derivatives import nodes, own_memory
-from mi_lcair.plugins.emission.sources import kelvin, rounded
-from mi_lcair.plugins.emission.triangles import is_faceted, triangle_corners
-from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST
-from mi_lcair.plugins.reflection_bsdf import is_reflection_bsdf
-
-RADIANCE_UNIT = "W m^-2 sr^-1"
-SCALED = ("radiance", "emissivity")  # kinds whose several numbers change by a common factor
-BISECTIONS = 50  # steps in the search for the bound of a feasible material parameter
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """A parameter of a scene.
-
-    Attributes
-    ----------
-    name : str
-        Its name, such as `self.temperature` or `gloss_black.e`.
-    kind : str
-        "temperature", "radiance", "emissivity" or "material".
-    value : float
-        Present value; the mean if several numbers belong to the name.
-    unit : str
-        Unit of the value; "1" for a dimensionless parameter.
-    lower, upper : float
-        Smallest and largest value that `set_values` takes while the other parameters stay.
-        A temperature must be above `lower`.
-    """
-
-    name: str
-    kind: str
-    value: float
-    unit: str
-    lower: float
-    upper: float
-
-
-@dataclass(frozen=True)
-class Place:
-    """Numbers of a Mitsuba object that belong to a parameter.
-
-    node, key: the object, and the name of its array. number: index in the array of each number;
-    None for the whole array. weight: weight of each number in the mean.
-    """
-
-    node: mi.Object
-    key: str
-    number: np.ndarray | None
-    weight: np.ndarray
-
-    @property
-    def owner(self) -> tuple[mi.Object, str]:
-        """The object and the array's name, which places of several parameters may share."""
-        return self.node, self.key
-
-    def array(self) -> np.ndarray:
-        """The whole array, Float32."""
-        return dr.detach(mi.traverse(self.node)[self.key]).numpy()
-
-    def read(self) -> np.ndarray:
-        array = self.array()
-        return (array if self.number is None else array[self.number]).astype(float)
-
-
-@dataclass(frozen=True)
-class Entry:
-    """A parameter's name, kind and places."""
-
-    name: str
-    kind: str
-    places: list[Place]
-
-    def numbers(self) -> list[np.ndarray]:
-        return [place.read() for place in self.places]
-
-    def mean(self, numbers: list[np.ndarray]) -> float:
-        values, weights = np.concatenate(numbers), np.concatenate([p.weight for p in self.places])
-        if np.ptp(values) == 0:
-            return float(values[0])
-        return float(np.average(values, weights=weights if weights.sum() > 0 else None))
-
-    def moved(self, value: float) -> list[np.ndarray]:
-        """The numbers of each place for a new value of the parameter."""
-        numbers = self.numbers()
-        mean = self.mean(numbers)
-        if np.ptp(np.concatenate(numbers)) == 0:
-            return [np.full_like(array, value) for array in numbers]
-        if self.kind in SCALED:
-            return [array * (value / mean) for array in numbers]
-        return [array + (value - mean) for array in numbers]
-
-    def described(self) -> Parameter:
-        numbers = self.numbers()
-        value, values = self.mean(numbers), np.concatenate(numbers)
-        scale = value / values.max() if values.max() > 0 else 1.0
-        unit = "1"
-        if self.kind == "temperature":
-            unit = "K"
-            lower, upper = value - values.min(), HOTTEST - (values.max() - value)
-        elif self.kind == "radiance":
-            unit, lower, upper = RADIANCE_UNIT, 0.0, BRIGHTEST * scale
-        elif self.kind == "emissivity" or self.model is None:
-            lower, upper = 0.0, scale if self.kind == "emissivity" else 1 - (values.max() - value)
-        else:
-            unit = next(p.unit for p in self.model.parameters if p.name == self.places[0].key)
-            lower, upper = self.feasible_range(value)
-        return Parameter(self.name, self.kind, value, unit, float(lower), float(upper))
-
-    @property
-    def model(self):
-        """The reflection model of a material's surfaces; None for other parameters."""
-        return getattr(self.places[0].node, "model", None)
-
-    def feasible_range(self, value: float) -> tuple[float, float]:
-        """Lowest and highest feasible value of a material's parameter, the others held."""
-        declared = next(p for p in self.model.parameters if p.name == self.places[0].key)
-        return self.last_feasible(value, declared.lower), self.last_feasible(value, declared.upper)
-
-    def last_feasible(self, inside: float, end: float) -> float:
-        """The value nearest to `end` that is feasible, where `inside` is."""
-        if self.is_feasible(end):
-            return end
-        for _ in range(BISECTIONS):
-            middle = (inside + end) / 2
-            inside, end = (middle, end) if self.is_feasible(middle) else (inside, middle)
-        return inside
-
-    def is_feasible(self, value: float) -> bool:
-        try:
-            check_materials([(self, value)])
-        except InputError:
-            return False
-        return True
+from mi_lcair.errors import unknown
+from mi_lcair.plugins.derivatives import own_memory
+from mi_lcair.sensitivity.entries import (
+    Entry,
+    Parameter,
+    check_apart,
+    check_emission,
+    check_materials,
+    entries,
+)
 
 
 def parameters(scene) -> dict[str, Parameter]:
@@ -187,10 +59,7 @@ def set_values(scene, values: Mapping[str, float]) -> None:
         If a name is unknown, if a value is outside its bounds, or if two names change the same
         number. The scene is then as before.
     """
-    wanted = list(zip(chosen(scene, values), map(float, values.values())))
-    check_apart([entry for entry, _ in wanted])
-    check_emission(wanted)
-    check_materials(wanted)
+    wanted = checked(scene, values)
     arrays = {}
     for entry, value in wanted:
         for place, numbers in zip(entry.places, entry.moved(value)):
@@ -199,6 +68,15 @@ def set_values(scene, values: Mapping[str, float]) -> None:
     own = {owner: mi.Float(array) for owner, array in arrays.items()}
     own_memory(own.values())
     replace(own)
+
+
+def checked(scene, values: Mapping[str, float]) -> list[tuple[Entry, float]]:
+    """The parameters that `set_values` would change; raises InputError as `set_values`."""
+    wanted = list(zip(chosen(scene, values), map(float, values.values())))
+    check_apart([entry for entry, _ in wanted])
+    check_emission(wanted)
+    check_materials(wanted)
+    return wanted
 
 
 @contextmanager
@@ -228,139 +106,9 @@ def replace(arrays: Mapping[tuple[mi.Object, str], mi.Float]) -> None:
         parameters.update()
 
 
-# ---------------------------------------------------------------- Where the numbers are
-
-
 def chosen(scene, names) -> list[Entry]:
     known = entries(scene)
     for name in names:
         if name not in known:
             raise unknown(f"parameter of {scene.name}", name, known)
     return [known[name] for name in names]
-
-
-def entries(scene) -> dict[str, Entry]:
-    """All parameters of a scene with their places."""
-    found = {}
-
-    def add(name, kind, place):
-        found.setdefault(name, Entry(name, kind, [])).places.append(place)
-
-    emitting = [shape for shape in scene.mi.shapes() if hasattr(shape.emitter(), "group")]
-    for shape in sorted(emitting, key=lambda shape: shape.emitter().group):
-        emitter, area = shape.emitter(), primitive_areas(shape)
-        whole = area.sum(keepdims=True)
-        if emitter.radiance is not None:
-            add(f"{emitter.group}.radiance", "radiance", Place(emitter, "radiance", None, whole))
-        elif emitter.sources():
-            place = Place(emitter, "temperature", None, whole)
-            if emitter.attribute:
-                place = Place(shape, emitter.attribute, None, area)
-            add(f"{emitter.group}.temperature", "temperature", place)
-        if emitter.radiance is None and emitter.given_emissivity is not None:
-            place = Place(emitter, "emissivity", None, whole)
-            add(f"{emitter.group}.emissivity", "emissivity", place)
-    for entry in list(found.values()):
-        if entry.kind == "temperature":
-            found.update(single_temperatures(entry, emitting))
-    found = dict(sorted(found.items(), key=lambda item: (item[1].kind, item[0])))
-
-    surfaces = {}
-    for node in nodes(scene.mi):
-        if is_reflection_bsdf(node):
-            material, keys = node.material or node.model.name, node.parameters
-        elif is_grey_diffuse(node):
-            material, keys = node.id() or "diffuse", ["reflectance.value"]
-        else:
-            continue
-        for key in keys:
-            name = f"{material}.{key.removesuffix('.value')}"
-            entry = surfaces.setdefault(name, Entry(name, "material", []))
-            entry.places.append(Place(node, key, None, np.ones(1)))
-    return found | {name: surfaces[name] for name in surfaces if name not in found}
-
-
-def single_temperatures(entry: Entry, emitting) -> dict[str, Entry]:
-    """An entry for each temperature that a group had when it was loaded, if there are several."""
-    group = entry.name.removesuffix(".temperature")
-    first = {}
-    for shape in emitting:
-        first[shape] = first[shape.emitter()] = shape.emitter().first_temperatures
-    labels = [rounded(first[place.node]) for place in entry.places]
-    temperatures, inverse = np.unique(np.concatenate(labels), return_inverse=True)
-    if len(temperatures) == 1:
-        return {}
-    parts = np.split(inverse.ravel(), np.cumsum([len(part) for part in labels])[:-1])
-    found = {}
-    for place, part in zip(entry.places, parts):
-        order = np.argsort(part, kind="stable")
-        present, start = np.unique(part[order], return_index=True)
-        for k, number in zip(present, np.split(order, start[1:])):
-            name = f"{group}@{kelvin(temperatures[k])}.temperature"
-            single = found.setdefault(name, Entry(name, entry.kind, []))
-            single.places.append(Place(place.node, place.key, number, place.weight[number]))
-    return found
-
-
-def is_grey_diffuse(node) -> bool:
-    """Whether an object is Mitsuba's BSDF `diffuse` with one reflectance, without a texture."""
-    return (
-        isinstance(node, mi.BSDF)
-        and node.class_name() == "SmoothDiffuse"
-        and "reflectance.value" in mi.traverse(node)
-    )
-
-
-def primitive_areas(shape) -> np.ndarray:
-    """Areas of a shape's triangles [m^2], or the area of a shape without triangles."""
-    if not is_faceted(shape):
-        return np.ravel(shape.surface_area()).astype(float)
-    p0, p1, p2 = (corner.astype(float) for corner in triangle_corners(shape))
-    return 0.5 * np.linalg.norm(np.cross(p1 - p0, p2 - p0), axis=1)
-
-
-# ---------------------------------------------------------------- Checks
-
-
-def check_apart(wanted: list[Entry]) -> None:
-    """Raise InputError if two parameters share numbers, such as a group and its temperature."""
-    owner = {}
-    for entry in wanted:
-        for place in entry.places:
-            others = owner.setdefault(place.owner, [])
-            for other, number in others:
-                if number is None or place.number is None or np.isin(number, place.number).any():
-                    raise InputError(f"'{other}' and '{entry.name}' change the same numbers")
-            others.append((entry.name, place.number))
-
-
-def check_emission(wanted) -> None:
-    """Raise InputError if a temperature, radiance or emissivity would be outside its bounds."""
-    for entry, value in wanted:
-        if entry.model is not None:
-            continue
-        bounds = entry.described()
-        above = value > bounds.lower if entry.kind == "temperature" else value >= bounds.lower
-        if not (above and value <= bounds.upper):
-            raise InputError(
-                f"{entry.name} = {value:g} is outside its bounds; it must lie in "
-                f"{bounds.lower:g}..{bounds.upper:g} {bounds.unit.removesuffix('1')}".rstrip()
-            )
-
-
-def check_materials(wanted) -> None:
-    """Raise InputError if a reflection model's parameters together would not be feasible."""
-    surfaces = {}
-    for entry, value in wanted:
-        if entry.model is None:
-            continue
-        for place, number in zip(entry.places, entry.moved(value)):
-            new = surfaces.setdefault(
-                place.node, dict(zip(place.node.parameters, place.node.values))
-            )
-            new[place.key] = float(number[0])
-    for node, new in surfaces.items():
-        try:
-            node.model.check_feasible(*new.values(), form=node.form)
-        except InputError as error:
-            raise InputError(f"material {node.material}: {error}") from None

@@ -5,13 +5,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from mi_lcair.rendering.window_means import window_means
-from mi_lcair.sensitivity.columns import MOST_COLUMNS, columns_of, tables_of
+from mi_lcair.sensitivity.columns import recordings
 from mi_lcair.sensitivity.common_numbers import CommonNumbers
 from mi_lcair.sensitivity.sensitivities import Sensitivities
 
 SPLITS = {"target": "target", "scene": "image"}  # channels that hold each part of the radiance
-# Paths that decide whether a control variate helps, as a fraction of all paths, and at least
-PILOT_SHARE, PILOT_PATHS = 16, 2**14
 
 
 def sensitivities(
@@ -60,52 +58,36 @@ def sensitivities(
         If a name is unknown, if a parameter has no derivative, and as for `signature`.
     """
     numbers = CommonNumbers(
-        scene, sensor, spp, paths, tolerance, seed, weights is not None, progress
+        scene, sensor, spp, paths, tolerance, seed, weights is not None, progress, part
     )
-    columns, split = columns_of(scene, names), SPLITS[part]
+    split = SPLITS[part]
     if tolerance is not None:
-        numbers.render(part=part)
+        numbers.render()
     with scene.prepared(numbers.by_spectrum) as tracer:
         camera = numbers.camera
         numbers.take_aim(tracer)
 
-        def means(tables, paths, seed):
-            return window_means(
+        rows, method, first = {}, {}, None
+        for part_of_names in recordings(scene, tracer, camera, names, split, weights, seed):
+            total = window_means(
                 scene,
                 tracer,
                 camera,
-                paths=paths,
+                paths=numbers.paths,
                 seed=seed,
                 split=split,
                 progress=progress,
                 aim=numbers.aim,
-                tables=tables,
+                tables=part_of_names.tables,
             )
-
-        # One render for each MOST_COLUMNS parameters; its rows are value and deviations
-        found, method, ordered = [], {}, list(columns)
-        for start in range(0, max(len(ordered), 1), MOST_COLUMNS):
-            some = ordered[start : start + MOST_COLUMNS]
-            tables = tables_of(
-                scene, tracer, camera, {name: columns[name] for name in some}, weights, seed
-            )
-            pilot_paths = min(max(PILOT_PATHS, numbers.paths // PILOT_SHARE), numbers.paths)
-            pilot = means(tables, pilot_paths, seed + 1) if tables.materials else None
-            total = means(tables, numbers.paths, seed)
-            if not found:
-                first = total
-                found.append(row(total, ["weighted"]))
-            for k, name in enumerate(some):
-                channels = [f"column.{k}"]
-                method[name] = "linear"
-                if k < tables.materials:
-                    controlled = [f"column.{k}", f"control.{k}"]
-                    method[name] = "score"
-                    if scatter(pilot, controlled) < scatter(pilot, channels):
-                        channels, method[name] = controlled, "control variate"
-                found.append(row(total, channels))
-    order = [0, *(1 + ordered.index(name) for name in names)]
-    rows = numbers.area * np.array(found)[order]
+            first = first or total
+            method |= part_of_names.method
+            rows |= {
+                name: mean_and_deviations(total, channels)
+                for name, channels in part_of_names.channels.items()
+            }
+    value = mean_and_deviations(first, ["weighted"])
+    rows = numbers.area * np.array([value, *(rows[name] for name in names)])
     prefix = "target." if part == "target" else ""
     bounces = [f"{prefix}bounce.{k}" for k in range(scene.mi.integrator().max_bounces + 1)]
     return Sensitivities(
@@ -119,12 +101,7 @@ def sensitivities(
     )
 
 
-def row(total, channels) -> np.ndarray:
+def mean_and_deviations(total, channels) -> np.ndarray:
     """Mean of the sum of some channels and its deviations, (1 + randomisations,)."""
     mean = sum(total.mean(name)[0] for name in channels)
     return np.append(mean, sum(total.deviations(name)[0] for name in channels))
-
-
-def scatter(total, channels) -> float:
-    """Squared standard error of the sum of some channels."""
-    return float(np.sum(row(total, channels)[1:] ** 2))

@@ -187,7 +187,6 @@ def with_slopes(bsdf) -> tuple:
         # Lambert's reflection is the model's limit for b = 0, with any width of the lobe
         model, form = reflection.model("sandford_robertson"), "thesis"
         values = (float(dr.detach(mi.traverse(bsdf)[REFLECTANCE])[0]),)
-        # Opaque, because the LLVM backend gives products with a literal 0 a wrong size
         b, e = dr.opaque(mi.Float, 0), dr.opaque(mi.Float, 1)
         function = lambda rho: tables(model, (1 - rho, rho, b, e), form)
     found = []

@@ -1,0 +1,1 @@
+"""Commands that state how certain a result is."""

@@ -1,0 +1,121 @@
+"""Tornado chart of an uncertainty budget."""
+
+import re
+
+from mi_lcair.drawing import drawing, plain
+from mi_lcair.uncertainty.budget import Budget
+
+MOST_ROWS = 20  # rows that are drawn; the smaller ones are left out
+RAISES, LOWERS, NEUTRAL = "C3", "C0", "C7"  # colours
+
+
+def save_plot(path, budget: Budget) -> None:
+    """Write a PNG with a bar for the contribution of each row, the largest at the top.
+
+    The side on which plus one standard deviation moves the result has another colour than the side
+    of minus one. Points show the changes that renders found.
+    """
+    rows = [row for row in budget.rows if row.contribution != 0][:MOST_ROWS]
+    checks = {check.quantity: check for check in budget.checks}
+    height = 1.7 + 0.32 * max(len(rows), 2)
+    with drawing(path, (8, height), layout="constrained") as figure:
+        panel = figure.subplots()
+        for place, row in enumerate(rows):
+            is_signed = row.value is not None
+            for sign, color in ((1, RAISES), (-1, LOWERS)):
+                panel.barh(
+                    place,
+                    sign * row.contribution,
+                    color=color if is_signed else NEUTRAL,
+                    height=0.65,
+                    alpha=0.75,
+                )
+            check = checks.get(row.quantity)
+            # The check moves a group toward larger results, and a quantity toward larger values
+            for change, color in ((check.plus, RAISES), (check.minus, LOWERS)) if check else ():
+                if change is not None:
+                    panel.plot(
+                        change,
+                        place,
+                        marker="D",
+                        markersize=5,
+                        color=color if is_signed else NEUTRAL,
+                        markeredgecolor="black",
+                        linestyle="none",
+                    )
+            reach = max(abs(row.contribution), *(abs(c) for c in changes(check)), 0)
+            panel.annotate(
+                f"{share(row.share)}",
+                (reach, place),
+                xytext=(6, 0),
+                textcoords="offset points",
+                va="center",
+                fontsize=8,
+            )
+        panel.set_yticks(range(len(rows)), [label(row) for row in rows], fontsize=8)
+        panel.invert_yaxis()
+        panel.axvline(0, color="black", linewidth=0.8)
+        panel.margins(x=0.17)
+        panel.ticklabel_format(axis="x", style="sci", scilimits=(-2, 4))
+        panel.set_xlabel(f"change of the {plain(budget.title)} ({raised(budget.unit)})")
+        figure.suptitle(
+            f"{plain(budget.what)}: {budget.value:.4g} ± {budget.sigma:.2g} {raised(budget.unit)} "
+            "(one standard uncertainty)",
+            fontsize=10,
+        )
+        legend(panel, bool(checks))
+
+
+def changes(check) -> list[float]:
+    """The changes that renders found for a row, if it was checked."""
+    return [c for c in (check.plus, check.minus) if c is not None] if check else [0.0]
+
+
+def label(row) -> str:
+    """Name of a row, with its standard deviation if it is a quantity."""
+    if row.sigma is None:
+        return plain(row.quantity)
+    unit = "" if row.unit == "1" else f" {raised(row.unit)}"
+    return f"{plain(row.quantity)} ± {row.sigma:.3g}{unit}"
+
+
+def raised(unit: str) -> str:
+    """A unit with its exponents as superscripts."""
+    return plain(re.sub(r"\^-(\d)", lambda m: "⁻" + "⁰¹²³⁴⁵⁶⁷⁸⁹"[int(m[1])], unit))
+
+
+def share(fraction: float) -> str:
+    """A share of the variance as text."""
+    return f"{100 * fraction:.3g} %" if fraction >= 1e-3 else "< 0.1 %"
+
+
+def legend(panel, has_checks: bool) -> None:
+    """Explain colours and points under the panel."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles = [
+        Patch(color=RAISES, alpha=0.75, label="plus one sigma"),
+        Patch(color=LOWERS, alpha=0.75, label="minus one sigma"),
+    ]
+    if has_checks:
+        handles.append(
+            Line2D(
+                [],
+                [],
+                marker="D",
+                markersize=5,
+                color="white",
+                markeredgecolor="black",
+                linestyle="none",
+                label="rendered at one sigma",
+            )
+        )
+    panel.legend(
+        handles=handles,
+        loc="upper center",
+        bbox_to_anchor=(0.4, -0.75 / panel.figure.get_figheight()),
+        ncols=3,
+        fontsize=8,
+        frameon=False,
+    )

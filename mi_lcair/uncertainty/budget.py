@@ -1,0 +1,233 @@
+"""Uncertainty budget of an intensity or of a contrast."""
+
+import time
+from collections.abc import Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from mi_lcair import scenes
+from mi_lcair.detection.contrast import setting_of
+from mi_lcair.detection.scenario import Scenario
+from mi_lcair.errors import InputError
+from mi_lcair.rendering.scene import Scene, load
+from mi_lcair.rendering.settings import changed as settings_changed
+from mi_lcair.rendering.statistics import invalid_remark
+from mi_lcair.sensitivity.parameters import checked
+from mi_lcair.uncertainty.check import Check, check
+from mi_lcair.uncertainty.contrast_number import ContrastNumber
+from mi_lcair.uncertainty.inputs import Inputs
+from mi_lcair.uncertainty.intensity_number import IntensityNumber
+from mi_lcair.uncertainty.monte_carlo import MonteCarlo, check_draws, monte_carlo
+from mi_lcair.uncertainty.number import Number
+from mi_lcair.uncertainty.propagation import Row, combined, rows
+from mi_lcair.uncertainty.uncertainties import Uncertainties
+
+NOISE, TRUNCATION = "noise of the rendering", "reflections left out"
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Uncertainty budget of a result.
+
+    Attributes
+    ----------
+    what : str
+        Name of the scene or scenario.
+    title, unit : str
+        What the result is, and its unit.
+    value : float
+        The result.
+    sigma : float
+        Its combined standard uncertainty.
+    rows : list of Row
+        What contributes to it, the largest share of the variance first. The shares add up to 1.
+    inputs : Inputs
+        The uncertain quantities with their covariance.
+    checks : list of Check
+        Results at plus and minus one standard deviation of what matters.
+    monte_carlo : MonteCarlo or None
+        Distribution of the result for random quantities, if it was asked for.
+    remarks : list of str
+        Limits of the budget, one line each.
+    renders : int
+        Number of renders.
+    paths : int
+        Paths of each render.
+    seconds : float
+        Time of the calculation, s.
+    """
+
+    what: str
+    title: str
+    unit: str
+    value: float
+    sigma: float
+    rows: list[Row]
+    inputs: Inputs
+    checks: list[Check]
+    monte_carlo: MonteCarlo | None
+    remarks: list[str]
+    renders: int
+    paths: int
+    seconds: float
+
+    @property
+    def sigma_of_quantities(self) -> float:
+        """Combined standard uncertainty from the quantities alone, as Monte Carlo finds it."""
+        return combined([row for row in self.rows if row.quantity not in (NOISE, TRUNCATION)])
+
+    def as_dict(self) -> dict:
+        """A dictionary for JSON."""
+        plain = (
+            "what",
+            "title",
+            "unit",
+            "value",
+            "sigma",
+            "remarks",
+            "renders",
+            "paths",
+            "seconds",
+        )
+        return {
+            **{name: getattr(self, name) for name in plain},
+            "sigma_of_quantities": self.sigma_of_quantities,
+            "rows": [row.as_dict() for row in self.rows],
+            "names": self.inputs.names,
+            "covariance": self.inputs.covariance,
+            "checks": [asdict(entry) for entry in self.checks],
+            "monte_carlo": self.monte_carlo and self.monte_carlo.as_dict(),
+        }
+
+
+def budget(
+    what,
+    uncertainties,
+    *,
+    sensor: int = 0,
+    spp: int | None = None,
+    tolerance: float | None = None,
+    seed: int = 0,
+    draws: int | None = None,
+    progress=None,
+) -> Budget:
+    """Uncertainty budget of a target's intensity, or of the contrast of a scenario.
+
+    Parameters
+    ----------
+    what : Scene, Scenario, str or path-like
+        A scene with an orthographic sensor, a contrast scenario, or the file or the bundled name of
+        either. The table [render] of a scenario sets its sampling.
+    uncertainties : str, path-like, dict or Uncertainties
+        TOML file with the uncertainties, or its tables as a dictionary, see
+        `mi_lcair.uncertainty.uncertainties`.
+    sensor, spp, tolerance, seed
+        As for `signature`; for a scene only.
+    draws : int or None
+        Also compute the distribution of the result from this number of random draws.
+    progress : callable or None
+        Called with (renders or draws done, expected).
+
+    Returns
+    -------
+    Budget
+
+    Raises
+    ------
+    InputError
+        If the uncertainties name something that the scene does not have, or anything else cannot be
+        used.
+    """
+    start = time.perf_counter()
+    stated = Uncertainties.read(uncertainties)
+    if draws is not None:
+        check_draws(draws)
+    if isinstance(what, (str, Path)):
+        what = scene_or_scenario(what)
+    if isinstance(what, Scenario) and (sensor, spp, tolerance, seed) != (0, None, None, 0):
+        raise InputError("the table [render] of a scenario sets its sampling")
+    sampling = {"sensor": sensor, "spp": spp, "tolerance": tolerance, "seed": seed}
+    with result_of(what, sampling) as number:
+        inputs = Inputs.of(stated, number.known, number.what)
+        number.start()
+        rendered = {
+            name: number.known[name].value for name in inputs.names if number.needs_render(name)
+        }
+        checked(number.scene, rendered)  # before anything else is rendered
+        derivative, errors = number.derivatives(inputs.names, inputs.sigma)
+        others = {NOISE: number.error, TRUNCATION: number.truncation()}
+        found = rows(inputs, derivative, errors, others)
+        sigma = combined(found)
+        checks = check(number, inputs, derivative, sigma)
+        distribution = None
+        if draws is not None:
+            distribution = monte_carlo(number, inputs, derivative, draws, seed, progress)
+        return Budget(
+            what=number.what,
+            title=number.title,
+            unit=number.unit,
+            value=number.value,
+            sigma=sigma,
+            rows=found,
+            inputs=inputs,
+            checks=checks,
+            monte_carlo=distribution,
+            remarks=remarks(number, checks, distribution),
+            renders=number.renders,
+            paths=number.numbers.paths,
+            seconds=time.perf_counter() - start,
+        )
+
+
+def is_scenario(what: str | Path) -> bool:
+    """Whether a file or a bundled name is that of a contrast scenario, not of a scene."""
+    return Path(what).suffix == ".toml" or str(what) in scenes.scenarios()
+
+
+def scene_or_scenario(what: str | Path) -> Scene | Scenario:
+    """The scene or the scenario of a file or of a bundled name."""
+    return Scenario.read(what) if is_scenario(what) else load(what)
+
+
+@contextmanager
+def result_of(what: Scene | Scenario, sampling: Mapping):
+    """Context manager that gives the `Number` of a scene or scenario."""
+    if isinstance(what, Scenario):
+        try:
+            setting = setting_of(what)
+            counts = what.render.max_bounces
+            bounces = {"max_bounces": max(counts)} if counts else {}
+            with settings_changed(setting.view, lobe=what.render.lobe, **bounces):
+                check_differentiable(setting.view)
+                yield ContrastNumber(what, setting)
+        except InputError as error:
+            raise InputError(f"scenario '{what.name}': {error}") from None
+    else:
+        check_differentiable(what)
+        if sampling["spp"] and sampling["tolerance"]:
+            raise InputError(
+                "spp sets a fixed number of samples; a tolerance chooses one, and does not go "
+                "with it"
+            )
+        yield IntensityNumber(what, **sampling)
+
+
+def check_differentiable(scene: Scene) -> None:
+    """Raise InputError for a scene without derivatives."""
+    if scene.mi.integrator().closure == "tail":
+        raise InputError(
+            f"{scene.name}: closure = tail has no derivatives; use none or ambient for a budget"
+        )
+
+
+def remarks(number: Number, checks: list[Check], distribution: MonteCarlo | None) -> list[str]:
+    """Limits of a budget, one line each."""
+    total = number.total
+    lines = [*invalid_remark(total.invalid, int(total.traced.sum()))]
+    lines += [entry.sentence(number.unit) for entry in checks if not entry.holds]
+    if number.numbers.reached is False:
+        lines.append("the tolerance was not reached; the noise of the rendering has its own row")
+    if distribution is not None and distribution.sentence():
+        lines.append(distribution.sentence())
+    return lines

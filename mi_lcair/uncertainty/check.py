@@ -1,0 +1,87 @@
+"""Check of the law of propagation: the result at plus and minus one standard deviation."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mi_lcair.uncertainty.inputs import Inputs
+from mi_lcair.uncertainty.number import Number
+from mi_lcair.uncertainty.propagation import group_variance
+
+MATTERS = 0.01  # share of the variance from which a quantity is checked
+# Difference between the change of the result and its linear estimate, relative to the larger of
+# them, from which the linear answer fails
+FAILS = 0.1
+
+
+@dataclass(frozen=True)
+class Check:
+    """What one standard deviation of a quantity, or of a group of them, really changes.
+
+    Attributes
+    ----------
+    quantity : str
+    linear : float
+        Change of the result for plus one standard deviation by the derivative.
+    plus, minus : float or None
+        Change of the result for plus and minus one standard deviation, from renders. None if the
+        quantity cannot have such a value.
+    holds : bool
+        Whether all of them agree.
+    """
+
+    quantity: str
+    linear: float
+    plus: float | None
+    minus: float | None
+    holds: bool
+
+    def sentence(self, unit: str) -> str:
+        """Why the linear answer fails, in one line."""
+        sides = [
+            f"{word} one sigma changes the result by {change:+.3g} {unit}"
+            for word, change in (("plus", self.plus), ("minus", self.minus))
+            if change is not None
+        ]
+        lacking = [
+            w for w, change in (("plus", self.plus), ("minus", self.minus)) if change is None
+        ]
+        sides += [f"{word} one sigma is outside its bounds" for word in lacking]
+        return (
+            f"{self.quantity}: the linear answer fails: {' and '.join(sides)}, where the "
+            f"derivative says +-{abs(self.linear):.3g}; use --monte-carlo"
+        )
+
+
+def check(number: Number, inputs: Inputs, derivative: np.ndarray, total: float) -> list[Check]:
+    """Check all quantities whose share of the variance `total`^2 exceeds MATTERS.
+
+    Correlated quantities move together, in the direction that changes the result most within one
+    standard deviation.
+    """
+    found = []
+    for group in inputs.groups:
+        variance = group_variance(inputs, derivative, group)
+        if not variance > MATTERS * total**2:
+            continue
+        c = derivative[group.index]
+        # For one quantity this is its standard deviation, in the direction of a larger result
+        step = inputs.covariance[np.ix_(group.index, group.index)] @ c / np.sqrt(variance)
+        names = [inputs.quantities[k].name for k in group.index]
+        if len(names) == 1:
+            step = np.abs(step)
+        linear, changes = float(c @ step), []
+        for sign in (1, -1):
+            values = dict(zip(names, inputs.values[group.index] + sign * step))
+            feasible = number.is_feasible(values)
+            changes.append(number.at(values) - number.value if feasible else None)
+        plus, minus = changes
+        differences = [
+            abs(change - expected)
+            for change, expected in ((plus, linear), (minus, -linear))
+            if change is not None
+        ]
+        largest = max(abs(linear), *(abs(change) for change in changes if change is not None))
+        holds = None not in changes and max(differences) <= FAILS * largest
+        found.append(Check(group.label, linear, plus, minus, holds))
+    return found

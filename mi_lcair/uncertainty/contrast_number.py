@@ -1,0 +1,164 @@
+"""The contrast of a scenario as a number with an uncertainty budget."""
+
+from functools import partial
+
+import numpy as np
+
+from mi_lcair.detection.contrast import Setting
+from mi_lcair.detection.irradiance import TERMS, Backdrop, Irradiance
+from mi_lcair.detection.scenario import Scenario
+from mi_lcair.errors import InputError
+from mi_lcair.physics.blackbody import spectral_radiance
+from mi_lcair.rendering.statistics import Totals
+from mi_lcair.sensitivity.common_numbers import CommonNumbers
+from mi_lcair.sensitivity.entries import RADIANCE_UNIT, Parameter
+from mi_lcair.sensitivity.parameters import parameters
+from mi_lcair.signatures.effective_areas import SPECTRUM_ROWS
+from mi_lcair.uncertainty.number import Linear, Number
+
+TARGET, PATH, BACKGROUND, TOTAL = (
+    TERMS.index(n) for n in ("target", "path", "background", "total")
+)
+
+
+class ContrastNumber(Number):
+    """Contrast irradiance of a scenario's target at the sensor, W m^-2.
+
+    Besides the parameters of the scene it depends on these quantities:
+
+    scenario.transmittance         mean transmittance of the path; its spectrum keeps its shape
+    scenario.path_radiance         radiance of the path, likewise
+    scenario.background_radiance   radiance of the background, likewise
+    scenario.background_temperature  temperature of a background that is a blackbody [K]
+    scenario.range_m               range; the path changes with it [m]
+    scenario.nei                   noise of the sensor, an irradiance [W m^-2]
+
+    Parameters
+    ----------
+    scenario : Scenario
+        The largest of its numbers of reflections is used.
+    progress : callable or None
+        As for `contrast`.
+
+    The scene must have the scenario's lobe and number of reflections while the number is used.
+    """
+
+    title, unit = "contrast", "W m^-2"
+
+    def __init__(self, scenario: Scenario, setting: Setting, progress=None):
+        self.scenario, self.setting = scenario, setting
+        self.scene, self.what = setting.view, scenario.name
+        self.known = parameters(self.scene) | self.own_quantities()
+        sampling = scenario.render
+        self.numbers = CommonNumbers(
+            self.scene,
+            spp=sampling.spp,
+            seed=sampling.seed,
+            excess=self.excess if sampling.has_tolerance else None,
+            by_spectrum=True,
+            progress=progress,
+        )
+
+    def start(self):
+        super().start()
+        if not self.areas.projected_area > 0:
+            raise InputError("no ray met the target; raise resolution or spp of [render]")
+
+    def own_quantities(self) -> dict[str, Parameter]:
+        """The scenario's quantities and their values, by name."""
+        setting, band = self.setting, self.setting.detector.band
+        extrapolate, range_m = self.scenario.atmosphere.extrapolate, setting.path.range_m
+        x = np.linspace(band.lower_um, band.upper_um, SPECTRUM_ROWS)
+        background = np.trapezoid(setting.backdrop.at(x) * band.response_at(x), x)
+        transmittance = setting.air.transmittance_mean(band, range_m, extrapolate)
+        (path_radiance,) = setting.air.band_path_radiance(band, [range_m], extrapolate)
+        values = {
+            "transmittance": (transmittance, "1", 0.0, 1.0),
+            "path_radiance": (path_radiance, RADIANCE_UNIT, 0.0, np.inf),
+            "background_radiance": (background, RADIANCE_UNIT, 0.0, np.inf),
+            "range_m": (range_m, "m", setting.target.radius, self.farthest),
+            "nei": (0.0, self.unit, -np.inf, np.inf),
+        }
+        temperature = self.scenario.background.temperature
+        if temperature is not None:
+            values["background_temperature"] = (temperature, "K", 1.0, np.inf)
+        return {
+            f"scenario.{name}": Parameter(
+                f"scenario.{name}", "scenario", float(value), unit, lower, upper
+            )
+            for name, (value, unit, lower, upper) in values.items()
+        }
+
+    @property
+    def farthest(self) -> float:
+        """Largest range that the atmosphere allows [m]."""
+        air = self.setting.air
+        if air.is_vacuum or self.scenario.atmosphere.extrapolate:
+            return np.inf
+        return float(air.ranges_m[-1])
+
+    def irradiance(self, total: Totals, areas, temperature: float | None = None) -> Irradiance:
+        """Irradiances of a render, optionally before a background of another temperature [K]."""
+        setting, backdrop = self.setting, self.setting.backdrop
+        if temperature is not None:
+            at = partial(spectral_radiance, temperature=temperature)
+            backdrop = Backdrop(backdrop.name, at, backdrop.rows_um)
+        mean = total.mean("target")[0]
+        return Irradiance(
+            areas,
+            total.standard_error("target")[0] / mean if mean > 0 else 0.0,
+            setting.detector.band,
+            setting.air,
+            backdrop,
+            total.randomisations - 1,
+            float(total.missed("target")[0] * self.numbers.area),
+        )
+
+    def excess(self, total: Totals) -> float:
+        """Ratio of the half width of the contrast's 95 % interval to the allowed one."""
+        terms, path = self.irradiance(total, self.areas_of(total)), self.setting.path
+        allowed = self.scenario.render.allowed(terms.at(path)["total"].value)
+        return terms.half_width(path) / allowed if allowed > 0 else np.inf
+
+    def terms(self, total, areas, own) -> tuple[Irradiance, np.ndarray]:
+        """Irradiances, and the target's, the path's and the background's part per amount."""
+        value = lambda name: own.get(f"scenario.{name}")
+        irradiance = self.irradiance(total, areas, value("background_temperature"))
+        path = self.setting.path
+        if value("range_m") is not None:
+            path = self.setting.air.path(value("range_m"), self.scenario.atmosphere.extrapolate)
+        per_amount = irradiance.per_amount(path)[[TARGET, PATH, BACKGROUND]]
+        for row, name in enumerate(("transmittance", "path_radiance", "background_radiance")):
+            was = self.known[f"scenario.{name}"].value if value(name) is not None else 0.0
+            if was:
+                per_amount[row] *= value(name) / was
+        return irradiance, per_amount
+
+    def linear(self, total, areas, own):
+        irradiance, (target, path, background) = self.terms(total, areas, own)
+        covariance = irradiance.covariance
+        if covariance is None:
+            covariance = np.diag(irradiance.errors**2)
+        whole = np.zeros((len(target) + 1,) * 2)
+        whole[:-1, :-1] = covariance
+        return Linear(
+            np.append(target + path - background, 1.0),
+            np.append(irradiance.amounts, own.get("scenario.nei", 0.0)),
+            whole,
+        )
+
+    @property
+    def has_weights(self):
+        return self.is_linear
+
+    def weights(self):
+        factors = self.terms(self.total, self.areas, {})[1][0]
+        return {
+            (source.group, source.name): factor / source.in_band if source.in_band > 0 else 0.0
+            for source, factor in zip(self.areas.sources, factors)
+        }
+
+    @property
+    def of_intensity(self) -> float:
+        irradiance, (target, *_) = self.terms(self.total, self.areas, {})
+        return float(target @ irradiance.amounts)

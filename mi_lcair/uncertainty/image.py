@@ -1,0 +1,69 @@
+"""Maps of an uncertainty budget: derivatives of each pixel, and its standard uncertainty."""
+
+import json
+
+import numpy as np
+
+from mi_lcair.rendering.render import render
+from mi_lcair.rendering.scene import Scene
+from mi_lcair.sensitivity.derivative_images import DerivativeImages
+from mi_lcair.sensitivity.images import derivative_images
+from mi_lcair.uncertainty.inputs import Inputs
+
+
+def budget_image(
+    scene: Scene,
+    inputs: Inputs,
+    *,
+    sensor: int = 0,
+    spp: int | None = None,
+    seed: int = 0,
+    progress=None,
+) -> tuple[dict[str, np.ndarray], dict]:
+    """Channels and header of an image with the derivatives of every pixel.
+
+    Parameters
+    ----------
+    scene : Scene
+    inputs : Inputs
+        The uncertain quantities, such as `Budget.inputs` of the same scene.
+    sensor, spp, seed, progress
+        As for `render`.
+
+    Returns
+    -------
+    channels : dict
+        Those of `render`, a channel d.NAME.Y for each quantity (W m^-2 sr^-1 per unit of the
+        quantity), and sigma.Y, the standard uncertainty of the radiance from all quantities.
+    header : dict
+        That of `render`, with the names and the covariance of the quantities.
+    """
+    image = render(scene, spp=spp, seed=seed, sensor=sensor)
+    columns = derivative_images(
+        scene, inputs.names, sensor=sensor, spp=spp, seed=seed, progress=progress
+    )
+    derivatives = {
+        f"d.{name}.Y": column.astype(np.float32)
+        for name, column in zip(inputs.names, columns.derivative)
+    }
+    sigma = np.sqrt(variance(columns, inputs.covariance)).astype(np.float32)
+    stated = {
+        "uncertain": json.dumps(inputs.names),
+        "covariance": json.dumps(inputs.covariance.tolist()),
+    }
+    return image.channels | derivatives | {"sigma.Y": sigma}, image.header | stated
+
+
+def variance(columns: DerivativeImages, covariance: np.ndarray) -> np.ndarray:
+    """Variance of the radiance of each pixel, (height, width).
+
+    The square of a noisy derivative would be too large on average. Products of independent
+    randomisations are right on average, and only they are used if there are several.
+    """
+    quadratic = lambda d: np.einsum("khw,kl,lhw->hw", d, covariance, d, optimize=True)
+    count = len(columns.columns)
+    squares = count**2 * quadratic(columns.derivative)
+    if count == 1:
+        return squares
+    own = sum(quadratic(column.astype(float)) for column in columns.columns)
+    return np.maximum(squares - own, 0) / (count * (count - 1))

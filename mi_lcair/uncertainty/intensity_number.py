@@ -1,0 +1,66 @@
+"""The intensity of a scene's target as a number with an uncertainty budget."""
+
+import numpy as np
+
+from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.plugins.emission.sources import Source
+from mi_lcair.sensitivity.common_numbers import CommonNumbers
+from mi_lcair.sensitivity.parameters import parameters
+from mi_lcair.signatures.effective_areas import PARTS
+from mi_lcair.uncertainty.number import Linear, Number
+
+
+class IntensityNumber(Number):
+    """Intensity of a scene's target toward an orthographic sensor, W/sr.
+
+    Parameters
+    ----------
+    scene : Scene
+    part : str
+        "target", or "scene" for all in the sensor's window.
+    sensor, spp, tolerance, seed, progress
+        As for `CommonNumbers`.
+    """
+
+    unit = "W/sr"
+
+    def __init__(self, scene, part: str = "target", **sampling):
+        self.title = f"intensity of the {part}"
+        self.part, self.scene, self.what = part, scene, scene.name
+        self.known = parameters(scene)
+        self.numbers = CommonNumbers(scene, by_spectrum=has_spectra(scene), part=part, **sampling)
+
+    def linear(self, total, areas, own):
+        name = None if self.part == "scene" else self.part
+        if areas is None or areas.nodes_um.size:
+            mean, error = total.mean(name)[0], total.standard_error(name)[0]
+            area = self.numbers.area
+            return Linear(np.ones(1), np.array([mean * area]), np.array([[(error * area) ** 2]]))
+        p = PARTS.index(self.part)
+        factors = np.array([radiance_of(source, areas.band) for source in areas.sources])
+        # What a closure adds belongs to no source
+        closure = total.mean(f"{self.prefix}closure")[0] * self.numbers.area
+        covariance = np.zeros((len(factors) + 1,) * 2)
+        covariance[:-1, :-1] = areas.covariance[p, :-1, :-1]
+        return Linear(np.append(factors, 1.0), np.append(areas.area[p], closure), covariance)
+
+
+def radiance_of(source: Source, band) -> float:
+    """In-band radiance of a source before emissivity [W m^-2 sr^-1]."""
+    if source.temperature is not None:
+        return float(in_band_radiance(band, source.temperature))
+    return source.spectrum.in_band_radiance(band)
+
+
+def has_spectra(scene) -> bool:
+    """Whether all sources of a scene have a spectrum, so that their emission can be told apart."""
+    if scene.band.is_total:
+        return False
+    return all(
+        hasattr(emitter, "group")
+        and (
+            emitter.spectrum is not None
+            or (emitter.radiance is None and emitter.derived is not None)
+        )
+        for emitter in scene.mi.emitters()
+    )

@@ -1,0 +1,306 @@
+"""A result with an uncertainty budget: its value, and its value for other values of its inputs.
+
+Radiance is linear in the blackbody radiance of every source. One render that records each source
+therefore gives the result for all temperatures of the sources. Only parameters of materials need
+another render, which repeats the same paths.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mi_lcair.errors import InputError
+from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.physics.spectrum import Spectrum
+from mi_lcair.planning.bounces import beyond_last
+from mi_lcair.plugins.emission.sources import Source, rounded
+from mi_lcair.plugins.paths.channels import MAX_BOUNCE_CHANNELS
+from mi_lcair.rendering.statistics import Totals
+from mi_lcair.sensitivity.columns import MOST_COLUMNS
+from mi_lcair.sensitivity.common_numbers import CommonNumbers
+from mi_lcair.sensitivity.differences import NEAREST
+from mi_lcair.sensitivity.entries import Parameter
+from mi_lcair.sensitivity.parameters import checked
+from mi_lcair.sensitivity.window import sensitivities
+from mi_lcair.signatures.effective_areas import EffectiveAreas, effective_areas
+
+# Step of a derivative in closed form, in standard deviations. Its error falls with the square.
+SMALL = 1e-2
+
+
+@dataclass(frozen=True)
+class Linear:
+    """A result as a sum of factors times amounts, such as radiances times effective areas.
+
+    factors, amounts: (n,). covariance: (n, n), covariance of the amounts from the rendering.
+    """
+
+    factors: np.ndarray
+    amounts: np.ndarray
+    covariance: np.ndarray
+
+    @property
+    def value(self) -> float:
+        return float(self.factors @ self.amounts)
+
+    @property
+    def error(self) -> float:
+        """Standard error of the value from the noise of the rendering."""
+        return float(np.sqrt(max(self.factors @ self.covariance @ self.factors, 0)))
+
+
+class Number:
+    """A number that a scene gives, and what it depends on.
+
+    It knows its quantities from the beginning. Everything else needs `start`, the first render.
+    A subclass sets the attributes below and defines `linear`.
+
+    Attributes
+    ----------
+    title, unit : str
+        What the number is, and its unit.
+    what : str
+        Name of the scene or scenario.
+    scene : Scene
+    known : dict of str to Parameter
+        All quantities on which the number depends, by name.
+    numbers : CommonNumbers
+        The renders.
+    part : str
+        Part of the radiance, "target" or "scene".
+    """
+
+    title: str
+    unit: str
+    what: str
+    scene: object
+    known: dict[str, Parameter]
+    numbers: CommonNumbers
+    part: str = "target"
+    columns = 0  # renders of derivatives so far
+
+    def start(self) -> None:
+        """Render the scene once, and prepare everything that follows from that."""
+        self.total = self.numbers.render()
+        self.areas = areas = self.areas_of(self.total)
+        # Whether all temperatures and radiances are told apart, so that they need no render
+        self.is_linear = areas is not None and not areas.nodes_um.size
+        self.base = self.linear(self.total, areas, {})
+
+    @property
+    def prefix(self) -> str:
+        """Beginning of the names of the part's channels."""
+        return "target." if self.part == "target" else ""
+
+    @property
+    def renders(self) -> int:
+        """Number of renders so far."""
+        return self.numbers.count + self.columns
+
+    def linear(self, total: Totals, areas: EffectiveAreas | None, own: Mapping) -> Linear:
+        """The result of a render, for these values of the quantities that are not the scene's."""
+        raise NotImplementedError
+
+    @property
+    def value(self) -> float:
+        return self.base.value
+
+    @property
+    def error(self) -> float:
+        """Standard error from the noise of the rendering."""
+        return self.base.error
+
+    def areas_of(self, total: Totals) -> EffectiveAreas | None:
+        if not self.numbers.by_spectrum:
+            return None
+        return effective_areas(total, self.numbers.sources, self.scene.band, self.numbers.area)
+
+    # ------------------------------------------------------------------ Other values of the inputs
+
+    def at(self, values: Mapping[str, float]) -> float:
+        """The number for other values of some quantities, from the same random numbers."""
+        own = {name: value for name, value in values.items() if self.is_own(name)}
+        rest = {name: value for name, value in values.items() if name not in own}
+        checked_names = {name: v for name, v in rest.items() if not self.is_emission(name)}
+        if not checked_names:
+            return self.linear(self.total, self.changed(self.areas, rest), own).value
+        total = self.numbers.render(checked_names)
+        areas = self.areas_of(total)
+        emission = {name: value for name, value in rest.items() if name not in checked_names}
+        return self.linear(total, self.changed(areas, emission), own).value
+
+    def is_feasible(self, values: Mapping[str, float]) -> bool:
+        """Whether the quantities can have these values together."""
+        for name, value in values.items():
+            bounds = self.known[name]
+            if not (bounds.lower <= value <= bounds.upper) and not self.needs_render(name):
+                return False
+        try:
+            checked(self.scene, {n: v for n, v in values.items() if self.needs_render(n)})
+        except InputError:
+            return False
+        return True
+
+    def is_own(self, name: str) -> bool:
+        """Whether a quantity is none of the scene's."""
+        return self.known[name].kind == "scenario"
+
+    def is_emission(self, name: str) -> bool:
+        """Whether a change of a quantity needs no render, as it changes sources only."""
+        return self.is_linear and self.known[name].kind in ("temperature", "radiance")
+
+    def needs_render(self, name: str) -> bool:
+        return not (self.is_own(name) or self.is_emission(name))
+
+    def changed(self, areas: EffectiveAreas | None, values: Mapping[str, float]):
+        """Effective areas with sources of other temperatures and radiances."""
+        if areas is None or not values:
+            return areas
+        sources = list(areas.sources)
+        for name, value in values.items():
+            was, touched = self.known[name].value, self.touched(name)
+            for k in touched:
+                if self.known[name].kind == "temperature":
+                    sources[k] = shifted(sources[k], value - was, self.scene.band)
+                else:
+                    sources[k] = scaled(sources[k], value / was if was else 0.0)
+        return replace(areas, sources=sources)
+
+    def touched(self, name: str) -> list[int]:
+        """Numbers of the sources that a temperature or radiance changes."""
+        subject = name.rpartition(".")[0]
+        group, at, _ = subject.partition("@")
+        is_blackbody = self.known[name].kind == "temperature"
+        return [
+            k
+            for k, source in enumerate(self.areas.sources)
+            if source.group == group
+            and (source.temperature is not None) == is_blackbody
+            and (not at or source.temperature == rounded(self.known[name].value))
+        ]
+
+    # ------------------------------------------------------------------ Derivatives
+
+    def derivatives(self, names, sigma) -> tuple[np.ndarray, np.ndarray]:
+        """Derivatives of the number, and their standard errors from the noise of the rendering.
+
+        Parameters
+        ----------
+        names : sequence of str
+            K quantities.
+        sigma : sequence of float
+            Their standard deviations.
+
+        Returns
+        -------
+        derivative, error : ndarray, shape (K,)
+        """
+        found = np.zeros((2, len(names)))
+        rendered = [k for k, name in enumerate(names) if self.needs_render(name)]
+        if rendered:
+            found[:, rendered] = self.rendered_derivatives(
+                [names[k] for k in rendered], [sigma[k] for k in rendered]
+            )
+        for k, name in enumerate(names):
+            if k not in rendered:
+                found[:, k] = self.closed_derivative(name, sigma[k])
+        return found[0], found[1]
+
+    def closed_derivative(self, name: str, sigma: float) -> tuple[float, float]:
+        """Derivative with respect to a quantity that needs no render, and its standard error."""
+        step, value = SMALL * sigma, self.known[name].value
+        ends = []
+        for end in (value + step, value - step):
+            own = {name: end} if self.is_own(name) else {}
+            areas = self.areas if own else self.changed(self.areas, {name: end})
+            ends.append(self.linear(self.total, areas, own))
+        high, low = ends
+        slope = replace(
+            self.base,
+            factors=(high.factors - low.factors) / (2 * step),
+        )
+        # Amounts change only with quantities that have no noise, such as that of the sensor
+        of_amounts = self.base.factors @ (high.amounts - low.amounts) / (2 * step)
+        return slope.value + float(of_amounts), slope.error
+
+    def rendered_derivatives(self, names, sigma):
+        if not self.has_weights:
+            return self.differences(names, sigma)
+        found = sensitivities(
+            self.scene,
+            names,
+            part=self.part,
+            weights=self.weights(),
+            paths=self.numbers.paths,
+            seed=self.numbers.seed,
+        )
+        self.columns += -(-len(names) // MOST_COLUMNS)
+        return found.derivative, found.error[1:]
+
+    def differences(self, names, sigma) -> np.ndarray:
+        """Derivatives by differences over a standard deviation; their noise is not known."""
+        slopes = []
+        for name, step in zip(names, sigma):
+            low, high = (self.within(name, self.known[name].value + s) for s in (-step, step))
+            slopes.append((self.at({name: high}) - self.at({name: low})) / (high - low))
+        return np.array([slopes, np.full(len(slopes), np.nan)])
+
+    def within(self, name: str, value: float) -> float:
+        """The value, or the bound of the quantity that it would cross."""
+        bounds = self.known[name]
+        lower = bounds.lower
+        if bounds.kind == "temperature":
+            lower += NEAREST * (bounds.value - lower)
+        return min(max(value, lower), bounds.upper)
+
+    @property
+    def has_weights(self) -> bool:
+        """Whether the number is a weighted sum over the sources, see `weights`."""
+        return True
+
+    def weights(self) -> dict | None:
+        """Factor of the intensity of each source in the number; None if all of them are 1."""
+        return None
+
+    # ------------------------------------------------------------------ Reflections
+
+    @property
+    def by_reflections(self) -> np.ndarray:
+        """Intensity of paths with 0, 1, ... reflections, W/sr."""
+        names = [f"{self.prefix}bounce.{k}" for k in range(MAX_BOUNCE_CHANNELS)]
+        means = [self.total.mean(name)[0] for name in names if name in self.total.sums]
+        return np.array(means) * self.numbers.area
+
+    def truncation(self) -> float:
+        """Estimated part of the number that further reflections would add."""
+        means = self.by_reflections
+        summed = max(0, self.scene.mi.integrator().max_bounces - (MAX_BOUNCE_CHANNELS - 1))
+        if not means.sum() > 0:
+            return 0.0
+        missing = beyond_last(means, summed) * means[-1]
+        closure = self.total.mean(f"{self.prefix}closure")[0] * self.numbers.area
+        return float(abs(missing - closure) / means.sum() * self.of_intensity)
+
+    @property
+    def of_intensity(self) -> float:
+        """The part of the number that is proportional to the intensity."""
+        return self.value
+
+
+def shifted(source: Source, by: float, band) -> Source:
+    """A source whose temperature is higher by `by` [K]."""
+    temperature = source.temperature + by
+    return replace(
+        source, temperature=temperature, in_band=float(in_band_radiance(band, temperature))
+    )
+
+
+def scaled(source: Source, factor: float) -> Source:
+    """A source whose spectrum is multiplied by a factor."""
+    table = source.spectrum
+    return replace(
+        source,
+        in_band=source.in_band * factor,
+        spectrum=Spectrum(table.name, table.wavelengths_um, table.radiance * factor),
+    )

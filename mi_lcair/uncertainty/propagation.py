@@ -1,0 +1,102 @@
+"""Law of propagation of uncertainty, with correlated quantities (GUM, JCGM 100:2008, 5.2)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mi_lcair.uncertainty.inputs import Group, Inputs
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of a budget.
+
+    Attributes
+    ----------
+    quantity : str
+        Name of the quantity, or of a group of correlated ones.
+    contribution : float
+        Its standard uncertainty of the result, in the result's unit. For a single quantity it has
+        the sign of the sensitivity.
+    share : float
+        Share of the variance of the result.
+    value, sigma, sensitivity, sensitivity_error : float or None
+        Value and standard deviation of the quantity; derivative of the result with respect to it,
+        and its standard error. None for a group and for rows that are no quantity.
+    unit : str
+        Unit of value and sigma.
+    members : tuple of Row
+        The quantities of a group. Their contributions are those of each one alone, and they have no
+        share of their own.
+    """
+
+    quantity: str
+    contribution: float
+    share: float | None
+    value: float | None = None
+    sigma: float | None = None
+    sensitivity: float | None = None
+    sensitivity_error: float | None = None
+    unit: str = ""
+    members: tuple["Row", ...] = ()
+
+    def as_dict(self) -> dict:
+        """The row for JSON; a number that is not known is None."""
+        entries = dict(vars(self))
+        entries["members"] = [member.as_dict() for member in self.members]
+        error = entries["sensitivity_error"]
+        entries["sensitivity_error"] = None if error is None or np.isnan(error) else error
+        return entries
+
+
+def rows(
+    inputs: Inputs, derivative: np.ndarray, errors: np.ndarray, others: dict[str, float]
+) -> list[Row]:
+    """The rows of a budget, the largest share first.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        K quantities with their covariance.
+    derivative, errors : ndarray, shape (K,)
+        Derivatives of the result, and their standard errors.
+    others : dict of str to float
+        Further standard uncertainties of the result, by name, which are independent of all others.
+    """
+    variances = {group.label: group_variance(inputs, derivative, group) for group in inputs.groups}
+    total = sum(variances.values()) + sum(error**2 for error in others.values())
+    share = lambda variance: variance / total if total > 0 else 0.0
+    found = []
+    for group in inputs.groups:
+        members = [
+            Row(
+                quantity=inputs.quantities[k].name,
+                contribution=float(derivative[k] * inputs.sigma[k]),
+                share=None,
+                value=inputs.quantities[k].value,
+                sigma=float(inputs.sigma[k]),
+                sensitivity=float(derivative[k]),
+                sensitivity_error=float(errors[k]),
+                unit=inputs.quantities[k].unit,
+            )
+            for k in group.index
+        ]
+        variance = variances[group.label]
+        if len(members) == 1:
+            found.append(Row(**vars(members[0]) | {"share": share(variance)}))
+        else:
+            contribution = float(np.sqrt(variance))
+            found.append(Row(group.label, contribution, share(variance), members=tuple(members)))
+    found += [Row(name, error, share(error**2)) for name, error in others.items()]
+    return sorted(found, key=lambda row: -row.share)
+
+
+def group_variance(inputs: Inputs, derivative: np.ndarray, group: Group) -> float:
+    """Variance of the result from a group of correlated quantities."""
+    c = derivative[group.index]
+    return float(max(c @ inputs.covariance[np.ix_(group.index, group.index)] @ c, 0.0))
+
+
+def combined(found: list[Row]) -> float:
+    """Standard uncertainty of the result: the root of the sum of the squared contributions."""
+    return float(np.sqrt(sum(row.contribution**2 for row in found)))

@@ -1,0 +1,238 @@
+"""Uncertainties of the quantities behind a result, read from a TOML file.
+
+.. code-block:: toml
+
+    [sigma]                             # standard deviations: in the quantity's unit, or relative
+    "self.temperature" = 2.0
+    "sky.radiance" = "5 %"
+
+    [scenario]                          # the same for quantities of a contrast scenario
+    transmittance = "3 %"
+    range_m = 50
+
+    [fits]                              # material = report of a fit, with its correlations
+    gloss_black = "gloss_black.json"
+
+    [[correlated]]                      # correlations of quantities of [sigma] and [scenario]
+    names = ["scenario.transmittance", "scenario.path_radiance"]
+    correlation = -0.9                  # of two; or a matrix; or covariance = a matrix
+"""
+
+import json
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mi_lcair.errors import InputError, shown, unknown
+from mi_lcair.files import read_text
+
+RELATIVE = re.compile(r"\s*([0-9.eE+-]+)\s*%\s*")
+TABLES = ("sigma", "scenario", "fits", "correlated")
+OF_A_FIT = ("model", "parameters", "standard_error", "correlation")
+# Largest relative difference of a scene's parameter, which is a Float32 number, and a fit's
+SAME_VALUE = 1e-4
+ROUNDING = 1e-9  # most negative eigenvalue of a correlation matrix, by rounding
+
+
+@dataclass(frozen=True)
+class Correlated:
+    """Quantities whose errors are correlated. label: their name in tables; empty for their names.
+
+    covariance: (n, n), in the units of the quantities; None if `correlation` (n, n) is given.
+    """
+
+    names: tuple[str, ...]
+    covariance: np.ndarray | None = None
+    correlation: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Values and covariance of the parameters of a material, from the report of a fit."""
+
+    file: str
+    model: str
+    values: dict[str, float]
+    covariance: np.ndarray
+
+
+@dataclass(frozen=True)
+class Uncertainties:
+    """Uncertainties as the file states them.
+
+    Attributes
+    ----------
+    source : str
+        Name of the file, for messages.
+    sigma : dict
+        Standard deviation of each quantity by name: a number, or a text such as "5 %".
+    correlated : list of Correlated
+    fits : dict
+        List of the fits in a report (one for each band) by the name of the material.
+    """
+
+    source: str
+    sigma: dict[str, float | str]
+    correlated: list[Correlated]
+    fits: dict[str, list[Fit]]
+
+    @staticmethod
+    def read(source) -> "Uncertainties":
+        """Read uncertainties from a TOML file, or take them from a dictionary of its tables.
+
+        Paths in the file are relative to its folder, those of a dictionary to the working
+        directory. Raises InputError if anything cannot be used.
+        """
+        if isinstance(source, Uncertainties):
+            return source
+        if isinstance(source, Mapping):
+            tree, name, folder = source, "uncertainties", Path()
+        else:
+            name, folder = str(source), Path(source).parent
+            try:
+                tree = tomllib.loads(read_text(source, f"uncertainties '{name}'"))
+            except (ValueError, RecursionError) as error:
+                if isinstance(error, InputError):
+                    raise
+                raise InputError(f"{name}: {error}") from None
+        try:
+            return parsed(tree, name, folder)
+        except InputError as error:
+            raise InputError(f"{name}: {error}") from None
+
+
+def parsed(tree: Mapping, name: str, folder: Path) -> Uncertainties:
+    for table in tree:
+        if table not in TABLES:
+            raise unknown("table", table, TABLES)
+    tables = {}
+    for table in ("sigma", "scenario", "fits"):
+        tables[table] = tree.get(table, {})
+        if not isinstance(tables[table], Mapping):
+            raise InputError(f"{table} must be a table, [{table}]")
+    sigma = dict(tables["sigma"])
+    sigma |= {f"scenario.{key}": value for key, value in tables["scenario"].items()}
+    for key, value in sigma.items():
+        check_sigma(key, value)
+    groups = tree.get("correlated", [])
+    if not isinstance(groups, list) or not all(isinstance(group, Mapping) for group in groups):
+        raise InputError("correlated must be tables, [[correlated]]")
+    correlated = [read_correlated(group, sigma) for group in groups]
+    fits = {key: read_fit(folder, value) for key, value in tables["fits"].items()}
+    if not sigma and not fits and not correlated:
+        raise InputError("holds no uncertainties; give [sigma], [scenario] or [fits]")
+    return Uncertainties(name, sigma, correlated, fits)
+
+
+def check_sigma(name: str, value) -> None:
+    """Raise InputError for a standard deviation that is neither positive nor relative."""
+    number = relative(value) if isinstance(value, str) else value
+    if isinstance(number, bool) or not isinstance(number, (int, float)):
+        raise InputError(
+            f"'{name}' = {shown(str(value))}; must be a standard deviation in the quantity's unit, "
+            'or a relative one such as "5 %"'
+        )
+    if not 0 < number < np.inf:
+        raise InputError(f"'{name}' = {value}; a standard deviation must be positive and finite")
+
+
+def relative(text: str) -> float | None:
+    """The fraction that a text such as "5 %" states; None for any other text."""
+    match = RELATIVE.fullmatch(text)
+    try:
+        return float(match[1]) / 100 if match else None
+    except ValueError:
+        return None
+
+
+def read_correlated(group: Mapping, sigma: Mapping) -> Correlated:
+    """A table [[correlated]]."""
+    names = group.get("names")
+    where = f"[[correlated]] {names}"
+    if (
+        not isinstance(names, list)
+        or len(names) < 2
+        or len({str(name) for name in names}) < len(names)
+    ):
+        raise InputError("[[correlated]]: names must list two or more different quantities")
+    kinds = [kind for kind in ("correlation", "covariance") if kind in group]
+    if len(kinds) != 1 or set(group) - {"names", *kinds}:
+        raise InputError(f"{where}: give names and either correlation or covariance, nothing else")
+    matrix = group[kinds[0]]
+    if kinds[0] == "correlation" and isinstance(matrix, (int, float)) and len(names) == 2:
+        matrix = [[1, matrix], [matrix, 1]]
+    try:
+        matrix = np.array(matrix, dtype=float)
+    except (TypeError, ValueError):
+        matrix = np.empty(0)
+    if matrix.shape != (len(names),) * 2 or not np.all(np.isfinite(matrix)):
+        raise InputError(f"{where}: {kinds[0]} must be a matrix of {len(names)} x {len(names)}")
+    in_sigma = [name for name in names if name in sigma]
+    if kinds[0] == "covariance":
+        if in_sigma:
+            raise InputError(f"{where}: '{in_sigma[0]}' has a covariance and a standard deviation")
+        if not np.all(np.diag(matrix) > 0):
+            raise InputError(f"{where}: the variances must be positive")
+        spread = np.sqrt(np.diag(matrix))
+    else:
+        if missing := [name for name in names if name not in sigma]:
+            raise InputError(f"{where}: '{missing[0]}' has no standard deviation")
+        spread = np.ones(len(names))
+        if not np.all(np.diag(matrix) == 1):
+            raise InputError(f"{where}: the diagonal of a correlation matrix is 1")
+    scaled = matrix / np.outer(spread, spread)
+    if not np.allclose(scaled, scaled.T) or np.linalg.eigvalsh(scaled).min() < -ROUNDING:
+        raise InputError(
+            f"{where}: the {kinds[0]} must be symmetric and have no negative eigenvalue"
+        )
+    return Correlated(tuple(names), **{kinds[0]: matrix})
+
+
+def read_fit(folder: Path, file) -> list[Fit]:
+    """The fits in the JSON report of `mi-lcair fit`, one for each band."""
+    if not isinstance(file, str):
+        raise InputError(f"[fits]: {file} must be the name of a fit's JSON file")
+    try:
+        report = json.loads(read_text(folder / file, f"fit '{file}'"))
+        reports = list(report["materials"].values()) if "materials" in report else [report]
+        return [one_fit(file, part) for part in reports]
+    except InputError:
+        raise
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        raise InputError(
+            f"fit '{file}': is not the JSON report of a fit, which has {', '.join(OF_A_FIT)}"
+        ) from None
+
+
+def one_fit(file: str, report: Mapping) -> Fit:
+    values = {name: float(value) for name, value in report["parameters"].items()}
+    errors = np.array([report["standard_error"][name] for name in values], dtype=float)
+    correlation = np.array(report["correlation"], dtype=float)
+    covariance = correlation * np.outer(errors, errors)
+    if covariance.shape != (len(values),) * 2 or not np.all(np.isfinite(covariance)):
+        raise ValueError
+    return Fit(file, report["model"], values, covariance)
+
+
+def of_material(fits: list[Fit], material: str, present: Mapping[str, float]) -> Fit:
+    """The fit whose parameters are those of a scene's material.
+
+    Raises InputError if there is none: the covariance belongs to another surface.
+    """
+    for fit in fits:
+        if set(fit.values) == set(present) and all(
+            np.isclose(present[name], value, rtol=SAME_VALUE, atol=1e-9)
+            for name, value in fit.values.items()
+        ):
+            return fit
+    fit = fits[0]
+    stated = ", ".join(f"{name} = {value:.4g}" for name, value in fit.values.items())
+    has = ", ".join(f"{name} = {value:.4g}" for name, value in present.items())
+    raise InputError(
+        f"fit '{fit.file}' is of another material: it has {stated}, and {material} of the scene "
+        f"has {has}"
+    )
