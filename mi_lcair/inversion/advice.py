@@ -143,7 +143,9 @@ def measurements(
     -------
     list of Proposal
     """
-    first = min((datum.number for made in proposed.values() for datum in made), default=0)
+    if not proposed:
+        return []
+    first = min(datum.number for made in proposed.values() for datum in made)
     of_data = {
         (one.name, one.facet, tuple(k for k in one.data if k < first)): one for one in everything
     }

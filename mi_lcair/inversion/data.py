@@ -260,7 +260,7 @@ class Datum:
             radiance.append(found.value + each[0])
             columns.append(found.derivative[:, None] + each[1:])
         radiance = np.array(radiance).T  # (R, n)
-        by_view = np.array(columns).reshape(len(self.views), len(names), -1)
+        by_view = np.array(columns).reshape(len(self.views), len(names), R)
         columns = list(by_view.transpose(2, 0, 1))
         return radiance, columns
 

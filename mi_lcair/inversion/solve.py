@@ -20,7 +20,9 @@ FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-12, 1e8
 INNER = 50  # largest number of steps between two renders
 CONVERGED = 0.02  # largest last step, in standard errors, see `length`
 HALVINGS = 12  # attempts to shorten a step that no surface can have
-CHUNK = 256  # columns of the inverse of a sparse matrix that are computed together
+# Columns of the inverse of a sparse matrix that are computed together. With a hundred or more,
+# SuperLU starts threads that take far longer than the solution.
+CHUNK = 32
 
 
 @dataclass(frozen=True)

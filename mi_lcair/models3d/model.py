@@ -72,7 +72,8 @@ def read(
     ----------
     path : str or Path
     temperatures : str, Path or None
-        CSV file facet,kelvin with the temperatures, in place of those in the labels.
+        CSV file facet,kelvin with the temperatures, in place of those in the labels. Or the JSON
+        file of an inversion, for the facets that were unknown in it.
     material : str or None
         Material of all model facets (f), in place of those in the labels. If temperatures and
         material are given, facets without a label are model facets.
