@@ -16,7 +16,7 @@ from mi_lcair.files import read_text
 
 QUANTITIES = ("radiance", "apparent_temperature")
 TABLES = ("data", "unknowns", "nuisance", "candidates", "goal", "render")
-NUMBERS = ("intensity", "contrast")  # data that are one number, W/sr and W m^-2
+NUMBERS = ("intensity", "contrast")  # what a goal may be about, W/sr
 FILES = ("scene", "image", "mask", "sigma_image", "trend")  # entries that may name a file
 PER = ("band", "state", "data")  # what an unknown may have a value of its own for
 LABELLED = re.compile(r"\s*(?P<name>[^\[\]]*[^\[\]\s])\s*(\[(?P<of>[^\[\]]+)\])?\s*")
@@ -30,7 +30,7 @@ class Place:
     Attributes
     ----------
     scene : str
-        Bundled scene or Mitsuba XML file; a scenario for a contrast.
+        Bundled scene or Mitsuba XML file.
     name : str
         Name in messages and results; by default data 1, data 2 and so on.
     parameters : dict
@@ -42,8 +42,7 @@ class Place:
     netd_mK : float, optional
         Noise-equivalent temperature difference of a pixel, mK.
     sigma : float, optional
-        Standard deviation of the noise: W m^-2 sr^-1 for an image, W/sr for an intensity, W m^-2
-        for a contrast.
+        Standard deviation of the noise: W m^-2 sr^-1 for an image, W/sr for an intensity.
     """
 
     scene: str
@@ -108,8 +107,6 @@ class Measurement(Place):
         Mean and standard deviation that are known beforehand.
     intensity : float, optional
         Intensity of the target, W/sr, in place of an image.
-    contrast : float, optional
-        Contrast at the aperture, W m^-2, in place of an image; `scene` is then a scenario.
     trend : str, optional
         CSV with the columns azimuth_deg, elevation_deg, intensity_W_sr and, without `sigma`,
         standard_error_W_sr, in place of an image.
@@ -127,16 +124,15 @@ class Measurement(Place):
     gain_prior: tuple[float, ...] | None = None
     offset_prior: tuple[float, ...] | None = None
     intensity: float | None = None
-    contrast: float | None = None
     trend: str | None = None
 
     def __post_init__(self):
         super().__post_init__()
-        kinds = [key for key in ("image", *NUMBERS, "trend") if getattr(self, key) is not None]
+        kinds = [key for key in ("image", "intensity", "trend") if getattr(self, key) is not None]
         if len(kinds) != 1:
             raise InputError(
                 f"has {' and '.join(kinds) or 'no measurement'}; give one of image, "
-                "intensity, contrast and trend"
+                "intensity and trend"
             )
         self._check_noise()
         if self.quantity is not None and self.quantity not in QUANTITIES:

@@ -123,7 +123,7 @@ def cylinder():
     """Parameters of the cylinder, its band, and its image of 24 x 24 pixels without noise."""
     parameters = {"finish": "gloss_black", "resolution": 24, "max_bounces": 1}
     scene = mi_lcair.load("cylinder_ir_range", **parameters)
-    image = mi_lcair.render(scene, spp=4096, seed=99, split=None).channels["Y"].astype(float)
+    image = mi_lcair.render(scene, spp=2048, seed=99, split=None).channels["Y"].astype(float)
     return parameters, scene.band, image
 
 
@@ -146,7 +146,7 @@ def stripes_problem(path, parameters, seed):
 
 
 def test_errors_are_true(cylinder, tmp_path):
-    """Renders of four seeds, each with ten draws of the camera's noise: z has a scatter of 1."""
+    """Renders of four seeds, each with six draws of the camera's noise: z has a scatter of 1."""
     parameters, band, image = cylinder
     sigma, z = noise_of_netd(band, image, 50), []
     for seed in range(4):
@@ -157,7 +157,7 @@ def test_errors_are_true(cylinder, tmp_path):
         first = np.array([one.start for one in sought])
         block = data.block(sought, first, problem.render)
         weight = [data.weight(sought, np.array(STRIPES), problem.render)]
-        for draw in range(10):
+        for draw in range(6):
             noise = np.random.default_rng((seed, draw)).standard_normal(image.shape)
             noisy = replace(block, measured=(image + sigma * noise)[data.counts])
             state = solve(sought, lambda x: [noisy], lambda x: weight, True, 1)  # noqa: B023
