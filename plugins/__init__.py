@@ -33,6 +33,7 @@ MODULES = (
     "paths.columns",
     "paths.aim",
     "paths.launch",
+    "paths.rays",
     "paths.sums",
     "paths.facet_columns",
     "bounce_path",

@@ -1,6 +1,7 @@
 """The floors of CONTRIBUTING.md: modules import from their own floor or a lower one."""
 
 import ast
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -32,13 +33,17 @@ def floor(module: str) -> int:
     return FLOORS[max((name for name in FLOORS if f"{module}.".startswith(f"{name}.")), key=len)]
 
 
-def modules():
+@cache
+def modules() -> list:
     """(name of the module, its syntax tree) of every module of the package."""
+    found = []
     for folder in ("mi_lcair", "plugins", "fitting", "scenes"):
         for path in (ROOT / folder).rglob("*.py"):
             parts = path.relative_to(ROOT).with_suffix("").parts
             name = ".".join(parts if folder == "mi_lcair" else ("mi_lcair", *parts))
-            yield name.removesuffix(".__init__"), ast.parse(path.read_text(encoding="utf-8"))
+            tree = ast.parse(path.read_text(encoding="utf-8"))
+            found.append((name.removesuffix(".__init__"), tree))
+    return found
 
 
 NAMES = {name for name, _ in modules()}
@@ -84,3 +89,22 @@ def test_folders_are_small():
         for path in (ROOT / folder).rglob("*.py"):
             counts[path.parent] = counts.get(path.parent, 0) + 1
     assert {str(folder): count for folder, count in counts.items() if count > MOST_FILES} == {}
+
+
+def test_modules_with_classes_of_mitsuba_are_loaded_again():
+    """What names Mitsuba's types when it is imported belongs to one variant."""
+    from mi_lcair.plugins import MODULES
+
+    def names_mitsuba(node) -> bool:
+        if isinstance(node, ast.FunctionDef):
+            return False
+        if isinstance(node, ast.Name) and node.id == "mi":
+            return True
+        return any(map(names_mitsuba, ast.iter_child_nodes(node)))
+
+    found = {
+        name.removeprefix("mi_lcair.plugins.")
+        for name, tree in modules()
+        if name.startswith("mi_lcair.plugins.") and any(map(names_mitsuba, tree.body))
+    }
+    assert found <= set(MODULES)

@@ -184,9 +184,10 @@ def observes(loaded, spp: int, split: str | None):
     """Return a function of the seed that renders without an image, with or without channels."""
     integrator, sensor = loaded.integrator(), loaded.sensors()[0]
     width, height = sensor.film().crop_size()
+    kept = {}  # a new tracer for each run would record its launches again
 
     def run(seed):
-        with integrator.prepared(loaded) as tracer:
+        with integrator.prepared(loaded, kept=kept) as tracer:
             launch = Launch(
                 columns=width,
                 rows=height,

@@ -346,6 +346,7 @@ def rendered(
             behind,
             result.degrees_of_freedom,
             result.missed,
+            result.systematic,
         )
 
     def excess(result: Signature) -> float:
@@ -353,6 +354,7 @@ def rendered(
         if result.paths >= ENOUGH_TO_MEET:
             check_met(result, target)
         terms = irradiance(result)
+        check_reachable(sampling, terms, path)
         allowed = sampling.allowed(terms.at(path)["total"].value)
         return terms.half_width(path) / allowed if allowed > 0 else np.inf
 
@@ -374,6 +376,25 @@ def rendered(
             )
         check_met(result, target)
         yield count, irradiance(result), result
+
+
+def check_reachable(sampling: Sampling, irradiance: Irradiance, path: LineOfSight) -> None:
+    """Raise InputError if no number of samples reaches the tolerances of a contrast.
+
+    A relative tolerance is judged only where the contrast differs from zero by more than its 95 %
+    interval, and with the largest contrast of that interval.
+    """
+    contrast, half_width = irradiance.at(path)["total"].value, irradiance.half_width(path)
+    if sampling.tolerance is not None and abs(contrast) <= half_width:
+        return
+    least = irradiance.least_half_width(path)
+    allowed = sampling.allowed(abs(contrast) + half_width)
+    if allowed <= least:
+        raise InputError(
+            f"[render]: a tolerance of {allowed:.2g} W m^-2 cannot be reached: Float32's rounding "
+            "and tabulated emissivities leave half a 95 % interval of "
+            f"{least:.2g} W m^-2; ask for more than that"
+        )
 
 
 def check_met(result: Signature, target: Target) -> None:

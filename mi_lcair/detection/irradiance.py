@@ -66,6 +66,8 @@ class Irradiance:
         Degrees of freedom of the standard errors.
     missed : float
         Intensity that a source which no path has hit may add to the target, W/sr.
+    systematic : float
+        Relative error of the intensity that more paths do not reduce.
     """
 
     def __init__(
@@ -77,6 +79,7 @@ class Irradiance:
         backdrop: Backdrop,
         degrees_of_freedom: float = np.inf,
         missed: float = 0.0,
+        systematic: float = 0.0,
     ):
         rows = np.concatenate(
             [
@@ -97,7 +100,7 @@ class Irradiance:
         ).ravel()
         self.response = band.response_at(self.wavelengths_um)
         self.weights_um = np.repeat(half, 2) * self.response
-        self.areas, self.missed = areas, missed
+        self.areas, self.missed, self.systematic = areas, missed, systematic
         self.degrees_of_freedom = degrees_of_freedom
         self.backdrop = backdrop.at(self.wavelengths_um)
         self.projected_area = Estimate(
@@ -160,6 +163,11 @@ class Irradiance:
         missed = self.missed * (transmittance * self.response).max() / path.range_m**2
         error = self.at(path)["total"].standard_error
         return float(student_factor(self.degrees_of_freedom) * error + missed)
+
+    def least_half_width(self, path: LineOfSight) -> float:
+        """The part of `half_width` that more paths do not reduce, W m^-2."""
+        error = self.systematic * self.at(path)["target"].value
+        return float(student_factor(self.degrees_of_freedom) * error)
 
     def spectral(self, path: LineOfSight) -> dict[str, np.ndarray]:
         """The TERMS at `wavelengths_um`, by name, without the response.

@@ -7,7 +7,7 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.derivatives import members
+from mi_lcair.plugins.derivatives import members, own_memory
 from mi_lcair.plugins.emission.triangles import is_faceted
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.scene import Scene
@@ -53,7 +53,9 @@ def set_facets(scene: Scene, kelvin: dict[int, float]) -> dict:
         for k, value in enumerate(wanted):
             if value is not None:
                 new[k] = value
-        parameters[emitter.attribute] = mi.Float(new)
+        own = mi.Float(new)
+        own_memory([own])
+        parameters[emitter.attribute] = own
         parameters.update()
     return before
 

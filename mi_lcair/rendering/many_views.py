@@ -106,7 +106,7 @@ def render_views(
     sensor = cameras(scene, target, views)
     with scene.prepared() as tracer:
         if spp is None:
-            check_reachable(tolerance, tracer, scene.name)
+            check_reachable(tolerance, tracer, scene.name, of_interval=True)
         brightest = tracer.emitters.brightest * area
         total = window_means(
             scene,

@@ -15,9 +15,9 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import brightness_temperature
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.rendering.apparent import apparent
-from mi_lcair.rendering.limits import check_memory, check_paths
+from mi_lcair.rendering.limits import check_memory, check_paths, check_positive
 from mi_lcair.rendering.scene import Scene
-from mi_lcair.rendering.statistics import Totals, check_valid
+from mi_lcair.rendering.statistics import Totals, check_valid, student_factor
 
 BOUNCE_CHANNELS = 17  # bounce channels in the image; the last holds all counts from 16 on
 # Paths of one pass. A pass takes seconds, and Ctrl-C takes effect at its end.
@@ -121,9 +121,7 @@ def render(
         For settings out of bounds, a tolerance that cannot be reached, and an image that needs more
         memory than is free.
     """
-    for name, value in (("spp", spp), ("max_spp", max_spp), ("tolerance", tolerance)):
-        if value is not None and not value > 0:
-            raise InputError(f"{name} = {value} must be positive")
+    check_positive(spp=spp, max_spp=max_spp, tolerance=tolerance)
     if atmosphere is not None:
         atmosphere.check_covers(scene.band)
         if range_m is not None:
@@ -207,7 +205,7 @@ def render(
     )
 
 
-def check_reachable(tolerance: float, tracer, name: str) -> None:
+def check_reachable(tolerance: float, tracer, name: str, of_interval: bool = False) -> None:
     """Raise InputError if no number of samples reaches the tolerance, or none can confirm it.
 
     A tolerance cannot be confirmed if an emitter's radiance has no known bound.
@@ -219,13 +217,16 @@ def check_reachable(tolerance: float, tracer, name: str) -> None:
     tracer : PathTracer
     name : str
         Name of the scene in messages.
+    of_interval : bool
+        Whether the tolerance is that of half of the 95 % interval, not of the standard error.
     """
     check_bounded(tracer.emitters, name)
-    if tolerance <= tracer.systematic_error:
+    least = tracer.systematic_error * (student_factor(np.inf) if of_interval else 1.0)
+    if tolerance <= least:
         raise InputError(
             f"{name}: tolerance = {tolerance:g} cannot be reached: Float32's rounding and "
-            "tabulated emissivities leave a relative error of "
-            f"{tracer.systematic_error:.1g}; ask for more than that"
+            f"tabulated emissivities leave {'half a 95 % interval' if of_interval else 'an error'} "
+            f"of {least:.2g}; ask for more than that"
         )
 
 
@@ -245,15 +246,8 @@ def samples_needed(total: Totals, done: int, tolerance: float) -> int:
         return done + 1
     if error <= tolerance:
         return done
-    return min(4 * done, int(done * growth(error / tolerance)) + 1)
-
-
-def growth(excess: float) -> float:
-    """Factor by which to increase the samples if the error is `excess` (> 1) times too large.
-
-    It is at most 4, because the error is itself an estimate.
-    """
-    return min(4.0, 1.05 * excess**2)
+    # At most 4 times as many, because the error is itself an estimate
+    return min(4 * done, int(done * 1.05 * (error / tolerance) ** 2) + 1)
 
 
 def image_channels(total: Totals, band: Band) -> dict[str, np.ndarray]:

@@ -121,7 +121,7 @@ def window_means(
         )
         total.add(launch, tracer.trace(sensor, launch, split, facets, rays=rays, tables=tables))
         done += points
-        check_valid(total.invalid, int(total.valid.sum()) + total.invalid, scene.name)
+        check_valid(total.invalid, int(total.traced.sum()), scene.name)
         if not paths and done >= goal:
             # The error of a lattice falls at most as 1 / points. A smaller estimate is luck, and to
             # end there would state too small an error too often.

@@ -8,7 +8,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.rendering.facet_table import FacetTable
-from mi_lcair.rendering.limits import check_paths
+from mi_lcair.rendering.limits import check_paths, check_samples
 from mi_lcair.rendering.render import DEFAULT_MAX_SPP, check_bounded, check_reachable
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
@@ -81,6 +81,8 @@ class Signature:
         Degrees of freedom of all standard errors, see `student_factor`.
     missed : float
         Intensity that a source which no path has hit may add to the target, W/sr.
+    systematic : float
+        Relative error of every intensity that more paths do not reduce.
     tolerance : float or None
         Tolerance that was asked for.
     reached : bool or None
@@ -98,6 +100,7 @@ class Signature:
     invalid: int
     degrees_of_freedom: int
     missed: float
+    systematic: float
     tolerance: float | None
     reached: bool | None = None
 
@@ -181,19 +184,12 @@ def signature(
         If the sensor is not orthographic, if `by_spectrum` is asked of the band "total", if a
         number of paths is given beside a tolerance, or if a tolerance cannot be reached.
     """
-    if spp and (tolerance or excess or max_spp):
-        raise InputError(
-            "spp sets a fixed number of samples; tolerance and max_spp choose one, and "
-            "do not go with it"
-        )
+    check_samples(spp, tolerance, max_spp, excess)
     if by_spectrum and scene.band.is_total:
         raise InputError(
             f"{scene.name}: band total has no wavelengths, so that its intensity has no spectrum; "
             "choose a band with limits"
         )
-    for name, value in (("spp", spp), ("max_spp", max_spp), ("tolerance", tolerance)):
-        if value is not None and not value > 0:
-            raise InputError(f"{name} = {value} must be positive")
     start = time.perf_counter()
     camera = scene.sensor(sensor)
     area = window_area(camera, scene.name)
@@ -205,7 +201,7 @@ def signature(
     sums = FacetSums(FacetTable(scene), scene.mi.integrator().max_bounces) if facets else None
     with scene.prepared(by_spectrum) as tracer:
         if tolerance is not None:
-            check_reachable(tolerance, tracer, scene.name)
+            check_reachable(tolerance, tracer, scene.name, of_interval=True)
         elif adaptive:
             check_bounded(tracer.emitters, scene.name)
         sources = tracer.emitters.sources
@@ -221,10 +217,11 @@ def signature(
                 facets=None,
                 window_area=area,
                 seconds=time.perf_counter() - start,
-                paths=int(total.valid.sum()) + total.invalid,
+                paths=int(total.traced.sum()),
                 invalid=total.invalid,
                 degrees_of_freedom=total.randomisations - 1,
                 missed=float(total.missed("target")[0] * area),
+                systematic=total.systematic,
                 tolerance=tolerance,
             )
 

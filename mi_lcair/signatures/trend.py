@@ -11,6 +11,7 @@ import numpy as np
 
 import mi_lcair
 from mi_lcair.errors import InputError
+from mi_lcair.rendering.limits import check_samples
 from mi_lcair.rendering.many_views import FAINT, render_views, views_per_batch
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import View, check_resolution
@@ -220,11 +221,7 @@ def trend(
         If the arguments do not fit together, if a view is missing or given twice, or if the file or
         the scheduler cannot be used.
     """
-    if spp and (tolerance or max_spp):
-        raise InputError(
-            "spp sets a fixed number of samples; tolerance and max_spp choose one, and "
-            "do not go with it"
-        )
+    check_samples(spp, tolerance, max_spp)
     views = tuple(
         View(float(azimuth), float(elevation))
         for elevation in elevations_deg

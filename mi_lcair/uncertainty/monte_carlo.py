@@ -61,6 +61,7 @@ def monte_carlo(
     number: Number,
     inputs: Inputs,
     derivative: np.ndarray,
+    independent: float,
     draws: int,
     seed: int,
     progress=None,
@@ -78,6 +79,9 @@ def monte_carlo(
     inputs : Inputs
     derivative : ndarray, shape (K,)
         Derivatives of the result.
+    independent : float
+        Standard uncertainty of the result from many small independent errors, such as those of
+        facets. They are drawn together, and not rendered.
     draws : int
         Number of draws.
     seed : int
@@ -107,13 +111,14 @@ def monte_carlo(
                     "deviations are too large for a normal distribution"
                 )
             continue
-        results.append(number.at(named))
-        changes.append(derivative @ (values - inputs.values))
+        together = independent * random.standard_normal()
+        results.append(number.at(named) + together)
+        changes.append(derivative @ (values - inputs.values) + together)
         if progress:
             progress(len(results), draws)
     results = np.array(results)
     plain = squares(results)
-    known = derivative @ inputs.covariance @ derivative
+    known = derivative @ inputs.covariance @ derivative + independent**2
     linear = squares(np.array(changes))
     slope = np.cov(plain, linear)[0, 1] / linear.var(ddof=1) if linear.var() > 0 else 0.0
     controlled = plain - slope * (linear - known)

@@ -13,6 +13,7 @@ import warnings
 from contextlib import contextmanager
 
 import drjit as dr
+import mitsuba as mi
 
 from mi_lcair.plugins.derivatives import flatten
 from mi_lcair.plugins.scene_state import SceneState
@@ -52,22 +53,51 @@ class Recorded:
         """
         if self.reason:
             return tracer.block_sums(*arguments)
+        try:
+            return self.run_frozen(tracer, arguments)
+        except RuntimeError:
+            # The plugin that cannot be recorded may belong to a scene that is already deleted
+            gc.collect()
+        try:
+            return self.run_frozen(tracer, arguments)
+        except RuntimeError as error:
+            self.reason = (
+                "the recording failed, perhaps because of a plugin of another scene that is not "
+                f"yet deleted: {error.__cause__ or error}"
+            )
+        warnings.warn(
+            f"launches are not recorded, and small ones are slower: {self.reason}", stacklevel=2
+        )
+        return tracer.block_sums(*arguments)
+
+    def run_frozen(self, tracer, arguments):
+        """Result of `tracer.block_sums(*arguments)` from a recording, which is made if needed.
+
+        Raises RuntimeError if it cannot be made. All recordings are dropped in that case.
+        """
         attributes = tuple(vars(plugin) for plugin in self.plugins)
         arrays = flatten((attributes, tracer.emitters, tracer.ambient_radiance))
         call = Unseen((tracer, self.plugins, attributes))
         try:
             hidden = [{} for _ in self.plugins]
             with without_collection(), attributes_replaced(self.plugins, hidden):
-                return self.frozen(call, tracer.scene, arrays, *arguments)
-        except RuntimeError as error:
+                return self.frozen(call, tracer.scene, registries(), arrays, *arguments)
+        except RuntimeError:
             self.frozen.clear()
-            self.reason = f"the recording failed: {error.__cause__ or error}"
+            raise
         finally:
             call.content = None  # the recording keeps `call`, and must not keep the scene
-        warnings.warn(
-            f"launches are not recorded, and small ones are slower: {self.reason}", stacklevel=2
-        )
-        return tracer.block_sums(*arguments)
+
+
+def registries() -> list:
+    """A pointer to each of the kinds of objects whose methods a path calls.
+
+    Dr.Jit records a call of a method for every object of the kind that is alive, also in other
+    scenes. `freeze` looks for the arrays of all these objects if its arguments contain a pointer of
+    the kind. A scene contains pointers to shapes and emitters, but none to BSDFs. Without one, it
+    would not find the arrays of a BSDF that belongs to no shape.
+    """
+    return [dr.zeros(kind) for kind in (mi.ShapePtr, mi.EmitterPtr, mi.BSDFPtr)]
 
 
 class Unseen:
@@ -83,7 +113,7 @@ class Unseen:
         return 0
 
 
-def run(call, scene, arrays, *arguments):
+def run(call, scene, pointers, arrays, *arguments):
     """The function that is recorded. `freeze` compares all arguments but `call`."""
     tracer, plugins, attributes = call.content
     with attributes_replaced(plugins, attributes):

@@ -195,6 +195,8 @@ def totals(monkeypatch, folder, seeds: int, **changes):
     """Contrasts of the disc over seeds: errors and half widths as fractions of the closed form."""
     loaded = module.load(folder / "disc.xml", temperature="400", band="MWIR")
     monkeypatch.setattr(module, "load", lambda *_, **__: loaded)
+    # The search for overlapping triangles takes three times as long as such a render
+    monkeypatch.setattr("mi_lcair.rendering.scene.thin_sheets", lambda _: [])
     changes |= {"target__parameters__temperature": 400, "sensor__band": "MWIR"}
     rows = [contrast(disc(folder, **changes, render__seed=seed)).rows[0] for seed in range(seeds)]
     expected = closed_form("MWIR", 400, 1000, np.ones_like, np.zeros_like, lambda x: planck(x, 294))
@@ -245,6 +247,14 @@ def test_a_contrast_of_zero_needs_an_absolute_tolerance(folder, changes, reached
     assert abs(row.total.value) < row.half_width < 1e-6
     (remark,) = result.remarks
     assert ("give tolerance_W_m2 of [render]" in remark) != reached
+
+
+@pytest.mark.parametrize(
+    "changes", [{"render__tolerance": 1e-7}, {"render__tolerance_W_m2": 1e-15}]
+)
+def test_a_tolerance_below_the_rounding_is_refused(folder, changes):
+    with pytest.raises(InputError, match="cannot be reached: Float32's rounding"):
+        contrast(disc(folder, render__resolution=16, render__max_spp=64, **changes))
 
 
 @pytest.mark.slow

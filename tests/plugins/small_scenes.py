@@ -1,4 +1,4 @@
-"""Integrators, surfaces and a camera that the tests of emission share."""
+"""Integrators, surfaces, a camera and bundled scenes that several tests share."""
 
 import mitsuba as mi
 import numpy as np
@@ -19,6 +19,16 @@ INTEGRATORS = {
     },
     "path": {"type": "path", "max_depth": 4, "rr_depth": 100},
     "prb": {"type": "prb", "max_depth": 4, "rr_depth": 100},
+}
+
+# Bundled scenes of every kind, and the parameters with which they are loaded
+SCENES = {
+    "two_plates": {},
+    "open_box": {},
+    "cavity": {},
+    "furnace": {},
+    "cylinder_ir_range": {},
+    "a340_landing": {"position": 3},
 }
 
 

@@ -13,7 +13,7 @@ import pytest
 from tests.physics.reflection.surfaces import direction
 from tests.plugins.reflection_models import seen_at
 
-SEEDS, SPP = 6, 256
+SEEDS, SPP = 3, 512
 STEPS = {
     "floor.bsdf.epsilon": 0.02,
     "floor.bsdf.rho_d": 0.03,

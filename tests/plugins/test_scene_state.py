@@ -7,15 +7,7 @@ import pytest
 from mi_lcair.plugins.scene_state import SceneState
 from mi_lcair.rendering.scene import load
 from mi_lcair.signatures.signature import signature
-
-SCENES = {
-    "two_plates": {},
-    "open_box": {},
-    "cavity": {},
-    "furnace": {},
-    "cylinder_ir_range": {},
-    "a340_landing": {"position": 3},
-}
+from tests.plugins.small_scenes import SCENES
 
 
 @pytest.mark.parametrize("name", SCENES)

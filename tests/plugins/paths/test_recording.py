@@ -18,15 +18,8 @@ from mi_lcair.rendering.views import Target, View, cameras
 from mi_lcair.signatures.facet_results import FacetSums
 from mi_lcair.signatures.signature import signature
 from mi_lcair.signatures.trend import trend
+from tests.plugins.small_scenes import SCENES
 
-SCENES = {
-    "two_plates": {},
-    "open_box": {},
-    "cavity": {},
-    "furnace": {},
-    "cylinder_ir_range": {},
-    "a340_landing": {"position": 3},
-}
 POINTS = 64
 
 
@@ -309,6 +302,72 @@ class Users(mi.BSDF):
 
     def to_string(self):
         return f"Users[{self.number}]"
+
+
+class Hidden(Users):
+    """A user's BSDF with an array where `freeze` does not look for it."""
+
+    class Holder:
+        """No PyTree. It refers to the plugin, so only the garbage collector deletes both."""
+
+        def __init__(self, plugin):
+            self.plugin, self.array = plugin, dr.opaque(mi.Float, 0.5)
+
+    def __init__(self, props):
+        super().__init__(props)
+        self.holder = self.Holder(self)
+
+    def sample(self, ctx, si, sample1, sample2, active=True):
+        bs, weight = super().sample(ctx, si, sample1, sample2, active)
+        return bs, weight * self.holder.array
+
+
+SR = {"type": "sandford_robertson", "epsilon": 0.5, "rho_d": 0.2, "b": 0.3, "e": 0.1}
+GLOW = {"type": "thermal", "band": "MWIR", "temperature": 400.0}
+
+
+@pytest.mark.parametrize(
+    "alone",
+    [
+        SR,
+        {"type": "diffuse", "reflectance": 0.3},
+        {"type": "roughconductor", "alpha": 0.3},
+        {"type": "diffuse", "reflectance": {"type": "checkerboard"}},
+        GLOW,
+        {"type": "sphere", "emitter": GLOW, "bsdf": SR},
+    ],
+)
+def test_an_object_without_a_scene_is_alive(alone):
+    """Dr.Jit records calls of its methods too."""
+    kept = mi.load_dict(alone)
+    for name in ("two_plates", "open_box"):
+        check(load(name))
+    del kept
+
+
+def test_a_plugin_that_waits_for_the_garbage_collector():
+    mi.register_bsdf("hidden", Hidden)
+    gc.collect()
+    gc.disable()
+    try:
+        gone = weakref.ref(mi.load_dict({"type": "hidden"}).holder)
+        assert gone()
+        check(load("two_plates"))
+        assert gone() is None
+    finally:
+        gc.enable()
+
+
+def test_beside_a_plugin_that_cannot_be_recorded():
+    mi.register_bsdf("hidden", Hidden)
+    kept = mi.load_dict({"type": "hidden"})
+    with pytest.warns(UserWarning, match="plugin of another scene"):
+        tracer, recorded, anew = both(load("two_plates"))
+    np.testing.assert_array_equal(recorded.radiance, anew.radiance)
+    assert tracer.recorded.count == 0
+    del kept, tracer
+    gc.collect()
+    check(load("two_plates"))
 
 
 def test_a_users_plugin_in_python_gets_a_new_tracer_each_time():

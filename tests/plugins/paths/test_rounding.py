@@ -43,3 +43,19 @@ def test_a_tolerance_below_the_rounding_is_refused():
         mi_lcair.render(scene, tolerance=1e-8)
     with pytest.raises(InputError, match="cannot be reached"):
         mi_lcair.trend(scene, [0.0], resolution=4, tolerance=1e-8)
+
+
+@pytest.mark.parametrize("factor", [0.9, 1.5])
+def test_a_tolerance_below_the_interval_of_the_rounding_is_refused(factor):
+    """Half of the 95 % interval contains 1.96 times the systematic error."""
+    scene = mi_lcair.load("open_box", resolution=4)
+    with scene.prepared() as tracer:
+        tolerance = factor * tracer.systematic_error
+    for refused in (
+        lambda: mi_lcair.signature(scene, tolerance=tolerance, max_spp=16),
+        lambda: mi_lcair.trend(scene, [0.0], resolution=4, tolerance=tolerance, max_spp=16),
+    ):
+        with pytest.raises(InputError, match="leave half a 95 % interval of"):
+            refused()
+    if factor > 1:  # an image's tolerance is that of the standard error
+        assert mi_lcair.render(scene, tolerance=tolerance, max_spp=16).reached is False
