@@ -115,6 +115,18 @@ def test_size_and_band(entry, folder):
     )
 
 
+def test_closure_tail_has_no_derivatives(entry, folder):
+    text = (folder / "plate.xml").read_text()
+    tail = '<string name="closure" value="tail"/> </integrator>'
+    (folder / "tail.xml").write_text(
+        text.replace("</integrator>", tail, 1).replace(
+            'max_bounces" value="1"', 'max_bounces" value="3"'
+        )
+    )
+    other = entry | {"scene": str(folder / "tail.xml")}
+    refused({"data": [other], "unknowns": UNKNOWNS}, "closure = tail has no derivatives")
+
+
 def test_a_file_is_one_line(tmp_path):
     (tmp_path / "p.toml").write_text("[[data]\n")
     with pytest.raises(InputError, match="p.toml"):
