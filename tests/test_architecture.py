@@ -15,7 +15,6 @@ FLOORS = {  # the longest name that fits counts
     "mi_lcair.inversion": 5,
     "mi_lcair.sensitivity": 4,
     "mi_lcair.benchmark": 4,
-    "mi_lcair.inversion": 5,
     "mi_lcair.rendering": 3,
     "mi_lcair.plugins": 2,
     "mi_lcair.fitting": 2,
