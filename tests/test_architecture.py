@@ -12,6 +12,7 @@ FLOORS = {  # the longest name that fits counts
     "mi_lcair.detection": 4,
     "mi_lcair.planning": 4,
     "mi_lcair.uncertainty": 5,
+    "mi_lcair.inversion": 5,
     "mi_lcair.sensitivity": 4,
     "mi_lcair.benchmark": 4,
     "mi_lcair.inversion": 5,
