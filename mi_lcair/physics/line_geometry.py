@@ -42,7 +42,9 @@ def extended_down(height_m: float, elevation_deg: float, to_m: float) -> tuple[f
     if height_m == to_m:
         return float(elevation_deg), 0.0
     upper, lower = EFFECTIVE_RADIUS_M + height_m, EFFECTIVE_RADIUS_M + to_m
-    across = upper * np.cos(np.radians(elevation_deg))  # distance from the Earth's centre to the line
+    across = upper * np.cos(
+        np.radians(elevation_deg)
+    )  # distance from the Earth's centre to the line
     if across > lower:
         return None
     rise = np.sqrt(lower**2 - across**2)

@@ -38,7 +38,7 @@ from mi_lcair.physics.atmosphere import (
 from mi_lcair.physics.blackbody import C1, C2, spectral_radiance
 from mi_lcair.physics.line_geometry import height_along
 from mi_lcair.physics.spectral_table import LONGEST_UM, SHORTEST_UM, WAVELENGTH
-from mi_lcair.physics.spectrum import BUNDLED, ELEVATION
+from mi_lcair.physics.spectrum import BUNDLED, ELEVATION, Spectrum
 from mi_lcair.table import LARGEST, read_table
 
 PREFIX = "slant_"
@@ -137,6 +137,31 @@ class SlantAir:
             transmittance,
             -np.expm1(-depths) * source,
         )
+
+    def sky_above(self, sky: Spectrum, elevation_deg: float, start_m: float) -> Spectrum:
+        """A sky as it is seen from higher up the line of sight than the table's lower end.
+
+        The air below is taken out: what is left of the sky's radiance beyond the table's longest
+        path is seen through the shorter rest of that path. It is at most a blackbody at the
+        temperature of the air there.
+
+        Parameters
+        ----------
+        sky
+            Sky at the height `lower_m`, in air of this kind without clouds below the sensor.
+        elevation_deg, start_m
+            As for `along`.
+        """
+        end = self.ranges_m[-1]
+        x = self.wavelengths_um
+        whole = self.along(elevation_deg, True).path(end)
+        rest_air = self.along(elevation_deg, True, start_m)
+        rest = rest_air.path(rest_air.ranges_m[-1])
+        through = np.maximum(sky.at(x) - whole.radiance, 0)
+        most = self._emitted(height_along(self.lower_m, elevation_deg, end))
+        beyond = np.minimum(through / np.maximum(whole.transmittance, 1e-300), most)
+        name = f"{sky.name}, from {height_along(self.lower_m, elevation_deg, start_m):.4g} m"
+        return Spectrum(name, x, rest.radiance + rest.transmittance * beyond)
 
     def without(self, elevation_deg: float | None = None, range_m: float | None = None):
         """The table without one of its elevations, or without one of its ranges."""
