@@ -46,7 +46,7 @@ UP, DOWN = "path_radiance_up_W_m2_sr_um", "path_radiance_down_W_m2_sr_um"
 LOWER_END_M = 50.0  # height at which the paths of a CSV begin
 OPAQUE = 1e-12  # transmittance below which the bundled tables print 0
 NEAREST_M = 20.0  # shortest range of the air along a line of sight
-RANGES = 40  # ranges of the air along a line of sight, besides the table's
+RANGES = 64  # ranges of the air along a line of sight, besides the table's
 COLDEST_K, WARMEST_K = 100.0, 400.0  # limits of the temperatures of air that a table shows
 
 
