@@ -20,7 +20,7 @@ from mi_lcair.physics.slant_air import SlantAir, is_slant, slant_air
 from mi_lcair.physics.spectrum import has_elevations, spectrum
 
 SKY_NODES = 8  # elevations at which the sky that the ground reflects is integrated
-CLOSE_M = 1e-6  # difference of two ranges that is rounding
+CLOSE_M = 0.5  # difference of two ranges that is rounding of a table in km
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ class Sight:
         lowest = base if lower is None else max(lower, base)
         extension = extended_down(lowest, abs(upward), base)
         if slant is None:
-            air = below = atmosphere(of_air.table, of_air.ranges_m)
+            air = below = atmosphere(of_air.table, of_air.ranges_m, upward)
             extension = extension or (0.0, np.inf)
         elif extension is None:
             raise InputError(

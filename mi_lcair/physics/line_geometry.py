@@ -52,3 +52,17 @@ def extended_down(height_m: float, elevation_deg: float, to_m: float) -> tuple[f
         float(np.degrees(np.arctan2(rise, across))),
         float(upper * np.sin(np.radians(elevation_deg)) - rise),
     )
+
+
+def length_between(start_m: float, end_m: float, elevation_deg: float) -> float:
+    """Length [m] of a line from one height [m] to the other, where it first reaches that height.
+
+    `elevation_deg` is its elevation at the start [degrees]; 0 is returned if it misses the end's
+    height.
+    """
+    start, end = EFFECTIVE_RADIUS_M + start_m, EFFECTIVE_RADIUS_M + end_m
+    along = start * np.sin(np.radians(elevation_deg))
+    square = along**2 + (end_m - start_m) * (start + end)
+    if square < 0:
+        return 0.0
+    return float(-along + np.copysign(np.sqrt(square), elevation_deg))

@@ -9,6 +9,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.atmosphere import atmosphere
 from mi_lcair.physics.spectrum import BUNDLED, spectrum
 from tests.detection.disc_scenario import AREA, disc, write_disc
+from tests.physics.test_tape7 import block
 
 LIMITS = {"MWIR": (3.0, 5.0), "LWIR": (8.0, 12.0)}
 SLANT = {"atmosphere__table": "slant_us_standard"}
@@ -172,6 +173,32 @@ def test_detection_range_along_the_line_of_sight(folder):
     result = contrast(disc(folder, observer__range_m=2000, sensor__nei=there / 10, **given))
     (found,) = result.detection_ranges()
     assert not found.at_least and found.largest_m == pytest.approx(8000, rel=2e-3)
+
+
+def test_a_tape7_of_slant_paths(folder):
+    """The block at the line of sight's elevation; the ground is at the end of a longer path."""
+    x, elevations = np.arange(830, 1255, 5.0), {-30: (0.8, 0.6), -60: (0.9, 0.7)}
+    (folder / "tape7").write_text(
+        "".join(
+            block(x, tau, range_km=length, itype=2, heights_and_angle=(1, 0, 90 - elevation))
+            for elevation, taus in elevations.items()
+            for length, tau in zip((1, 2), taus)
+        )
+    )
+    setting = setting_of(
+        disc(
+            folder,
+            atmosphere__table=str(folder / "tape7"),
+            observer__elevation_deg=30,
+            observer__range_m=1000,
+            observer__height_m=1000.0,
+            sensor__band="LWIR",
+            **GROUND,
+        )
+    )
+    np.testing.assert_allclose(setting.path.transmittance, 0.8, rtol=1e-6)
+    behind = setting.backdrop.arriving(np.array([10.0]), 1000.0)
+    assert behind == pytest.approx(0.6 * planck(10.0, 300) + 0.4 * planck(10.0, 280), rel=1e-3)
 
 
 @pytest.mark.parametrize(
