@@ -44,12 +44,17 @@ class Backdrop(NamedTuple):
     rows_um: np.ndarray
     path_at: Callable[[float], LineOfSight] | None = None
 
-    def arriving(self, wavelengths_um, range_m: float) -> np.ndarray:
-        """Spectral radiance at the sensor, at wavelengths, um, and a range of the target, m."""
+    def at_sensor(self, range_m: float) -> "Backdrop":
+        """The background as it arrives at the sensor, for a target at a range, m."""
         if self.path_at is None:
-            return self.at(wavelengths_um)
-        transmittance, radiance = self.path_at(range_m).at(wavelengths_um)
-        return transmittance * self.at(wavelengths_um) + radiance
+            return self
+        path = self.path_at(range_m)
+
+        def arriving(wavelengths_um):
+            transmittance, radiance = path.at(wavelengths_um)
+            return transmittance * self.at(wavelengths_um) + radiance
+
+        return Backdrop(self.name, arriving, np.union1d(self.rows_um, path.wavelengths_um))
 
 
 class Irradiance:
@@ -134,7 +139,7 @@ class Irradiance:
 
     def background(self, path: LineOfSight) -> np.ndarray:
         """Radiance of the background at the end of a path, at `wavelengths_um`."""
-        return self.behind.arriving(self.wavelengths_um, path.range_m)
+        return self.behind.at_sensor(path.range_m).at(self.wavelengths_um)
 
     def at(self, path: LineOfSight) -> dict[str, Estimate]:
         """The in-band TERMS at the end of a path, by name.

@@ -119,7 +119,7 @@ def test_the_ground_lies_behind_a_target_in_the_air(folder):
     added = below / (1 - lower) * (path.transmittance - T)
     np.testing.assert_allclose(path.radiance, whole.radiance - added, rtol=0.02)
     behind = setting_of(scenario).backdrop
-    np.testing.assert_allclose(behind.arriving(x, 3000), T * planck(x, 300) + down, rtol=1e-3)
+    np.testing.assert_allclose(behind.at_sensor(3000).at(x), T * planck(x, 300) + down, rtol=1e-3)
     farther = Sight.of(disc(folder, observer__elevation_deg=10, observer__range_m=3000, **SLANT))
     assert farther.target_m == 50 and farther.beyond_m == 0
 
@@ -136,11 +136,11 @@ def test_horizontal_scenarios_are_as_before(folder):
             x = np.linspace(3, 5, 99)
             assert setting.backdrop.path_at is None
             np.testing.assert_array_equal(
-                setting.backdrop.arriving(x, 1234.5), setting.backdrop.at(x)
+                setting.backdrop.at_sensor(1234.5).at(x), setting.backdrop.at(x)
             )
     sky = setting_of(disc(folder, observer__elevation_deg=-20, **SKY)).backdrop
     np.testing.assert_array_equal(
-        sky.arriving(x, 1000.0), spectrum("us_standard_clear", 20.0).at(x)
+        sky.at_sensor(1000.0).at(x), spectrum("us_standard_clear", 20.0).at(x)
     )
 
 
@@ -151,7 +151,7 @@ def test_ground_behind_horizontal_air_and_vacuum(folder):
     sight = Sight.of(disc(folder, atmosphere__table="us_standard", **low, **GROUND))
     assert sight.to_ground(500).range_m == pytest.approx(2000, rel=1e-3)
     behind = setting_of(disc(folder, sensor__band="LWIR", **low, **GROUND)).backdrop
-    np.testing.assert_allclose(behind.arriving(x, 500.0), planck(x, 300), rtol=1e-8)
+    np.testing.assert_allclose(behind.at_sensor(500.0).at(x), planck(x, 300), rtol=1e-8)
 
 
 def test_the_sky_is_darker_from_higher_up(folder):
@@ -197,7 +197,7 @@ def test_a_tape7_of_slant_paths(folder):
         )
     )
     np.testing.assert_allclose(setting.path.transmittance, 0.8, rtol=1e-6)
-    behind = setting.backdrop.arriving(np.array([10.0]), 1000.0)
+    behind = setting.backdrop.at_sensor(1000.0).at(np.array([10.0]))
     assert behind == pytest.approx(0.6 * planck(10.0, 300) + 0.4 * planck(10.0, 280), rel=1e-3)
 
 
