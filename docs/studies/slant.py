@@ -16,7 +16,7 @@ import numpy as np
 from docs.studies.page import write_page
 from mi_lcair.physics.atmosphere import Atmosphere
 from mi_lcair.physics.bands import band
-from mi_lcair.physics.slant_air import SlantAir, slant_air, slant_names
+from mi_lcair.physics.slant.air import SlantAir, slant_air, slant_names
 
 BANDS = ("MWIR", "LWIR")
 QUANTITIES = ("transmittance", "up", "down")

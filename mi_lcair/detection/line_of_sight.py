@@ -10,14 +10,16 @@ from functools import partial
 import numpy as np
 
 from mi_lcair.detection.irradiance import Backdrop
-from mi_lcair.detection.scenario import Scenario
+from mi_lcair.detection.scenario import Background, Scenario
 from mi_lcair.errors import InputError
 from mi_lcair.physics.atmosphere import Atmosphere, LineOfSight, atmosphere
 from mi_lcair.physics.blackbody import spectral_radiance
+from mi_lcair.physics.daytime_sky import SUN_ELEVATION_DEG, daytime_sky
 from mi_lcair.physics.detector import Detector
-from mi_lcair.physics.line_geometry import extended_down, height_along, lower_end
-from mi_lcair.physics.slant_air import SlantAir, is_slant, slant_air
-from mi_lcair.physics.spectrum import has_elevations, spectrum
+from mi_lcair.physics.slant.air import SlantAir, is_slant, slant_air
+from mi_lcair.physics.slant.geometry import extended_down, height_along, lower_end
+from mi_lcair.physics.spectrum import Spectrum, has_elevations, spectrum
+from mi_lcair.physics.sunlight import sunlight
 
 SKY_NODES = 8  # elevations at which the sky that the ground reflects is integrated
 CLOSE_M = 0.5  # difference of two ranges that is rounding of a table in km
@@ -143,45 +145,79 @@ def backdrop(scenario: Scenario, detector: Detector, sight: Sight) -> Backdrop:
         )
     if behind.ground_temperature is not None and upward < 0:
         return ground(scenario, detector, sight)
-    if behind.sky is None:
+    if behind.sky is None and behind.daytime_sky is None:
         raise InputError(
             f"the line of sight looks up, by {upward:g} degrees, where no ground is behind the "
             "target; give [background] a sky"
         )
-    elevation = upward if has_elevations(behind.sky) else None
-    if elevation is not None and elevation < 0:
+    has_direction = behind.daytime_sky is not None or has_elevations(behind.sky)
+    if has_direction and upward < 0:
         raise InputError(
-            f"the line of sight looks down, by {-elevation:g} degrees, where no sky is behind "
+            f"the line of sight looks down, by {-upward:g} degrees, where no sky is behind "
             "the target; give [background] a temperature or ground_temperature"
         )
-    table = spectrum(behind.sky, elevation)
+    is_higher = sight.slant is not None and sight.beyond_m > 0
+    elevation = sight.base_elevation_deg if is_higher else upward
+    if behind.daytime_sky is not None:
+        table = sunlit_sky(scenario, elevation)
+    else:
+        table = spectrum(behind.sky, elevation if has_direction else None)
     table.in_band_radiance(detector.band)  # raises InputError if the table does not cover the band
-    if elevation is not None and sight.slant is not None and sight.beyond_m > 0:
-        table = sight.slant.sky_above(
-            spectrum(behind.sky, sight.base_elevation_deg), sight.base_elevation_deg, sight.beyond_m
-        )
+    if has_direction and is_higher:
+        table = sight.slant.sky_above(table, elevation, sight.beyond_m)
     return Backdrop(f"sky {table.name}", table.at, table.wavelengths_um)
 
 
+def sunlit_sky(scenario: Scenario, elevation_deg: float) -> Spectrum:
+    """The clear daytime sky in the azimuth in which the sensor looks, and at an elevation."""
+    behind = scenario.background
+    sky = daytime_sky(behind.daytime_sky)
+    # The sensor looks away from where it is seen from the target.
+    from_sun = scenario.observer.azimuth_deg + 180 - behind.sun_azimuth_deg
+    from_sun = abs((from_sun + 180) % 360 - 180)
+    radiance = sky.between(sky.thermal, sky.scattered, elevation_deg, from_sun)
+    name = f"{sky.name} by day, {elevation_deg:.4g} deg, azimuth {from_sun:.4g} deg from the sun"
+    return Spectrum(name, sky.wavelengths_um, radiance)
+
+
+def reflected(background: Background) -> list[tuple[float, Spectrum]]:
+    """Radiance that white ground reflects diffusely, as spectra with factors that add up.
+
+    It is the mean of the sky, weighted by the cosine to the zenith, and by day also the direct sun.
+    """
+    if background.daytime_sky is not None:
+        sky = daytime_sky(background.daytime_sky)
+        sun = sunlight(background.daytime_sky, SUN_ELEVATION_DEG)
+        factor = np.sin(np.radians(SUN_ELEVATION_DEG)) / np.pi
+        direct = Spectrum(sun.name, sun.wavelengths_um, sun.irradiance)
+        return [(1.0, sky.mean_spectrum()), (factor, direct)]
+    if not has_elevations(background.sky):
+        return [(1.0, spectrum(background.sky))]
+    # In the squared sine of the elevation all parts of the mean have the same weight.
+    nodes, weights = np.polynomial.legendre.leggauss(SKY_NODES)
+    elevations = np.degrees(np.arcsin(np.sqrt((nodes + 1) / 2)))
+    return [
+        (weight / 2, spectrum(background.sky, elevation))
+        for weight, elevation in zip(weights, elevations)
+    ]
+
+
 def ground(scenario: Scenario, detector: Detector, sight: Sight) -> Backdrop:
-    """The ground behind the target: it emits, and reflects the sky diffusely."""
+    """The ground behind the target: it emits, and reflects sky and sun diffusely."""
     behind = scenario.background
     temperature, emissivity = behind.ground_temperature, behind.ground_emissivity
     emitted = partial(spectral_radiance, temperature=temperature)
     name = f"ground at {temperature:g} K, emissivity {emissivity:g}"
     if emissivity == 1:
         return Backdrop(name, emitted, np.empty(0), sight.to_ground)
-    # The mean over the hemisphere, weighted by the cosine, is that over the squared sine of the
-    # elevation.
-    nodes, weights = np.polynomial.legendre.leggauss(SKY_NODES)
-    elevations = np.degrees(np.arcsin(np.sqrt((nodes + 1) / 2)))
-    sky = behind.sky
-    skies = [spectrum(sky, e) for e in elevations] if has_elevations(sky) else [spectrum(sky)]
-    skies[0].in_band_radiance(detector.band)
-    weights = weights / 2 if len(skies) > 1 else [1.0]
+    light = reflected(behind)
+    for _, table in light:
+        table.in_band_radiance(detector.band)  # raises InputError if it does not cover the band
 
     def radiance(wavelengths_um):
-        reflected = sum(weight * table.at(wavelengths_um) for weight, table in zip(weights, skies))
-        return emissivity * emitted(wavelengths_um) + (1 - emissivity) * reflected
+        white = sum(factor * table.at(wavelengths_um) for factor, table in light)
+        return emissivity * emitted(wavelengths_um) + (1 - emissivity) * white
 
-    return Backdrop(f"{name}, below {sky}", radiance, skies[0].wavelengths_um, sight.to_ground)
+    rows = np.unique(np.concatenate([table.wavelengths_um for _, table in light]))
+    above = behind.sky or f"{behind.daytime_sky} by day"
+    return Backdrop(f"{name}, below {above}", radiance, rows, sight.to_ground)

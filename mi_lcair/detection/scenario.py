@@ -40,8 +40,14 @@ DEFAULT_SPP = 64  # samples per pixel without a tolerance
 TO_A_TOLERANCE = ("tolerance", "tolerance_W_m2", "max_spp")  # entries that spp does not go with
 # Entries that are removed when a change sets the entry on the left.
 REPLACES = {
-    ("background", "sky"): ("temperature",),
-    ("background", "temperature"): ("sky", "ground_temperature", "ground_emissivity"),
+    ("background", "sky"): ("temperature", "daytime_sky"),
+    ("background", "daytime_sky"): ("temperature", "sky"),
+    ("background", "temperature"): (
+        "sky",
+        "daytime_sky",
+        "ground_temperature",
+        "ground_emissivity",
+    ),
     ("background", "ground_temperature"): ("temperature",),
     ("observer", "position_m"): POLAR,
     **{("observer", name): ("position_m",) for name in POLAR},
@@ -188,6 +194,11 @@ class Background:
     ----------
     sky : str, optional
         Sky table.
+    daytime_sky : str, optional
+        Bundled air whose clear sky with scattered sunlight (3-5 um, sun at 45 degrees) is the sky.
+        The ground then reflects the sun, too.
+    sun_azimuth_deg : float
+        Azimuth of that sun in the scene's axes, from +x toward +y, degrees.
     temperature : float, optional
         Apparent temperature of a blackbody, K, instead of sky and ground.
     ground_temperature : float, optional
@@ -197,13 +208,24 @@ class Background:
     """
 
     sky: str | None = None
+    daytime_sky: str | None = None
+    sun_azimuth_deg: float = 0.0
     temperature: float | None = None
     ground_temperature: float | None = None
     ground_emissivity: float = 1.0
 
     def __post_init__(self):
-        own = "sky" if self.sky is not None else "ground_temperature"
-        has_own = self.sky is not None or self.ground_temperature is not None
+        if self.sky is not None and self.daytime_sky is not None:
+            raise InputError("[background]: has sky and daytime_sky; give one of them")
+        own = next(
+            (
+                n
+                for n in ("sky", "daytime_sky", "ground_temperature")
+                if getattr(self, n) is not None
+            ),
+            None,
+        )
+        has_own = own is not None
         if has_own == (self.temperature is not None):
             mistake = f"has {own} and temperature" if has_own else "sky and temperature are missing"
             raise InputError(f"[background]: {mistake}; give one of them")
@@ -216,8 +238,9 @@ class Background:
                 f"[background]: ground_emissivity = {self.ground_emissivity:g}; must be above 0, "
                 "at most 1"
             )
-        if self.ground_emissivity < 1 and (self.sky is None or self.ground_temperature is None):
-            missing = "sky" if self.sky is None else "ground_temperature"
+        has_sky = self.sky is not None or self.daytime_sky is not None
+        if self.ground_emissivity < 1 and not (has_sky and self.ground_temperature is not None):
+            missing = "ground_temperature" if has_sky else "sky"
             raise InputError(
                 f"[background]: ground_emissivity = {self.ground_emissivity:g} without {missing}; "
                 "ground that is not black reflects the sky, so give sky and ground_temperature"

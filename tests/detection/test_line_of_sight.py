@@ -5,8 +5,10 @@ import pytest
 
 from mi_lcair.detection.contrast import contrast, setting_of
 from mi_lcair.detection.line_of_sight import Sight
+from mi_lcair.detection.scenario import Background
 from mi_lcair.errors import InputError
 from mi_lcair.physics.atmosphere import atmosphere
+from mi_lcair.physics.daytime_sky import daytime_sky
 from mi_lcair.physics.spectrum import BUNDLED, spectrum
 from tests.detection.disc_scenario import AREA, disc, write_disc
 from tests.physics.test_tape7 import block
@@ -152,6 +154,37 @@ def test_ground_behind_horizontal_air_and_vacuum(folder):
     assert sight.to_ground(500).range_m == pytest.approx(2000, rel=1e-3)
     behind = setting_of(disc(folder, sensor__band="LWIR", **low, **GROUND)).backdrop
     np.testing.assert_allclose(behind.at_sensor(500.0).at(x), planck(x, 300), rtol=1e-8)
+
+
+def test_the_sunlit_sky_behind_the_target(folder):
+    """Entries of the table: the sensor looks at azimuth 200, toward the sun and square to it."""
+    x = np.linspace(3.1, 4.9, 50)
+    looks_up = {"observer__elevation_deg": -35, "observer__azimuth_deg": 20, "sensor__band": "MWIR"}
+    looks_up |= {"background__daytime_sky": "us_standard"} | SLANT
+    for sun, relative in ((200, 0), (110, 90), (290.0, 90), (20, 180)):
+        sky = setting_of(disc(folder, background__sun_azimuth_deg=sun, **looks_up)).backdrop
+        expected = rows("skysun_us_standard_clear.csv", 35, relative)
+        np.testing.assert_allclose(sky.at(x), on(x, *expected[:2])[0], rtol=2e-3)
+    with pytest.raises(InputError, match="daytime.*does not cover|does not cover band LWIR"):
+        setting_of(disc(folder, **(looks_up | {"sensor__band": "LWIR"})))
+    low, high = (
+        setting_of(disc(folder, observer__height_m=height, **looks_up)).backdrop.at(x)
+        for height in (50.0, 2000.0)
+    )
+    assert np.all(high > 0) and np.all(high < 1.05 * low) and high.sum() < 0.8 * low.sum()
+
+
+def test_sunlit_ground(folder):
+    """Ground that only reflects has the sun's irradiance and that of the sky, over pi."""
+    x, given = np.linspace(3.6, 4.0, 9), {"observer__elevation_deg": 10, "sensor__band": "3.5-4.1"}
+    given |= {"background__daytime_sky": "us_standard", "background__ground_emissivity": 1e-9}
+    ground = setting_of(disc(folder, **given, **SLANT, **GROUND)).backdrop
+    of_table = rows("sun_us_standard_clear.csv", 45)
+    (sun,) = on(x, of_table[0], of_table[2])
+    of_sky = daytime_sky("us_standard").mean_spectrum().at(x)
+    np.testing.assert_allclose(ground.at(x) - of_sky, sun * np.sin(np.pi / 4) / np.pi, rtol=1e-3)
+    with pytest.raises(InputError, match="has sky and daytime_sky; give one of them"):
+        Background(sky="us_standard_clear", daytime_sky="us_standard")
 
 
 def test_the_sky_is_darker_from_higher_up(folder):

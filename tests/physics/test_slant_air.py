@@ -8,11 +8,11 @@ import pytest
 
 from docs.studies.slant import without_elevation, without_range
 from mi_lcair.errors import InputError
-from mi_lcair.physics import absorbers
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import spectral_radiance
-from mi_lcair.physics.line_geometry import extended_down, height_along, lower_end
-from mi_lcair.physics.slant_air import SlantAir, is_slant, slant_air, slant_names
+from mi_lcair.physics.slant import absorbers
+from mi_lcair.physics.slant.air import SlantAir, is_slant, slant_air, slant_names
+from mi_lcair.physics.slant.geometry import extended_down, height_along, lower_end
 from mi_lcair.physics.spectrum import BUNDLED, Spectrum
 
 NAMES = ("slant_midlat_summer", "slant_us_standard")

@@ -5,7 +5,7 @@ integral of a density along the path. A power p below 1 is that of a band of unr
 strong lines saturate, as in LOWTRAN. The densities are exponentials of height, an increasing one
 for ozone, and Gaussians, which fall faster, as the boundary layer's aerosol and vapour do. They are
 enough for `fitted` to describe a table of slant paths within a few per cent of its optical depth.
-What remains is interpolated (see `mi_lcair.physics.slant_air`).
+What remains is interpolated (see `mi_lcair.physics.slant.air`).
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import nnls
 
-from mi_lcair.physics.line_geometry import height_along
+from mi_lcair.physics.slant.geometry import height_along
 
 # Scale heights [m] of the densities exp(-(h / scale)^power); a negative scale means growth.
 DENSITIES = (

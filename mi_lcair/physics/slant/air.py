@@ -5,8 +5,8 @@ both directions. Its path radiance is seen from below, looking up, or from above
 `SlantAir.along` gives the air along one line of sight as an `Atmosphere`, a table over range.
 
 Between the table's elevations and ranges, and below its first range, a model carries the shape:
-absorbers whose density falls with height (`mi_lcair.physics.absorbers`), fitted to the table at
-each wavelength, and air that emits at the temperature of its height. The ratio of the table's
+absorbers whose density falls with height (`mi_lcair.physics.slant.absorbers`), fitted to the table
+at each wavelength, and air that emits at the temperature of its height. The ratio of the table's
 optical depth -ln T to the model's, and that of its source function L / (1 - T) to the model's, are
 interpolated: the first in its logarithm, both linearly in the logarithm of range and in the root of
 the sine of the elevation. At its entries the table is met exactly. Below the first range the ratios
@@ -26,7 +26,6 @@ from pathlib import Path
 import numpy as np
 
 from mi_lcair.errors import InputError, unknown
-from mi_lcair.physics.absorbers import Absorbers
 from mi_lcair.physics.atmosphere import (
     CLEAR,
     RANGE,
@@ -36,7 +35,8 @@ from mi_lcair.physics.atmosphere import (
     plausible,
 )
 from mi_lcair.physics.blackbody import C1, C2, spectral_radiance
-from mi_lcair.physics.line_geometry import height_along
+from mi_lcair.physics.slant.absorbers import Absorbers
+from mi_lcair.physics.slant.geometry import height_along
 from mi_lcair.physics.spectral_table import LONGEST_UM, SHORTEST_UM, WAVELENGTH
 from mi_lcair.physics.spectrum import BUNDLED, ELEVATION, Spectrum
 from mi_lcair.table import LARGEST, read_table
@@ -45,6 +45,7 @@ PREFIX = "slant_"
 UP, DOWN = "path_radiance_up_W_m2_sr_um", "path_radiance_down_W_m2_sr_um"
 LOWER_END_M = 50.0  # height at which the paths of a CSV begin
 OPAQUE = 1e-12  # transmittance below which the bundled tables print 0
+DARK = 1e-3  # transmittance below which rounding hides what lies behind a path
 NEAREST_M = 20.0  # shortest range of the air along a line of sight
 RANGES = 64  # ranges of the air along a line of sight, besides the table's
 COLDEST_K, WARMEST_K = 100.0, 400.0  # limits of the temperatures of air that a table shows
@@ -142,8 +143,8 @@ class SlantAir:
         """A sky as it is seen from higher up the line of sight than the table's lower end.
 
         The air below is taken out: what is left of the sky's radiance beyond the table's longest
-        path is seen through the shorter rest of that path. It is at most a blackbody at the
-        temperature of the air there.
+        path is seen through the shorter rest of that path. Where that path lets nearly nothing
+        through, it is at most a blackbody at the temperature of the air there.
 
         Parameters
         ----------
@@ -159,7 +160,8 @@ class SlantAir:
         rest = rest_air.path(rest_air.ranges_m[-1])
         through = np.maximum(sky.at(x) - whole.radiance, 0)
         most = self._emitted(height_along(self.lower_m, elevation_deg, end))
-        beyond = np.minimum(through / np.maximum(whole.transmittance, 1e-300), most)
+        beyond = through / np.maximum(whole.transmittance, 1e-300)
+        beyond = np.where(whole.transmittance > DARK, beyond, np.minimum(beyond, most))
         name = f"{sky.name}, from {height_along(self.lower_m, elevation_deg, start_m):.4g} m"
         return Spectrum(name, x, rest.radiance + rest.transmittance * beyond)
 
