@@ -345,7 +345,13 @@ def atmosphere(source, ranges_m=None, elevation_deg: float | None = None) -> Atm
     if str(source) in atmosphere_names():
         path = BUNDLED / f"path_{source}.csv"
     elif not path.suffix and not os.path.exists(path):
-        raise unknown("atmosphere", str(source), [*atmosphere_names(), "a file"])
+        slant = sorted(file.stem for file in BUNDLED.glob("slant_*.csv"))
+        if str(source) in slant:
+            raise InputError(
+                f"atmosphere '{source}' holds slant paths, among which the line of sight of a "
+                f"scenario chooses; known here: {', '.join(atmosphere_names())}"
+            )
+        raise unknown("atmosphere", str(source), [*atmosphere_names(), *slant, "a file"])
     elif tape7.is_tape7(path):
         return _from_tape7(str(source), path, ranges_m, elevation_deg)
     if ranges_m is not None:

@@ -1,9 +1,12 @@
 """Scenarios along slant paths: closed forms from the raw tables, backgrounds, unusable input."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from mi_lcair.detection.contrast import contrast, setting_of
+from mi_lcair.detection.detection_range import detection_range
 from mi_lcair.detection.line_of_sight import Sight
 from mi_lcair.detection.scenario import Background
 from mi_lcair.errors import InputError
@@ -200,12 +203,20 @@ def test_the_sky_is_darker_from_higher_up(folder):
 
 @pytest.mark.slow
 def test_detection_range_along_the_line_of_sight(folder):
-    """At the range found, a scenario of its own has a contrast of snr times nei."""
-    given = {"observer__elevation_deg": 20, "sensor__band": "MWIR"} | SLANT | GROUND
-    there = contrast(disc(folder, observer__range_m=8000, **given)).rows[0].total.value
-    result = contrast(disc(folder, observer__range_m=2000, sensor__nei=there / 10, **given))
-    (found,) = result.detection_ranges()
-    assert not found.at_least and found.largest_m == pytest.approx(8000, rel=2e-3)
+    """At a level of the signal at 8 km the range is 8 km.
+
+    The sensor moves away, and the ground behind the target with it.
+    """
+    given = {"observer__elevation_deg": 20, "observer__range_m": 8000} | SLANT | GROUND
+    result = contrast(disc(folder, **given))
+    row = result.rows[0]
+    detector = replace(result.detector, nei=abs(row.total.value) / 10, snr=10)
+    found = detection_range(row.irradiance, detector, result.air, 2.0)
+    assert not found.at_least and found.largest_m == pytest.approx(8000, rel=1e-6)
+    x, T, _, down = rows("slant_us_standard.csv", 30, 10)
+    steep = setting_of(disc(folder, **(given | {"observer__elevation_deg": 30}))).backdrop
+    at_10_km = steep.at_sensor(10_000).at(x)
+    np.testing.assert_allclose(at_10_km, T * planck(x, 300) + down, rtol=1e-4)
 
 
 def test_a_tape7_of_slant_paths(folder):

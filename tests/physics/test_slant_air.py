@@ -8,6 +8,7 @@ import pytest
 
 from docs.studies.slant import without_elevation, without_range
 from mi_lcair.errors import InputError
+from mi_lcair.physics.atmosphere import atmosphere
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.slant import absorbers
@@ -159,6 +160,8 @@ def test_names_and_files(tmp_path):
     assert not is_slant("midlat_summer") and not is_slant(tmp_path / "none.csv")
     with pytest.raises(InputError, match="unknown slant table 'slant_midlat'; known: slant_midlat"):
         slant_air("slant_midlat")
+    with pytest.raises(InputError, match="holds slant paths, among which the line of sight"):
+        atmosphere(NAMES[0])
 
 
 @pytest.mark.parametrize(
