@@ -1,0 +1,1 @@
+"""Air along slant paths, up and down, and the geometry of their lines of sight."""
