@@ -1,0 +1,245 @@
+"""Electrons of the model and its background in the samples of a frame, before optics and noise."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mi_lcair.camera.optics import OVERSAMPLING
+from mi_lcair.camera.view import CameraView
+from mi_lcair.detection.irradiance import Backdrop
+from mi_lcair.detection.scenario import DEFAULT_SPP, Sampling
+from mi_lcair.errors import InputError
+from mi_lcair.physics.atmosphere import Atmosphere
+from mi_lcair.physics.bands import Band
+from mi_lcair.plugins.emission.sources import Sources
+from mi_lcair.rendering.apparent import Arrival
+from mi_lcair.rendering.limits import check_memory, check_paths
+from mi_lcair.rendering.render import (
+    DEFAULT_MAX_SPP,
+    PASS_SAMPLES,
+    PILOT_SPP,
+    RANDOMISATIONS,
+    add_points,
+)
+from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.statistics import Totals, check_valid
+
+# Ranges at which the air is computed. Its values at other ranges are interpolated linearly.
+RANGES = 129
+IN_PIXEL = OVERSAMPLING**2  # samples in a pixel
+
+
+@dataclass(frozen=True)
+class Exposure:
+    """The model in the samples of a camera's window, through the air, less the background.
+
+    Arrays have the shape (rows, columns) of the samples.
+
+    Attributes
+    ----------
+    contrast, radiance : ndarray
+        Electrons of a pixel, and in-band radiance at the aperture, W m^-2 sr^-1, of each sample,
+        less those of the background that the model hides.
+    error : ndarray
+        Standard error of `contrast` from the rendering, electrons.
+    share : ndarray
+        Share of each sample that the model fills.
+    intensities : dict of str to float
+        Intensity of the model before the air by channel, see `Arrival`; W/sr for a unit of it.
+    area : float
+        Projected area of the model, m^2.
+    sources : Sources
+        Sources of the channels.
+    spp : int
+        Paths through a pixel.
+    rms_error : float
+        Rms standard error over the pixels on the model, as a fraction of its mean radiance.
+    reached : bool or None
+        Whether a tolerance was reached; None without one.
+    invalid, paths : int
+        Number of samples that do not count, and of all.
+    """
+
+    contrast: np.ndarray
+    radiance: np.ndarray
+    error: np.ndarray
+    share: np.ndarray
+    intensities: dict[str, float]
+    area: float
+    sources: Sources
+    spp: int
+    rms_error: float
+    reached: bool | None
+    invalid: int
+    paths: int
+
+
+def exposure(
+    scene: Scene,
+    view: CameraView,
+    sampling: Sampling,
+    detector: Band,
+    air: Atmosphere,
+    backdrop: Backdrop,
+    range_m: float,
+    extrapolate: bool = False,
+    progress=None,
+) -> Exposure:
+    """Render the model into the samples of a camera's window.
+
+    Every source has its own spectrum, and its electrons are the integral of this spectrum, of the
+    air's transmittance at the sample's own range and of the camera's response. Radiance of unknown
+    spectrum (of `closure`, or of an emitter that is not thermal) is taken as constant over the
+    band.
+
+    Parameters
+    ----------
+    scene : Scene
+    view : CameraView
+    sampling : Sampling
+        Its spp and max_spp are paths through a pixel, its tolerance is the `rms_error`.
+    detector : Band
+        Band whose values are electrons.
+    air, backdrop : Atmosphere, Backdrop
+    range_m : float
+        Range of the model's middle, m.
+    extrapolate : bool
+        Whether ranges beyond the atmosphere's table are allowed.
+    progress : callable or None
+        Called with (paths through a pixel done, expected).
+
+    Raises
+    ------
+    InputError
+        For settings out of bounds, and if no ray meets the model.
+    """
+    columns, rows = view.samples
+    camera, tolerance = view.sensor(scene), sampling.tolerance
+    goal = sampling.spp or (PILOT_SPP if tolerance else DEFAULT_SPP)
+    limit = (sampling.max_spp or DEFAULT_MAX_SPP) if tolerance else goal
+    check_paths(view.size[0] * view.size[1], spp=goal, max_spp=sampling.max_spp)
+    whole = lambda spp: RANDOMISATIONS * max(1, -(-spp // (IN_PIXEL * RANDOMISATIONS)))
+    goal, limit, done = whole(goal), whole(limit), 0
+    hidden = float(detector_mean(backdrop, scene.band))
+    with scene.prepared(by_spectrum=True) as tracer:
+        sources = tracer.emitters.sources
+        names = ["target", "target.hit", "target.range"]
+        check_memory(columns * rows, tracer, None)
+        total = Totals(columns * rows, RANDOMISATIONS, systematic=tracer.systematic_error)
+
+        def kept(sums):
+            """The channels of the model; as radiance, its difference from the background."""
+            found = {
+                name: values
+                for name, values in sums.channels.items()
+                if name in names or name.startswith(("target.source.", "target.wavelength."))
+            }
+            contrast = found["target"] - hidden * found["target.hit"]
+            return replace(sums, channels=found, radiance=contrast)
+
+        while done < min(goal, limit):
+            step = min(min(goal, limit) - done, PASS_SAMPLES // (columns * rows))
+            step = max(1, step // RANDOMISATIONS)
+            add_points(
+                total, tracer, camera, (columns, rows), sampling.seed, "target", done, step, kept
+            )
+            done += step * RANDOMISATIONS
+            check_valid(total.invalid, done * columns * rows, scene.name)
+            rms = rms_error(total)
+            if tolerance and done >= goal and rms > tolerance:
+                goal = whole(
+                    IN_PIXEL * min(4 * done, int(done * 1.05 * (rms / tolerance) ** 2) + 1)
+                )
+            if progress:
+                progress(IN_PIXEL * done, IN_PIXEL * min(goal, limit))
+    parts = {name: total.mean(name) for name in total.sums}
+    on = parts["target.hit"] > 0
+    if not on.any():
+        raise InputError("no ray met the target; raise spp of [render]")
+    share = parts["target.hit"][on]
+    ranges = parts["target.range"][on] / share + view.near_range().ravel()[on]
+    seen = {name: values[on] for name, values in parts.items()}
+    electrons, radiance = (
+        arriving(seen, share, sources, scene.band, rule, air, ranges, backdrop, extrapolate)
+        for rule in (detector, scene.band)
+    )
+    # Errors are those of the radiance, in the unit of electrons at the aperture
+    at_middle = Arrival.of(
+        sources, scene.band, detector, air, np.array([range_m]), extrapolate
+    ).of_parts({name: values.sum(keepdims=True) for name, values in seen.items()})
+    per_radiance = float(at_middle[0]) / max(seen["target"].sum(), 1e-300)
+    areas = sample_areas(view, on, ranges)
+    intensities = {
+        name: float(values @ areas) for name, values in seen.items() if name != "target.range"
+    }
+    image = lambda values: placed(values, on, (rows, columns))
+    return Exposure(
+        contrast=image(electrons),
+        radiance=image(radiance),
+        error=image(per_radiance * total.standard_error()[on]),
+        share=image(share),
+        intensities=intensities,
+        area=intensities["target.hit"],
+        sources=sources,
+        spp=IN_PIXEL * done,
+        rms_error=rms_error(total),
+        reached=None if not tolerance else bool(rms_error(total) <= tolerance),
+        invalid=total.invalid,
+        paths=done * columns * rows,
+    )
+
+
+def arriving(
+    parts, share, sources, band, detector, air, ranges, backdrop, extrapolate
+) -> np.ndarray:
+    """In-band values at the detector less those of the hidden background, for some samples.
+
+    parts, share, ranges: of the samples, (n,) each. The other parameters are those of `exposure`.
+    """
+    at, rows = ranges, None
+    if len(ranges) > RANGES:
+        at = np.geomspace(ranges.min(), ranges.max() * (1 + 1e-12), RANGES)
+        rows = lambda values: np.interp(ranges, at, values)
+    arrival = Arrival.of(sources, band, detector, air, at, extrapolate)
+    if rows is not None:
+        arrival = Arrival(
+            arrival.in_band,
+            {name: rows(values) for name, values in arrival.arrives.items()},
+            rows(arrival.path),
+        )
+    hidden = detector_mean(backdrop, detector)
+    return arrival.of_parts(parts) + share * (arrival.path - hidden)
+
+
+def detector_mean(backdrop: Backdrop, detector: Band) -> float:
+    """In-band value of the background at a detector."""
+    if len(backdrop.rows_um):
+        detector.check_covered(backdrop.rows_um, f"background {backdrop.name}")
+        return float(detector.integral(backdrop.rows_um, backdrop.at(backdrop.rows_um)))
+    return float(detector.weights_um @ backdrop.at(detector.wavelengths_um))
+
+
+def rms_error(total: Totals) -> float:
+    """Rms standard error over the pixels on the model, as a fraction of its mean radiance.
+
+    A pixel is the mean of IN_PIXEL samples with independent errors.
+    """
+    on = total.mean("target.hit") > 0
+    mean = total.mean("target")[on].mean() if on.any() else 0.0
+    rms = np.sqrt(np.mean(total.standard_error()[on] ** 2) / IN_PIXEL) if on.any() else 0.0
+    return float(rms / mean) if mean > 0 else 0.0
+
+
+def sample_areas(view: CameraView, on, ranges) -> np.ndarray:
+    """Areas across the optical axis that the samples `on` cover at their ranges, m^2."""
+    if view.imager.projection == "orthographic":
+        return np.full(len(ranges), view.pixel_m**2 / IN_PIXEL)
+    distance = ranges * (view.near_m / view.near_range()).ravel()[on]  # along the axis
+    return (distance * view.imager.pixel_angle) ** 2 / IN_PIXEL
+
+
+def placed(values, on, shape) -> np.ndarray:
+    """The values at the places `on` of an image of zeros."""
+    image = np.zeros(on.size)
+    image[on] = values
+    return image.reshape(shape)

@@ -1,0 +1,164 @@
+"""The camera's view of a model: Mitsuba's sensor, and the part of the frame with the model."""
+
+from dataclasses import dataclass
+
+import mitsuba as mi
+import numpy as np
+
+from mi_lcair.camera.optics import OVERSAMPLING
+from mi_lcair.errors import InputError
+from mi_lcair.physics.imager import Imager
+from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.views import BESIDE, MARGIN, POLE_DEG, UP, Target, View, depth, film
+
+
+@dataclass(frozen=True)
+class CameraView:
+    """Position and pointing of a camera, and the window of its frame that holds the model.
+
+    Rows of the frame go down, columns to the right.
+
+    Attributes
+    ----------
+    imager : Imager
+    eye : ndarray, shape (3,)
+        Position of the camera, m.
+    axis, right, up : ndarray, shape (3,)
+        Unit vectors of the optical axis and of the sides of the frame.
+    near_m : float
+        Distance along the optical axis at which rays begin, just before the model, m.
+    pixel_m : float
+        Distance of neighbouring lines of sight at the model's middle, m.
+    first : tuple of int
+        Column and row of the window's first pixel.
+    size : tuple of int
+        Columns and rows of the window, pixels.
+    is_cut : bool
+        Whether a part of the model is outside the frame.
+    """
+
+    imager: Imager
+    eye: np.ndarray
+    axis: np.ndarray
+    right: np.ndarray
+    up: np.ndarray
+    near_m: float
+    pixel_m: float
+    first: tuple[int, int]
+    size: tuple[int, int]
+    is_cut: bool
+
+    @staticmethod
+    def of(target: Target, view: View, range_m: float, imager: Imager) -> "CameraView":
+        """The view of a camera at `range_m`, m, from the middle of the target.
+
+        Raises
+        ------
+        InputError
+            If the camera is inside the target's sphere, or no part of the target is in the frame.
+        """
+        if range_m <= target.radius:
+            raise InputError(
+                f"the camera is inside the target: range {range_m:g} m, but the target reaches "
+                f"{target.radius:.4g} m from its middle"
+            )
+        above = UP if abs(view.elevation_deg) < POLE_DEG else BESIDE
+        right = unit(np.cross(above, view.direction))
+        up = np.cross(view.direction, right)
+        aside, higher = np.tan(np.radians([imager.right_deg, imager.up_deg]))
+        axis = unit(aside * right + higher * up - view.direction)
+        right = unit(np.cross(axis, up))
+        up = np.cross(right, axis)
+        eye = target.centre + range_m * view.direction
+        middle = (target.centre - eye) @ axis
+        near = max(middle - MARGIN * target.radius, 1e-4 * target.radius)
+        seen = target.points - eye
+        scale = imager.pixel_angle
+        if imager.projection == "perspective":
+            distance = seen @ axis
+            seen = seen[distance > 0] / distance[distance > 0, None]
+        else:
+            scale *= range_m
+        columns = imager.width / 2 + seen @ right / scale
+        rows = imager.height / 2 - seen @ up / scale
+        first, size, is_cut = [], [], False
+        for place, count in ((columns, imager.width), (rows, imager.height)):
+            lower = int(np.floor(np.min(place, initial=np.inf))) if place.size else count
+            upper = int(np.ceil(np.max(place, initial=-np.inf))) if place.size else 0
+            is_cut |= lower < 0 or upper > count
+            lower, upper = max(lower, 0), min(upper, count)
+            if not lower < upper:
+                raise InputError(
+                    "[camera]: no part of the target is in the frame of "
+                    f"{np.degrees(imager.width * imager.pixel_angle):.3g} x "
+                    f"{np.degrees(imager.height * imager.pixel_angle):.3g} degrees; change "
+                    "right_deg and up_deg, or focal_length_mm"
+                )
+            first.append(lower)
+            size.append(upper - lower)
+        return CameraView(
+            imager,
+            eye,
+            axis,
+            right,
+            up,
+            near,
+            range_m * imager.pixel_angle,
+            tuple(first),
+            tuple(size),
+            is_cut,
+        )
+
+    def sensor(self, scene: Scene):
+        """Mitsuba's sensor, whose film is the window. It sees nothing in front of `near_m`."""
+        camera = self.imager
+        T = mi.ScalarTransform4f
+        # Mitsuba's x axis goes to the left of the image
+        sides = np.column_stack([-self.right, self.up, self.axis, self.eye])
+        place = T(np.vstack([sides, [0, 0, 0, 1]]))
+        own = {
+            "type": "perspective",
+            "fov": float(np.degrees(2 * np.arctan(camera.width * camera.pixel_angle / 2))),
+            "fov_axis": "x",
+        }
+        if camera.projection == "orthographic":
+            half = camera.width * self.pixel_m / 2
+            own, place = {"type": "orthographic"}, place @ T().scale([half, half, 1])
+        crop = {
+            "crop_offset_x": self.first[0],
+            "crop_offset_y": self.first[1],
+            "crop_width": self.size[0],
+            "crop_height": self.size[1],
+        }
+        return mi.load_dict(
+            own
+            | {
+                "to_world": place,
+                "near_clip": self.near_m,
+                "far_clip": self.near_m + depth(scene),
+                "film": film(camera.width, camera.height) | crop,
+                "sampler": {"type": scene.sampler},
+            }
+        )
+
+    @property
+    def samples(self) -> tuple[int, int]:
+        """Columns and rows of the samples of the window, OVERSAMPLING to a pixel's side."""
+        return OVERSAMPLING * self.size[0], OVERSAMPLING * self.size[1]
+
+    def near_range(self) -> np.ndarray:
+        """Distance, m, from the camera to where the ray of each sample begins, (rows, columns)."""
+        columns, rows = self.samples
+        if self.imager.projection == "orthographic":
+            return np.full((rows, columns), self.near_m)
+        middle = np.array([self.imager.width, self.imager.height]) / 2
+        x, y = (
+            self.imager.pixel_angle * (first + (np.arange(n) + 0.5) / OVERSAMPLING - half)
+            for first, n, half in zip(self.first, (columns, rows), middle)
+        )
+        return self.near_m * np.sqrt(1 + x**2 + y[:, None] ** 2)
+
+
+def unit(vector) -> np.ndarray:
+    """The vector divided by its length."""
+    return np.asarray(vector) / np.linalg.norm(vector)
