@@ -100,7 +100,12 @@ class Image:
     ranges : list of RangeRow
         The target at other ranges.
     detected_to_m : float or None
-        Largest range of the table's span at which the target is detected, m; None for nowhere.
+        Largest range within `ranges` at which the target is detected, m; None for nowhere. It may
+        be more where that is the end of the air's table.
+    view : CameraView
+        Position and pointing of the camera, and the part of the frame with the target.
+    mtf_parts : dict of str to ndarray
+        Parts of the MTF by name, at the frequencies of the measures.
     exposure : Exposure
         The render.
     correction : Correction
@@ -119,6 +124,8 @@ class Image:
     measures: Measures
     ranges: list[RangeRow]
     detected_to_m: float | None
+    view: CameraView = field(repr=False)
+    mtf_parts: dict[str, np.ndarray] = field(repr=False)
     exposure: Exposure = field(repr=False)
     correction: Correction = field(repr=False)
     remarks: list[str]
@@ -274,6 +281,8 @@ def recorded(scenario: Scenario, frames: int, seed: int, progress) -> Image:
         measures=measures,
         ranges=to_range(ranges),
         detected_to_m=max(detections, default=None),
+        view=view,
+        mtf_parts=optics.parts(measures.mtf["frequency"]),
         exposure=exposed,
         correction=correction,
         remarks=[

@@ -23,6 +23,7 @@ COMMANDS = {
         "show",
         "signature",
         "contrast",
+        "image",
         "trend",
         "fit",
         "scenes",
