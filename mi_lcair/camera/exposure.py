@@ -18,7 +18,6 @@ from mi_lcair.rendering.render import (
     DEFAULT_MAX_SPP,
     PASS_SAMPLES,
     PILOT_SPP,
-    RANDOMISATIONS,
     add_points,
 )
 from mi_lcair.rendering.scene import Scene
@@ -27,6 +26,9 @@ from mi_lcair.rendering.statistics import Totals, check_valid
 # Ranges at which the air is computed. Its values at other ranges are interpolated linearly.
 RANGES = 129
 IN_PIXEL = OVERSAMPLING**2  # samples in a pixel
+# Independent randomisations of a sample's points. The error of a pixel averages over many samples,
+# so that two of each are enough.
+RANDOMISATIONS = 2
 
 
 @dataclass(frozen=True)
@@ -123,16 +125,15 @@ def exposure(
     hidden = float(detector_mean(backdrop, scene.band))
     with scene.prepared(by_spectrum=True) as tracer:
         sources = tracer.emitters.sources
-        names = ["target", "target.hit", "target.range"]
         check_memory(columns * rows, tracer, None)
         total = Totals(columns * rows, RANDOMISATIONS, systematic=tracer.systematic_error)
 
         def kept(sums):
             """The channels of the model; as radiance, its difference from the background."""
-            found = {
-                name: values
+            found = {"target": sums.channels["target"]} | {
+                f"target.{name}": values
                 for name, values in sums.channels.items()
-                if name in names or name.startswith(("target.source.", "target.wavelength."))
+                if name in ("hit", "range") or name.startswith(("source.", "wavelength."))
             }
             contrast = found["target"] - hidden * found["target.hit"]
             return replace(sums, channels=found, radiance=contrast)
@@ -141,7 +142,7 @@ def exposure(
             step = min(min(goal, limit) - done, PASS_SAMPLES // (columns * rows))
             step = max(1, step // RANDOMISATIONS)
             add_points(
-                total, tracer, camera, (columns, rows), sampling.seed, "target", done, step, kept
+                total, tracer, camera, (columns, rows), sampling.seed, "model", done, step, kept
             )
             done += step * RANDOMISATIONS
             check_valid(total.invalid, done * columns * rows, scene.name)

@@ -6,7 +6,7 @@ import numpy as np
 
 from mi_lcair.physics.imager import Imager
 
-PATTERN, FRAME, UNIFORM = 0, 1, 2  # first number of the seeds of independent random numbers
+PATTERN, FRAME = 0, 1  # first number of the seeds of independent random numbers
 
 
 @dataclass(frozen=True)

@@ -136,6 +136,8 @@ def _ranges(axes, image: Image) -> None:
     detected = (
         f"detected up to {image.detected_to_m:.4g} m" if image.detected_to_m else "not detected"
     )
+    if image.detected_to_m and image.detected_to_m > 0.999 * x.max():
+        detected += " at least"
     axes.set_title(f"(d) target over range: {detected}", fontsize=10)
     axes.set_xlabel("range (m)", fontsize=8)
     axes.set_ylabel("ratio, number; dotted: what a detection needs", fontsize=8)
