@@ -27,6 +27,7 @@ _HOME = {
     "sensitivities": "sensitivity.window",
     "derivative_images": "sensitivity.images",
     "budget": "uncertainty.budget",
+    "invert": "inversion.invert",
 }
 __all__ = ["__version__", *_HOME]
 

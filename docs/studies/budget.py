@@ -37,7 +37,7 @@ COMPARED = [
     ("a340_landing", {"position": 1, "band": "MWIR"}, "bare_aluminum"),
 ]
 OF_MATERIALS = {
-    "gloss_black": {"epsilon": 0.01, "rho_d": 0.0002, "b": 0.015, "e": 0.0005},
+    "gloss_black": {"epsilon": 0.01, "rho_d": 0.0001, "b": 0.015, "e": 0.0005},
     "bare_aluminum": {"epsilon": 0.015, "rho_d": 0.005, "b": 0.015, "e": 0.0005},
 }
 OF_AIRLINER = {

@@ -33,7 +33,7 @@ COMMANDS = {
     )
 }
 COMMANDS["import"] = "import_model"  # a module cannot be named `import`
-COMMANDS["budget"] = "estimates.budget"
+COMMANDS |= {name: f"estimates.{name}" for name in ("budget", "invert")}
 FAILED, UNUSABLE, INTERRUPTED = 1, 2, 130
 
 

@@ -24,8 +24,9 @@ COLD = 200.0  # lower temperatures, K, are remarked because they are rare on a s
 @click.option(
     "--temperatures",
     type=FILE,
-    metavar="CSV",
-    help="Table facet,kelvin with each facet once, instead of the labels' temperatures.",
+    metavar="CSV|JSON",
+    help="Table facet,kelvin with each facet once, instead of the labels' temperatures; or the "
+    "solution of an inversion, for the facets that were unknown in it.",
 )
 @click.option(
     "--material",

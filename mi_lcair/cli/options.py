@@ -35,6 +35,8 @@ class SceneOptions:
         Whether results are printed as JSON.
     plan : str, Plan or None
         "auto" if --plan was given; the plan itself once `run_planned` has found it.
+    solution : str or None
+        Solution's file, and behind a colon a state.
     """
 
     scene: str
@@ -44,6 +46,7 @@ class SceneOptions:
     threads: int | None
     json: bool
     plan: object = None
+    solution: str | None = None
 
     def run(self, function, **own):
         """Load the scene and return function(scene, **sampling, **own, progress=...).
@@ -88,9 +91,20 @@ class SceneOptions:
         """
         prepare_renderer(self.variant, self.threads)
         scene = mi_lcair.load(self.scene, **self.parameters)
+        if self.solution:
+            self.apply_solution(scene)
         for remark in scene.remarks if own_sensors else scene.notes:
             note(remark)
         return scene
+
+    def apply_solution(self, scene) -> None:
+        """Set the scene's parameters to those of the solution's file, and print their names."""
+        from mi_lcair.inversion.solution import apply_solution
+
+        file, _, state = self.solution.partition(".json:")
+        file = f"{file}.json" if state else self.solution
+        names = apply_solution(scene, file, state or None)
+        note(f"{file}: sets {', '.join(names)}")
 
 
 def prepare_renderer(variant: str | None, threads: int | None) -> None:
@@ -251,12 +265,25 @@ def loading_options(command):
         show_default=True,
         help="Seed of the random numbers.",
     )
+    @click.option(
+        "--solution",
+        help="Set temperatures, materials and radiances to those of a file that invert wrote, "
+        "FILE.json or FILE.json:STATE.",
+    )
     @renderer_options
     @json_option
     @wraps(command)
-    def with_scene(scene, parameters, variant, threads, json, seed, **own):
+    def with_scene(scene, parameters, variant, threads, json, seed, solution, **own):
         return command(
-            options=SceneOptions(scene, dict(parameters), {"seed": seed}, variant, threads, json),
+            options=SceneOptions(
+                scene,
+                dict(parameters),
+                {"seed": seed},
+                variant,
+                threads,
+                json,
+                solution=solution,
+            ),
             **own,
         )
 

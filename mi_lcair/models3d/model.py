@@ -1,11 +1,13 @@
 """The facet model, read from an OBJ file, its labels and a table of temperatures."""
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from mi_lcair.errors import InputError, shown
+from mi_lcair.files import read_text
 from mi_lcair.models3d.label import Label, find_material, kelvin, parse, unlabelled
 from mi_lcair.models3d.obj import read_obj
 from mi_lcair.models3d.polygons import MOST_CLIPPED, triangulate
@@ -70,7 +72,8 @@ def read(
     ----------
     path : str or Path
     temperatures : str, Path or None
-        CSV file facet,kelvin with the temperatures, in place of those in the labels.
+        CSV file facet,kelvin with the temperatures, in place of those in the labels. Or the JSON
+        file of an inversion, for the facets that were unknown in it.
     material : str or None
         Material of all model facets (f), in place of those in the labels. If temperatures and
         material are given, facets without a label are model facets.
@@ -95,11 +98,14 @@ def read(
             f"scale {scale:g} must be positive: metres in the file's unit of length, such as 0.001"
         )
     obj = read_obj(path)
-    labels, label = _labels(obj, known, material, bool(temperatures))
-    if temperatures:
+    is_solution = bool(temperatures) and Path(temperatures).suffix.lower() == ".json"
+    labels, label = _labels(obj, known, material, bool(temperatures) and not is_solution)
+    if temperatures and not is_solution:
         temperature = _read_temperatures(Path(temperatures), len(label))
     else:
         temperature = np.array([entry.temperature for entry in labels])[label]
+    if is_solution:
+        temperature = _solved_temperatures(Path(temperatures), temperature)
 
     vertices = obj.vertices * scale
     used = np.zeros(len(vertices), bool)
@@ -200,6 +206,31 @@ def _read_temperatures(path, count):
         raise InputError(
             f"{path}: {count - len(missing)} temperatures for {count} facets; the first that is "
             f"missing is facet {missing[0]}"
+        )
+    return temperature
+
+
+def _solved_temperatures(path, given):
+    """The labels' temperatures `given` (F,), with those of facets in an inversion's solution."""
+    try:
+        data = [entry["facets"] for entry in json.loads(read_text(path))["data"]]
+        groups = [own for of_datum in data for own in of_datum.values()]
+        found = [(int(facet), float(value)) for own in groups for facet, value in own.items()]
+    except (ValueError, RecursionError, KeyError, TypeError, AttributeError):
+        raise InputError(f"{path}: is no solution of an inversion; a table needs .csv") from None
+    if not found:
+        raise InputError(f"{path}: has no temperatures of facets; make GROUP.facets unknown")
+    temperature = given.copy()
+    for facet, value in dict(found).items():
+        if not 0 <= facet < len(given):
+            raise InputError(
+                f"{path}: facet {facet} does not exist; facets are numbered 0..{len(given) - 1}"
+            )
+        temperature[facet] = kelvin(f"{value:.9g}")
+    several = {facet for facet, value in found if dict(found)[facet] != value}
+    if several:
+        raise InputError(
+            f"{path}: facet {min(several)} has several temperatures, one for each state"
         )
     return temperature
 

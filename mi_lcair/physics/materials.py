@@ -78,7 +78,7 @@ def material(
         Band in which the material is used. An entry that was measured in this band or in a wider
         one is taken. None accepts only an entry for any band.
     file
-        TOML file of the user's own materials.
+        TOML file of the user's own materials, or the JSON file of an inversion's solution.
     allow_band
         Whether to take, where no entry covers the band, the entry that overlaps it most or lies
         nearest to it, instead of raising InputError.
@@ -93,7 +93,7 @@ def material(
     InputError
         If the name is unknown, the material was not measured in the band, or a file cannot be used.
     """
-    entries = _fits(name) if str(name).lower().endswith(".json") else _toml_entries(name, file)
+    entries = _fits(name) if _is_json(name) else _toml_entries(name, file)
     best = max(entries, key=lambda entry: _fitness(entry.band, band))
     if _fitness(best.band, band)[0] or (allow_band and band is not None):
         return best
@@ -107,8 +107,8 @@ def material(
 
 
 def names(file: str | Path | None = None) -> list[str]:
-    """Names of all materials, those of the user's TOML `file` first."""
-    return list({**(_read(file, tomllib.loads) if file else {}), **_read(BUILT_IN, tomllib.loads)})
+    """Names of all materials, those of the user's `file` first."""
+    return list({**(_materials(file) if file else {}), **_materials(BUILT_IN)})
 
 
 def emits_nothing(name: str, file: str | Path | None = None) -> bool:
@@ -116,7 +116,7 @@ def emits_nothing(name: str, file: str | Path | None = None) -> bool:
     reflection model.
     """
     for path in filter(None, (file, BUILT_IN)):
-        bands = _read(path, tomllib.loads).get(name)
+        bands = _materials(path).get(name)
         if isinstance(bands, dict):
             return all(
                 isinstance(entry, dict) and entry.get("emits") is False for entry in bands.values()
@@ -145,7 +145,7 @@ def _fitness(measured, wanted):
 def _toml_entries(name, file):
     """All entries of the material `name`, from the user's file if it has them, else built-in."""
     for path in filter(None, (file, BUILT_IN)):
-        bands = _read(path, tomllib.loads).get(name)
+        bands = _materials(path).get(name)
         if bands is None:
             continue
         where = f"{path}: material '{name}'"
@@ -155,15 +155,32 @@ def _toml_entries(name, file):
             or not all(isinstance(entry, dict) for entry in bands.values())
         ):
             raise InputError(f"{where}: needs a table for each band, such as [{name}.MWIR]")
+        if _is_json(path):
+            return [_fitted(str(path), report) for report in bands.values()]
         return [_entry(where, name, band, dict(entry), str(path)) for band, entry in bands.items()]
     raise unknown("material", name, names(file))
+
+
+def _is_json(path) -> bool:
+    return str(path).lower().endswith(".json")
+
+
+def _materials(path) -> dict:
+    """The tables of a materials file by name; of a solution's JSON file, its table `materials`."""
+    if not _is_json(path):
+        return _read(path, tomllib.loads)
+    found = _read(path, json.loads).get("materials")
+    if not isinstance(found, dict):
+        raise InputError(f"{path}: has no table 'materials', as the solution of an inversion has")
+    return found
 
 
 def _fits(name):
     """The entries of a fit's JSON file.
 
     The file is one report with the keys `parameters`, `form` and `band`, or holds one such report
-    for each band in the table `materials`.
+    for each band in the table `materials`. The solution of an inversion has a table of such
+    reports for each of its materials; it must have only one.
     """
     name = str(name)
     file = _read(name, json.loads)
@@ -174,6 +191,13 @@ def _fits(name):
         or not all(isinstance(report, dict) for report in reports.values())
     ):
         raise InputError(f"{name}: key 'materials' must be a table with a fit for each band")
+    if "kind" in file and "unknowns" in file:
+        if len(reports) > 1:
+            raise InputError(
+                f"{name}: holds the materials {', '.join(reports)}; give their file as `materials` "
+                "and one of them as `material`"
+            )
+        reports = next(iter(reports.values()))
     return [_fitted(name, report) for report in reports.values()]
 
 

@@ -13,6 +13,8 @@ QUANTITIES = {
     "temperature": ("brightness temperature", "K"),
     "range": ("range", "m"),
     "stderr": ("standard error of radiance", RADIANCE),
+    "sigma": ("standard uncertainty of radiance", RADIANCE),
+    "d": ("derivative of radiance", f"{RADIANCE} per unit"),
 }
 # Units of the columns of a table, by the end of their name.
 UNITS = {

@@ -74,7 +74,7 @@ class CommonNumbers:
         for name, value in (("spp", spp), ("paths", paths), ("tolerance", tolerance)):
             if value is not None and not value > 0:
                 raise InputError(f"{name} = {value} must be positive")
-        self.scene, self.camera = scene, scene.sensor(sensor)
+        self.scene, self.sensor, self.camera = scene, sensor, scene.sensor(sensor)
         self.area = window_area(self.camera, scene.name)
         self.excess = excess or (self.within_tolerance if tolerance else None)
         self.tolerance, self.part, self.seed, self.by_spectrum = tolerance, part, seed, by_spectrum

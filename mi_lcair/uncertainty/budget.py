@@ -6,6 +6,8 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import numpy as np
+
 from mi_lcair import scenes
 from mi_lcair.detection.contrast import setting_of
 from mi_lcair.detection.scenario import Scenario
@@ -16,6 +18,7 @@ from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.sensitivity.parameters import checked
 from mi_lcair.uncertainty.check import Check, check
 from mi_lcair.uncertainty.contrast_number import ContrastNumber
+from mi_lcair.uncertainty.facet_errors import facet_contribution
 from mi_lcair.uncertainty.inputs import Inputs
 from mi_lcair.uncertainty.intensity_number import IntensityNumber
 from mi_lcair.uncertainty.monte_carlo import MonteCarlo, check_draws, monte_carlo
@@ -156,13 +159,25 @@ def budget(
         }
         checked(number.scene, rendered)  # before anything else is rendered
         derivative, errors = number.derivatives(inputs.names, inputs.sigma)
-        others = {NOISE: number.error, TRUNCATION: number.truncation()}
+        facets = {
+            f"{group} facets": facet_contribution(number, group, of_group)
+            for group, of_group in stated.facets.items()
+        }
+        others = facets | {NOISE: number.error, TRUNCATION: number.truncation()}
         found = rows(inputs, derivative, errors, others)
         sigma = combined(found)
         checks = check(number, inputs, derivative, sigma)
         distribution = None
         if draws is not None:
-            distribution = monte_carlo(number, inputs, derivative, draws, seed, progress)
+            distribution = monte_carlo(
+                number,
+                inputs,
+                derivative,
+                np.hypot.reduce([*facets.values(), 0]),
+                draws,
+                seed,
+                progress,
+            )
         return Budget(
             what=number.what,
             title=number.title,

@@ -10,6 +10,7 @@ from mi_lcair.uncertainty.number import Number
 
 MOST_OUTSIDE = 0.9  # share of infeasible draws from which no distribution can be drawn
 LEAST_DRAWS = 10
+LINEAR_DRAWS = 4000  # draws for the spread of the linear answer inside the bounds
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,7 @@ def monte_carlo(
     number: Number,
     inputs: Inputs,
     derivative: np.ndarray,
+    independent: float,
     draws: int,
     seed: int,
     progress=None,
@@ -78,6 +80,9 @@ def monte_carlo(
     inputs : Inputs
     derivative : ndarray, shape (K,)
         Derivatives of the result.
+    independent : float
+        Standard uncertainty of the result from many small independent errors, such as those of
+        facets. They are drawn together, and not rendered.
     draws : int
         Number of draws.
     seed : int
@@ -91,46 +96,77 @@ def monte_carlo(
         For fewer than LEAST_DRAWS draws, or if nearly all draws are outside the bounds.
     """
     check_draws(draws)
-    random = np.random.default_rng(seed)
-    # The eigenvectors also serve a covariance that is singular
-    variances, axes = np.linalg.eigh(inputs.covariance)
-    root = axes * np.sqrt(np.maximum(variances, 0))
-    results, changes, outside = [], [], 0
-    while len(results) < draws:
-        values = inputs.values + root @ random.standard_normal(len(inputs.quantities))
-        named = dict(zip(inputs.names, values))
-        if not number.is_feasible(named):
-            outside += 1
-            if outside > max(draws, LEAST_DRAWS) * MOST_OUTSIDE / (1 - MOST_OUTSIDE):
-                raise InputError(
-                    "nearly all draws are outside the bounds of a quantity; the standard "
-                    "deviations are too large for a normal distribution"
-                )
-            continue
-        results.append(number.at(named))
-        changes.append(derivative @ (values - inputs.values))
+    feasible = FeasibleDraws(number, inputs, np.random.default_rng(seed))
+    results, changes = [], []
+    for _ in range(draws):
+        values = feasible.draw()
+        together = independent * feasible.random.standard_normal()
+        results.append(number.at(dict(zip(inputs.names, values))) + together)
+        changes.append(derivative @ (values - inputs.values) + together)
         if progress:
             progress(len(results), draws)
-    results = np.array(results)
-    plain = squares(results)
-    known = derivative @ inputs.covariance @ derivative
-    linear = squares(np.array(changes))
+    results, outside = np.array(results), feasible.outside
+    plain, linear = squares(results), squares(np.array(changes))
+    known, error_of_known = linear_variance(feasible, inputs, derivative)
     slope = np.cov(plain, linear)[0, 1] / linear.var(ddof=1) if linear.var() > 0 else 0.0
-    controlled = plain - slope * (linear - known)
-    # Where draws are cut off at a bound, the spread of the linear answer is not known
-    is_controlled = bool(not outside and controlled.mean() > 0 and controlled.std() < plain.std())
-    chosen = controlled if is_controlled else plain
-    sigma = float(np.sqrt(chosen.mean()))
+    controlled = plain - slope * (linear - known - independent**2)
+    # The errors of the two variances: of the draws alone, and with the control variate
+    error = controlled.std(ddof=1) / np.sqrt(draws)
+    errors = plain.std(ddof=1) / np.sqrt(draws), float(np.hypot(error, slope * error_of_known))
+    is_controlled = bool(controlled.mean() > 0 and errors[1] < errors[0])
+    sigma = float(np.sqrt((controlled if is_controlled else plain).mean()))
     return MonteCarlo(
         draws=draws,
         outside=outside,
         mean=float(results.mean()),
         sigma=sigma,
-        sigma_error=error_of_deviation(chosen),
+        sigma_error=float(errors[is_controlled] / (2 * sigma)) if sigma > 0 else 0.0,
         is_controlled=is_controlled,
         interval=tuple(np.quantile(results, (0.025, 0.975)).tolist()),
         results=results,
     )
+
+
+class FeasibleDraws:
+    """Draws of quantities from a normal distribution that is cut off at their bounds.
+
+    outside: number of draws so far that were outside the bounds.
+    """
+
+    def __init__(self, number: Number, inputs: Inputs, random: np.random.Generator):
+        self.number, self.inputs, self.random = number, inputs, random
+        # The eigenvectors also serve a covariance that is singular
+        variances, axes = np.linalg.eigh(inputs.covariance)
+        self.root = axes * np.sqrt(np.maximum(variances, 0))
+        self.outside = self.count = 0
+
+    def draw(self) -> np.ndarray:
+        """Values of all quantities, (K,)."""
+        while True:
+            normal = self.random.standard_normal(len(self.inputs.quantities))
+            values = self.inputs.values + self.root @ normal
+            if self.number.is_feasible(dict(zip(self.inputs.names, values))):
+                self.count += 1
+                return values
+            self.outside += 1
+            if self.outside > LEAST_DRAWS + MOST_OUTSIDE / (1 - MOST_OUTSIDE) * self.count:
+                raise InputError(
+                    "nearly all draws are outside the bounds of a quantity; the standard "
+                    "deviations are too large for a normal distribution"
+                )
+
+
+def linear_variance(feasible: FeasibleDraws, inputs: Inputs, derivative) -> tuple[float, float]:
+    """Variance of the linear answer, and its standard error.
+
+    The variance is known if no draw was outside the bounds. Otherwise it comes from many draws,
+    which need no render.
+    """
+    if not feasible.outside:
+        return float(derivative @ inputs.covariance @ derivative), 0.0
+    many = np.array([feasible.draw() for _ in range(LINEAR_DRAWS)])
+    found = squares((many - inputs.values) @ derivative)
+    return float(found.mean()), float(found.std(ddof=1) / np.sqrt(LINEAR_DRAWS))
 
 
 def squares(results: np.ndarray) -> np.ndarray:
@@ -142,14 +178,3 @@ def check_draws(draws: int) -> None:
     """Raise InputError for fewer than LEAST_DRAWS draws."""
     if draws < LEAST_DRAWS:
         raise InputError(f"{draws} draws for a Monte Carlo; must be {LEAST_DRAWS} or more")
-
-
-def error_of_deviation(variances: np.ndarray) -> float:
-    """Standard error of the root of the mean of independent estimates of a variance.
-
-    It also holds for results that are not normal.
-    """
-    variance = variances.mean()
-    if not variance > 0:
-        return 0.0
-    return float(variances.std(ddof=1) / np.sqrt(len(variances)) / (2 * np.sqrt(variance)))

@@ -27,6 +27,7 @@ from mi_lcair.signatures.effective_areas import EffectiveAreas, effective_areas
 
 # Step of a derivative in closed form, in standard deviations. Its error falls with the square.
 SMALL = 1e-2
+SOURCE_STEP = 0.01  # step of the derivative with respect to one source's temperature [K]
 
 
 @dataclass(frozen=True)
@@ -223,6 +224,15 @@ class Number:
         # Amounts change only with quantities that have no noise, such as that of the sensor
         of_amounts = self.base.factors @ (high.amounts - low.amounts) / (2 * step)
         return slope.value + float(of_amounts), slope.error
+
+    def source_slope(self, k: int) -> float:
+        """Derivative of the number with respect to the temperature of source number k."""
+        source, ends = self.areas.sources[k], []
+        for step in (SOURCE_STEP, -SOURCE_STEP):
+            sources = list(self.areas.sources)
+            sources[k] = shifted(source, step, self.scene.band)
+            ends.append(self.linear(self.total, replace(self.areas, sources=sources), {}).value)
+        return (ends[0] - ends[1]) / (2 * SOURCE_STEP)
 
     def rendered_derivatives(self, names, sigma):
         if not self.has_weights:

@@ -13,6 +13,10 @@
     [fits]                              # material = report of a fit, with its correlations
     gloss_black = "gloss_black.json"
 
+    [facets]                            # independent errors of all facets of a group: kelvin, or
+    walls = 0.5                         # a CSV facet,sigma_K
+    self = "self_sigma.csv"
+
     [[correlated]]                      # correlations of quantities of [sigma] and [scenario]
     names = ["scenario.transmittance", "scenario.path_radiance"]
     correlation = -0.9                  # of two; or a matrix; or covariance = a matrix
@@ -31,7 +35,7 @@ from mi_lcair.errors import InputError, shown, unknown
 from mi_lcair.files import read_text
 
 RELATIVE = re.compile(r"\s*([0-9.eE+-]+)\s*%\s*")
-TABLES = ("sigma", "scenario", "fits", "correlated")
+TABLES = ("sigma", "scenario", "fits", "facets", "correlated")
 OF_A_FIT = ("model", "parameters", "standard_error", "correlation")
 # Largest relative difference of a scene's parameter, which is a Float32 number, and a fit's
 SAME_VALUE = 1e-4
@@ -73,12 +77,15 @@ class Uncertainties:
     correlated : list of Correlated
     fits : dict
         List of the fits in a report (one for each band) by the name of the material.
+    facets : dict
+        Standard deviation of the temperature of each facet [K], or the path of a CSV, by group.
     """
 
     source: str
     sigma: dict[str, float | str]
     correlated: list[Correlated]
     fits: dict[str, list[Fit]]
+    facets: dict[str, float | Path]
 
     @staticmethod
     def read(source) -> "Uncertainties":
@@ -110,11 +117,11 @@ def parsed(tree: Mapping, name: str, folder: Path) -> Uncertainties:
         if table not in TABLES:
             raise unknown("table", table, TABLES)
     tables = {}
-    for table in ("sigma", "scenario", "fits"):
+    for table in ("sigma", "scenario", "fits", "facets"):
         tables[table] = tree.get(table, {})
         if not isinstance(tables[table], Mapping):
             raise InputError(f"{table} must be a table, [{table}]")
-    sigma = dict(tables["sigma"])
+    sigma = flat(tables["sigma"])
     sigma |= {f"scenario.{key}": value for key, value in tables["scenario"].items()}
     for key, value in sigma.items():
         check_sigma(key, value)
@@ -123,9 +130,25 @@ def parsed(tree: Mapping, name: str, folder: Path) -> Uncertainties:
         raise InputError("correlated must be tables, [[correlated]]")
     correlated = [read_correlated(group, sigma) for group in groups]
     fits = {key: read_fit(folder, value) for key, value in tables["fits"].items()}
-    if not sigma and not fits and not correlated:
-        raise InputError("holds no uncertainties; give [sigma], [scenario] or [fits]")
-    return Uncertainties(name, sigma, correlated, fits)
+    facets = {}
+    for group, value in tables["facets"].items():
+        if isinstance(value, str):
+            facets[group] = folder / value
+        else:
+            check_sigma(f"facets.{group}", value)
+            facets[group] = float(value)
+    if not (sigma or fits or facets or correlated):
+        raise InputError("holds no uncertainties; give [sigma], [scenario], [facets] or [fits]")
+    return Uncertainties(name, sigma, correlated, fits, facets)
+
+
+def flat(table: Mapping, prefix: str = "") -> dict:
+    """The entries of a table with dotted names, as TOML nests a key such as a.b without quotes."""
+    entries = {}
+    for key, value in table.items():
+        inside = flat(value, f"{prefix}{key}.") if isinstance(value, Mapping) else None
+        entries |= {f"{prefix}{key}": value} if inside is None else inside
+    return entries
 
 
 def check_sigma(name: str, value) -> None:

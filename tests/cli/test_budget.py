@@ -28,6 +28,7 @@ def files(folder):
     )
 
 
+@pytest.mark.slow
 def test_table_and_files(run, folder):
     result = run(
         "budget", "plate.xml", "-u", "sigma.toml", "--plot", "b.png", "--image", "b.exr",

@@ -3,6 +3,7 @@
 import mitsuba as mi
 import numpy as np
 import pytest
+from scipy.stats import truncnorm
 
 import mi_lcair
 from mi_lcair.detection.scenario import Scenario
@@ -10,7 +11,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.uncertainty.budget import NOISE, TRUNCATION, result_of
 from tests.detection.disc_scenario import AREA as DISC_AREA
-from tests.detection.disc_scenario import disc, write_disc
+from tests.detection.disc_scenario import disc, triangles, write_disc
 from tests.uncertainty.plate_scene import AREA, EMISSIVITY, TEMPERATURE, plate_scene
 
 mi.set_variant("llvm_ad_mono")
@@ -23,6 +24,12 @@ def row(budget, name):
 def slope(band, T):
     """dB/dT of a blackbody [W m^-2 sr^-1 K^-1]."""
     return float(in_band_radiance(band, T + 0.01) - in_band_radiance(band, T - 0.01)) / 0.02
+
+
+def triangle_areas():
+    """Areas of the disc's triangles, m^2."""
+    a, b, c = np.moveaxis(triangles(), 1, 0)
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
 
 
 def cylinder(**parameters):
@@ -71,6 +78,7 @@ def test_correlated_quantities_together(tmp_path):
     assert total[0.5] == pytest.approx(np.sqrt(a**2 + b**2 + a * b), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_group_and_one_of_its_temperatures():
     """A common error of all temperatures beside independent ones of each."""
     names = ("self.temperature", "self@298.2.temperature")
@@ -84,6 +92,7 @@ def test_a_group_and_one_of_its_temperatures():
     assert found.renders == 1
 
 
+@pytest.mark.slow
 def test_cylinder_against_its_monte_carlo():
     """Temperatures and all parameters of the paint."""
     stated = {
@@ -124,18 +133,24 @@ def test_a_large_error_of_a_temperature_is_not_linear(tmp_path):
     assert small.checks[0].holds and small.remarks == []
 
 
+@pytest.mark.slow
 def test_monte_carlo_stays_inside_the_bounds(tmp_path):
     """Draws of a reflectance below 0 are drawn again, and the budget says so."""
     scene = plate_scene(tmp_path)
     stated = {"sigma": {"paint.reflectance": 0.4}}
     found = mi_lcair.budget(scene, stated, draws=100)
     mc = found.monte_carlo
-    assert not mc.is_controlled and mc.outside > 10 and mc.sigma < 0.95 * found.sigma_of_quantities
+    assert mc.is_controlled and mc.outside > 10 and mc.sigma < 0.95 * found.sigma_of_quantities
+    # The result is linear in the reflectance, whose cut-off normal distribution is known
+    expected = found.sigma_of_quantities * truncnorm.std(-1, 1.5)
+    assert mc.sigma == pytest.approx(expected, abs=3 * mc.sigma_error)
+    assert mc.sigma_error < 0.02 * mc.sigma
     top = AREA * float(in_band_radiance(scene.band, TEMPERATURE))
     assert mc.results.min() > -0.01 * top and mc.results.max() < 1.01 * top
     assert f"{mc.outside} of {100 + mc.outside} draws were outside" in found.remarks[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sigma", [2.0, 8.0])
 def test_error_of_the_monte_carlo_covers_the_truth(tmp_path, sigma):
     """The scatter of the standard deviation over seeds is what each of them states.
@@ -191,6 +206,7 @@ def test_contrast_in_closed_form(tmp_path):
     assert sum(row.share for row in found.rows) == pytest.approx(1)
 
 
+@pytest.mark.slow
 def test_contrast_by_sources_and_by_renders():
     """The derivative from weights of the sources is that of contrasts that are rendered anew.
 
@@ -240,3 +256,67 @@ def test_what_cannot_be_used(tmp_path, arguments, message):
 def test_to_a_tolerance():
     found = mi_lcair.budget(cylinder(), {"sigma": {"self.temperature": 1.0}}, tolerance=0.002)
     assert 0 < row(found, NOISE).contribution < 0.001 * found.value and found.remarks == []
+
+
+@pytest.mark.slow
+def test_independent_errors_of_facets(tmp_path):
+    """The disc's n equal facets: each has the n-th part of the derivative, and squares add."""
+    write_disc(tmp_path, np.full(len(triangles()), 400.0))
+    scenario = disc(tmp_path, render__resolution=64, render__spp=64)
+    band, areas = scenario.sensor.detector().band, triangle_areas()
+    one = slope(band, 400) / 1000**2
+    found = mi_lcair.budget(scenario, {"facets": {"self": 2.0}}, draws=50)
+    expected = 2 * one * np.sqrt(np.sum(areas**2))
+    assert row(found, "self facets").contribution == pytest.approx(expected, rel=0.02)
+    assert found.sigma_of_quantities == row(found, "self facets").contribution
+    assert found.monte_carlo.sigma == pytest.approx(found.sigma_of_quantities, rel=1e-6)
+    # Only two of the facets, from a table
+    (tmp_path / "sigma.csv").write_text("facet,sigma_K\n0,3\n7,4\n")
+    found = mi_lcair.budget(scenario, {"facets": {"self": str(tmp_path / "sigma.csv")}})
+    expected = one * np.hypot(3 * areas[0], 4 * areas[7])
+    assert row(found, "self facets").contribution == pytest.approx(expected, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    "facets, message",
+    [
+        ({"selv": 1.0}, "unknown group 'selv'; known: self"),
+        ({"self": "facet,sigma_K\n9999,1\n"}, "group self has no facet 9999"),
+        ({"self": "facet,sigma_K\n0,-1\n"}, "sigma_K -1; must be 0 or more"),
+        ({"self": "facet,sigma_K\n0,1\n0,2\n"}, "a facet is listed twice"),
+        ({"self": "number,sigma\n0,1\n"}, "the header must name facet and sigma_K"),
+    ],
+)
+def test_facets_that_cannot_be_used(tmp_path, facets, message):
+    write_disc(tmp_path, np.full(len(triangles()), 400.0))
+    if isinstance(facets.get("self"), str):
+        (tmp_path / "s.csv").write_text(facets["self"])
+        facets = {"self": str(tmp_path / "s.csv")}
+    with pytest.raises(InputError, match=message):
+        mi_lcair.budget(disc(tmp_path, render__resolution=8), {"facets": facets})
+
+
+def test_a_scene_whose_sources_have_no_spectra(tmp_path):
+    """In the band `total` everything is rendered: dI/dT = 4 I / T."""
+    found = mi_lcair.budget(
+        plate_scene(tmp_path, band="total"), {"sigma": {"plate.temperature": 3}}
+    )
+    contribution = row(found, "plate.temperature").contribution
+    assert contribution == pytest.approx(4 * found.value / TEMPERATURE * 3, rel=1e-3)
+    (check,) = found.checks
+    assert check.holds and check.plus == pytest.approx(contribution, rel=0.05)
+
+
+@pytest.mark.slow
+def test_a_contrast_with_too_many_temperatures(tmp_path):
+    """The derivative then comes from differences, and its error is not known."""
+    temperatures = np.linspace(395, 405, len(triangles()))
+    write_disc(tmp_path, temperatures)
+    scenario = disc(tmp_path, render__resolution=32)
+    found = mi_lcair.budget(scenario, {"sigma": {"self.temperature": 1.0}})
+    slopes = [slope(scenario.sensor.detector().band, T) for T in temperatures]
+    expected = DISC_AREA * np.average(slopes, weights=triangle_areas()) / 1000**2
+    found_row = row(found, "self.temperature")
+    assert found_row.contribution == pytest.approx(expected, rel=0.01)
+    assert np.isnan(found_row.sensitivity_error)
+    assert found_row.as_dict()["sensitivity_error"] is None

@@ -43,6 +43,12 @@ def test_numbers_and_percentages(tmp_path):
     assert [list(group.index) for group in found.groups] == [[0], [1]]
 
 
+def test_keys_without_quotes(tmp_path):
+    path = tmp_path / "sigma.toml"
+    path.write_text("[sigma]\nself.temperature = 2\npaint.a = 0.1\n[sigma.paint2]\n")
+    assert inputs(path).names == ["self.temperature", "paint.a"]
+
+
 def test_correlations_and_covariances():
     tree = {
         "sigma": {"self.temperature": 2.0, "sky.radiance": "10 %"},

@@ -1,0 +1,164 @@
+"""What measurements say about a scene: temperatures, a reflectance, and a paint that hides a lid.
+
+    python -m docs.studies.inversion [PAGE]
+
+The script writes docs/inversion.md from inversion.template.md, its pictures, and the problems and
+measurements in docs/inversion. It takes about ten minutes.
+"""
+
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+
+import mi_lcair
+from docs.studies.page import write_page
+from mi_lcair.inversion.images import noise_of_netd
+from mi_lcair.rendering.views import View, seen_from
+from mi_lcair.reports.inversion_picture import save_picture
+from mi_lcair.sensitivity.parameters import changed, parameters
+from tests.inversion.plate import XML
+
+FOLDER = Path(__file__).parents[1] / "inversion"
+STRIPES, PLATE, TWO_SKIES, PAINT = (
+    FOLDER / f"{name}.toml" for name in ("stripes", "plate", "two_skies", "paint")
+)
+NETD_MK = 50
+DRAWS = 50
+TRUE = {"plate.temperature": 310.0, "paint.reflectance": 0.3}
+# Standard deviations of the budget: the lid's temperature, the surroundings, and the paint
+STATED = {
+    "lid.temperature": 2.0,
+    "sky.temperature": 5.0,
+    "ground.temperature": 2.0,
+    "paint.epsilon": 0.02,
+    "paint.e": 0.02,
+}
+SHOWN = View(30.0, 40.0)  # aspect of the budget
+
+
+def measure(problem: Path, draw: int) -> None:
+    """Write the images of a problem: renders from other paths, with a camera's noise."""
+    tree = tomllib.loads(problem.read_text(encoding="utf-8"))
+    for number, entry in enumerate(tree["data"]):
+        path = FOLDER / entry["scene"]
+        scene = mi_lcair.load(path if path.exists() else entry["scene"], **entry["parameters"])
+        image = clean(scene, f"{problem} {number}")
+        sigma = noise_of_netd(scene.band, image, NETD_MK)
+        noise = np.random.default_rng((draw, number)).standard_normal(image.shape)
+        np.save(FOLDER / entry["image"], (image + sigma * noise).astype(np.float32))
+
+
+def clean(scene, key: str, kept={}) -> np.ndarray:  # noqa: B006  images by key
+    """The radiance without a camera's noise."""
+    if key not in kept:
+        result = mi_lcair.render(scene, spp=2048, seed=999, split=None)
+        kept[key] = result.channels["Y"].astype(float)
+    return kept[key]
+
+
+def stripes() -> dict:
+    """Fields of the page about the cylinder's stripes."""
+    deviations, errors, renders = [], [], set()
+    for draw in range(DRAWS):
+        measure(STRIPES, DRAWS - 1 - draw)
+        tree = tomllib.loads(STRIPES.read_text(encoding="utf-8"))
+        tree["data"][0]["image"] = str(FOLDER / tree["data"][0]["image"])
+        tree["render"] = {"seed": 1000 + draw}
+        found = mi_lcair.invert(tree, advise=False)
+        true = [
+            float(one.name.partition("@")[2].removesuffix(".temperature")) for one in found.answers
+        ]
+        errors.append([one.standard_error for one in found.answers])
+        deviations.append([one.value - T for one, T in zip(found.answers, true)])
+        renders.add(found.renders)
+    deviations, errors = np.array(deviations), np.array(errors)
+    save_picture(FOLDER / "stripes.png", found)
+    cover = (np.abs(deviations) < 1.96 * errors).mean(axis=0)
+    bias = deviations.mean(axis=0) / errors.mean(axis=0)
+    rows = "\n".join(
+        f"| {one.name} | {one.value:.4f} | {1e3 * error:.1f} | {1e3 * rms:.1f} | {inside:.0%} | "
+        f"{of:+.2f} |"
+        for one, error, rms, inside, of in zip(
+            found.answers, errors.mean(axis=0), deviations.std(axis=0), cover, bias
+        )
+    )
+    return {
+        "stripes": rows,
+        "draws": DRAWS,
+        "stripes_p": f"{found.p_value:.2f}",
+        "stripes_seconds": f"{found.seconds:.1f}",
+        "stripes_renders": max(renders),
+        "all_inside": f"{(np.abs(deviations) < 1.96 * errors).mean():.1%}",
+    }
+
+
+def plate() -> dict:
+    """Fields of the page about a plate's temperature and reflectance."""
+    (FOLDER / "plate.xml").write_text(XML + "\n", encoding="utf-8")
+    for problem in (PLATE, TWO_SKIES):
+        measure(problem, 1)
+    one, two = mi_lcair.invert(PLATE), mi_lcair.invert(TWO_SKIES)
+    save_picture(FOLDER / "two_skies.png", two)
+    two_rows = "\n".join(
+        f"| {answer.label} | {TRUE[answer.label]:g} | {answer.value:.6g} | "
+        f"{answer.standard_error:.2g} | {answer.verdict} |"
+        for answer in two.answers
+    )
+    return {
+        "one_band": table(one),
+        "directions": "\n".join(f"    {direction.words}" for direction in one.directions),
+        "correlation": f"{one.correlation[0, 1]:.4f}",
+        "advice": "\n".join(f"    {advice.words}" for advice in one.advice),
+        "two_skies": two_rows,
+        "two_skies_p": f"{two.p_value:.2f}",
+    }
+
+
+def paint() -> dict:
+    """Fields of the page about the paint that hides the lid."""
+    found = mi_lcair.invert(PAINT)
+    fitted = found.data[0]
+    rows = "\n".join(
+        f"| {azimuth:g} | {elevation:g} | {value:+.3f} |"
+        for (azimuth, elevation), value in zip(fitted.aspects, fitted.predicted)
+    )
+    scene = mi_lcair.load(FOLDER / "lid.xml")
+    values = {one.name: one.value for one in found.answers}
+    known = parameters(scene)
+    with changed(scene, {name: np.clip(v, known[name].lower, 1) for name, v in values.items()}):
+        budget = mi_lcair.budget(seen_from(scene, SHOWN, 64), {"sigma": STATED}, spp=32)
+    parts = "\n".join(
+        f"| {row.quantity} | {row.share:.1%} |" for row in budget.rows if row.share > 0.001
+    )
+    return {
+        "paint": table(found),
+        "paint_remark": found.remarks[0],
+        "aspects": rows,
+        "shown": f"azimuth {SHOWN.azimuth_deg:g} and elevation {SHOWN.elevation_deg:g} degrees",
+        "budget_value": f"{budget.value:.4g}",
+        "budget_sigma": f"{budget.sigma:.2g}",
+        "budget": parts,
+        "paint_seconds": f"{found.seconds:.0f}",
+    }
+
+
+def table(solution) -> str:
+    """Rows of a table: label, value, standard error and verdict of each unknown."""
+    return "\n".join(
+        f"| {one.label} | {one.value:.5g} | {one.standard_error:.2g} | {one.verdict} |"
+        for one in solution.answers
+    )
+
+
+def main(page):
+    problems = {
+        f"{path.stem}_toml": path.read_text(encoding="utf-8").strip()
+        for path in (STRIPES, PLATE, TWO_SKIES, PAINT)
+    }
+    write_page(page, "inversion", netd=NETD_MK, **problems, **stripes(), **plate(), **paint())
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/inversion.md"))

@@ -1,0 +1,193 @@
+"""What an estimate says: errors, verdicts, and the directions that the data cannot tell apart."""
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from scipy import stats
+
+from mi_lcair.fitting.verdict import UNDETERMINED
+from mi_lcair.inversion.prediction import Block, product
+from mi_lcair.inversion.unknowns import Unknown
+
+NORMAL_95 = stats.norm.ppf(0.975)
+HIDDEN = "not determined: the noise of the render hides its effect; raise spp of [render]"
+ALIKE = 0.95  # correlation from which two unknowns are said to trade
+LONGEST_WORDS = 12  # largest number of directions that are put into words
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What the data say about one unknown.
+
+    label, name, kind, unit, facet: as in `Unknown`. value, standard_error: the estimate.
+    lower, upper: its 95 % interval. verdict: in words. is_sought: False for a nuisance parameter.
+    """
+
+    label: str
+    name: str
+    kind: str
+    unit: str
+    value: float
+    standard_error: float
+    lower: float
+    upper: float
+    verdict: str
+    is_sought: bool
+    facet: int | None
+
+    @property
+    def is_determined(self) -> bool:
+        return self.verdict == "determined"
+
+    def as_dict(self) -> dict:
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class Direction:
+    """Two unknowns that the data hardly tell apart.
+
+    labels: their labels. correlation: of their errors. slope: change of the first for a change of 1
+    of the second. words: the same as a sentence.
+    """
+
+    labels: tuple[str, str]
+    correlation: float
+    slope: float
+    words: str
+
+    def as_dict(self) -> dict:
+        return asdict(self)
+
+
+def answers(unknowns: list[Unknown], x, covariance, at_bound, held) -> list[Answer]:
+    """The answer for each unknown.
+
+    x: values (N,). covariance: (N, N). at_bound: -1, 0 or 1 for each. held: whether the noise of
+    the render hides its derivative, (N,).
+    """
+    result = []
+    for k, one in enumerate(unknowns):
+        error = float(np.sqrt(max(covariance[k, k], 0)))
+        low, high = x[k] - NORMAL_95 * error, x[k] + NORMAL_95 * error
+        low, high = (float(np.clip(end, one.lower, one.upper)) for end in (low, high))
+        result.append(
+            Answer(
+                label=one.label,
+                name=one.name,
+                kind=one.kind,
+                unit=one.unit,
+                value=float(x[k]),
+                standard_error=error,
+                lower=low,
+                upper=high,
+                verdict=HIDDEN if held[k] else verdict(one, float(x[k]), error, at_bound[k]),
+                is_sought=one.is_sought,
+                facet=one.facet,
+            )
+        )
+    return result
+
+
+def verdict(one: Unknown, value: float, error: float, at_bound: int) -> str:
+    """The verdict on an unknown, in the words of `fit`."""
+    half = NORMAL_95 * error
+    low, high = max(value - half, one.lower), min(value + half, one.upper)
+    span = f"{low:.4g}..{high:.4g} {one.unit.removesuffix('1')}".rstrip()
+    if 2 * half >= UNDETERMINED * one.span:
+        return f"not determined by these data: anything in {span} fits"
+    if at_bound:
+        end = one.lower if at_bound < 0 else one.upper
+        return f"at its bound {end:.4g}: interval {span}"
+    if one.is_determined(value, half):
+        return "determined"
+    return f"weakly determined: interval {span}"
+
+
+def correlation(covariance: np.ndarray) -> np.ndarray:
+    """Correlations (N, N) of a covariance; 0 where a variance is 0."""
+    scale = np.sqrt(np.maximum(np.diag(covariance), 0))
+    scale[scale == 0] = np.inf
+    return covariance / np.outer(scale, scale)
+
+
+def directions(found: list[Answer], covariance: np.ndarray, reasons) -> list[Direction]:
+    """Pairs of unknowns that the data hardly tell apart, the worst first.
+
+    Only pairs with one that is not determined count. reasons: function of the numbers of two
+    unknowns that says why.
+    """
+    matrix = correlation(covariance)
+    pairs = [
+        (abs(matrix[a, b]), a, b)
+        for a in range(len(found))
+        for b in range(a)
+        if abs(matrix[a, b]) >= ALIKE
+        and not (found[a].is_determined and found[b].is_determined)
+        and not found[a].kind == found[b].kind == "facet"
+    ]
+    result = []
+    for _, a, b in sorted(pairs, reverse=True)[:LONGEST_WORDS]:
+        # The quantity with a unit is said to change for 1 of the other
+        first, second = sorted((a, b), key=lambda k: (found[k].unit == "1", k))
+        slope = covariance[first, second] / covariance[second, second]
+        result.append(
+            Direction(
+                labels=(found[first].label, found[second].label),
+                correlation=float(matrix[a, b]),
+                slope=float(slope),
+                words=f"{traded(found[first], found[second], slope)}: {reasons(first, second)}",
+            )
+        )
+    return result
+
+
+def traded(first: Answer, second: Answer, slope: float) -> str:
+    """The trade of two unknowns in words."""
+    unit = first.unit.removesuffix("1")
+    per = "a unit" if second.unit == "1" else f"for 1 {second.unit}"
+    owner, name = split(first.label)
+    other, other_name = split(second.label)
+    if owner == other:
+        both = f"{name} and {other_name} of `{owner}`"
+    else:
+        both = f"`{first.label}` and `{second.label}`"
+    return f"{both} trade at {f'{abs(slope):.3g} {unit}'.rstrip()} {per}"
+
+
+def split(label: str) -> tuple[str, str]:
+    """Owner and rest of a label: ("lid", "temperature [hot]")."""
+    name, bracket, of = label.partition(" [")
+    owner, _, rest = name.rpartition(".")
+    return owner, rest + bracket + of
+
+
+def chi_square(blocks: list[Block], x: np.ndarray, determined: float) -> dict:
+    """Squared residuals in units of the measurement's noise, and how probable larger ones are.
+
+    Products of different randomisations keep the render's own noise out of the sum, but it widens
+    the sum's distribution. The probability is that of a chi-square distribution with the same mean
+    and variance. Pixels in which the render is noisier than the measurement count less.
+
+    determined: number of combinations of unknowns that the data determine.
+    """
+    total, expected, variance, points = 0.0, 0.0, 0.0, 0
+    for block in blocks:
+        found = block.at(x)
+        w, R = block.weight, len(found.radiance)
+        r = [row[:, None] for row in found.residuals]
+        total += float(np.ravel(product(r, w, r))[0])
+        measured, rendered = w * found.noise**2, w * found.variance
+        pairs = R / (R - 1) if R > 1 else 0
+        expected += float(measured.sum())
+        variance += float(np.sum(2 * measured**2 + 4 * measured * rendered))
+        variance += float(np.sum(2 * pairs * rendered**2))
+        points += len(w)
+    dof = points - determined
+    if dof <= 0:
+        return {"chi_square": total, "degrees_of_freedom": 0.0, "p_value": None}
+    share = dof / points
+    equivalent = 2 * (share * expected) ** 2 / (share * variance)
+    ratio = total / (share * expected)
+    p = float(stats.chi2.sf(max(ratio, 0) * equivalent, equivalent))
+    return {"chi_square": ratio * dof, "degrees_of_freedom": dof, "p_value": p}

@@ -1,0 +1,291 @@
+"""Predicted measurements near the values at which they were rendered, and unbiased products.
+
+The radiance of a pixel is linear in the blackbody radiances of all sources. A `Block` therefore
+follows temperatures exactly without a new render, and other parameters to first order.
+
+A noisy render in the matrix of least squares biases the solution: the noise of the derivatives
+times itself does not average out. Products of two independent randomisations of the render have no
+bias (instrumental variables). `product` sums over all pairs of different randomisations.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy import sparse
+
+from mi_lcair.inversion.images import slope
+from mi_lcair.physics.bands import Band
+from mi_lcair.physics.blackbody import in_band_radiance
+
+# Smallest eigenvalue of the scaled covariance of the gradient, relative to the largest, that counts
+RANK = 1e-13
+SIGNIFICANT = 3  # standard errors by which the squared derivatives must exceed 0
+
+
+@dataclass(frozen=True)
+class Block:
+    """What one datum predicts near the values at which it was rendered.
+
+    Attributes
+    ----------
+    measured : ndarray, shape (n,)
+        Measured values.
+    noise : callable
+        Standard deviations (n,) of the measurement for predicted values (n,).
+    radiance : ndarray, shape (R, n)
+        Prediction of each independent randomisation.
+    columns : list of R arrays, each (n, K)
+        Its derivatives, dense or sparse.
+    unknown : ndarray of int, shape (K,)
+        Number of each column's unknown.
+    reference : ndarray, shape (K,)
+        Values at which the datum was rendered.
+    band : Band or None
+        Band of the blackbody radiances; None if no column is a temperature.
+    is_temperature : ndarray of bool, shape (K,)
+        Columns in which the radiance is linear in the blackbody radiance of the unknown.
+    weight : ndarray, shape (n,)
+        Weights, independent of the randomisations of `radiance` and `columns`.
+    gain, offset : int or None
+        Numbers of the unknown gain and offset.
+    half_width : float
+        Values that differ from the measured ones by less than this are as good as equal.
+    """
+
+    measured: np.ndarray
+    noise: Callable
+    radiance: np.ndarray
+    columns: list
+    unknown: np.ndarray
+    reference: np.ndarray
+    band: Band | None
+    is_temperature: np.ndarray
+    weight: np.ndarray
+    gain: int | None = None
+    offset: int | None = None
+    half_width: float = 0.0
+
+    def at(self, x: np.ndarray) -> "Prediction":
+        """The prediction for the values x of all unknowns, (N,)."""
+        values = x[self.unknown]
+        moved, rate = values - self.reference, np.ones(len(values))
+        hot = self.is_temperature
+        if hot.any():
+            at_reference = slope(self.band, self.reference[hot])
+            moved[hot] = (
+                in_band_radiance(self.band, values[hot])
+                - in_band_radiance(self.band, self.reference[hot])
+            ) / at_reference
+            rate[hot] = slope(self.band, values[hot]) / at_reference
+        is_moved = moved.any()
+        radiance = [F + J @ moved if is_moved else F for F, J in zip(self.radiance, self.columns)]
+        columns = [scaled(J, rate) for J in self.columns]
+        unknown, factor = self.unknown, 1.0
+        if self.gain is not None or self.offset is not None:
+            factor = 1.0 if self.gain is None else x[self.gain]
+            zero = 0.0 if self.offset is None else x[self.offset]
+            extra, numbers = [[] for _ in radiance], []
+            if self.gain is not None:
+                numbers.append(self.gain)
+                extra = [[*more, F] for more, F in zip(extra, radiance)]
+            if self.offset is not None:
+                numbers.append(self.offset)
+                extra = [[*more, np.ones_like(F)] for more, F in zip(extra, radiance)]
+            columns = [
+                beside(scaled(J, np.full(J.shape[1], factor)), np.stack(more, axis=1))
+                for J, more in zip(columns, extra)
+            ]
+            radiance = [factor * F + zero for F in radiance]
+            unknown = np.append(unknown, numbers).astype(int)
+        return Prediction(self, np.array(radiance), columns, unknown)
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """A block's prediction for given values: radiance (R, n), columns [(n, K)], unknown (K,)."""
+
+    block: Block
+    radiance: np.ndarray
+    columns: list
+    unknown: np.ndarray
+
+    @property
+    def mean(self) -> np.ndarray:
+        return self.radiance.mean(axis=0)
+
+    @property
+    def variance(self) -> np.ndarray:
+        """Variance of `mean` from the noise of the render, (n,)."""
+        return variance_of_mean(self.radiance)
+
+    @property
+    def noise(self) -> np.ndarray:
+        """Standard deviation of the measurement, (n,)."""
+        return self.block.noise(self.mean)
+
+    @property
+    def residuals(self) -> np.ndarray:
+        """Measured less predicted value of each randomisation, (R, n)."""
+        measured, half = self.block.measured, self.block.half_width
+        if half:
+            measured = np.clip(self.mean, measured - half, measured + half)
+        return measured - self.radiance
+
+
+@dataclass(frozen=True)
+class Equations:
+    """Normal equations matrix (x_true - x) = gradient + noise of all blocks at some values x.
+
+    Attributes
+    ----------
+    matrix : array or sparse array, (N, N)
+        J^T W J from products of different randomisations.
+    gradient : ndarray, shape (N,)
+        J^T W residual, likewise.
+    noise : array or sparse array, (N, N)
+        Covariance of the gradient: noise of measurement and render. The noise of J is in it too,
+        because it comes from the product of the same randomisations.
+    measured_noise : array or sparse array, (N, N)
+        The part of `noise` that comes from the noise of the measurement.
+    """
+
+    matrix: np.ndarray
+    gradient: np.ndarray
+    noise: np.ndarray
+    measured_noise: np.ndarray
+
+    @cached_property
+    def transfer(self) -> np.ndarray:
+        """matrix^T noise^-1, (N, N): least squares of the normal equations themselves.
+
+        Without noise of the render, `noise` is the matrix, and this is the unit matrix. Where the
+        noise of J hides J, it is small, so that nothing is concluded from it.
+        """
+        scale = np.sqrt(np.diag(self.noise))
+        scale[scale == 0] = 1
+        values, vectors = np.linalg.eigh(self.noise / np.outer(scale, scale))
+        kept = values > RANK * max(values[-1], 0)
+        inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
+        return self.matrix.T @ (inverse / np.outer(scale, scale))
+
+    @cached_property
+    def information(self) -> np.ndarray:
+        """Inverse covariance (N, N) that the data give the unknowns."""
+        if sparse.issparse(self.matrix):
+            return self.matrix
+        both = self.transfer @ self.matrix
+        return (both + both.T) / 2
+
+    @cached_property
+    def pull(self) -> np.ndarray:
+        """Right side (N,) that belongs to `information`."""
+        return self.gradient if sparse.issparse(self.matrix) else self.transfer @ self.gradient
+
+
+def equations(blocks: list[Block], x: np.ndarray, is_sparse: bool = False) -> Equations:
+    """Normal equations at the values x, (N,)."""
+    count = len(x)
+    gradient = np.zeros(count)
+    empty = lambda: sparse.csr_array((count, count)) if is_sparse else np.zeros((count, count))
+    matrix, noise, measured = empty(), empty(), empty()
+    for block in blocks:
+        found = block.at(x)
+        w, J, r = block.weight, found.columns, [row[:, None] for row in found.residuals]
+        gradient[found.unknown] += np.ravel(product(J, w, r))
+        mean, variance = sum(J[1:], J[0]) * (1 / len(J)), found.noise**2
+        place = lambda total, part, unknown=found.unknown: placed(total, part, unknown, is_sparse)
+        matrix = place(matrix, product(J, w, J))
+        noise = place(noise, mean.T @ weighted(mean, w**2 * (variance + found.variance)))
+        measured = place(measured, mean.T @ weighted(mean, w**2 * variance))
+    return Equations(matrix, gradient, noise, measured)
+
+
+def cost_of(blocks: list[Block], x: np.ndarray) -> float:
+    """Sum of the weighted squared residuals at the values x, without the render's own noise."""
+    total = 0.0
+    for block in blocks:
+        r = [row[:, None] for row in block.at(x).residuals]
+        total += float(np.ravel(product(r, block.weight, r))[0])
+    return total
+
+
+def variance_of_mean(radiance: np.ndarray) -> np.ndarray:
+    """Variance of the mean over the first axis, that of the independent randomisations."""
+    if len(radiance) == 1:
+        return np.zeros(radiance.shape[1:])  # a prediction without noise
+    return radiance.var(axis=0, ddof=1) / len(radiance)
+
+
+def product(a: list, w: np.ndarray, b: list):
+    """Mean of a_r^T diag(w) b_s over all pairs of different randomisations r, s."""
+    R = len(a)
+    if R == 1:
+        return a[0].T @ weighted(b[0], w)  # a prediction without noise
+    both = sum(a[1:], a[0]).T @ weighted(sum(b[1:], b[0]), w)
+    same = [one.T @ weighted(other, w) for one, other in zip(a, b)]
+    return (both - sum(same[1:], same[0])) / (R * (R - 1))
+
+
+def weighted(columns, w: np.ndarray):
+    """diag(w) columns, dense or sparse."""
+    if sparse.issparse(columns):
+        return sparse.diags_array(w) @ columns
+    return w[:, None] * columns
+
+
+def scaled(columns, factors: np.ndarray):
+    """columns diag(factors), dense or sparse."""
+    if (factors == 1).all():
+        return columns
+    if sparse.issparse(columns):
+        return columns @ sparse.diags_array(factors)
+    return columns * factors
+
+
+def beside(columns, more: np.ndarray):
+    """Columns with dense columns behind them."""
+    if sparse.issparse(columns):
+        return sparse.hstack([columns, sparse.csr_array(more)], format="csr")
+    return np.concatenate([columns, more], axis=1)
+
+
+def placed(total, part, unknown: np.ndarray, is_sparse: bool):
+    """The total with a block's part added at the rows and columns of its unknowns."""
+    if is_sparse:
+        part = sparse.coo_array(part)
+        at = (unknown[part.coords[0]], unknown[part.coords[1]])
+        return total + sparse.csr_array((part.data, at), shape=total.shape)
+    total[np.ix_(unknown, unknown)] += part.toarray() if sparse.issparse(part) else part
+    return total
+
+
+def hidden(blocks: list[Block], count: int) -> np.ndarray:
+    """Unknowns (count,) whose derivatives the noise of the render hides.
+
+    The diagonal of J^T W J is found without one randomisation after the other. Its scatter gives
+    its standard error (jackknife). An estimate with such a derivative would be biased, and its
+    error understated. Sparse columns are not judged.
+    """
+    total, variance = np.zeros((2, count))
+    judged = np.zeros(count, dtype=bool)
+    for block in blocks:
+        R = len(block.columns)
+        if R < 3 or sparse.issparse(block.columns[0]):
+            continue
+        J = np.array(block.columns)
+        pairs = np.array([np.einsum("nk,n,rnk->rk", one, block.weight, J) for one in J])
+        own = pairs[range(R), range(R)]
+        both, rows = pairs.sum(axis=(0, 1)) - own.sum(axis=0), pairs.sum(axis=1) - own
+        without = (both - 2 * rows) / ((R - 1) * (R - 2))
+        total[block.unknown] += both / (R * (R - 1))
+        variance[block.unknown] += (R - 1) * without.var(axis=0)
+        judged[block.unknown] |= own.any(axis=0)
+    return judged & (total < SIGNIFICANT * np.sqrt(variance))
+
+
+def without(block: Block, unknowns: np.ndarray) -> Block:
+    """The block with derivatives of 0 for some unknowns, (N,) of bool."""
+    kept = np.where(unknowns[block.unknown], 0.0, 1.0)
+    return replace(block, columns=[scaled(J, kept) for J in block.columns])

@@ -1,0 +1,277 @@
+"""Gauss-Newton with Levenberg-Marquardt damping on unbiased normal equations.
+
+An unknown without a prior gets a weak one: its first guess, with the width of the interval in which
+it lies before any measurement (`Unknown.span`). It is negligible for what the data determine, and
+keeps what they do not determine near the first guess.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from mi_lcair.errors import InputError
+from mi_lcair.inversion.prediction import Block, Equations, cost_of, equations, hidden, without
+from mi_lcair.inversion.unknowns import Unknown
+
+FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-12, 1e8
+INNER = 50  # largest number of steps between two renders
+CONVERGED = 0.02  # largest last step, in standard errors, see `length`
+HALVINGS = 12  # attempts to shorten a step that no surface can have
+# Columns of the inverse of a sparse matrix that are computed together. With a hundred or more,
+# SuperLU starts threads that take far longer than the solution.
+CHUNK = 32
+
+
+@dataclass(frozen=True)
+class State:
+    """An estimate.
+
+    x: values (N,). blocks: the data's predictions, rendered at or near x. equations: the normal
+    equations at x. prior: inverse variances (N,). covariance: (N, N). render_share: part of each
+    variance that the noise of the render makes, (N,). at_bound: -1 or 1 where a value lies at its
+    lower or upper bound, else 0. held: unknowns whose derivatives the noise of the render hides, so
+    that they stay at the first guess, (N,). renders: number of renders of each datum.
+    converged: whether the last step was small.
+    """
+
+    x: np.ndarray
+    blocks: list[Block]
+    equations: Equations
+    prior: np.ndarray
+    covariance: np.ndarray
+    render_share: np.ndarray
+    at_bound: np.ndarray
+    held: np.ndarray
+    renders: int
+    converged: bool
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Means and inverse variances (N,) that are known beforehand, and the bounds (N,)."""
+
+    mean: np.ndarray
+    information: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+
+    @staticmethod
+    def of(unknowns: list[Unknown]) -> "Prior":
+        known = [one.prior or (one.start, one.span) for one in unknowns]
+        mean, sigma = np.array(known, dtype=float).T
+        lower, upper = np.array([(one.lower, one.upper) for one in unknowns]).T
+        # A temperature must be above its bound, and blackbodies below 1 K radiate nothing
+        lower = np.where([one.unit == "K" for one in unknowns], np.maximum(lower, 1.0), lower)
+        return Prior(mean, sigma**-2.0, lower, upper)
+
+    def cost(self, x) -> float:
+        return float(np.sum(self.information * (x - self.mean) ** 2))
+
+
+def solve(
+    unknowns: list[Unknown],
+    render: Callable[[np.ndarray], list[Block]],
+    weigh: Callable[[np.ndarray], list[np.ndarray]],
+    is_exact: bool,
+    iterations: int,
+    progress=None,
+) -> State:
+    """The estimate of the unknowns.
+
+    Parameters
+    ----------
+    unknowns : list of Unknown
+    render : callable
+        Gives the blocks of all data at values x, (N,). Raises InputError for values that no surface
+        can have.
+    weigh : callable
+        Gives the weights of all data at values x, (N,), see `Datum.weight`.
+    is_exact : bool
+        Whether the blocks of one render hold for all values.
+    iterations : int
+        Largest number of renders of each datum.
+    progress : callable or None
+        Called with the number of renders that are done and the largest number.
+
+    Returns
+    -------
+    State
+    """
+    prior = Prior.of(unknowns)
+    x = np.clip([one.start for one in unknowns], prior.lower, prior.upper)
+    is_sparse = all(one.kind == "facet" for one in unknowns)
+    done = 0
+
+    held = np.zeros(len(x), dtype=bool)
+
+    def rendered(x):
+        nonlocal done
+        blocks = [without(block, held) for block in render(x)]
+        done += 1
+        if progress:
+            progress(done, 1 if is_exact else iterations)
+        return blocks
+
+    start = x
+    blocks = rendered(x)
+    while True:
+        first = x
+        blocks = [replace(block, weight=weight) for block, weight in zip(blocks, weigh(x))]
+        if x is start:
+            held = hidden(blocks, len(x))
+        blocks = [without(block, held) for block in blocks]
+        if is_exact:
+            x, converged = near(blocks, x, prior, 0.0, is_sparse), True
+        else:
+            x, blocks, converged = descent(
+                blocks, x, prior, is_sparse, rendered, lambda: done >= iterations
+            )
+        # Weights at the first guess are not the best ones, so they are found once more
+        if first is not start or length(x - start, equations(blocks, x, is_sparse), prior) < 1:
+            return state(blocks, x, prior, is_sparse, held, done, converged)
+
+
+def descent(blocks, x, prior: Prior, is_sparse: bool, rendered, is_over) -> tuple:
+    """Levenberg-Marquardt steps, each with a render: values, blocks there, and convergence.
+
+    rendered: gives the blocks at values. is_over: whether no further render is allowed.
+    """
+    damping = FIRST_DAMPING
+    while damping <= MOST_DAMPING:
+        new = near(blocks, x, prior, damping, is_sparse)
+        moved = length(new - x, equations(blocks, x, is_sparse), prior)
+        if moved < CONVERGED or is_over():
+            return x, blocks, moved < CONVERGED
+        new, trial = feasible(rendered, x, new)
+        if trial is None:
+            damping *= 10
+            continue
+        trial = [replace(block, weight=old.weight) for block, old in zip(trial, blocks)]
+        before = cost_of(blocks, x) + prior.cost(x)
+        after = cost_of(trial, new) + prior.cost(new)
+        # The derivatives and the change of cost are noisy. A step is refused only if the cost grows
+        # by more than it should have fallen. A step that makes it grow is followed by shorter ones.
+        if after - before < moved**2:
+            x, blocks = new, trial
+        damping = damping / 10 if after < before else max(10 * damping, FIRST_DAMPING)
+        damping = max(damping, LEAST_DAMPING)
+    return x, blocks, False
+
+
+def state(blocks, x, prior: Prior, is_sparse: bool, held, renders, converged: bool) -> State:
+    """The State at the values x."""
+    found = equations(blocks, x, is_sparse)
+    outward = found.pull + prior.information * (prior.mean - x)
+    margin = 1e-9 * np.maximum(np.abs(x), 1)
+    at_bound = np.where(
+        (x <= prior.lower + margin) & (outward < 0),
+        -1,
+        np.where((x >= prior.upper - margin) & (outward > 0), 1, 0),
+    )
+    covariance, measured = covariances(found, prior.information)
+    variance = np.diag(covariance)
+    return State(
+        x=x,
+        blocks=blocks,
+        equations=found,
+        prior=prior.information,
+        covariance=covariance,
+        render_share=np.clip(1 - measured / variance, 0, 1),
+        at_bound=at_bound,
+        held=held,
+        renders=renders,
+        converged=converged,
+    )
+
+
+def feasible(rendered, x, new):
+    """(values, blocks) of the longest of some shorter steps that a surface can have.
+
+    (x, None) if there is none.
+    """
+    for _ in range(HALVINGS):
+        try:
+            return new, rendered(new)
+        except InputError:
+            new = (x + new) / 2
+    return x, None
+
+
+def near(blocks: list[Block], start, prior: Prior, damping: float, is_sparse: bool) -> np.ndarray:
+    """The values that minimise the cost of blocks rendered at `start`, with damping toward it."""
+    x, noise = start, equations(blocks, start, is_sparse).noise
+    for _ in range(INNER):
+        # The noise weighs the equations. It stays, so that they are the same in all steps
+        found = replace(equations(blocks, x, is_sparse), noise=noise)
+        D = damping * (np.maximum(found.information.diagonal(), 0) + prior.information)
+        g = found.pull + prior.information * (prior.mean - x) + D * (start - x)
+        free = ~((x <= prior.lower) & (g < 0) | (x >= prior.upper) & (g > 0))
+        step = np.zeros(len(x))
+        step[free] = solved(found, prior, D, g, free)[free]
+        new = np.clip(x + step, prior.lower, prior.upper)
+        moved, x = length(new - x, found, prior), new
+        if moved < CONVERGED / 10:
+            break
+    return x
+
+
+def length(step: np.ndarray, found: Equations, prior: Prior) -> float:
+    """Length of a step in standard errors: the square root of the change of cost that it makes.
+
+    A step along a direction that the data do not determine is short.
+    """
+    squared = step @ (found.information @ step) + np.sum(prior.information * step**2)
+    return float(np.sqrt(max(squared, 0)))
+
+
+def solved(found: Equations, prior: Prior, damping, right, free) -> np.ndarray:
+    """Solution (N,) of the damped equations for the free unknowns."""
+    diagonal, result = prior.information + damping, np.zeros(len(right))
+    if not sparse.issparse(found.matrix):
+        both = found.information[np.ix_(free, free)] + np.diag(diagonal[free])
+        result[free] = np.linalg.solve(both, right[free])
+        return result
+    # Facets of which the data know less than the prior have but noise in the matrix
+    informed = free & is_informed(found, prior.information)
+    both = (found.matrix + sparse.diags_array(diagonal))[informed][:, informed]
+    result[informed] = splu(sparse.csc_array(both)).solve(right[informed])
+    return result
+
+
+def is_informed(found: Equations, information: np.ndarray) -> np.ndarray:
+    """Unknowns (N,) of a sparse problem of which the data know more than the prior."""
+    noise = found.noise.diagonal()
+    of_data = np.divide(
+        found.matrix.diagonal() ** 2, noise, out=np.zeros(len(noise)), where=noise > 0
+    )
+    return (of_data > information) & (found.matrix.diagonal() > 0)
+
+
+def covariances(found: Equations, information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Covariance (N, N) of the estimate, and its variances (N,) without the render's noise.
+
+    information: inverse variances (N,) of the prior.
+    """
+    if not sparse.issparse(found.matrix):
+        inverse = np.linalg.inv(found.information + np.diag(information))
+        spread = inverse @ found.transfer
+        measured = spread @ found.measured_noise @ spread.T
+        return inverse, np.diag(measured) + inverse**2 @ information
+    covariance, variance = np.diag(1 / information), 1 / information
+    some = np.flatnonzero(is_informed(found, information))
+    if not len(some):
+        return covariance, variance
+    part = lambda matrix: sparse.csr_array(matrix)[some][:, some]
+    prior = sparse.diags_array(information[some])
+    factor = splu(sparse.csc_array(part(found.matrix) + prior))
+    inverse = np.empty((len(some), len(some)))
+    for first in range(0, len(some), CHUNK):
+        unit = np.eye(len(some), min(CHUNK, len(some) - first), -first)
+        inverse[:, first : first + CHUNK] = factor.solve(unit)
+    covariance[np.ix_(some, some)] = inverse @ ((part(found.noise) + prior) @ inverse.T)
+    measured = (part(found.measured_noise) + prior) @ inverse.T
+    variance[some] = np.einsum("ij,ji->i", inverse, measured)
+    return covariance, variance

@@ -1,0 +1,85 @@
+"""Picture of an inversion: measured, predicted, and their difference in standard deviations."""
+
+import numpy as np
+
+from mi_lcair.drawing import drawing, plain
+from mi_lcair.reports.image_picture import RADIANCE
+
+SIDE = 2.9  # width of a panel, inches
+MOST_ROWS = 12  # data that are drawn
+SIGMAS = 4.0  # end of the scale of residuals, standard deviations
+TALLEST = 2.0  # largest ratio of a panel's height to its width
+
+
+def save_picture(path, solution) -> None:
+    """Write a PNG with one row for each datum of a `Solution`, the first MOST_ROWS.
+
+    An image has the panels measured, predicted and residual. Numbers and trends are drawn with
+    error bars, against their number or azimuth. Raises InputError if the file cannot be written.
+    """
+    data = solution.data[:MOST_ROWS]
+    heights = [_height(fitted) for fitted in data]
+    with drawing(path, (3 * SIDE + 1.6, sum(heights)), layout="constrained") as figure:
+        parts = np.atleast_1d(figure.subfigures(len(data), 1, height_ratios=heights))
+        for part, fitted in zip(parts, data):
+            part.suptitle(plain(_title(fitted)), fontsize=10)
+            (_draw_image if fitted.is_image else _draw_numbers)(part, fitted)
+
+
+def _height(fitted) -> float:
+    if not fitted.is_image:
+        return 2.8
+    height, width = fitted.measured.shape
+    return SIDE * min(height / width, TALLEST) + 0.4
+
+
+def _title(fitted) -> str:
+    parts = [fitted.name, fitted.scene, fitted.band, fitted.state]
+    return ", ".join(filter(None, parts))
+
+
+def _draw_image(part, fitted) -> None:
+    """Three panels: measured and predicted with the same scale, and the residual."""
+    from matplotlib.ticker import MaxNLocator
+
+    measured, predicted, residual = part.subplots(1, 3)
+    values = np.concatenate([fitted.measured.ravel(), fitted.predicted.ravel()])
+    low, high = np.nanpercentile(values, (0.5, 99.5))
+    for panel, image, title in (
+        (measured, fitted.measured, "measured"),
+        (predicted, fitted.predicted, "predicted"),
+    ):
+        drawn = panel.imshow(image, vmin=low, vmax=high, cmap="inferno")
+        panel.set_title(title, fontsize=9)
+    bar = part.colorbar(drawn, ax=[measured, predicted], shrink=0.85, extend="both", pad=0.01)
+    bar.set_label(f"radiance ({RADIANCE})", fontsize=8)
+    drawn = residual.imshow(fitted.residual, vmin=-SIGMAS, vmax=SIGMAS, cmap="RdBu_r")
+    rms = np.sqrt(np.nanmean(fitted.residual**2))
+    residual.set_title(f"measured - predicted, rms {rms:.2f}", fontsize=9)
+    of_residual = part.colorbar(drawn, ax=residual, shrink=0.85, extend="both", pad=0.02)
+    of_residual.set_label("standard deviations", fontsize=8)
+    for panel in (measured, predicted, residual):
+        panel.set_facecolor("0.6")
+        panel.tick_params(labelsize=7)
+        for axis in (panel.xaxis, panel.yaxis):
+            axis.set_major_locator(MaxNLocator(4, integer=True))
+    for one in (bar, of_residual):
+        one.ax.tick_params(labelsize=7)
+
+
+def _draw_numbers(part, fitted) -> None:
+    """Measured and predicted numbers, and their differences in standard deviations."""
+    values, residual = part.subplots(1, 2, width_ratios=(2, 1))
+    x, label = np.arange(len(fitted.measured)), "number"
+    if len({elevation for _, elevation in fitted.aspects}) == 1:
+        x, label = np.array([azimuth for azimuth, _ in fitted.aspects]), "azimuth (degrees)"
+    values.plot(x, fitted.measured, "o", color="C3", markersize=4, label="measured")
+    values.plot(x, fitted.predicted, "x", color="black", markersize=5, label="predicted")
+    values.set_ylabel(plain(fitted.quantity), fontsize=8)
+    values.legend(fontsize=8, frameon=False)
+    residual.axhline(0, color="black", linewidth=0.5)
+    residual.plot(x, fitted.residual, "o", color="C0", markersize=4)
+    residual.set_ylabel("measured - predicted (standard deviations)", fontsize=8)
+    for panel in (values, residual):
+        panel.set_xlabel(label, fontsize=8)
+        panel.tick_params(labelsize=8)

@@ -1,0 +1,214 @@
+"""Inversion of synthetic measurements: recovery, honest errors, and what cannot be told apart."""
+
+import json
+from dataclasses import replace
+
+import mitsuba as mi
+import numpy as np
+import pytest
+
+import mi_lcair
+from mi_lcair.inversion.answers import chi_square
+from mi_lcair.inversion.data import Loader
+from mi_lcair.inversion.images import noise_of_netd
+from mi_lcair.inversion.problem import Problem
+from mi_lcair.inversion.solution import apply_solution
+from mi_lcair.inversion.solve import solve
+from mi_lcair.inversion.unknowns import unknowns
+from mi_lcair.rendering.facet_table import FacetTable
+from tests.inversion.plate import UNKNOWNS, datum, write_scene
+from tests.sensitivity.waist import VIEWS, smooth_temperatures
+from tests.sensitivity.waist import write_scene as write_waist
+
+mi.set_variant("llvm_ad_mono")
+
+STRIPES = (293.1, 294.2, 299.1, 304.2)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("plate")
+    write_scene(folder)
+    return folder
+
+
+def within(answer, truth, errors=4):
+    assert abs(answer.value - truth) < errors * answer.standard_error, (answer, truth)
+
+
+def test_one_band_cannot_separate_temperature_and_reflectance(folder):
+    found = mi_lcair.invert({"data": [datum(folder, "one", 1)], "unknowns": UNKNOWNS})
+    for answer in found.answers:
+        assert answer.verdict.startswith("not determined by these data"), answer
+    assert found.correlation[0, 1] == pytest.approx(1, abs=5e-4)
+    (direction,) = found.directions
+    assert "`plate.temperature` and `paint.reflectance` trade at" in direction.words
+    assert "one band cannot separate them" in direction.words
+    # (1 - R) B'(T) dT = (B(T) - B(S)) dR at the solution
+    assert direction.slope == pytest.approx(22, rel=0.2)
+    best = found.advice[0]
+    assert "sky" in best.measure and "20 K hotter" in best.measure
+    assert best.errors["plate.temperature"] < 0.02
+    assert any("MWIR" in one.measure for one in found.advice)
+
+
+def test_two_states_of_the_plate_do_not_help(folder):
+    data = [
+        datum(folder, "cold", 1, "cold"),
+        datum(folder, "hot", 2, "hot", T=330.0, start={"T": 325.0}),
+    ]
+    found = mi_lcair.invert({"data": data, "unknowns": UNKNOWNS}, advise=False)
+    assert [answer.label for answer in found.answers] == [
+        "plate.temperature [cold]",
+        "plate.temperature [hot]",
+        "paint.reflectance",
+    ]
+    assert all(answer.verdict.startswith("not determined") for answer in found.answers)
+
+
+def test_two_bands_with_a_reflectance_each_do_not_help_and_a_grey_one_does(folder):
+    data = [datum(folder, "lwir", 1), datum(folder, "mwir", 2, band="MWIR")]
+    found = mi_lcair.invert({"data": data, "unknowns": UNKNOWNS}, advise=False)
+    assert found["paint.reflectance [MWIR]"].verdict.startswith("not determined")
+    assert found["plate.temperature"].verdict.startswith("not determined")
+    grey = UNKNOWNS | {"paint.reflectance": {"per": []}}
+    found = mi_lcair.invert({"data": data, "unknowns": grey})
+    assert [answer.verdict for answer in found.answers] == ["determined"] * 2
+    assert found["plate.temperature"].standard_error < 0.05 and not found.advice
+    within(found["plate.temperature"], 310)
+    within(found["paint.reflectance"], 0.3)
+    assert 1e-3 < found.p_value < 0.999
+
+
+def test_two_states_of_the_surroundings_separate_them(folder):
+    data = [datum(folder, "a", 1, "a"), datum(folder, "b", 2, "b", S=310.0)]
+    given = {"plate.temperature": {"per": []}, "paint.reflectance": {}}
+    found = mi_lcair.invert({"data": data, "unknowns": given}, advise=False)
+    within(found["plate.temperature"], 310)
+    within(found["paint.reflectance"], 0.3)
+    assert found["plate.temperature"].standard_error < 0.01
+
+
+def test_a_wrong_scene_is_seen_in_the_residuals(folder):
+    """The plate alone is not of one temperature: half of the image is 0.5 K hotter."""
+    entry = datum(folder, "half", 1)
+    image = np.load(entry["image"])
+    image[:8] += 0.5 * 0.1
+    np.save(entry["image"], image)
+    found = mi_lcair.invert({"data": [entry], "unknowns": {"plate.temperature": {}}})
+    assert found.p_value < 1e-3
+    assert any("the scene misses something" in line for line in found.remarks)
+
+
+def test_gain_and_offset(folder):
+    """A camera with a wrong gain and offset sees the plate at two known temperatures."""
+    entries = [datum(folder, "g1", 1, "x"), datum(folder, "g2", 2, "y", T=340.0)]
+    for entry, kelvin in zip(entries, (310.0, 340.0)):
+        np.save(entry["image"], 1.05 * np.load(entry["image"]) + 0.4)
+        entry["parameters"] |= {"R": 0.3, "T": kelvin}
+        entry |= {"gain": True, "offset": True, "offset_prior": [0.4, 0.001]}
+    known = {
+        f"plate.temperature [{state}]": {"prior": [T, 0.05]} for state, T in zip("xy", (310, 340))
+    }
+    found = mi_lcair.invert({"data": entries, "unknowns": known}, advise=False)
+    for name in ("g1", "g2"):
+        gain = found[f"gain [{name}]"]
+        within(gain, 1.05)
+        assert gain.standard_error < 2e-3 and not gain.is_sought
+        within(found[f"offset [{name}]"], 0.4)
+
+
+@pytest.fixture(scope="module")
+def cylinder():
+    """Parameters of the cylinder, its band, and its image of 24 x 24 pixels without noise."""
+    parameters = {"finish": "gloss_black", "resolution": 24, "max_bounces": 1}
+    scene = mi_lcair.load("cylinder_ir_range", **parameters)
+    image = mi_lcair.render(scene, spp=2048, seed=99, split=None).channels["Y"].astype(float)
+    return parameters, scene.band, image
+
+
+def stripes_problem(path, parameters, seed):
+    return Problem.of(
+        {
+            "data": [
+                {
+                    "scene": "cylinder_ir_range",
+                    "parameters": parameters,
+                    "image": str(path),
+                    "quantity": "radiance",
+                    "netd_mK": 50,
+                }
+            ],
+            "unknowns": {f"self@{kelvin}.temperature": {"start": 300.0} for kelvin in STRIPES},
+            "render": {"spp": 64, "seed": seed},
+        }
+    )
+
+
+def test_errors_are_true(cylinder, tmp_path):
+    """Renders of four seeds, each with six draws of the camera's noise: z has a scatter of 1."""
+    parameters, band, image = cylinder
+    sigma, z = noise_of_netd(band, image, 50), []
+    for seed in range(4):
+        np.save(tmp_path / "c.npy", image)
+        problem = stripes_problem(tmp_path / "c.npy", parameters, seed)
+        data = Loader().datum(problem.data[0], 0, set())
+        sought = unknowns(problem.unknowns, {}, [data.where], 1)
+        first = np.array([one.start for one in sought])
+        block = data.block(sought, first, problem.render)
+        weight = [data.weight(sought, np.array(STRIPES), problem.render)]
+        for draw in range(6):
+            noise = np.random.default_rng((seed, draw)).standard_normal(image.shape)
+            noisy = replace(block, measured=(image + sigma * noise)[data.counts])
+            state = solve(sought, lambda x: [noisy], lambda x: weight, True, 1)  # noqa: B023
+            z.append((state.x - STRIPES) / np.sqrt(np.diag(state.covariance)))
+            assert 1e-5 < chi_square(state.blocks, state.x, len(sought))["p_value"] < 1 - 1e-5
+    z = np.array(z)
+    cover = np.mean(np.abs(z) < 1.96)
+    assert 0.88 <= cover <= 1.0, cover
+    assert np.all(np.abs(z.mean(axis=0)) < 1.3) and 0.6 < z.std() < 1.4
+
+
+def test_one_render_serves_all_steps(cylinder, tmp_path):
+    """Radiance is linear in blackbody radiances, so no step needs a new render."""
+    parameters, _, image = cylinder
+    np.save(tmp_path / "c.npy", image + 0.01)
+    found = mi_lcair.invert(stripes_problem(tmp_path / "c.npy", parameters, 0), advise=False)
+    assert found.renders == 1 and found.converged
+
+
+def test_facet_temperatures(tmp_path):
+    """36 facets of a waisted body from its views; the file sets them in another loaded scene."""
+    truth = smooth_temperatures(6, 6)
+    path = write_waist(tmp_path, truth, 6, 6, size=12)
+    scene = mi_lcair.load(path)
+    data = []
+    for view in range(len(VIEWS)):
+        image = mi_lcair.render(scene, spp=1024, sensor=view, seed=50 + view, split=None)
+        image = image.channels["Y"].astype(float)
+        sigma = noise_of_netd(scene.band, image, 50)
+        image += sigma * np.random.default_rng(view).standard_normal(image.shape)
+        np.save(tmp_path / f"v{view}.npy", image)
+        data.append(
+            {
+                "scene": str(path),
+                "sensor": view,
+                "image": str(tmp_path / f"v{view}.npy"),
+                "quantity": "radiance",
+                "netd_mK": 50,
+            }
+        )
+    unknown = {"body.facets": {"start": 300.0}}
+    found = mi_lcair.invert({"data": data, "unknowns": unknown, "render": {"spp": 128}})
+    assert found.renders == 1 and len(found.answers) == truth.size
+    value = np.array([answer.value for answer in found.answers])
+    z = (value - truth.ravel()) / [answer.standard_error for answer in found.answers]
+    assert np.mean(np.abs(z) < 1.96) > 0.8 and np.abs(z).max() < 5
+    assert np.sqrt(np.mean((value - truth.ravel()) ** 2)) < 0.5
+    # The solution's file gives the facets of another loaded scene their temperatures
+    found.write(tmp_path / "solution.json")
+    other = mi_lcair.load(write_waist(tmp_path, 280 + 0 * truth, 6, 6, size=12))
+    apply_solution(other, tmp_path / "solution.json")
+    facets = [answer.facet for answer in found.answers]
+    np.testing.assert_allclose(FacetTable(other).temperature[facets], value, rtol=1e-6)
+    assert json.loads((tmp_path / "solution.json").read_text())["kind"] == "mi_lcair solution"
