@@ -13,6 +13,7 @@ from mi_lcair.physics.imager import Imager
 AVERAGED = 64  # frames of each uniform scene of the correction
 # First numbers of the frames of the uniform scenes. Frames of images have smaller ones.
 SCENES = 2**31
+DISTINCT = 10  # smallest difference of the uniform scenes, in standard deviations of a frame
 SMALLEST_GAIN = 1e-3  # relative gain below which a pixel counts as dead
 SPAN_K = 10.0  # distance of the uniform scenes' temperatures from the middle one, K
 
@@ -46,9 +47,11 @@ def two_point(
     """
     cold, warm = temperature - SPAN_K, temperature + SPAN_K
     low, high = (float(electrons(electron_band, max(T, 0.0))) for T in (cold, warm))
-    if not high > low:
+    if not high - low > DISTINCT * float(imager.noise(high)):
         raise InputError(
-            f"[camera]: nuc needs a background of more than 0 K; it has {temperature:g} K"
+            f"[camera]: nuc looks at blackbodies of {cold:.4g} and {warm:.4g} K, which differ by "
+            f"{high - low:.3g} electrons with a noise of {float(imager.noise(high)):.3g}; lengthen "
+            "integration_time_ms, or leave nuc out"
         )
     if high * pattern.gain.max() + imager.dark >= imager.well:
         raise InputError(

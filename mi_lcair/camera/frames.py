@@ -55,7 +55,9 @@ def frame(
     ndarray, shape (H, W)
     """
     random = np.random.default_rng([FRAME, seed, number, averaged])
-    mean = np.maximum(signal, 0) * pattern.gain + imager.dark
+    mean = np.clip(signal, 0, None) * pattern.gain + imager.dark
+    # More than this fills the well for certain, and might be too much for the random numbers
+    mean = np.minimum(mean, imager.well + 100 * np.sqrt(imager.well) + 1000)
     collected = random.poisson(averaged * mean) / averaged
     noise = imager.read_noise_e / np.sqrt(averaged) * random.standard_normal(mean.shape)
     return np.minimum(collected, imager.well) + pattern.offset + noise

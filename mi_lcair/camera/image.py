@@ -1,7 +1,7 @@
 """The image of a scenario's target as its camera records it."""
 
 import time
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from functools import partial
 
 import numpy as np
@@ -9,15 +9,14 @@ import numpy as np
 import mi_lcair
 from mi_lcair.camera.calibration import AVERAGED, Correction, two_point
 from mi_lcair.camera.exposure import Exposure, detector_mean, exposure
-from mi_lcair.camera.frames import Pattern, counts, frame, saturated, signal_of
-from mi_lcair.camera.measures import measured_mtf, measured_netd, netd, shot_noise_netd
+from mi_lcair.camera.frames import Pattern, counts, frame, signal_of
 from mi_lcair.camera.optics import MARGIN, Optics
+from mi_lcair.camera.quality import Measures, measured
 from mi_lcair.camera.range_table import RangeRow, fine_ranges, range_rows, table_ranges
 from mi_lcair.camera.response import (
     apparent_temperature,
     electron_band,
-    electrons,
-    electrons_per_kelvin,
+    in_kelvin,
 )
 from mi_lcair.camera.view import CameraView
 from mi_lcair.detection.contrast import setting_of
@@ -26,56 +25,18 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.imager import Imager
+from mi_lcair.rendering.limits import GIB, available_memory
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.rendering.views import View, hidden_share
 
 # Temperature of the blackbody whose spectrum weights the diffraction, K.
 DIFFRACTION_K = 300.0
+# Smallest temperature, K, at which the NETD is stated and the non-uniformity is corrected. It
+# stands for the background where that is colder, such as space.
+COLDEST_K = 100.0
 MOST_FRAMES = 10_000
-
-
-@dataclass(frozen=True)
-class Measures:
-    """Measures of a camera and of the target in its image.
-
-    Attributes
-    ----------
-    temperature : float
-        Apparent temperature of the background, K. The NETD is stated there.
-    background : float
-        Electrons of the background in a pixel.
-    noise : float
-        Noise of such a pixel, electrons: in time, and without `nuc` the fixed pattern too.
-    netd, netd_measured, netd_shot : float or None
-        Noise-equivalent temperature difference, K: in closed form, from frames of a uniform scene,
-        and of the shot noise alone. The measured one is None if the uniform scene saturates.
-    mtf : dict of str to ndarray
-        frequency (cycles/mm), predicted and measured MTF up to Nyquist.
-    pixels : float
-        Number of pixels on the target.
-    peak_snr : float
-        Largest difference of a pixel from the background, divided by its noise.
-    snr : float
-        Signal-to-noise ratio of the whole target with a matched filter.
-    render_error : float
-        Rms standard error of the rendering over the pixels on the target, K.
-    saturated : float
-        Share of the pixels that are saturated.
-    """
-
-    temperature: float
-    background: float
-    noise: float
-    netd: float
-    netd_measured: float | None
-    netd_shot: float
-    mtf: dict[str, np.ndarray]
-    pixels: float
-    peak_snr: float
-    snr: float
-    render_error: float
-    saturated: float
+BYTES_PER_PIXEL = 400  # memory for a pixel of the frame beside its counts [bytes]
 
 
 @dataclass(frozen=True)
@@ -212,7 +173,8 @@ def recorded(scenario: Scenario, frames: int, seed: int, progress) -> Image:
         target, View(observer.azimuth_deg, observer.elevation_deg), observer.range_m, imager
     )
     background = detector_mean(behind, band)
-    temperature = float(apparent_temperature(band, background))
+    temperature = max(float(apparent_temperature(band, background)), COLDEST_K)
+    check_frames(imager, frames)
     pattern = Pattern.of(imager, seed)
     correction = two_point(imager, pattern, band, temperature, seed) if imager.nuc else Correction()
 
@@ -242,7 +204,6 @@ def recorded(scenario: Scenario, frames: int, seed: int, progress) -> Image:
     )
     first = correction.applied(signal_of(imager, recorded_counts[0].astype(float)))
     mean_temperature = apparent_temperature(band, signal)
-    per_kelvin = slope(band, mean_temperature)
     share = framed(view, optics.seen(exposed.share))
     channels = {
         "apparent.Y": radiance,
@@ -250,11 +211,20 @@ def recorded(scenario: Scenario, frames: int, seed: int, progress) -> Image:
         "counts.Y": recorded_counts[0],
         "temperature.Y": apparent_temperature(band, first),
         "mean_temperature.Y": mean_temperature,
-        "stderr_K.Y": error / per_kelvin,
-        "noise_K.Y": imager.noise(signal) / per_kelvin,
+        "stderr_K.Y": in_kelvin(band, signal, error),
+        "noise_K.Y": in_kelvin(band, signal, imager.noise(signal)),
     }
     measures = measured(
-        imager, band, optics, background, signal, share, channels["stderr_K.Y"], exposed, view, seed
+        imager,
+        band,
+        optics,
+        temperature,
+        background,
+        signal,
+        share,
+        channels["stderr_K.Y"],
+        exposed.area / view.pixel_m**2,
+        seed,
     )
     to_range = partial(
         range_rows,
@@ -305,56 +275,16 @@ def framed(view: CameraView, window) -> np.ndarray:
     return whole[MARGIN:-MARGIN, MARGIN:-MARGIN]
 
 
-def slope(band: Band, temperature) -> np.ndarray:
-    """Change of the electrons with temperature, electrons/K, at many temperatures, K."""
-    low, high = float(np.min(temperature)), float(np.max(temperature))
-    at = np.linspace(max(low, 1.0), max(high, 1.0) + 1e-6, 64)
-    return np.interp(temperature, at, [electrons_per_kelvin(band, T) for T in at])
-
-
-def measured(
-    imager: Imager,
-    band: Band,
-    optics: Optics,
-    background: float,
-    signal,
-    share,
-    error_K,
-    exposed: Exposure,
-    view: CameraView,
-    seed: int,
-) -> Measures:
-    """The measures of a camera and of the target in an image, see `Measures`.
-
-    signal, share, error_K: mean electrons, share of the target and standard error of the rendering
-    in kelvin of each pixel, (H, W).
-    """
-    temperature = float(apparent_temperature(band, background))
-    pattern = 0.0
-    if not imager.nuc:
-        pattern = np.hypot(imager.gain_nonuniformity * background, imager.offset_nonuniformity_e)
-    noise = float(np.hypot(imager.noise(background), pattern))
-    frequency, value = measured_mtf(optics)
-    difference = signal - background
-    on = share >= 0.5
-    on = on if on.any() else share >= share.max()
-    # The well must hold the uniform scene and its noise
-    held = electrons(band, temperature) + imager.dark + 6 * imager.noise(background) < imager.well
-    uniform = replace(imager, gain_nonuniformity=0.0, offset_nonuniformity_e=0.0)
-    return Measures(
-        temperature=temperature,
-        background=background,
-        noise=noise,
-        netd=netd(imager, band, temperature),
-        netd_measured=measured_netd(uniform, band, temperature, seed) if held else None,
-        netd_shot=float(shot_noise_netd(band, temperature)),
-        mtf={"frequency": frequency, "predicted": optics.mtf(frequency), "measured": value},
-        pixels=exposed.area / view.pixel_m**2,
-        peak_snr=float(np.abs(difference).max() / noise),
-        snr=float(np.sqrt(np.sum(difference**2)) / noise),
-        render_error=float(np.sqrt(np.mean(error_K[on] ** 2))),
-        saturated=saturated(imager, signal),
-    )
+def check_frames(imager: Imager, frames: int) -> None:
+    """Raise InputError for frames that need more memory than is free."""
+    needed = imager.width * imager.height * (BYTES_PER_PIXEL + 4 * frames)
+    available = available_memory()
+    if available is not None and needed > available:
+        raise InputError(
+            f"{frames} frames of {imager.width} x {imager.height} pixels need "
+            f"{needed / GIB:.1f} GiB of memory, and {available / GIB:.1f} GiB are free; ask for "
+            "fewer frames"
+        )
 
 
 def remarks(

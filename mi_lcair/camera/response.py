@@ -69,6 +69,16 @@ def electrons_per_kelvin(electron_band: Band, temperature: float) -> float:
     return float((above - below) / (2 * STEP_K))
 
 
+def in_kelvin(electron_band: Band, electrons, deviation) -> np.ndarray:
+    """Change of the apparent temperature, K, that a deviation of the electrons makes.
+
+    The deviation is added. It stays finite where a pixel has no electrons.
+    """
+    return apparent_temperature(electron_band, electrons + deviation) - apparent_temperature(
+        electron_band, electrons
+    )
+
+
 def apparent_temperature(electron_band: Band, electrons) -> np.ndarray:
     """Temperature, K, of the blackbody that gives these electrons; 0 where they are not positive.
 

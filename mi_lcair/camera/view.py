@@ -90,8 +90,8 @@ class CameraView:
             if not lower < upper:
                 raise InputError(
                     "[camera]: no part of the target is in the frame of "
-                    f"{np.degrees(imager.width * imager.pixel_angle):.3g} x "
-                    f"{np.degrees(imager.height * imager.pixel_angle):.3g} degrees; change "
+                    f"{imager.angle_deg(imager.width):.3g} x "
+                    f"{imager.angle_deg(imager.height):.3g} degrees; change "
                     "right_deg and up_deg, or focal_length_mm"
                 )
             first.append(lower)
@@ -118,7 +118,7 @@ class CameraView:
         place = T(np.vstack([sides, [0, 0, 0, 1]]))
         own = {
             "type": "perspective",
-            "fov": float(np.degrees(2 * np.arctan(camera.width * camera.pixel_angle / 2))),
+            "fov": camera.angle_deg(camera.width),
             "fov_axis": "x",
         }
         if camera.projection == "orthographic":

@@ -7,6 +7,10 @@ import numpy as np
 from mi_lcair.errors import InputError
 
 MOST_PIXELS = 8192  # pixels along each side of a frame
+MOST_IN_FRAME = 2**24  # pixels of a frame
+# Smallest f-number, for a cone of light with a half angle of 90 degrees (Abbe's sine condition).
+FASTEST = 0.5
+NARROWEST_DEG, WIDEST_DEG = 1e-4, 150.0  # width and height of a frame, degrees
 # Counts below zero signal, as a fraction of the largest count. Read noise would be clipped at 0.
 PEDESTAL = 1 / 64
 POSITIVE = ("focal_length_mm", "pitch_um", "f_number", "integration_time_ms", "well_Me")
@@ -103,6 +107,19 @@ class Imager:
             self.require(name, 1 <= getattr(self, name) <= most, f"within 1..{most}")
         for name in ("right_deg", "up_deg"):
             self.require(name, -45 <= getattr(self, name) <= 45, "within -45..45")
+        self.require("f_number", self.f_number >= FASTEST, f"{FASTEST:g} or more")
+        if self.width * self.height > MOST_IN_FRAME:
+            raise InputError(
+                f"[camera]: {self.width} x {self.height} pixels; a frame has at most "
+                f"{MOST_IN_FRAME:.2g}"
+            )
+        for name in ("width", "height"):
+            angle = self.angle_deg(getattr(self, name))
+            if not NARROWEST_DEG <= angle <= WIDEST_DEG:
+                raise InputError(
+                    f"[camera]: the {name} of the frame is {angle:.3g} degrees; must lie in "
+                    f"{NARROWEST_DEG:g}..{WIDEST_DEG:g}; change focal_length_mm, pitch_um or {name}"
+                )
         self.require("projection", self.projection in PROJECTIONS, " or ".join(PROJECTIONS))
 
     def require(self, name: str, holds: bool, what: str) -> None:
@@ -146,6 +163,10 @@ class Imager:
     def pixel_angle(self) -> float:
         """Angle between the lines of sight of neighbouring pixels at the optical axis, rad."""
         return 1e-3 * self.pitch_um / self.focal_length_mm
+
+    def angle_deg(self, pixels: int) -> float:
+        """Angle of view of a row of pixels in the middle of the frame, degrees."""
+        return float(np.degrees(2 * np.arctan(pixels * self.pixel_angle / 2)))
 
     @property
     def largest_count(self) -> int:

@@ -149,11 +149,26 @@ def test_saturation_is_a_remark(scenario):
         ({}, {"observer__range_m": 1.0}, "is inside the target: range 1 m"),
         ({"right_deg": 5.0}, {}, "no part of the target is in the frame of 0.55 x 0.413 degrees"),
         ({"integration_time_ms": 40.0, "nuc": True}, {}, "saturates the well of 5 Me"),
+        ({"nuc": True}, {"background__temperature": 3}, "nuc looks at blackbodies of 90 and 110 K"),
     ],
 )
 def test_unusable(scenario, camera, changes, text):
     with pytest.raises(InputError, match=text):
         image(scenario(camera, **changes))
+
+
+def test_background_without_a_photon(scenario):
+    """The noise of a pixel before cold space is finite in kelvin."""
+    found = image(scenario(background__temperature=3))
+    assert found.channels["mean_temperature.Y"].min() < 210
+    assert all(np.isfinite(values).all() for values in found.channels.values())
+    assert found.measures.temperature == 100 and found.measures.netd > 1
+
+
+def test_memory_of_many_frames(scenario, monkeypatch):
+    monkeypatch.setattr("mi_lcair.camera.image.available_memory", lambda: 2**20)
+    with pytest.raises(InputError, match="9000 frames of 64 x 48 pixels need 0.1 GiB"):
+        image(scenario(), frames=9000)
 
 
 def test_without_a_camera(tmp_path):

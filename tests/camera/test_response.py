@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from mi_lcair.camera.measures import measured_netd, netd, shot_noise_netd
+from mi_lcair.camera.frames import signal_of
+from mi_lcair.camera.measures import measured_netd, netd, shot_noise_netd, uniform_frames
 from mi_lcair.camera.response import (
     apparent_temperature,
     electron_band,
@@ -50,6 +51,15 @@ def test_electrons_and_netd_of_the_published_camera():
     assert electrons(BAND, 300.0) == pytest.approx(7.40e6, abs=0.005e6)
     assert electrons_per_kelvin(BAND, 300.0) == pytest.approx(265e3, abs=0.5e3)
     assert shot_noise_netd(BAND, 300.0) == pytest.approx(10.2e-3, abs=0.05e-3)
+
+
+def test_frames_of_the_published_camera():
+    """7.40 Me where the well is large enough; the camera's own well of 4.98 Me is full."""
+    recorded = [
+        signal_of(camera, uniform_frames(camera, float(electrons(BAND, 300.0)), 1)).mean()
+        for camera in (UNSATURATED, Imager(**PYRADI, well_Me=4.98))
+    ]
+    assert recorded == pytest.approx([7.40e6, 4.98e6], rel=1e-3)
 
 
 def test_measured_netd():
@@ -99,6 +109,9 @@ def test_apparent_temperature_is_the_inverse():
         ("integration_time_ms", 0.0, "integration_time_ms = 0; must be positive"),
         ("quantum_efficiency", 1.5, "quantum_efficiency = 1.5; must be above 0 and at most 1"),
         ("width", 0, "width = 0; must be within 1..8192"),
+        ("f_number", 0.3, "f_number = 0.3; must be 0.5 or more"),
+        ("focal_length_mm", 0.01, "the width of the frame is 178 degrees"),
+        ("focal_length_mm", 1e9, "the width of the frame is 5.5e-08 degrees"),
         ("bits", 17, "bits = 17; must be within 1..16"),
         ("jitter_urad", -1.0, "jitter_urad = -1; must be 0 or more"),
         ("projection", "fisheye", "projection = fisheye; must be perspective or orthographic"),
