@@ -25,9 +25,8 @@ from mi_lcair.rendering.statistics import Totals, check_valid
 
 # Ranges at which the air is computed. Its values at other ranges are interpolated linearly.
 RANGES = 129
-IN_PIXEL = OVERSAMPLING**2  # samples in a pixel
-# Independent randomisations of a sample's points. The error of a pixel averages over many samples,
-# so that two of each are enough.
+# Independent randomisations of a part's points. The error of a pixel averages over many parts, so
+# that two of each are enough.
 RANDOMISATIONS = 2
 
 
@@ -53,7 +52,7 @@ class Exposure:
     sources : Sources
         Sources of the channels.
     spp : int
-        Paths through a pixel.
+        Paths through a pixel, or through the model where it is smaller.
     rms_error : float
         Rms standard error over the pixels on the model, as a fraction of its mean radiance.
     reached : bool or None
@@ -99,7 +98,8 @@ def exposure(
     scene : Scene
     view : CameraView
     sampling : Sampling
-        Its spp and max_spp are paths through a pixel, its tolerance is the `rms_error`.
+        Its spp and max_spp are paths through a pixel, or through the model where it is smaller. Its
+        tolerance is the `rms_error`.
     detector : Band
         Band whose values are electrons.
     air, backdrop : Atmosphere, Backdrop
@@ -115,12 +115,13 @@ def exposure(
     InputError
         For settings out of bounds, and if no ray meets the model.
     """
-    columns, rows = view.samples
+    columns, rows = view.size
+    in_pixel = min(view.parts**2, columns * rows)
     camera, tolerance = view.sensor(scene), sampling.tolerance
     goal = sampling.spp or (PILOT_SPP if tolerance else DEFAULT_SPP)
     limit = (sampling.max_spp or DEFAULT_MAX_SPP) if tolerance else goal
-    check_paths(view.size[0] * view.size[1], spp=goal, max_spp=sampling.max_spp)
-    whole = lambda spp: RANDOMISATIONS * max(1, -(-spp // (IN_PIXEL * RANDOMISATIONS)))
+    check_paths(columns * rows // in_pixel, spp=goal, max_spp=sampling.max_spp)
+    whole = lambda spp: RANDOMISATIONS * max(1, -(-spp // (in_pixel * RANDOMISATIONS)))
     goal, limit, done = whole(goal), whole(limit), 0
     hidden = float(detector_mean(backdrop, scene.band))
     with scene.prepared(by_spectrum=True) as tracer:
@@ -146,13 +147,13 @@ def exposure(
             )
             done += step * RANDOMISATIONS
             check_valid(total.invalid, done * columns * rows, scene.name)
-            rms = rms_error(total)
+            rms = rms_error(total, in_pixel)
             if tolerance and done >= goal and rms > tolerance:
                 goal = whole(
-                    IN_PIXEL * min(4 * done, int(done * 1.05 * (rms / tolerance) ** 2) + 1)
+                    in_pixel * min(4 * done, int(done * 1.05 * (rms / tolerance) ** 2) + 1)
                 )
             if progress:
-                progress(IN_PIXEL * done, IN_PIXEL * min(goal, limit))
+                progress(in_pixel * done, in_pixel * min(goal, limit))
     parts = {name: total.mean(name) for name in total.sums}
     on = parts["target.hit"] > 0
     if not on.any():
@@ -169,22 +170,23 @@ def exposure(
         sources, scene.band, detector, air, np.array([range_m]), extrapolate
     ).of_parts({name: values.sum(keepdims=True) for name, values in seen.items()})
     per_radiance = float(at_middle[0]) / max(seen["target"].sum(), 1e-300)
-    areas = sample_areas(view, on, ranges)
+    areas = part_areas(view, on, ranges)
     intensities = {
         name: float(values @ areas) for name, values in seen.items() if name != "target.range"
     }
-    image = lambda values: placed(values, on, (rows, columns))
+    image = lambda values: view.samples(placed(values, on, (rows, columns)))
+    variance = image((per_radiance * total.standard_error()[on]) ** 2)
     return Exposure(
         contrast=image(electrons),
         radiance=image(radiance),
-        error=image(per_radiance * total.standard_error()[on]),
+        error=np.sqrt(variance) * OVERSAMPLING / view.parts,
         share=image(share),
         intensities=intensities,
         area=intensities["target.hit"],
         sources=sources,
-        spp=IN_PIXEL * done,
-        rms_error=rms_error(total),
-        reached=None if not tolerance else bool(rms_error(total) <= tolerance),
+        spp=in_pixel * done,
+        rms_error=rms_error(total, in_pixel),
+        reached=None if not tolerance else bool(rms_error(total, in_pixel) <= tolerance),
         invalid=total.invalid,
         paths=done * columns * rows,
     )
@@ -220,23 +222,26 @@ def detector_mean(backdrop: Backdrop, detector: Band) -> float:
     return float(detector.weights_um @ backdrop.at(detector.wavelengths_um))
 
 
-def rms_error(total: Totals) -> float:
+def rms_error(total: Totals, in_pixel: int) -> float:
     """Rms standard error over the pixels on the model, as a fraction of its mean radiance.
 
-    A pixel is the mean of IN_PIXEL samples with independent errors.
+    A pixel is the mean of `in_pixel` parts with independent errors. A model that is smaller has
+    fewer parts.
     """
     on = total.mean("target.hit") > 0
-    mean = total.mean("target")[on].mean() if on.any() else 0.0
-    rms = np.sqrt(np.mean(total.standard_error()[on] ** 2) / IN_PIXEL) if on.any() else 0.0
-    return float(rms / mean) if mean > 0 else 0.0
+    if not on.any():
+        return 0.0
+    mean = total.mean("target")[on].mean()
+    variance = np.mean(total.standard_error()[on] ** 2) / min(in_pixel, on.sum())
+    return float(np.sqrt(variance) / mean) if mean > 0 else 0.0
 
 
-def sample_areas(view: CameraView, on, ranges) -> np.ndarray:
-    """Areas across the optical axis that the samples `on` cover at their ranges, m^2."""
+def part_areas(view: CameraView, on, ranges) -> np.ndarray:
+    """Areas across the optical axis that the parts `on` cover at their ranges, m^2."""
     if view.imager.projection == "orthographic":
-        return np.full(len(ranges), view.pixel_m**2 / IN_PIXEL)
+        return np.full(len(ranges), (view.pixel_m / view.parts) ** 2)
     distance = ranges * (view.near_m / view.near_range()).ravel()[on]  # along the axis
-    return (distance * view.imager.pixel_angle) ** 2 / IN_PIXEL
+    return (distance * view.imager.pixel_angle / view.parts) ** 2
 
 
 def placed(values, on, shape) -> np.ndarray:

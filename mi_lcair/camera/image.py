@@ -178,6 +178,9 @@ def recorded(scenario: Scenario, frames: int, seed: int, progress) -> Image:
     pattern = Pattern.of(imager, seed)
     correction = two_point(imager, pattern, band, temperature, seed) if imager.nuc else Correction()
 
+    optics = Optics(imager, band, partial(spectral_radiance, temperature=DIFFRACTION_K))
+    optics.check_spread()
+
     rendering = time.perf_counter()
     bounces = max(scenario.render.max_bounces, default=scene.mi.integrator().max_bounces)
     with changed(scene, lobe=scenario.render.lobe, max_bounces=bounces):
@@ -194,7 +197,6 @@ def recorded(scenario: Scenario, frames: int, seed: int, progress) -> Image:
         )
     render_seconds = time.perf_counter() - rendering
 
-    optics = Optics(imager, band, partial(spectral_radiance, temperature=DIFFRACTION_K))
     signal = background + framed(view, optics.seen(exposed.contrast))
     signal = np.maximum(signal, 0)
     error = np.sqrt(framed(view, optics.variance(exposed.error**2)))
@@ -269,7 +271,7 @@ def framed(view: CameraView, window) -> np.ndarray:
     """The frame with the pixels of a window that has MARGIN pixels around it; 0 elsewhere."""
     imager = view.imager
     whole = np.zeros((imager.height + 2 * MARGIN, imager.width + 2 * MARGIN))
-    column, row = view.first
+    column, row = view.window[0]
     height, width = window.shape
     whole[row : row + height, column : column + width] = window
     return whole[MARGIN:-MARGIN, MARGIN:-MARGIN]
@@ -293,8 +295,9 @@ def remarks(
     """Remarks on the limits of an image, one line each."""
     lines = []
     if measures.saturated:
+        share = float(f"{100 * measures.saturated:.2g}")
         lines.append(
-            f"the detector is saturated in {100 * measures.saturated:.2g} % of the pixels, which "
+            f"the detector is saturated in {share:g} % of the pixels, which "
             f"collect up to {1e-6 * signal.max():.4g} Me in a well of {imager.well_Me:g} Me: their "
             "temperature is at least the stated one; shorten integration_time_ms"
         )

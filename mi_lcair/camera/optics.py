@@ -7,6 +7,7 @@ import numpy as np
 from scipy import fft
 from scipy.special import j1
 
+from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.imager import Imager
 
@@ -72,6 +73,20 @@ class Optics:
         self.imager = imager
         self.wavelengths_um = electron_band.wavelengths_um
         self.weights = electron_band.weights_um * spectrum(electron_band.wavelengths_um)
+
+    def check_spread(self) -> None:
+        """Raise InputError if the camera spreads the light of a point over too many pixels."""
+        camera = self.imager
+        for name, spread_um in (
+            ("jitter_urad", 4e-3 * camera.jitter_urad * camera.focal_length_mm),
+            ("defocus_um", abs(camera.defocus_um) / camera.f_number),
+            ("f_number", 2 * camera.f_number * self.wavelengths_um.max()),
+        ):
+            if spread_um > MARGIN * camera.pitch_um:
+                raise InputError(
+                    f"[camera]: {name} = {getattr(camera, name):g} spreads the light of a point "
+                    f"over {spread_um / camera.pitch_um:.3g} pixels; at most {MARGIN} are covered"
+                )
 
     @property
     def nyquist(self) -> float:

@@ -11,6 +11,10 @@ from mi_lcair.camera.response import electrons
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.imager import Imager
 
+# Smallest noise of a pixel, in counts, that frames resolve. Below it the error of a count is not
+# the independent one that the closed form assumes.
+SMALLEST_NOISE = 0.5
+
 
 @dataclass(frozen=True)
 class Measures:
@@ -27,7 +31,8 @@ class Measures:
         Noise of such a pixel, electrons: in time, and without `nuc` the fixed pattern too.
     netd, netd_measured, netd_shot : float or None
         Noise-equivalent temperature difference, K: in closed form, from frames of a uniform scene,
-        and of the shot noise alone. The measured one is None if the uniform scene saturates.
+        and of the shot noise alone. The measured one is None if the uniform scene saturates, or if
+        the noise is less than SMALLEST_NOISE counts.
     mtf : dict of str to ndarray
         frequency (cycles/mm), predicted and measured MTF up to Nyquist.
     pixels : float
@@ -96,15 +101,19 @@ def measured(
     difference = signal - background
     on = share >= 0.5
     on = on if on.any() else share >= share.max()
-    # The well must hold the uniform scene and its noise
-    held = electrons(band, temperature) + imager.dark + 6 * imager.noise(background) < imager.well
+    # The well must hold the uniform scene and its noise, and counts must resolve the noise
+    uniform_noise = imager.noise(electrons(band, temperature))
+    held = electrons(band, temperature) + imager.dark + 6 * uniform_noise < imager.well
+    resolved = uniform_noise > SMALLEST_NOISE * imager.electrons_per_count
     uniform = replace(imager, gain_nonuniformity=0.0, offset_nonuniformity_e=0.0)
     return Measures(
         temperature=temperature,
         background=background,
         noise=noise,
         netd=netd(imager, band, temperature),
-        netd_measured=measured_netd(uniform, band, temperature, seed) if held else None,
+        netd_measured=measured_netd(uniform, band, temperature, seed)
+        if held and resolved
+        else None,
         netd_shot=float(shot_noise_netd(band, temperature)),
         mtf={"frequency": frequency, "predicted": optics.mtf(frequency), "measured": value},
         pixels=pixels,

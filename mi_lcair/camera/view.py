@@ -11,6 +11,9 @@ from mi_lcair.physics.imager import Imager
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import BESIDE, MARGIN, POLE_DEG, UP, Target, View, depth, film
 
+PARTS_ACROSS = 48  # parts across a model, at least, in which it is rendered
+MOST_PARTS = 2**20  # parts along a side of the frame; their places are known in single precision
+
 
 @dataclass(frozen=True)
 class CameraView:
@@ -29,10 +32,11 @@ class CameraView:
         Distance along the optical axis at which rays begin, just before the model, m.
     pixel_m : float
         Distance of neighbouring lines of sight at the model's middle, m.
-    first : tuple of int
-        Column and row of the window's first pixel.
-    size : tuple of int
-        Columns and rows of the window, pixels.
+    parts : int
+        Parts along each side of a pixel in which the model is rendered, a multiple of OVERSAMPLING.
+        A model that is smaller than some pixels has more parts, so that paths meet it.
+    first, size : tuple of int
+        Column and row of the window's first part, and its columns and rows, in parts.
     is_cut : bool
         Whether a part of the model is outside the frame.
     """
@@ -44,6 +48,7 @@ class CameraView:
     up: np.ndarray
     near_m: float
     pixel_m: float
+    parts: int
     first: tuple[int, int]
     size: tuple[int, int]
     is_cut: bool
@@ -81,12 +86,23 @@ class CameraView:
             scale *= range_m
         columns = imager.width / 2 + seen @ right / scale
         rows = imager.height / 2 - seen @ up / scale
+        extent = max(np.ptp(columns), np.ptp(rows)) if columns.size else np.inf
+        parts = OVERSAMPLING * int(
+            np.clip(
+                np.ceil(PARTS_ACROSS / max(OVERSAMPLING * extent, 1e-9)),
+                1,
+                max(MOST_PARTS // (OVERSAMPLING * max(imager.width, imager.height)), 1),
+            )
+        )
         first, size, is_cut = [], [], False
         for place, count in ((columns, imager.width), (rows, imager.height)):
-            lower = int(np.floor(np.min(place, initial=np.inf))) if place.size else count
-            upper = int(np.ceil(np.max(place, initial=-np.inf))) if place.size else 0
-            is_cut |= lower < 0 or upper > count
-            lower, upper = max(lower, 0), min(upper, count)
+            lower, upper = 1, 0
+            if place.size:
+                lower, upper = (
+                    int(np.clip(np.floor(end), -1e9, 1e9)) for end in ends(place * parts)
+                )
+            is_cut |= lower < 0 or upper >= count * parts
+            lower, upper = max(lower, 0), min(upper + 1, count * parts)
             if not lower < upper:
                 raise InputError(
                     "[camera]: no part of the target is in the frame of "
@@ -104,10 +120,18 @@ class CameraView:
             up,
             near,
             range_m * imager.pixel_angle,
+            parts,
             tuple(first),
             tuple(size),
             is_cut,
         )
+
+    @property
+    def window(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Column and row of the first pixel with a part of the window; its columns and rows."""
+        first = tuple(start // self.parts for start in self.first)
+        last = (-(-(start + n) // self.parts) for start, n in zip(self.first, self.size))
+        return first, tuple(end - start for start, end in zip(first, last))
 
     def sensor(self, scene: Scene):
         """Mitsuba's sensor, whose film is the window. It sees nothing in front of `near_m`."""
@@ -136,27 +160,41 @@ class CameraView:
                 "to_world": place,
                 "near_clip": self.near_m,
                 "far_clip": self.near_m + depth(scene),
-                "film": film(camera.width, camera.height) | crop,
+                "film": film(self.parts * camera.width, self.parts * camera.height) | crop,
                 "sampler": {"type": scene.sampler},
             }
         )
 
-    @property
-    def samples(self) -> tuple[int, int]:
-        """Columns and rows of the samples of the window, OVERSAMPLING to a pixel's side."""
-        return OVERSAMPLING * self.size[0], OVERSAMPLING * self.size[1]
-
     def near_range(self) -> np.ndarray:
-        """Distance, m, from the camera to where the ray of each sample begins, (rows, columns)."""
-        columns, rows = self.samples
+        """Distance, m, from the camera to where the ray of each part begins, (rows, columns)."""
+        columns, rows = self.size
         if self.imager.projection == "orthographic":
             return np.full((rows, columns), self.near_m)
         middle = np.array([self.imager.width, self.imager.height]) / 2
         x, y = (
-            self.imager.pixel_angle * (first + (np.arange(n) + 0.5) / OVERSAMPLING - half)
+            self.imager.pixel_angle * ((first + np.arange(n) + 0.5) / self.parts - half)
             for first, n, half in zip(self.first, (columns, rows), middle)
         )
         return self.near_m * np.sqrt(1 + x**2 + y[:, None] ** 2)
+
+    def samples(self, values) -> np.ndarray:
+        """Means of the parts over the samples of the window's pixels, OVERSAMPLING along a side.
+
+        values: of each part, (rows, columns). Outside the parts they are 0.
+        """
+        (column, row), (columns, rows) = self.window
+        whole = np.zeros((rows * self.parts, columns * self.parts))
+        left, top = (start - pixel * self.parts for start, pixel in zip(self.first, (column, row)))
+        whole[top : top + self.size[1], left : left + self.size[0]] = values
+        side = self.parts // OVERSAMPLING
+        return whole.reshape(rows * OVERSAMPLING, side, columns * OVERSAMPLING, side).mean(
+            axis=(1, 3)
+        )
+
+
+def ends(values) -> tuple[float, float]:
+    """The smallest and the largest value."""
+    return float(np.min(values)), float(np.max(values))
 
 
 def unit(vector) -> np.ndarray:

@@ -35,7 +35,7 @@ def save_plot(path, image: Image) -> None:
 
 def _temperature(figure, axes, image: Image) -> None:
     """The apparent temperature of the first frame around the target."""
-    (left, top), (columns, rows) = image.view.first, image.view.size
+    (left, top), (columns, rows) = image.view.window
     height, width = image.channels["temperature.Y"].shape
     beside = max(8, max(columns, rows) // 8)
     part = (

@@ -112,7 +112,9 @@ def test_rays_of_the_sensor(tmp_path, projection):
         + (meets - view.eye) @ side / (depth if projection == "perspective" else 1000.0) / 1.5e-4
         for half, side in ((32, view.right), (24, -view.up))
     )
-    (first, top), (width, height) = view.first, view.size
+    (first, top), (width, height) = (
+        np.array(pair) / view.parts for pair in (view.first, view.size)
+    )
     assert column == pytest.approx([first, first + width, first], abs=0.02)
     assert row == pytest.approx([top, top, top + height], abs=0.02)
     middle = (target.centre - view.eye) / 1000.0
@@ -140,7 +142,10 @@ def test_saturation_is_a_remark(scenario):
     result = image(scenario({"integration_time_ms": 2.0}))
     share = np.mean(result.channels["electrons.Y"] >= 5e6)
     assert result.measures.saturated == pytest.approx(share)
-    assert any(f"saturated in {100 * share:.2g} % of the pixels" in line for line in result.remarks)
+    assert any(
+        f"saturated in {100 * float(f'{share:.2g}'):g} % of the pixels" in line
+        for line in result.remarks
+    )
 
 
 @pytest.mark.parametrize(
@@ -149,12 +154,29 @@ def test_saturation_is_a_remark(scenario):
         ({}, {"observer__range_m": 1.0}, "is inside the target: range 1 m"),
         ({"right_deg": 5.0}, {}, "no part of the target is in the frame of 0.55 x 0.413 degrees"),
         ({"integration_time_ms": 40.0, "nuc": True}, {}, "saturates the well of 5 Me"),
+        ({"jitter_urad": 1e5}, {}, "jitter_urad = 100000 spreads the light of a point over"),
+        ({"defocus_um": 1e5}, {}, "defocus_um = 100000 spreads the light of a point over"),
         ({"nuc": True}, {"background__temperature": 3}, "nuc looks at blackbodies of 90 and 110 K"),
     ],
 )
 def test_unusable(scenario, camera, changes, text):
     with pytest.raises(InputError, match=text):
         image(scenario(camera, **changes))
+
+
+def test_target_smaller_than_a_pixel(scenario):
+    """The window is divided into finer parts, so that the paths meet the model."""
+    found = image(scenario(observer__range_m=200_000))
+    row = next(row for row in found.ranges if row.range_m == 200_000)
+    assert found.measures.pixels == pytest.approx(AREA / 30.0**2, rel=0.01)
+    background = electrons(found.band, 294.0)
+    expected = (electrons(found.band, 400.0) - background) * AREA / 30.0**2
+    total = (found.channels["electrons.Y"].astype(float) - background).sum()
+    assert total == pytest.approx(expected, rel=0.02)
+    assert row.electrons == pytest.approx(expected, rel=0.01)
+    assert found.exposure.rms_error < 0.01
+    # The range table's ratio is that of a matched filter on average over the places in a pixel
+    assert row.snr == pytest.approx(found.measures.snr, rel=0.35)
 
 
 def test_background_without_a_photon(scenario):

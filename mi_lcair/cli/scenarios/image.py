@@ -120,7 +120,7 @@ def _print_tables(result):
     half, last = len(mtf["frequency"]) // 2, -1
     kelvin = lambda value: f"{1e3 * value:.4g} mK"
     measured = (
-        "the uniform scene saturates"
+        "not measurable, as a uniform scene saturates or its noise is below a count"
         if measures.netd_measured is None
         else f"measured {kelvin(measures.netd_measured)}"
     )
