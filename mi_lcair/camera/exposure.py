@@ -161,8 +161,12 @@ def exposure(
     share = parts["target.hit"][on]
     ranges = parts["target.range"][on] / share + view.near_range().ravel()[on]
     seen = {name: values[on] for name, values in parts.items()}
+    through = ranges
+    if not (air.is_vacuum or extrapolate):
+        # The middle of the model is within the table, but parts of it may be beyond its end
+        through = np.minimum(ranges, air.ranges_m[-1])
     electrons, radiance = (
-        arriving(seen, share, sources, scene.band, rule, air, ranges, backdrop, extrapolate)
+        arriving(seen, share, sources, scene.band, rule, air, through, backdrop, extrapolate)
         for rule in (detector, scene.band)
     )
     # Errors are those of the radiance, in the unit of electrons at the aperture
@@ -201,7 +205,7 @@ def arriving(
     """
     at, rows = ranges, None
     if len(ranges) > RANGES:
-        at = np.geomspace(ranges.min(), ranges.max() * (1 + 1e-12), RANGES)
+        at = np.geomspace(ranges.min(), ranges.max(), RANGES)
         rows = lambda values: np.interp(ranges, at, values)
     arrival = Arrival.of(sources, band, detector, air, at, extrapolate)
     if rows is not None:

@@ -1,4 +1,4 @@
-"""Picture of a camera's image: apparent temperature, MTF, noise, and the target over range."""
+"""Pictures of a camera's image: apparent temperature, MTF, noise, and the target over range."""
 
 import numpy as np
 
@@ -33,6 +33,18 @@ def save_plot(path, image: Image) -> None:
         )
 
 
+def save_pictures(path, images: list[Image]) -> None:
+    """Write a PNG with the first frame of each image around its target, side by side."""
+    with drawing(path, (4.4 * len(images), 2.5), layout="constrained") as figure:
+        for axes, image in zip(np.atleast_1d(figure.subplots(1, len(images))), images):
+            _temperature(figure, axes, image)
+            measures, observer = image.measures, image.scenario.observer
+            axes.set_title(
+                f"{observer.range_m:g} m: {measures.pixels:.0f} pixels on the target",
+                fontsize=10,
+            )
+
+
 def _temperature(figure, axes, image: Image) -> None:
     """The apparent temperature of the first frame around the target."""
     (left, top), (columns, rows) = image.view.window
@@ -53,7 +65,7 @@ def _temperature(figure, axes, image: Image) -> None:
         extent=(part[1].start, part[1].stop, part[0].stop, part[0].start),
         interpolation="nearest",
     )
-    bar = figure.colorbar(shown, ax=axes, extend="both")
+    bar = figure.colorbar(shown, ax=axes, extend="both", shrink=0.9)
     bar.set_label("apparent temperature (K)", fontsize=8)
     bar.ax.tick_params(labelsize=8)
     axes.set_title("(a) first frame, around the target", fontsize=10)

@@ -164,6 +164,13 @@ def test_unusable(scenario, camera, changes, text):
         image(scenario(camera, **changes))
 
 
+def test_target_at_the_end_of_the_table(scenario):
+    """Parts of the model beyond the last range are taken to be at it."""
+    air = {"atmosphere__table": "midlat_summer", "observer__range_m": 5000}
+    found = image(scenario(observer__azimuth_deg=70, **air))
+    assert found.exposure.share.any()
+
+
 def test_target_smaller_than_a_pixel(scenario):
     """The window is divided into finer parts, so that the paths meet the model."""
     found = image(scenario(observer__range_m=200_000))
