@@ -12,8 +12,14 @@ from mi_lcair.detection.contrast import contrast
 from mi_lcair.errors import InputError
 from mi_lcair.physics.atmosphere import atmosphere
 from mi_lcair.physics.bands import band
-from mi_lcair.physics.blackbody import LIGHT_SPEED, PLANCK, spectral_radiance
+from mi_lcair.physics.blackbody import (
+    LIGHT_SPEED,
+    PLANCK,
+    brightness_temperature,
+    spectral_radiance,
+)
 from mi_lcair.physics.imager import Imager
+from mi_lcair.physics.sunlight import sunlight
 from mi_lcair.rendering.scene import load
 from mi_lcair.rendering.views import Target, View
 from tests.detection.disc_scenario import AREA, disc, write_disc
@@ -29,6 +35,11 @@ CAMERA = {
     "quantum_efficiency": 0.75,
     "read_noise_e": 500.0,
 }
+
+SUN = """<emitter type="sun">
+    <float name="azimuth_deg" value="0"/> <float name="elevation_deg" value="0"/>
+    <string name="band" value="$band"/>
+</emitter>"""
 
 
 @pytest.fixture
@@ -206,3 +217,28 @@ def test_without_a_camera(tmp_path):
         image(disc(tmp_path))
     with pytest.raises(InputError, match="frames = 0; must lie in 1..10000"):
         image(disc(tmp_path), frames=0)
+
+
+def test_sunlight_keeps_its_spectrum(tmp_path):
+    """A white disc in sunlight: its electrons are the sun's photons.
+
+    A blackbody at the apparent temperature has longer wavelengths, and would give 19 % more.
+    """
+    write_disc(tmp_path)
+    file = tmp_path / "disc.xml"
+    text = file.read_text().replace('value="blackbody"', 'value="diffuse"')
+    file.write_text(text.replace("</scene>", f"{SUN}</scene>"))
+    entries = {f"camera__{name}": value for name, value in CAMERA.items()}
+    found = image(disc(tmp_path, background__temperature=100, **entries))
+    light = sunlight()
+    x = np.linspace(3.0, 5.0, 2001)
+    irradiance = np.interp(x, light.wavelengths_um, light.irradiance)
+    photons = np.trapezoid(irradiance * x, x) * 1e-6 / (PLANCK * LIGHT_SPEED) / np.pi
+    pixel = photons * np.pi / 64 * (15e-6) ** 2 * 0.5e-3 * 0.75
+    row = next(row for row in found.ranges if row.range_m == 1000)
+    assert row.electrons == pytest.approx(pixel * row.pixels, rel=3e-3)
+    thermal = electrons(
+        found.band,
+        float(brightness_temperature(band("MWIR"), light.in_band_irradiance(band("MWIR")) / np.pi)),
+    )
+    assert thermal / pixel == pytest.approx(1.19, abs=0.01)
