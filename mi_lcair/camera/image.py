@@ -12,7 +12,7 @@ from mi_lcair.camera.exposure import Exposure, detector_mean, exposure
 from mi_lcair.camera.frames import Pattern, counts, frame, signal_of
 from mi_lcair.camera.optics import MARGIN, Optics
 from mi_lcair.camera.quality import Measures, measured
-from mi_lcair.camera.range_table import RangeRow, fine_ranges, range_rows, table_ranges
+from mi_lcair.camera.range_table import RangeRow, backgrounds, fine_ranges, range_rows, table_ranges
 from mi_lcair.camera.response import (
     apparent_temperature,
     electron_band,
@@ -166,7 +166,8 @@ def recorded(scenario: Scenario, frames: int, seed: int, progress) -> Image:
             "integration_time_ms and well_Me in it"
         )
     setting = setting_of(scenario)
-    air, behind, target, scene = setting.air, setting.backdrop, setting.target, setting.view
+    air, target, scene = setting.air, setting.target, setting.view
+    behind = setting.backdrop.at_sensor(observer.range_m)
     air.check_covers(scene.band)
     band = electron_band(setting.detector.band, imager, setting.detector.optics_transmittance)
     view = CameraView.of(
@@ -235,12 +236,15 @@ def recorded(scenario: Scenario, frames: int, seed: int, progress) -> Image:
         scene.band,
         band,
         air,
-        background,
-        measures.noise,
-        scenario.sensor.snr,
+        noise=measures.noise,
+        snr=scenario.sensor.snr,
     )
-    ranges = table_ranges(air, target.radius, observer.range_m)
-    detections = [row.range_m for row in to_range(fine_ranges(ranges)) if row.detected]
+    ranges, levels = backgrounds(
+        setting.backdrop, band, table_ranges(air, target.radius, observer.range_m)
+    )
+    fine = fine_ranges(ranges)
+    found = to_range(background=np.interp(fine, ranges, levels), ranges_m=fine)
+    detections = [row.range_m for row in found if row.detected]
     return Image(
         scenario=scenario,
         band=band,
@@ -251,7 +255,7 @@ def recorded(scenario: Scenario, frames: int, seed: int, progress) -> Image:
         },
         header=header(scenario, scene, exposed, measures, bounces, frames, seed),
         measures=measures,
-        ranges=to_range(ranges),
+        ranges=to_range(background=levels, ranges_m=ranges),
         detected_to_m=max(detections, default=None),
         view=view,
         mtf_parts=optics.parts(measures.mtf["frequency"]),

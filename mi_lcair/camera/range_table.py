@@ -4,8 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mi_lcair.camera.exposure import Exposure
+from mi_lcair.camera.exposure import Exposure, detector_mean
 from mi_lcair.camera.optics import Optics
+from mi_lcair.detection.irradiance import Backdrop
+from mi_lcair.errors import InputError
 from mi_lcair.physics.atmosphere import Atmosphere
 from mi_lcair.physics.bands import Band
 from mi_lcair.rendering.apparent import Arrival
@@ -37,7 +39,7 @@ def range_rows(
     band: Band,
     detector: Band,
     air: Atmosphere,
-    background: float,
+    background: np.ndarray,
     noise: float,
     snr: float,
     ranges_m,
@@ -57,8 +59,10 @@ def range_rows(
     band, detector : Band
         Bands of the render, and of the camera, whose values are electrons.
     air : Atmosphere
-    background, noise : float
-        Electrons of the background in a pixel, and their noise.
+    background : ndarray, shape (r,)
+        Electrons of the background in a pixel, for a target at each range.
+    noise : float
+        Noise of a pixel, electrons.
     snr : float
         Ratio that a detection needs.
     ranges_m : array_like, shape (r,)
@@ -87,6 +91,20 @@ def table_ranges(air: Atmosphere, radius_m: float, range_m: float) -> np.ndarray
     decades = np.arange(np.floor(np.log10(shortest)), np.ceil(np.log10(longest)) + 1)
     series = (10.0 ** decades[:, None] * STEPS).ravel()
     return np.unique([*series[(series >= shortest) & (series <= longest)], range_m])
+
+
+def backgrounds(backdrop: Backdrop, detector: Band, ranges_m) -> tuple[np.ndarray, np.ndarray]:
+    """Ranges of the target at which the background is known, and its electrons there.
+
+    The background may have a path of its own, which ends where its table does.
+    """
+    known = {}
+    for range_m in ranges_m:
+        try:
+            known[range_m] = detector_mean(backdrop.at_sensor(range_m), detector)
+        except InputError:
+            continue
+    return np.array(list(known)), np.array(list(known.values()))
 
 
 def fine_ranges(ranges_m) -> np.ndarray:

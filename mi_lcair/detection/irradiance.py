@@ -34,11 +34,27 @@ class Backdrop(NamedTuple):
         Spectral radiance, W m^-2 sr^-1 um^-1, at an array of wavelengths, um.
     rows_um : ndarray
         Wavelengths, um, between which the spectral radiance is linear or smooth.
+    path_at : callable or None
+        Path from the background to the sensor, at a range of the target, m. Without it the
+        spectral radiance is that at the sensor.
     """
 
     name: str
     at: Callable[[np.ndarray], np.ndarray]
     rows_um: np.ndarray
+    path_at: Callable[[float], LineOfSight] | None = None
+
+    def at_sensor(self, range_m: float) -> "Backdrop":
+        """The background as it arrives at the sensor, for a target at a range, m."""
+        if self.path_at is None:
+            return self
+        path = self.path_at(range_m)
+
+        def arriving(wavelengths_um):
+            transmittance, radiance = path.at(wavelengths_um)
+            return transmittance * self.at(wavelengths_um) + radiance
+
+        return Backdrop(self.name, arriving, np.union1d(self.rows_um, path.wavelengths_um))
 
 
 class Irradiance:
