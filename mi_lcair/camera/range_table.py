@@ -12,7 +12,8 @@ from mi_lcair.physics.atmosphere import Atmosphere
 from mi_lcair.physics.bands import Band
 from mi_lcair.rendering.apparent import Arrival
 
-NEAREST, FARTHEST = 4, 1000  # shortest and longest range, in radii of the target and its ranges
+NEAREST = 4  # shortest range of the table, in radii of the target
+FARTHEST = 1000  # longest range of the table in vacuum, in ranges of the scenario
 STEPS = (1, 2, 5)  # ranges of the table in each decade
 FINE = 400  # ranges at which the end of the detection is sought
 

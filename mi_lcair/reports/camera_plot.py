@@ -146,7 +146,7 @@ def _ranges(axes, image: Image) -> None:
     axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter("{x:g}")
     detected = (
-        f"detected up to {image.detected_to_m:.4g} m" if image.detected_to_m else "not detected"
+        f"detected up to {image.detected_to_m:.5g} m" if image.detected_to_m else "not detected"
     )
     if image.detected_to_m and image.detected_to_m > 0.999 * x.max():
         detected += " at least"

@@ -170,7 +170,7 @@ def _print_tables(result):
     click.echo()
     print_columns(
         [
-            ("range m", "pixels on target", "electrons", "signal to noise", "detected"),
+            ("range m", "pixels on target", "electrons", "signal to noise, even", "detected"),
             *(
                 (
                     f"{row.range_m:.6g}",
@@ -193,7 +193,7 @@ def _print_tables(result):
         return
     ends = result.detected_to_m > 0.999 * result.ranges[-1].range_m
     click.echo(
-        f"detected up to {result.detected_to_m:.4g} m{' at least' if ends else ''}, with {needed}"
+        f"detected up to {result.detected_to_m:.5g} m{' at least' if ends else ''}, with {needed}"
     )
 
 
