@@ -331,7 +331,10 @@ class Sampling:
 
 @dataclass(frozen=True)
 class Scenario:
-    """A scenario: its tables, its name, and its title, which is the first comment of the file."""
+    """A scenario: its tables, its name, and its title, which is the first comment of the file.
+
+    `camera` is None without a table [camera], which only images need.
+    """
 
     name: str
     title: str
