@@ -1,4 +1,5 @@
-"""Mitsuba plugins: BSDF `material` and one per reflection model, `thermal`, `bounce_path`.
+"""Mitsuba plugins: BSDF `material` and one per reflection model, `thermal`, `sun`, `sky_dome`,
+`bounce_path`.
 
 Mitsuba's base classes belong to the variant that is set while a class statement runs. The modules
 are therefore loaded again whenever the variant changes.
@@ -21,6 +22,8 @@ MODULES = (
     "reflection_bsdf",
     *(f"{name}_bsdf" for name in NAMES),
     "thermal",
+    "sun",
+    "sky_dome",
     "paths.rounding",
     "emission.sources",
     "emission.radiance_bound",

@@ -520,19 +520,42 @@ class PathTracer(RBIntegrator):
             if dr.hint(self.closure == "ambient", mode="scalar"):
                 beyond = bounce > most
                 Le = dr.select(beyond, dr.select(si.is_valid(), β * self.ambient_radiance, 0), Le)
-            # A replay subtracts what the primal pass added, so that after the subtractions L is the
-            # radiance from later vertices
-            L = L + Le if primal else L - Le
             if dr.hint(channels is not None, mode="scalar"):
                 channels.add(Le[0], bounce, emitters.sources, emitter, si.prim_index, most)
 
-            # A path ends where its ray escapes and after the last allowed reflection
-            active_next = active & si.is_valid() & (bounce < limit)
             bsdf = si.bsdf(ray)
             if dr.hint(columns is not None, mode="scalar"):
                 vertices = columns.vertices(tables, bsdf, si.wi)
                 own = dr.select(bounce > most, 0, β[0] * mis)
                 columns.emit(tables, vertices, emitter, si.prim_index, Le[0], own)
+
+            # The sun is no surface. It is seen where the ray escapes, and through the sky.
+            if dr.hint(emitters.sun is not None, mode="scalar"):
+                sees = active & (bounce <= most) & emitters.shows_sun(si, emitter)
+                with dr.resume_grad(when=not primal):
+                    of_sun, pdf = emitters.sun_along(ray.d, sees)
+                    by_sun = dr.select(delta_before, 1, mis_weight(pdf_before, pdf))
+                    of_sun *= β * by_sun
+                    Le += of_sun
+                if dr.hint(channels is not None, mode="scalar"):
+                    channels.add(
+                        of_sun[0],
+                        bounce,
+                        emitters.sources,
+                        emitters.sun_pointer,
+                        si.prim_index,
+                        most,
+                    )
+                if dr.hint(columns is not None, mode="scalar"):
+                    # The sun's radiance does not depend on a material
+                    columns.emit(tables, [], emitters.sun_pointer, si.prim_index, of_sun[0], 0)
+
+            # A replay subtracts what the primal pass added, so that after the subtractions L is the
+            # radiance from later vertices
+            L = L + Le if primal else L - Le
+
+            # A path ends where its ray escapes and after the last allowed reflection
+            active_next = active & si.is_valid() & (bounce < limit)
 
             # -------------------- Emitter sampling --------------------
 

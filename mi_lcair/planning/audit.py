@@ -20,6 +20,7 @@ from mi_lcair.plugins.emission.triangles import pointer_id
 from mi_lcair.plugins.reflection_bsdf import reflection_layers
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.views import corners
 
 BATCHES = 8  # independent batches of photons; their scatter gives the standard errors
 MAX_REFLECTIONS = 1000  # flux that still travels after so many is reported as unfinished
@@ -69,7 +70,8 @@ class Audit:
     total : dict
         {name: (value, standard error)}, W, with the names emitted, absorbed, escaped, behind,
         created, unfinished and balance. The balance is emitted + created less the other fluxes. It
-        is 0 except for its error.
+        is 0 except for its error. `emitted` includes the sunlight through a disc that covers
+        everything but the sky.
     materials : dict
         {material: {name: (value, standard error)}}, W, with the names of `Flux`.
     shares : dict
@@ -115,7 +117,7 @@ def audit(scene: Scene, photons: int = 2**18, seed: int = 0, progress=None) -> A
     Parameters
     ----------
     scene : Scene
-        Scene whose emitters are all thermal.
+        Scene whose emitters are all thermal, or the sun.
     photons : int
         Photons from each emitter.
     seed : int
@@ -135,13 +137,14 @@ def audit(scene: Scene, photons: int = 2**18, seed: int = 0, progress=None) -> A
     """
     table = FacetTable(scene)
     emitters = list(scene.mi.emitters())
-    if not all(hasattr(emitter, "group") for emitter in emitters):
+    if not all(hasattr(e, "group") and (e.get_shape() or hasattr(e, "is_sun")) for e in emitters):
         raise InputError(
-            f"{scene.name}: only the flux of thermal emitters can be followed; the scene has others"
+            f"{scene.name}: only the flux of thermal emitters and of the sun can be followed; the "
+            "scene has others"
         )
     photons = -(-photons // BATCHES) * BATCHES
     by_facet = Flux(*np.zeros((len(fields(Flux)), BATCHES, table.count)))
-    ends = {"escaped": np.zeros(BATCHES), "unfinished": np.zeros(BATCHES)}
+    ends = {name: np.zeros(BATCHES) for name in ("escaped", "unfinished", "sunlight")}
     grazing = scaling_cosines(scene, table)
     passive = [
         (shape, passive_emissivity(index, shape))
@@ -208,7 +211,7 @@ def follow(
     by_facet : Flux
         Fluxes by batch and facet, W; changed in place.
     ends : dict of str to ndarray, shape (BATCHES,)
-        Flux that has "escaped" and is "unfinished", W; changed in place.
+        Flux that has "escaped", is "unfinished" or is "sunlight", W; changed in place.
     """
     sampler = mi.load_dict({"type": "independent"})
     draw = np.random.SeedSequence([seed, 1])
@@ -227,17 +230,22 @@ def follow(
             out=array,
         )
 
-    # Start at a random point on a random side of the emitter, in a cosine-weighted direction. The
-    # density of the directions is cos / (2 pi), and the flux of a photon is 2 pi L / density.
     reseed(photons)
-    si, density = source.sample_surface(sampler.next_2d(), mi.Bool(True))
-    si.wi = mi.warp.square_to_cosine_hemisphere(sampler.next_2d())
-    si.wi.z = dr.mulsign(si.wi.z, sampler.next_1d() - 0.5)
-    flux = source.eval(si)[0] * dr.two_pi / (density * photons)
-    ray = leaving.spawn_ray(si, si.to_world(si.wi))
     batch = np.arange(photons) % BATCHES
-    own = table.number(mi.ShapePtr(source.get_shape()), si.prim_index).numpy()
-    add(by_facet.emitted, batch, own, flux.numpy())
+    if source.get_shape() is None:
+        ray, flux = sunlight(scene, leaving, source, photons, sampler)
+        ends["sunlight"] += np.bincount(batch, flux.numpy(), BATCHES)
+    else:
+        # Start at a random point on a random side of the emitter, in a cosine-weighted direction.
+        # The density of the directions is cos / (2 pi), and the flux of a photon is
+        # 2 pi L / density.
+        si, density = source.sample_surface(sampler.next_2d(), mi.Bool(True))
+        si.wi = mi.warp.square_to_cosine_hemisphere(sampler.next_2d())
+        si.wi.z = dr.mulsign(si.wi.z, sampler.next_1d() - 0.5)
+        flux = source.eval(si)[0] * dr.two_pi / (density * photons)
+        ray = leaving.spawn_ray(si, si.to_world(si.wi))
+        own = table.number(mi.ShapePtr(source.get_shape()), si.prim_index).numpy()
+        add(by_facet.emitted, batch, own, flux.numpy())
     batch, active = mi.UInt32(batch), flux > 0
     throughput = mi.Float(1)
     for _ in range(MAX_REFLECTIONS):
@@ -281,6 +289,39 @@ def follow(
     ends["unfinished"] += np.bincount(batch.numpy(), dr.select(active, flux, 0).numpy(), BATCHES)
 
 
+def sunlight(scene, leaving, sun, photons, sampler) -> tuple:
+    """Rays of photons from the sun, and their fluxes [W].
+
+    They pass through a disc that covers everything but the sky as seen from the sun, and begin
+    where they have passed the sky. Their sum is the irradiance times the area of the disc.
+
+    scene, leaving, photons: as for `follow`. sun: the emitter. sampler: gives random numbers.
+    """
+    points = np.concatenate(
+        [
+            corners(shape)
+            for shape in scene.mi.shapes()
+            if getattr(shape.emitter(), "facet_type", "model") != "sky"
+        ]
+    )
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    # Directions from the edge of the sun's disc are tilted, so that the disc of photons is larger
+    tilt = sun.sin_radius / np.sqrt(1 - sun.sin_radius**2)
+    radius = float(np.linalg.norm(points - middle, axis=1).max() * (1 + 2 * tilt))
+    ds, value = sun.sample_direction(dr.zeros(mi.Interaction3f), sampler.next_2d())
+    place = mi.warp.square_to_uniform_disk_concentric(sampler.next_2d()) * radius
+    start = mi.Point3f(middle) + radius * sun.centre + place.x * sun.right + place.y * sun.up
+    flux = value[0] * dr.dot(ds.d, sun.centre) * (np.pi * radius**2 / photons)
+    ray = mi.Ray3f(start, -ds.d)
+    for _ in range(len(scene.mi.shapes())):
+        si = scene.mi.ray_intersect(ray)
+        in_sky = si.is_valid() & leaving.shows_sun(si, si.emitter(scene.mi))
+        if not dr.any(in_sky):
+            break
+        ray.o = dr.select(in_sky, leaving.leave(si, ray.d), ray.o)
+    return ray, flux
+
+
 def passive_emissivity(index: int, shape):
     """Emissivity of a shape without an emitter: the share that its BSDF does not reflect.
 
@@ -318,6 +359,8 @@ def absorptance(emitters, passive, si, active):
     """
     absorbed = mi.Float(0)
     for emitter in emitters:
+        if emitter.get_shape() is None:
+            continue
         on_shape = active & (si.shape == mi.ShapePtr(emitter.get_shape()))
         absorbed = dr.select(on_shape, emitter.emissivity(si, on_shape), absorbed)
     for shape, emissivity in passive:
@@ -346,6 +389,7 @@ def account(scene: Scene, table: FacetTable, by_facet: Flux, ends: dict, photons
         name: getattr(by_facet, name).sum(axis=1)
         for name in ("emitted", "absorbed", "behind", "created")
     } | ends
+    total["emitted"] = total["emitted"] + total.pop("sunlight")
     total["balance"] = sum(
         total[name] * sign
         for name, sign in (

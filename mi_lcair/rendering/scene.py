@@ -31,6 +31,7 @@ from mi_lcair.rendering.loading.remarks import (
 from mi_lcair.rendering.loading.samplers import add_samplers, remarks_on_samplers
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
+PLUGINS = ("material", "thermal", "sun", "sky_dome", "bounce_path")
 # Largest number of moves of a scene to the origin. One move may not be enough, because the position
 # of a very distant scene is known only in single precision.
 MOVES = 3
@@ -249,9 +250,7 @@ def with_known_plugins(error: Exception) -> Exception:
     if not match:
         return error
     installed = [file.stem for file in (Path(mi.__file__).parent / "plugins").glob("*.*")]
-    nearest = get_close_matches(
-        match[1], [*NAMES, "material", "thermal", "bounce_path", *installed], n=5, cutoff=0.4
-    )
+    nearest = get_close_matches(match[1], [*NAMES, *PLUGINS, *installed], n=5, cutoff=0.4)
     return InputError(f"{error}; the nearest known are: {', '.join(nearest) or 'none'}")
 
 

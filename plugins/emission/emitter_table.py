@@ -7,6 +7,7 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.physics.daytime_sky import SUN_ELEVATION_DEG
 from mi_lcair.plugins.emission.field_of_view import FieldOfView
 from mi_lcair.plugins.emission.radiance_bound import radiance_bound
 from mi_lcair.plugins.emission.sources import OTHER, Sources
@@ -22,6 +23,8 @@ from mi_lcair.plugins.emission.triangles import (
 # Smallest offset of a ray's start from a surface, relative to the scene's extent. It is larger than
 # the rounding error of a hit's position.
 OFFSET = 64 * 2.0**-24
+# Largest difference of the elevations of a sun and of the sun of a sky dome [degrees].
+ELEVATION_RANGE_DEG = 5.0
 
 
 @dataclass
@@ -83,6 +86,31 @@ def one_band(thermal):
     return next(iter(bands.values()), None)
 
 
+def one_sun(emitters):
+    """The emitter `sun` of a scene; None if it has none.
+
+    Raises InputError for a second one, and for one that does not fit the emitter `sky_dome`.
+    """
+    suns = [emitter for emitter in emitters if hasattr(emitter, "is_sun")]
+    if len(suns) > 1:
+        raise InputError(f"the scene has {len(suns)} suns; it can have one at most")
+    for dome in emitters if suns else []:
+        if hasattr(dome, "sun_azimuth_deg") and not fits(dome, suns[0]):
+            raise InputError(
+                f"the sun at azimuth {suns[0].azimuth_deg:g} and elevation "
+                f"{suns[0].elevation_deg:g} degrees does not fit the sky_dome, whose sun is at "
+                f"{dome.sun_azimuth_deg:g} and {SUN_ELEVATION_DEG:g} degrees; it must have the "
+                f"same azimuth, and an elevation within {ELEVATION_RANGE_DEG:g} degrees"
+            )
+    return suns[0] if suns else None
+
+
+def fits(dome, sun) -> bool:
+    """Whether the sun is where the tables of a sky dome assume it."""
+    turn = (sun.azimuth_deg - dome.sun_azimuth_deg + 180) % 360 - 180
+    return abs(turn) < 0.01 and abs(sun.elevation_deg - SUN_ELEVATION_DEG) <= ELEVATION_RANGE_DEG
+
+
 class EmitterTable:
     """The emitters of a scene, their labels, and one sampling density for all of them.
 
@@ -95,7 +123,7 @@ class EmitterTable:
     shapes that do not emit. band: the band of the thermal emitters. sources: the `Sources` by which
     emission is recorded. draws: whether there are emitters to draw. brightest: upper bound of the
     radiance of all emitters that a ray can hit [W m^-2 sr^-1]. unbounded: descriptions of the
-    emitters without a known bound.
+    emitters without a known bound. sun: the emitter `sun`; None if the scene has none.
     """
 
     def __init__(self, scene, sampling: bool, by_spectrum: bool = False):
@@ -122,6 +150,17 @@ class EmitterTable:
         self.is_background = mi.UInt32(
             np.isin(np.arange(len(label_of)), background).astype(np.uint32)
         )
+
+        self.sun = one_sun(emitters)
+        if self.sun is not None:
+            self.sun_id = mi.UInt32(pointer_id(mi.EmitterPtr(self.sun)))
+            sky = [
+                key
+                for key, emitter in ids.items()
+                if getattr(emitter, "facet_type", "model") == "sky"
+            ]
+            self.is_sky = mi.UInt32(np.isin(np.arange(len(label_of)), sky).astype(np.uint32))
+            dr.make_opaque(self.sun_id, self.is_sky)
 
         self.band = one_band(thermal)
         self.sources = Sources(emitters, self.labels, self.band, by_spectrum)
@@ -228,6 +267,32 @@ class EmitterTable:
             dr.gather(mi.UInt32, self.is_background, dr.reinterpret_array(mi.UInt32, emitter)) == 0
         )
 
+    @property
+    def sun_pointer(self):
+        return dr.reinterpret_array(mi.EmitterPtr, self.sun_id)
+
+    def shows_sun(self, hit, emitter):
+        """Whether a ray may reach the sun: it escapes, or its hit with this emitter is sky."""
+        sky = dr.gather(mi.UInt32, self.is_sky, dr.reinterpret_array(mi.UInt32, emitter)) != 0
+        return ~hit.is_valid() | sky
+
+    def sun_along(self, d, active):
+        """Radiance of the sun along a ray, and the density with which `draw` draws the ray.
+
+        Parameters
+        ----------
+        d : mi.Vector3f
+            Direction of the ray.
+        active : mi.Bool
+            Rays that may reach the sun, see `shows_sun`.
+
+        Returns
+        -------
+        (radiance, density) : tuple of mi.Spectrum and mi.Float
+            [W m^-2 sr^-1], 0 outside the disc; [1/sr].
+        """
+        return self.sun.along(d, active), self.probability_of_other / self.sun.solid_angle
+
     def draw(self, si, sample1, sample2, active):
         """Draw a direction toward an emitter.
 
@@ -321,6 +386,9 @@ class EmitterTable:
             if not self.all_surfaces:
                 nothing_before = ~met | (pi.t > ds.dist * (1 - 1e-4))
                 on_surface = mi.has_flag(drawn.other.flags(), mi.EmitterFlags.Surface)
+                if self.sun is not None:
+                    of_sun = drawn.other == self.sun_pointer
+                    nothing_before |= of_sun & self.shows_sun(pi, pi.shape.emitter())
                 counts |= active & ~of_triangles & ~on_surface & nothing_before
             emitter = dr.select(of_triangles, emitter, drawn.other)
             if with_hit:

@@ -10,6 +10,7 @@ import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.physics.sunlight import sunlight
 from mi_lcair.rendering.scene import checked
 from tests.plugins.conftest import plate  # noqa: F401, a fixture
 from tests.plugins.small_scenes import SQUARE, camera
@@ -286,3 +287,32 @@ def test_other_emitters_are_refused(plate):
     }
     with pytest.raises(InputError, match="only the flux of thermal emitters"):
         audited(floor=plate("floor", SQUARE, black, 300.0), lamp=lamp)
+
+
+@pytest.mark.parametrize("with_sky", [False, True])
+def test_sunlight_is_absorbed_or_escapes(plate, with_sky):
+    """A grey plate in sunlight absorbs (1 - rho) E cos A; the sky lets the sunlight in."""
+    sun = {"type": "sun", "elevation_deg": 40.0, "azimuth_deg": 70.0, "band": "LWIR"}
+    grey = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.3}}
+    shapes = {"floor": plate("floor", SQUARE, grey, 1.0), "sun": sun}
+    if with_sky:
+        shapes["sky"] = {
+            "type": "cube",
+            "to_world": mi.ScalarTransform4f().scale(40),
+            "flip_normals": True,
+            "bsdf": {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}},
+            "emitter": {"type": "thermal", "band": "LWIR", "temperature": 1.0, "facet_type": "sky"},
+        }
+    result = audited(2**14, **shapes)
+    E = sunlight().in_band_irradiance(band("LWIR"))
+    on_plate = E * np.sin(np.radians(40)) * 100
+    disc = np.pi * 50 * (1 + 2 * np.tan(np.radians(0.265))) ** 2
+    assert result.total["emitted"][0] == pytest.approx(E * disc, rel=1e-4)
+    incident = sum(flux["incident"][0] for flux in result.materials.values())
+    reflected = 0.3 * on_plate if with_sky else 0.0  # arrives at the sky
+    error = 4 * result.total["escaped"][1]
+    assert incident == pytest.approx(on_plate + reflected, abs=error)
+    assert result.total["escaped"][0] == pytest.approx(
+        E * disc - on_plate + (0 if with_sky else 0.3 * on_plate), abs=error
+    )
+    agree(result.total["balance"], 0)

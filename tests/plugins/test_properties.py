@@ -10,10 +10,22 @@ import pytest
 
 from mi_lcair.errors import InputError, mitsuba_error
 from mi_lcair.physics import reflection
-from mi_lcair.plugins import bounce_path, reflection_bsdf, thermal
+from mi_lcair.plugins import bounce_path, reflection_bsdf, sky_dome, sun, thermal
 
-PLUGINS = {"thermal": thermal, "bounce_path": bounce_path, "material": reflection_bsdf}
-CLASSES = {"thermal": "Thermal", "bounce_path": "BouncePath", "material": "ReflectionBSDF"}
+PLUGINS = {
+    "thermal": thermal,
+    "sun": sun,
+    "sky_dome": sky_dome,
+    "bounce_path": bounce_path,
+    "material": reflection_bsdf,
+}
+CLASSES = {
+    "thermal": "Thermal",
+    "sun": "Sun",
+    "sky_dome": "SkyDome",
+    "bounce_path": "BouncePath",
+    "material": "ReflectionBSDF",
+}
 WRONG = {
     "float": (True, "300 K", mi.ScalarColor3d(1, 2, 3), float("nan"), float("inf")),
     "float or texture": (True, "300 K", mi.ScalarColor3d(1, 2, 3), float("nan")),
@@ -23,6 +35,8 @@ WRONG = {
 }
 BESIDE = {
     "thermal": {"temperature": 300.0, "band": "LWIR"},
+    "sun": {"elevation_deg": 40.0, "band": "LWIR"},
+    "sky_dome": {"band": "MWIR"},
     "bounce_path": {},
     "material": {"material": "gloss_black", "band": "LWIR"},
 }

@@ -35,9 +35,9 @@ def surfaces_that_emit_nothing(scene: mi.Scene) -> list[str]:
     texture = np.random.default_rng(0).random((2, len(cos)))
     remarks = []
     for emitter in scene.emitters():
-        if not hasattr(emitter, "group"):
-            continue
         shape = emitter.get_shape()
+        if not hasattr(emitter, "group") or shape is None:
+            continue
         si = dr.zeros(mi.SurfaceInteraction3f, len(cos))
         si.wi, si.shape = mi.Vector3f(np.sqrt(1 - cos**2), 0 * cos, cos), mi.ShapePtr(shape)
         si.n, si.sh_frame = mi.Normal3f(0, 0, 1), mi.Frame3f(mi.Normal3f(0, 0, 1))

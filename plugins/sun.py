@@ -1,0 +1,165 @@
+r"""Emitter `sun`: a disc of even radiance at infinity, with the sun's spectrum."""
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mi_lcair.errors import InputError
+from mi_lcair.physics.bands import band
+from mi_lcair.physics.spectrum import Spectrum
+from mi_lcair.physics.sunlight import NO_AIR, sunlight
+from mi_lcair.plugins.properties import Property, read
+
+PROPERTIES = (
+    Property("azimuth_deg", "float", 0.0),
+    Property("elevation_deg", "float", lower=-90, upper=90),
+    Property("diameter_deg", "float", 0.53, is_positive=True, upper=10),
+    Property("band", "string", is_file=True),
+    Property("air", "string", NO_AIR, is_file=True),
+    Property("distance_au", "float", is_positive=True, upper=100),
+    Property("group", "string", "sun", is_label=True),
+)
+# Distance of a point on the disc in Mitsuba's samples of directions [m]. Its square must be a
+# Float32 number.
+DISTANCE = 1e12
+
+
+class Sun(mi.Emitter):
+    r"""The sun, which no surface but the sky hides.
+
+    ============= ======= ==========================================================================
+    azimuth_deg   float   direction toward the sun: azimuth from +x (the nose of a model that is
+                          not turned) toward +y (its left side)                                (0.0)
+    elevation_deg float   elevation above the x-y plane
+    diameter_deg  float   diameter of the disc, at most 10                                    (0.53)
+    band          string  MWIR, LWIR, "a-b" in um, or the CSV file of a response
+    air           string  none: ASTM E490 outside the air; midlat_summer, us_standard: through
+                          that clear air, for an elevation of 5 or more; or a CSV file
+                          wavelength_um,irradiance_W_m2_um with the irradiance at the scene   (none)
+    distance_au   float   distance in astronomical units; not for a file                         (1)
+    group         string  label of the sun, [A-Za-z0-9_-]+, at most 64 characters              (sun)
+    ============= ======= ==========================================================================
+
+    .. code-block:: xml
+
+        <emitter type="sun">
+            <float name="azimuth_deg" value="120"/> <float name="elevation_deg" value="45"/>
+            <string name="band" value="MWIR"/> <string name="air" value="midlat_summer"/>
+        </emitter>
+
+    The in-band irradiance on a plane perpendicular to the sun becomes the differentiable parameter
+    `irradiance`. Its radiance is the same over the whole disc: there is no limb darkening, and no
+    light scattered around the disc.
+
+    `bounce_path` draws directions toward the sun whatever its `emitter_sampling` says, because a
+    reflected ray hardly ever points into so small a disc. A ray that points into it by chance
+    counts too, with multiple importance sampling, so that narrow lobes and mirrors show the glint.
+    Surfaces of facet_type = sky stand for infinity and do not hide the sun. A scene has one sun at
+    most. Mitsuba's own integrators see the sun only where they draw it.
+    """
+
+    is_sun = True
+    facet_type = "sky"  # part of the background
+    temperature = texture = derived = None  # as for emitter `thermal`, a source with a spectrum
+
+    def __init__(self, props):
+        mi.Emitter.__init__(self, props)
+        # Mitsuba takes an infinite emitter without a delta flag for the scene's environment
+        self.m_flags = mi.EmitterFlags.Infinite | mi.EmitterFlags.DeltaDirection
+        values = read(props, "sun", PROPERTIES)
+        for name in ("elevation_deg", "band"):
+            if values[name] is None:
+                raise InputError(f"sun: give its `{name}`")
+        self.group, self.band = values["group"], band(values["band"])
+        self.azimuth_deg, self.elevation_deg = values["azimuth_deg"], values["elevation_deg"]
+        light = sunlight(values["air"], self.elevation_deg, values["distance_au"])
+        self.irradiance = mi.Float(light.in_band_irradiance(self.band))
+        self.given_emissivity = mi.Float(1.0)
+
+        radius = np.radians(values["diameter_deg"]) / 2
+        self.sin_radius, self.sin_half_radius = float(np.sin(radius)), float(np.sin(radius / 2))
+        self.solid_angle = 4 * np.pi * self.sin_half_radius**2  # of the disc [sr]
+        self.projected_angle = np.pi * self.sin_radius**2  # on a plane perpendicular to it [sr]
+        self.spectrum = Spectrum(
+            light.name, light.wavelengths_um, light.irradiance / self.projected_angle
+        )
+        # The direction toward the disc's centre, and two unit vectors perpendicular to it. Float32
+        # resolves a place on the disc by its offsets along these, but not by its angle's cosine.
+        azimuth, elevation = np.radians([self.azimuth_deg, self.elevation_deg])
+        sin, cos = np.sin(elevation), np.cos(elevation)
+        x, y = np.cos(azimuth), np.sin(azimuth)
+        self.centre, self.right, self.up = (
+            mi.Vector3f(*map(float, vector))
+            for vector in ((cos * x, cos * y, sin), (-y, x, 0), (-sin * x, -sin * y, cos))
+        )
+        self.parameters_changed()
+
+    @property
+    def radiance(self):
+        """In-band radiance of the disc [W m^-2 sr^-1]."""
+        return self.irradiance / self.projected_angle
+
+    def traverse(self, cb):
+        mi.Emitter.traverse(self, cb)
+        cb.put("irradiance", self.irradiance, mi.ParamFlags.Differentiable)
+
+    def parameters_changed(self, keys=()):
+        dr.make_opaque(self.irradiance, self.given_emissivity, self.centre, self.right, self.up)
+
+    def covers(self, d):
+        """Whether a direction points into the disc."""
+        offset = dr.square(dr.dot(d, self.right)) + dr.square(dr.dot(d, self.up))
+        return (offset < self.sin_radius**2) & (dr.dot(d, self.centre) > 0)
+
+    def along(self, d, active):
+        """Radiance from the direction `d`; 0 outside the disc [W m^-2 sr^-1]."""
+        return mi.Spectrum(dr.select(active & self.covers(d), self.radiance, 0))
+
+    # ---------------------------------------------------------------- Mitsuba's interface
+
+    def eval(self, si, active=True):
+        return mi.Spectrum(0)  # no ray meets the emitter; `bounce_path` asks `along`
+
+    def sample_direction(self, it, sample, active=True):
+        """A direction toward the disc, uniform over its solid angle."""
+        # The square of the sine of half the angle from the centre is uniform
+        half = mi.warp.square_to_uniform_disk_concentric(sample) * self.sin_half_radius
+        sin2 = dr.squared_norm(half)
+        offset = 2 * dr.sqrt(1 - sin2) * half
+        ds = dr.zeros(mi.DirectionSample3f, dr.width(sample))
+        ds.d = offset.x * self.right + offset.y * self.up + (1 - 2 * sin2) * self.centre
+        ds.p, ds.n = dr.fma(ds.d, DISTANCE, it.p), mi.Normal3f(-ds.d)
+        ds.dist, ds.pdf = mi.Float(DISTANCE), mi.Float(1 / self.solid_angle)
+        ds.time, ds.delta = it.time, False
+        ds.emitter = mi.EmitterPtr(self)
+        return ds, mi.Spectrum(dr.select(active, self.radiance * self.solid_angle, 0))
+
+    def pdf_direction(self, it, ds, active=True):
+        return dr.select(active & self.covers(ds.d), mi.Float(1 / self.solid_angle), 0)
+
+    def eval_direction(self, it, ds, active=True):
+        return mi.Spectrum(dr.select(active, self.radiance, 0))
+
+    def sample_position(self, time, sample, active=True):
+        return dr.zeros(mi.PositionSample3f), mi.Float(0)  # the disc has no position
+
+    def pdf_position(self, ps, active=True):
+        return mi.Float(0)
+
+    def sample_ray(self, time, sample1, sample2, sample3, active=True):
+        return dr.zeros(mi.Ray3f), mi.Spectrum(0)
+
+    def sample_wavelengths(self, si, sample, active=True):
+        return dr.zeros(mi.Color0f), mi.Spectrum(0)
+
+    def bbox(self):
+        return mi.ScalarBoundingBox3f()  # empty: the sun is not a part of the scene's extent
+
+    def to_string(self):
+        return (
+            f"Sun[azimuth_deg = {self.azimuth_deg:g}, elevation_deg = {self.elevation_deg:g}, "
+            f"solid_angle = {self.solid_angle:g}, irradiance = {self.irradiance}]"
+        )
+
+
+mi.register_emitter("sun", Sun)
