@@ -13,6 +13,7 @@ from mitsuba.python.ad.integrators.common import RBIntegrator, mis_weight
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.derivatives import (
+    attached,
     derivations,
     deriving_plugins,
     flatten,
@@ -31,7 +32,7 @@ from mi_lcair.plugins.paths.recording import Recorded
 from mi_lcair.plugins.paths.rounding import rounding_error
 from mi_lcair.plugins.paths.sums import BlockSums, Sums, block_size
 from mi_lcair.plugins.paths.tail import Tail
-from mi_lcair.plugins.plume_bsdf import is_passed
+from mi_lcair.plugins.plume_bsdf import is_passed, is_plume
 from mi_lcair.plugins.properties import HOTTEST, Property, read
 from mi_lcair.plugins.scene_state import SceneState
 
@@ -218,9 +219,9 @@ class PathTracer(RBIntegrator):
 
     def check_differentiable(self) -> None:
         """Raise InputError for a parameter whose derivative a replay would not give."""
-        for shape in self.scene.shapes():
-            if hasattr(shape.bsdf(), "check_differentiable"):
-                shape.bsdf().check_differentiable(self.emitters.draws)
+        for bsdf in {shape.bsdf() for shape in self.scene.shapes()}:
+            if is_plume(bsdf) and attached([bsdf.transmittance]):
+                bsdf.check_derivative("plume: transmittance", self.emitters.draws)
 
     # ---------------------------------------------------------------- Around the loop
 
@@ -646,10 +647,7 @@ class PathTracer(RBIntegrator):
             delta = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
             if dr.hint(columns is not None, mode="scalar"):
                 # Also for directions of weight 0, for the mean of the control variate to be 0
-                scatters = active_next
-                if dr.hint(emitters.passes, mode="scalar"):
-                    scatters = active_next & ~passes
-                columns.reflect(tables, vertices, bsdf, bounce, β[0], weight[0], bs.wo, scatters)
+                columns.reflect(tables, vertices, bsdf, bounce, β[0], weight[0], bs.wo, active_next)
             # A path without throughput contributes nothing further
             active_next &= dr.max(weight) != 0
 

@@ -4,7 +4,6 @@ import drjit as dr
 import mitsuba as mi
 
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.derivatives import attached
 from mi_lcair.plugins.properties import Property, read
 
 PROPERTIES = (Property("transmittance", "float", lower=0, upper=1),)
@@ -34,6 +33,8 @@ class Plume(mi.BSDF):
     emissivity is known from measurement as 1 - T needs `transmittance` = sqrt(T).
     """
 
+    material = "plume"  # name of the material in tables of facets
+
     def __init__(self, props):
         mi.BSDF.__init__(self, props)
         values = read(props, "plume", PROPERTIES)
@@ -54,22 +55,19 @@ class Plume(mi.BSDF):
         self.m_components = [passes | mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide]
         self.m_flags = self.m_components[0]
 
-    def check_differentiable(self, draws: bool) -> None:
-        """Raise InputError if a replay of paths would miss a part of the derivative.
+    def check_derivative(self, name: str, draws: bool) -> None:
+        """Raise InputError if paths would not give the whole derivative in the transmittance.
 
-        draws: whether emitters are drawn.
+        name: name of the transmittance in the message. draws: whether emitters are drawn.
         """
-        if not attached([self.transmittance]):
-            return
         if float(dr.detach(self.transmittance)[0]) == 0:
             raise InputError(
-                "plume: transmittance = 0 has no derivative, because paths end there; it must be "
-                "positive"
+                f"{name} = 0 has no derivative, because paths end there; it must be positive"
             )
         if draws:
             raise InputError(
-                "plume: the transmittance has no derivative where emitters are drawn; use "
-                "emitter_sampling = false and no sun or point light"
+                f"{name} has no derivative where emitters are drawn; use emitter_sampling = false "
+                "and no sun or point light"
             )
 
     def has_attribute(self, name, active=True):
@@ -104,6 +102,11 @@ class Plume(mi.BSDF):
 
     def to_string(self):
         return f"Plume[transmittance = {float(dr.detach(self.transmittance)[0]):g}]"
+
+
+def is_plume(plugin) -> bool:
+    """Whether a plugin is a BSDF `plume`, also one that was loaded under another variant."""
+    return type(plugin).__name__ == "Plume"
 
 
 def is_passed(flags):

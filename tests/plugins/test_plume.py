@@ -131,6 +131,21 @@ def test_point_light_shines_through(plate):
 
 
 @pytest.mark.parametrize("sampling", SAMPLING, ids=IDS)
+def test_sun_shines_through(plate, sampling):
+    """A grey plate under a plume: the plume takes its share of the sunlight, also in the shadow."""
+    sun = {"type": "sun", "elevation_deg": 60.0, "band": "MWIR"}
+    reflected = {}
+    for tau in (None, 0.6):
+        shapes = {"floor": plate("floor", SQUARE, GREY, 10.0, band="MWIR")}
+        if tau:
+            shapes["sheet"] = plate("sheet", at_height(1.0, 4.0), plume(tau), 10.0, band="MWIR")
+        made = scene(path(sampling), camera(1, 0.1, origin=(0, 0, 0.5)), sun=sun, **shapes)
+        reflected[tau] = mean(made, 64)[0]
+    assert reflected[None] > 0
+    assert reflected[0.6] == pytest.approx(0.6 * reflected[None], rel=1e-4)
+
+
+@pytest.mark.parametrize("sampling", SAMPLING, ids=IDS)
 @pytest.mark.parametrize("tau", [0.2, 0.9])
 def test_isothermal_room_radiates_as_a_blackbody(plate, sampling, tau):
     room = {
