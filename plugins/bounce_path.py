@@ -53,8 +53,8 @@ class BouncePath(RBIntegrator):
     max_bounces         integer reflections after which a path ends, 0..10000;
                                 0 = emission only                                               (4)
     emitter_sampling    boolean at each reflection, also trace a ray to a point drawn from the
-                                emitters (multiple importance sampling); lights that no path can
-                                hit (point, spot, directional) are drawn in any case        (false)
+                                emitters (multiple importance sampling); the sun, and lights
+                                that no path can hit (point, spot), are always drawn        (false)
     closure             string  estimate of the radiance beyond max_bounces reflections      (none)
                                 none: it is left out; ambient: one more reflection, and the
                                 surface which that ray hits radiates as a blackbody at

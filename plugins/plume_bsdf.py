@@ -47,20 +47,23 @@ class Plume(mi.BSDF):
         cb.put("transmittance", self.transmittance, mi.ParamFlags.Differentiable)
 
     def parameters_changed(self, keys=()):
-        value = float(dr.detach(self.transmittance)[0])
-        PROPERTIES[0].checked(value, "plume")
+        PROPERTIES[0].checked(float(dr.detach(self.transmittance)[0]), "plume")
         dr.make_opaque(self.transmittance)
         # An opaque plume has no lobe at all, so that paths end there as at a blackbody
-        passes = mi.BSDFFlags.Null if value > 0 else mi.BSDFFlags.Empty
+        passes = mi.BSDFFlags.Null if self.transmits else mi.BSDFFlags.Empty
         self.m_components = [passes | mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide]
         self.m_flags = self.m_components[0]
+
+    @property
+    def transmits(self) -> bool:
+        return float(dr.detach(self.transmittance)[0]) > 0
 
     def check_derivative(self, name: str, draws: bool) -> None:
         """Raise InputError if paths would not give the whole derivative in the transmittance.
 
         name: name of the transmittance in the message. draws: whether emitters are drawn.
         """
-        if float(dr.detach(self.transmittance)[0]) == 0:
+        if not self.transmits:
             raise InputError(
                 f"{name} = 0 has no derivative, because paths end there; it must be positive"
             )

@@ -46,6 +46,7 @@ class SkyDome(mi.Emitter):
     """
 
     facet_type = "sky"  # part of the background
+    multiplied_by = "scale"  # the parameter that multiplies the radiance
     temperature = texture = derived = None  # as for emitter `thermal`, a source with a spectrum
 
     def __init__(self, props):

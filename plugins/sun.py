@@ -7,12 +7,17 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.spectrum import Spectrum
-from mi_lcair.physics.sunlight import NO_AIR, sunlight
+from mi_lcair.physics.sun_position import sun_position
+from mi_lcair.physics.sunlight import NO_AIR, air_names, sunlight
 from mi_lcair.plugins.properties import Property, read
 
 PROPERTIES = (
-    Property("azimuth_deg", "float", 0.0),
+    Property("azimuth_deg", "float"),
     Property("elevation_deg", "float", lower=-90, upper=90),
+    Property("latitude_deg", "float", lower=-90, upper=90),
+    Property("longitude_deg", "float", lower=-180, upper=180),
+    Property("time", "string"),
+    Property("north_deg", "float"),
     Property("diameter_deg", "float", 0.53, is_positive=True, upper=10),
     Property("band", "string", is_file=True),
     Property("air", "string", NO_AIR, is_file=True),
@@ -24,19 +29,27 @@ PROPERTIES = (
 DISTANCE = 1e12
 
 
+DIRECTION = "azimuth_deg", "elevation_deg"
+PLACE = "latitude_deg", "longitude_deg", "time", "north_deg"
+
+
 class Sun(mi.Emitter):
     r"""The sun, which no surface but the sky hides.
 
     ============= ======= ==========================================================================
     azimuth_deg   float   direction toward the sun: azimuth from +x (the nose of a model that is
-                          not turned) toward +y (its left side)                                (0.0)
+                          not turned) toward +y (its left side)
     elevation_deg float   elevation above the x-y plane
+    latitude_deg  float   in place of a direction: latitude of the scene, positive to the north
+    longitude_deg float   its longitude, positive to the east
+    time          string  date and time with a time zone, such as 2026-06-21T12:00:00Z
+    north_deg     float   azimuth of north; 90 where +x points to the east
     diameter_deg  float   diameter of the disc, at most 10                                    (0.53)
     band          string  MWIR, LWIR, "a-b" in um, or the CSV file of a response
     air           string  none: ASTM E490 outside the air; midlat_summer, us_standard: through
                           that clear air, for an elevation of 5 or more; or a CSV file
                           wavelength_um,irradiance_W_m2_um with the irradiance at the scene   (none)
-    distance_au   float   distance in astronomical units; not for a file                         (1)
+    distance_au   float   distance in astronomical units, 1 or that of the time; not for a file
     group         string  label of the sun, [A-Za-z0-9_-]+, at most 64 characters              (sun)
     ============= ======= ==========================================================================
 
@@ -46,6 +59,9 @@ class Sun(mi.Emitter):
             <float name="azimuth_deg" value="120"/> <float name="elevation_deg" value="45"/>
             <string name="band" value="MWIR"/> <string name="air" value="midlat_summer"/>
         </emitter>
+
+    The direction is given by `azimuth_deg` and `elevation_deg`, or by `latitude_deg`,
+    `longitude_deg`, `time` and `north_deg`. The latter needs astropy (the extra `place`).
 
     The in-band irradiance on a plane perpendicular to the sun becomes the differentiable parameter
     `irradiance`. Its radiance is the same over the whole disc: there is no limb darkening, and no
@@ -60,6 +76,7 @@ class Sun(mi.Emitter):
 
     is_sun = True
     facet_type = "sky"  # part of the background
+    multiplied_by = "irradiance"  # the parameter that multiplies the radiance
     temperature = texture = derived = None  # as for emitter `thermal`, a source with a spectrum
 
     def __init__(self, props):
@@ -67,12 +84,11 @@ class Sun(mi.Emitter):
         # Mitsuba takes an infinite emitter without a delta flag for the scene's environment
         self.m_flags = mi.EmitterFlags.Infinite | mi.EmitterFlags.DeltaDirection
         values = read(props, "sun", PROPERTIES)
-        for name in ("elevation_deg", "band"):
-            if values[name] is None:
-                raise InputError(f"sun: give its `{name}`")
+        if values["band"] is None:
+            raise InputError("sun: give its `band`")
         self.group, self.band = values["group"], band(values["band"])
-        self.azimuth_deg, self.elevation_deg = values["azimuth_deg"], values["elevation_deg"]
-        light = sunlight(values["air"], self.elevation_deg, values["distance_au"])
+        self.azimuth_deg, self.elevation_deg, distance_au = position(values)
+        light = sunlight(values["air"], self.elevation_deg, distance_au)
         self.irradiance = mi.Float(light.in_band_irradiance(self.band))
         self.given_emissivity = mi.Float(1.0)
 
@@ -160,6 +176,31 @@ class Sun(mi.Emitter):
             f"Sun[azimuth_deg = {self.azimuth_deg:g}, elevation_deg = {self.elevation_deg:g}, "
             f"solid_angle = {self.solid_angle:g}, irradiance = {self.irradiance}]"
         )
+
+
+def position(values: dict) -> tuple[float, float, float | None]:
+    """Azimuth and elevation [degrees] and distance [au] of the sun from its properties.
+
+    Raises InputError if neither a direction nor a place and time is given, or parts of both.
+    """
+    given = [name for name in (*DIRECTION, *PLACE) if values[name] is not None]
+    if given == [*DIRECTION]:
+        return values["azimuth_deg"], values["elevation_deg"], values["distance_au"]
+    if given != [*PLACE]:
+        raise InputError(
+            f"sun: give {' and '.join(DIRECTION)}, or {', '.join(PLACE)}; "
+            f"found {', '.join(given) or 'none'}"
+        )
+    sun = sun_position(values["latitude_deg"], values["longitude_deg"], values["time"])
+    if sun.elevation_deg <= 0:
+        raise InputError(
+            f"sun: at this place and time it is {-sun.elevation_deg:.2f} degrees below the "
+            "horizon; choose another time"
+        )
+    distance_au = values["distance_au"]
+    if distance_au is None and values["air"] in air_names():
+        distance_au = sun.distance_au
+    return values["north_deg"] - sun.compass_deg, sun.elevation_deg, distance_au
 
 
 mi.register_emitter("sun", Sun)

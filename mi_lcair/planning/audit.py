@@ -297,13 +297,14 @@ def sunlight(scene, leaving, sun, photons, sampler) -> tuple:
 
     scene, leaving, photons: as for `follow`. sun: the emitter. sampler: gives random numbers.
     """
-    points = np.concatenate(
-        [
-            corners(shape)
-            for shape in scene.mi.shapes()
-            if getattr(shape.emitter(), "facet_type", "model") != "sky"
-        ]
-    )
+    points = [
+        corners(shape)
+        for shape in scene.mi.shapes()
+        if getattr(shape.emitter(), "facet_type", "model") != "sky"
+    ]
+    if not points:
+        raise InputError(f"{scene.name}: has nothing but sky that sunlight could fall on")
+    points = np.concatenate(points)
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     # Directions from the edge of the sun's disc are tilted, so that the disc of photons is larger
     tilt = sun.sin_radius / np.sqrt(1 - sun.sin_radius**2)

@@ -15,6 +15,8 @@ from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST
 from mi_lcair.plugins.reflection_bsdf import is_reflection_bsdf
 
 RADIANCE_UNIT = "W m^-2 sr^-1"
+# Units of the arrays that multiply the radiance of a source.
+UNITS = {"radiance": RADIANCE_UNIT, "irradiance": "W m^-2", "scale": "1"}
 SCALED = ("radiance", "emissivity")  # kinds whose several numbers change by a common factor
 BISECTIONS = 50  # steps in the search for the bound of a feasible material parameter
 
@@ -109,7 +111,7 @@ class Entry:
             unit = "K"
             lower, upper = value - values.min(), HOTTEST - (values.max() - value)
         elif self.kind == "radiance":
-            unit, lower, upper = RADIANCE_UNIT, 0.0, BRIGHTEST * scale
+            unit, lower, upper = UNITS[self.places[0].key], 0.0, BRIGHTEST * scale
         elif self.kind == "emissivity" or self.model is None:
             lower, upper = 0.0, scale if self.kind == "emissivity" else 1 - (values.max() - value)
         else:
@@ -168,6 +170,10 @@ def entries(scene) -> dict[str, Entry]:
         if emitter.radiance is None and emitter.given_emissivity is not None:
             place = Place(emitter, "emissivity", None, whole)
             add(f"{emitter.group}.emissivity", "emissivity", place)
+    for emitter in scene.mi.emitters():
+        if hasattr(emitter, "group") and emitter.get_shape() is None:
+            name = f"{emitter.group}.{emitter.multiplied_by}"
+            add(name, "radiance", Place(emitter, emitter.multiplied_by, None, np.ones(1)))
     for entry in list(found.values()):
         if entry.kind == "temperature":
             found.update(single_temperatures(entry, emitting))
@@ -179,7 +185,7 @@ def entries(scene) -> dict[str, Entry]:
             material, keys = node.material or node.model.name, node.parameters
         elif is_grey_diffuse(node):
             material, keys = node.id() or "diffuse", ["reflectance.value"]
-        elif isinstance(node, mi.BSDF) and is_plume(node):
+        elif is_plume(node) and node.transmits:
             material, keys = node.id() or "plume", ["transmittance"]
         else:
             continue

@@ -133,7 +133,7 @@ def test_point_light_shines_through(plate):
 @pytest.mark.parametrize("sampling", SAMPLING, ids=IDS)
 def test_sun_shines_through(plate, sampling):
     """A grey plate under a plume: the plume takes its share of the sunlight, also in the shadow."""
-    sun = {"type": "sun", "elevation_deg": 60.0, "band": "MWIR"}
+    sun = {"type": "sun", "azimuth_deg": 0.0, "elevation_deg": 60.0, "band": "MWIR"}
     reflected = {}
     for tau in (None, 0.6):
         shapes = {"floor": plate("floor", SQUARE, GREY, 10.0, band="MWIR")}

@@ -8,7 +8,9 @@ import pytest
 from mi_lcair.errors import InputError, mitsuba_error
 from mi_lcair.physics import reflection
 from mi_lcair.physics.bands import band
+from mi_lcair.physics.sun_position import SunPosition
 from mi_lcair.physics.sunlight import sunlight
+from mi_lcair.plugins import sun as sun_plugin
 from tests.plugins.small_scenes import GREY, SQUARE, camera, runs, scene
 
 E = sunlight().in_band_irradiance(band("MWIR"))
@@ -213,10 +215,48 @@ def test_bad_input(changes, message):
         raise mitsuba_error(caught.value)
 
 
-def test_one_sun_and_what_it_needs():
-    for lacking in ("elevation_deg", "band"):
-        with pytest.raises(RuntimeError, match=f"give its `{lacking}`"):
-            mi.load_dict({key: value for key, value in sun(40).items() if key != lacking})
+HERE = {"latitude_deg": 48.1, "longitude_deg": 11.6, "time": "2026-06-21T10:00:00Z"}
+
+
+@pytest.mark.parametrize(
+    "changes, message",
+    [
+        ({"band": None}, "give its `band`"),
+        ({"azimuth_deg": None}, "found elevation_deg"),
+        ({"latitude_deg": 48.0}, "found azimuth_deg, elevation_deg, latitude_deg"),
+        ({"azimuth_deg": None, "elevation_deg": None}, "found none"),
+        ({"elevation_deg": None, **HERE, "north_deg": 90.0}, "found azimuth_deg, latitude_deg"),
+    ],
+)
+def test_what_it_needs(changes, message):
+    given = {key: value for key, value in {**sun(40), **changes}.items() if value is not None}
+    with pytest.raises(RuntimeError, match=message):
+        mi.load_dict(given)
+
+
+def test_place_and_time(monkeypatch):
+    """North is at the azimuth 30, and the compass turns the other way."""
+    asked = []
+    height = {"2026-06-21T10:00:00Z": 60.0, "night": -7.0}
+    monkeypatch.setattr(
+        sun_plugin,
+        "sun_position",
+        lambda *place: asked.append(place) or SunPosition(200.0, height[place[2]], 1.01),
+    )
+    by_place = {"type": "sun", "band": "MWIR", "north_deg": 30.0, **HERE}
+    loaded = mi.load_dict(by_place)
+    assert asked == [tuple(HERE.values())]
+    assert (loaded.azimuth_deg, loaded.elevation_deg) == (-170.0, 60.0)
+    assert loaded.irradiance[0] == pytest.approx(E / 1.01**2, rel=1e-6)
+    given = mi.load_dict({**by_place, "distance_au": 2.0})
+    assert given.irradiance[0] == pytest.approx(E / 4, rel=1e-6)
+    with pytest.raises(RuntimeError, match="7.00 degrees below the horizon"):
+        mi.load_dict({**by_place, "time": "night"})
+    with pytest.raises(RuntimeError, match="latitude_deg = 91; it must lie in -90..90"):
+        mi.load_dict({**by_place, "latitude_deg": 91.0})
+
+
+def test_one_sun():
     two = scene(path(), camera(2), a=sun(40), b=sun(50))
     with pytest.raises(InputError, match="has 2 suns"), two.integrator().prepared(two):
         pass

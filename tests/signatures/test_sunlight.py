@@ -7,6 +7,8 @@ from mi_lcair import scenes
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.sunlight import sunlight
 from mi_lcair.rendering.scene import load
+from mi_lcair.sensitivity.parameters import parameters, set_values
+from mi_lcair.sensitivity.window import sensitivities
 from mi_lcair.signatures.signature import signature
 from mi_lcair.signatures.trend import trend
 from tests.plugins.paths.test_recording import check
@@ -17,17 +19,26 @@ SUN = """<emitter type="sun" id="sun">
     <string name="band" value="MWIR"/> <string name="air" value="{air}"/>
 </emitter>"""
 
+DOME = """<emitter type="sky_dome" id="dome">
+    <string name="band" value="MWIR"/> <float name="sun_azimuth_deg" value="30"/>
+</emitter>"""
+
 
 @pytest.fixture
 def sunlit(tmp_path):
-    """sunlit(name, elevation, azimuth, air, ...): a bundled scene with a sun."""
+    """sunlit(name, elevation, azimuth, air, more, ...): a bundled scene with a sun.
 
-    def make(name, elevation=60, azimuth=30, air="none", **parameters):
+    more: further elements of the scene.
+    """
+
+    def make(name, elevation=60, azimuth=30, air="none", more="", **parameters):
         text = scenes.path(name).read_text(encoding="utf-8")
         head, rest = text.split("\n", 1)
         sun = SUN.format(elevation=elevation, azimuth=azimuth, air=air)
         file = tmp_path / f"{name}.xml"
-        file.write_text(f'{head}\n<path value="{scenes.FOLDER}"/>\n{sun}\n{rest}', encoding="utf-8")
+        file.write_text(
+            f'{head}\n<path value="{scenes.FOLDER}"/>\n{sun}{more}\n{rest}', encoding="utf-8"
+        )
         return load(file, band="MWIR", **parameters)
 
     return make
@@ -50,10 +61,11 @@ def test_the_sun_is_told_apart(sunlit):
 
 
 @pytest.mark.parametrize(
-    "name, emitter_sampling", [("two_plates", "true"), ("a340_landing", "false")]
+    "name, emitter_sampling, more",
+    [("two_plates", "true", DOME), ("a340_landing", "false", "")],
 )
-def test_recorded_launches(sunlit, name, emitter_sampling):
-    scene = sunlit(name, air="us_standard", emitter_sampling=emitter_sampling)
+def test_recorded_launches(sunlit, name, emitter_sampling, more):
+    scene = sunlit(name, 45, air="us_standard", more=more, emitter_sampling=emitter_sampling)
     found = [check(scene, seed)[0] for seed in (1, 2)]
     check(scene, split="image", by_spectrum=True)
     assert not np.array_equal(*found)
@@ -65,3 +77,20 @@ def test_trend(sunlit):
     found = trend(scene, [90.0], [90.0, 30.0], resolution=32, spp=16)
     expected = 0.02 * E * np.sin(np.radians(60)) / np.pi * np.array([1, 0.5])
     np.testing.assert_allclose(found.parts("group")["sun"], expected, rtol=0.02)
+
+
+def test_derivatives(sunlit):
+    """The intensity is linear in each source and in the share that a plate reflects diffusely."""
+    scene = sunlit("two_plates", 45, more=DOME, emitter_sampling="false")
+    set_values(scene, {"diffuse.rho_d": 0.5})
+    values = parameters(scene)
+    assert (values["sun.irradiance"].unit, values["sky.scale"].value) == ("W m^-2", 1.0)
+    assert values["sun.irradiance"].value == pytest.approx(E)
+    names = ["sun.irradiance", "sky.scale", "diffuse.rho_d"]
+    found = sensitivities(scene, names, spp=2**4, seed=3)
+    here = signature(scene, spp=2**4, seed=3).target
+    set_values(scene, {"diffuse.rho_d": 0.7})
+    there = signature(scene, spp=2**4, seed=3).target
+    slope = (there.intensity - here.intensity) / 0.2
+    expected = [here.by_group["sun"] / E, here.by_group["sky"], slope]
+    np.testing.assert_allclose(found.derivative, expected, rtol=0.02)
