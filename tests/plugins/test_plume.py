@@ -188,6 +188,40 @@ def test_derivative_in_the_transmittance(plate, mode):
     assert found == pytest.approx(COLD - HOT, rel=1e-5)
 
 
+@pytest.mark.parametrize("sampling", SAMPLING, ids=IDS)
+def test_derivative_in_a_temperature_behind_plumes(plate, sampling):
+    """Of the hot plate, whose radiance reaches the floor through two sheets."""
+    made = lamp_behind_sheets(plate, path(sampling, 2))
+    params = mi.traverse(made)
+    key = next(
+        name
+        for name in params.keys()  # noqa: SIM118
+        if name.endswith("emitter.temperature") and params[name][0] == 900
+    )
+    drawn = lamp_behind_sheets(plate, path(True, 2))
+    with drawn.integrator().prepared(drawn) as tracer:
+        found = tracer.trace(drawn.sensors()[0], Launch(1, 1, 1, 16, 2**12)).channels
+    slope = np.log(blackbody(901.0) / blackbody(899.0)) / 2  # relative, of the lamp's radiance
+    dr.enable_grad(params[key])
+    params.update()
+    image = mi.render(made, params, spp=1, seed=1, seed_grad=2, spp_grad=2**16)
+    dr.forward(params[key])
+    expected = found["group.lamp"].mean() / 2**12 * slope
+    assert dr.grad(image).numpy().mean() == pytest.approx(expected, rel=0.1)
+
+
+@pytest.mark.parametrize("sampling", SAMPLING, ids=IDS)
+def test_closure_takes_a_plume_for_a_surface(plate, sampling):
+    """The ambient radiance beyond the last reflection comes from a plume as from a wall."""
+    made = scene(
+        path(sampling, 0, closure="ambient", ambient_temperature=300.0),
+        camera(1, 0.1, origin=(0, 0, 0.5)),
+        floor=plate("floor", SQUARE, GREY, 300.0),
+        sheet=plate("sheet", at_height(1.0, 500.0), plume(0.6), 600.0),
+    )
+    assert mean(made, 2**12)[0] == pytest.approx(COLD, rel=1e-3)
+
+
 @pytest.mark.parametrize(
     ("tau", "sampling", "message"), [(0.0, False, "must be positive"), (0.4, True, "are drawn")]
 )
