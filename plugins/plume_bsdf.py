@@ -31,6 +31,10 @@ class Plume(mi.BSDF):
     transmittance^(1 / cos), which makes the edges of the surface opaque. A plume is a volume, and
     rays near its edge have the shortest path in it. A ray crosses a closed cone twice: a cone whose
     emissivity is known from measurement as 1 - T needs `transmittance` = sqrt(T).
+
+    A path that passes more than 32 surfaces in a row is an invalid sample, which is counted and
+    reported. Mitsuba's integrator `path` counts a passage in `max_depth`, and gives 0 where a ray
+    passes plumes and then hits nothing.
     """
 
     material = "plume"  # name of the material in tables of facets
