@@ -11,8 +11,9 @@ from scipy.ndimage import maximum_filter
 from mi_lcair.errors import InputError
 from mi_lcair.inversion.facet_temperatures import facet_temperatures, with_facets
 from mi_lcair.inversion.images import check_radiance, measured_radiance, noise_of_netd, slope
+from mi_lcair.inversion.measurement import Candidate, Place
 from mi_lcair.inversion.prediction import Block, variance_of_mean
-from mi_lcair.inversion.problem import Candidate, Goal, Place, Sampling
+from mi_lcair.inversion.tables import Goal, Sampling
 from mi_lcair.inversion.unknowns import Unknown, Where
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.rendering.scene import Scene, load

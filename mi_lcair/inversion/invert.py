@@ -19,9 +19,10 @@ from mi_lcair.inversion.advice import (
 from mi_lcair.inversion.answers import Answer, answers, chi_square, directions
 from mi_lcair.inversion.data import Datum, Loader, check_units, goal_datum
 from mi_lcair.inversion.prediction import Block, cost_of
-from mi_lcair.inversion.problem import Problem, Sampling, parts
+from mi_lcair.inversion.problem import Problem, parts
 from mi_lcair.inversion.solution import Fitted, Solution
 from mi_lcair.inversion.solve import State, is_informed, solve
+from mi_lcair.inversion.tables import Sampling
 from mi_lcair.inversion.unknowns import FACETS, Unknown, instruments, unknowns
 
 NOISY = 0.75  # share of a variance from which the noise of the render is said to dominate
