@@ -14,7 +14,7 @@ import numpy as np
 
 import mi_lcair
 from docs.studies.page import write_page
-from mi_lcair.inversion.images import noise_of_netd
+from mi_lcair.inversion.data.images import noise_of_netd
 from mi_lcair.rendering.views import View, seen_from
 from mi_lcair.reports.inversion_picture import save_picture
 from mi_lcair.sensitivity.parameters import changed, parameters

@@ -20,6 +20,7 @@ from mi_lcair.toml_table import filled
 # Entries that hold the name of a file or a bundled name.
 FILES = (
     ("target", "scene"),
+    ("target", "solution"),
     ("atmosphere", "table"),
     ("background", "sky"),
     ("sensor", "response"),
@@ -48,10 +49,14 @@ class Model:
         Name of a bundled scene, or path of a Mitsuba XML file.
     parameters : dict
         The scene's $-parameters.
+    solution : str, optional
+        File of an inversion's solution, FILE.json or FILE.json:STATE, whose temperatures, materials
+        and radiances the scene gets.
     """
 
     scene: str
     parameters: dict = field(default_factory=dict)
+    solution: str | None = None
 
     def __post_init__(self):
         for name, table in {"band": "[sensor]", **dict.fromkeys(POSE, "[pose]")}.items():

@@ -8,8 +8,9 @@ from scipy import sparse
 
 from mi_lcair.errors import InputError
 from mi_lcair.inversion.answers import Answer
-from mi_lcair.inversion.data import Datum, Loader
-from mi_lcair.inversion.measurement import Candidate
+from mi_lcair.inversion.data.datum import Datum
+from mi_lcair.inversion.data.loader import Loader
+from mi_lcair.inversion.data.measurement import Candidate
 from mi_lcair.inversion.prediction import Block, equations
 from mi_lcair.inversion.solve import State
 from mi_lcair.inversion.tables import Sampling

@@ -12,7 +12,7 @@ from pathlib import Path
 from mi_lcair import scenes
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import read_text
-from mi_lcair.inversion.measurement import Candidate, Measurement
+from mi_lcair.inversion.data.measurement import Candidate, Measurement
 from mi_lcair.inversion.tables import Entry, Goal, Sampling
 from mi_lcair.toml_table import filled
 

@@ -9,13 +9,13 @@ import pytest
 
 import mi_lcair
 from mi_lcair.inversion.answers import chi_square
-from mi_lcair.inversion.data import Loader
-from mi_lcair.inversion.images import noise_of_netd
+from mi_lcair.inversion.data.images import noise_of_netd
+from mi_lcair.inversion.data.loader import Loader
 from mi_lcair.inversion.problem import Problem
-from mi_lcair.inversion.solution import apply_solution
 from mi_lcair.inversion.solve import solve
 from mi_lcair.inversion.unknowns import unknowns
 from mi_lcair.rendering.facet_table import FacetTable
+from mi_lcair.sensitivity.solution_file import apply_solution
 from tests.inversion.plate import UNKNOWNS, datum, write_scene
 from tests.sensitivity.waist import VIEWS, smooth_temperatures
 from tests.sensitivity.waist import write_scene as write_waist

@@ -29,7 +29,8 @@ class Place:
     netd_mK : float, optional
         Noise-equivalent temperature difference of a pixel, mK.
     sigma : float, optional
-        Standard deviation of the noise: W m^-2 sr^-1 for an image, W/sr for an intensity.
+        Standard deviation of the noise: W m^-2 sr^-1 for an image, W/sr for an intensity, W m^-2
+        for a contrast.
     """
 
     scene: str
@@ -94,6 +95,10 @@ class Measurement(Place):
         Mean and standard deviation that are known beforehand.
     intensity : float, optional
         Intensity of the target, W/sr, in place of an image.
+    contrast : float, optional
+        Contrast irradiance of the target at the sensor, W m^-2, in place of an image. `scene` is
+        then a scenario (`detection.scenario`), and `parameters` are changes of its entries, such as
+        {"observer.range_m" = 500}.
     trend : str, optional
         CSV with the columns azimuth_deg, elevation_deg, intensity_W_sr and, without `sigma`,
         standard_error_W_sr, in place of an image.
@@ -111,16 +116,23 @@ class Measurement(Place):
     gain_prior: tuple[float, ...] | None = None
     offset_prior: tuple[float, ...] | None = None
     intensity: float | None = None
+    contrast: float | None = None
     trend: str | None = None
 
     def __post_init__(self):
         super().__post_init__()
-        kinds = [key for key in ("image", "intensity", "trend") if getattr(self, key) is not None]
+        kinds = [
+            key
+            for key in ("image", "intensity", "contrast", "trend")
+            if getattr(self, key) is not None
+        ]
         if len(kinds) != 1:
             raise InputError(
                 f"has {' and '.join(kinds) or 'no measurement'}; give one of image, "
-                "intensity and trend"
+                "intensity, contrast and trend"
             )
+        if self.contrast is not None and self.sensor:
+            raise InputError(f"sensor = {self.sensor}: a scenario has its observer; leave it out")
         self._check_noise()
         if self.quantity is not None and self.quantity not in QUANTITIES:
             raise unknown("quantity", self.quantity, QUANTITIES)
