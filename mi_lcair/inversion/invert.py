@@ -11,6 +11,7 @@ from mi_lcair.inversion.advice import (
     MOST_UNKNOWNS,
     Advice,
     advice,
+    listed,
     measurements,
     other_bands,
     other_states,
@@ -172,6 +173,13 @@ def remarks(state: State, found: list[Answer], chi: dict) -> list[str]:
         lines.append(
             "the iteration has not converged; raise iterations of [render], or start closer"
         )
+    unseen = unseen_facets(state, found)
+    if unseen:
+        names = listed([str(facet) for facet in unseen])
+        lines.append(
+            f"{len(unseen)} facets reach no pixel ({names}): they keep their first guess; give "
+            "them a prior, or add views"
+        )
     noisy = [
         one.label for one, part in zip(found, state.render_share) if part > NOISY and one.is_sought
     ]
@@ -187,6 +195,14 @@ def remarks(state: State, found: list[Answer], chi: dict) -> list[str]:
             "or the noise is understated"
         )
     return lines
+
+
+def unseen_facets(state: State, found: list[Answer]) -> list[int]:
+    """Unknown facets on which no measured value depends."""
+    is_seen = np.zeros(len(found), dtype=bool)
+    for block in state.blocks:
+        is_seen[block.unknown] |= sum(abs(columns).sum(axis=0) for columns in block.columns) > 0
+    return [one.facet for one, seen in zip(found, is_seen) if one.kind == "facet" and not seen]
 
 
 def advice_for(
