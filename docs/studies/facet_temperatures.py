@@ -19,25 +19,36 @@ import mitsuba as mi
 import numpy as np
 
 import mi_lcair
-from mi_lcair.inversion.facet_estimate import estimate_facets, radiance_slope
-from mi_lcair.sensitivity.facets import facet_matrix
+from mi_lcair.inversion.data.images import slope
 from tests.sensitivity.waist import VIEWS, body, smooth_temperatures, write_scene
 
 RINGS = SEGMENTS = 20
 NETD = 0.05  # noise of the camera at 300 K [K]
 DRAWS = 10
-SPP = 128  # samples per pixel for the matrices
+SPP = 128  # samples per pixel of the inversion
 TRUE_SPP = 4096  # samples per pixel of the images to which noise is added
 STEPS, ADAM_SPP, START = 200, 16, 300.0  # start [K]
 RATES = (1.0, 0.3, 0.1)  # Adam's rates for each third of the steps [K]
 
 
-def matrices(scene, seed):
-    """Return the facet matrices of all views."""
-    return [
-        facet_matrix(scene, groups=["body"], sensor=view, spp=SPP, seed=len(VIEWS) * seed + view)
-        for view in range(len(VIEWS))
-    ]
+def estimated(scene, images, sigma, folder, seed):
+    """Return the facets' temperatures and standard errors from images of all views.
+
+    sigma: standard deviation of the camera's noise [W m^-2 sr^-1].
+    """
+    data = []
+    for view, image in enumerate(images):
+        file = folder / f"{view}.npy"
+        np.save(file, image)
+        entry = {"scene": str(scene), "sensor": view, "image": str(file), "sigma": sigma}
+        data.append(entry | {"quantity": "radiance"})
+    problem = {
+        "data": data,
+        "unknowns": {"body.facets": {"start": START}},
+        "render": {"spp": SPP, "seed": seed},
+    }
+    answers = mi_lcair.invert(problem, advise=False).answers
+    return np.array([(one.value, one.standard_error) for one in answers]).T
 
 
 def adam(scene, images, facet):
@@ -74,26 +85,28 @@ def main(draws=DRAWS):
     """Print the errors, the coverage and the seconds of both methods."""
     true = smooth_temperatures(RINGS, SEGMENTS)
     with tempfile.TemporaryDirectory() as folder:
-        scene = mi_lcair.load(write_scene(Path(folder), true, RINGS, SEGMENTS))
+        folder = Path(folder)
+        path = write_scene(folder, true, RINGS, SEGMENTS)
+        scene = mi_lcair.load(path)
         exact = [
             mi_lcair.render(scene, spp=TRUE_SPP, sensor=view, seed=10**6 + view, split=None)
             for view in range(len(VIEWS))
         ]
-        sigma = NETD * float(radiance_slope(scene.band, 300.0))
+        sigma = NETD * float(slope(scene.band, 300.0))
         random = np.random.default_rng(1)
         noisy = lambda: [
             image.channels["Y"] + sigma * random.normal(size=image.channels["Y"].shape)
             for image in exact
         ]
-        matrices(scene, draws)
+        estimated(path, noisy(), sigma, folder, draws)
         deviations, errors, seconds = [], [], []
         for seed in range(draws):
             data = noisy()
             start = time.process_time()
-            found = estimate_facets(matrices(scene, seed), data, sigma)
+            temperature, error = estimated(path, data, sigma, folder, seed)
             seconds.append(time.process_time() - start)
-            deviations.append(found.temperature - true)
-            errors.append(found.error)
+            deviations.append(temperature - true.ravel())
+            errors.append(error)
         deviations, errors = np.array(deviations), np.array(errors)
         inside = np.abs(deviations) < 1.96 * errors
         rms = lambda values: np.sqrt(np.mean(np.square(values)))
@@ -107,7 +120,7 @@ def main(draws=DRAWS):
         by_adam, adam_seconds = adam(scene, noisy(), body(RINGS, SEGMENTS)[2])
         print(
             f"Adam, {STEPS} steps of {ADAM_SPP} samples per pixel: rms error "
-            f"{rms(by_adam - true):.3f} K (start {rms(START - true):.2f} K); "
+            f"{rms(by_adam - true.ravel()):.3f} K (start {rms(START - true):.2f} K); "
             f"{adam_seconds:.1f} s of processor time, "
             f"{adam_seconds / np.median(seconds):.0f} times the estimate's"
         )

@@ -14,18 +14,23 @@ import numpy as np
 
 import mi_lcair
 from docs.studies.page import write_page
-from mi_lcair.inversion.images import noise_of_netd
+from mi_lcair.fitting import fit
+from mi_lcair.inversion.data.images import noise_of_netd
+from mi_lcair.physics.reflection import MODELS
 from mi_lcair.rendering.views import View, seen_from
 from mi_lcair.reports.inversion_picture import save_picture
 from mi_lcair.sensitivity.parameters import changed, parameters
+from tests.fitting.synthetic import THESIS_SETS, scan_of
 from tests.inversion.plate import XML
 
 FOLDER = Path(__file__).parents[1] / "inversion"
-STRIPES, PLATE, TWO_SKIES, PAINT = (
-    FOLDER / f"{name}.toml" for name in ("stripes", "plate", "two_skies", "paint")
+STRIPES, GLOSS_BLACK, PLATE, TWO_SKIES, PAINT = (
+    FOLDER / f"{name}.toml" for name in ("stripes", "gloss_black", "plate", "two_skies", "paint")
 )
 NETD_MK = 50
 DRAWS = 50
+PAINT_DRAWS = 8  # of the image from which all parameters of a paint are estimated
+BRDF_NOISE = 0.05  # relative noise of the scans of the BRDF
 TRUE = {"plate.temperature": 310.0, "paint.reflectance": 0.3}
 # Standard deviations of the budget: the lid's temperature, the surroundings, and the paint
 STATED = {
@@ -94,6 +99,42 @@ def stripes() -> dict:
     }
 
 
+def gloss_black() -> dict:
+    """Fields of the page about all parameters of the cylinder's paint, and a fit of its BRDF."""
+    values, errors = [], []
+    for draw in range(PAINT_DRAWS):
+        measure(GLOSS_BLACK, PAINT_DRAWS - 1 - draw)
+        tree = tomllib.loads(GLOSS_BLACK.read_text(encoding="utf-8"))
+        tree["data"][0]["image"] = str(FOLDER / tree["data"][0]["image"])
+        tree["render"] = {"seed": 1000 + draw}
+        found = mi_lcair.invert(tree, advise=False)
+        values.append([one.value for one in found.answers])
+        errors.append([one.standard_error for one in found.answers])
+    values, errors = np.array(values), np.array(errors)
+    true = THESIS_SETS["gloss black LWIR"]
+    scan = scan_of(MODELS["sandford_robertson"], true, step=0.5, noise=BRDF_NOISE)
+    fitted = fit(scan, model="sandford_robertson", form="thesis", starts=4)
+    inside = (np.abs(values - true) < 1.96 * errors).sum(axis=0)
+    rows = "\n".join(
+        f"| {name} | {truth:g} | {mean:.5g} | {error:.2g} | {scatter:.2g} | "
+        f"{count} of {len(values)} | {fitted.standard_error[name]:.2g} |"
+        for name, truth, mean, error, scatter, count in zip(
+            fitted.parameters,
+            true,
+            values.mean(axis=0),
+            errors.mean(axis=0),
+            values.std(axis=0, ddof=1),
+            inside,
+        )
+    )
+    return {
+        "gloss_black": rows,
+        "paint_draws": PAINT_DRAWS,
+        "brdf_noise": f"{100 * BRDF_NOISE:g} %",
+        "gloss_renders": found.renders,
+    }
+
+
 def plate() -> dict:
     """Fields of the page about a plate's temperature and reflectance."""
     (FOLDER / "plate.xml").write_text(XML + "\n", encoding="utf-8")
@@ -155,9 +196,10 @@ def table(solution) -> str:
 def main(page):
     problems = {
         f"{path.stem}_toml": path.read_text(encoding="utf-8").strip()
-        for path in (STRIPES, PLATE, TWO_SKIES, PAINT)
+        for path in (STRIPES, GLOSS_BLACK, PLATE, TWO_SKIES, PAINT)
     }
-    write_page(page, "inversion", netd=NETD_MK, **problems, **stripes(), **plate(), **paint())
+    fields = stripes() | gloss_black() | plate() | paint()
+    write_page(page, "inversion", netd=NETD_MK, **problems, **fields)
 
 
 if __name__ == "__main__":

@@ -99,12 +99,9 @@ class SceneOptions:
 
     def apply_solution(self, scene) -> None:
         """Set the scene's parameters to those of the solution's file, and print their names."""
-        from mi_lcair.inversion.solution import apply_solution
+        from mi_lcair.sensitivity.solution_file import apply_solution
 
-        file, _, state = self.solution.partition(".json:")
-        file = f"{file}.json" if state else self.solution
-        names = apply_solution(scene, file, state or None)
-        note(f"{file}: sets {', '.join(names)}")
+        note(f"{self.solution}: sets {', '.join(apply_solution(scene, self.solution))}")
 
 
 def prepare_renderer(variant: str | None, threads: int | None) -> None:
@@ -197,6 +194,15 @@ def sensor_option(command):
     )(command)
 
 
+def solution_option(command):
+    """Give a command the option --solution."""
+    return click.option(
+        "--solution",
+        help="Set temperatures, materials and radiances to those of a file that invert wrote, "
+        "FILE.json or FILE.json:STATE.",
+    )(command)
+
+
 def scene_options(spp: str, tolerance: str):
     """Decorator that gives a command the argument SCENE and the options of a render.
 
@@ -265,11 +271,7 @@ def loading_options(command):
         show_default=True,
         help="Seed of the random numbers.",
     )
-    @click.option(
-        "--solution",
-        help="Set temperatures, materials and radiances to those of a file that invert wrote, "
-        "FILE.json or FILE.json:STATE.",
-    )
+    @solution_option
     @renderer_options
     @json_option
     @wraps(command)

@@ -22,6 +22,7 @@ from mi_lcair.rendering.scene import Scene, find, load
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.rendering.views import Target, View, hidden_share, seen_from
+from mi_lcair.sensitivity.solution_file import apply_solution
 from mi_lcair.signatures.signature import Signature, signature
 
 SIGNIFICANT = 3  # standard errors by which a contrast must differ from zero
@@ -422,6 +423,8 @@ def target_scene(scenario: Scenario, detector: Detector) -> Scene:
     if "band" in survey(find(source), parameters):
         parameters["band"] = scenario.sensor.band
     scene = load(source, **parameters)
+    if scenario.target.solution is not None:
+        apply_solution(scene, scenario.target.solution)
     wanted, has = detector.band, scene.band
     if has.is_total or wanted.lower_um < has.lower_um or wanted.upper_um > has.upper_um:
         raise InputError(

@@ -5,36 +5,27 @@ A scenario is read from a TOML file and checked. Each table of the file is a dat
 
 import os
 import tomllib
-from dataclasses import MISSING, asdict, dataclass, field, fields, is_dataclass
+from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from pathlib import Path
-from types import UnionType
-from typing import get_args, get_origin
 
 import numpy as np
 
 from mi_lcair import scenes
-from mi_lcair.errors import InputError, shortened, unknown
+from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import read_text
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.detector import LOCK_ON, Detector
 from mi_lcair.physics.imager import Imager
+from mi_lcair.toml_table import filled, required
 
-EXPECTED = {
-    str: "a text",
-    float: "a finite number",
-    int: "a whole number",
-    bool: "true or false",
-    dict: "a table",
-}
 # Entries that hold the name of a file or a bundled name.
 FILES = (
     ("target", "scene"),
+    ("target", "solution"),
     ("atmosphere", "table"),
     ("background", "sky"),
     ("sensor", "response"),
 )
-SMALLEST, LARGEST = 1e-30, 1e12  # sizes of numbers whose squares and ratios stay finite
-SIZES = f"{SMALLEST:g}..{LARGEST:g}"
 POLAR = ("range_m", "azimuth_deg", "elevation_deg")
 HIGHEST_M = 100_000.0  # largest height of a sensor, above all air
 DEFAULT_SPP = 64  # samples per pixel without a tolerance
@@ -67,10 +58,14 @@ class Model:
         Name of a bundled scene, or path of a Mitsuba XML file.
     parameters : dict
         The scene's $-parameters.
+    solution : str, optional
+        File of an inversion's solution, FILE.json or FILE.json:STATE, whose temperatures, materials
+        and radiances the scene gets.
     """
 
     scene: str
     parameters: dict = field(default_factory=dict)
+    solution: str | None = None
 
     def __post_init__(self):
         for name, table in {"band": "[sensor]", **dict.fromkeys(POSE, "[pose]")}.items():
@@ -499,55 +494,3 @@ def parsed(text: str):
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         return text
-
-
-def filled(kind, values, where: str):
-    """The dataclass `kind` with the values of a table.
-
-    `where` names the table in messages. Raises InputError for unknown, missing or unusable values.
-    """
-    if not isinstance(values, dict):
-        raise InputError(f"{where} must be a table")
-    known = {entry.name: entry for entry in fields(kind)}
-    for key in values:
-        if key not in known:
-            raise unknown(f"key of {where}", key, known)
-    for key, entry in known.items():
-        if key not in values and entry.default is MISSING and entry.default_factory is MISSING:
-            needed = [
-                name
-                for name, entry in known.items()
-                if entry.default is MISSING and entry.default_factory is MISSING
-            ]
-            raise InputError(f"{where}: {key} is missing; give {', '.join(needed)}")
-    return kind(
-        **{
-            key: converted(value, known[key].type, f"{where}: {key}")
-            for key, value in values.items()
-        }
-    )
-
-
-def required(kind):
-    """The type X of a field of type X or X | None."""
-    return get_args(kind)[0] if isinstance(kind, UnionType) else kind
-
-
-def converted(value, kind, where: str):
-    """A TOML value as a field of type `kind` holds it.
-
-    A single number may stand for a list of one. Raises InputError if the type or the size is wrong.
-    """
-    kind = required(kind)
-    if get_origin(kind) is tuple:
-        return tuple(
-            converted(item, get_args(kind)[0], where)
-            for item in (value if isinstance(value, list) else [value])
-        )
-    if kind is float and type(value) is int and abs(value) <= LARGEST:
-        value = float(value)
-    if type(value) is not kind or kind is float and not np.isfinite(value):
-        raise InputError(f"{where} = {shortened(repr(value), 100)}; must be {EXPECTED[kind]}")
-    if kind is float and value and not SMALLEST <= abs(value) <= LARGEST:
-        raise InputError(f"{where} = {value:g}; must be 0, or of a size within {SIZES}")
-    return value

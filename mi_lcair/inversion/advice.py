@@ -8,10 +8,12 @@ from scipy import sparse
 
 from mi_lcair.errors import InputError
 from mi_lcair.inversion.answers import Answer
-from mi_lcair.inversion.data import Datum, Loader
+from mi_lcair.inversion.data.datum import Datum
+from mi_lcair.inversion.data.loader import Loader
+from mi_lcair.inversion.data.measurement import Candidate
 from mi_lcair.inversion.prediction import Block, equations
-from mi_lcair.inversion.problem import Candidate, Sampling
 from mi_lcair.inversion.solve import State
+from mi_lcair.inversion.tables import Sampling
 from mi_lcair.inversion.unknowns import Unknown
 from mi_lcair.rendering.loading.files import survey
 from mi_lcair.sensitivity.parameters import changed

@@ -11,21 +11,24 @@ from mi_lcair.inversion.advice import (
     MOST_UNKNOWNS,
     Advice,
     advice,
+    listed,
     measurements,
     other_bands,
     other_states,
     priors,
 )
 from mi_lcair.inversion.answers import Answer, answers, chi_square, directions
-from mi_lcair.inversion.data import Datum, Loader, check_units, goal_datum
-from mi_lcair.inversion.prediction import Block, cost_of
-from mi_lcair.inversion.problem import Problem, Sampling, parts
-from mi_lcair.inversion.solution import Fitted, Solution
-from mi_lcair.inversion.solve import State, is_informed, solve
+from mi_lcair.inversion.data.datum import Datum
+from mi_lcair.inversion.data.loader import Loader, goal_datum
+from mi_lcair.inversion.estimate import estimate
+from mi_lcair.inversion.fitted import fitted, materials
+from mi_lcair.inversion.goal import achieved, best_of_starts, chosen
+from mi_lcair.inversion.problem import Problem, parts
+from mi_lcair.inversion.solution import Solution
+from mi_lcair.inversion.solve import State, is_informed
 from mi_lcair.inversion.unknowns import FACETS, Unknown, instruments, unknowns
 
 NOISY = 0.75  # share of a variance from which the noise of the render is said to dominate
-DRAWS = 100  # random values drawn for one first guess that a surface can have
 UNTESTED = {"chi_square": 0.0, "degrees_of_freedom": 0.0, "p_value": None}
 IMPROBABLE = 1e-3  # p-value below which the model is said to miss something
 
@@ -112,91 +115,11 @@ def _inverted(problem: Problem, advise: bool, progress, start: float) -> Solutio
         data=[
             fitted(datum, block, everything, state.x) for datum, block in zip(data, state.blocks)
         ],
-        materials=materials(data, everything, state.x),
+        materials=materials(data, everything, state.x, state.covariance),
         remarks=notes,
         renders=state.renders,
         converged=state.converged,
         seconds=time.perf_counter() - start,
-    )
-
-
-def estimate(everything: list[Unknown], data: list[Datum], sampling: Sampling, progress) -> State:
-    """The estimate of the unknowns from the data."""
-    is_checked = False
-
-    def render(x) -> list[Block]:
-        nonlocal is_checked
-        blocks = [datum.block(everything, x, sampling) for datum in data]
-        if not is_checked:
-            check_units(data, blocks)
-            check_seen(everything, blocks)
-            is_checked = True
-        return blocks
-
-    weigh = lambda x: [datum.weight(everything, x, sampling) for datum in data]
-    is_exact = all(datum.follows(everything[k]) for datum in data for k in datum.own(everything))
-    return solve(everything, render, weigh, is_exact, sampling.iterations, progress)
-
-
-def best_of_starts(everything, data, problem: Problem, progress) -> State:
-    """The best estimate for a goal from several first guesses.
-
-    The first guess is that of the unknowns, the others are random within the bounds. Guesses that
-    no surface can have are drawn again.
-    """
-    best = None
-    for start in first_guesses(everything, data[0], problem):
-        tried = [replace(one, start=float(value)) for one, value in zip(everything, start)]
-        found = estimate(tried, data, problem.render, progress)
-        if best is None or cost_of(found.blocks, found.x) < cost_of(best.blocks, best.x):
-            best = found
-    return best
-
-
-def first_guesses(everything: list[Unknown], datum: Datum, problem: Problem):
-    """Yield the first guesses (N,) for a goal."""
-    random, first = np.random.default_rng(problem.render.seed), [one.start for one in everything]
-    yield np.array(first)
-    middle = [
-        (one.lower + one.upper) / 2 if np.isfinite(one.upper - one.lower) else one.start
-        for one in everything
-    ]
-    spans = [one.span for one in everything]
-    guesses = 1
-    for _ in range(DRAWS * problem.goal.starts):
-        if guesses == problem.goal.starts:
-            return
-        guess = middle + (random.random(len(first)) - 0.5) * spans
-        try:
-            with datum.at(everything, guess):
-                pass
-        except InputError:
-            continue
-        guesses += 1
-        yield guess
-
-
-def chosen(verdict: str) -> str:
-    """The verdict on an unknown of a goal."""
-    what, _, span = verdict.partition(":")
-    if what.startswith("not determined by"):
-        return f"free: {span.strip().removesuffix(' fits')} does as well"
-    if what == "weakly determined":
-        return f"chosen, but {span.strip().removeprefix('interval ')} does nearly as well"
-    return "chosen" if verdict == "determined" else verdict
-
-
-def achieved(datum: Datum, state: State, everything, sampling: Sampling) -> str:
-    """How near the goal is, before and after."""
-    first = np.array([one.start for one in everything])
-    before = datum.block(everything, first, sampling).radiance.mean(axis=0)
-    after = state.blocks[0].at(state.x).mean
-    rms = [np.sqrt(np.mean((values - datum.background) ** 2)) for values in (before, after)]
-    goal = datum.goal
-    wanted = f"{'at most ' if goal.at_most else ''}{goal.value:g} W/sr"
-    return (
-        f"rms {goal.quantity} over {len(datum.views)} aspects: {rms[0]:.4g} W/sr before, "
-        f"{rms[1]:.4g} W/sr after; wanted {wanted}"
     )
 
 
@@ -215,20 +138,6 @@ def check_counts(everything: list[Unknown], data: list[Datum]) -> None:
             f"{free} unknowns without a prior, but only {points} measured "
             f"{'values' if points != 1 else 'value'}; measure more, or give priors"
         )
-
-
-def check_seen(everything: list[Unknown], blocks: list[Block]) -> None:
-    """Raise InputError for an unknown, not a facet's, on which no measured value depends."""
-    depends = np.zeros(len(everything), dtype=bool)
-    for block in blocks:
-        of = [abs(columns).sum(axis=0) > 0 for columns in block.columns]
-        depends[block.unknown] |= np.any(of, axis=0)
-        depends[[k for k in (block.gain, block.offset) if k is not None]] = True
-    for one, is_seen in zip(everything, depends):
-        if not is_seen and one.kind != "facet" and one.prior is None:
-            raise InputError(
-                f"'{one.label}' is an unknown without any data: no measured value depends on it"
-            )
 
 
 def determined(state: State) -> float:
@@ -264,6 +173,13 @@ def remarks(state: State, found: list[Answer], chi: dict) -> list[str]:
         lines.append(
             "the iteration has not converged; raise iterations of [render], or start closer"
         )
+    unseen = unseen_facets(state, found)
+    if unseen:
+        names = listed([str(facet) for facet in unseen])
+        lines.append(
+            f"{len(unseen)} facets reach no pixel ({names}): they keep their first guess; give "
+            "them a prior, or add views"
+        )
     noisy = [
         one.label for one, part in zip(found, state.render_share) if part > NOISY and one.is_sought
     ]
@@ -279,6 +195,14 @@ def remarks(state: State, found: list[Answer], chi: dict) -> list[str]:
             "or the noise is understated"
         )
     return lines
+
+
+def unseen_facets(state: State, found: list[Answer]) -> list[int]:
+    """Unknown facets on which no measured value depends."""
+    is_seen = np.zeros(len(found), dtype=bool)
+    for block in state.blocks:
+        is_seen[block.unknown] |= sum(abs(columns).sum(axis=0) for columns in block.columns) > 0
+    return [one.facet for one, seen in zip(found, is_seen) if one.kind == "facet" and not seen]
 
 
 def advice_for(
@@ -297,62 +221,3 @@ def advice_for(
         *other_states(everything, state.x, data, sampling),
     ]
     return advice(everything, state, found, proposals)
-
-
-def fitted(datum: Datum, block: Block, everything: list[Unknown], x: np.ndarray) -> Fitted:
-    """A datum after the solution."""
-    found = block.at(x)
-    predicted = found.mean
-    residual = found.residuals.mean(axis=0) * np.sqrt(block.weight)
-    image = datum.image if datum.is_image else lambda values: values
-    own = [everything[k] for k in datum.own(everything)]
-    facets = {}
-    for k in datum.own(everything):
-        if (one := everything[k]).kind == "facet":
-            facets.setdefault(one.name, {})[one.facet] = float(x[k])
-    return Fitted(
-        name=datum.label,
-        scene=datum.scene.name,
-        band=datum.scene.band.name,
-        state=datum.place.state,
-        parameters=dict(datum.scene.parameters),
-        values=datum.settings(everything, x),
-        kinds={one.name: one.kind for one in own if one.name in datum.where.parameters},
-        facets=facets,
-        measured=image(datum.measured - datum.background),
-        predicted=image(predicted - datum.background),
-        residual=image(residual),
-        aspects=list(datum.aspects),
-        quantity=datum.quantity,
-    )
-
-
-def materials(data: list[Datum], everything: list[Unknown], x: np.ndarray) -> dict:
-    """Estimated materials by name and band, in the form of a fit's report.
-
-    A material that is not the same in all data of a band is left out.
-    """
-    result, ambiguous = {}, set()
-    for datum in data:
-        names = {
-            everything[k].name.rpartition(".")[0]
-            for k in datum.own(everything)
-            if everything[k].kind == "material"
-        }
-        with datum.at(everything, x):
-            for surface in datum.scene.surfaces():
-                if (surface.material or surface.model.name) not in names:
-                    continue
-                entry = {
-                    "model": surface.model.name,
-                    "form": surface.form,
-                    "band": datum.scene.band.name,
-                    "parameters": dict(zip(surface.model.names, surface.values)),
-                }
-                key = surface.material or surface.model.name, datum.scene.band.name
-                of_material = result.setdefault(key[0], {})
-                if of_material.setdefault(key[1], entry) != entry:
-                    ambiguous.add(key)
-    for name, band in ambiguous:
-        del result[name][band]
-    return {name: bands for name, bands in result.items() if bands}

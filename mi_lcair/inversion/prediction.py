@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from scipy import sparse
 
-from mi_lcair.inversion.images import slope
+from mi_lcair.inversion.data.images import slope
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import in_band_radiance
 

@@ -1,4 +1,4 @@
-"""The solution of an inverse problem: what it holds, its file, and its use in other scenes."""
+"""The solution of an inverse problem: what it holds, and what its file says."""
 
 import json
 from dataclasses import dataclass
@@ -6,17 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.errors import InputError, unknown
-from mi_lcair.files import read_text, replacing
+from mi_lcair.errors import unknown
+from mi_lcair.files import replacing
 from mi_lcair.inversion.advice import Advice
 from mi_lcair.inversion.answers import Answer, Direction
-from mi_lcair.inversion.facet_temperatures import set_facets
-from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.scene import Scene
-from mi_lcair.sensitivity.parameters import parameters, set_values
-
-KIND = "mi_lcair solution"  # first entry of the file
-OF_ANY_BAND = ("temperature",)  # kinds of parameters that hold in every band
+from mi_lcair.sensitivity.solution_file import KIND, applied
 
 
 @dataclass(frozen=True)
@@ -179,99 +174,3 @@ class Solution:
     def apply(self, scene: Scene, state: str | None = None) -> None:
         """Set the parameters of a loaded scene to the solution, see `apply_solution`."""
         applied(self.problem, json.loads(json.dumps(self.as_dict())), scene, state)
-
-
-def apply_solution(scene: Scene, file: str | Path, state: str | None = None) -> list[str]:
-    """Set the parameters of a loaded scene to those of a solution's file.
-
-    Temperatures hold in every band. Materials, emissivities and radiances are taken from data of
-    the scene's band.
-
-    Parameters
-    ----------
-    scene : Scene
-    file : path-like
-        File that `mi-lcair invert -o` wrote.
-    state : str or None
-        Heating state; needed if the values of several states differ.
-
-    Returns
-    -------
-    list of str
-        Names of the parameters that were set.
-
-    Raises
-    ------
-    InputError
-        If the file is no solution, or has nothing, or several values, for the scene.
-    """
-    return applied(str(file), read_solution(file), scene, state)
-
-
-def read_solution(file: str | Path) -> dict:
-    """The content of a solution's file; raises InputError for any other file."""
-    try:
-        content = json.loads(read_text(file, f"solution {file}"))
-    except (ValueError, RecursionError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"solution {file}: {error}") from None
-    if not isinstance(content, dict) or content.get("kind") != KIND:
-        raise InputError(f"solution {file}: is no file that mi-lcair invert wrote")
-    return content
-
-
-def applied(file: str, content: dict, scene: Scene, state: str | None) -> list[str]:
-    """Set the parameters of a scene to the content of a solution; returns their names."""
-    data = content["data"]
-    states = {entry["state"] for entry in data}
-    if state is not None and state not in states:
-        raise unknown(f"state of {file}", state, states)
-    known = parameters(scene)
-    values, facets, owner = {}, {}, {}
-    for entry in data:
-        if state is not None and entry["state"] != state:
-            continue
-        found = {
-            name: value
-            for name, value in entry["values"].items()
-            if name in known
-            and (entry["kinds"][name] in OF_ANY_BAND or entry["band"] == scene.band.name)
-        }
-        found |= {
-            (group, int(facet)): kelvin
-            for group, own in entry["facets"].items()
-            for facet, kelvin in own.items()
-        }
-        for name, value in found.items():
-            if owner.setdefault(name, (value, entry))[0] != value:
-                other = owner[name][1]
-                raise InputError(
-                    f"{file}: '{name}' differs between '{other['name']}' and '{entry['name']}'; "
-                    f"name a state, {' or '.join(sorted(states))}, as in {file}:STATE"
-                )
-            if isinstance(name, tuple):
-                facets[name] = value
-            else:
-                values[name] = value
-    if not values and not facets:
-        raise InputError(
-            f"{file}: has no parameter of {scene.name} in band {scene.band.name}; its data are "
-            f"{', '.join(sorted({entry['scene'] + ' ' + entry['band'] for entry in data}))}"
-        )
-    if facets:
-        check_facets(file, scene, facets)
-        set_facets(scene, {facet: kelvin for (_, facet), kelvin in facets.items()})
-    set_values(scene, values)
-    return [*values, *sorted({f"{group}.facets" for group, _ in facets})]
-
-
-def check_facets(file: str, scene: Scene, facets: dict) -> None:
-    """Raise InputError unless all facets belong to their groups in the scene."""
-    table = FacetTable(scene)
-    for group, facet in facets:
-        if facet >= table.count or table.group[facet] != group:
-            raise InputError(
-                f"{file}: facet {facet} of group {group} is not one of {scene.name}; the solution "
-                "belongs to another model"
-            )

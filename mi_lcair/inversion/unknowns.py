@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mi_lcair.errors import InputError, unknown
-from mi_lcair.inversion.problem import Entry, parts
+from mi_lcair.inversion.problem import parts
+from mi_lcair.inversion.tables import Entry
 from mi_lcair.sensitivity.parameters import Parameter
 
 # What has a value of its own by default: a surface's temperature is that of its state in every

@@ -129,7 +129,7 @@ def parsed(tree: Mapping, name: str, folder: Path) -> Uncertainties:
     if not isinstance(groups, list) or not all(isinstance(group, Mapping) for group in groups):
         raise InputError("correlated must be tables, [[correlated]]")
     correlated = [read_correlated(group, sigma) for group in groups]
-    fits = {key: read_fit(folder, value) for key, value in tables["fits"].items()}
+    fits = {key: read_fit(folder, value, key) for key, value in tables["fits"].items()}
     facets = {}
     for group, value in tables["facets"].items():
         if isinstance(value, str):
@@ -215,13 +215,21 @@ def read_correlated(group: Mapping, sigma: Mapping) -> Correlated:
     return Correlated(tuple(names), **{kinds[0]: matrix})
 
 
-def read_fit(folder: Path, file) -> list[Fit]:
-    """The fits in the JSON report of `mi-lcair fit`, one for each band."""
+def read_fit(folder: Path, file, material: str) -> list[Fit]:
+    """The fits in the JSON report of `mi-lcair fit`, one for each band.
+
+    The solution of an inversion has such reports for each of its materials.
+    """
     if not isinstance(file, str):
         raise InputError(f"[fits]: {file} must be the name of a fit's JSON file")
     try:
         report = json.loads(read_text(folder / file, f"fit '{file}'"))
-        reports = list(report["materials"].values()) if "materials" in report else [report]
+        found = report.get("materials", {"": report})
+        if "kind" in report and "unknowns" in report:
+            if material not in found:
+                raise unknown(f"material of '{file}'", material, found)
+            found = found[material]
+        reports = list(found.values())
         return [one_fit(file, part) for part in reports]
     except InputError:
         raise

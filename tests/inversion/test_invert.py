@@ -6,16 +6,20 @@ from dataclasses import replace
 import mitsuba as mi
 import numpy as np
 import pytest
+from scipy.sparse import csr_array
 
 import mi_lcair
 from mi_lcair.inversion.answers import chi_square
-from mi_lcair.inversion.data import Loader
-from mi_lcair.inversion.images import noise_of_netd
+from mi_lcair.inversion.data.images import noise_of_netd, slope
+from mi_lcair.inversion.data.loader import Loader
+from mi_lcair.inversion.prediction import Block
 from mi_lcair.inversion.problem import Problem
-from mi_lcair.inversion.solution import apply_solution
 from mi_lcair.inversion.solve import solve
-from mi_lcair.inversion.unknowns import unknowns
+from mi_lcair.inversion.unknowns import Unknown, unknowns
+from mi_lcair.physics.bands import band
+from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
 from mi_lcair.rendering.facet_table import FacetTable
+from mi_lcair.sensitivity.solution_file import apply_solution
 from tests.inversion.plate import UNKNOWNS, datum, write_scene
 from tests.sensitivity.waist import VIEWS, smooth_temperatures
 from tests.sensitivity.waist import write_scene as write_waist
@@ -212,3 +216,61 @@ def test_facet_temperatures(tmp_path):
     facets = [answer.facet for answer in found.answers]
     np.testing.assert_allclose(FacetTable(other).temperature[facets], value, rtol=1e-6)
     assert json.loads((tmp_path / "solution.json").read_text())["kind"] == "mi_lcair solution"
+
+
+def test_facets_that_no_pixel_sees(tmp_path):
+    """From above only: facets of the lower half keep their first guess, and a remark says so."""
+    truth = smooth_temperatures(6, 6)
+    path = write_waist(tmp_path, truth, 6, 6, size=16)
+    scene = mi_lcair.load(path)
+    image = mi_lcair.render(scene, spp=512, sensor=4, seed=3, split=None).channels["Y"]
+    np.save(tmp_path / "top.npy", image)
+    entry = {
+        "scene": str(path),
+        "sensor": 4,
+        "image": str(tmp_path / "top.npy"),
+        "quantity": "radiance",
+        "netd_mK": 50,
+    }
+    unknown = {"body.facets": {"start": 300.0}}
+    found = mi_lcair.invert({"data": [entry], "unknowns": unknown, "render": {"spp": 64}})
+    unseen = [answer for answer in found.answers if answer.standard_error > 90]
+    assert 0 < len(unseen) < truth.size
+    assert all(answer.value == 300 and not answer.is_determined for answer in unseen)
+    (remark,) = (line for line in found.remarks if "reach no pixel" in line)
+    assert remark.startswith(f"{len(unseen)} facets reach no pixel ({unseen[0].facet}, ")
+    assert sum(answer.is_determined for answer in found.answers) > truth.size / 3
+
+
+def test_noise_of_the_matrix_causes_no_bias():
+    """Ordinary least squares with a matrix of noisy entries gives too small a contrast.
+
+    The entries are 0..1, with a noise of 0.2 in each of eight matrices. The variance of their mean,
+    0.005, is 6 % of the variance of an entry, and the contrast is about 6 % too small.
+    """
+    random, pixels, LWIR = np.random.default_rng(2), 192 * 192, band("LWIR")
+    truth, start = np.linspace(200, 400, 5), np.full(5, 300.0)
+    exact = random.random((pixels, 5))
+    noisy = exact + 0.2 * random.normal(size=(8, pixels, 5))
+    measured = exact @ in_band_radiance(LWIR, truth) + 0.01 * random.normal(size=pixels)
+    block = Block(
+        measured=measured,
+        noise=lambda predicted: np.full(pixels, 0.01),
+        radiance=np.array([one @ in_band_radiance(LWIR, start) for one in noisy]),
+        columns=[csr_array(one * slope(LWIR, start)) for one in noisy],
+        unknown=np.arange(5),
+        reference=start,
+        band=LWIR,
+        is_temperature=np.ones(5, dtype=bool),
+        weight=np.ones(pixels),
+    )
+    facets = [
+        Unknown(f"f[{k}]", "f", "facet", "K", 300.0, 0.0, np.inf, None, (0,), facet=k)
+        for k in range(5)
+    ]
+    found = solve(facets, lambda x: [block], lambda x: [np.ones(pixels)], True, 1)
+    error = np.sqrt(np.diag(found.covariance))
+    assert (np.abs(found.x - truth) < 3 * error).all() and (error < 2).all()
+    ordinary = np.linalg.lstsq(noisy.mean(axis=0), measured, rcond=None)[0]
+    deviation = brightness_temperature(LWIR, ordinary) - truth
+    assert deviation[0] > 0 and deviation[-1] < -5 * error[-1]

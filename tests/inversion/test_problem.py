@@ -5,7 +5,7 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
-from mi_lcair.inversion.images import read_values
+from mi_lcair.inversion.data.images import read_values
 from mi_lcair.inversion.problem import Problem
 from mi_lcair.physics.bands import band
 from tests.inversion.plate import UNKNOWNS, datum, write_scene

@@ -10,10 +10,10 @@ from click.testing import CliRunner
 import mi_lcair
 from mi_lcair.cli import main
 from mi_lcair.errors import InputError
-from mi_lcair.inversion.solution import apply_solution
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.materials import material
 from mi_lcair.sensitivity.parameters import parameters
+from mi_lcair.sensitivity.solution_file import apply_solution
 from tests.inversion.plate import datum, write_scene
 
 mi.set_variant("llvm_ad_mono")
@@ -105,6 +105,28 @@ def test_material_of_a_solution(tmp_path):
     ):
         assert entry.parameters["epsilon"] == pytest.approx(answer.value, rel=1e-6)
         assert entry.parameters["b"] == pytest.approx(0.16)
+    # Its covariance serves a budget, here of the intensity with the estimated epsilon alone
+    entry = found.materials["gloss_black"]["LWIR"]
+    assert entry["standard_error"] == {
+        "epsilon": answer.standard_error,
+        "rho_d": 0.0,
+        "b": 0.0,
+        "e": 0.0,
+    }
+    assert entry["correlation"] == np.eye(4).tolist()
+    apply_solution(scene, tmp_path / "s.json")
+    (tmp_path / "u.toml").write_text('[fits]\ngloss_black = "s.json"\n')
+    of_fit = mi_lcair.budget(scene, tmp_path / "u.toml", spp=16)
+    sigma = {"gloss_black.epsilon": answer.standard_error}
+    stated = mi_lcair.budget(scene, {"sigma": sigma}, spp=16)
+    assert of_fit.sigma_of_quantities == pytest.approx(stated.sigma_of_quantities, rel=1e-6)
+    with pytest.raises(InputError, match="unknown material of .* 'gloss_blak'; known: gloss_black"):
+        mi_lcair.budget(scene, {"fits": {"gloss_blak": str(tmp_path / "s.json")}})
+    command = ["budget", "cylinder_ir_range", "--solution", tmp_path / "s.json", "--spp", "16"]
+    command += [part for key, value in CYLINDER.items() for part in ("-D", f"{key}={value}")]
+    result = run(*command, "-u", tmp_path / "u.toml", "--json")
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)["value"] == pytest.approx(of_fit.value, rel=1e-6)
     with pytest.raises(InputError, match="not measured for band MWIR"):
         material(str(tmp_path / "s.json"), band("MWIR"))
 

@@ -14,6 +14,7 @@ from mi_lcair.cli.options import (
     progress_bar,
     renderer_options,
     sensor_option,
+    solution_option,
 )
 from mi_lcair.cli.output import (
     check_outputs,
@@ -74,11 +75,23 @@ from mi_lcair.errors import InputError
     show_default=True,
     help="Seed of the random numbers.",
 )
+@solution_option
 @sensor_option
 @renderer_options
 @json_option
 def command(
-    what, uncertainties, changes, plot, image, draws, spp, tolerance, seed, sensor, **common
+    what,
+    uncertainties,
+    changes,
+    plot,
+    image,
+    draws,
+    spp,
+    tolerance,
+    seed,
+    sensor,
+    solution,
+    **common,
 ):
     """Uncertainty budget of WHAT.
 
@@ -98,7 +111,9 @@ def command(
     stated = Uncertainties.read(uncertainties)
     sampling = {"spp": spp, "tolerance": tolerance}
     sampling = {name: value for name, value in sampling.items() if value is not None}
-    subject, arguments = _subject(what, dict(changes), sampling, seed, sensor, image, common)
+    subject, arguments = _subject(
+        what, dict(changes), sampling, seed, sensor, image, solution, common
+    )
     with progress_bar("draws") as progress:
         result = mi_lcair.budget(subject, stated, draws=draws, progress=progress, **arguments)
     for remark in result.remarks:
@@ -116,7 +131,7 @@ def command(
     print_written(plot, image)
 
 
-def _subject(what, changes, sampling, seed, sensor, image, common):
+def _subject(what, changes, sampling, seed, sensor, image, solution, common):
     """The scene or scenario, and the keyword arguments of `mi_lcair.budget` for it."""
     from mi_lcair.uncertainty.budget import is_scenario
 
@@ -129,11 +144,16 @@ def _subject(what, changes, sampling, seed, sensor, image, common):
             raise InputError("--sensor is one of a scene; a scenario has its observer")
         own = {f"render.{name}": value for name, value in sampling.items()}
         own |= {"render.seed": seed} if seed else {}
+        own |= {"target.solution": solution} if solution else {}
         scenario = Scenario.read(what, **changes | own)
         prepare_renderer(common["variant"], common["threads"])
         return scenario, {}
     prepare_renderer(common["variant"], common["threads"])
     scene = mi_lcair.load(what, **changes)
+    if solution:
+        from mi_lcair.sensitivity.solution_file import apply_solution
+
+        note(f"{solution}: sets {', '.join(apply_solution(scene, solution))}")
     for remark in scene.remarks:
         note(remark)
     return scene, {**sampling, "seed": seed, "sensor": sensor}

@@ -13,6 +13,7 @@ from mi_lcair.cli.options import (
     prepare_renderer,
     progress_bar,
     renderer_options,
+    solution_option,
 )
 from mi_lcair.cli.output import (
     check_outputs,
@@ -61,9 +62,10 @@ from mi_lcair.errors import InputError
     "tolerance (default: 64). The paths begin anywhere in a window around the target.",
 )
 @click.option("--max-spp", type=POSITIVE, help="Largest --spp for the tolerances (default: 65536).")
+@solution_option
 @renderer_options
 @json_option
-def command(scenario, changes, ranges, plot, variant, threads, json, **sampling):
+def command(scenario, changes, ranges, plot, solution, variant, threads, json, **sampling):
     """Measure a target against its background.
 
     SCENARIO is a TOML file or the name of a bundled scenario. It states the target, the observer,
@@ -81,6 +83,8 @@ def command(scenario, changes, ranges, plot, variant, threads, json, **sampling)
             "go with it"
         )
     own = {f"render.{name}": value for name, value in given.items()}
+    if solution:
+        own["target.solution"] = solution
     parsed = Scenario.read(scenario, **dict(changes) | own)
     if ranges and parsed.sensor.nei is None:
         raise InputError(

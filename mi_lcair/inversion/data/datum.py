@@ -1,41 +1,31 @@
-"""The data of a problem: measured images, numbers and trends, each with its scene."""
+"""A measurement with its scene: what the scene predicts for it, and the derivatives."""
 
 from collections.abc import Callable
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
 from scipy.ndimage import maximum_filter
 
-from mi_lcair.errors import InputError
-from mi_lcair.inversion.facet_temperatures import facet_temperatures, with_facets
-from mi_lcair.inversion.images import check_radiance, measured_radiance, noise_of_netd, slope
+from mi_lcair.inversion.data.contrast import Sight, of_randomisations
+from mi_lcair.inversion.data.images import slope
+from mi_lcair.inversion.data.measurement import Place
 from mi_lcair.inversion.prediction import Block, variance_of_mean
-from mi_lcair.inversion.problem import Candidate, Goal, Place, Sampling
+from mi_lcair.inversion.tables import Goal, Sampling
 from mi_lcair.inversion.unknowns import Unknown, Where
-from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.rendering.scene import Scene, load
-from mi_lcair.rendering.views import View, seen_from
+from mi_lcair.rendering.scene import Scene
 from mi_lcair.sensitivity.differences import randomised_images
+from mi_lcair.sensitivity.facet_temperatures import with_facets
 from mi_lcair.sensitivity.facets import facet_matrix
 from mi_lcair.sensitivity.images import derivative_images
-from mi_lcair.sensitivity.parameters import changed, parameters
+from mi_lcair.sensitivity.parameters import changed
 from mi_lcair.sensitivity.window import sensitivities
-from mi_lcair.signatures.signature import signature
-from mi_lcair.table import read_table
 
 SEEDS = 104_729  # distance between the seeds of two renders, whose noise must be independent
-DETAIL = 1e-3  # deviation from a goal that counts as one standard deviation, relative
-# Pixels along each side of an aspect's view, which `spp` counts by, and its default
-RESOLUTION, SPP_OF_VIEWS = 64, 16
+SPP_OF_VIEWS = 16  # default of `spp` for the aspects of a trend
 MAIN, PILOT = 0, 1  # kinds of renders, with seeds of their own
 NEIGHBOURS = 5  # side of the square of pixels of which the largest variance of the render counts
-ASPECT, INTENSITY, ERROR = (
-    ("azimuth_deg", "elevation_deg"),
-    "intensity_W_sr",
-    "standard_error_W_sr",
-)
 
 
 @dataclass(frozen=True)
@@ -65,6 +55,8 @@ class Datum:
         What is wanted in place of a measurement.
     background : ndarray, shape (n,), or 0
         Intensity of the background that the target hides [W/sr], for a wanted contrast.
+    sight : Sight, optional
+        Line of sight along which a contrast was measured.
     """
 
     place: Place
@@ -78,6 +70,7 @@ class Datum:
     aspects: tuple[tuple[float, float], ...] = ()
     goal: Goal | None = None
     background: np.ndarray | float = 0.0
+    sight: Sight | None = None
 
     @property
     def label(self) -> str:
@@ -92,6 +85,8 @@ class Datum:
         """What was measured, with its unit."""
         if self.is_image:
             return "radiance (W m^-2 sr^-1)"
+        if self.sight:
+            return "contrast (W m^-2)"
         return f"{self.goal.quantity if self.goal else 'intensity'} (W/sr)"
 
     def image(self, values: np.ndarray) -> np.ndarray:
@@ -121,7 +116,12 @@ class Datum:
         }
 
     def follows(self, one: Unknown) -> bool:
-        """Whether the radiance is linear in the blackbody radiance, or the value, of an unknown."""
+        """Whether the radiance is linear in the blackbody radiance, or the value, of an unknown.
+
+        A contrast is not: the air weighs the wavelengths.
+        """
+        if self.sight and one.kind == "temperature":
+            return False
         if one.kind == "temperature":
             group = one.name.removesuffix(".temperature")
             return "@" in group or not any(
@@ -244,7 +244,10 @@ class Datum:
         return radiance, columns
 
     def _traced_numbers(self, names, sampling: Sampling, seed: int):
-        """Intensities (R, n) and columns [(n, K)], one row for each view."""
+        """Intensities (R, n) and columns [(n, K)], one row for each view, or a contrast's."""
+        if self.sight:
+            contrast, columns = self.sight.contrast(names, sampling.spp, seed)
+            return contrast[:, None], list(columns.T[:, None, :])
         radiance, columns = [], []
         for view in self.views:
             is_own = view is self.scene
@@ -255,132 +258,10 @@ class Datum:
                 spp=sampling.spp if is_own else sampling.spp or SPP_OF_VIEWS,
                 seed=seed,
             )
-            R = found.deviations.shape[1]
-            each = found.deviations * np.sqrt(R * (R - 1))  # of one randomisation
-            radiance.append(found.value + each[0])
-            columns.append(found.derivative[:, None] + each[1:])
+            each = of_randomisations(found)
+            radiance.append(each[0])
+            columns.append(each[1:])
         radiance = np.array(radiance).T  # (R, n)
-        by_view = np.array(columns).reshape(len(self.views), len(names), R)
+        by_view = np.array(columns).reshape(len(self.views), len(names), len(radiance))
         columns = list(by_view.transpose(2, 0, 1))
         return radiance, columns
-
-
-@dataclass
-class Loader:
-    """Loads the scenes of the data, each once for each set of parameters."""
-
-    scenes: dict = field(default_factory=dict)
-
-    def scene(self, place: Place) -> Scene:
-        key = place.scene, tuple(sorted(place.scene_parameters().items()))
-        if key not in self.scenes:
-            self.scenes[key] = load(place.scene, **place.scene_parameters())
-        return self.scenes[key]
-
-    def datum(self, place: Place, number: int, facet_groups: set[str]) -> Datum:
-        """The datum of an entry; raises InputError with its name in front."""
-        try:
-            return self._datum(place, number, facet_groups)
-        except InputError as error:
-            raise InputError(f"{place.name}: {error}") from None
-
-    def _datum(self, place: Place, number: int, facet_groups: set[str]) -> Datum:
-        scene = self.scene(place)
-        width, height = scene.sensor(place.sensor).film().crop_size()
-        check_closure(scene)
-        counts, views, aspects, sigma = None, (), (), None
-        if isinstance(place, Candidate):
-            counts = np.ones((height, width), dtype=bool)
-            measured = np.full(height * width, np.nan)
-        elif place.image is not None:
-            values, sigma, counts = measured_radiance(place, scene.band, (height, width))
-            measured = values[counts]
-            sigma = None if sigma is None else sigma[counts]
-        elif place.trend is not None:
-            measured, sigma, views, aspects = from_trend(place, scene)
-        else:
-            measured, views = np.array([place.intensity]), (scene,)
-        noise = noise_model(place, scene.band, sigma)
-        where = Where(
-            place.name,
-            scene.band.name,
-            place.state,
-            parameters(scene),
-            facet_temperatures(scene, facet_groups),
-        )
-        return Datum(place, number, scene, where, measured, noise, counts, views, aspects)
-
-
-def goal_datum(goal: Goal, sampling: Sampling) -> Datum:
-    """The datum of a goal: wanted intensities, all with the same small standard deviation."""
-    place = Place(goal.scene, "goal", dict(goal.parameters))
-    scene = load(place.scene, **place.scene_parameters())
-    check_closure(scene)
-    views = views_of(scene, goal.aspects)
-    is_contrast = goal.background_K is not None
-    found = [
-        signature(
-            view, spp=sampling.spp or SPP_OF_VIEWS, seed=sampling.seed, by_spectrum=is_contrast
-        )
-        for view in views
-    ]
-    background = np.zeros(len(views))
-    if is_contrast:
-        area = np.array([result.effective_areas.projected_area for result in found])
-        background = in_band_radiance(scene.band, goal.background_K) * area
-    sigma = DETAIL * np.sqrt(np.mean([result.target.intensity**2 for result in found]))
-    return Datum(
-        place=place,
-        number=0,
-        scene=scene,
-        where=Where(place.name, scene.band.name, "", parameters(scene), {}),
-        measured=(0.0 if goal.at_most else goal.value) + background,
-        noise=lambda predicted: np.full(len(predicted), sigma),
-        counts=None,
-        views=views,
-        aspects=goal.aspects,
-        goal=goal,
-        background=background,
-    )
-
-
-def noise_model(place: Place, band, sigma) -> Callable:
-    """Function that gives the standard deviation of a measurement for predicted values."""
-    if sigma is not None:
-        return lambda predicted: sigma
-    if place.netd_mK is not None:
-        return lambda predicted: noise_of_netd(band, predicted, place.netd_mK)
-    return lambda predicted: np.full(len(predicted), place.sigma)
-
-
-def from_trend(place, scene: Scene):
-    """Intensities, standard deviations, views and aspects of a trend's CSV."""
-    needed = (*ASPECT, INTENSITY, *(() if place.sigma else (ERROR,)))
-    table = read_table(place.trend, needed)
-    columns = table.numbers(needed)
-    sigma = np.full(len(table.rows), place.sigma) if place.sigma else columns[ERROR]
-    if not (sigma > 0).all():
-        line = table.rows[int(np.argmin(sigma > 0))][0]
-        raise InputError(f"{place.trend}, line {line}: {ERROR} is not positive; give sigma instead")
-    aspects = tuple(zip(*(columns[name].tolist() for name in ASPECT)))
-    return columns[INTENSITY], sigma, views_of(scene, aspects), aspects
-
-
-def views_of(scene: Scene, aspects) -> tuple[Scene, ...]:
-    """The scene as seen from each (azimuth, elevation), degrees."""
-    return tuple(seen_from(scene, View(*aspect), RESOLUTION) for aspect in aspects)
-
-
-def check_closure(scene: Scene) -> None:
-    """Raise InputError for a scene whose radiance has no derivatives."""
-    if getattr(scene.mi.integrator(), "closure", None) == "tail":
-        raise InputError(f"{scene.name}: closure = tail has no derivatives; use none or ambient")
-
-
-def check_units(data: list[Datum], blocks: list[Block]) -> None:
-    """Raise InputError for measured images whose unit is not that of the predicted radiance."""
-    for datum, block in zip(data, blocks):
-        if datum.is_image:
-            check_radiance(
-                datum.place.image, datum.measured, block.radiance.mean(axis=0), datum.scene.band
-            )

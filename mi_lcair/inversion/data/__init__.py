@@ -1,0 +1,1 @@
+"""Measurements of an inverse problem: their entries, their files and their scenes."""

@@ -1,0 +1,135 @@
+"""The contrast of a scenario as a measured number, with its derivatives."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mi_lcair.detection.contrast import Setting, setting_of
+from mi_lcair.detection.scenario import Scenario
+from mi_lcair.errors import InputError
+from mi_lcair.rendering.settings import changed
+from mi_lcair.sensitivity.parameters import parameters
+from mi_lcair.sensitivity.sensitivities import Sensitivities
+from mi_lcair.sensitivity.window import sensitivities
+from mi_lcair.uncertainty.contrast_number import ContrastNumber
+from mi_lcair.uncertainty.number import SOURCE_STEP, shifted
+
+
+@dataclass(frozen=True)
+class Sight:
+    """A scenario's line of sight, whose contrast was measured.
+
+    scenario: the scenario. setting: what its contrast is computed from.
+    """
+
+    scenario: Scenario
+    setting: Setting
+
+    @staticmethod
+    def of(source: str, entries: Mapping) -> "Sight":
+        """The line of sight of a scenario with other entries, by dotted key.
+
+        Raises InputError if the scenario cannot be used.
+        """
+        scenario = Scenario.read(source, **entries)
+        return Sight(scenario, setting_of(scenario))
+
+    def contrast(self, names, spp: int | None, seed: int) -> tuple[np.ndarray, np.ndarray]:
+        """Contrast of each independent randomisation, and its derivatives.
+
+        Parameters
+        ----------
+        names : sequence of str
+            K parameters of the scene.
+        spp : int or None
+            In place of the samples per pixel, or the tolerance, of the scenario.
+        seed : int
+            Seed of the random numbers.
+
+        Returns
+        -------
+        contrast : ndarray, shape (R,)
+            Contrast irradiance at the sensor [W m^-2].
+        columns : ndarray, shape (K, R)
+
+        Raises
+        ------
+        InputError
+            If no ray meets the target, or if its temperatures cannot be told apart.
+        """
+        sampling = replace(self.scenario.render, seed=seed)
+        if spp is not None:
+            sampling = replace(sampling, spp=spp, tolerance=None, tolerance_W_m2=None, max_spp=None)
+        counts = sampling.max_bounces
+        bounces = {"max_bounces": max(counts)} if counts else {}
+        with changed(self.setting.view, lobe=sampling.lobe, **bounces):
+            number = ContrastNumber(replace(self.scenario, render=sampling), self.setting)
+            number.start()
+            if not number.has_weights:
+                raise InputError(
+                    "the target has too many temperatures for its contrast to be followed; give an "
+                    "image in place of the contrast"
+                )
+            return self._contrast(number, names)
+
+    def _contrast(self, number: ContrastNumber, names) -> tuple[np.ndarray, np.ndarray]:
+        known = parameters(number.scene)
+        hot = [name for name in names if known[name].kind == "temperature"]
+        rest = [name for name in names if name not in hot]
+        found = [number_of(number, rest, number.weights())]
+        if hot:
+            found.append(number_of(number, hot, slope_weights(number)))
+        each = [of_randomisations(one) for one in found]
+        columns = dict(zip([*rest, *hot], [row for rows in each for row in rows[1:]]))
+        # The path and the hidden background go with the projected area
+        total, window = number.total, number.numbers.area
+        area = total.mean("target.hit")[0] + spread(total.deviations("target.hit"))[0]
+        per_amount = number.terms(total, number.areas, {})[1]
+        of_area = (per_amount[1] - per_amount[2])[-1]
+        contrast = each[0][0] + of_area * window * area
+        return contrast, np.array([columns[name] for name in names]).reshape(-1, len(contrast))
+
+
+def number_of(number: ContrastNumber, names, weights: Mapping) -> Sensitivities:
+    """The sum over the sources with these weights, from the paths of a contrast."""
+    return sensitivities(
+        number.scene,
+        names,
+        weights=weights,
+        paths=number.numbers.paths,
+        seed=number.numbers.seed,
+    )
+
+
+def slope_weights(number: ContrastNumber) -> dict:
+    """Weights of the sources with which the derivatives of temperatures are those of the contrast.
+
+    The air weighs the derivative of Planck's law otherwise than Planck's law itself.
+    """
+    ends = []
+    for step in (SOURCE_STEP, -SOURCE_STEP):
+        sources = [
+            source if source.temperature is None else shifted(source, step, number.scene.band)
+            for source in number.areas.sources
+        ]
+        areas = replace(number.areas, sources=sources)
+        factors = number.terms(number.total, areas, {})[1][0]
+        ends.append((factors[:-1], np.array([source.in_band for source in sources])))
+    (high, in_band_high), (low, in_band_low) = ends
+    slope = in_band_high - in_band_low
+    weights = np.divide(high - low, slope, out=np.zeros(len(slope)), where=slope > 0)
+    return {
+        (source.group, source.name): weight for source, weight in zip(number.areas.sources, weights)
+    }
+
+
+def of_randomisations(found: Sensitivities) -> np.ndarray:
+    """Value and derivatives of each randomisation, (1 + K, R)."""
+    return np.append(found.value, found.derivative)[:, None] + spread(found.deviations)
+
+
+def spread(deviations: np.ndarray) -> np.ndarray:
+    """Deviations of single randomisations from those that are scaled to the mean, (..., R)."""
+    R = deviations.shape[-1]
+    return deviations * np.sqrt(R * (R - 1))

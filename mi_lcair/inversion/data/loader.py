@@ -1,0 +1,163 @@
+"""The data of a problem: measured images, numbers and trends, each with its scene."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mi_lcair.errors import InputError
+from mi_lcair.inversion.data.contrast import Sight
+from mi_lcair.inversion.data.datum import SPP_OF_VIEWS, Datum
+from mi_lcair.inversion.data.images import check_radiance, measured_radiance, noise_of_netd
+from mi_lcair.inversion.data.measurement import Candidate, Measurement, Place
+from mi_lcair.inversion.prediction import Block
+from mi_lcair.inversion.tables import Goal, Sampling
+from mi_lcair.inversion.unknowns import Where
+from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.rendering.scene import Scene, load
+from mi_lcair.rendering.views import View, seen_from
+from mi_lcair.sensitivity.facet_temperatures import facet_temperatures
+from mi_lcair.sensitivity.parameters import parameters
+from mi_lcair.signatures.signature import signature
+from mi_lcair.table import read_table
+
+DETAIL = 1e-3  # deviation from a goal that counts as one standard deviation, relative
+RESOLUTION = 64  # pixels along each side of an aspect's view, which `spp` counts by
+ASPECT, INTENSITY, ERROR = (
+    ("azimuth_deg", "elevation_deg"),
+    "intensity_W_sr",
+    "standard_error_W_sr",
+)
+
+
+@dataclass
+class Loader:
+    """Loads the scenes of the data, each once for each set of parameters."""
+
+    scenes: dict = field(default_factory=dict)
+
+    def scene(self, place: Place) -> Scene:
+        key = place.scene, tuple(sorted(place.scene_parameters().items()))
+        if key not in self.scenes:
+            self.scenes[key] = load(place.scene, **place.scene_parameters())
+        return self.scenes[key]
+
+    def datum(self, place: Place, number: int, facet_groups: set[str]) -> Datum:
+        """The datum of an entry; raises InputError with its name in front."""
+        try:
+            return self._datum(place, number, facet_groups)
+        except InputError as error:
+            raise InputError(f"{place.name}: {error}") from None
+
+    def _datum(self, place: Place, number: int, facet_groups: set[str]) -> Datum:
+        sight = None
+        if isinstance(place, Measurement) and place.contrast is not None:
+            sight = Sight.of(place.scene, place.parameters)
+        scene = sight.setting.view if sight else self.scene(place)
+        width, height = scene.sensor(place.sensor).film().crop_size()
+        check_closure(scene)
+        counts, views, aspects, sigma = None, (), (), None
+        if isinstance(place, Candidate):
+            counts = np.ones((height, width), dtype=bool)
+            measured = np.full(height * width, np.nan)
+        elif place.image is not None:
+            values, sigma, counts = measured_radiance(place, scene.band, (height, width))
+            measured = values[counts]
+            sigma = None if sigma is None else sigma[counts]
+        elif place.trend is not None:
+            measured, sigma, views, aspects = from_trend(place, scene)
+        elif sight:
+            measured = np.array([place.contrast])
+        else:
+            measured, views = np.array([place.intensity]), (scene,)
+        noise = noise_model(place, scene.band, sigma)
+        where = Where(
+            place.name,
+            scene.band.name,
+            place.state,
+            parameters(scene),
+            facet_temperatures(scene, facet_groups),
+        )
+        if counts is None and where.facets:
+            raise InputError(
+                f"the facets of {min(where.facets)} are unknown, which needs images; this is a "
+                "number"
+            )
+        return Datum(
+            place, number, scene, where, measured, noise, counts, views, aspects, sight=sight
+        )
+
+
+def goal_datum(goal: Goal, sampling: Sampling) -> Datum:
+    """The datum of a goal: wanted intensities, all with the same small standard deviation."""
+    place = Place(goal.scene, "goal", dict(goal.parameters))
+    scene = load(place.scene, **place.scene_parameters())
+    check_closure(scene)
+    views = views_of(scene, goal.aspects)
+    is_contrast = goal.background_K is not None
+    found = [
+        signature(
+            view, spp=sampling.spp or SPP_OF_VIEWS, seed=sampling.seed, by_spectrum=is_contrast
+        )
+        for view in views
+    ]
+    background = np.zeros(len(views))
+    if is_contrast:
+        area = np.array([result.effective_areas.projected_area for result in found])
+        background = in_band_radiance(scene.band, goal.background_K) * area
+    sigma = DETAIL * np.sqrt(np.mean([result.target.intensity**2 for result in found]))
+    return Datum(
+        place=place,
+        number=0,
+        scene=scene,
+        where=Where(place.name, scene.band.name, "", parameters(scene), {}),
+        measured=(0.0 if goal.at_most else goal.value) + background,
+        noise=lambda predicted: np.full(len(predicted), sigma),
+        counts=None,
+        views=views,
+        aspects=goal.aspects,
+        goal=goal,
+        background=background,
+    )
+
+
+def noise_model(place: Place, band, sigma) -> Callable:
+    """Function that gives the standard deviation of a measurement for predicted values."""
+    if sigma is not None:
+        return lambda predicted: sigma
+    if place.netd_mK is not None:
+        return lambda predicted: noise_of_netd(band, predicted, place.netd_mK)
+    return lambda predicted: np.full(len(predicted), place.sigma)
+
+
+def from_trend(place, scene: Scene):
+    """Intensities, standard deviations, views and aspects of a trend's CSV."""
+    needed = (*ASPECT, INTENSITY, *(() if place.sigma else (ERROR,)))
+    table = read_table(place.trend, needed)
+    columns = table.numbers(needed)
+    sigma = np.full(len(table.rows), place.sigma) if place.sigma else columns[ERROR]
+    if not (sigma > 0).all():
+        line = table.rows[int(np.argmin(sigma > 0))][0]
+        raise InputError(f"{place.trend}, line {line}: {ERROR} is not positive; give sigma instead")
+    aspects = tuple(zip(*(columns[name].tolist() for name in ASPECT)))
+    return columns[INTENSITY], sigma, views_of(scene, aspects), aspects
+
+
+def views_of(scene: Scene, aspects) -> tuple[Scene, ...]:
+    """The scene as seen from each (azimuth, elevation), degrees."""
+    return tuple(seen_from(scene, View(*aspect), RESOLUTION) for aspect in aspects)
+
+
+def check_closure(scene: Scene) -> None:
+    """Raise InputError for a scene whose radiance has no derivatives."""
+    if getattr(scene.mi.integrator(), "closure", None) == "tail":
+        raise InputError(f"{scene.name}: closure = tail has no derivatives; use none or ambient")
+
+
+def check_units(data: list[Datum], blocks: list[Block]) -> None:
+    """Raise InputError for measured images whose unit is not that of the predicted radiance."""
+    for datum, block in zip(data, blocks):
+        if datum.is_image:
+            check_radiance(
+                datum.place.image, datum.measured, block.radiance.mean(axis=0), datum.scene.band
+            )

@@ -1,0 +1,178 @@
+"""Measurements of an inverse problem and candidates for further ones: [[data]], [[candidates]]."""
+
+import re
+from dataclasses import dataclass, field
+
+from mi_lcair.errors import InputError, unknown
+from mi_lcair.inversion.tables import check_prior
+
+QUANTITIES = ("radiance", "apparent_temperature")
+NAME_KEY = re.compile(r"[^\[\],]{1,64}")
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a measurement looks: a scene, a view and a heating state.
+
+    Attributes
+    ----------
+    scene : str
+        Bundled scene or Mitsuba XML file.
+    name : str
+        Name in messages and results; by default data 1, data 2 and so on.
+    parameters : dict
+        The scene's $-parameters.
+    sensor : int
+        Number of the sensor, counted from 0.
+    state : str
+        Name of the heating state. Temperatures have one value for each state.
+    netd_mK : float, optional
+        Noise-equivalent temperature difference of a pixel, mK.
+    sigma : float, optional
+        Standard deviation of the noise: W m^-2 sr^-1 for an image, W/sr for an intensity, W m^-2
+        for a contrast.
+    """
+
+    scene: str
+    name: str = ""
+    parameters: dict = field(default_factory=dict)
+    sensor: int = 0
+    state: str = ""
+    netd_mK: float | None = None
+    sigma: float | None = None
+
+    def __post_init__(self):
+        for key in ("netd_mK", "sigma"):
+            value = getattr(self, key)
+            if value is not None and not value > 0:
+                raise InputError(f"{key} = {value:g}; must be positive")
+        for key, value in self.parameters.items():
+            if type(value) not in (str, int, float, bool):
+                raise InputError(f"parameters: {key} = {value}; must be a text or a number")
+        for key in ("name", "state"):
+            if (text := getattr(self, key)) and not NAME_KEY.fullmatch(text):
+                raise InputError(
+                    f"{key} = '{text}'; must have 1 to 64 characters, without brackets and commas"
+                )
+        if self.sensor < 0:
+            raise InputError(f"sensor = {self.sensor}; sensors are counted from 0")
+
+    def scene_parameters(self) -> dict[str, str]:
+        """The scene's $-parameters as text."""
+        return {
+            name: str(value).lower() if isinstance(value, bool) else str(value)
+            for name, value in self.parameters.items()
+        }
+
+    def noises(self) -> list[str]:
+        """Names of the entries that state the noise."""
+        return [key for key in ("netd_mK", "sigma") if getattr(self, key) is not None]
+
+
+@dataclass(frozen=True)
+class Measurement(Place):
+    """Table [[data]]: a measured image, number or trend.
+
+    Attributes
+    ----------
+    image : str, optional
+        EXR, TIFF, CSV or NPY file of the size of the scene's film.
+    channel : str, optional
+        Channel of an EXR file ("Y").
+    quantity : str, optional
+        "radiance" [W m^-2 sr^-1] or "apparent_temperature" [K]. Needed except for EXR.
+    scale : float
+        Number by which the values of the file are multiplied, such as 0.01 for centikelvin.
+    mask : str, optional
+        PNG, TIFF, CSV or NPY file; pixels that are 0 do not count.
+    saturation : float, optional
+        Pixels of this value and above do not count. In the unit of `quantity`.
+    sigma_image : str, optional
+        Image of the noise's standard deviation in the unit of `quantity`.
+    gain, offset : bool
+        Whether measured = gain x radiance + offset, with an unknown gain or offset.
+    gain_prior, offset_prior : tuple of float, optional
+        Mean and standard deviation that are known beforehand.
+    intensity : float, optional
+        Intensity of the target, W/sr, in place of an image.
+    contrast : float, optional
+        Contrast irradiance of the target at the sensor, W m^-2, in place of an image. `scene` is
+        then a scenario (`detection.scenario`), and `parameters` are changes of its entries, such as
+        {"observer.range_m" = 500}.
+    trend : str, optional
+        CSV with the columns azimuth_deg, elevation_deg, intensity_W_sr and, without `sigma`,
+        standard_error_W_sr, in place of an image.
+    """
+
+    image: str | None = None
+    channel: str | None = None
+    quantity: str | None = None
+    scale: float = 1.0
+    mask: str | None = None
+    saturation: float | None = None
+    sigma_image: str | None = None
+    gain: bool = False
+    offset: bool = False
+    gain_prior: tuple[float, ...] | None = None
+    offset_prior: tuple[float, ...] | None = None
+    intensity: float | None = None
+    contrast: float | None = None
+    trend: str | None = None
+
+    def __post_init__(self):
+        super().__post_init__()
+        kinds = [
+            key
+            for key in ("image", "intensity", "contrast", "trend")
+            if getattr(self, key) is not None
+        ]
+        if len(kinds) != 1:
+            raise InputError(
+                f"has {' and '.join(kinds) or 'no measurement'}; give one of image, "
+                "intensity, contrast and trend"
+            )
+        if self.contrast is not None and self.sensor:
+            raise InputError(f"sensor = {self.sensor}: a scenario has its observer; leave it out")
+        self._check_noise()
+        if self.quantity is not None and self.quantity not in QUANTITIES:
+            raise unknown("quantity", self.quantity, QUANTITIES)
+        if self.scale == 0:
+            raise InputError("scale = 0; must not be zero")
+        for key in ("gain", "offset"):
+            prior = getattr(self, f"{key}_prior")
+            if prior is not None and not getattr(self, key):
+                raise InputError(f"{key}_prior is given without {key} = true")
+            if getattr(self, key) and not self.image:
+                raise InputError(f"{key} belongs to an image, and this is a number")
+            check_prior(prior, f"{key}_prior")
+
+    def _check_noise(self):
+        noises = self.noises()
+        allowed = {
+            "image": ("netd_mK", "sigma", "sigma_image"),
+            "trend": ("sigma",),
+            "number": ("sigma",),
+        }["image" if self.image else "trend" if self.trend else "number"]
+        if self.trend and not noises:
+            return  # the file states it
+        if len(noises) != 1 or noises[0] not in allowed:
+            raise InputError(
+                f"states its noise by {' and '.join(noises) or 'nothing'}; "
+                f"give {'one of ' if len(allowed) > 1 else ''}{', '.join(allowed)}"
+            )
+
+    def noises(self) -> list[str]:
+        return [*super().noises(), *(["sigma_image"] if self.sigma_image is not None else [])]
+
+
+@dataclass(frozen=True)
+class Candidate(Place):
+    """Table [[candidates]]: a measurement that could be made; what it would bring is computed.
+
+    Its noise is `netd_mK` or `sigma` of an image.
+    """
+
+    def __post_init__(self):
+        super().__post_init__()
+        if len(self.noises()) != 1:
+            raise InputError("needs its noise; give one of netd_mK, sigma")

@@ -1,0 +1,86 @@
+"""What a solution says about its data and materials."""
+
+import numpy as np
+
+from mi_lcair.inversion.answers import correlation
+from mi_lcair.inversion.data.datum import Datum
+from mi_lcair.inversion.prediction import Block
+from mi_lcair.inversion.solution import Fitted
+from mi_lcair.inversion.unknowns import Unknown
+
+
+def fitted(datum: Datum, block: Block, everything: list[Unknown], x: np.ndarray) -> Fitted:
+    """A datum after the solution."""
+    found = block.at(x)
+    predicted = found.mean
+    residual = found.residuals.mean(axis=0) * np.sqrt(block.weight)
+    image = datum.image if datum.is_image else lambda values: values
+    own = [everything[k] for k in datum.own(everything)]
+    facets = {}
+    for k in datum.own(everything):
+        if (one := everything[k]).kind == "facet":
+            facets.setdefault(one.name, {})[one.facet] = float(x[k])
+    return Fitted(
+        name=datum.label,
+        scene=datum.scene.name,
+        band=datum.scene.band.name,
+        state=datum.place.state,
+        parameters=dict(datum.scene.parameters),
+        values=datum.settings(everything, x),
+        kinds={one.name: one.kind for one in own if one.name in datum.where.parameters},
+        facets=facets,
+        measured=image(datum.measured - datum.background),
+        predicted=image(predicted - datum.background),
+        residual=image(residual),
+        aspects=list(datum.aspects),
+        quantity=datum.quantity,
+    )
+
+
+def materials(data: list[Datum], everything: list[Unknown], x, covariance) -> dict:
+    """Estimated materials by name and band, in the form of a fit's report.
+
+    Parameters that were not estimated have an error of 0.
+
+    A material that is not the same in all data of a band is left out.
+    """
+    result, ambiguous = {}, set()
+    for datum in data:
+        own = {
+            everything[k].name: k for k in datum.own(everything) if everything[k].kind == "material"
+        }
+        names = {name.rpartition(".")[0] for name in own}
+        with datum.at(everything, x):
+            for surface in datum.scene.surfaces():
+                material = surface.material or surface.model.name
+                if material not in names:
+                    continue
+                entry = {
+                    "model": surface.model.name,
+                    "form": surface.form,
+                    "band": datum.scene.band.name,
+                    "parameters": dict(zip(surface.model.names, surface.values)),
+                    **spread(material, surface.model.names, own, covariance),
+                }
+                key = material, datum.scene.band.name
+                of_material = result.setdefault(key[0], {})
+                if of_material.setdefault(key[1], entry) != entry:
+                    ambiguous.add(key)
+    for name, band in ambiguous:
+        del result[name][band]
+    return {name: bands for name, bands in result.items() if bands}
+
+
+def spread(material: str, names, own: dict[str, int], covariance: np.ndarray) -> dict:
+    """Standard errors and correlations of a material's parameters, as in a fit's report."""
+    place = [own.get(f"{material}.{name}") for name in names]
+    found = [k for k in place if k is not None]
+    total = np.zeros((len(names),) * 2)
+    is_estimated = np.array([k is not None for k in place])
+    total[np.ix_(is_estimated, is_estimated)] = covariance[np.ix_(found, found)]
+    matrix = correlation(total)
+    np.fill_diagonal(matrix, 1)
+    return {
+        "standard_error": dict(zip(names, np.sqrt(np.diag(total)).tolist())),
+        "correlation": matrix.tolist(),
+    }

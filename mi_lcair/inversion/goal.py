@@ -1,0 +1,78 @@
+"""A wanted intensity or contrast in place of measurements: first guesses, and words."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from mi_lcair.errors import InputError
+from mi_lcair.inversion.data.datum import Datum
+from mi_lcair.inversion.estimate import estimate
+from mi_lcair.inversion.prediction import cost_of
+from mi_lcair.inversion.problem import Problem
+from mi_lcair.inversion.solve import State
+from mi_lcair.inversion.tables import Sampling
+from mi_lcair.inversion.unknowns import Unknown
+
+DRAWS = 100  # random values drawn for one first guess that a surface can have
+
+
+def best_of_starts(everything, data, problem: Problem, progress) -> State:
+    """The best estimate for a goal from several first guesses.
+
+    The first guess is that of the unknowns, the others are random within the bounds. Guesses that
+    no surface can have are drawn again.
+    """
+    best = None
+    for start in first_guesses(everything, data[0], problem):
+        tried = [replace(one, start=float(value)) for one, value in zip(everything, start)]
+        found = estimate(tried, data, problem.render, progress)
+        if best is None or cost_of(found.blocks, found.x) < cost_of(best.blocks, best.x):
+            best = found
+    return best
+
+
+def first_guesses(everything: list[Unknown], datum: Datum, problem: Problem):
+    """Yield the first guesses (N,) for a goal."""
+    random, first = np.random.default_rng(problem.render.seed), [one.start for one in everything]
+    yield np.array(first)
+    middle = [
+        (one.lower + one.upper) / 2 if np.isfinite(one.upper - one.lower) else one.start
+        for one in everything
+    ]
+    spans = [one.span for one in everything]
+    guesses = 1
+    for _ in range(DRAWS * problem.goal.starts):
+        if guesses == problem.goal.starts:
+            return
+        guess = middle + (random.random(len(first)) - 0.5) * spans
+        try:
+            with datum.at(everything, guess):
+                pass
+        except InputError:
+            continue
+        guesses += 1
+        yield guess
+
+
+def chosen(verdict: str) -> str:
+    """The verdict on an unknown of a goal."""
+    what, _, span = verdict.partition(":")
+    if what.startswith("not determined by"):
+        return f"free: {span.strip().removesuffix(' fits')} does as well"
+    if what == "weakly determined":
+        return f"chosen, but {span.strip().removeprefix('interval ')} does nearly as well"
+    return "chosen" if verdict == "determined" else verdict
+
+
+def achieved(datum: Datum, state: State, everything, sampling: Sampling) -> str:
+    """How near the goal is, before and after."""
+    first = np.array([one.start for one in everything])
+    before = datum.block(everything, first, sampling).radiance.mean(axis=0)
+    after = state.blocks[0].at(state.x).mean
+    rms = [np.sqrt(np.mean((values - datum.background) ** 2)) for values in (before, after)]
+    goal = datum.goal
+    wanted = f"{'at most ' if goal.at_most else ''}{goal.value:g} W/sr"
+    return (
+        f"rms {goal.quantity} over {len(datum.views)} aspects: {rms[0]:.4g} W/sr before, "
+        f"{rms[1]:.4g} W/sr after; wanted {wanted}"
+    )

@@ -1,0 +1,141 @@
+"""Tables of an inverse problem beside its measurements: unknowns, goal and render."""
+
+from dataclasses import dataclass, field
+
+from mi_lcair.errors import InputError, unknown
+
+NUMBERS = ("intensity", "contrast")  # what a goal may be about, W/sr
+PER = ("band", "state", "data")  # what an unknown may have a value of its own for
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Entry of [unknowns] or [nuisance].
+
+    Attributes
+    ----------
+    start : float, optional
+        First guess; by default the scene's value.
+    lower, upper : float, optional
+        Bounds; by default those of the model.
+    prior : tuple of float, optional
+        Mean and standard deviation that are known beforehand.
+    per : tuple of str, optional
+        What has a value of its own: "band", "state", "data"; [] for one value in all data. By
+        default temperatures have one for each state, materials and emissivities one for each band,
+        and radiances one for each band and state.
+    """
+
+    start: float | None = None
+    lower: float | None = None
+    upper: float | None = None
+    prior: tuple[float, ...] | None = None
+    per: tuple[str, ...] | None = None
+
+    def __post_init__(self):
+        check_prior(self.prior, "prior")
+        for word in self.per or ():
+            if word not in PER:
+                raise unknown("word of per", word, PER)
+        if None not in (self.lower, self.upper) and not self.lower < self.upper:
+            raise InputError(f"lower = {self.lower:g} is not below upper = {self.upper:g}")
+
+
+@dataclass(frozen=True)
+class Goal:
+    """Table [goal]: what the unknowns are to achieve, in place of measurements.
+
+    Attributes
+    ----------
+    quantity : str
+        "intensity" of the target [W/sr], or "contrast" [W/sr]: the intensity less that of the
+        background which the target hides.
+    scene : str
+        Bundled scene or Mitsuba XML file.
+    parameters : dict
+        The scene's $-parameters.
+    value : float
+        Wanted value.
+    at_most : bool
+        Whether smaller magnitudes than `value` satisfy too.
+    background_K : float, optional
+        Apparent temperature of the background, for a contrast.
+    azimuth_deg, elevation_deg : tuple of float
+        Aspects over which the rms deviation from the value is made small: all pairs.
+    starts : int
+        Number of first guesses: the scene's values, and random ones within the bounds.
+    """
+
+    quantity: str
+    scene: str
+    parameters: dict = field(default_factory=dict)
+    value: float = 0.0
+    at_most: bool = False
+    background_K: float | None = None
+    azimuth_deg: tuple[float, ...] = (0.0,)
+    elevation_deg: tuple[float, ...] = (0.0,)
+    starts: int = 1
+
+    def __post_init__(self):
+        if not 1 <= self.starts <= 100:
+            raise InputError(f"starts = {self.starts}; must lie in 1..100")
+        if self.quantity not in NUMBERS:
+            raise unknown("quantity", self.quantity, NUMBERS)
+        if (self.background_K is not None) != (self.quantity == "contrast"):
+            raise InputError("background_K goes with quantity = 'contrast', and is needed there")
+        if self.background_K is not None and not self.background_K > 0:
+            raise InputError(f"background_K = {self.background_K:g}; must be positive")
+        if self.at_most and not self.value > 0:
+            raise InputError(f"value = {self.value:g}; must be positive with at_most")
+
+    @property
+    def aspects(self) -> tuple[tuple[float, float], ...]:
+        """All pairs of azimuth and elevation, degrees."""
+        return tuple((a, e) for e in self.elevation_deg for a in self.azimuth_deg)
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """Table [render].
+
+    Attributes
+    ----------
+    spp : int, optional
+        Samples per pixel (those of the scene). For the aspects of a trend or a goal, the number of
+        paths divided by 64 x 64 (16).
+    seed : int
+        Seed of the random numbers.
+    randomisations : int
+        Independent renders whose products are unbiased.
+    iterations : int
+        Largest number of renders of each image.
+    """
+
+    spp: int | None = None
+    seed: int = 0
+    randomisations: int = 4
+    iterations: int = 20
+
+    def __post_init__(self):
+        for key, least, most in (
+            ("spp", 2, 2**31),
+            ("seed", 0, 2**32 - 1),
+            ("randomisations", 2, 64),
+            ("iterations", 1, 1000),
+        ):
+            value = getattr(self, key)
+            if value is not None and not least <= value <= most:
+                raise InputError(f"{key} = {value}; must lie in {least}..{most}")
+
+
+def check_prior(prior, key: str) -> None:
+    """Raise InputError unless a prior is None or a mean and a positive standard deviation."""
+    if prior is None:
+        return
+    if len(prior) != 2:
+        raise InputError(f"{key} = {list(prior)}; must be [mean, sigma]")
+    if not prior[1] > 0:
+        raise InputError(
+            f"{key} = {list(prior)}: sigma is {prior[1]:g}; must be positive. Set a parameter that "
+            "is known exactly in the scene instead"
+        )

@@ -1,0 +1,71 @@
+"""Dataclasses from the tables of a TOML file, with one line about what cannot be used."""
+
+from dataclasses import MISSING, fields
+from types import UnionType
+from typing import get_args, get_origin
+
+import numpy as np
+
+from mi_lcair.errors import InputError, shortened, unknown
+
+EXPECTED = {
+    str: "a text",
+    float: "a finite number",
+    int: "a whole number",
+    bool: "true or false",
+    dict: "a table",
+}
+SMALLEST, LARGEST = 1e-30, 1e12  # sizes of numbers whose squares and ratios stay finite
+SIZES = f"{SMALLEST:g}..{LARGEST:g}"
+
+
+def filled(kind, values, where: str):
+    """The dataclass `kind` with the values of a table.
+
+    `where` names the table in messages. Raises InputError for unknown, missing or unusable values.
+    """
+    if not isinstance(values, dict):
+        raise InputError(f"{where} must be a table")
+    known = {entry.name: entry for entry in fields(kind)}
+    for key in values:
+        if key not in known:
+            raise unknown(f"key of {where}", key, known)
+    for key, entry in known.items():
+        if key not in values and entry.default is MISSING and entry.default_factory is MISSING:
+            needed = [
+                name
+                for name, entry in known.items()
+                if entry.default is MISSING and entry.default_factory is MISSING
+            ]
+            raise InputError(f"{where}: {key} is missing; give {', '.join(needed)}")
+    return kind(
+        **{
+            key: converted(value, known[key].type, f"{where}: {key}")
+            for key, value in values.items()
+        }
+    )
+
+
+def required(kind):
+    """The type X of a field of type X or X | None."""
+    return get_args(kind)[0] if isinstance(kind, UnionType) else kind
+
+
+def converted(value, kind, where: str):
+    """A TOML value as a field of type `kind` holds it.
+
+    A single number may stand for a list of one. Raises InputError if the type or the size is wrong.
+    """
+    kind = required(kind)
+    if get_origin(kind) is tuple:
+        return tuple(
+            converted(item, get_args(kind)[0], where)
+            for item in (value if isinstance(value, list) else [value])
+        )
+    if kind is float and type(value) is int and abs(value) <= LARGEST:
+        value = float(value)
+    if type(value) is not kind or kind is float and not np.isfinite(value):
+        raise InputError(f"{where} = {shortened(repr(value), 100)}; must be {EXPECTED[kind]}")
+    if kind is float and value and not SMALLEST <= abs(value) <= LARGEST:
+        raise InputError(f"{where} = {value:g}; must be 0, or of a size within {SIZES}")
+    return value

@@ -1,0 +1,103 @@
+"""The contrast of a scenario as a datum."""
+
+import json
+
+import mitsuba as mi
+import pytest
+from click.testing import CliRunner
+
+import mi_lcair
+from mi_lcair.cli import main
+from mi_lcair.errors import InputError
+from mi_lcair.physics.bands import band
+from mi_lcair.physics.blackbody import in_band_radiance
+from tests.detection.disc_scenario import AREA, disc, triangles, write_disc
+
+mi.set_variant("llvm_ad_mono")
+
+SAMPLING = {"render.resolution": 32, "render.spp": 256}
+
+
+def entry(folder, contrast, sigma, **entries):
+    return {
+        "name": "disc",
+        "scene": str(folder / "disc.toml"),
+        "parameters": SAMPLING | {"target.parameters.temperature": 380} | entries,
+        "contrast": contrast,
+        "sigma": sigma,
+    }
+
+
+@pytest.mark.parametrize("table", ["vacuum", "midlat_summer"])
+def test_temperature_from_a_contrast(tmp_path, table):
+    """The contrast of a disc of 400 K, measured 800 m away, gives its temperature back.
+
+    The air weighs the spectrum. The standard error is that of the difference of two contrasts.
+    """
+    write_disc(tmp_path)
+    changes = {"atmosphere__table": table, "observer__range_m": 800}
+    of = lambda T: (
+        mi_lcair.contrast(
+            disc(
+                tmp_path,
+                target__parameters__temperature=T,
+                render__resolution=32,
+                render__spp=1024,
+                **changes,
+            )
+        )
+        .rows[-1]
+        .total.value
+    )
+    measured, slope = of(400), (of(401) - of(399)) / 2
+    sigma = 0.2 * slope
+    own = {key.replace("__", "."): value for key, value in changes.items()}
+    problem = {
+        "data": [entry(tmp_path, measured, sigma, **own)],
+        "unknowns": {"self.temperature": {}},
+    }
+    found = mi_lcair.invert(problem, advise=False)
+    answer = found["self.temperature"]
+    assert answer.value == pytest.approx(400, abs=0.15)
+    assert answer.standard_error == pytest.approx(0.2, rel=0.15)
+    assert answer.verdict == "determined" and found.data[0].quantity == "contrast (W m^-2)"
+    if table == "vacuum":
+        B = lambda T: float(in_band_radiance(band("MWIR"), T))
+        assert found.data[0].predicted[0] == pytest.approx(
+            AREA * (B(answer.value) - B(294)) / 800**2, rel=2e-3
+        )
+        # The command takes the temperature from the solution's file
+        found.write(tmp_path / "s.json")
+        command = ["contrast", tmp_path / "disc.toml", "-D", "observer.range_m=800", "--spp", "16"]
+        command += ["-D", "target.parameters.temperature=380", "--solution", tmp_path / "s.json"]
+        result = CliRunner().invoke(main, [*map(str, command), "--json"])
+        assert result.exit_code == 0, result.output
+        row = json.loads(result.stdout)["rows"][0]
+        assert row["total"]["value"] == pytest.approx(measured, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"sensor": 1}, "a scenario has its observer"),
+        ({"intensity": 1.0}, "has intensity and contrast; give one of"),
+        ({"parameters": {"observer.range": 5}}, r"unknown key of \[observer\]"),
+        ({"sigma": -1.0}, "must be positive"),
+    ],
+)
+def test_bad_entries(tmp_path, changes, message):
+    write_disc(tmp_path)
+    problem = {
+        "data": [entry(tmp_path, 1.0, 0.1) | changes],
+        "unknowns": {"self.temperature": {}},
+    }
+    with pytest.raises(InputError, match=message):
+        mi_lcair.invert(problem)
+
+
+def test_facets_need_images(tmp_path):
+    write_disc(tmp_path, [400.0] * len(triangles()))
+    one = entry(tmp_path, 1.0, 0.1)
+    one["parameters"].pop("target.parameters.temperature")
+    with pytest.raises(InputError, match="facets of self are unknown, which needs images"):
+        mi_lcair.invert({"data": [one], "unknowns": {"self.facets": {}}})
