@@ -1,5 +1,5 @@
-"""Mitsuba plugins: BSDF `material` and one per reflection model, `thermal`, `sun`, `sky_dome`,
-`bounce_path`.
+"""Mitsuba plugins: BSDFs `material`, `plume` and one per reflection model, `thermal`, `sun`,
+`sky_dome`, `bounce_path`.
 
 Mitsuba's base classes belong to the variant that is set while a class statement runs. The modules
 are therefore loaded again whenever the variant changes.
@@ -21,6 +21,7 @@ MODULES = (
     "uniform_table",
     "reflection_bsdf",
     *(f"{name}_bsdf" for name in NAMES),
+    "plume_bsdf",
     "thermal",
     "sun",
     "sky_dome",

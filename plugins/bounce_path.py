@@ -13,6 +13,7 @@ from mitsuba.python.ad.integrators.common import RBIntegrator, mis_weight
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.derivatives import (
+    attached,
     derivations,
     deriving_plugins,
     flatten,
@@ -22,7 +23,7 @@ from mi_lcair.plugins.derivatives import (
     value_along,
 )
 from mi_lcair.plugins.emission.emissivity import Table
-from mi_lcair.plugins.emission.emitter_table import EmitterTable
+from mi_lcair.plugins.emission.emitter_table import MOST_PASSED, EmitterTable
 from mi_lcair.plugins.paths.channels import SIZES, Channels
 from mi_lcair.plugins.paths.columns import CELLS, Columns, ColumnTables
 from mi_lcair.plugins.paths.launch import Launch, Paths
@@ -31,6 +32,7 @@ from mi_lcair.plugins.paths.recording import Recorded
 from mi_lcair.plugins.paths.rounding import rounding_error
 from mi_lcair.plugins.paths.sums import BlockSums, Sums, block_size
 from mi_lcair.plugins.paths.tail import Tail
+from mi_lcair.plugins.plume_bsdf import is_passed, is_plume
 from mi_lcair.plugins.properties import HOTTEST, Property, read
 from mi_lcair.plugins.scene_state import SceneState
 
@@ -156,11 +158,13 @@ class BouncePath(RBIntegrator):
     def render_forward(self, scene, params, sensor=0, seed=0, spp=0):
         self.check_differentiable()
         with self.prepared(scene) as tracer, leaves(scene, dr.ADMode.Forward):
+            tracer.check_differentiable()
             return tracer.render_forward(scene, params, sensor, seed, spp)
 
     def render_backward(self, scene, params, grad_in, sensor=0, seed=0, spp=0):
         self.check_differentiable()
         with self.prepared(scene) as tracer, leaves(scene, dr.ADMode.Backward):
+            tracer.check_differentiable()
             tracer.render_backward(scene, params, grad_in, sensor, seed, spp)
 
     def check_differentiable(self) -> None:
@@ -212,6 +216,12 @@ class PathTracer(RBIntegrator):
         if vars(self).get("is_complete"):
             raise AttributeError(f"a PathTracer does not change: {name} cannot be set")
         super().__setattr__(name, value)
+
+    def check_differentiable(self) -> None:
+        """Raise InputError for a parameter whose derivative a replay would not give."""
+        for bsdf in {shape.bsdf() for shape in self.scene.shapes()}:
+            if is_plume(bsdf) and attached([bsdf.transmittance]):
+                bsdf.check_derivative("plume: transmittance", self.emitters.draws)
 
     # ---------------------------------------------------------------- Around the loop
 
@@ -483,6 +493,8 @@ class PathTracer(RBIntegrator):
         # a direction has no density, and emitter sampling cannot produce it.
         delta_before = mi.Bool(True)
         chance = mi.Float(0)  # largest contribution of a source that the path did not hit
+        # Surfaces passed since the last reflection, and the length of the rays before the last one
+        passed, length = mi.UInt32(0), mi.Float(0)
 
         # The first ray is traced before the loop, because the channels record its hit and may stop
         # paths that do not hit the model
@@ -509,7 +521,10 @@ class PathTracer(RBIntegrator):
             mis = mi.Float(1)
             if dr.hint(self.emitter_sampling and emitters.draws, mode="scalar"):
                 reachable = active & ~delta_before
-                pdf = emitters.pdf(scene, ray.o, si, emitter, reachable)
+                start, distance = ray.o, si.t
+                if dr.hint(emitters.passes, mode="scalar"):
+                    start, distance = ray.o - length * ray.d, si.t + length
+                pdf = emitters.pdf(scene, start, distance, si, emitter, reachable)
                 mis = dr.select(reachable, mis_weight(pdf_before, pdf), 1)
             # In a replay the emitted radiance carries derivatives with respect to the temperature
             # and the emissivity. β and mis are constants here.
@@ -556,6 +571,14 @@ class PathTracer(RBIntegrator):
 
             # A path ends where its ray escapes and after the last allowed reflection
             active_next = active & si.is_valid() & (bounce < limit)
+            # A surface that rays pass does not end it either. The ambient radiance comes from any
+            # surface that the ray of the closure hits.
+            passes = mi.Bool(False)
+            if dr.hint(emitters.passes, mode="scalar"):
+                passes = active & si.is_valid() & is_passed(bsdf.flags()) & (bounce <= most)
+                L = dr.select(passes & (passed >= MOST_PASSED), dr.nan, L)
+                passes &= passed < MOST_PASSED
+                active_next = dr.select(is_passed(bsdf.flags()), passes, active_next)
 
             # -------------------- Emitter sampling --------------------
 
@@ -605,6 +628,8 @@ class PathTracer(RBIntegrator):
                     )
                 if dr.hint(columns is not None, mode="scalar"):
                     hit, by_drawn = direct.hit, β[0] * f[0] * (mis / drawn.ds.pdf)
+                    if dr.hint(emitters.passes, mode="scalar"):
+                        by_drawn *= direct.transmittance
                     brought = columns.emit(
                         tables,
                         columns.vertices(tables, hit.bsdf(), hit.wi),
@@ -644,24 +669,41 @@ class PathTracer(RBIntegrator):
             # The weight is BSDF times cosine divided by the density of the direction
             β *= weight
             # The next vertex needs both for its multiple importance sampling weight
-            pdf_before, delta_before = bs.pdf, delta
+            to = si.to_world(bs.wo)
+            if dr.hint(emitters.passes, mode="scalar"):
+                # A ray that passes keeps its direction and the density of its last reflection
+                to = dr.select(passes, ray.d, to)
+                pdf_before = dr.select(passes, pdf_before, bs.pdf)
+                delta_before = dr.select(passes, delta_before, delta)
+                passed = dr.select(passes, passed + 1, 0)
+                length = dr.select(passes, length + si.t, 0)
+            else:
+                pdf_before, delta_before = bs.pdf, delta
             # The sample variance cannot see a source that no path has hit. Record the largest
             # contribution that one such hit would make, for the error estimate. The ray of the
             # closure `ambient` is left out, since it receives no emission.
             if dr.hint(emitters.draws, mode="scalar"):
                 gain = β[0] * emitters.by_chance(drawn, bs.pdf, delta)
                 reaches = active_next & (bounce < most)
+                if dr.hint(emitters.passes, mode="scalar"):
+                    # What is behind the surface was drawn at the last reflection
+                    reaches &= ~passes
                 chance = dr.maximum(chance, dr.select(reaches, gain, 0))
             # The offset from the surface is smaller than Mitsuba's in a small scene, see
             # `EmitterTable.leave`
-            ray = emitters.spawn_ray(si, si.to_world(bs.wo))
+            ray = emitters.spawn_ray(si, to)
             pi = scene.ray_intersect_preliminary(ray, coherent=False, active=active_next)
-            bounce += 1
+            if dr.hint(emitters.passes, mode="scalar"):
+                bounce += dr.select(passes, mi.UInt32(0), 1)
+                if dr.hint(channels is not None and channels.segments is not None, mode="scalar"):
+                    channels.segments += dr.select(passes, mi.Float(1), 0)
+            else:
+                bounce += 1
             active = active_next
 
         if dr.hint(channels is not None and channels.segments is not None, mode="scalar"):
             # Each turn of the loop follows one ray; rays of emitter sampling are not counted
-            channels.segments = mi.Float(bounce)
+            channels.segments += mi.Float(bounce)
         return (L if primal else δL, L), valid, channels, chance, columns
 
 

@@ -39,7 +39,8 @@ class Flux:
     Attributes
     ----------
     emitted, incident, absorbed, reflected : ndarray
-        Flux that leaves by emission, arrives, is absorbed and is reflected.
+        Flux that leaves by emission, arrives, is absorbed and is reflected. What passes a surface
+        of BSDF `plume` counts as reflected there.
     behind : ndarray
         Flux that reaches the back of a one-sided surface, which neither reflects nor emits.
     scaled : ndarray

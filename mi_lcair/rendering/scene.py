@@ -31,7 +31,7 @@ from mi_lcair.rendering.loading.remarks import (
 from mi_lcair.rendering.loading.samplers import add_samplers, remarks_on_samplers
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
-PLUGINS = ("material", "thermal", "sun", "sky_dome", "bounce_path")
+PLUGINS = ("material", "plume", "thermal", "sun", "sky_dome", "bounce_path")
 # Largest number of moves of a scene to the origin. One move may not be enough, because the position
 # of a very distant scene is known only in single precision.
 MOVES = 3

@@ -13,6 +13,11 @@ QUANTITIES = {
     "temperature": ("brightness temperature", "K"),
     "range": ("range", "m"),
     "stderr": ("standard error of radiance", RADIANCE),
+    "mean_temperature": ("apparent temperature without noise", "K"),
+    "stderr_K": ("standard error of the rendering", "K"),
+    "noise_K": ("noise of the camera", "K"),
+    "electrons": ("electrons", ""),
+    "counts": ("counts", ""),
     "sigma": ("standard uncertainty of radiance", RADIANCE),
     "d": ("derivative of radiance", f"{RADIANCE} per unit"),
 }

@@ -19,6 +19,7 @@ from mi_lcair.plugins.paths.columns import (
     column_tables,
 )
 from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.plugins.plume_bsdf import is_plume
 from mi_lcair.sensitivity.entries import Entry
 from mi_lcair.sensitivity.parameters import chosen
 
@@ -116,6 +117,10 @@ def recordings(scene, tracer, sensor, names, split, weights=None, seed: int = 0)
             )
         weights = factors(scene, tracer.emitters.band, weights)
     columns = list(columns_of(scene, names).items())
+    for name, column in columns:
+        for surface in getattr(column, "surfaces", ()):
+            if is_plume(surface):
+                surface.check_derivative(name, tracer.emitters.draws)
     batches = [columns[k : k + MOST_COLUMNS] for k in range(0, max(len(columns), 1), MOST_COLUMNS)]
     return [recording(scene, tracer, sensor, dict(b), split, weights, seed) for b in batches]
 

@@ -10,6 +10,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.plugins.derivatives import nodes
 from mi_lcair.plugins.emission.sources import kelvin, rounded
 from mi_lcair.plugins.emission.triangles import is_faceted, triangle_corners
+from mi_lcair.plugins.plume_bsdf import is_plume
 from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST
 from mi_lcair.plugins.reflection_bsdf import is_reflection_bsdf
 
@@ -184,6 +185,8 @@ def entries(scene) -> dict[str, Entry]:
             material, keys = node.material or node.model.name, node.parameters
         elif is_grey_diffuse(node):
             material, keys = node.id() or "diffuse", ["reflectance.value"]
+        elif is_plume(node) and node.transmits:
+            material, keys = node.id() or "plume", ["transmittance"]
         else:
             continue
         for key in keys:

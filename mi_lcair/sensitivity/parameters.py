@@ -11,10 +11,11 @@ GROUP.scale            factor of the radiance of a sky dome
 GROUP.emissivity       `emissivity` of the group's emitters, if they were given one
 MATERIAL.NAME          parameter of the reflection model of all surfaces of a material
 ID.reflectance         reflectance of Mitsuba's BSDF `diffuse` with this id
+ID.transmittance       transmittance of the BSDF `plume` with this id, if it is positive
 ====================== ============================================================================
 
-A surface without a name of its material is called by its model, or `diffuse`. Several numbers may
-belong to one name. Its value is then their mean, by area for a group's numbers.
+A surface without a name of its material is called by its model, `diffuse` or `plume`. Several
+numbers may belong to one name. Its value is then their mean, by area for a group's numbers.
 A change of the value adds the same difference to all temperatures and material parameters. It
 multiplies all radiances and emissivities by the same factor.
 """

@@ -19,10 +19,14 @@ from mi_lcair.plugins.emission.triangles import (
     random_integer,
     triangle_corners,
 )
+from mi_lcair.plugins.plume_bsdf import is_passed
 
 # Smallest offset of a ray's start from a surface, relative to the scene's extent. It is larger than
 # the rounding error of a hit's position.
 OFFSET = 64 * 2.0**-24
+# Largest number of surfaces in a row that a ray passes. A path that needs more is not a number, so
+# that it is counted and reported as an invalid sample.
+MOST_PASSED = 32
 
 
 @dataclass
@@ -50,7 +54,8 @@ class EmitterSample:
     drawn: the direction. hit: the first hit of the ray, where that is the drawn triangle. emitter:
     the emitter that sends radiance along the ray. counts: whether the first hit is the drawn point,
     so that the sample counts. of_triangle: whether it counts and the point is on a triangle of a
-    mesh.
+    mesh. transmittance: that of the surfaces which the ray passes; None in a scene without such
+    surfaces.
     """
 
     drawn: DrawnDirection
@@ -58,6 +63,7 @@ class EmitterSample:
     emitter: mi.EmitterPtr
     counts: mi.Bool
     of_triangle: mi.Bool
+    transmittance: mi.Float | None = None
 
     def radiance(self, si):
         """Radiance from the emitter toward `si`, with derivatives [W m^-2 sr^-1]."""
@@ -65,7 +71,7 @@ class EmitterSample:
         radiance = self.emitter.eval(self.hit, of_triangle)
         if drawn.other is not None:
             radiance += drawn.other.eval_direction(si, drawn.ds, self.counts & ~of_triangle)
-        return radiance
+        return radiance if self.transmittance is None else radiance * self.transmittance
 
 
 def can_be_hit(emitter) -> bool:
@@ -96,7 +102,8 @@ class EmitterTable:
     shapes that do not emit. band: the band of the thermal emitters. sources: the `Sources` by which
     emission is recorded. draws: whether there are emitters to draw. brightest: upper bound of the
     radiance of all emitters that a ray can hit [W m^-2 sr^-1]. unbounded: descriptions of the
-    emitters without a known bound. sun: the emitter `sun`; None if the scene has none.
+    emitters without a known bound. sun: the emitter `sun`; None if the scene has none. passes:
+    whether the scene has surfaces that rays pass, see `is_passed`.
     """
 
     def __init__(self, scene, sampling: bool, by_spectrum: bool = False):
@@ -175,8 +182,11 @@ class EmitterTable:
             self.others = mi.UInt32([pointer_id(mi.EmitterPtr(emitter)) for emitter in others])
         self.draws = self.triangles is not None or bool(others)
         self.all_surfaces = all(e.flags() & int(mi.EmitterFlags.Surface) for e in others)
+        flags = [int(shape.bsdf().flags()) for shape in scene.shapes()]
+        self.passes = any(map(is_passed, flags))
+        # No emitter is drawn at a surface that rays pass
         self.transmits = any(
-            shape.bsdf().flags() & int(mi.BSDFFlags.Transmission) for shape in scene.shapes()
+            of_one & int(mi.BSDFFlags.Transmission) and not is_passed(of_one) for of_one in flags
         )
         if self.draws:
             share = 0.0 if self.triangles is None else 1.0 if not others else 0.5
@@ -319,7 +329,7 @@ class EmitterTable:
         return DrawnDirection(ds, index, other, may_radiate, bound)
 
     def trace(self, scene, si, drawn: DrawnDirection, active, with_hit: bool = False):
-        """Trace a drawn direction to its first hit.
+        """Trace a drawn direction to its first hit, through the surfaces that rays pass.
 
         A sample counts only if the first hit is the drawn point. Otherwise, where emitters overlap
         or hide each other, the radiance of one would be used with the density of another.
@@ -343,21 +353,19 @@ class EmitterTable:
         of_triangles = active & (drawn.index < self.triangle_count)
         ray = self.spawn_ray(si, ds.d)
         pi = scene.ray_intersect_preliminary(ray, coherent=False, active=active)
-        met, emitter, on_triangle = active & pi.is_valid(), pi.shape.emitter(), mi.Bool(False)
-        if self.triangles is not None:
-            triangle, known = self.triangles.find(pi.shape, pi.prim_index, met & of_triangles)
-            on_triangle = known & (triangle == drawn.index)
+        transmittance, distance = None, ds.dist
+        if self.passes:
+            with dr.suspend_grad():
+                ray, pi, transmittance = self.pass_through(scene, ray, pi, drawn, active)
+                distance = dr.norm(ds.p - ray.o)
+        met, emitter = active & pi.is_valid(), pi.shape.emitter()
+        on_triangle, on_other = self.meets(ray, pi, drawn, met, of_triangles)
         hit = pi.compute_surface_interaction(ray, mi.RayFlags.All, on_triangle)
         counts = mi.Bool(on_triangle)  # a copy, because |= changes an array in place
         if self.others is not None:
-            # A line hits a sphere, cylinder, disk or rectangle at most twice, from different sides.
-            # Shape and side therefore identify the point. A comparison of distances would need a
-            # tolerance, and no tolerance is right near the shape and at grazing incidence.
-            on_other = met & ~of_triangles & (emitter == drawn.other)
-            n = pi.compute_surface_interaction(ray, mi.RayFlags.Minimal, on_other).n
-            counts |= on_other & (dr.dot(n, ds.d) * dr.dot(ds.n, ds.d) > 0)
+            counts |= on_other
             if not self.all_surfaces:
-                nothing_before = ~met | (pi.t > ds.dist * (1 - 1e-4))
+                nothing_before = ~met | (pi.t > distance * (1 - 1e-4))
                 on_surface = mi.has_flag(drawn.other.flags(), mi.EmitterFlags.Surface)
                 if self.sun is not None:
                     of_sun = drawn.other == self.sun_pointer
@@ -366,7 +374,75 @@ class EmitterTable:
             emitter = dr.select(of_triangles, emitter, drawn.other)
             if with_hit:
                 hit = pi.compute_surface_interaction(ray, mi.RayFlags.All, met & counts)
-        return EmitterSample(drawn, hit, emitter, counts, on_triangle)
+        if self.passes:
+            counts |= dr.isnan(transmittance)
+        return EmitterSample(drawn, hit, emitter, counts, on_triangle, transmittance)
+
+    def meets(self, ray, pi, drawn: DrawnDirection, met, of_triangles):
+        """Whether hits are the drawn points: on a triangle of a mesh, or on another shape.
+
+        met: the hits to be compared. of_triangles: whether a triangle was drawn; both mi.Bool.
+        """
+        on_triangle, on_other = mi.Bool(False), mi.Bool(False)
+        if self.triangles is not None:
+            triangle, known = self.triangles.find(pi.shape, pi.prim_index, met & of_triangles)
+            on_triangle = known & (triangle == drawn.index)
+        if self.others is not None:
+            # A line hits a sphere, cylinder, disk or rectangle at most twice, from different sides.
+            # Shape and side therefore identify the point. A comparison of distances would need a
+            # tolerance, and no tolerance is right near the shape and at grazing incidence.
+            ds = drawn.ds
+            on_other = met & ~of_triangles & (pi.shape.emitter() == drawn.other)
+            n = pi.compute_surface_interaction(ray, mi.RayFlags.Minimal, on_other).n
+            on_other &= dr.dot(n, ds.d) * dr.dot(ds.n, ds.d) > 0
+        return on_triangle, on_other
+
+    @dr.syntax
+    def pass_through(self, scene, ray, pi, drawn: DrawnDirection, active):
+        """Follow rays toward drawn points through the surfaces that rays pass.
+
+        A ray ends at its drawn point, at a surface that it does not pass, or at none.
+
+        Parameters
+        ----------
+        scene : mi.Scene
+        ray : mi.Ray3f
+        pi : mi.PreliminaryIntersection3f
+            Its first hit.
+        drawn : DrawnDirection
+        active : mi.Bool
+
+        Returns
+        -------
+        (ray, pi, transmittance) : tuple
+            The last part of the ray, its hit, and the transmittance of the surfaces before; not a
+            number for a ray that passes more than MOST_PASSED.
+        """
+        passed, transmittance = mi.UInt32(0), mi.Float(1)
+        active = self.continues(ray, pi, drawn, active)
+        while dr.hint(active, label="pass_through"):
+            si = pi.compute_surface_interaction(ray, mi.RayFlags.All, active)
+            weight = si.bsdf(ray).eval_null_transmission(si, active)[0]
+            transmittance *= dr.select(passed < MOST_PASSED, weight, dr.nan)
+            passed += 1
+            # Aimed at the drawn point again, because the start moves sideways by the offset
+            start = self.leave(si, ray.d)
+            ray = mi.Ray3f(start, dr.normalize(drawn.ds.p - start))
+            pi = scene.ray_intersect_preliminary(ray, coherent=False, active=active)
+            active &= (transmittance > 0) & self.continues(ray, pi, drawn, active)
+        return ray, pi, transmittance
+
+    def continues(self, ray, pi, drawn: DrawnDirection, active):
+        """Whether rays pass the surface that they hit; not at or behind the drawn point."""
+        met = active & pi.is_valid()
+        of_triangles = met & (drawn.index < self.triangle_count)
+        on_triangle, on_other = self.meets(ray, pi, drawn, met, of_triangles)
+        met &= is_passed(pi.shape.bsdf().flags()) & ~on_triangle & ~on_other
+        if not self.all_surfaces:
+            on_surface = mi.has_flag(drawn.other.flags(), mi.EmitterFlags.Surface)
+            before = pi.t <= dr.norm(drawn.ds.p - ray.o) * (1 - 1e-4)
+            met &= of_triangles | on_surface | before
+        return met
 
     def by_chance(self, drawn, pdf, delta):
         """Upper bound of the radiance that a path gains from one source that no path has hit.
@@ -397,14 +473,16 @@ class EmitterTable:
         share = dr.select(drawn.ds.delta, r, (r + 1) * r / (dr.square(r) + 1))
         return dr.select(delta, self.opaque_brightest, drawn.bound * share)
 
-    def pdf(self, scene, start, si, emitter, active):
+    def pdf(self, scene, start, distance, si, emitter, active):
         """Density with which `draw` draws the direction of the ray that hit `si` [1/sr].
 
         Parameters
         ----------
         scene : mi.Scene
         start : mi.Point3f
-            Start of the ray [m].
+            Start of the ray, or of its first part where it has passed surfaces [m].
+        distance : mi.Float
+            Distance from there to the hit [m].
         si : mi.SurfaceInteraction3f
             Its first hit.
         emitter : mi.EmitterPtr
@@ -422,7 +500,7 @@ class EmitterTable:
             triangle, known = self.triangles.find(si.shape, si.prim_index, active & si.is_valid())
             density = solid_angle_density(
                 dr.gather(mi.Float, self.density, triangle, known),
-                si.t,
+                distance,
                 si.to_world(si.wi),
                 si.n,
             )

@@ -7,6 +7,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.triangles import ABSENT, pointer_id
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.paths.rays import ParallelRays
@@ -112,7 +113,15 @@ def contributions(tracer, sensor, launch: Launch, table: ColumnTable) -> Contrib
 
     Call it inside the context `BouncePath.prepared`, with `unit_radiance` for the emitters of
     `table`.
+
+    Raises InputError for a scene with surfaces that rays pass, where a path may have more
+    contributions than `slots`.
     """
+    if tracer.emitters.passes:
+        raise InputError(
+            "a surface of BSDF plume with a transmittance > 0 has no contributions by facet; set "
+            "its transmittance to 0"
+        )
     with dr.suspend_grad():
         paths = launch.paths_from(sensor.sampler())
         sampler, *start, _ = paths.begin()

@@ -17,6 +17,7 @@ from mi_lcair.physics import reflection
 from mi_lcair.physics.reflection.directions import cos_theta, sin2_theta
 from mi_lcair.plugins.derivatives import children, flatten, own_memory
 from mi_lcair.plugins.emission.triangles import pointer_id
+from mi_lcair.plugins.plume_bsdf import is_plume
 from mi_lcair.plugins.reflection_bsdf import STEPS, is_reflection_bsdf, tables
 from mi_lcair.plugins.uniform_table import interpolate_row
 
@@ -168,13 +169,15 @@ def kind_of(bsdf) -> Kind | None:
     if is_reflection_bsdf(bsdf):
         emissivity = "measured" if bsdf.measured is not None else bsdf.emissivity
         return Kind(bsdf.model.name, bsdf.form, bsdf.lobe, emissivity)
-    if bsdf.class_name() == DIFFUSE and REFLECTANCE in mi.traverse(bsdf):
+    if is_plume(bsdf) or (bsdf.class_name() == DIFFUSE and REFLECTANCE in mi.traverse(bsdf)):
         return Kind("sandford_robertson", "thesis", "diffuse", "kirchhoff")
     return None
 
 
 def names_of(bsdf) -> tuple[str, ...]:
     """Names of the parameters of a BSDF that has a kind."""
+    if is_plume(bsdf):
+        return ("transmittance",)
     return bsdf.model.names if is_reflection_bsdf(bsdf) else ("reflectance",)
 
 
@@ -184,9 +187,11 @@ def with_slopes(bsdf) -> tuple:
         model, form, values = bsdf.model, bsdf.form, bsdf.values
         function = lambda *values: tables(model, values, form)
     else:
-        # Lambert's reflection is the model's limit for b = 0, with any width of the lobe
+        # Lambert's reflection is the model's limit for b = 0, with any width of the lobe. A plume's
+        # transmittance has the same derivatives as its reflectance.
         model, form = reflection.model("sandford_robertson"), "thesis"
-        values = (float(dr.detach(mi.traverse(bsdf)[REFLECTANCE])[0]),)
+        key = "transmittance" if is_plume(bsdf) else REFLECTANCE
+        values = (float(dr.detach(mi.traverse(bsdf)[key])[0]),)
         b, e = dr.opaque(mi.Float, 0), dr.opaque(mi.Float, 1)
         function = lambda rho: tables(model, (1 - rho, rho, b, e), form)
     found = []
@@ -218,7 +223,7 @@ def joined(parts: list):
 def places_of(bsdfs) -> dict:
     """For each BSDF, its places in a table with two entries for each BSDF: its front, its back.
 
-    A `twosided` BSDF refers to those that it wraps.
+    A `twosided` BSDF refers to those that it wraps. Both sides of a plume are the same.
     """
     found = {}
     for bsdf in bsdfs:
@@ -228,5 +233,6 @@ def places_of(bsdfs) -> dict:
             for side, layer in ((0, inner[0]), (1, inner[-1])):
                 found.setdefault(layer, []).append(number + side)
         else:
-            found.setdefault(bsdf, []).append(number)
+            sides = [number, number + 1] if is_plume(bsdf) else [number]
+            found.setdefault(bsdf, []).extend(sides)
     return found

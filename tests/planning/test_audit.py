@@ -54,6 +54,29 @@ def test_open_box():
     assert result.remarks == []
 
 
+@pytest.mark.parametrize("tau", [0.25, 0.9])
+def test_plume_emits_what_it_absorbs(plate, tau):  # noqa: F811
+    """A sheet of plume over a black plate: both sides of it emit, and flux passes it."""
+    result = audited(
+        plate=plate(
+            "plate",
+            SQUARE,
+            {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}},
+            300.0,
+            group="ground",
+        ),
+        sheet=plate("sheet", LID, {"type": "plume", "transmittance": tau}, 300.0, group="plume"),
+    )
+    flux = 100 * np.pi * L_300
+    agree(result.total["emitted"], flux * (1 + 2 * (1 - tau)))
+    agree(result.total["balance"], 0)
+    agree(result.total["created"], 0)
+    incident = result.materials["plume"]["incident"][0]
+    assert result.materials["plume"]["absorbed"][0] == pytest.approx((1 - tau) * incident)
+    assert result.materials["plume"]["reflected"][0] == pytest.approx(tau * incident)
+    assert result.total["behind"][0] == 0
+
+
 @pytest.mark.slow
 def test_closed_room_keeps_everything():
     result = mi_lcair.audit(mi_lcair.load("furnace"), 2**15)

@@ -10,7 +10,7 @@ import pytest
 
 from mi_lcair.errors import InputError, mitsuba_error
 from mi_lcair.physics import reflection
-from mi_lcair.plugins import bounce_path, reflection_bsdf, sky_dome, sun, thermal
+from mi_lcair.plugins import bounce_path, plume_bsdf, reflection_bsdf, sky_dome, sun, thermal
 
 PLUGINS = {
     "thermal": thermal,
@@ -18,6 +18,7 @@ PLUGINS = {
     "sky_dome": sky_dome,
     "bounce_path": bounce_path,
     "material": reflection_bsdf,
+    "plume": plume_bsdf,
 }
 CLASSES = {
     "thermal": "Thermal",
@@ -25,6 +26,7 @@ CLASSES = {
     "sky_dome": "SkyDome",
     "bounce_path": "BouncePath",
     "material": "ReflectionBSDF",
+    "plume": "Plume",
 }
 WRONG = {
     "float": (True, "300 K", mi.ScalarColor3d(1, 2, 3), float("nan"), float("inf")),
@@ -39,6 +41,7 @@ BESIDE = {
     "sky_dome": {"band": "MWIR"},
     "bounce_path": {},
     "material": {"material": "gloss_black", "band": "LWIR"},
+    "plume": {"transmittance": 0.5},
 }
 
 

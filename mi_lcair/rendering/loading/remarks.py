@@ -7,6 +7,7 @@ import numpy as np
 from mi_lcair.models3d.coincident import overlaps
 from mi_lcair.plugins.derivatives import members
 from mi_lcair.plugins.emission.triangles import is_faceted
+from mi_lcair.plugins.plume_bsdf import is_passed
 from mi_lcair.plugins.reflection_bsdf import reflection_layers
 from mi_lcair.rendering.loading.nodes import properties, references
 
@@ -45,11 +46,13 @@ def surfaces_that_emit_nothing(scene: mi.Scene) -> list[str]:
         if dr.all(dr.detach(emitter.emissivity(si, mi.Bool(True))) < 1e-5):
             layers = reflection_layers(shape.bsdf())
             material = f"material {layers[0].material}" if layers else "its BSDF"
+            does, left = "reflects", "black but for what it reflects"
+            if is_passed(int(shape.bsdf().flags())):
+                does, left = "transmits", "invisible"
             remarks.append(
-                f"group {emitter.group}, shape '{shape.id()}': {material} reflects all that "
-                "arrives, so that the thermal emitter emits nothing and the surface is black but "
-                "for what it reflects; use a material that absorbs, or give the emitter an "
-                "`emissivity`"
+                f"group {emitter.group}, shape '{shape.id()}': {material} {does} all that "
+                f"arrives, so that the thermal emitter emits nothing and the surface is {left}; "
+                "use a material that absorbs, or give the emitter an `emissivity`"
             )
     return remarks
 

@@ -1,0 +1,68 @@
+"""What is noted beside an image: the header of its file, and remarks on its limits."""
+
+from dataclasses import asdict
+
+import mi_lcair
+from mi_lcair.camera.calibration import AVERAGED
+from mi_lcair.camera.exposure import Exposure
+from mi_lcair.camera.quality import Measures
+from mi_lcair.camera.view import CameraView
+from mi_lcair.detection.scenario import Scenario
+from mi_lcair.physics.imager import Imager
+
+
+def remarks(
+    imager: Imager, view: CameraView, signal, measures: Measures, hidden: float
+) -> list[str]:
+    """Remarks on the limits of an image, one line each."""
+    lines = []
+    if measures.saturated:
+        share = float(f"{100 * measures.saturated:.2g}")
+        lines.append(
+            f"the detector is saturated in {share:g} % of the pixels, which "
+            f"collect up to {1e-6 * signal.max():.4g} Me in a well of {imager.well_Me:g} Me: their "
+            "temperature is at least the stated one; shorten integration_time_ms"
+        )
+    if view.is_cut:
+        lines.append(
+            "a part of the target is outside the frame; signal, pixels and ranges are those of the "
+            "part inside"
+        )
+    if hidden > 0:
+        lines.append(
+            f"{hidden:.0%} of the target has sky or terrain of the scene between it and the "
+            "observer; this sky or terrain is ignored and does not hide the target"
+        )
+    if measures.render_error > measures.netd:
+        lines.append(
+            f"the rendering's error, {1e3 * measures.render_error:.3g} mK on the target, is larger "
+            f"than the camera's NETD, {1e3 * measures.netd:.3g} mK, and is the same in all frames; "
+            "raise spp of [render]"
+        )
+    return lines
+
+
+def header(
+    scenario: Scenario, scene, exposed: Exposure, measures: Measures, bounces: int, frames, seed
+) -> dict:
+    """Header of the EXR: the scenario, the camera, its measures and the versions."""
+    camera = {f"camera_{name}": value for name, value in asdict(scenario.camera).items()}
+    return {
+        "scenario": scenario.name,
+        "scene": scene.name,
+        "band": scenario.sensor.detector().band.label,
+        "units": "apparent.Y: W m^-2 sr^-1; electrons.Y: 1; counts.Y: 1; others: K",
+        "max_bounces": bounces,
+        "spp": exposed.spp,
+        "rms_error": exposed.rms_error,
+        "range_m": scenario.observer.range_m,
+        "frames": frames,
+        "noise_seed": str(seed),
+        "seed": str(scenario.render.seed),
+        "netd_K": measures.netd,
+        "electrons_per_count": scenario.camera.electrons_per_count,
+        "pedestal_counts": scenario.camera.pedestal,
+        "nuc_frames": AVERAGED if scenario.camera.nuc else 0,
+        "versions": f"mi_lcair {mi_lcair.__version__}",
+        **camera,
+    }

@@ -1,0 +1,124 @@
+r"""BSDF `plume`: a surface that emits and that rays pass straight through, for exhaust plumes."""
+
+import drjit as dr
+import mitsuba as mi
+
+from mi_lcair.errors import InputError
+from mi_lcair.plugins.properties import Property, read
+
+PROPERTIES = (Property("transmittance", "float", lower=0, upper=1),)
+# What a BSDF may do with a ray. A surface whose flags hold only `Null` of these is passed.
+ANY_LOBE = int(mi.BSDFFlags.All)
+
+
+class Plume(mi.BSDF):
+    r"""Partly transparent surface without reflection, such as the outside of an exhaust plume.
+
+    ============= ======= ==========================================================================
+    transmittance float   share of the radiance that passes through the surface, 0..1; the same in
+                          all directions                                            (differentiable)
+    ============= ======= ==========================================================================
+
+    .. code-block:: xml
+
+        <bsdf type="plume"> <float name="transmittance" value="0.8"/> </bsdf>
+
+    The emissivity is 1 - transmittance on both sides, by Kirchhoff's law for a surface that does
+    not reflect. A ray goes straight on, times the transmittance. `bounce_path` does not count this
+    as a reflection.
+
+    The transmittance does not depend on the direction. For a thin layer of a gas it would be
+    transmittance^(1 / cos), which makes the edges of the surface opaque. A plume is a volume, and
+    rays near its edge have the shortest path in it. A ray crosses a closed cone twice: a cone whose
+    emissivity is known from measurement as 1 - T needs `transmittance` = sqrt(T).
+
+    A path that passes more than 32 surfaces in a row is an invalid sample, which is counted and
+    reported. Mitsuba's integrator `path` counts a passage in `max_depth`, and gives 0 where a ray
+    passes plumes and then hits nothing.
+    """
+
+    material = "plume"  # name of the material in tables of facets
+
+    def __init__(self, props):
+        mi.BSDF.__init__(self, props)
+        values = read(props, "plume", PROPERTIES)
+        if values["transmittance"] is None:
+            raise InputError("plume: give `transmittance`, the share that passes, 0..1")
+        self.transmittance = mi.Float(values["transmittance"])
+        self.parameters_changed()
+
+    def traverse(self, cb):
+        cb.put("transmittance", self.transmittance, mi.ParamFlags.Differentiable)
+
+    def parameters_changed(self, keys=()):
+        PROPERTIES[0].checked(float(dr.detach(self.transmittance)[0]), "plume")
+        dr.make_opaque(self.transmittance)
+        # An opaque plume has no lobe at all, so that paths end there as at a blackbody
+        passes = mi.BSDFFlags.Null if self.transmits else mi.BSDFFlags.Empty
+        self.m_components = [passes | mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide]
+        self.m_flags = self.m_components[0]
+
+    @property
+    def transmits(self) -> bool:
+        return float(dr.detach(self.transmittance)[0]) > 0
+
+    def check_derivative(self, name: str, draws: bool) -> None:
+        """Raise InputError if paths would not give the whole derivative in the transmittance.
+
+        name: name of the transmittance in the message. draws: whether emitters are drawn.
+        """
+        if not self.transmits:
+            raise InputError(
+                f"{name} = 0 has no derivative, because paths end there; it must be positive"
+            )
+        if draws:
+            raise InputError(
+                f"{name} has no derivative where emitters are drawn; use emitter_sampling = false "
+                "and no sun or point light"
+            )
+
+    def has_attribute(self, name, active=True):
+        return name == "emissivity"
+
+    def eval_attribute_1(self, name, si, active=True):
+        """The attribute `emissivity`, the same on both sides."""
+        value = 1 - self.transmittance if name == "emissivity" else mi.Float(0)
+        return dr.select(active & (si.wi.z != 0), value, 0)
+
+    def sample(self, ctx, si, sample1, sample2, active=True):
+        bs = dr.zeros(mi.BSDFSample3f)
+        bs.wo, bs.eta, bs.sampled_component = -si.wi, 1, 0
+        bs.sampled_type = mi.UInt32(int(self.m_flags) & ANY_LOBE)
+        bs.pdf = dr.select(active, mi.Float(1), 0)
+        return bs, mi.Spectrum(dr.select(active, self.transmittance, 0))
+
+    def eval_null_transmission(self, si, active=True):
+        return mi.Spectrum(dr.select(active, self.transmittance, 0))
+
+    def eval(self, ctx, si, wo, active=True):
+        return mi.Spectrum(0)
+
+    def pdf(self, ctx, si, wo, active=True):
+        return mi.Float(0)
+
+    def eval_pdf(self, ctx, si, wo, active=True):
+        return self.eval(ctx, si, wo, active), self.pdf(ctx, si, wo, active)
+
+    def eval_diffuse_reflectance(self, si, active=True):
+        return mi.Spectrum(0)
+
+    def to_string(self):
+        return f"Plume[transmittance = {float(dr.detach(self.transmittance)[0]):g}]"
+
+
+def is_plume(plugin) -> bool:
+    """Whether a plugin is a BSDF `plume`, also one that was loaded under another variant."""
+    return type(plugin).__name__ == "Plume"
+
+
+def is_passed(flags):
+    """Whether every ray passes straight through a BSDF with these flags: `plume` and `null`."""
+    return (flags & ANY_LOBE) == int(mi.BSDFFlags.Null)
+
+
+mi.register_bsdf("plume", Plume)

@@ -1,0 +1,49 @@
+"""The transmittance of a plume as a parameter: its column against a closed form and differences."""
+
+import pytest
+
+import mi_lcair
+from mi_lcair.errors import InputError
+from mi_lcair.sensitivity.differences import differences
+from mi_lcair.sensitivity.facets import facet_matrix
+from mi_lcair.sensitivity.parameters import changed, parameters, set_values
+
+LANDING = {"position": 3, "band": "LWIR", "plume_transmittance": 0.7}
+
+
+def test_column_agrees_with_differences():
+    """Also for the plume's temperature, whose radiance passes other plumes.
+
+    Both trace the same paths, in whose radiance a transmittance is a polynomial of low degree.
+    """
+    scene = mi_lcair.load("a340_landing", **LANDING)
+    names = ("plume.transmittance", "plume.temperature")
+    found = mi_lcair.sensitivities(scene, names, paths=2**12, seed=1)
+    expected = differences(scene, names, [0.01, 1.0], paths=2**12, seed=1)
+    assert found.derivative == pytest.approx(expected.derivative, rel=1e-3)
+    assert found.derivative[0] < 0 < found.derivative[1]
+
+
+def test_parameter_and_refusals():
+    opaque = mi_lcair.load("a340_landing", position=3)
+    assert "plume.transmittance" not in parameters(opaque)
+    with opaque.prepared() as tracer:
+        assert not tracer.emitters.passes
+    with pytest.raises(InputError, match="unknown parameter of a340_landing 'plume.transmittance'"):
+        mi_lcair.sensitivities(opaque, ["plume.transmittance"], paths=2**10)
+    scene = mi_lcair.load("a340_landing", **LANDING)
+    found = parameters(scene)["plume.transmittance"]
+    assert (found.value, found.lower, found.upper) == (pytest.approx(0.7), 0, 1)
+    with changed(scene, {"plume.transmittance": 0}), scene.prepared() as tracer:
+        assert not tracer.emitters.passes
+    with pytest.raises(InputError, match="outside its bounds"):
+        set_values(scene, {"plume.transmittance": 1.5})
+    drawn = mi_lcair.load("a340_landing", emitter_sampling="true", **LANDING)
+    with pytest.raises(InputError, match="plume.transmittance has no derivative where"):
+        mi_lcair.sensitivities(drawn, ["plume.transmittance"], paths=2**10)
+
+
+def test_facets_have_no_columns_behind_a_plume():
+    scene = mi_lcair.load("a340_landing", resolution=8, **LANDING)
+    with pytest.raises(InputError, match="BSDF plume .* has no contributions by facet"):
+        facet_matrix(scene, groups=["plume"], spp=4)
