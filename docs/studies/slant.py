@@ -14,9 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from docs.studies.page import write_page
-from mi_lcair.physics.atmosphere import Atmosphere
+from mi_lcair.physics.atmosphere import Atmosphere, atmosphere
 from mi_lcair.physics.bands import band
-from mi_lcair.physics.slant.air import SlantAir, slant_air, slant_names
+from mi_lcair.physics.slant.air import PREFIX, SlantAir, slant_air, slant_names
+from mi_lcair.physics.slant.geometry import height_along
 
 BANDS = ("MWIR", "LWIR")
 QUANTITIES = ("transmittance", "up", "down")
@@ -96,11 +97,31 @@ def of_horizontal_air(air: SlantAir) -> float:
     return max(errors)
 
 
+def higher_up(air: SlantAir, horizontal: Atmosphere, window: str) -> tuple[float, float, float]:
+    """Mean transmittance of a path of 5 km that begins 10 km along the lowest elevation.
+
+    It is returned as predicted, as extrapolated, and as the quotient of the paths of 15 km and of
+    10 km. The extrapolation is linear in the path's mean height, from the horizontal path and from
+    the table's path of 5 km.
+    """
+    of, elevation = band(window), air.elevations_deg[0]
+    whole = air.along(elevation, True)
+    predicted = air.along(elevation, True, 10_000.0).transmittance_mean(of, 5000.0)
+    flat, low = (table.transmittance_mean(of, 5000.0) for table in (horizontal, whole))
+    heights = height_along(air.lower_m, elevation, np.array([2500.0, 12_500.0])) - air.lower_m
+    quotient = whole.transmittance_mean(of, 15_000.0) / whole.transmittance_mean(of, 10_000.0)
+    return predicted, flat + (low - flat) * heights[1] / heights[0], quotient
+
+
 def main(page):
-    lines, largest, deviations, plain = [], {}, [], []
+    lines, largest, deviations, plain, higher = [], {}, [], [], []
     for name in slant_names():
         air = slant_air(name)
         plain.append(of_horizontal_air(air))
+        horizontal = atmosphere(name.removeprefix(PREFIX))
+        for window in BANDS:
+            values = (f"{value:.4f}" for value in higher_up(air, horizontal, window))
+            higher.append(f"| {name} | {window} | {' | '.join(values)} |")
         deviations.append(f"{deviation(air)} ({name})")
         for row in (
             *(without_elevation(air, elevation) for elevation in air.elevations_deg[1:-1]),
@@ -118,6 +139,7 @@ def main(page):
         page,
         "slant",
         rows="\n".join(lines),
+        higher="\n".join(higher),
         transmittance=worst("transmittance"),
         radiance=worst("up", "down"),
         plain=f"{max(plain):.0%}",

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from docs.studies.slant import without_elevation, without_range
+from docs.studies.slant import higher_up, without_elevation, without_range
 from mi_lcair.errors import InputError
 from mi_lcair.physics.atmosphere import atmosphere
 from mi_lcair.physics.bands import band
@@ -75,6 +75,13 @@ def test_rows_left_out():
     air = slant_air("slant_midlat_summer")
     for row in (without_elevation(air, 10), without_elevation(air, 30), without_range(air, 1e4)):
         assert max(row.errors.values()) < 0.02, row
+
+
+@pytest.mark.parametrize("window", ["MWIR", "LWIR"])
+def test_a_path_higher_up(window):
+    """It is predicted as horizontal and low paths let it expect, and not as a quotient of two."""
+    predicted, expected, quotient = higher_up(slant_air(NAMES[0]), atmosphere(NAMES[0][6:]), window)
+    assert predicted == pytest.approx(expected, rel=1e-2) and quotient > 1.2 * expected
 
 
 def test_short_ranges_go_to_vacuum():
