@@ -103,10 +103,10 @@ def gloss_black() -> dict:
     """Fields of the page about all parameters of the cylinder's paint, and a fit of its BRDF."""
     values, errors = [], []
     for draw in range(PAINT_DRAWS):
-        measure(GLOSS_BLACK, PAINT_DRAWS - 1 - draw)
+        measure(GLOSS_BLACK, draw)
         tree = tomllib.loads(GLOSS_BLACK.read_text(encoding="utf-8"))
         tree["data"][0]["image"] = str(FOLDER / tree["data"][0]["image"])
-        tree["render"] = {"seed": 1000 + draw}
+        tree["render"] |= {"seed": 1000 + draw}
         found = mi_lcair.invert(tree, advise=False)
         values.append([one.value for one in found.answers])
         errors.append([one.standard_error for one in found.answers])
