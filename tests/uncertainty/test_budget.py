@@ -134,6 +134,14 @@ def test_a_large_error_of_a_temperature_is_not_linear(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("sigma", [1e-30, 1e-10, 1e5])
+def test_sensitivity_does_not_depend_on_sigma(tmp_path, sigma):
+    scene = plate_scene(tmp_path)
+    found = mi_lcair.budget(scene, {"sigma": {"plate.temperature": sigma}}, spp=1024)
+    expected = EMISSIVITY * AREA * slope(scene.band, TEMPERATURE)
+    assert row(found, "plate.temperature").sensitivity == pytest.approx(expected, rel=2e-3)
+
+
 def test_a_sigma_beyond_both_bounds(tmp_path):
     scene = plate_scene(tmp_path)
     found = mi_lcair.budget(scene, {"sigma": {"plate.temperature": 1e6}})
