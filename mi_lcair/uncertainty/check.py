@@ -81,7 +81,7 @@ def check(number: Number, inputs: Inputs, derivative: np.ndarray, total: float) 
             for change, expected in ((plus, linear), (minus, -linear))
             if change is not None
         ]
-        largest = max(abs(linear), *(abs(change) for change in changes if change is not None))
+        largest = max(abs(change) for change in (linear, plus, minus) if change is not None)
         holds = None not in changes and max(differences) <= FAILS * largest
         found.append(Check(group.label, linear, plus, minus, holds))
     return found

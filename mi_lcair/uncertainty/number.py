@@ -27,6 +27,8 @@ from mi_lcair.signatures.effective_areas import EffectiveAreas, effective_areas
 
 # Step of a derivative in closed form, in standard deviations. Its error falls with the square.
 SMALL = 1e-2
+# The same step in values of the quantity: shorter steps drown in rounding, longer ones leave bounds
+STEPS = 1e-6, 1e-2
 SOURCE_STEP = 0.01  # step of the derivative with respect to one source's temperature [K]
 
 
@@ -211,6 +213,8 @@ class Number:
     def closed_derivative(self, name: str, sigma: float) -> tuple[float, float]:
         """Derivative with respect to a quantity that needs no render, and its standard error."""
         step, value = SMALL * sigma, self.known[name].value
+        if value:
+            step = float(np.clip(step, *(bound * abs(value) for bound in STEPS)))
         ends = []
         for end in (value + step, value - step):
             own = {name: end} if self.is_own(name) else {}

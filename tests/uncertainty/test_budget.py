@@ -134,6 +134,22 @@ def test_a_large_error_of_a_temperature_is_not_linear(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("sigma", [1e-30, 1e-10, 1e5])
+def test_sensitivity_does_not_depend_on_sigma(tmp_path, sigma):
+    scene = plate_scene(tmp_path)
+    found = mi_lcair.budget(scene, {"sigma": {"plate.temperature": sigma}}, spp=1024)
+    expected = EMISSIVITY * AREA * slope(scene.band, TEMPERATURE)
+    assert row(found, "plate.temperature").sensitivity == pytest.approx(expected, rel=2e-3)
+
+
+def test_a_sigma_beyond_both_bounds(tmp_path):
+    scene = plate_scene(tmp_path)
+    found = mi_lcair.budget(scene, {"sigma": {"plate.temperature": 1e6}})
+    (check,) = found.checks
+    assert (check.plus, check.minus, check.holds) == (None, None, False)
+    assert any("outside its bounds" in remark for remark in found.remarks)
+
+
 def test_monte_carlo_stays_inside_the_bounds(tmp_path):
     """Draws of a reflectance below 0 are drawn again, and the budget says so."""
     scene = plate_scene(tmp_path)
