@@ -38,6 +38,13 @@ class Check:
 
     def sentence(self, unit: str) -> str:
         """Why the linear answer fails, in one line."""
+        inside = [change for change in (self.plus, self.minus) if change is not None]
+        if len(inside) == 1 and abs(abs(inside[0]) - abs(self.linear)) <= FAILS * abs(self.linear):
+            outside = "plus" if self.plus is None else "minus"
+            return (
+                f"{self.quantity}: {outside} one sigma is outside its bounds, so that the linear "
+                "answer holds on one side only; use --monte-carlo"
+            )
         sides = [
             f"{word} one sigma changes the result by {change:+.3g} {unit}"
             for word, change in (("plus", self.plus), ("minus", self.minus))

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import click
+import numpy as np
 
 import mi_lcair
 from mi_lcair.cli.options import json_option, prepare_renderer, progress_bar, renderer_options
@@ -128,7 +129,9 @@ def _state(fitted):
 
 def _residual(fitted):
     rms = fitted.as_dict()["residual_rms_sigmas"]
-    return f"{fitted.points} values, rms residual {rms:.3g} standard deviations"
+    size = np.size(fitted.residual)
+    count = f"{fitted.points} of {size} values" if fitted.points < size else f"{size} values"
+    return f"{count}, rms residual {rms:.3g} standard deviations of measurement and render together"
 
 
 def _chi_square(solution):
@@ -136,6 +139,6 @@ def _chi_square(solution):
     if solution.p_value is not None:
         yield (
             "chi-square",
-            f"{solution.chi_square:.5g} for {solution.degrees_of_freedom:.5g} degrees of freedom, "
-            f"p = {solution.p_value:.2g}",
+            f"{solution.chi_square:.5g} for {solution.degrees_of_freedom:.5g} degrees of freedom "
+            f"in the measurement's noise alone, p = {solution.p_value:.2g}",
         )
