@@ -30,6 +30,7 @@ from mi_lcair.inversion.unknowns import FACETS, Unknown, instruments, unknowns
 
 NOISY = 0.75  # share of a variance from which the noise of the render is said to dominate
 UNTESTED = {"chi_square": 0.0, "degrees_of_freedom": 0.0, "p_value": None}
+UNFINISHED = "not converged: the value still moves, and its error may be too small"
 IMPROBABLE = 1e-3  # p-value below which the model is said to miss something
 
 
@@ -86,6 +87,8 @@ def _inverted(problem: Problem, advise: bool, progress, start: float) -> Solutio
         state = best_of_starts(everything, data, problem, progress)
 
     found = answers(everything, state.x, state.covariance, state.at_bound, state.held)
+    if problem.goal is None and not state.converged:
+        found = [replace(one, verdict=UNFINISHED) if one.is_determined else one for one in found]
     chi = UNTESTED
     if problem.goal is None:
         chi = chi_square(state.blocks, state.x, determined(state))

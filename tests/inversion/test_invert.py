@@ -93,6 +93,15 @@ def test_two_states_of_the_surroundings_separate_them(folder):
     assert found["plate.temperature"].standard_error < 0.01
 
 
+def test_an_estimate_that_has_not_converged_is_not_determined(folder):
+    data = [datum(folder, "a", 1, "a"), datum(folder, "b", 2, "b", S=310.0)]
+    given = {"plate.temperature": {"per": []}, "paint.reflectance": {}}
+    one = {"data": data, "unknowns": given, "render": {"iterations": 1}}
+    found = mi_lcair.invert(one, advise=False)
+    assert not found.converged and any("has not converged" in line for line in found.remarks)
+    assert all(answer.verdict.startswith("not converged") for answer in found.answers)
+
+
 def test_a_wrong_scene_is_seen_in_the_residuals(folder):
     """The plate alone is not of one temperature: half of the image is 0.5 K hotter."""
     entry = datum(folder, "half", 1)
