@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 import mi_lcair
 from docs.studies.page import write_page
-from mi_lcair.detection.contrast import Contrast, backdrop
+from mi_lcair.detection.contrast import Contrast
 from mi_lcair.detection.irradiance import Estimate, Irradiance
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.drawing import drawing
@@ -62,7 +62,7 @@ def from_areas(base: Contrast, change) -> float:
     (effective areas, air, backdrop) that returns the changed ones.
     """
     irradiance = base.rows[-1].irradiance
-    areas, air, behind = change(irradiance.areas, base.air, backdrop(base.scenario, base.detector))
+    areas, air, behind = change(irradiance.areas, base.air, irradiance.behind)
     return (
         Irradiance(areas, 0.0, base.detector.band, air, behind)
         .at(air.path(base.path.range_m))["total"]
@@ -289,8 +289,9 @@ def lost_jacobian(base: Contrast) -> float:
     d(wavenumber) / d(wavelength) = 10^4 / wavelength^2 [cm^-1 / um].
     """
     irradiance = base.rows[-1].irradiance
-    per_wavenumber = irradiance.backdrop * irradiance.wavelengths_um**2 / 1e4
-    return irradiance.in_band(irradiance.backdrop) / irradiance.in_band(per_wavenumber)
+    background = irradiance.background(base.path)
+    per_wavenumber = background * irradiance.wavelengths_um**2 / 1e4
+    return irradiance.in_band(background) / irradiance.in_band(per_wavenumber)
 
 
 def growth(base: Contrast, first: int, last: int, term: str) -> float:

@@ -119,7 +119,7 @@ def _print_tables(result, detections):
                 "line of sight",
                 f"{result.path.range_m:.6g} m, {abs(result.sight_elevation_deg):.4g} degrees "
                 f"{'up' if result.sight_elevation_deg >= 0 else 'down'}ward, observer at azimuth "
-                f"{scenario.observer.azimuth_deg:.6g}",
+                f"{scenario.observer.azimuth_deg:.6g}{_heights(result)}",
             ),
             (
                 "atmosphere",
@@ -190,6 +190,15 @@ def _print_tables(result, detections):
                 ),
             ]
         )
+
+
+def _heights(result):
+    """Heights of observer and target as text, where they are known."""
+    if result.observer_height_m is None:
+        return ""
+    return (
+        f", at a height of {result.observer_height_m:.5g} m; target {result.target_height_m:.5g} m"
+    )
 
 
 def _error(result):

@@ -7,18 +7,16 @@ effective areas.
 
 import time
 from dataclasses import asdict, dataclass, field
-from functools import partial
 
 import numpy as np
 
 from mi_lcair.detection.detection_range import DetectionRange, detection_range
 from mi_lcair.detection.irradiance import Backdrop, Estimate, Irradiance
+from mi_lcair.detection.line_of_sight import Sight, backdrop
 from mi_lcair.detection.scenario import Sampling, Scenario
 from mi_lcair.errors import InputError
-from mi_lcair.physics.atmosphere import Atmosphere, LineOfSight, atmosphere
-from mi_lcair.physics.blackbody import spectral_radiance
+from mi_lcair.physics.atmosphere import Atmosphere, LineOfSight
 from mi_lcair.physics.detector import Detector
-from mi_lcair.physics.spectrum import has_elevations, spectrum
 from mi_lcair.rendering.loading.files import survey
 from mi_lcair.rendering.scene import Scene, find, load
 from mi_lcair.rendering.settings import changed
@@ -120,6 +118,8 @@ class Contrast:
         Path from the target to the sensor.
     sight_elevation_deg : float
         Elevation of the line of sight, degrees, upward from the sensor.
+    observer_height_m, target_height_m : float or None
+        Heights above the ground, m. None where neither the scenario nor its air states them.
     background_name : str
         Name of the background.
     transmittance : float
@@ -144,6 +144,8 @@ class Contrast:
     air: Atmosphere
     path: LineOfSight
     sight_elevation_deg: float
+    observer_height_m: float | None
+    target_height_m: float | None
     background_name: str
     transmittance: float
     path_radiance: float
@@ -170,6 +172,8 @@ class Contrast:
         """A dictionary for JSON: the scenario as it was read, the results, and the rows."""
         plain = (
             "sight_elevation_deg",
+            "observer_height_m",
+            "target_height_m",
             "transmittance",
             "path_radiance",
             "background_radiance",
@@ -239,12 +243,14 @@ def measured(scenario: Scenario, progress) -> Contrast:
         detector=detector,
         air=air,
         path=path,
-        sight_elevation_deg=0.0 - observer.elevation_deg,
+        sight_elevation_deg=setting.sight.elevation_deg,
+        observer_height_m=setting.sight.observer_m,
+        target_height_m=setting.sight.target_m,
         background_name=behind.name,
         transmittance=mean_transmittance,
         path_radiance=irradiance.in_band(radiance),
-        background_radiance=irradiance.in_band(irradiance.backdrop),
-        no_target=no_target(irradiance, detector),
+        background_radiance=irradiance.in_band(irradiance.background(path)),
+        no_target=no_target(irradiance, detector, path),
         radius_m=target.radius,
         rows=rows,
         remarks=[
@@ -265,7 +271,10 @@ class Setting:
     Attributes
     ----------
     detector : Detector
+    sight : Sight
+        Line of sight with its air.
     air : Atmosphere
+        Air between target and sensor.
     path : LineOfSight
         Path from the target to the sensor.
     backdrop : Backdrop
@@ -277,6 +286,7 @@ class Setting:
     """
 
     detector: Detector
+    sight: Sight
     air: Atmosphere
     path: LineOfSight
     backdrop: Backdrop
@@ -287,10 +297,13 @@ class Setting:
 def setting_of(scenario: Scenario) -> Setting:
     """The setting of a scenario; raises InputError if the scenario cannot be used."""
     observer, detector = scenario.observer, scenario.sensor.detector()
-    air = atmosphere(scenario.atmosphere.table, scenario.atmosphere.ranges_m)
+    sight = Sight.of(scenario)
+    air = sight.air
     air.check_covers(detector.band)
     path = air.path(observer.range_m, scenario.atmosphere.extrapolate)
-    behind = backdrop(scenario, detector)
+    behind = backdrop(scenario, detector, sight)
+    if behind.path_at is not None:
+        behind.path_at(observer.range_m)  # raises InputError if the table ends before the ground
     scene = target_scene(scenario, detector)
     target = Target.of(scene)
     if observer.range_m <= target.radius:
@@ -301,7 +314,7 @@ def setting_of(scenario: Scenario) -> Setting:
     view = seen_from(
         scene, View(observer.azimuth_deg, observer.elevation_deg), scenario.render.resolution
     )
-    return Setting(detector, air, path, behind, target, view)
+    return Setting(detector, sight, air, path, behind, target, view)
 
 
 def rendered(
@@ -403,26 +416,6 @@ def check_met(result: Signature, target: Target) -> None:
         raise InputError("no ray met the target; raise resolution or spp of [render]")
 
 
-def backdrop(scenario: Scenario, detector: Detector) -> Backdrop:
-    """The background in the direction of the line of sight."""
-    temperature, sky = scenario.background.temperature, scenario.background.sky
-    if temperature is not None:
-        return Backdrop(
-            f"blackbody at {temperature:g} K",
-            partial(spectral_radiance, temperature=temperature),
-            np.empty(0),
-        )
-    elevation = -scenario.observer.elevation_deg if has_elevations(sky) else None
-    if elevation is not None and elevation < 0:
-        raise InputError(
-            f"the line of sight looks down, by {-elevation:g} degrees, where no sky is behind "
-            "the target; give [background] a temperature"
-        )
-    table = spectrum(sky, elevation)
-    table.in_band_radiance(detector.band)  # raises InputError if the table does not cover the band
-    return Backdrop(f"sky {table.name}", table.at, table.wavelengths_um)
-
-
 def target_scene(scenario: Scenario, detector: Detector) -> Scene:
     """The scene with the parameters of the scenario, in a band that holds the detector's."""
     parameters, source = scenario.scene_parameters(), scenario.target.scene
@@ -469,7 +462,7 @@ def row(
     terms = irradiance.at(path)
     total, area = terms["total"], irradiance.projected_area
     nei_max = Estimate(*(float(detector.nei_max(value)) for value in total))
-    empty = no_target(irradiance, detector)
+    empty = no_target(irradiance, detector, path)
     return Row(
         max_bounces,
         **terms,
@@ -486,7 +479,7 @@ def row(
     )
 
 
-def no_target(irradiance: Irradiance, detector: Detector) -> float | None:
+def no_target(irradiance: Irradiance, detector: Detector, path: LineOfSight) -> float | None:
     """Irradiance of the background in the whole field of view, W m^-2 (3.15).
 
     It is None without a field of view.
@@ -494,7 +487,7 @@ def no_target(irradiance: Irradiance, detector: Detector) -> float | None:
     return (
         None
         if detector.solid_angle is None
-        else irradiance.in_band(irradiance.backdrop) * detector.solid_angle
+        else irradiance.in_band(irradiance.background(path)) * detector.solid_angle
     )
 
 

@@ -34,11 +34,22 @@ class Backdrop(NamedTuple):
         Spectral radiance, W m^-2 sr^-1 um^-1, at an array of wavelengths, um.
     rows_um : ndarray
         Wavelengths, um, between which the spectral radiance is linear or smooth.
+    path_at : callable or None
+        Path from the background to the sensor, at a range of the target, m. Without it the
+        spectral radiance is that at the sensor.
     """
 
     name: str
     at: Callable[[np.ndarray], np.ndarray]
     rows_um: np.ndarray
+    path_at: Callable[[float], LineOfSight] | None = None
+
+    def arriving(self, wavelengths_um, range_m: float) -> np.ndarray:
+        """Spectral radiance at the sensor, at wavelengths, um, and a range of the target, m."""
+        if self.path_at is None:
+            return self.at(wavelengths_um)
+        transmittance, radiance = self.path_at(range_m).at(wavelengths_um)
+        return transmittance * self.at(wavelengths_um) + radiance
 
 
 class Irradiance:
@@ -102,7 +113,7 @@ class Irradiance:
         self.weights_um = np.repeat(half, 2) * self.response
         self.areas, self.missed, self.systematic = areas, missed, systematic
         self.degrees_of_freedom = degrees_of_freedom
-        self.backdrop = backdrop.at(self.wavelengths_um)
+        self.behind = backdrop
         self.projected_area = Estimate(
             areas.projected_area, float(np.sqrt(areas.covariance[0, -1, -1]))
         )
@@ -120,6 +131,10 @@ class Irradiance:
     def in_band(self, spectrum) -> float:
         """Integral over the band of a spectrum at `wavelengths_um`, weighted with the response."""
         return float(spectrum @ self.weights_um)
+
+    def background(self, path: LineOfSight) -> np.ndarray:
+        """Radiance of the background at the end of a path, at `wavelengths_um`."""
+        return self.behind.arriving(self.wavelengths_um, path.range_m)
 
     def at(self, path: LineOfSight) -> dict[str, Estimate]:
         """The in-band TERMS at the end of a path, by name.
@@ -149,7 +164,8 @@ class Irradiance:
         per_amount = np.zeros((len(TERMS), len(self.amounts)))
         per_amount[0, :-1] = self.spectra @ self.weights_um
         per_amount[1, :-1] = self.spectra @ (transmittance * self.weights_um)
-        per_amount[2, -1], per_amount[3, -1] = self.in_band(radiance), self.in_band(self.backdrop)
+        per_amount[2, -1] = self.in_band(radiance)
+        per_amount[3, -1] = self.in_band(self.background(path))
         per_amount[4] = per_amount[1] + per_amount[2] - per_amount[3]
         per_amount[1:] /= path.range_m**2
         return per_amount
@@ -178,5 +194,5 @@ class Irradiance:
         solid_angle = self.projected_area.value / path.range_m**2
         intensity = self.amounts[:-1] @ self.spectra
         target = transmittance * intensity / path.range_m**2
-        air, hidden = radiance * solid_angle, self.backdrop * solid_angle
+        air, hidden = radiance * solid_angle, self.background(path) * solid_angle
         return dict(zip(TERMS, (intensity, target, air, hidden, target + air - hidden)))

@@ -35,12 +35,14 @@ FILES = (
 SMALLEST, LARGEST = 1e-30, 1e12  # sizes of numbers whose squares and ratios stay finite
 SIZES = f"{SMALLEST:g}..{LARGEST:g}"
 POLAR = ("range_m", "azimuth_deg", "elevation_deg")
+HIGHEST_M = 100_000.0  # largest height of a sensor, above all air
 DEFAULT_SPP = 64  # samples per pixel without a tolerance
 TO_A_TOLERANCE = ("tolerance", "tolerance_W_m2", "max_spp")  # entries that spp does not go with
 # Entries that are removed when a change sets the entry on the left.
 REPLACES = {
     ("background", "sky"): ("temperature",),
-    ("background", "temperature"): ("sky",),
+    ("background", "temperature"): ("sky", "ground_temperature", "ground_emissivity"),
+    ("background", "ground_temperature"): ("temperature",),
     ("observer", "position_m"): POLAR,
     **{("observer", name): ("position_m",) for name in POLAR},
     ("render", "spp"): TO_A_TOLERANCE,
@@ -104,12 +106,16 @@ class Observer:
         Elevation above the x-y plane, degrees.
     position_m : tuple of float, optional
         x, y and z, m, instead of range, azimuth and elevation, which are derived from it.
+    height_m : float, optional
+        Height of the sensor above the ground, m. Without it the lower end of the line of sight is
+        where the paths of the atmosphere's table begin.
     """
 
     range_m: float | None = None
     azimuth_deg: float | None = None
     elevation_deg: float | None = None
     position_m: tuple[float, ...] | None = None
+    height_m: float | None = None
 
     def __post_init__(self):
         given = [name for name in POLAR if getattr(self, name) is not None]
@@ -146,6 +152,11 @@ class Observer:
             raise InputError(
                 f"[observer]: elevation_deg = {self.elevation_deg:g}; must lie in -90..90"
             )
+        if self.height_m is not None and not 0 <= self.height_m <= HIGHEST_M:
+            raise InputError(
+                f"[observer]: height_m = {self.height_m:g}; must lie in 0..{HIGHEST_M:g} "
+                "metres above the ground"
+            )
 
 
 @dataclass(frozen=True)
@@ -171,26 +182,45 @@ class Air:
 class Background:
     """Table [background]: what the sensor sees beside the target.
 
+    It is a blackbody, or what the line of sight meets: the sky upward and the ground downward.
+
     Attributes
     ----------
     sky : str, optional
         Sky table.
     temperature : float, optional
-        Apparent temperature of a blackbody, K, instead of a sky.
+        Apparent temperature of a blackbody, K, instead of sky and ground.
+    ground_temperature : float, optional
+        Temperature of the ground, K, whose radiance goes through the air to the sensor.
+    ground_emissivity : float
+        Emissivity of the ground. It reflects the sky diffusely if this is below 1.
     """
 
     sky: str | None = None
     temperature: float | None = None
+    ground_temperature: float | None = None
+    ground_emissivity: float = 1.0
 
     def __post_init__(self):
-        if (self.sky is None) == (self.temperature is None):
-            mistake = (
-                "sky and temperature are missing" if self.sky is None else "has sky and temperature"
-            )
+        own = "sky" if self.sky is not None else "ground_temperature"
+        has_own = self.sky is not None or self.ground_temperature is not None
+        if has_own == (self.temperature is not None):
+            mistake = f"has {own} and temperature" if has_own else "sky and temperature are missing"
             raise InputError(f"[background]: {mistake}; give one of them")
-        if self.temperature is not None and not self.temperature > 0:
+        for name in ("temperature", "ground_temperature"):
+            value = getattr(self, name)
+            if value is not None and not value > 0:
+                raise InputError(f"[background]: {name} = {value:g} K; must be positive")
+        if not 0 < self.ground_emissivity <= 1:
             raise InputError(
-                f"[background]: temperature = {self.temperature:g} K; must be positive"
+                f"[background]: ground_emissivity = {self.ground_emissivity:g}; must be above 0, "
+                "at most 1"
+            )
+        if self.ground_emissivity < 1 and (self.sky is None or self.ground_temperature is None):
+            missing = "sky" if self.sky is None else "ground_temperature"
+            raise InputError(
+                f"[background]: ground_emissivity = {self.ground_emissivity:g} without {missing}; "
+                "ground that is not black reflects the sky, so give sky and ground_temperature"
             )
 
 

@@ -30,6 +30,7 @@ CLEAR = 1e-12
 # Tolerance for the rounding of a printed table: rise of the transmittance with range, or radiance
 # at transmittance 1 as a share of the largest radiance.
 ROUNDING = 1e-3
+SAME_ELEVATION_DEG = 0.25  # largest difference of elevations that count as one
 RANGES_AT_ONCE = 1024  # ranges of a long list that are computed together, to bound the memory
 
 
@@ -310,7 +311,7 @@ def atmosphere_names() -> list[str]:
     return [*sorted(file.stem.removeprefix("path_") for file in BUNDLED.glob("path_*.csv")), VACUUM]
 
 
-def atmosphere(source, ranges_m=None) -> Atmosphere:
+def atmosphere(source, ranges_m=None, elevation_deg: float | None = None) -> Atmosphere:
     """Read an atmosphere by its name or from a file.
 
     Parameters
@@ -323,6 +324,10 @@ def atmosphere(source, ranges_m=None) -> Atmosphere:
         range are joined. An `Atmosphere` is returned as it is.
     ranges_m
         Range [m] of each block of a tape7. It replaces the ranges in the file.
+    elevation_deg
+        Elevation of the line of sight, upward from the sensor [degrees]. It is used for a tape7
+        whose blocks have several: the logarithm of the optical depth and the source function are
+        then linear in the sine of the elevation.
 
     Returns
     -------
@@ -342,7 +347,7 @@ def atmosphere(source, ranges_m=None) -> Atmosphere:
     elif not path.suffix and not os.path.exists(path):
         raise unknown("atmosphere", str(source), [*atmosphere_names(), "a file"])
     elif tape7.is_tape7(path):
-        return _from_tape7(str(source), path, ranges_m)
+        return _from_tape7(str(source), path, ranges_m, elevation_deg)
     if ranges_m is not None:
         raise InputError(
             f"atmosphere '{source}': ranges_m are for the blocks of a MODTRAN tape7 only; leave "
@@ -388,7 +393,7 @@ def plausible(air: Atmosphere) -> Atmosphere:
     return air
 
 
-def _from_tape7(name, path, ranges_m) -> Atmosphere:
+def _from_tape7(name, path, ranges_m, elevation_deg) -> Atmosphere:
     blocks = tape7.blocks(path)
     if ranges_m is None:
         for block in blocks:
@@ -409,6 +414,58 @@ def _from_tape7(name, path, ranges_m) -> Atmosphere:
             f"atmosphere {path}: ranges_m = {ranges_m}; must be a positive number of metres for "
             f"each of its {len(blocks)} blocks"
         )
+    elevations = np.array([block.elevation_deg for block in blocks])
+    # Sensors at several heights see one line of sight at slightly different elevations.
+    order = np.sort(np.unique(elevations))
+    groups = np.split(order, np.flatnonzero(np.diff(order) > SAME_ELEVATION_DEG) + 1)
+    airs = []
+    for group in groups:
+        chosen = [n for n, elevation in enumerate(elevations) if elevation in group]
+        airs.append(_over_ranges(name, path, [blocks[n] for n in chosen], ranges[chosen]))
+    if len(airs) == 1:
+        return airs[0]
+    return _between(path, np.array([group.mean() for group in groups]), airs, elevation_deg)
+
+
+def _between(path, elevations_deg, airs, elevation_deg) -> Atmosphere:
+    """The air at an elevation, from airs at rising elevations [degrees]."""
+    first, last = elevations_deg[0], elevations_deg[-1]
+    if elevation_deg is None:
+        raise InputError(
+            f"atmosphere {path}: holds paths of {len(airs)} elevations, {first:g}..{last:g} "
+            "degrees, one of which the line of sight of a scenario chooses; keep the blocks of one"
+        )
+    if not first - SAME_ELEVATION_DEG <= elevation_deg <= last + SAME_ELEVATION_DEG:
+        raise InputError(
+            f"atmosphere {path}: the line of sight's elevation of {elevation_deg:g} degrees is "
+            f"outside its {first:g}..{last:g} degrees; run MODTRAN for it"
+        )
+    for air in airs[1:]:
+        for grid in ("ranges_m", "wavelengths_um"):
+            if not np.array_equal(getattr(air, grid), getattr(airs[0], grid)):
+                what = grid.split("_")[0]
+                raise InputError(
+                    f"atmosphere {path}: its elevations have different {what}; run every "
+                    f"elevation with the same {what}"
+                )
+    knots, x = np.sin(np.radians(elevations_deg)), np.sin(np.radians(elevation_deg))
+    low = int(np.clip(np.searchsorted(knots, x) - 1, 0, len(knots) - 2))
+    share = np.clip((x - knots[low]) / (knots[low + 1] - knots[low]), 0, 1)
+    (depth, source, _), (next_depth, next_source, _) = airs[low]._knots, airs[low + 1]._knots
+    transmittance = np.exp(-(depth ** (1 - share)) * next_depth**share)
+    radiance = (1 - transmittance) * ((1 - share) * source + share * next_source)
+    first = airs[0]
+    return Atmosphere(
+        f"{first.name} at {elevation_deg:g} degrees",
+        first.ranges_m,
+        first.wavelengths_um,
+        transmittance,
+        radiance,
+    )
+
+
+def _over_ranges(name, path, blocks, ranges) -> Atmosphere:
+    """The air of the blocks of one elevation."""
     lines_of_sight = [
         tape7.joined(path, [block for block, length in zip(blocks, ranges) if length == distinct])
         for distinct in np.unique(ranges)

@@ -14,6 +14,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError, shown
 from mi_lcair.files import read_text
+from mi_lcair.physics.line_geometry import length_between
 
 END = "-9999."
 FREQUENCY, TRANSMITTANCE, THERMAL, SOLAR, TOTAL = (
@@ -36,14 +37,16 @@ PARTS = ("THRML_SCT", "SING_SCAT", "SURF_EMIS", "GRND_RFLT")  # columns that may
 LARGEST = 1e12  # largest number that the file may hold
 FIRST_WORD = re.compile(rf"^[ \t]*{FREQUENCY}(?=\s|$)", re.MULTILINE)
 NEEDED = (FREQUENCY, TRANSMITTANCE, THERMAL, TOTAL)
-TO_SPACE = 3  # ITYPE of a path to space or to the ground
+TO_SPACE, SLANT = 3, 2  # ITYPE of a path to space or to the ground, and of one between two heights
 RADIANCE_MODES = (1, 2)  # IEMSCT of thermal radiance without and with scattered sunlight
 MODES = {0: "transmittance", 3: "solar irradiance"}  # meaning of the other values of IEMSCT
 
 # Letters, MODEL, ITYPE, IEMSCT.
 CARD_1 = re.compile(r"\s*(?:[A-Z]\s*)*-?\d+[A-Z]?\s+(?P<type>\d+)\s+(?P<mode>\d+)\s", re.IGNORECASE)
 # H1, H2, ANGLE, RANGE, BETA, RO, LEN.
-CARD_3 = re.compile(r".{30}(?P<range>.{10})\s*-?\d+\.\d*\s+-?\d+\.\d*\s+\d+(\s+-?\d+\.\d*)*\s*")
+CARD_3 = re.compile(
+    r"(?P<h1>.{10})(?P<h2>.{10})(?P<angle>.{10})(?P<range>.{10})\s*-?\d+\.\d*\s+-?\d+\.\d*\s+\d+(\s+-?\d+\.\d*)*\s*"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +60,11 @@ class Block:
     to_space
         Whether the path goes to space or to the ground (ITYPE 3).
     range_m
-        Range on card 3 [m]; None if the card is absent or says 0.
+        Range on card 3 [m]. If it says 0, the range of a slant path (ITYPE 2) follows from H1, H2
+        and ANGLE. None if the card is absent or says too little.
+    elevation_deg
+        Elevation of the line of sight at the sensor (H1), 90 - ANGLE [degrees]; 0 for a horizontal
+        path.
     wavelengths_um
         Rising wavelengths [um], (n,).
     transmittance
@@ -71,6 +78,7 @@ class Block:
     line: int
     to_space: bool
     range_m: float | None
+    elevation_deg: float
     wavelengths_um: np.ndarray
     transmittance: np.ndarray
     path_radiance: np.ndarray
@@ -118,14 +126,17 @@ def joined(path: Path, parts: list[Block]) -> Block:
                 "cannot be joined: same range, overlapping wavelengths; give each range once, in "
                 "one block or in blocks of different bands"
             )
-    wavelengths, first = np.unique(
+    wavelengths, places = np.unique(
         np.concatenate([block.wavelengths_um for block in parts]), return_index=True
     )
     columns = [
-        np.concatenate([getattr(block, name) for block in parts])[first]
+        np.concatenate([getattr(block, name) for block in parts])[places]
         for name in ("transmittance", "path_radiance", "total_radiance")
     ]
-    return Block(parts[0].line, parts[0].to_space, parts[0].range_m, wavelengths, *columns)
+    first = parts[0]
+    return Block(
+        first.line, first.to_space, first.range_m, first.elevation_deg, wavelengths, *columns
+    )
 
 
 def _block(path, lines, start, end) -> Block:
@@ -152,16 +163,35 @@ def _block(path, lines, start, end) -> Block:
     # per um.
     per_um = frequency[::-1] ** 2
     cards_3 = [card for line in lines[start:header] if (card := CARD_3.fullmatch(line))]
-    length = float(cards_3[-1]["range"]) if cards_3 else 0.0
+    kind = int(card_1["type"])
+    length, elevation = _path(cards_3[-1], kind == SLANT) if cards_3 else (0.0, 0.0)
     return Block(
         header + 1,
-        int(card_1["type"]) == TO_SPACE,
-        1000 * length if length > 0 else None,
+        kind == TO_SPACE,
+        length if length > 0 else None,
+        elevation,
         1e4 / frequency[::-1],
         table[TRANSMITTANCE][::-1],
         _path_radiance(table)[::-1] * per_um,
         table[TOTAL][::-1] * per_um,
     )
+
+
+def _path(card_3, is_slant) -> tuple[float, float]:
+    """Range [m], 0 if the card does not state it, and elevation at H1 [degrees] of a path."""
+    h1, h2, angle, length = (
+        float(card_3[name]) if card_3[name].strip() else 0.0
+        for name in ("h1", "h2", "angle", "range")
+    )
+    if not is_slant:
+        return 1000 * length, 0.0
+    elevation = 90 - angle
+    if length > 0 or h1 == h2:
+        return 1000 * length, elevation
+    rises = h2 > h1
+    if rises != (elevation > 0):
+        return 0.0, elevation
+    return length_between(1000 * h1, 1000 * h2, elevation), elevation
 
 
 def _path_radiance(table) -> np.ndarray:

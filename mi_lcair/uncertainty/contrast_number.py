@@ -69,7 +69,7 @@ class ContrastNumber(Number):
         setting, band = self.setting, self.setting.detector.band
         extrapolate, range_m = self.scenario.atmosphere.extrapolate, setting.path.range_m
         x = np.linspace(band.lower_um, band.upper_um, SPECTRUM_ROWS)
-        background = np.trapezoid(setting.backdrop.at(x) * band.response_at(x), x)
+        background = np.trapezoid(setting.backdrop.arriving(x, range_m) * band.response_at(x), x)
         transmittance = setting.air.transmittance_mean(band, range_m, extrapolate)
         (path_radiance,) = setting.air.band_path_radiance(band, [range_m], extrapolate)
         values = {

@@ -47,6 +47,7 @@ def block(
     itype=1,
     mode=1,
     header=None,
+    heights_and_angle=(0.5, 10, 30),
     **columns,
 ) -> str:
     """A block of a tape7 for homogeneous air at a temperature.
@@ -72,7 +73,7 @@ def block(
         )
         for k in range(len(wavenumbers))
     ]
-    card_3 = (0.5, 10, 30, range_km, 0, 0)
+    card_3 = (*heights_and_angle, range_km, 0, 0)
     return (
         "\n".join(
             [
@@ -244,6 +245,50 @@ def test_ranges_that_the_file_does_not_state(file):
     for wrong in ([1, 2], [0], 5, [np.nan]):
         with pytest.raises(InputError, match="ranges_m = .* for each of its 1 blocks"):
             atmosphere(file(block(MWIR)), wrong)
+
+
+def slant(elevation, transmittance, range_km, h1=0.0, h2=0.0, **columns):
+    geometry = (h1, h2, 90 - elevation)
+    return block(
+        MWIR, transmittance, range_km=range_km, itype=2, heights_and_angle=geometry, **columns
+    )
+
+
+def test_slant_paths_of_several_elevations(file):
+    """The line of sight chooses among them; the optical depth's logarithm is linear in the sine."""
+    taus = {-30: (0.9, 0.6), 30: (0.8, 0.5), 90: (0.9, 0.7)}
+    path = file(*[slant(e, tau, n + 1) for e, both in taus.items() for n, tau in enumerate(both)])
+    for elevation, both in taus.items():
+        air = atmosphere(path, elevation_deg=elevation)
+        np.testing.assert_allclose(air.ranges_m, [1000, 2000])
+        for length, tau in zip(air.ranges_m, both):
+            np.testing.assert_allclose(air.path(length).transmittance, tau, rtol=1e-9)
+    share = (np.sin(np.radians(50)) - 0.5) / 0.5
+    depth = np.exp((1 - share) * np.log(-np.log(0.5)) + share * np.log(-np.log(0.7)))
+    between = atmosphere(path, elevation_deg=50).path(2000)
+    np.testing.assert_allclose(between.transmittance, np.exp(-depth), rtol=1e-9)
+    np.testing.assert_allclose(
+        between.radiance,
+        (1 - np.exp(-depth)) * (planck(MWIR, 280) * MWIR**2)[::-1],
+        rtol=2e-4,
+    )
+    with pytest.raises(InputError, match="elevation of -45 degrees is outside its -30..90 degrees"):
+        atmosphere(path, elevation_deg=-45)
+    with pytest.raises(InputError, match="holds paths of 3 elevations, -30..90 degrees"):
+        atmosphere(path)
+    uneven = file(slant(30, 0.8, 1), slant(60, 0.8, 2))
+    with pytest.raises(InputError, match="its elevations have different ranges"):
+        atmosphere(uneven, elevation_deg=40)
+
+
+def test_the_range_of_a_slant_path_from_its_heights(file):
+    for elevation, h1, h2, length in ((30, 0, 2, 4.0), (-30, 2, 0, 4.0), (90, 1, 3, 2.0)):
+        (computed,) = tape7.blocks(file(slant(elevation, 0.5, 0.0, h1, h2)))
+        assert computed.elevation_deg == elevation
+        assert computed.range_m == pytest.approx(1000 * length, rel=1e-3)
+    for elevation, h1, h2 in ((-30, 0, 2), (30, 2, 0), (-1, 20, 19), (30, 1, 1)):
+        (computed,) = tape7.blocks(file(slant(elevation, 0.5, 0.0, h1, h2)))
+        assert (computed.range_m is None) == (elevation != -1)
 
 
 def test_a_sky(file):

@@ -1,0 +1,129 @@
+"""How well are slant paths interpolated? The page docs/slant.md; every number on it is computed
+here.
+
+    python -m docs.studies.slant [PAGE]
+
+Each inner elevation and each inner range of the bundled tables is left out, and predicted by the
+others. Takes half a minute.
+"""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from docs.studies.page import write_page
+from mi_lcair.physics.atmosphere import Atmosphere
+from mi_lcair.physics.bands import band
+from mi_lcair.physics.slant_air import SlantAir, slant_air, slant_names
+
+BANDS = ("MWIR", "LWIR")
+QUANTITIES = ("transmittance", "up", "down")
+
+
+@dataclass(frozen=True)
+class Row:
+    """Largest relative errors of the in-band values where a row of the table was left out.
+
+    what: the row. errors: by (quantity, band).
+    """
+
+    what: str
+    errors: dict[tuple[str, str], float]
+
+
+def largest_errors(air: SlantAir, fewer: SlantAir, elevations, ranges) -> dict:
+    """Largest relative errors of `fewer` against the table `air`, by (quantity, band)."""
+    errors = dict.fromkeys([(name, window) for name in QUANTITIES for window in BANDS], 0.0)
+    for elevation in elevations:
+        lines = {"up": fewer.along(elevation, True), "down": fewer.along(elevation, False)}
+        for length in ranges:
+            paths = {name: line.path(length) for name, line in lines.items()}
+            values = {name: path.radiance for name, path in paths.items()}
+            values["transmittance"] = paths["up"].transmittance
+            entry = air.elevations_deg == elevation, air.ranges_m == length
+            for name, window in errors:
+                weights = band(window).row_weights(air.wavelengths_um)
+                expected = getattr(air, name)[entry][0] @ weights
+                error = abs(values[name] @ weights / expected - 1)
+                errors[name, window] = max(errors[name, window], float(error))
+    return errors
+
+
+def without_elevation(air: SlantAir, elevation_deg: float) -> Row:
+    """The errors of leaving out an elevation of a table."""
+    fewer = air.without(elevation_deg=elevation_deg)
+    return Row(
+        f"elevation {elevation_deg:g} degrees",
+        largest_errors(air, fewer, [elevation_deg], air.ranges_m),
+    )
+
+
+def without_range(air: SlantAir, range_m: float) -> Row:
+    """The errors of leaving out a range of a table."""
+    fewer = air.without(range_m=range_m)
+    return Row(
+        f"range {range_m / 1000:g} km", largest_errors(air, fewer, air.elevations_deg, [range_m])
+    )
+
+
+def deviation(air: SlantAir) -> str:
+    """Root mean square of the depths' ratio to the model, where the air is not opaque."""
+    ratios, known = air._ratios[0], air.transmittance > 1e-3
+    return f"{np.sqrt(np.mean(ratios[known] ** 2)):.1%}"
+
+
+def of_horizontal_air(air: SlantAir) -> float:
+    """Largest relative error of the in-band transmittance, inner ranges left out, if the optical
+    depth is a power of range between neighbouring entries, as in horizontal air.
+    """
+    errors = []
+    for elevation, transmittance, radiance in zip(air.elevations_deg, air.transmittance, air.up):
+        for n, length in list(enumerate(air.ranges_m))[1:-1]:
+            kept = air.ranges_m != length
+            fewer = Atmosphere(
+                f"{elevation:g} degrees",
+                air.ranges_m[kept],
+                air.wavelengths_um,
+                transmittance[kept],
+                radiance[kept],
+            )
+            for window in BANDS:
+                weights = band(window).row_weights(air.wavelengths_um)
+                predicted = fewer.path(length).transmittance @ weights
+                errors.append(abs(predicted / (transmittance[n] @ weights) - 1))
+    return max(errors)
+
+
+def main(page):
+    lines, largest, deviations, plain = [], {}, [], []
+    for name in slant_names():
+        air = slant_air(name)
+        plain.append(of_horizontal_air(air))
+        deviations.append(f"{deviation(air)} ({name})")
+        for row in (
+            *(without_elevation(air, elevation) for elevation in air.elevations_deg[1:-1]),
+            *(without_range(air, length) for length in air.ranges_m[1:-1]),
+        ):
+            errors = list(row.errors.values())
+            lines.append(
+                f"| {name} | {row.what} | {' | '.join(f'{100 * error:.2f}' for error in errors)} |"
+            )
+            print(lines[-1], flush=True)
+            for key, error in row.errors.items():
+                largest[key] = max(largest.get(key, 0.0), error)
+    worst = lambda *names: f"{100 * max(largest[n, w] for n in names for w in BANDS):.2f} %"
+    write_page(
+        page,
+        "slant",
+        rows="\n".join(lines),
+        transmittance=worst("transmittance"),
+        radiance=worst("up", "down"),
+        plain=f"{max(plain):.0%}",
+        deviations=", ".join(deviations),
+    )
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/slant.md"))
