@@ -22,6 +22,7 @@ _HOME = {
     "plan": "planning.plan",
     "audit": "planning.audit",
     "contrast": "detection.contrast",
+    "image": "camera.image",
     "parameters": "sensitivity.parameters",
     "sensitivities": "sensitivity.window",
     "derivative_images": "sensitivity.images",

@@ -9,6 +9,7 @@ FLOORS = {  # the longest name that fits counts
     "mi_lcair.cli": 6,
     "mi_lcair.reports": 5,
     "mi_lcair.signatures": 4,
+    "mi_lcair.camera": 5,
     "mi_lcair.detection": 4,
     "mi_lcair.planning": 4,
     "mi_lcair.uncertainty": 5,

@@ -22,7 +22,6 @@ COMMANDS = {
         "render",
         "show",
         "signature",
-        "contrast",
         "trend",
         "fit",
         "scenes",
@@ -32,6 +31,7 @@ COMMANDS = {
     )
 }
 COMMANDS["import"] = "import_model"  # a module cannot be named `import`
+COMMANDS |= {name: f"scenarios.{name}" for name in ("contrast", "image")}
 COMMANDS |= {name: f"estimates.{name}" for name in ("budget", "invert")}
 FAILED, UNUSABLE, INTERRUPTED = 1, 2, 130
 

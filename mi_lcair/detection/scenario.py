@@ -17,6 +17,7 @@ from mi_lcair.errors import InputError, shortened, unknown
 from mi_lcair.files import read_text
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.detector import LOCK_ON, Detector
+from mi_lcair.physics.imager import Imager
 
 EXPECTED = {
     str: "a text",
@@ -371,6 +372,7 @@ class Scenario:
     sensor: Sensor
     pose: Pose = field(default_factory=Pose)
     render: Sampling = field(default_factory=Sampling)
+    camera: Imager | None = None
 
     @staticmethod
     def read(source, **changes) -> "Scenario":
@@ -404,7 +406,9 @@ class Scenario:
             raise InputError(f"scenario '{source}': {error}") from None
         try:
             known = {
-                entry.name: entry.type for entry in fields(Scenario) if is_dataclass(entry.type)
+                entry.name: kind
+                for entry in fields(Scenario)
+                if is_dataclass(kind := required(entry.type))
             }
             locate(tree, path.parent)
             for key, value in changes.items():
@@ -415,6 +419,7 @@ class Scenario:
             parts = {
                 table: filled(kind, tree.get(table, {}), f"[{table}]")
                 for table, kind in known.items()
+                if table in tree or table != "camera"
             }
         except InputError as error:
             raise InputError(f"scenario '{source}': {error}") from None
@@ -497,13 +502,17 @@ def filled(kind, values, where: str):
     )
 
 
+def required(kind):
+    """The type X of a field of type X or X | None."""
+    return get_args(kind)[0] if isinstance(kind, UnionType) else kind
+
+
 def converted(value, kind, where: str):
     """A TOML value as a field of type `kind` holds it.
 
     A single number may stand for a list of one. Raises InputError if the type or the size is wrong.
     """
-    if isinstance(kind, UnionType):
-        kind = get_args(kind)[0]  # the type is X | None; take X
+    kind = required(kind)
     if get_origin(kind) is tuple:
         return tuple(
             converted(item, get_args(kind)[0], where)

@@ -1,12 +1,16 @@
 """Apparent radiance of each pixel: the model's radiance after transmission by the atmosphere."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.interpolate import BarycentricInterpolator
 
 from mi_lcair.physics.atmosphere import Atmosphere
 from mi_lcair.physics.bands import Band
-from mi_lcair.physics.blackbody import spectral_radiance
+from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.plugins.emission.sources import Source, Sources
+
+REST = "rest"  # radiance of unknown spectrum
 
 
 def apparent(
@@ -53,32 +57,109 @@ def apparent(
     ranges = (
         np.full(on.sum(), range_m) if range_m is not None else parts["target.range"][on] / share[on]
     )
-    x = atmosphere.wavelengths_um
-    spectra = {
-        f"target.source.{k}": spectrum_of(source, x)
-        for k, source in enumerate(sources.list)
-        if source.name is not None
-    }
-    in_band = {name: parts[name][on] for name in spectra}
-    if len(nodes := sources.wavelengths_um):
-        # The spectrum is a polynomial through the nodes, a sum of basis polynomials. Each basis
-        # polynomial is treated as one spectrum.
-        basis = BarycentricInterpolator(nodes, np.eye(len(nodes)))
-        weights = basis(band.wavelengths_um).T @ band.weights_um
-        for k, weight in enumerate(weights):
-            spectra[f"target.wavelength.{k}"] = basis(x)[:, k] if len(x) else x
-            in_band[f"target.wavelength.{k}"] = parts[f"target.wavelength.{k}"][on] * weight
-    spectra["rest"] = np.ones(len(x))
-    in_band["rest"] = parts["target"][on] - sum(in_band.values())
-
+    air = Arrival.of(sources, band, band, atmosphere, ranges)
     path, arrives = np.zeros((2, len(share)))
-    path[on] = atmosphere.band_path_radiance(band, ranges) * share[on]
-    arrives[on] = np.sum(
-        atmosphere.band_transmittance(band, np.array(list(spectra.values())), ranges)
-        * list(in_band.values()),
-        axis=0,
-    )
+    path[on] = air.path * share[on]
+    arrives[on] = air.of_parts({name: values[on] for name, values in parts.items()})
     return {"apparent.Y": radiance - parts["target"] + arrives + path, "path.Y": path}
+
+
+@dataclass(frozen=True)
+class Arrival:
+    """What arrives at a detector through the air, at some ranges, for the channels of a render.
+
+    Attributes
+    ----------
+    in_band : dict of str to float
+        In-band radiance of the render for a unit of each channel `target.source.N` or
+        `target.wavelength.N`.
+    arrives : dict of str to ndarray, shape (r,)
+        In-band value at the detector for a unit of each channel. Channel "rest" is the radiance
+        that the others leave.
+    path : ndarray, shape (r,)
+        In-band path radiance at the detector.
+    """
+
+    in_band: dict[str, float]
+    arrives: dict[str, np.ndarray]
+    path: np.ndarray
+
+    @staticmethod
+    def of(
+        sources: Sources,
+        band: Band,
+        detector: Band,
+        atmosphere: Atmosphere,
+        ranges_m: np.ndarray,
+        extrapolate: bool = False,
+    ) -> "Arrival":
+        """What arrives through an atmosphere from these ranges, m.
+
+        Parameters
+        ----------
+        sources : Sources
+            Sources of the render, by spectrum.
+        band : Band
+            Band of the render.
+        detector : Band
+            Band of the detector, within that of the render. Its response may have any unit, such as
+            electrons per radiance.
+        atmosphere : Atmosphere
+        ranges_m : ndarray, shape (r,)
+        extrapolate : bool
+            Whether ranges beyond the atmosphere's table are allowed.
+        """
+        x, same = atmosphere.wavelengths_um, detector is band
+        spectra, in_band, at_detector = {}, {}, {}
+        for k, source in enumerate(sources.list):
+            if source.name is not None:
+                name = f"target.source.{k}"
+                spectra[name] = spectrum_of(source, x)
+                in_band[name] = 1.0
+                at_detector[name] = 1.0 if same else in_band_ratio(source, detector, band)
+        if len(nodes := sources.wavelengths_um):
+            # The spectrum is a polynomial through the nodes, a sum of basis polynomials. Each basis
+            # polynomial is treated as one spectrum.
+            basis = BarycentricInterpolator(nodes, np.eye(len(nodes)))
+            weights, detected = (
+                basis(rule.wavelengths_um).T @ rule.weights_um for rule in (band, detector)
+            )
+            for k in range(len(nodes)):
+                name = f"target.wavelength.{k}"
+                spectra[name] = basis(x)[:, k] if len(x) else x
+                in_band[name], at_detector[name] = weights[k], detected[k]
+        spectra[REST] = np.ones(len(x))
+        at_detector[REST] = 1.0 if same else detector.weights_um.sum() / band.weights_um.sum()
+        transmittance = atmosphere.band_transmittance(
+            detector, np.array(list(spectra.values())), ranges_m, extrapolate
+        )
+        return Arrival(
+            in_band,
+            {name: at_detector[name] * row for name, row in zip(spectra, transmittance)},
+            atmosphere.band_path_radiance(detector, ranges_m, extrapolate),
+        )
+
+    def of_parts(self, parts: dict[str, np.ndarray]) -> np.ndarray:
+        """In-band value at the detector of the model's radiance without the path.
+
+        parts: channels by name, (r,) each, with `target` and those of `in_band`.
+        """
+        rest = parts["target"] - sum(
+            (parts[name] * unit for name, unit in self.in_band.items()), start=0.0
+        )
+        known = (self.arrives[name] * parts[name] for name in self.in_band)
+        return sum(known, start=self.arrives[REST] * rest)
+
+
+def in_band_ratio(source: Source, detector: Band, band: Band) -> float:
+    """In-band value of a source at a detector, divided by its in-band radiance in a band."""
+    value, radiance = (
+        in_band_radiance(rule, source.temperature)
+        if source.spectrum is None
+        else source.spectrum.in_band_radiance(rule)
+        for rule in (detector, band)
+    )
+    return float(value / radiance) if radiance > 0 else 0.0
 
 
 def spectrum_of(source: Source, wavelengths_um) -> np.ndarray:

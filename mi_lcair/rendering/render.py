@@ -150,19 +150,7 @@ def render(
         while done < min(goal, limit):
             step = min(min(goal, limit) - done, PASS_SAMPLES // (width * height))
             step = max(1, step // randomisations)  # points of each randomisation
-            run = max(1, PASS_SAMPLES // (step * randomisations))  # pixels
-            for first in range(0, width * height, run):
-                launch = Launch(
-                    columns=width,
-                    rows=height,
-                    seed=seed,
-                    randomisations=randomisations,
-                    points=step,
-                    first_point=done // randomisations,
-                    first=first,
-                    windows=min(run, width * height - first),
-                )
-                total.add(launch, tracer.trace(camera, launch, split))
+            add_points(total, tracer, camera, (width, height), seed, split, done, step)
             done += step * randomisations
             check_valid(total.invalid, done * width * height, scene.name)
             if tolerance is not None and done >= goal:
@@ -203,6 +191,51 @@ def render(
         closure_error=closure_error,
         seconds=time.perf_counter() - start,
     )
+
+
+def add_points(
+    total: Totals,
+    tracer,
+    camera,
+    size: tuple[int, int],
+    seed: int,
+    split: str | None,
+    done: int,
+    points: int,
+    kept=lambda sums: sums,
+) -> None:
+    """Trace more points of every window of an image, and add their sums to `total`.
+
+    Parameters
+    ----------
+    total : Totals
+    tracer : PathTracer
+    camera : mi.Sensor
+    size : tuple of int
+        Number of windows in a row, and of rows.
+    seed, split : int, str or None
+        As for `render`.
+    done : int
+        Paths of each window that are done.
+    points : int
+        Points of each randomisation that are added.
+    kept : callable
+        Gives the `Sums` that are added from those of a launch.
+    """
+    columns, rows = size
+    run = max(1, PASS_SAMPLES // (points * total.randomisations))  # windows
+    for first in range(0, columns * rows, run):
+        launch = Launch(
+            columns=columns,
+            rows=rows,
+            seed=seed,
+            randomisations=total.randomisations,
+            points=points,
+            first_point=done // total.randomisations,
+            first=first,
+            windows=min(run, columns * rows - first),
+        )
+        total.add(launch, kept(tracer.trace(camera, launch, split)))
 
 
 def check_reachable(tolerance: float, tracer, name: str, of_interval: bool = False) -> None:

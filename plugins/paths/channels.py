@@ -130,8 +130,9 @@ class Channels:
         labels : list of str
         sources : Sources
         of_model : bool
-            Add source.N and wavelength.N where they were recorded. Add also, for each channel, the
-            channel "target.NAME" with the part of paths that first hit the model.
+            Add source.N and wavelength.N where they were recorded, as with `model_only`. Add also,
+            for each channel, the channel "target.NAME" with the part of paths that first hit the
+            model.
 
         Returns
         -------
@@ -148,7 +149,7 @@ class Channels:
         found |= {
             f"seen.{label}": dr.select(self.seen == k, L, 0) for k, label in enumerate(labels)
         }
-        if of_model:
+        if of_model or self.model_only:
             if sources.by_spectrum:
                 found |= {f"source.{k}": value for k, value in enumerate(by_source)}
             found |= {f"wavelength.{k}": value for k, value in enumerate(self.by_wavelength)}

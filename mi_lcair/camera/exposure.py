@@ -1,0 +1,251 @@
+"""Electrons of the model and its background in the samples of a frame, before optics and noise."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mi_lcair.camera.optics import OVERSAMPLING
+from mi_lcair.camera.view import CameraView
+from mi_lcair.detection.irradiance import Backdrop
+from mi_lcair.detection.scenario import DEFAULT_SPP, Sampling
+from mi_lcair.errors import InputError
+from mi_lcair.physics.atmosphere import Atmosphere
+from mi_lcair.physics.bands import Band
+from mi_lcair.plugins.emission.sources import Sources
+from mi_lcair.rendering.apparent import Arrival
+from mi_lcair.rendering.limits import check_memory, check_paths
+from mi_lcair.rendering.render import (
+    DEFAULT_MAX_SPP,
+    PASS_SAMPLES,
+    PILOT_SPP,
+    add_points,
+)
+from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.statistics import Totals, check_valid
+
+# Ranges at which the air is computed. Its values at other ranges are interpolated linearly.
+RANGES = 129
+# Independent randomisations of a part's points. The error of a pixel averages over many parts, so
+# that two of each are enough.
+RANDOMISATIONS = 2
+
+
+@dataclass(frozen=True)
+class Exposure:
+    """The model in the samples of a camera's window, through the air, less the background.
+
+    Arrays have the shape (rows, columns) of the samples.
+
+    Attributes
+    ----------
+    contrast, radiance : ndarray
+        Electrons of a pixel, and in-band radiance at the aperture, W m^-2 sr^-1, of each sample,
+        less those of the background that the model hides.
+    error : ndarray
+        Standard error of `contrast` from the rendering, electrons.
+    share : ndarray
+        Share of each sample that the model fills.
+    intensities : dict of str to float
+        Intensity of the model before the air by channel, see `Arrival`; W/sr for a unit of it.
+    area : float
+        Projected area of the model, m^2.
+    sources : Sources
+        Sources of the channels.
+    spp : int
+        Paths through a pixel, or through the model where it is smaller.
+    rms_error : float
+        Rms standard error over the pixels on the model, as a fraction of its mean radiance.
+    reached : bool or None
+        Whether a tolerance was reached; None without one.
+    invalid, paths : int
+        Number of samples that do not count, and of all.
+    """
+
+    contrast: np.ndarray
+    radiance: np.ndarray
+    error: np.ndarray
+    share: np.ndarray
+    intensities: dict[str, float]
+    area: float
+    sources: Sources
+    spp: int
+    rms_error: float
+    reached: bool | None
+    invalid: int
+    paths: int
+
+
+def exposure(
+    scene: Scene,
+    view: CameraView,
+    sampling: Sampling,
+    detector: Band,
+    air: Atmosphere,
+    backdrop: Backdrop,
+    range_m: float,
+    extrapolate: bool = False,
+    progress=None,
+) -> Exposure:
+    """Render the model into the samples of a camera's window.
+
+    Every source has its own spectrum, and its electrons are the integral of this spectrum, of the
+    air's transmittance at the sample's own range and of the camera's response. Radiance of unknown
+    spectrum (of `closure`, or of an emitter that is not thermal) is taken as constant over the
+    band.
+
+    Parameters
+    ----------
+    scene : Scene
+    view : CameraView
+    sampling : Sampling
+        Its spp and max_spp are paths through a pixel, or through the model where it is smaller. Its
+        tolerance is the `rms_error`.
+    detector : Band
+        Band whose values are electrons.
+    air, backdrop : Atmosphere, Backdrop
+    range_m : float
+        Range of the model's middle, m.
+    extrapolate : bool
+        Whether ranges beyond the atmosphere's table are allowed.
+    progress : callable or None
+        Called with (paths through a pixel done, expected).
+
+    Raises
+    ------
+    InputError
+        For settings out of bounds, and if no ray meets the model.
+    """
+    columns, rows = view.size
+    in_pixel = min(view.parts**2, columns * rows)
+    camera, tolerance = view.sensor(scene), sampling.tolerance
+    goal = sampling.spp or (PILOT_SPP if tolerance else DEFAULT_SPP)
+    limit = (sampling.max_spp or DEFAULT_MAX_SPP) if tolerance else goal
+    check_paths(columns * rows // in_pixel, spp=goal, max_spp=sampling.max_spp)
+    whole = lambda spp: RANDOMISATIONS * max(1, -(-spp // (in_pixel * RANDOMISATIONS)))
+    goal, limit, done = whole(goal), whole(limit), 0
+    hidden = float(detector_mean(backdrop, scene.band))
+    with scene.prepared(by_spectrum=True) as tracer:
+        sources = tracer.emitters.sources
+        check_memory(columns * rows, tracer, None)
+        total = Totals(columns * rows, RANDOMISATIONS, systematic=tracer.systematic_error)
+
+        def kept(sums):
+            """The channels of the model; as radiance, its difference from the background."""
+            found = {"target": sums.channels["target"]} | {
+                f"target.{name}": values
+                for name, values in sums.channels.items()
+                if name in ("hit", "range") or name.startswith(("source.", "wavelength."))
+            }
+            contrast = found["target"] - hidden * found["target.hit"]
+            return replace(sums, channels=found, radiance=contrast)
+
+        while done < min(goal, limit):
+            step = min(min(goal, limit) - done, PASS_SAMPLES // (columns * rows))
+            step = max(1, step // RANDOMISATIONS)
+            add_points(
+                total, tracer, camera, (columns, rows), sampling.seed, "model", done, step, kept
+            )
+            done += step * RANDOMISATIONS
+            check_valid(total.invalid, done * columns * rows, scene.name)
+            rms = rms_error(total, in_pixel)
+            if tolerance and done >= goal and rms > tolerance:
+                goal = whole(
+                    in_pixel * min(4 * done, int(done * 1.05 * (rms / tolerance) ** 2) + 1)
+                )
+            if progress:
+                progress(in_pixel * done, in_pixel * min(goal, limit))
+    parts = {name: total.mean(name) for name in total.sums}
+    on = parts["target.hit"] > 0
+    if not on.any():
+        raise InputError("no ray met the target; raise spp of [render]")
+    share = parts["target.hit"][on]
+    ranges = parts["target.range"][on] / share + view.near_range().ravel()[on]
+    seen = {name: values[on] for name, values in parts.items()}
+    electrons, radiance = (
+        arriving(seen, share, sources, scene.band, rule, air, ranges, backdrop, extrapolate)
+        for rule in (detector, scene.band)
+    )
+    # Errors are those of the radiance, in the unit of electrons at the aperture
+    at_middle = Arrival.of(
+        sources, scene.band, detector, air, np.array([range_m]), extrapolate
+    ).of_parts({name: values.sum(keepdims=True) for name, values in seen.items()})
+    per_radiance = float(at_middle[0]) / max(seen["target"].sum(), 1e-300)
+    areas = part_areas(view, on, ranges)
+    intensities = {
+        name: float(values @ areas) for name, values in seen.items() if name != "target.range"
+    }
+    image = lambda values: view.samples(placed(values, on, (rows, columns)))
+    variance = image((per_radiance * total.standard_error()[on]) ** 2)
+    return Exposure(
+        contrast=image(electrons),
+        radiance=image(radiance),
+        error=np.sqrt(variance) * OVERSAMPLING / view.parts,
+        share=image(share),
+        intensities=intensities,
+        area=intensities["target.hit"],
+        sources=sources,
+        spp=in_pixel * done,
+        rms_error=rms_error(total, in_pixel),
+        reached=None if not tolerance else bool(rms_error(total, in_pixel) <= tolerance),
+        invalid=total.invalid,
+        paths=done * columns * rows,
+    )
+
+
+def arriving(
+    parts, share, sources, band, detector, air, ranges, backdrop, extrapolate
+) -> np.ndarray:
+    """In-band values at the detector less those of the hidden background, for some samples.
+
+    parts, share, ranges: of the samples, (n,) each. The other parameters are those of `exposure`.
+    """
+    at, rows = ranges, None
+    if len(ranges) > RANGES:
+        at = np.geomspace(ranges.min(), ranges.max() * (1 + 1e-12), RANGES)
+        rows = lambda values: np.interp(ranges, at, values)
+    arrival = Arrival.of(sources, band, detector, air, at, extrapolate)
+    if rows is not None:
+        arrival = Arrival(
+            arrival.in_band,
+            {name: rows(values) for name, values in arrival.arrives.items()},
+            rows(arrival.path),
+        )
+    hidden = detector_mean(backdrop, detector)
+    return arrival.of_parts(parts) + share * (arrival.path - hidden)
+
+
+def detector_mean(backdrop: Backdrop, detector: Band) -> float:
+    """In-band value of the background at a detector."""
+    if len(backdrop.rows_um):
+        detector.check_covered(backdrop.rows_um, f"background {backdrop.name}")
+        return float(detector.integral(backdrop.rows_um, backdrop.at(backdrop.rows_um)))
+    return float(detector.weights_um @ backdrop.at(detector.wavelengths_um))
+
+
+def rms_error(total: Totals, in_pixel: int) -> float:
+    """Rms standard error over the pixels on the model, as a fraction of its mean radiance.
+
+    A pixel is the mean of `in_pixel` parts with independent errors. A model that is smaller has
+    fewer parts.
+    """
+    on = total.mean("target.hit") > 0
+    if not on.any():
+        return 0.0
+    mean = total.mean("target")[on].mean()
+    variance = np.mean(total.standard_error()[on] ** 2) / min(in_pixel, on.sum())
+    return float(np.sqrt(variance) / mean) if mean > 0 else 0.0
+
+
+def part_areas(view: CameraView, on, ranges) -> np.ndarray:
+    """Areas across the optical axis that the parts `on` cover at their ranges, m^2."""
+    if view.imager.projection == "orthographic":
+        return np.full(len(ranges), (view.pixel_m / view.parts) ** 2)
+    distance = ranges * (view.near_m / view.near_range()).ravel()[on]  # along the axis
+    return (distance * view.imager.pixel_angle / view.parts) ** 2
+
+
+def placed(values, on, shape) -> np.ndarray:
+    """The values at the places `on` of an image of zeros."""
+    image = np.zeros(on.size)
+    image[on] = values
+    return image.reshape(shape)

@@ -1,0 +1,346 @@
+"""The image of a scenario's target as its camera records it."""
+
+import time
+from dataclasses import asdict, dataclass, field
+from functools import partial
+
+import numpy as np
+
+import mi_lcair
+from mi_lcair.camera.calibration import AVERAGED, Correction, two_point
+from mi_lcair.camera.exposure import Exposure, detector_mean, exposure
+from mi_lcair.camera.frames import Pattern, counts, frame, signal_of
+from mi_lcair.camera.optics import MARGIN, Optics
+from mi_lcair.camera.quality import Measures, measured
+from mi_lcair.camera.range_table import RangeRow, fine_ranges, range_rows, table_ranges
+from mi_lcair.camera.response import (
+    apparent_temperature,
+    electron_band,
+    in_kelvin,
+)
+from mi_lcair.camera.view import CameraView
+from mi_lcair.detection.contrast import setting_of
+from mi_lcair.detection.scenario import Scenario
+from mi_lcair.errors import InputError
+from mi_lcair.physics.bands import Band
+from mi_lcair.physics.blackbody import spectral_radiance
+from mi_lcair.physics.imager import Imager
+from mi_lcair.rendering.limits import GIB, available_memory
+from mi_lcair.rendering.settings import changed
+from mi_lcair.rendering.statistics import invalid_remark
+from mi_lcair.rendering.views import View, hidden_share
+
+# Temperature of the blackbody whose spectrum weights the diffraction, K.
+DIFFRACTION_K = 300.0
+# Smallest temperature, K, at which the NETD is stated and the non-uniformity is corrected. It
+# stands for the background where that is colder, such as space.
+COLDEST_K = 100.0
+MOST_FRAMES = 10_000
+BYTES_PER_PIXEL = 400  # memory for a pixel of the frame beside its counts [bytes]
+
+
+@dataclass(frozen=True)
+class Image:
+    """Image of a scenario by its camera.
+
+    Attributes
+    ----------
+    scenario : Scenario
+    band : Band
+        Band of the detector. Its in-band value of a spectral radiance is a number of electrons.
+    counts : ndarray of uint16, shape (frames, H, W)
+        Frames of the same scene with independent noise.
+    channels : dict of str to ndarray, float32 (H, W)
+        apparent.Y: radiance at the aperture, W m^-2 sr^-1, as the optics blur it. electrons.Y: mean
+        electrons of the signal. counts.Y, temperature.Y: counts of the first frame, and their
+        apparent temperature, K. mean_temperature.Y: that of the mean electrons. stderr_K.Y and
+        noise_K.Y: standard error of the rendering, and noise of the camera in time, K.
+    header : dict
+        Header of the EXR.
+    measures : Measures
+    ranges : list of RangeRow
+        The target at other ranges.
+    detected_to_m : float or None
+        Largest range within `ranges` at which the target is detected, m; None for nowhere. It may
+        be more where that is the end of the air's table.
+    view : CameraView
+        Position and pointing of the camera, and the part of the frame with the target.
+    mtf_parts : dict of str to ndarray
+        Parts of the MTF by name, at the frequencies of the measures.
+    exposure : Exposure
+        The render.
+    correction : Correction
+        Non-uniformity correction, which changes nothing without `nuc`.
+    remarks : list of str
+        Limits of the results, one line each.
+    seconds, render_seconds : float
+        Time of the calculation, and of the render in it, s.
+    """
+
+    scenario: Scenario
+    band: Band
+    counts: np.ndarray
+    channels: dict[str, np.ndarray]
+    header: dict
+    measures: Measures
+    ranges: list[RangeRow]
+    detected_to_m: float | None
+    view: CameraView = field(repr=False)
+    mtf_parts: dict[str, np.ndarray] = field(repr=False)
+    exposure: Exposure = field(repr=False)
+    correction: Correction = field(repr=False)
+    remarks: list[str]
+    seconds: float
+    render_seconds: float
+
+    def temperature(self, number: int) -> np.ndarray:
+        """Apparent temperature of a frame, (H, W) [K]."""
+        recorded = signal_of(self.scenario.camera, self.counts[number].astype(float))
+        return apparent_temperature(self.band, self.correction.applied(recorded))
+
+    def as_dict(self) -> dict:
+        """A dictionary for JSON: the scenario as it was read, the measures, and the ranges."""
+        return {
+            "scenario": asdict(self.scenario),
+            "band": self.band.label,
+            "frames": len(self.counts),
+            "measures": asdict(self.measures),
+            "ranges": [asdict(row) for row in self.ranges],
+            "detected_to_m": self.detected_to_m,
+            "spp": self.exposure.spp,
+            "rms_error": self.exposure.rms_error,
+            "tolerance": self.scenario.render.tolerance,
+            "reached": self.exposure.reached,
+            "remarks": self.remarks,
+            "seconds": self.seconds,
+            "render_seconds": self.render_seconds,
+        }
+
+
+def image(scenario, frames: int = 1, seed: int = 0, progress=None) -> Image:
+    """The image of a scenario's target as its camera records it.
+
+    Parameters
+    ----------
+    scenario : Scenario, str or path-like
+        Scenario with a table [camera], or the file or bundled name that `Scenario.read` takes. Its
+        spp, max_spp and tolerance of [render] are those of a pixel. Of several numbers of
+        reflections, the largest is used.
+    frames : int
+        Number of frames. They have independent noise, and one render.
+    seed : int
+        Seed of the camera's noise and fixed pattern. The same seed gives the same frames.
+    progress : callable, optional
+        Called with (paths through a pixel done, expected).
+
+    Returns
+    -------
+    Image
+
+    Raises
+    ------
+    InputError
+        If the scenario cannot be used. All inputs are checked before anything is rendered.
+    """
+    if not isinstance(scenario, Scenario):
+        scenario = Scenario.read(scenario)
+    for name, value, least, most in (
+        ("frames", frames, 1, MOST_FRAMES),
+        ("seed", seed, 0, 2**32 - 1),
+    ):
+        if not least <= value <= most:
+            raise InputError(f"{name} = {value}; must lie in {least}..{most}")
+    try:
+        return recorded(scenario, frames, seed, progress)
+    except InputError as error:
+        raise InputError(f"scenario '{scenario.name}': {error}") from None
+
+
+def recorded(scenario: Scenario, frames: int, seed: int, progress) -> Image:
+    """The image of a scenario; see `image`."""
+    start = time.perf_counter()
+    imager, observer = scenario.camera, scenario.observer
+    if imager is None:
+        raise InputError(
+            "has no table [camera]; give focal_length_mm, f_number, pitch_um, width, height, "
+            "integration_time_ms and well_Me in it"
+        )
+    setting = setting_of(scenario)
+    air, behind, target, scene = setting.air, setting.backdrop, setting.target, setting.view
+    air.check_covers(scene.band)
+    band = electron_band(setting.detector.band, imager, setting.detector.optics_transmittance)
+    view = CameraView.of(
+        target, View(observer.azimuth_deg, observer.elevation_deg), observer.range_m, imager
+    )
+    background = detector_mean(behind, band)
+    temperature = max(float(apparent_temperature(band, background)), COLDEST_K)
+    check_frames(imager, frames)
+    pattern = Pattern.of(imager, seed)
+    correction = two_point(imager, pattern, band, temperature, seed) if imager.nuc else Correction()
+
+    optics = Optics(imager, band, partial(spectral_radiance, temperature=DIFFRACTION_K))
+    optics.check_spread()
+
+    rendering = time.perf_counter()
+    bounces = max(scenario.render.max_bounces, default=scene.mi.integrator().max_bounces)
+    with changed(scene, lobe=scenario.render.lobe, max_bounces=bounces):
+        exposed = exposure(
+            scene,
+            view,
+            scenario.render,
+            band,
+            air,
+            behind,
+            observer.range_m,
+            scenario.atmosphere.extrapolate,
+            progress,
+        )
+    render_seconds = time.perf_counter() - rendering
+
+    signal = background + framed(view, optics.seen(exposed.contrast))
+    signal = np.maximum(signal, 0)
+    error = np.sqrt(framed(view, optics.variance(exposed.error**2)))
+    radiance = detector_mean(behind, scene.band) + framed(view, optics.seen(exposed.radiance))
+    recorded_counts = np.array(
+        [counts(imager, frame(imager, pattern, signal, seed, k)) for k in range(frames)]
+    )
+    first = correction.applied(signal_of(imager, recorded_counts[0].astype(float)))
+    mean_temperature = apparent_temperature(band, signal)
+    share = framed(view, optics.seen(exposed.share))
+    channels = {
+        "apparent.Y": radiance,
+        "electrons.Y": signal,
+        "counts.Y": recorded_counts[0],
+        "temperature.Y": apparent_temperature(band, first),
+        "mean_temperature.Y": mean_temperature,
+        "stderr_K.Y": in_kelvin(band, signal, error),
+        "noise_K.Y": in_kelvin(band, signal, imager.noise(signal)),
+    }
+    measures = measured(
+        imager,
+        band,
+        optics,
+        temperature,
+        background,
+        signal,
+        share,
+        channels["stderr_K.Y"],
+        exposed.area / view.pixel_m**2,
+        seed,
+    )
+    to_range = partial(
+        range_rows,
+        exposed,
+        optics,
+        scene.band,
+        band,
+        air,
+        background,
+        measures.noise,
+        scenario.sensor.snr,
+    )
+    ranges = table_ranges(air, target.radius, observer.range_m)
+    detections = [row.range_m for row in to_range(fine_ranges(ranges)) if row.detected]
+    return Image(
+        scenario=scenario,
+        band=band,
+        counts=recorded_counts,
+        channels={
+            name: np.ascontiguousarray(values, dtype=np.float32)
+            for name, values in channels.items()
+        },
+        header=header(scenario, scene, exposed, measures, bounces, frames, seed),
+        measures=measures,
+        ranges=to_range(ranges),
+        detected_to_m=max(detections, default=None),
+        view=view,
+        mtf_parts=optics.parts(measures.mtf["frequency"]),
+        exposure=exposed,
+        correction=correction,
+        remarks=[
+            *scene.remarks,
+            *invalid_remark(exposed.invalid, exposed.paths),
+            *remarks(imager, view, signal, measures, hidden_share(scene, observer.range_m)),
+        ],
+        seconds=time.perf_counter() - start,
+        render_seconds=render_seconds,
+    )
+
+
+def framed(view: CameraView, window) -> np.ndarray:
+    """The frame with the pixels of a window that has MARGIN pixels around it; 0 elsewhere."""
+    imager = view.imager
+    whole = np.zeros((imager.height + 2 * MARGIN, imager.width + 2 * MARGIN))
+    column, row = view.window[0]
+    height, width = window.shape
+    whole[row : row + height, column : column + width] = window
+    return whole[MARGIN:-MARGIN, MARGIN:-MARGIN]
+
+
+def check_frames(imager: Imager, frames: int) -> None:
+    """Raise InputError for frames that need more memory than is free."""
+    needed = imager.width * imager.height * (BYTES_PER_PIXEL + 4 * frames)
+    available = available_memory()
+    if available is not None and needed > available:
+        raise InputError(
+            f"{frames} frames of {imager.width} x {imager.height} pixels need "
+            f"{needed / GIB:.1f} GiB of memory, and {available / GIB:.1f} GiB are free; ask for "
+            "fewer frames"
+        )
+
+
+def remarks(
+    imager: Imager, view: CameraView, signal, measures: Measures, hidden: float
+) -> list[str]:
+    """Remarks on the limits of an image, one line each."""
+    lines = []
+    if measures.saturated:
+        share = float(f"{100 * measures.saturated:.2g}")
+        lines.append(
+            f"the detector is saturated in {share:g} % of the pixels, which "
+            f"collect up to {1e-6 * signal.max():.4g} Me in a well of {imager.well_Me:g} Me: their "
+            "temperature is at least the stated one; shorten integration_time_ms"
+        )
+    if view.is_cut:
+        lines.append(
+            "a part of the target is outside the frame; signal, pixels and ranges are those of the "
+            "part inside"
+        )
+    if hidden > 0:
+        lines.append(
+            f"{hidden:.0%} of the target has sky or terrain of the scene between it and the "
+            "observer; this sky or terrain is ignored and does not hide the target"
+        )
+    if measures.render_error > measures.netd:
+        lines.append(
+            f"the rendering's error, {1e3 * measures.render_error:.3g} mK on the target, is larger "
+            f"than the camera's NETD, {1e3 * measures.netd:.3g} mK, and is the same in all frames; "
+            "raise spp of [render]"
+        )
+    return lines
+
+
+def header(
+    scenario: Scenario, scene, exposed: Exposure, measures: Measures, bounces: int, frames, seed
+) -> dict:
+    """Header of the EXR: the scenario, the camera, its measures and the versions."""
+    camera = {f"camera_{name}": value for name, value in asdict(scenario.camera).items()}
+    return {
+        "scenario": scenario.name,
+        "scene": scene.name,
+        "band": scenario.sensor.detector().band.label,
+        "units": "apparent.Y: W m^-2 sr^-1; electrons.Y: 1; counts.Y: 1; others: K",
+        "max_bounces": bounces,
+        "spp": exposed.spp,
+        "rms_error": exposed.rms_error,
+        "range_m": scenario.observer.range_m,
+        "frames": frames,
+        "noise_seed": str(seed),
+        "seed": str(scenario.render.seed),
+        "netd_K": measures.netd,
+        "electrons_per_count": scenario.camera.electrons_per_count,
+        "pedestal_counts": scenario.camera.pedestal,
+        "nuc_frames": AVERAGED if scenario.camera.nuc else 0,
+        "versions": f"mi_lcair {mi_lcair.__version__}",
+        **camera,
+    }

@@ -1,0 +1,195 @@
+"""Modulation transfer function (MTF) of a camera, and its effect on an image.
+
+Frequencies are in the plane of the image, in cycles per mm. The MTF is the product of four parts.
+"""
+
+import numpy as np
+from scipy import fft
+from scipy.special import j1
+
+from mi_lcair.errors import InputError
+from mi_lcair.physics.bands import Band
+from mi_lcair.physics.imager import Imager
+
+# Samples along each side of a pixel, in which the scene is rendered. The number is odd, so that
+# the middle of a pixel is the middle of a sample.
+OVERSAMPLING = 3
+MARGIN = 32  # pixels around an image that hold the light scattered beyond it
+
+
+def diffraction(frequency, f_number: float, wavelengths_um, weights):
+    """MTF of diffraction at a circular aperture, mean over a spectrum.
+
+    2 / pi (arccos u - u sqrt(1 - u^2)) with u = wavelength * f_number * frequency, and 0 for u >= 1
+    (Goodman, Introduction to Fourier Optics, 3rd edition, Eq 6-31).
+
+    Parameters
+    ----------
+    frequency : ndarray
+        Spatial frequencies, cycles/mm.
+    f_number : float
+    wavelengths_um, weights : ndarray, shape (n,)
+        Wavelengths, um, and the electrons at each.
+    """
+    total = np.zeros(np.shape(frequency))
+    for wavelength, weight in zip(wavelengths_um, weights / np.sum(weights)):
+        u = np.minimum(1e-3 * wavelength * f_number * np.abs(frequency), 1)
+        total += weight * 2 / np.pi * (np.arccos(u) - u * np.sqrt(1 - u * u))
+    return total
+
+
+def footprint(frequency, width_um: float):
+    """MTF of a square pixel with this side, um, along one axis: sinc of frequency times width."""
+    return np.sinc(1e-3 * width_um * np.asarray(frequency))
+
+
+def jitter(frequency, sigma_um: float):
+    """MTF of Gaussian jitter with this standard deviation in the image plane, um."""
+    return np.exp(-2 * (np.pi * 1e-3 * sigma_um * np.asarray(frequency)) ** 2)
+
+
+def defocus(frequency, diameter_um: float):
+    """MTF of defocus: that of a disc of uniform light with this diameter, um.
+
+    This is the approximation of geometrical optics, 2 J1(x) / x with x = pi * diameter * frequency.
+    """
+    x = np.pi * 1e-3 * diameter_um * np.asarray(frequency, dtype=float)
+    return np.divide(2 * j1(x), x, out=np.ones_like(x), where=x != 0)
+
+
+class Optics:
+    """MTF of a camera with its pixels.
+
+    Parameters
+    ----------
+    imager : Imager
+    electron_band : Band
+        Band whose values are electrons; see `response.electron_band`.
+    spectrum : callable
+        Spectral radiance at an array of wavelengths, um, in any unit. It weights the diffraction.
+    """
+
+    def __init__(self, imager: Imager, electron_band: Band, spectrum):
+        self.imager = imager
+        self.wavelengths_um = electron_band.wavelengths_um
+        self.weights = electron_band.weights_um * spectrum(electron_band.wavelengths_um)
+
+    def check_spread(self) -> None:
+        """Raise InputError if the camera spreads the light of a point over too many pixels."""
+        camera = self.imager
+        for name, spread_um in (
+            ("jitter_urad", 4e-3 * camera.jitter_urad * camera.focal_length_mm),
+            ("defocus_um", abs(camera.defocus_um) / camera.f_number),
+            ("f_number", 2 * camera.f_number * self.wavelengths_um.max()),
+        ):
+            if spread_um > MARGIN * camera.pitch_um:
+                raise InputError(
+                    f"[camera]: {name} = {getattr(camera, name):g} spreads the light of a point "
+                    f"over {spread_um / camera.pitch_um:.3g} pixels; at most {MARGIN} are covered"
+                )
+
+    @property
+    def nyquist(self) -> float:
+        """Nyquist frequency of the pixels, cycles/mm."""
+        return 500 / self.imager.pitch_um
+
+    def parts(self, frequency) -> dict[str, np.ndarray]:
+        """The parts of the MTF along one axis by name, at these frequencies, cycles/mm."""
+        return self.round_parts(np.abs(frequency)) | {
+            "pixel": footprint(frequency, self.pixel_width_um)
+        }
+
+    def mtf(self, frequency) -> np.ndarray:
+        """The MTF along one axis at these frequencies, cycles/mm."""
+        return np.prod(list(self.parts(frequency).values()), axis=0)
+
+    @property
+    def pixel_width_um(self) -> float:
+        """Side of the sensitive square of a pixel, um."""
+        return self.imager.pitch_um * np.sqrt(self.imager.fill_factor)
+
+    def round_parts(self, frequency) -> dict[str, np.ndarray]:
+        """The parts that depend on the size of the frequency only, not on its direction."""
+        camera = self.imager
+        return {
+            "diffraction": diffraction(
+                frequency, camera.f_number, self.wavelengths_um, self.weights
+            ),
+            "jitter": jitter(frequency, 1e-3 * camera.jitter_urad * camera.focal_length_mm),
+            "defocus": defocus(frequency, abs(camera.defocus_um) / camera.f_number),
+        }
+
+    def transfer(self, shape: tuple[int, int]) -> np.ndarray:
+        """Factors of the real FFT of an image with OVERSAMPLING samples in a pixel.
+
+        The samples are means over their own squares, whose footprint is divided out.
+        """
+        step = self.imager.pitch_um / OVERSAMPLING
+        along = lambda frequency: (
+            footprint(frequency, self.pixel_width_um) / footprint(frequency, step)
+        )
+        y, x = fft.fftfreq(shape[0], 1e-3 * step), fft.rfftfreq(shape[1], 1e-3 * step)
+        distance = np.hypot(y[:, None], x)
+        # The round parts are smooth, so that a table replaces them
+        table = np.linspace(0, distance.max() * (1 + 1e-9), 8192)
+        profile = np.prod(list(self.round_parts(table).values()), axis=0)
+        return np.interp(distance, table, profile) * along(y)[:, None] * along(x)
+
+    def seen(self, samples) -> np.ndarray:
+        """The image at the pixels' centres.
+
+        Outside the samples the image is assumed to be 0, so a background must be subtracted. The
+        sum over the pixels times OVERSAMPLING^2 is that over the samples, as far as the light stays
+        within MARGIN pixels.
+
+        Parameters
+        ----------
+        samples : ndarray, shape (OVERSAMPLING H, OVERSAMPLING W)
+            Means over the squares of the samples.
+
+        Returns
+        -------
+        ndarray, shape (H + 2 MARGIN, W + 2 MARGIN)
+            Values of the pixels, with MARGIN pixels around the image.
+        """
+        padded, transfer = self.padded(samples)
+        return fft.irfft2(fft.rfft2(padded) * transfer, padded.shape)[self.centres(samples)]
+
+    def variance(self, variances) -> np.ndarray:
+        """Variances of the image at the pixels' centres, for independent errors of the samples.
+
+        variances: variance of each sample, as `samples` of `seen`. The result has the same shape.
+        """
+        padded, transfer = self.padded(variances)
+        spread = fft.irfft2(transfer, padded.shape) ** 2
+        result = fft.irfft2(fft.rfft2(padded) * fft.rfft2(spread), padded.shape)
+        return np.maximum(result, 0)[self.centres(variances)]
+
+    def padded(self, samples) -> tuple[np.ndarray, np.ndarray]:
+        """The samples with MARGIN pixels of zeros or more around them, and their `transfer`."""
+        margin = OVERSAMPLING * MARGIN
+        shape = tuple(fft.next_fast_len(n + 2 * margin, real=True) for n in np.shape(samples))
+        padded = np.zeros(shape)
+        padded[margin : margin + len(samples), margin : margin + samples.shape[1]] = samples
+        return padded, self.transfer(shape)
+
+    def centres(self, samples) -> tuple[slice, slice]:
+        """Places of the pixels' centres in the padded array."""
+        return tuple(
+            slice(OVERSAMPLING // 2, n + 2 * OVERSAMPLING * MARGIN, OVERSAMPLING)
+            for n in np.shape(samples)
+        )
+
+    @property
+    def noise_equivalent_pixels(self) -> float:
+        """Number of pixels over which the light of a point is spread: 1 / sum of its squares.
+
+        The sum of the squares over the pixels is that of the squared MTF over the frequencies
+        (Parseval), for a point anywhere in a pixel on average.
+        """
+        size = OVERSAMPLING * 2 * MARGIN
+        step = self.imager.pitch_um / OVERSAMPLING
+        y, x = fft.fftfreq(size, 1e-3 * step), fft.rfftfreq(size, 1e-3 * step)
+        point = footprint(y, step)[:, None] * footprint(x, step)
+        spread = fft.irfft2(self.transfer((size, size)) * point, (size, size))
+        return float(1 / (OVERSAMPLING**2 * np.sum(spread**2)))

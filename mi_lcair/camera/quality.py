@@ -1,0 +1,124 @@
+"""Measures of a camera at a scenario's background, and of the target in its image."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mi_lcair.camera.frames import saturated
+from mi_lcair.camera.measures import measured_mtf, measured_netd, netd, shot_noise_netd
+from mi_lcair.camera.optics import Optics
+from mi_lcair.camera.response import electrons
+from mi_lcair.physics.bands import Band
+from mi_lcair.physics.imager import Imager
+
+# Smallest noise of a pixel, in counts, that frames resolve. Below it the error of a count is not
+# the independent one that the closed form assumes.
+SMALLEST_NOISE = 0.5
+
+
+@dataclass(frozen=True)
+class Measures:
+    """Measures of a camera and of the target in its image.
+
+    Attributes
+    ----------
+    temperature : float
+        Apparent temperature of the background, K, or COLDEST_K if that is more. The NETD is stated
+        there.
+    background : float
+        Electrons of the background in a pixel.
+    noise : float
+        Noise of such a pixel, electrons: in time, and without `nuc` the fixed pattern too.
+    netd, netd_measured, netd_shot : float or None
+        Noise-equivalent temperature difference, K: in closed form, from frames of a uniform scene,
+        and of the shot noise alone. The measured one is None if the uniform scene saturates, or if
+        the noise is less than SMALLEST_NOISE counts.
+    mtf : dict of str to ndarray
+        frequency (cycles/mm), predicted and measured MTF up to Nyquist.
+    pixels : float
+        Number of pixels on the target.
+    peak_snr : float
+        Largest difference of a pixel from the background, divided by its noise.
+    snr : float
+        Signal-to-noise ratio of the whole target with a matched filter.
+    render_error : float
+        Rms standard error of the rendering over the pixels on the target, K.
+    saturated : float
+        Share of the pixels that are saturated.
+    """
+
+    temperature: float
+    background: float
+    noise: float
+    netd: float
+    netd_measured: float | None
+    netd_shot: float
+    mtf: dict[str, np.ndarray]
+    pixels: float
+    peak_snr: float
+    snr: float
+    render_error: float
+    saturated: float
+
+
+def measured(
+    imager: Imager,
+    band: Band,
+    optics: Optics,
+    temperature: float,
+    background: float,
+    signal,
+    share,
+    error_K,
+    pixels: float,
+    seed: int,
+) -> Measures:
+    """The measures of a camera and of the target in an image, see `Measures`.
+
+    Parameters
+    ----------
+    imager : Imager
+    band : Band
+        Band whose values are electrons.
+    optics : Optics
+    temperature : float
+        Temperature of the NETD, K.
+    background : float
+        Electrons of the background in a pixel.
+    signal, share, error_K : ndarray, shape (H, W)
+        Mean electrons of each pixel, share of it that the target fills, and standard error of the
+        rendering, K.
+    pixels : float
+        Number of pixels on the target.
+    seed : int
+        Seed of the frames of the uniform scene.
+    """
+    pattern = 0.0
+    if not imager.nuc:
+        pattern = np.hypot(imager.gain_nonuniformity * background, imager.offset_nonuniformity_e)
+    noise = float(np.hypot(imager.noise(background), pattern))
+    frequency, value = measured_mtf(optics)
+    difference = signal - background
+    on = share >= 0.5
+    on = on if on.any() else share >= share.max()
+    # The well must hold the uniform scene and its noise, and counts must resolve the noise
+    uniform_noise = imager.noise(electrons(band, temperature))
+    held = electrons(band, temperature) + imager.dark + 6 * uniform_noise < imager.well
+    resolved = uniform_noise > SMALLEST_NOISE * imager.electrons_per_count
+    uniform = replace(imager, gain_nonuniformity=0.0, offset_nonuniformity_e=0.0)
+    return Measures(
+        temperature=temperature,
+        background=background,
+        noise=noise,
+        netd=netd(imager, band, temperature),
+        netd_measured=measured_netd(uniform, band, temperature, seed)
+        if held and resolved
+        else None,
+        netd_shot=float(shot_noise_netd(band, temperature)),
+        mtf={"frequency": frequency, "predicted": optics.mtf(frequency), "measured": value},
+        pixels=pixels,
+        peak_snr=float(np.abs(difference).max() / noise),
+        snr=float(np.sqrt(np.sum(difference**2)) / noise),
+        render_error=float(np.sqrt(np.mean(error_K[on] ** 2))),
+        saturated=saturated(imager, signal),
+    )

@@ -1,0 +1,94 @@
+"""Signal-to-noise ratio and number of pixels of a target at other ranges."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mi_lcair.camera.exposure import Exposure
+from mi_lcair.camera.optics import Optics
+from mi_lcair.physics.atmosphere import Atmosphere
+from mi_lcair.physics.bands import Band
+from mi_lcair.rendering.apparent import Arrival
+
+NEAREST, FARTHEST = 4, 1000  # shortest and longest range, in radii of the target and its ranges
+STEPS = (1, 2, 5)  # ranges of the table in each decade
+FINE = 400  # ranges at which the end of the detection is sought
+
+
+@dataclass(frozen=True)
+class RangeRow:
+    """A target at a range.
+
+    range_m: range, m. pixels: number of pixels on the target. electrons: its electrons in a frame
+    above the background, sum over the pixels. snr: signal-to-noise ratio. detected: whether both
+    suffice.
+    """
+
+    range_m: float
+    pixels: float
+    electrons: float
+    snr: float
+    detected: bool
+
+
+def range_rows(
+    exposure: Exposure,
+    optics: Optics,
+    band: Band,
+    detector: Band,
+    air: Atmosphere,
+    background: float,
+    noise: float,
+    snr: float,
+    ranges_m,
+) -> list[RangeRow]:
+    """The target at some ranges along the same line of sight.
+
+    The electrons of the whole target are E = sum of I(x) tau(x, R) response(x) / (w R^2), plus the
+    path's less the background's that it hides, with the pixel's solid angle w. The ratio is that of
+    a matched filter for a uniform target: E / (noise sqrt(n + b)), with n pixels on the target and
+    b pixels over which the camera spreads a point. It is exact for a point and for a large uniform
+    target. A target with hot spots has more.
+
+    Parameters
+    ----------
+    exposure : Exposure
+    optics : Optics
+    band, detector : Band
+        Bands of the render, and of the camera, whose values are electrons.
+    air : Atmosphere
+    background, noise : float
+        Electrons of the background in a pixel, and their noise.
+    snr : float
+        Ratio that a detection needs.
+    ranges_m : array_like, shape (r,)
+    """
+    ranges_m = np.asarray(ranges_m, dtype=float)
+    arrival = Arrival.of(exposure.sources, band, detector, air, ranges_m, extrapolate=True)
+    contrast = arrival.of_parts(exposure.intensities) + exposure.area * (arrival.path - background)
+    covered = (ranges_m * optics.imager.pixel_angle) ** 2
+    electrons, pixels = contrast / covered, exposure.area / covered
+    ratio = np.abs(electrons) / (noise * np.sqrt(pixels + optics.noise_equivalent_pixels))
+    found = (ratio >= snr) & (pixels >= optics.imager.least_pixels)
+    return [
+        RangeRow(*map(float, row), bool(yes))
+        for *row, yes in zip(ranges_m, pixels, electrons, ratio, found)
+    ]
+
+
+def table_ranges(air: Atmosphere, radius_m: float, range_m: float) -> np.ndarray:
+    """Ranges 1, 2, 5, 10, ... m of a table, and `range_m`.
+
+    They begin at NEAREST radii of the target. They end where the air's table does, and in vacuum at
+    FARTHEST times `range_m`.
+    """
+    shortest = min(NEAREST * radius_m, range_m)
+    longest = FARTHEST * range_m if air.is_vacuum else max(air.ranges_m[-1], range_m)
+    decades = np.arange(np.floor(np.log10(shortest)), np.ceil(np.log10(longest)) + 1)
+    series = (10.0 ** decades[:, None] * STEPS).ravel()
+    return np.unique([*series[(series >= shortest) & (series <= longest)], range_m])
+
+
+def fine_ranges(ranges_m) -> np.ndarray:
+    """Ranges between the first and the last one, for the end of the detection."""
+    return np.geomspace(min(ranges_m), max(ranges_m) * (1 - 1e-12), FINE)

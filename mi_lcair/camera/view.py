@@ -1,0 +1,202 @@
+"""The camera's view of a model: Mitsuba's sensor, and the part of the frame with the model."""
+
+from dataclasses import dataclass
+
+import mitsuba as mi
+import numpy as np
+
+from mi_lcair.camera.optics import OVERSAMPLING
+from mi_lcair.errors import InputError
+from mi_lcair.physics.imager import Imager
+from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.views import BESIDE, MARGIN, POLE_DEG, UP, Target, View, depth, film
+
+PARTS_ACROSS = 48  # parts across a model, at least, in which it is rendered
+MOST_PARTS = 2**20  # parts along a side of the frame; their places are known in single precision
+
+
+@dataclass(frozen=True)
+class CameraView:
+    """Position and pointing of a camera, and the window of its frame that holds the model.
+
+    Rows of the frame go down, columns to the right.
+
+    Attributes
+    ----------
+    imager : Imager
+    eye : ndarray, shape (3,)
+        Position of the camera, m.
+    axis, right, up : ndarray, shape (3,)
+        Unit vectors of the optical axis and of the sides of the frame.
+    near_m : float
+        Distance along the optical axis at which rays begin, just before the model, m.
+    pixel_m : float
+        Distance of neighbouring lines of sight at the model's middle, m.
+    parts : int
+        Parts along each side of a pixel in which the model is rendered, a multiple of OVERSAMPLING.
+        A model that is smaller than some pixels has more parts, so that paths meet it.
+    first, size : tuple of int
+        Column and row of the window's first part, and its columns and rows, in parts.
+    is_cut : bool
+        Whether a part of the model is outside the frame.
+    """
+
+    imager: Imager
+    eye: np.ndarray
+    axis: np.ndarray
+    right: np.ndarray
+    up: np.ndarray
+    near_m: float
+    pixel_m: float
+    parts: int
+    first: tuple[int, int]
+    size: tuple[int, int]
+    is_cut: bool
+
+    @staticmethod
+    def of(target: Target, view: View, range_m: float, imager: Imager) -> "CameraView":
+        """The view of a camera at `range_m`, m, from the middle of the target.
+
+        Raises
+        ------
+        InputError
+            If the camera is inside the target's sphere, or no part of the target is in the frame.
+        """
+        if range_m <= target.radius:
+            raise InputError(
+                f"the camera is inside the target: range {range_m:g} m, but the target reaches "
+                f"{target.radius:.4g} m from its middle"
+            )
+        above = UP if abs(view.elevation_deg) < POLE_DEG else BESIDE
+        right = unit(np.cross(above, view.direction))
+        up = np.cross(view.direction, right)
+        aside, higher = np.tan(np.radians([imager.right_deg, imager.up_deg]))
+        axis = unit(aside * right + higher * up - view.direction)
+        right = unit(np.cross(axis, up))
+        up = np.cross(right, axis)
+        eye = target.centre + range_m * view.direction
+        middle = (target.centre - eye) @ axis
+        near = max(middle - MARGIN * target.radius, 1e-4 * target.radius)
+        seen = target.points - eye
+        scale = imager.pixel_angle
+        if imager.projection == "perspective":
+            distance = seen @ axis
+            seen = seen[distance > 0] / distance[distance > 0, None]
+        else:
+            scale *= range_m
+        columns = imager.width / 2 + seen @ right / scale
+        rows = imager.height / 2 - seen @ up / scale
+        extent = max(np.ptp(columns), np.ptp(rows)) if columns.size else np.inf
+        parts = OVERSAMPLING * int(
+            np.clip(
+                np.ceil(PARTS_ACROSS / max(OVERSAMPLING * extent, 1e-9)),
+                1,
+                max(MOST_PARTS // (OVERSAMPLING * max(imager.width, imager.height)), 1),
+            )
+        )
+        first, size, is_cut = [], [], False
+        for place, count in ((columns, imager.width), (rows, imager.height)):
+            lower, upper = 1, 0
+            if place.size:
+                lower, upper = (
+                    int(np.clip(np.floor(end), -1e9, 1e9)) for end in ends(place * parts)
+                )
+            is_cut |= lower < 0 or upper >= count * parts
+            lower, upper = max(lower, 0), min(upper + 1, count * parts)
+            if not lower < upper:
+                raise InputError(
+                    "[camera]: no part of the target is in the frame of "
+                    f"{imager.angle_deg(imager.width):.3g} x "
+                    f"{imager.angle_deg(imager.height):.3g} degrees; change "
+                    "right_deg and up_deg, or focal_length_mm"
+                )
+            first.append(lower)
+            size.append(upper - lower)
+        return CameraView(
+            imager,
+            eye,
+            axis,
+            right,
+            up,
+            near,
+            range_m * imager.pixel_angle,
+            parts,
+            tuple(first),
+            tuple(size),
+            is_cut,
+        )
+
+    @property
+    def window(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Column and row of the first pixel with a part of the window; its columns and rows."""
+        first = tuple(start // self.parts for start in self.first)
+        last = (-(-(start + n) // self.parts) for start, n in zip(self.first, self.size))
+        return first, tuple(end - start for start, end in zip(first, last))
+
+    def sensor(self, scene: Scene):
+        """Mitsuba's sensor, whose film is the window. It sees nothing in front of `near_m`."""
+        camera = self.imager
+        T = mi.ScalarTransform4f
+        # Mitsuba's x axis goes to the left of the image
+        sides = np.column_stack([-self.right, self.up, self.axis, self.eye])
+        place = T(np.vstack([sides, [0, 0, 0, 1]]))
+        own = {
+            "type": "perspective",
+            "fov": camera.angle_deg(camera.width),
+            "fov_axis": "x",
+        }
+        if camera.projection == "orthographic":
+            half = camera.width * self.pixel_m / 2
+            own, place = {"type": "orthographic"}, place @ T().scale([half, half, 1])
+        crop = {
+            "crop_offset_x": self.first[0],
+            "crop_offset_y": self.first[1],
+            "crop_width": self.size[0],
+            "crop_height": self.size[1],
+        }
+        return mi.load_dict(
+            own
+            | {
+                "to_world": place,
+                "near_clip": self.near_m,
+                "far_clip": self.near_m + depth(scene),
+                "film": film(self.parts * camera.width, self.parts * camera.height) | crop,
+                "sampler": {"type": scene.sampler},
+            }
+        )
+
+    def near_range(self) -> np.ndarray:
+        """Distance, m, from the camera to where the ray of each part begins, (rows, columns)."""
+        columns, rows = self.size
+        if self.imager.projection == "orthographic":
+            return np.full((rows, columns), self.near_m)
+        middle = np.array([self.imager.width, self.imager.height]) / 2
+        x, y = (
+            self.imager.pixel_angle * ((first + np.arange(n) + 0.5) / self.parts - half)
+            for first, n, half in zip(self.first, (columns, rows), middle)
+        )
+        return self.near_m * np.sqrt(1 + x**2 + y[:, None] ** 2)
+
+    def samples(self, values) -> np.ndarray:
+        """Means of the parts over the samples of the window's pixels, OVERSAMPLING along a side.
+
+        values: of each part, (rows, columns). Outside the parts they are 0.
+        """
+        (column, row), (columns, rows) = self.window
+        whole = np.zeros((rows * self.parts, columns * self.parts))
+        left, top = (start - pixel * self.parts for start, pixel in zip(self.first, (column, row)))
+        whole[top : top + self.size[1], left : left + self.size[0]] = values
+        side = self.parts // OVERSAMPLING
+        return whole.reshape(rows * OVERSAMPLING, side, columns * OVERSAMPLING, side).mean(
+            axis=(1, 3)
+        )
+
+
+def ends(values) -> tuple[float, float]:
+    """The smallest and the largest value."""
+    return float(np.min(values)), float(np.max(values))
+
+
+def unit(vector) -> np.ndarray:
+    """The vector divided by its length."""
+    return np.asarray(vector) / np.linalg.norm(vector)

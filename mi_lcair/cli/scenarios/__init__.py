@@ -1,0 +1,1 @@
+"""Commands with a SCENARIO: a target, seen through the air by a sensor."""

@@ -1,0 +1,211 @@
+"""mi-lcair image: what the camera of a scenario records."""
+
+from pathlib import Path
+
+import click
+
+import mi_lcair
+from mi_lcair.cli.options import (
+    POSITIVE,
+    Assignment,
+    Fraction,
+    json_option,
+    prepare_renderer,
+    progress_bar,
+    renderer_options,
+)
+from mi_lcair.cli.output import (
+    check_outputs,
+    error_row,
+    note,
+    percent,
+    print_columns,
+    print_json,
+    print_written,
+)
+from mi_lcair.errors import InputError
+
+
+@click.command("image")
+@click.argument("scenario")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    required=True,
+    help="The image to write, FILE.exr. The counts go to FILE.tif beside it.",
+)
+@click.option(
+    "-D",
+    "changes",
+    type=Assignment(),
+    multiple=True,
+    help="Change an entry of the scenario, such as camera.f_number=2; may be repeated.",
+)
+@click.option(
+    "--frames",
+    type=POSITIVE,
+    default=1,
+    show_default=True,
+    help="Number of frames with independent noise, pages of FILE.tif. There is one render.",
+)
+@click.option(
+    "--seed",
+    type=click.IntRange(0, 2**32 - 1),
+    default=0,
+    show_default=True,
+    help="Seed of the camera's noise and fixed pattern.",
+)
+@click.option("--plot", type=click.Path(path_type=Path), help="Draw frame and measures, FILE.png.")
+@click.option(
+    "--tolerance",
+    type=Fraction(),
+    help="Render until the rms standard error over the pixels on the target is at most this "
+    "fraction of its mean radiance.",
+)
+@click.option("--spp", type=POSITIVE, help="Paths through a pixel (default: 64).")
+@click.option("--max-spp", type=POSITIVE, help="Largest --spp for the tolerance (default: 65536).")
+@renderer_options
+@json_option
+def command(scenario, output, changes, frames, seed, plot, variant, threads, json, **sampling):
+    """Record the target of a scenario with its camera.
+
+    SCENARIO is a TOML file as for `contrast`, with a table [camera]. The image has the radiance at
+    the aperture, electrons, counts and apparent temperature. Printed are the camera's noise and
+    sharpness, predicted and measured, and the target's signal over range.
+    """
+    from mi_lcair.camera.tiff import write_tiff
+    from mi_lcair.detection.scenario import Scenario
+    from mi_lcair.rendering.image import write_exr
+
+    pages = output.with_suffix(".tif")
+    check_outputs((output, ".exr"), (pages, ".tif"), (plot, ".png"))
+    given = {name: value for name, value in sampling.items() if value is not None}
+    if "spp" in given and len(given) > 1:
+        raise InputError(
+            "--spp sets a fixed number of samples; --tolerance and --max-spp choose one, and do "
+            "not go with it"
+        )
+    own = {f"render.{name}": value for name, value in given.items()}
+    parsed = Scenario.read(scenario, **dict(changes) | own)
+
+    prepare_renderer(variant, threads)
+    with progress_bar() as progress:
+        result = mi_lcair.image(parsed, frames=frames, seed=seed, progress=progress)
+    for remark in result.remarks:
+        note(remark)
+    write_exr(output, result.channels, result.header)
+    camera = parsed.camera
+    write_tiff(
+        pages,
+        result.counts,
+        f"{camera.electrons_per_count:.9g} electrons in a count, {camera.pedestal:.9g} counts "
+        f"without electrons, {camera.integration_time_ms:g} ms",
+    )
+    if plot:
+        from mi_lcair.reports.camera_plot import save_plot
+
+        save_plot(plot, result)
+    if json:
+        print_json({"file": str(output), "counts_file": str(pages), **result.as_dict()})
+    else:
+        _print_tables(result)
+    print_written(output, pages, plot)
+
+
+def _print_tables(result):
+    """Print the scenario, the measures of camera and target, and the target over range."""
+    scenario, measures, camera = result.scenario, result.measures, result.scenario.camera
+    mtf = measures.mtf
+    half, last = len(mtf["frequency"]) // 2, -1
+    kelvin = lambda value: f"{1e3 * value:.4g} mK"
+    measured = (
+        "not measurable, as a uniform scene saturates or its noise is below a count"
+        if measures.netd_measured is None
+        else f"measured {kelvin(measures.netd_measured)}"
+    )
+    print_columns(
+        [
+            ("scenario", f"{scenario.name}: {scenario.title}"),
+            (
+                "camera",
+                f"{camera.width} x {camera.height} pixels of {camera.pitch_um:g} um, "
+                f"{camera.focal_length_mm:g} mm, f/{camera.f_number:g}, "
+                f"{1e6 * camera.pixel_angle:.4g} urad a pixel, {result.band.label}",
+            ),
+            (
+                "background",
+                f"{measures.temperature:.5g} K, {1e-6 * measures.background:.4g} Me of "
+                f"{camera.well_Me:g} Me in {camera.integration_time_ms:g} ms",
+            ),
+            ("count", f"{camera.electrons_per_count:.5g} electrons, {camera.bits} bits"),
+            (
+                "NETD",
+                f"predicted {kelvin(measures.netd)}, {measured}; of shot noise alone "
+                f"{kelvin(measures.netd_shot)}",
+            ),
+            *(
+                (
+                    f"MTF at {name}",
+                    f"predicted {mtf['predicted'][k]:.3f}, measured {mtf['measured'][k]:.3f}, "
+                    f"{mtf['frequency'][k]:.4g} cycles/mm",
+                )
+                for name, k in (("half of Nyquist", half), ("Nyquist", last))
+            ),
+            ("pixels on target", f"{measures.pixels:.4g}"),
+            (
+                "signal to noise",
+                f"{measures.peak_snr:.4g} in the strongest pixel, {measures.snr:.4g} of the "
+                "target with a matched filter",
+            ),
+            (
+                "rendering",
+                f"standard error {kelvin(measures.render_error)} on the target, the same in all "
+                f"frames; {result.exposure.spp} paths through a pixel",
+            ),
+            _error(result),
+            ("time", f"{result.seconds:.2f} s, of which rendering {result.render_seconds:.2f} s"),
+        ]
+    )
+    click.echo()
+    print_columns(
+        [
+            ("range m", "pixels on target", "electrons", "signal to noise", "detected"),
+            *(
+                (
+                    f"{row.range_m:.6g}",
+                    f"{row.pixels:.4g}",
+                    f"{row.electrons:.4g}",
+                    f"{row.snr:.4g}",
+                    "yes" if row.detected else "no",
+                )
+                for row in result.ranges
+            ),
+        ]
+    )
+    click.echo()
+    needed = (
+        f"a signal-to-noise ratio of {scenario.sensor.snr:g} and {camera.least_pixels:g} "
+        "pixels on the target"
+    )
+    if not result.detected_to_m:
+        click.echo(f"not detected at these ranges, with {needed}")
+        return
+    ends = result.detected_to_m > 0.999 * result.ranges[-1].range_m
+    click.echo(
+        f"detected up to {result.detected_to_m:.4g} m{' at least' if ends else ''}, with {needed}"
+    )
+
+
+def _error(result):
+    """Row about the error of the rendering and the tolerance, if any."""
+    from mi_lcair.rendering.render import DEFAULT_MAX_SPP
+
+    sampling = result.scenario.render
+    return error_row(
+        f"the rms standard error over the pixels on the target is "
+        f"{percent(result.exposure.rms_error)} of its mean radiance",
+        sampling.tolerance,
+        result.exposure.reached,
+        sampling.max_spp or DEFAULT_MAX_SPP,
+    )

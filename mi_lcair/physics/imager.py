@@ -1,0 +1,197 @@
+"""Parameters of a staring infrared camera with optics, a detector array and electronics."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mi_lcair.errors import InputError
+
+MOST_PIXELS = 8192  # pixels along each side of a frame
+MOST_IN_FRAME = 2**24  # pixels of a frame
+# Smallest f-number, for a cone of light with a half angle of 90 degrees (Abbe's sine condition).
+FASTEST = 0.5
+NARROWEST_DEG, WIDEST_DEG = 1e-4, 150.0  # width and height of a frame, degrees
+# Counts below zero signal, as a fraction of the largest count. Read noise would be clipped at 0.
+PEDESTAL = 1 / 64
+POSITIVE = ("focal_length_mm", "pitch_um", "f_number", "integration_time_ms", "well_Me")
+NOT_NEGATIVE = (
+    "read_noise_e",
+    "dark_current_e_s",
+    "jitter_urad",
+    "gain_nonuniformity",
+    "offset_nonuniformity_e",
+    "least_pixels",
+)
+PROJECTIONS = ("perspective", "orthographic")
+
+
+@dataclass(frozen=True)
+class Imager:
+    """Parameters of a staring camera. It is table [camera] of a scenario.
+
+    Attributes
+    ----------
+    focal_length_mm, f_number : float
+        Focal length, mm, and its ratio to the diameter of the entrance pupil.
+    pitch_um : float
+        Distance between the centres of neighbouring pixels, um.
+    width, height : int
+        Number of pixels.
+    integration_time_ms : float
+        Time during which the electrons of a frame are collected, ms.
+    well_Me : float
+        Largest number of electrons of a pixel, in millions.
+    quantum_efficiency : float
+        Electrons per photon, in (0, 1]. A response of [sensor] multiplies it.
+    fill_factor : float
+        Share of the pixel's square that is sensitive, in (0, 1].
+    read_noise_e : float
+        Standard deviation of the electronics' noise, electrons.
+    dark_current_e_s : float
+        Dark current of a pixel, electrons per second.
+    bits : int
+        Bits of a count, 1..16.
+    jitter_urad : float
+        Standard deviation of the line of sight during the integration along each axis, microrad.
+    defocus_um : float
+        Distance of the detector from the focal plane, um.
+    gain_nonuniformity : float
+        Standard deviation of the pixels' gains, as a fraction of their mean.
+    offset_nonuniformity_e : float
+        Standard deviation of the pixels' offsets, electrons.
+    nuc : bool
+        Whether the camera corrects its non-uniformity with two uniform scenes.
+    right_deg, up_deg : float
+        Angle of the optical axis to the right of the target's middle and above it, degrees.
+    projection : str
+        "perspective", or "orthographic" with the scale of the target's range.
+    least_pixels : float
+        Number of pixels on the target that a detection needs.
+
+    Raises
+    ------
+    InputError
+        If a value is out of its range.
+    """
+
+    focal_length_mm: float
+    f_number: float
+    pitch_um: float
+    width: int
+    height: int
+    integration_time_ms: float
+    well_Me: float
+    quantum_efficiency: float = 1.0
+    fill_factor: float = 1.0
+    read_noise_e: float = 0.0
+    dark_current_e_s: float = 0.0
+    bits: int = 14
+    jitter_urad: float = 0.0
+    defocus_um: float = 0.0
+    gain_nonuniformity: float = 0.0
+    offset_nonuniformity_e: float = 0.0
+    nuc: bool = False
+    right_deg: float = 0.0
+    up_deg: float = 0.0
+    projection: str = "perspective"
+    least_pixels: float = 1.0
+
+    def __post_init__(self):
+        for name in POSITIVE:
+            self.require(name, getattr(self, name) > 0, "positive")
+        for name in NOT_NEGATIVE:
+            self.require(name, getattr(self, name) >= 0, "0 or more")
+        for name in ("quantum_efficiency", "fill_factor"):
+            self.require(name, 0 < getattr(self, name) <= 1, "above 0 and at most 1")
+        for name, most in (("width", MOST_PIXELS), ("height", MOST_PIXELS), ("bits", 16)):
+            self.require(name, 1 <= getattr(self, name) <= most, f"within 1..{most}")
+        for name in ("right_deg", "up_deg"):
+            self.require(name, -45 <= getattr(self, name) <= 45, "within -45..45")
+        self.require("f_number", self.f_number >= FASTEST, f"{FASTEST:g} or more")
+        if self.width * self.height > MOST_IN_FRAME:
+            raise InputError(
+                f"[camera]: {self.width} x {self.height} pixels; a frame has at most "
+                f"{MOST_IN_FRAME:.2g}"
+            )
+        for name in ("width", "height"):
+            angle = self.angle_deg(getattr(self, name))
+            if not NARROWEST_DEG <= angle <= WIDEST_DEG:
+                raise InputError(
+                    f"[camera]: the {name} of the frame is {angle:.3g} degrees; must lie in "
+                    f"{NARROWEST_DEG:g}..{WIDEST_DEG:g}; change focal_length_mm, pitch_um or {name}"
+                )
+        self.require("projection", self.projection in PROJECTIONS, " or ".join(PROJECTIONS))
+
+    def require(self, name: str, holds: bool, what: str) -> None:
+        """Raise InputError about the value `name` if `holds` is not true."""
+        if not holds:
+            value = getattr(self, name)
+            shown = value if isinstance(value, str) else f"{value:g}"
+            raise InputError(f"[camera]: {name} = {shown}; must be {what}")
+
+    @property
+    def solid_angle(self) -> float:
+        """Projected solid angle of the exit pupil seen from a pixel, sr.
+
+        It is pi sin^2 of the cone's half angle, and 1 / (2 sin) is the f-number of optics that obey
+        Abbe's sine condition: pi / (4 N^2). The form pi / (4 N^2 + 1), with 1 / (2 tan), belongs to
+        a thin lens without it. It is 1.5 % less at f/4.
+        """
+        return float(np.pi / (4 * self.f_number**2))
+
+    @property
+    def pixel_area(self) -> float:
+        """Sensitive area of a pixel, m^2."""
+        return self.fill_factor * (1e-6 * self.pitch_um) ** 2
+
+    @property
+    def seconds(self) -> float:
+        """Integration time, s."""
+        return 1e-3 * self.integration_time_ms
+
+    @property
+    def well(self) -> float:
+        """Largest number of electrons of a pixel."""
+        return 1e6 * self.well_Me
+
+    @property
+    def dark(self) -> float:
+        """Mean number of electrons of the dark current in a frame."""
+        return self.dark_current_e_s * self.seconds
+
+    @property
+    def pixel_angle(self) -> float:
+        """Angle between the lines of sight of neighbouring pixels at the optical axis, rad."""
+        return 1e-3 * self.pitch_um / self.focal_length_mm
+
+    def angle_deg(self, pixels: int) -> float:
+        """Angle of view of a row of pixels in the middle of the frame, degrees."""
+        return float(np.degrees(2 * np.arctan(pixels * self.pixel_angle / 2)))
+
+    @property
+    def largest_count(self) -> int:
+        """Largest count."""
+        return 2**self.bits - 1
+
+    @property
+    def pedestal(self) -> float:
+        """Count without any electron."""
+        return PEDESTAL * self.largest_count
+
+    @property
+    def electrons_per_count(self) -> float:
+        """Electrons of one count. The full well has the largest count."""
+        return self.well / (self.largest_count - self.pedestal)
+
+    def noise(self, electrons):
+        """Standard deviation of a pixel in time, electrons, for this mean number of electrons.
+
+        It is the quadratic sum of the shot noise of signal and dark current, of the electronics'
+        noise, and of the quantisation, a twelfth of the squared count.
+        """
+        return np.sqrt(
+            np.maximum(electrons, 0)
+            + self.dark
+            + self.read_noise_e**2
+            + self.electrons_per_count**2 / 12
+        )

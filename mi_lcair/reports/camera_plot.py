@@ -1,0 +1,147 @@
+"""Picture of a camera's image: apparent temperature, MTF, noise, and the target over range."""
+
+import numpy as np
+
+from mi_lcair.camera.image import Image
+from mi_lcair.drawing import drawing, plain
+
+SIZE = (11, 7.6)  # inches
+SMALLEST_ERROR = 1e-2  # smallest error of the rendering that is drawn, in noises of the camera
+
+
+def save_plot(path, image: Image) -> None:
+    """Write a PNG with four panels.
+
+    They are the apparent temperature of the first frame, the MTF, the noise of camera and rendering
+    over the pixels' temperature, and signal-to-noise ratio and pixels on the target over range.
+    """
+    scenario, measures, camera = image.scenario, image.measures, image.scenario.camera
+    with drawing(path, SIZE, layout="constrained") as figure:
+        (picture, curves), (noise, ranges) = figure.subplots(2, 2)
+        _temperature(figure, picture, image)
+        _mtf(curves, image)
+        _noise(noise, image)
+        _ranges(ranges, image)
+        figure.suptitle(
+            plain(
+                f"{scenario.name}, {image.band.label}, {scenario.observer.range_m:.5g} m, "
+                f"f = {camera.focal_length_mm:g} mm, f/{camera.f_number:g}, "
+                f"{camera.integration_time_ms:g} ms, NETD {1e3 * measures.netd:.3g} mK "
+                f"at {measures.temperature:.4g} K"
+            ),
+            fontsize=11,
+        )
+
+
+def _temperature(figure, axes, image: Image) -> None:
+    """The apparent temperature of the first frame around the target."""
+    (left, top), (columns, rows) = image.view.window
+    height, width = image.channels["temperature.Y"].shape
+    beside = max(8, max(columns, rows) // 8)
+    part = (
+        slice(max(top - beside, 0), min(top + rows + beside, height)),
+        slice(max(left - beside, 0), min(left + columns + beside, width)),
+    )
+    values = image.channels["temperature.Y"][part]
+    # A few hot or bad pixels must not set the scale
+    low, high = np.quantile(values, [0.002, 0.985])
+    shown = axes.imshow(
+        values,
+        cmap="inferno",
+        vmin=low,
+        vmax=max(high, low + 1e-3),
+        extent=(part[1].start, part[1].stop, part[0].stop, part[0].start),
+        interpolation="nearest",
+    )
+    bar = figure.colorbar(shown, ax=axes, extend="both")
+    bar.set_label("apparent temperature (K)", fontsize=8)
+    bar.ax.tick_params(labelsize=8)
+    axes.set_title("(a) first frame, around the target", fontsize=10)
+    axes.set_xlabel("column (pixel)", fontsize=8)
+    axes.set_ylabel("row (pixel)", fontsize=8)
+    axes.tick_params(labelsize=8)
+
+
+def _mtf(axes, image: Image) -> None:
+    """The MTF as the product of its parts, its parts, and as measured on a slanted edge."""
+    mtf = image.measures.mtf
+    for name, values in image.mtf_parts.items():
+        if not np.all(values == 1):
+            axes.plot(mtf["frequency"], values, linewidth=0.8, linestyle="--", label=name)
+    axes.plot(mtf["frequency"], mtf["predicted"], color="black", linewidth=1.2, label="product")
+    axes.plot(
+        mtf["frequency"][::4],
+        mtf["measured"][::4],
+        "o",
+        color="C3",
+        markersize=3.5,
+        label="measured on a slanted edge",
+    )
+    axes.set_ylim(0, 1.02)
+    axes.set_xlim(0, mtf["frequency"][-1])
+    axes.set_title("(b) MTF up to Nyquist", fontsize=10)
+    axes.set_xlabel("frequency in the image plane (cycles/mm)", fontsize=8)
+    axes.set_ylabel("MTF", fontsize=8)
+    axes.tick_params(labelsize=8)
+    axes.legend(fontsize=8, frameon=False)
+
+
+def _noise(axes, image: Image) -> None:
+    """Noise of the camera and standard error of the rendering, over the temperature of a pixel."""
+    temperature = image.channels["mean_temperature.Y"].ravel()
+    error, noise = (image.channels[name].ravel() for name in ("stderr_K.Y", "noise_K.Y"))
+    order = np.argsort(temperature)
+    on = error > SMALLEST_ERROR * noise
+    axes.plot(
+        temperature[on],
+        1e3 * error[on],
+        ".",
+        markersize=2,
+        color="C0",
+        label="standard error of the rendering",
+        rasterized=True,
+    )
+    axes.plot(
+        temperature[order], 1e3 * noise[order], color="C3", label="noise of the camera in time"
+    )
+    axes.set_yscale("log")
+    axes.set_title("(c) noise of camera and rendering in each pixel", fontsize=10)
+    axes.set_xlabel("mean apparent temperature of a pixel (K)", fontsize=8)
+    axes.set_ylabel("standard deviation (mK)", fontsize=8)
+    axes.tick_params(labelsize=8)
+    axes.legend(fontsize=8, frameon=False)
+
+
+def _ranges(axes, image: Image) -> None:
+    """Signal-to-noise ratio and pixels on the target over range, with what a detection needs."""
+    from matplotlib.ticker import LogLocator, NullLocator
+
+    rows, sensor = image.ranges, image.scenario.sensor
+    x = np.array([row.range_m for row in rows])
+    snr, pixels = (
+        axes.plot(x, [getattr(row, name) for row in rows], marker, color=color, markersize=3)[0]
+        for name, marker, color in (("snr", "o-", "C3"), ("pixels", "s-", "C0"))
+    )
+    axes.axhline(sensor.snr, color="C3", linewidth=0.8, linestyle=":")
+    axes.axhline(image.scenario.camera.least_pixels, color="C0", linewidth=0.8, linestyle=":")
+    axes.axvline(image.scenario.observer.range_m, color="0.6", linewidth=0.8)
+    if image.detected_to_m:
+        axes.axvspan(x.min(), image.detected_to_m, color="0.93", zorder=-1)
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlim(x.min(), x.max())
+    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if x.max() < 300 * x.min() else (1,)))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_major_formatter("{x:g}")
+    detected = (
+        f"detected up to {image.detected_to_m:.4g} m" if image.detected_to_m else "not detected"
+    )
+    if image.detected_to_m and image.detected_to_m > 0.999 * x.max():
+        detected += " at least"
+    axes.set_title(f"(d) target over range: {detected}", fontsize=10)
+    axes.set_xlabel("range (m)", fontsize=8)
+    axes.set_ylabel("ratio, number; dotted: what a detection needs", fontsize=8)
+    axes.tick_params(labelsize=8)
+    axes.legend(
+        [snr, pixels], ["signal-to-noise ratio", "pixels on the target"], fontsize=8, frameon=False
+    )

@@ -1,0 +1,201 @@
+"""Images of scenarios, against closed forms and against `contrast`."""
+
+import mitsuba as mi
+import numpy as np
+import pytest
+
+from mi_lcair.camera.image import image
+from mi_lcair.camera.optics import OVERSAMPLING
+from mi_lcair.camera.response import electron_band, electrons
+from mi_lcair.camera.view import CameraView
+from mi_lcair.detection.contrast import contrast
+from mi_lcair.errors import InputError
+from mi_lcair.physics.atmosphere import atmosphere
+from mi_lcair.physics.bands import band
+from mi_lcair.physics.blackbody import LIGHT_SPEED, PLANCK, spectral_radiance
+from mi_lcair.physics.imager import Imager
+from mi_lcair.rendering.scene import load
+from mi_lcair.rendering.views import Target, View
+from tests.detection.disc_scenario import AREA, disc, write_disc
+
+CAMERA = {
+    "focal_length_mm": 100.0,
+    "f_number": 4.0,
+    "pitch_um": 15.0,
+    "width": 64,
+    "height": 48,
+    "integration_time_ms": 0.5,
+    "well_Me": 5.0,
+    "quantum_efficiency": 0.75,
+    "read_noise_e": 500.0,
+}
+
+
+@pytest.fixture
+def scenario(tmp_path):
+    """Function that gives the disc's scenario with a camera and some changes."""
+    write_disc(tmp_path)
+
+    def made(camera=None, **changes):
+        entries = {f"camera__{name}": value for name, value in (CAMERA | (camera or {})).items()}
+        return disc(tmp_path, **entries, **changes)
+
+    return made
+
+
+def test_disc_in_vacuum(scenario):
+    """Far from its edge the disc has its temperature, less what diffraction takes away."""
+    result = image(scenario(), frames=3, seed=4)
+    assert result.counts.shape == (3, 48, 64)
+    assert np.array_equal(result.counts, image(scenario(), frames=3, seed=4).counts)
+    own = electron_band(band("MWIR"), result.scenario.camera)
+    inside, outside = (float(electrons(own, T)) for T in (400.0, 294.0))
+    total = (result.channels["electrons.Y"].astype(float) - outside).sum()
+    pixel = (15e-6 / 0.1 * 1000) ** 2
+    assert total == pytest.approx((inside - outside) * AREA / pixel, rel=0.01)
+    assert result.channels["mean_temperature.Y"][24, 32] == pytest.approx(400, abs=1.5)
+    assert result.measures.pixels == pytest.approx(AREA / pixel, rel=0.003)
+    assert result.measures.netd_measured == pytest.approx(result.measures.netd, rel=0.03)
+    # The frames scatter as the camera's noise says, where the rendering does not change
+    recorded = [result.temperature(k) for k in range(3)]
+    scatter = np.sqrt(np.var(recorded, axis=0, ddof=1).mean())
+    noise = np.sqrt(np.mean(result.channels["noise_K.Y"] ** 2))
+    assert scatter == pytest.approx(noise, rel=0.05)
+    assert np.allclose(recorded[0], result.channels["temperature.Y"], atol=1e-3)
+
+
+def test_electrons_through_the_air(scenario):
+    """The disc's electrons are the integral of its photons through the air at its range."""
+    result = image(scenario(atmosphere__table="midlat_summer", background__temperature=280))
+    row = next(row for row in result.ranges if row.range_m == 1000)
+    path = atmosphere("midlat_summer").path(1000.0)
+    x = np.linspace(3.0, 5.0, 20001)
+    transmittance, radiance = path.at(x)
+    arriving = transmittance * spectral_radiance(x, 400.0) + radiance - spectral_radiance(x, 280.0)
+    photons = np.trapezoid(arriving * x * 1e-6 / (PLANCK * LIGHT_SPEED), x)
+    pixel = photons * np.pi / 64 * (15e-6) ** 2 * 0.5e-3 * 0.75
+    expected = pixel * AREA / (15e-6 / 0.1 * 1000) ** 2
+    assert row.electrons == pytest.approx(expected, rel=3e-3)
+    background = electrons(result.band, 280.0)
+    total = (result.channels["electrons.Y"].astype(float) - background).sum()
+    assert total == pytest.approx(expected, rel=0.01)
+
+
+def test_same_contrast_as_a_detector(scenario):
+    """The radiance over the window, times the solid angle, is the irradiance of `contrast`."""
+    changes = {"atmosphere__table": "midlat_summer", "background__temperature": 280}
+    found = image(scenario(**changes))
+    angle = (15e-6 / 0.1 / OVERSAMPLING) ** 2
+    total = contrast(scenario(**changes)).rows[-1].total
+    assert found.exposure.radiance.sum() * angle == pytest.approx(total.value, rel=3e-3)
+
+
+@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
+def test_rays_of_the_sensor(tmp_path, projection):
+    """Columns go to the right, rows go down, and pixels are where the view says."""
+    scene = load(write_disc(tmp_path).with_suffix(".xml"))
+    imager = Imager(**(CAMERA | {"projection": projection, "right_deg": 0.1, "up_deg": -0.05}))
+    target = Target.of(scene)
+    view = CameraView.of(target, View(20.0, 10.0), 1000.0, imager)
+    sensor = view.sensor(scene)
+    ray, _ = sensor.sample_ray(0, 0, mi.Point2f([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]), mi.Point2f(0.5))
+    starts, directions = (np.array(v, dtype=float).T for v in (ray.o, ray.d))
+    # The rays meet the plane across the axis through the target's middle
+    depth = (target.centre - view.eye) @ view.axis
+    meets = (
+        starts
+        + directions
+        * ((depth - (starts - view.eye) @ view.axis) / (directions @ view.axis))[:, None]
+    )
+    column, row = (
+        half
+        + (meets - view.eye) @ side / (depth if projection == "perspective" else 1000.0) / 1.5e-4
+        for half, side in ((32, view.right), (24, -view.up))
+    )
+    (first, top), (width, height) = (
+        np.array(pair) / view.parts for pair in (view.first, view.size)
+    )
+    assert column == pytest.approx([first, first + width, first], abs=0.02)
+    assert row == pytest.approx([top, top, top + height], abs=0.02)
+    middle = (target.centre - view.eye) / 1000.0
+    assert middle @ view.right < 0 < middle @ view.up  # the axis points to its right, and below
+    near = np.linalg.norm(starts - view.eye, axis=1)
+    if projection == "perspective":
+        assert near == pytest.approx(view.near_range()[[0, 0, -1], [0, -1, 0]], rel=1e-5)
+
+
+def test_tolerance(scenario):
+    result = image(scenario(render__tolerance=0.002))
+    assert result.exposure.reached and result.exposure.rms_error <= 0.002
+
+
+def test_error_of_the_rendering(scenario):
+    """The stated standard error holds for independent renders."""
+    pictures = [image(scenario(render__spp=36, render__seed=seed)).channels for seed in range(4)]
+    edge = pictures[0]["stderr_K.Y"] > 0.05
+    spread = np.var([one["mean_temperature.Y"][edge] for one in pictures], axis=0, ddof=1)
+    stated = np.mean([one["stderr_K.Y"][edge] ** 2 for one in pictures], axis=0)
+    assert 0.5 < np.sqrt(spread.mean() / stated.mean()) < 1.5
+
+
+def test_saturation_is_a_remark(scenario):
+    result = image(scenario({"integration_time_ms": 2.0}))
+    share = np.mean(result.channels["electrons.Y"] >= 5e6)
+    assert result.measures.saturated == pytest.approx(share)
+    assert any(
+        f"saturated in {100 * float(f'{share:.2g}'):g} % of the pixels" in line
+        for line in result.remarks
+    )
+
+
+@pytest.mark.parametrize(
+    "camera, changes, text",
+    [
+        ({}, {"observer__range_m": 1.0}, "is inside the target: range 1 m"),
+        ({"right_deg": 5.0}, {}, "no part of the target is in the frame of 0.55 x 0.413 degrees"),
+        ({"integration_time_ms": 40.0, "nuc": True}, {}, "saturates the well of 5 Me"),
+        ({"jitter_urad": 1e5}, {}, "jitter_urad = 100000 spreads the light of a point over"),
+        ({"defocus_um": 1e5}, {}, "defocus_um = 100000 spreads the light of a point over"),
+        ({"nuc": True}, {"background__temperature": 3}, "nuc looks at blackbodies of 90 and 110 K"),
+    ],
+)
+def test_unusable(scenario, camera, changes, text):
+    with pytest.raises(InputError, match=text):
+        image(scenario(camera, **changes))
+
+
+def test_target_smaller_than_a_pixel(scenario):
+    """The window is divided into finer parts, so that the paths meet the model."""
+    found = image(scenario(observer__range_m=200_000))
+    row = next(row for row in found.ranges if row.range_m == 200_000)
+    assert found.measures.pixels == pytest.approx(AREA / 30.0**2, rel=0.01)
+    background = electrons(found.band, 294.0)
+    expected = (electrons(found.band, 400.0) - background) * AREA / 30.0**2
+    total = (found.channels["electrons.Y"].astype(float) - background).sum()
+    assert total == pytest.approx(expected, rel=0.02)
+    assert row.electrons == pytest.approx(expected, rel=0.01)
+    assert found.exposure.rms_error < 0.01
+    # The range table's ratio is that of a matched filter on average over the places in a pixel
+    assert row.snr == pytest.approx(found.measures.snr, rel=0.35)
+
+
+def test_background_without_a_photon(scenario):
+    """The noise of a pixel before cold space is finite in kelvin."""
+    found = image(scenario(background__temperature=3))
+    assert found.channels["mean_temperature.Y"].min() < 210
+    assert all(np.isfinite(values).all() for values in found.channels.values())
+    assert found.measures.temperature == 100 and found.measures.netd > 1
+
+
+def test_memory_of_many_frames(scenario, monkeypatch):
+    monkeypatch.setattr("mi_lcair.camera.image.available_memory", lambda: 2**20)
+    with pytest.raises(InputError, match="9000 frames of 64 x 48 pixels need 0.1 GiB"):
+        image(scenario(), frames=9000)
+
+
+def test_without_a_camera(tmp_path):
+    write_disc(tmp_path)
+    with pytest.raises(InputError, match=r"has no table \[camera\]"):
+        image(disc(tmp_path))
+    with pytest.raises(InputError, match="frames = 0; must lie in 1..10000"):
+        image(disc(tmp_path), frames=0)

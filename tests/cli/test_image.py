@@ -1,0 +1,107 @@
+"""Tests of mi-lcair image: files, tables, and errors before anything is written."""
+
+import json
+
+import numpy as np
+import pytest
+
+from mi_lcair.camera.tiff import write_tiff
+from mi_lcair.errors import InputError
+from mi_lcair.rendering.image import read_exr
+from tests.detection.disc_scenario import write_disc
+
+CAMERA = """
+[camera]
+focal_length_mm = 100
+f_number = 4
+pitch_um = 15
+width = 48
+height = 40
+integration_time_ms = 1.5
+well_Me = 4.98
+quantum_efficiency = 0.75
+read_noise_e = 500
+"""
+SHORT = ("image", "disc.toml", "-o", "seen.exr", "--spp", 18)
+
+
+@pytest.fixture(autouse=True)
+def scenario(folder):
+    file = write_disc(folder)
+    file.write_text(file.read_text() + CAMERA)
+
+
+@pytest.mark.slow
+def test_files_and_tables(run, folder, figures):
+    from PIL import Image
+
+    result = run(*SHORT, "--frames", 3, "--seed", 5, "--plot", "seen.png")
+    assert result.exit_code == 0, result.output
+    for text in (
+        "NETD                    predicted ",
+        "MTF at Nyquist          predicted 0.183, measured 0.18",
+        "the same in all frames; 18 paths through a pixel",
+        "range m  pixels on target  electrons  signal to noise  detected",
+        "detected up to 2.349e+04 m, with a signal-to-noise ratio of 10 and 1 pixels on the target",
+    ):
+        assert text in result.stdout
+    assert "the detector is saturated in 28 % of the pixels" in result.stderr
+    assert "wrote seen.tif" in result.stderr
+    channels, header = read_exr(folder / "seen.exr")
+    assert header["frames"] == 3 and header["camera_pitch_um"] == 15
+    with Image.open(folder / "seen.tif") as pages:
+        assert pages.n_frames == 3
+        assert np.array_equal(np.array(pages), channels["counts.Y"])
+        pages.seek(2)
+        assert np.array(pages).dtype == np.uint16
+        assert not np.array_equal(np.array(pages), channels["counts.Y"])
+    assert (folder / "seen.png").stat().st_size > 10_000
+    titles = [axes.get_title() for axes in figures[0].axes]
+    assert "(b) MTF up to Nyquist" in titles
+    assert "(d) target over range: detected up to 2.349e+04 m" in titles
+
+
+@pytest.mark.slow
+def test_json_and_seed(run, folder):
+    quick = (*SHORT, "--json", "-D", "camera.integration_time_ms=0.2", "-D", "camera.nuc=true")
+    first = json.loads(run(*quick).stdout)
+    counts = read_exr(folder / "seen.exr")[0]["counts.Y"]
+    assert first["measures"]["saturated"] == 0
+    assert first["scenario"]["camera"]["nuc"] is True
+    again = json.loads(run(*quick).stdout)
+    assert np.array_equal(read_exr(folder / "seen.exr")[0]["counts.Y"], counts)
+    assert again["measures"] == first["measures"]
+    run(*quick, "--seed", 1)
+    assert not np.array_equal(read_exr(folder / "seen.exr")[0]["counts.Y"], counts)
+
+
+@pytest.mark.parametrize(
+    "arguments, text",
+    [
+        (("-D", "camera.focal_length_mm=0"), "focal_length_mm = 0; must be positive"),
+        (("-D", "camera.pitch_um=0"), "pitch_um = 0; must be positive"),
+        (("-D", "camera.well_Me=-1"), "well_Me = -1; must be positive"),
+        (("-D", "camera.integration_time_ms=0"), "integration_time_ms = 0; must be positive"),
+        (("-D", "camera.pitch=3"), "unknown key of [camera] 'pitch'"),
+        (("-D", "observer.range_m=1.5"), "is inside the target"),
+        (("--tolerance", "1%"), "--spp sets a fixed number of samples"),
+        (("--plot", "seen.pdf"), "output 'seen.pdf' does not end in .png"),
+    ],
+)
+def test_refused(refused, folder, arguments, text):
+    assert text in refused(*SHORT, *arguments)
+    assert not list(folder.glob("seen.*"))
+
+
+def test_needs_a_camera(refused, folder):
+    write_disc(folder)
+    assert "has no table [camera]; give focal_length_mm" in refused(*SHORT)
+
+
+def test_output_is_an_exr(refused):
+    assert "does not end in .exr" in refused("image", "disc.toml", "-o", "seen.png")
+
+
+def test_tiff_that_cannot_be_written(tmp_path):
+    with pytest.raises(InputError, match="does not exist"):
+        write_tiff(tmp_path / "no" / "frames.tif", np.zeros((1, 2, 2), dtype=np.uint16))
