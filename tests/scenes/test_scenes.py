@@ -21,15 +21,14 @@ L_800, L_300 = 7393.018822, 146.1998351
 
 
 def used(name):
-    """Return the names after a $ in the scene's XML and in the files that it includes."""
+    """Return the names after a $ in the scene's XML and in the files that it may include."""
     text = scenes.path(name).read_text()
-    for key, (default, _) in scenes.parameters(name).items():
-        text = re.sub(rf'(<include filename="[^"]*)\${key}\b', rf"\g<1>{default}", text)
-    included = re.findall(r'<include filename="([^"]+)"', text)
-    texts = [
-        scenes.path(name).read_text(),
-        *((scenes.FOLDER / file).read_text() for file in included),
+    included = [
+        file
+        for pattern in re.findall(r'<include filename="([^"]+)"', text)
+        for file in scenes.FOLDER.glob(re.sub(r"\$\w+", "*", pattern))
     ]
+    texts = [text, *(file.read_text() for file in included)]
     return {key for text in texts for key in re.findall(r"\$(\w+)", text)}
 
 
