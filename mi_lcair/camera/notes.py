@@ -19,9 +19,9 @@ def remarks(
     if measures.saturated:
         share = float(f"{100 * measures.saturated:.2g}")
         lines.append(
-            f"the detector is saturated in {share:g} % of the pixels, which "
-            f"collect up to {1e-6 * signal.max():.4g} Me in a well of {imager.well_Me:g} Me: their "
-            "temperature is at least the stated one; shorten integration_time_ms"
+            f"the detector is saturated in {share:g} % of the pixels, which collect up to "
+            f"{1e-6 * (signal.max() + imager.dark):.4g} Me in a well of {imager.well_Me:g} Me: "
+            "their temperature is at least the stated one; shorten integration_time_ms"
         )
     if view.is_cut:
         lines.append(

@@ -159,6 +159,12 @@ def test_saturation_is_a_remark(scenario):
     )
 
 
+def test_dark_current_saturates(scenario):
+    """The electrons that the remark states include those of the dark current."""
+    result = image(scenario({"dark_current_e_s": 2e10}, render__spp=4))
+    assert any("100 % of the pixels, which collect up to 1" in line for line in result.remarks)
+
+
 @pytest.mark.parametrize(
     "camera, changes, text",
     [
