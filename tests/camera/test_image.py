@@ -140,6 +140,20 @@ def test_tolerance(scenario):
     assert result.exposure.reached and result.exposure.rms_error <= 0.002
 
 
+@pytest.mark.parametrize(
+    "render, remedy",
+    [
+        ({"render__spp": 18}, "raise spp of"),
+        ({"render__tolerance": 0.5}, "lower the tolerance of"),
+        ({"render__tolerance": 1e-9, "render__max_spp": 18}, "raise max_spp of"),
+    ],
+)
+def test_remedy_of_a_noisy_rendering(scenario, render, remedy):
+    """An entry is named that the scenario may have: spp and tolerance exclude each other."""
+    remarks = image(scenario({"pitch_um": 60.0}, **render)).remarks
+    assert any("larger than the camera's NETD" in line and remedy in line for line in remarks)
+
+
 def test_error_of_the_rendering(scenario):
     """The stated standard error holds for independent renders."""
     pictures = [image(scenario(render__spp=36, render__seed=seed)).channels for seed in range(4)]
