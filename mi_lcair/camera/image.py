@@ -264,7 +264,14 @@ def recorded(scenario: Scenario, frames: int, seed: int, progress) -> Image:
         remarks=[
             *scene.remarks,
             *invalid_remark(exposed.invalid, exposed.paths),
-            *remarks(imager, view, signal, measures, hidden_share(scene, observer.range_m)),
+            *remarks(
+                imager,
+                view,
+                signal,
+                measures,
+                hidden_share(scene, observer.range_m),
+                exposed.reached,
+            ),
         ],
         seconds=time.perf_counter() - start,
         render_seconds=render_seconds,

@@ -10,18 +10,24 @@ from mi_lcair.camera.view import CameraView
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.physics.imager import Imager
 
+# What makes the rendering more certain, by whether a tolerance was reached; None without one.
+REMEDIES = {None: "raise spp", True: "lower the tolerance", False: "raise max_spp"}
+
 
 def remarks(
-    imager: Imager, view: CameraView, signal, measures: Measures, hidden: float
+    imager: Imager, view: CameraView, signal, measures: Measures, hidden: float, reached
 ) -> list[str]:
-    """Remarks on the limits of an image, one line each."""
+    """Remarks on the limits of an image, one line each.
+
+    `reached` says whether a tolerance was reached; None without one.
+    """
     lines = []
     if measures.saturated:
         share = float(f"{100 * measures.saturated:.2g}")
         lines.append(
-            f"the detector is saturated in {share:g} % of the pixels, which "
-            f"collect up to {1e-6 * signal.max():.4g} Me in a well of {imager.well_Me:g} Me: their "
-            "temperature is at least the stated one; shorten integration_time_ms"
+            f"the detector is saturated in {share:g} % of the pixels, which collect up to "
+            f"{1e-6 * (signal.max() + imager.dark):.4g} Me in a well of {imager.well_Me:g} Me: "
+            "their temperature is at least the stated one; shorten integration_time_ms"
         )
     if view.is_cut:
         lines.append(
@@ -37,7 +43,7 @@ def remarks(
         lines.append(
             f"the rendering's error, {1e3 * measures.render_error:.3g} mK on the target, is larger "
             f"than the camera's NETD, {1e3 * measures.netd:.3g} mK, and is the same in all frames; "
-            "raise spp of [render]"
+            f"{REMEDIES[reached]} of [render]"
         )
     return lines
 

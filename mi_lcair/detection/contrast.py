@@ -17,6 +17,7 @@ from mi_lcair.detection.scenario import Sampling, Scenario
 from mi_lcair.errors import InputError
 from mi_lcair.physics.atmosphere import Atmosphere, LineOfSight
 from mi_lcair.physics.detector import Detector
+from mi_lcair.plugins.emission.one_sun import check_fits, one_sun
 from mi_lcair.rendering.loading.files import survey
 from mi_lcair.rendering.scene import Scene, find, load
 from mi_lcair.rendering.settings import changed
@@ -306,6 +307,9 @@ def setting_of(scenario: Scenario) -> Setting:
     if behind.path_at is not None:
         behind.path_at(observer.range_m)  # raises InputError if the table ends before the ground
     scene = target_scene(scenario, detector)
+    sun = one_sun(scene.mi.emitters())
+    if sun is not None and scenario.background.daytime_sky is not None:
+        check_fits(sun, scenario.background, "the daytime_sky of [background]")
     target = Target.of(scene)
     if observer.range_m <= target.radius:
         raise InputError(

@@ -194,7 +194,8 @@ class Background:
         Bundled air whose clear sky with scattered sunlight (3-5 um, sun at 45 degrees) is the sky.
         The ground then reflects the sun, too.
     sun_azimuth_deg : float
-        Azimuth of that sun in the scene's axes, from +x toward +y, degrees.
+        Azimuth of that sun in the scene's axes, from +x toward +y, degrees. It is that of the
+        scene's emitter `sun`, if it has one.
     temperature : float, optional
         Apparent temperature of a blackbody, K, instead of sky and ground.
     ground_temperature : float, optional

@@ -3,7 +3,7 @@
 from mi_lcair.errors import InputError
 from mi_lcair.physics.daytime_sky import SUN_ELEVATION_DEG
 
-# Largest difference of the elevations of a sun and of the sun of a sky dome [degrees].
+# Largest difference of the elevations of a sun and of the sun of a daytime sky [degrees].
 ELEVATION_RANGE_DEG = 5.0
 
 
@@ -16,17 +16,21 @@ def one_sun(emitters):
     if len(suns) > 1:
         raise InputError(f"the scene has {len(suns)} suns; it can have one at most")
     for dome in emitters if suns else []:
-        if hasattr(dome, "sun_azimuth_deg") and not fits(dome, suns[0]):
-            raise InputError(
-                f"the sun at azimuth {suns[0].azimuth_deg:g} and elevation "
-                f"{suns[0].elevation_deg:g} degrees does not fit the sky_dome, whose sun is at "
-                f"{dome.sun_azimuth_deg:g} and {SUN_ELEVATION_DEG:g} degrees; it must have the "
-                f"same azimuth, and an elevation within {ELEVATION_RANGE_DEG:g} degrees"
-            )
+        if hasattr(dome, "sun_azimuth_deg"):
+            check_fits(suns[0], dome, "the sky_dome")
     return suns[0] if suns else None
 
 
-def fits(dome, sun) -> bool:
-    """Whether the sun is where the tables of a sky dome assume it."""
-    turn = (sun.azimuth_deg - dome.sun_azimuth_deg + 180) % 360 - 180
-    return abs(turn) < 0.01 and abs(sun.elevation_deg - SUN_ELEVATION_DEG) <= ELEVATION_RANGE_DEG
+def check_fits(sun, sky, name: str) -> None:
+    """Raise InputError if the sun is not where the tables of a daytime sky assume it.
+
+    `sky` has a `sun_azimuth_deg`; `name` says in the message what it is.
+    """
+    turn = (sun.azimuth_deg - sky.sun_azimuth_deg + 180) % 360 - 180
+    if abs(turn) >= 0.01 or abs(sun.elevation_deg - SUN_ELEVATION_DEG) > ELEVATION_RANGE_DEG:
+        raise InputError(
+            f"the sun at azimuth {sun.azimuth_deg:g} and elevation {sun.elevation_deg:g} degrees "
+            f"does not fit {name}, whose sun is at {sky.sun_azimuth_deg:g} and "
+            f"{SUN_ELEVATION_DEG:g} degrees; it must have the same azimuth, and an elevation "
+            f"within {ELEVATION_RANGE_DEG:g} degrees"
+        )

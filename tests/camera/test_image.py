@@ -140,6 +140,20 @@ def test_tolerance(scenario):
     assert result.exposure.reached and result.exposure.rms_error <= 0.002
 
 
+@pytest.mark.parametrize(
+    "render, remedy",
+    [
+        ({"render__spp": 18}, "raise spp of"),
+        ({"render__tolerance": 0.5}, "lower the tolerance of"),
+        ({"render__tolerance": 1e-9, "render__max_spp": 18}, "raise max_spp of"),
+    ],
+)
+def test_remedy_of_a_noisy_rendering(scenario, render, remedy):
+    """An entry is named that the scenario may have: spp and tolerance exclude each other."""
+    remarks = image(scenario({"pitch_um": 60.0}, **render)).remarks
+    assert any("larger than the camera's NETD" in line and remedy in line for line in remarks)
+
+
 def test_error_of_the_rendering(scenario):
     """The stated standard error holds for independent renders."""
     pictures = [image(scenario(render__spp=36, render__seed=seed)).channels for seed in range(4)]
@@ -157,6 +171,12 @@ def test_saturation_is_a_remark(scenario):
         f"saturated in {100 * float(f'{share:.2g}'):g} % of the pixels" in line
         for line in result.remarks
     )
+
+
+def test_dark_current_saturates(scenario):
+    """The electrons that the remark states include those of the dark current."""
+    result = image(scenario({"dark_current_e_s": 2e10}, render__spp=4))
+    assert any("100 % of the pixels, which collect up to 1" in line for line in result.remarks)
 
 
 @pytest.mark.parametrize(

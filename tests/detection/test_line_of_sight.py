@@ -177,6 +177,25 @@ def test_the_sunlit_sky_behind_the_target(folder):
     assert np.all(high > 0) and np.all(high < 1.05 * low) and high.sum() < 0.8 * low.sum()
 
 
+@pytest.mark.parametrize(
+    "azimuth, elevation, fits", [(60, 45, True), (0, 45, False), (60, 20, False)]
+)
+def test_the_sun_of_scene_and_background_is_one(tmp_path, azimuth, elevation, fits):
+    write_disc(tmp_path)
+    text = (tmp_path / "disc.xml").read_text()
+    sun = f'''<emitter type="sun"> <string name="band" value="MWIR"/>
+        <float name="azimuth_deg" value="{azimuth}"/>
+        <float name="elevation_deg" value="{elevation}"/> </emitter></scene>'''
+    (tmp_path / "disc.xml").write_text(text.replace("</scene>", sun))
+    given = {"background__daytime_sky": "us_standard", "background__sun_azimuth_deg": 60}
+    scenario = disc(tmp_path, observer__elevation_deg=-30, **given)
+    if fits:
+        setting_of(scenario)
+    else:
+        with pytest.raises(InputError, match="does not fit the daytime_sky of .background., whose"):
+            setting_of(scenario)
+
+
 def test_sunlit_ground(folder):
     """Ground that only reflects has the sun's irradiance and that of the sky, over pi."""
     x, given = np.linspace(3.6, 4.0, 9), {"observer__elevation_deg": 10, "sensor__band": "3.5-4.1"}
