@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import click
-import numpy as np
 
 import mi_lcair
 from mi_lcair.cli.options import json_option, prepare_renderer, progress_bar, renderer_options
@@ -129,7 +128,7 @@ def _state(fitted):
 
 def _residual(fitted):
     rms = fitted.as_dict()["residual_rms_sigmas"]
-    size = np.size(fitted.residual)
+    size = fitted.residual.size
     count = f"{fitted.points} of {size} values" if fitted.points < size else f"{size} values"
     return f"{count}, rms residual {rms:.3g} standard deviations of measurement and render together"
 
