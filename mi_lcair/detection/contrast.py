@@ -26,6 +26,7 @@ from mi_lcair.rendering.views import Target, View, hidden_share, seen_from
 from mi_lcair.sensitivity.solution_file import apply_solution
 from mi_lcair.signatures.signature import Signature, signature
 
+THERMAL_UM = 5.0  # wavelength from which on a sky scatters no sunlight worth mentioning, um
 SIGNIFICANT = 3  # standard errors by which a contrast must differ from zero
 # Smallest projected area of a target, in squares of its radius. Rays meet less than that only
 # through the rounding of Float32, as on a plate that is seen edge-on.
@@ -258,6 +259,7 @@ def measured(scenario: Scenario, progress) -> Contrast:
         remarks=[
             *view.remarks,
             *invalid_remark(invalid, paths),
+            *unlit_sky(view, scenario, detector),
             *remarks(
                 rows, detector, target, observer.range_m, hidden_share(view, observer.range_m)
             ),
@@ -507,6 +509,20 @@ def overfills(target: Target, range_m: float, detector: Detector) -> bool:
         detector.field_of_view_deg is not None
         and np.degrees(2 * np.arcsin(target.radius / range_m)) > detector.field_of_view_deg
     )
+
+
+def unlit_sky(view: Scene, scenario: Scenario, detector: Detector) -> list[str]:
+    """Remark on a sky without scattered sunlight behind a scene with a sun, in a list.
+
+    Scattered sunlight matters in MWIR, where there are tables of the daytime sky.
+    """
+    is_thermal = scenario.background.sky is not None and detector.band.lower_um < THERMAL_UM
+    if not is_thermal or one_sun(view.mi.emitters()) is None:
+        return []
+    return [
+        "the scene has a sun, but `sky` of [background] has no scattered sunlight; "
+        "`daytime_sky` has it in MWIR"
+    ]
 
 
 def remarks(

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mi_lcair.detection.contrast import contrast, setting_of
+from mi_lcair.detection.contrast import contrast, setting_of, unlit_sky
 from mi_lcair.detection.detection_range import detection_range
 from mi_lcair.detection.line_of_sight import Sight
 from mi_lcair.detection.scenario import Background
@@ -190,7 +190,11 @@ def test_the_sun_of_scene_and_background_is_one(tmp_path, azimuth, elevation, fi
     given = {"background__daytime_sky": "us_standard", "background__sun_azimuth_deg": 60}
     scenario = disc(tmp_path, observer__elevation_deg=-30, **given)
     if fits:
-        setting_of(scenario)
+        setting = setting_of(scenario)
+        assert not unlit_sky(setting.view, scenario, setting.detector)
+        night = disc(tmp_path, observer__elevation_deg=-30, **SKY)
+        (remark,) = unlit_sky(setting.view, night, setting.detector)
+        assert "no scattered sunlight; `daytime_sky` has it in MWIR" in remark
     else:
         with pytest.raises(InputError, match="does not fit the daytime_sky of .background., whose"):
             setting_of(scenario)
