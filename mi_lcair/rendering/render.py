@@ -203,6 +203,8 @@ def add_points(
     done: int,
     points: int,
     kept=lambda sums: sums,
+    tables=None,
+    progress=None,
 ) -> None:
     """Trace more points of every window of an image, and add their sums to `total`.
 
@@ -221,6 +223,10 @@ def add_points(
         Points of each randomisation that are added.
     kept : callable
         Gives the `Sums` that are added from those of a launch.
+    tables : ColumnTables or None
+        Parameters in which the radiance is differentiated, see `PathTracer.trace`.
+    progress : callable or None
+        Called with the number of windows that are done.
     """
     columns, rows = size
     run = max(1, PASS_SAMPLES // (points * total.randomisations))  # windows
@@ -235,7 +241,9 @@ def add_points(
             first=first,
             windows=min(run, columns * rows - first),
         )
-        total.add(launch, kept(tracer.trace(camera, launch, split)))
+        total.add(launch, kept(tracer.trace(camera, launch, split, tables=tables)))
+        if progress:
+            progress(first + launch.windows)
 
 
 def check_reachable(tolerance: float, tracer, name: str, of_interval: bool = False) -> None:

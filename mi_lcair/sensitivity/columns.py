@@ -176,14 +176,18 @@ def with_incoming(tables: ColumnTables, incoming: np.ndarray) -> ColumnTables:
 
 def factors(scene, band, weights) -> dict:
     """The weights of each emitter's facets, from those of the sources."""
-    found = {}
-    for emitter in scene.mi.emitters():
-        sources = spectra(emitter, band)
-        for source in sources:
-            if (source.group, source.name) not in weights:
-                raise InputError(
-                    f"source '{source.name}' of group {source.group} has no weight; temperatures "
-                    "cannot change under weights"
-                )
-        found[emitter] = np.array([weights[source.group, source.name] for source in sources])
-    return found
+    return {
+        emitter: np.array([weight_of(weights, source) for source in spectra(emitter, band)])
+        for emitter in scene.mi.emitters()
+    }
+
+
+def weight_of(weights, source) -> float:
+    """The weight of a source; raises InputError if it has none."""
+    key = (source.group, source.name)
+    if key not in weights:
+        raise InputError(
+            f"source '{source.name}' of group {source.group} has no weight; temperatures cannot "
+            "change under weights"
+        )
+    return weights[key]

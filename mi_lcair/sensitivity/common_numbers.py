@@ -4,9 +4,8 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from mi_lcair.errors import InputError
 from mi_lcair.rendering.aiming import aim_at_model
-from mi_lcair.rendering.limits import check_paths
+from mi_lcair.rendering.limits import check_paths, check_positive
 from mi_lcair.rendering.render import DEFAULT_MAX_SPP, check_bounded, check_reachable
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import window_area
@@ -71,9 +70,7 @@ class CommonNumbers:
         part: str = "target",
         excess: Callable[[Totals], float] | None = None,
     ):
-        for name, value in (("spp", spp), ("paths", paths), ("tolerance", tolerance)):
-            if value is not None and not value > 0:
-                raise InputError(f"{name} = {value} must be positive")
+        check_positive(spp=spp, paths=paths, tolerance=tolerance)
         self.scene, self.sensor, self.camera = scene, sensor, scene.sensor(sensor)
         self.area = window_area(self.camera, scene.name)
         self.excess = excess or (self.within_tolerance if tolerance else None)
@@ -111,6 +108,17 @@ class CommonNumbers:
         self.aim = total.aim
         self.count += 1
         return total
+
+    @property
+    def prefix(self) -> str:
+        """Beginning of the names of the part's channels."""
+        return "target." if self.part == "target" else ""
+
+    def by_reflections(self, total: Totals) -> np.ndarray:
+        """Intensity of the part by number of reflections [W/sr]."""
+        count = self.scene.mi.integrator().max_bounces + 1
+        names = [f"{self.prefix}bounce.{k}" for k in range(count)]
+        return np.array([total.mean(n)[0] for n in names if n in total.sums]) * self.area
 
     def take_aim(self, tracer) -> None:
         """Choose where the paths begin, if their number is known and large enough for a pilot."""

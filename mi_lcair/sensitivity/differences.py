@@ -4,15 +4,14 @@ Each derivative takes two renders. It holds for every parameter, and serves to c
 """
 
 from collections.abc import Mapping
-from itertools import pairwise
 
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.rendering.limits import check_paths
-from mi_lcair.rendering.render import PASS_SAMPLES
+from mi_lcair.rendering.render import add_points
 from mi_lcair.rendering.statistics import Totals, check_valid
+from mi_lcair.sensitivity.columns import weight_of
 from mi_lcair.sensitivity.common_numbers import PARTS, CommonNumbers
 from mi_lcair.sensitivity.derivative_images import DerivativeImages
 from mi_lcair.sensitivity.parameters import changed, parameter
@@ -78,9 +77,8 @@ def differences(
         if weights is None:
             rows = [(PARTS[part], 1.0)]
         else:
-            prefix = "target." if part == "target" else ""
             rows = [
-                (f"{prefix}source.{k}", weight_of(weights, source))
+                (f"{numbers.prefix}source.{k}", weight_of(weights, source))
                 for k, source in enumerate(numbers.sources.list)
                 if source.name is not None
             ]
@@ -94,16 +92,13 @@ def differences(
         found, at = zip(*(intensity_at(scene, intensity, name, x) for x in (low, high)))
         columns.append((found[1] - found[0]) / (at[1] - at[0]))
     columns = np.array(columns)
-    prefix = "target." if part == "target" else ""
-    count = scene.mi.integrator().max_bounces + 1
-    by_bounce = [f"{prefix}bounce.{k}" for k in range(count)]
     return Sensitivities(
         names=tuple(names),
         value=float(columns[0, 0]),
         derivative=columns[1:, 0],
         deviations=columns[:, 1:],
         method=(METHOD,) * len(names),
-        bounces=np.array([total.mean(n)[0] for n in by_bounce if n in total.sums]) * numbers.area,
+        bounces=numbers.by_reflections(total),
         paths=int(total.traced[0]),
     )
 
@@ -112,16 +107,6 @@ def intensity_at(scene, intensity, name: str, value: float) -> tuple[np.ndarray,
     """The intensity at a value of a parameter, and that value as Float32 holds it."""
     with changed(scene, {name: value}):
         return intensity()[1], parameter(scene, name).value
-
-
-def weight_of(weights: Mapping, source) -> float:
-    key = (source.group, source.name)
-    if key not in weights:
-        raise InputError(
-            f"source '{source.name}' of group {source.group} has no weight; temperatures cannot "
-            "change under weights"
-        )
-    return weights[key]
 
 
 def image_differences(
@@ -190,21 +175,10 @@ def randomised_images(scene, sensor, spp, seed, randomisations) -> np.ndarray:
     width, height = camera.film().crop_size()
     spp = spp or camera.sampler().sample_count()
     check_paths(width * height, spp=spp)
-    points, run = -(-spp // randomisations), max(1, PASS_SAMPLES // spp)
-    pixels = width * height
+    points, pixels = -(-spp // randomisations), width * height
     total = Totals(pixels, randomisations, by_randomisation=True)
     with scene.prepared() as tracer:
-        for first, end in pairwise([*range(0, pixels, run), pixels]):
-            launch = Launch(
-                columns=width,
-                rows=height,
-                seed=seed,
-                randomisations=randomisations,
-                points=points,
-                first=first,
-                windows=end - first,
-            )
-            total.add(launch, tracer.trace(camera, launch, None))
+        add_points(total, tracer, camera, (width, height), seed, None, done=0, points=points)
     check_valid(total.invalid, pixels * points * randomisations, scene.name)
     return (total.radiance / np.maximum(total.valid, 1)).T.reshape(randomisations, height, width)
 

@@ -1,12 +1,9 @@
 """Images of the derivatives of the radiance with respect to many parameters, from one render."""
 
-from itertools import pairwise
-
 import numpy as np
 
-from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.rendering.limits import check_memory, check_paths
-from mi_lcair.rendering.render import PASS_SAMPLES
+from mi_lcair.rendering.render import add_points
 from mi_lcair.rendering.statistics import Totals, check_valid
 from mi_lcair.sensitivity.columns import recordings
 from mi_lcair.sensitivity.derivative_images import DerivativeImages
@@ -50,26 +47,28 @@ def derivative_images(
     pixels = width * height
     spp = spp or camera.sampler().sample_count()
     check_paths(pixels, spp=spp)
-    points, run = -(-spp // randomisations), max(1, PASS_SAMPLES // spp)
+    points = -(-spp // randomisations)
     radiance, images, method = None, {}, {}
     with scene.prepared() as tracer:
         check_memory(pixels * randomisations * (1 + len(names)), tracer, None)
         batches = recordings(scene, tracer, camera, names, None, seed=seed)
         for number, some in enumerate(batches):
             total = Totals(pixels, randomisations, by_randomisation=True)
-            for first, end in pairwise([*range(0, pixels, run), pixels]):
-                launch = Launch(
-                    columns=width,
-                    rows=height,
-                    seed=seed,
-                    randomisations=randomisations,
-                    points=points,
-                    first=first,
-                    windows=end - first,
-                )
-                total.add(launch, tracer.trace(camera, launch, None, tables=some.tables))
-                if progress:
-                    progress(number * pixels + end, len(batches) * pixels)
+            done = lambda windows, before=number * pixels: progress(
+                before + windows, len(batches) * pixels
+            )
+            add_points(
+                total,
+                tracer,
+                camera,
+                (width, height),
+                seed,
+                None,
+                done=0,
+                points=points,
+                tables=some.tables,
+                progress=done if progress else None,
+            )
             check_valid(total.invalid, pixels * points * randomisations, scene.name)
             if radiance is None:
                 radiance = mean_images(total, ["weighted"], height, width)

@@ -88,15 +88,13 @@ def sensitivities(
             }
     value = mean_and_deviations(first, ["weighted"])
     rows = numbers.area * np.array([value, *(rows[name] for name in names)])
-    prefix = "target." if part == "target" else ""
-    bounces = [f"{prefix}bounce.{k}" for k in range(scene.mi.integrator().max_bounces + 1)]
     return Sensitivities(
         names=tuple(names),
         value=float(rows[0, 0]),
         derivative=rows[1:, 0],
         deviations=rows[:, 1:],
         method=tuple(method[name] for name in names),
-        bounces=np.array([first.mean(n)[0] for n in bounces if n in first.sums]) * numbers.area,
+        bounces=numbers.by_reflections(first),
         paths=int(first.traced[0]),
     )
 

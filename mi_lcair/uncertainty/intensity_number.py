@@ -39,7 +39,7 @@ class IntensityNumber(Number):
         p = PARTS.index(self.part)
         factors = np.array([radiance_of(source, areas.band) for source in areas.sources])
         # What a closure adds belongs to no source
-        closure = total.mean(f"{self.prefix}closure")[0] * self.numbers.area
+        closure = total.mean(f"{self.numbers.prefix}closure")[0] * self.numbers.area
         covariance = np.zeros((len(factors) + 1,) * 2)
         covariance[:-1, :-1] = areas.covariance[p, :-1, :-1]
         return Linear(np.append(factors, 1.0), np.append(areas.area[p], closure), covariance)

@@ -5,6 +5,7 @@ therefore gives the result for all temperatures of the sources. Only parameters 
 another render, which repeats the same paths.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -53,7 +54,7 @@ class Linear:
         return float(np.sqrt(max(self.factors @ self.covariance @ self.factors, 0)))
 
 
-class Number:
+class Number(ABC):
     """A number that a scene gives, and what it depends on.
 
     It knows its quantities from the beginning. Everything else needs `start`, the first render.
@@ -92,18 +93,13 @@ class Number:
         self.base = self.linear(self.total, areas, {})
 
     @property
-    def prefix(self) -> str:
-        """Beginning of the names of the part's channels."""
-        return "target." if self.part == "target" else ""
-
-    @property
     def renders(self) -> int:
         """Number of renders so far."""
         return self.numbers.count + self.columns
 
+    @abstractmethod
     def linear(self, total: Totals, areas: EffectiveAreas | None, own: Mapping) -> Linear:
         """The result of a render, for these values of the quantities that are not the scene's."""
-        raise NotImplementedError
 
     @property
     def value(self) -> float:
@@ -282,7 +278,7 @@ class Number:
     @property
     def by_reflections(self) -> np.ndarray:
         """Intensity of paths with 0, 1, ... reflections, W/sr."""
-        names = [f"{self.prefix}bounce.{k}" for k in range(MAX_BOUNCE_CHANNELS)]
+        names = [f"{self.numbers.prefix}bounce.{k}" for k in range(MAX_BOUNCE_CHANNELS)]
         means = [self.total.mean(name)[0] for name in names if name in self.total.sums]
         return np.array(means) * self.numbers.area
 
@@ -293,7 +289,7 @@ class Number:
         if not means.sum() > 0:
             return 0.0
         missing = beyond_last(means, summed) * means[-1]
-        closure = self.total.mean(f"{self.prefix}closure")[0] * self.numbers.area
+        closure = self.total.mean(f"{self.numbers.prefix}closure")[0] * self.numbers.area
         return float(abs(missing - closure) / means.sum() * self.of_intensity)
 
     @property
