@@ -90,7 +90,7 @@ class CommonNumbers:
             if self.paths is None:
                 check_bounded(tracer.emitters, self.scene.name)
                 if self.tolerance is not None:
-                    check_reachable(self.tolerance, tracer, self.scene.name)
+                    check_reachable(self.tolerance, tracer, self.scene.name, of_interval=True)
             self.take_aim(tracer)
             total = window_means(
                 self.scene,

@@ -276,6 +276,14 @@ def test_bad_names(plate):
         sensitivities(plate, ["paint.epsilom"], paths=2**12)
 
 
+def test_a_tolerance_below_the_rounding_of_the_interval(plate):
+    """The interval has 1.96 times the systematic error, whatever the number of paths."""
+    with plate.prepared() as tracer:
+        systematic = tracer.systematic_error
+    with pytest.raises(InputError, match="tolerance"):
+        sensitivities(plate, PAINT, tolerance=1.5 * systematic)
+
+
 def test_the_tail_has_no_derivatives(plate):
     integrator = plate.mi.integrator()
     integrator.closure, integrator.max_bounces = "tail", 3
