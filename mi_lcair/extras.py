@@ -1,0 +1,41 @@
+"""Import of the optional libraries, which `pip install 'mi_lcair[EXTRA]'` installs."""
+
+import importlib
+from types import ModuleType
+
+from mi_lcair.errors import InputError
+
+# Extra of pyproject.toml that brings each optional library.
+EXTRA = {
+    "meshio": "exchange",
+    "pandas": "exchange",
+    "plotly": "report",
+    "trimesh": "exchange",
+    "xarray": "exchange",
+}
+
+
+def optional(library: str, purpose: str) -> ModuleType:
+    """The imported module of an optional library.
+
+    Parameters
+    ----------
+    library : str
+        Name of the module, such as "xarray" or "plotly.graph_objects".
+    purpose : str
+        What needs it, such as "a netCDF file"; the message begins with it.
+
+    Raises
+    ------
+    InputError
+        If the library is not installed. The message says how to install it.
+    """
+    try:
+        return importlib.import_module(library)
+    except ModuleNotFoundError as error:
+        top = library.partition(".")[0]
+        if error.name != top:
+            raise
+        raise InputError(
+            f"{purpose} needs {top}; python -m pip install 'mi_lcair[{EXTRA[top]}]'"
+        ) from None
