@@ -81,7 +81,7 @@ def by_hand() -> dict[str, list[str]]:
 
 
 def beside_by_hand(budgets: dict[tuple, Budget]) -> str:
-    """Rows: change of the contrast on the page `landing`, and that by the derivative of a budget."""
+    """Rows: change of the contrast on the page `landing`, and that by a budget's derivative."""
     found, lines = by_hand(), []
     for name, (quantity, change) in BY_HAND.items():
         cells = []

@@ -141,7 +141,7 @@ def test_float32_at_the_edges(e, form):
             assert error[ANGLES_DEG <= 89.9].max() <= 1e-4 and error.max() <= 3e-3, corner
 
 
-# First angle in degrees at which HDR exceeds 1 for epsilon = rho_d = 0 (docs/validation/stability.md)
+# First angle in degrees at which HDR exceeds 1 for epsilon = rho_d = 0 (page `stability`)
 # form -> b -> angle for each of SATURATED_WIDTHS, or None if HDR never exceeds 1
 SATURATED = {
     "thesis": {
