@@ -40,9 +40,9 @@ class Fence:
 
 
 def pages() -> list[str]:
-    """README, CONTRIBUTING, and the site's pages; templates are not pages."""
+    """README and the site's pages; templates are not pages."""
     site = (file.relative_to(ROOT).as_posix() for file in (ROOT / "docs").rglob("*.md"))
-    return ["README.md", "CONTRIBUTING.md", *sorted(p for p in site if "template" not in p)]
+    return ["README.md", *sorted(p for p in site if "template" not in p)]
 
 
 def fences(page: str) -> list[Fence]:
