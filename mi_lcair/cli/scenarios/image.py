@@ -62,8 +62,8 @@ def command(scenario, output, changes, frames, seed, plot, variant, threads, jso
     the aperture, electrons, counts and apparent temperature. Printed are the camera's noise and
     sharpness, predicted and measured, and the target's signal over range.
     """
-    from mi_lcair.camera.tiff import write_tiff
     from mi_lcair.detection.scenario import Scenario
+    from mi_lcair.formats import tiff
     from mi_lcair.rendering.image import write_exr
 
     pages = output.with_suffix(".tif")
@@ -79,7 +79,7 @@ def command(scenario, output, changes, frames, seed, plot, variant, threads, jso
         note(remark)
     write_exr(output, result.channels, result.header)
     camera = parsed.camera
-    write_tiff(
+    tiff.write(
         pages,
         result.counts,
         f"{camera.electrons_per_count:.9g} electrons in a count, {camera.pedestal:.9g} counts "
