@@ -22,7 +22,7 @@ SIGNIFICANCE = 0.001  # probability of a false alarm of the test of chi-square
 # Largest reduced chi-square that is no lack of fit if the standard deviations come from repeats.
 # Few repeats leave them uncertain, and a pooled value does not follow how they vary from point to
 # point.
-LARGEST_OF_REPEATS = 1.5
+LARGEST_OF_REPEATS = 2.0
 # Largest difference between model and data that is not reported as lack of fit [decades]. It is
 # 0.5 %, less than the error of any scatterometer's calibration.
 NEGLIGIBLE_DEX = 0.002

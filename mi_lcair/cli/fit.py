@@ -1,6 +1,5 @@
 """mi-lcair fit: fit a reflection model to scatterometer files."""
 
-from contextlib import ExitStack, contextmanager
 from itertools import zip_longest
 from pathlib import Path
 
@@ -8,7 +7,9 @@ import click
 
 from mi_lcair.cli.options import json_option, plot_option, progress_bar, seed_option
 from mi_lcair.cli.output import note, print_columns, print_json, print_written
+from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
+from mi_lcair.files import check_writable, replacing
 from mi_lcair.physics.reflection import NAMES
 
 FILE = click.Path(path_type=Path)
@@ -121,49 +122,43 @@ def command(
     DATA are CSV or ASTM E1392/E2387 files with in-plane measurements of one surface, one file for
     each band. The output is a material for scenes. It states how well each parameter is known.
     """
-    written = output, plot
-    with ExitStack() as outputs:
-        output, plot = (
-            path and outputs.enter_context(_written(option, path, suffixes))
-            for option, path, suffixes in (
-                ("--output", output, (".json",)),
-                ("--plot", plot, (".png", ".svg", ".pdf")),
-            )
-        )
+    _check_output("--output", output, (".json",))
+    _check_output("--plot", plot, PICTURES)
 
-        from mi_lcair.fitting import report
-        from mi_lcair.fitting.scatterometer import reading
+    from mi_lcair.fitting import report
+    from mi_lcair.fitting.scatterometer import reading
 
-        _check_count("--band", bands, files)
-        measurements = [
-            reading.read(file, quantity, theta_r_positive, band)
-            for file, band in zip_longest(files, bands)
+    _check_count("--band", bands, files)
+    measurements = [
+        reading.read(file, quantity, theta_r_positive, band)
+        for file, band in zip_longest(files, bands)
+    ]
+    report.check_bands(measurements)
+    joint = [
+        {
+            quantity: reading.read_directional(file, quantity)
+            for quantity, file in companions.items()
+            if file
+        }
+        for companions in _companions(files, emissivities, dhrs)
+    ]
+
+    from mi_lcair.fitting.estimation import fit
+
+    with progress_bar("step") as progress:
+        fits = [
+            fit(data, **directional, **settings, progress=progress)
+            for data, directional in zip(measurements, joint)
         ]
-        report.check_bands(measurements)
-        joint = [
-            {
-                quantity: reading.read_directional(file, quantity)
-                for quantity, file in companions.items()
-                if file
-            }
-            for companions in _companions(files, emissivities, dhrs)
-        ]
+    results = list(zip(measurements, fits, joint))
+    result = report.as_dict(results)
+    if plot:
+        from mi_lcair.reports.fit_plot import save_plot
 
-        from mi_lcair.fitting.estimation import fit
-
-        with progress_bar("step") as progress:
-            fits = [
-                fit(data, **directional, **settings, progress=progress)
-                for data, directional in zip(measurements, joint)
-            ]
-        results = list(zip(measurements, fits, joint))
-        result = report.as_dict(results)
-        if output:
-            output.write_text(report.to_json(result), encoding="utf-8")
-        if plot:
-            from mi_lcair.reports.fit_plot import save_plot
-
-            save_plot(plot, results)
+        save_plot(plot, results)
+    if output:
+        with replacing(output) as partial:
+            partial.write_text(report.to_json(result), encoding="utf-8")
 
     for data, fitted in zip(measurements, fits):
         if fitted.quality.lack_of_fit:
@@ -173,21 +168,16 @@ def command(
         print_json({**result, "timing": timing})
     else:
         _print_tables(measurements, fits)
-    print_written(*written)
+    print_written(output, plot)
 
 
-@contextmanager
-def _written(option, path, suffixes):
-    """Context manager: a temporary path that replaces `path` if the block ends without an error.
-
-    Raises InputError if `path` does not end in one of `suffixes`.
-    """
-    from mi_lcair.files import replacing
-
+def _check_output(option, path, suffixes):
+    """Raise InputError for a path that cannot be written or does not end in one of `suffixes`."""
+    if path is None:
+        return
     if path.suffix.lower() not in suffixes:
         raise InputError(f"{option} '{path}' does not end in {' or '.join(suffixes)}")
-    with replacing(path) as partial:
-        yield partial
+    check_writable(path)
 
 
 def _companions(files, emissivities, dhrs):

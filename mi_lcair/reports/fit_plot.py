@@ -4,7 +4,7 @@ from textwrap import wrap
 
 import numpy as np
 
-from mi_lcair.drawing import drawing, plain
+from mi_lcair.drawing import new_figure, plain, write_figure
 from mi_lcair.fitting.model import Hemispherical, Scatterometer
 from mi_lcair.fitting.scatterometer.measurements import Measurements
 from mi_lcair.physics import reflection
@@ -29,9 +29,7 @@ def figure(fit):
 
 def figure_of(fits):
     """Figure with a row of panels for each of (Measurements, Fit, {quantity: DirectionalData})."""
-    from matplotlib.figure import Figure
-
-    whole = Figure(figsize=(11, 6.2 * len(fits)), layout="constrained")
+    whole = new_figure((11, 6.2 * len(fits)), layout="constrained")
     for row, fitted in zip(np.atleast_1d(whole.subfigures(len(fits), 1)), fits):
         draw_fit(row, *fitted)
     return whole
