@@ -58,7 +58,7 @@ def by_group(columns, name, group):
 @pytest.mark.slow
 def test_columns(roof):
     result = mi_lcair.signature(roof, spp=2048, facets=True)
-    columns = result.facets.columns
+    columns = result.facets.table
     # The table holds the model's facets, not those of the terrain.
     assert list(columns["group"]) == ["floor"] * 2 + ["roof"] * 2 + ["wall"] * 2
     assert columns["intensity_W_sr"].sum() == pytest.approx(result.target.intensity, rel=1e-6)
@@ -110,7 +110,7 @@ def test_target_and_scene(roof):
     for part in (target, scene):
         assert sum(part.by_seen.values()) == pytest.approx(part.intensity, rel=1e-5)
         assert sum(part.by_group.values()) == pytest.approx(part.intensity, rel=1e-5)
-        assert part.by_bounce[-1] == pytest.approx(part.intensity, rel=1e-5)
+        assert part.up_to_bounce[-1] == pytest.approx(part.intensity, rel=1e-5)
     assert target.intensity == pytest.approx(
         sum(scene.by_seen[name] for name in ("floor", "roof", "wall")), rel=1e-6
     )
@@ -128,8 +128,8 @@ def test_standard_errors_are_the_scatter_of_seeds(roof, monkeypatch):
     """
     monkeypatch.setattr("mi_lcair.rendering.render.PASS_SAMPLES", 600)
     runs = [mi_lcair.signature(roof, spp=16, seed=seed, facets=True) for seed in range(16)]
-    values = np.array([run.facets.columns["intensity_W_sr"] for run in runs])
-    claimed = np.mean([run.facets.columns["standard_error_W_sr"] ** 2 for run in runs], axis=0)
+    values = np.array([run.facets.table["intensity_W_sr"] for run in runs])
+    claimed = np.mean([run.facets.table["standard_error_W_sr"] ** 2 for run in runs], axis=0)
     visible = claimed > 0
     np.testing.assert_allclose(
         values.var(axis=0, ddof=1)[visible], claimed[visible], rtol=5 * np.sqrt(2 / 15 + 2 / 16 / 7)
@@ -145,12 +145,12 @@ def test_csv(roof, tmp_path):
     result.facets.write(tmp_path / "facets.csv")
     with open(tmp_path / "facets.csv", newline="") as file:
         rows = list(csv.DictReader(file))
-    assert [row["group"] for row in rows] == list(result.facets.columns["group"]) and rows[4][
+    assert [row["group"] for row in rows] == list(result.facets.table["group"]) and rows[4][
         "radiance_W_m2_sr"
     ] == "nan"
     np.testing.assert_allclose(
         [float(row["intensity_W_sr"]) for row in rows],
-        result.facets.columns["intensity_W_sr"],
+        result.facets.table["intensity_W_sr"],
         rtol=1e-8,
     )
 
@@ -169,7 +169,7 @@ def test_shapes_that_are_no_meshes_and_backs(plate):
         },
         optimize=False,
     )
-    assert mi_lcair.signature(checked(only, Path("x.xml"), {}), spp=4, facets=True).facets.columns[
+    assert mi_lcair.signature(checked(only, Path("x.xml"), {}), spp=4, facets=True).facets.table[
         "area_m2"
     ][0] == pytest.approx(np.pi, rel=1e-6)
     back = plate("back", [[-2, -2, 0], [-2, 2, 0], [2, 2, 0], [2, -2, 0]], grey, 300.0)
@@ -185,7 +185,7 @@ def test_shapes_that_are_no_meshes_and_backs(plate):
     )
     columns = mi_lcair.signature(
         checked(scene, Path("x.xml"), {}), spp=16, facets=True
-    ).facets.columns
+    ).facets.table
     behind = columns["facet"] >= 0
     behind[[k for k, area in enumerate(columns["area_m2"]) if area < 7]] = False
     assert np.all(np.isnan(columns["visible_fraction"][behind])) and np.all(
