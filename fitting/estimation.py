@@ -8,6 +8,7 @@ import drjit as dr
 import numpy as np
 
 from mi_lcair.errors import InputError, unknown
+from mi_lcair.fitting import report
 from mi_lcair.fitting.cube import parameters_at
 from mi_lcair.fitting.data import Data, select, with_std
 from mi_lcair.fitting.loss import SCALES
@@ -19,6 +20,7 @@ from mi_lcair.fitting.search import COARSE, Noise, compare, descend
 from mi_lcair.fitting.selection import AUTO, Candidate, Variant, variants
 from mi_lcair.fitting.verdict import judge
 from mi_lcair.progress import stepper
+from mi_lcair.results import Result
 
 CONVERGED = 1e-9  # relative gradient below which a fit is called converged
 JOINT_STARTS = 16  # largest number of starts of a fit with an emissivity or DHR
@@ -29,8 +31,8 @@ LARGEST_RMS_RATIO = 1.2
 EMISSIVITY_ANGLES = np.radians(np.arange(0.0, 86.0, 5.0))
 
 
-@dataclass
-class Fit:
+@dataclass(repr=False)
+class Fit(Result):
     """Parameters of a surface, how well they are determined, and how they were found.
 
     Attributes
@@ -106,6 +108,38 @@ class Fit:
     quality: Quality
     measurements: Measurements
     directional: dict[str, DirectionalData]
+
+    kind = report.KIND
+    drawn_by = "mi_lcair.reports.fit_plot:figure"
+
+    def summary(self) -> str:
+        """One line: model, surface, parameters with standard errors, misfit."""
+        values = ", ".join(
+            f"{name} {value:.4g} +- {self.standard_error[name]:.1g}"
+            for name, value in self.parameters.items()
+        )
+        judged = {True: "; LACK OF FIT", False: "", None: "; fit not judged"}
+        return (
+            f"fit of {self.model} to {self.measurements.name}: {values}; rms {self.rms_dex:.3g} "
+            f"decades{judged[self.quality.lack_of_fit]}"
+        )
+
+    def entries(self) -> dict:
+        """Entries of the JSON report, which is a material for scenes."""
+        return report.entries(self.measurements, self, self.directional)
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """A row for each parameter: value, standard error, 95 % interval and verdict."""
+        names = list(self.parameters)
+        low, high = np.array([self.interval[name] for name in names], dtype=float).T
+        return {
+            "parameter": np.array(names),
+            "value": np.array([self.parameters[name] for name in names], dtype=float),
+            "standard_error": np.array([self.standard_error[name] for name in names], dtype=float),
+            "low": low,
+            "high": high,
+            "verdict": np.array([self.verdict[name] for name in names]),
+        }
 
 
 def fit(

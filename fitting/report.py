@@ -21,7 +21,7 @@ def as_dict(results) -> dict:
     results: tuples (Measurements, Fit, {quantity: DirectionalData}). Returns the report of a single
     fit, or {"kind": "fit", "materials": {band: report}} for several.
     """
-    reports = [_report(*result) for result in results]
+    reports = [{"kind": KIND, **entries(*result)} for result in results]
     return (
         reports[0]
         if len(reports) == 1
@@ -80,12 +80,11 @@ def check_bands(measurements: list[Measurements]) -> None:
         file_of_band[band] = file
 
 
-def _report(measurements: Measurements, fit, directional: dict) -> dict:
-    """The report on one fit."""
+def entries(measurements: Measurements, fit, directional: dict) -> dict:
+    """Entries of the report on one fit, after `kind`."""
     theta, emissivity = fit.emissivity
     measured = directional.get("emissivity")
     return {
-        "kind": KIND,
         "name": measurements.name,
         "band": band_name(measurements),
         "band_um": measurements.band_um,

@@ -245,3 +245,23 @@ def test_zeros_and_negative_values_do_not_spoil_it(tmp_path):
     fit = fit_of(data)
     fit.used_points[:3] = False
     save_plot(tmp_path / "fit.png", [(data, fit, {})])
+
+
+def test_a_fit_is_a_result(tmp_path):
+    """It is short in a notebook's cell, and becomes a table, a picture and files."""
+    fitted = fit_of(measurements(), emissivity=emissivity())
+    assert repr(fitted) == (
+        "fit of sandford_robertson to a plate: epsilon 0.3 +- 0.01, rho_d 0.3333 +- 0.01, b 0.05 "
+        "+- 0.01, e 0.1 +- 0.01; rms 0.123 decades; LACK OF FIT"
+    )
+    assert "<img" in fitted._repr_html_()
+    columns = fitted.columns()
+    assert columns["parameter"].tolist() == ["epsilon", "rho_d", "b", "e"]
+    assert {len(column) for column in columns.values()} == {4}
+    for name in ("fit.json", "fit.csv", "fit.svg"):
+        fitted.save(tmp_path / name)
+    saved = json.loads((tmp_path / "fit.json").read_text())
+    assert saved == written(
+        tmp_path / "other.json", (fitted.measurements, fitted, fitted.directional)
+    )
+    assert material(str(tmp_path / "fit.json"), band("MWIR")).values == tuple(PARAMETERS.values())
