@@ -148,7 +148,7 @@ def test_csv(roof, tmp_path):
         rows = list(csv.DictReader(file))
     assert [row["group"] for row in rows] == list(result.facets.columns["group"]) and rows[4][
         "radiance_W_m2_sr"
-    ] == "nan"
+    ] == ""
     np.testing.assert_allclose(
         [float(row["intensity_W_sr"]) for row in rows],
         result.facets.columns["intensity_W_sr"],
