@@ -87,6 +87,6 @@ class _OnImport:
 
 sys.meta_path.insert(0, _OnImport)
 if "drjit" in sys.modules:
-    importlib.import_module(".llvm", __name__).check_loaded()
+    importlib.import_module(".llvm", __name__).prepare_loaded()
 if "mitsuba" in sys.modules:
     _prepare_mitsuba()

@@ -12,6 +12,14 @@ import click
 from mi_lcair.errors import escaped, printable
 from mi_lcair.files import check_suffix, check_writable
 
+QUIET = "mi_lcair.quiet"  # key in the context of click
+
+
+def quiet() -> bool:
+    """Whether the current command was called with -q."""
+    context = click.get_current_context(silent=True)
+    return bool(context and context.meta.get(QUIET))
+
 
 def print_columns(rows) -> None:
     """Print rows of cells on stdout in aligned columns."""
@@ -127,13 +135,18 @@ def check_outputs(*outputs) -> None:
 
 
 def print_written(*paths) -> None:
-    """Print on stderr the files that were written. Paths may be None."""
-    for path in filter(None, paths):
+    """Print on stderr the files that were written, unless -q is given. Paths may be None."""
+    for path in filter(None, () if quiet() else paths):
         click.echo(f"wrote {printable(path)}", err=True)
 
 
 def note(text: object) -> None:
-    """Print on stderr, in one line, something that a user should know about the results."""
+    """Print on stderr, in one line, something that a user should know about the results.
+
+    Nothing is printed with -q.
+    """
+    if quiet():
+        return
     line = f"mi-lcair: note: {printable(text)}"
     if "tqdm" in sys.modules:
         sys.modules["tqdm"].tqdm.write(line, file=sys.stderr)  # keeps the progress bar intact

@@ -28,7 +28,7 @@ def fragment(name: str, labels: dict, has_materials: bool, sky: str | None) -> s
     """
     turns = any(label.type == "f" for label in labels.values())
     defaults = (
-        {"band": "LWIR", "lobe": "brdf"}
+        {"band": "LWIR", "allow_band": "false", "lobe": "brdf"}
         | ({"yaw_deg": 0, "pitch_deg": 0, "roll_deg": 0} if turns else {})
         | ({"sky": sky} if sky else {})
     )
@@ -58,6 +58,7 @@ def _material(name, material, has_materials):
     <bsdf type="material" id={quoteattr(f"{name}_{material}")}>
         <string name="material" value={quoteattr(material)}/>
 {own}        <string name="band" value="$band"/>
+        <boolean name="allow_band" value="$allow_band"/>
         <string name="lobe" value="$lobe"/>
     </bsdf>"""
 
@@ -110,6 +111,8 @@ def scene(name: str, centre, radius: float, sky: str | None) -> str:
 <!-- of the observer above the horizontal; 90 sees the top -->
     <default name="band" value="LWIR"/>         \
 <!-- SWIR, MWIR, LWIR, total, a-b in um, or the CSV file of a response -->
+    <default name="allow_band" value="false"/>  \
+<!-- whether materials that were not measured for this band take the nearest one -->
     <default name="lobe" value="brdf"/>         \
 <!-- reflection of all materials: brdf, mirror or diffuse -->
     <default name="yaw_deg" value="0"/>         <!-- of the model: turns the nose to the left -->

@@ -102,7 +102,8 @@ def material(
         raise InputError(f"material '{name}': needs a band; measured for {known}")
     raise InputError(
         f"material '{name}': not measured for band {band.label}, only for {known}; "
-        f"set allow_band in the scene to use it all the same"
+        'set allow_band to use it all the same: <boolean name="allow_band" value="true"/> in its '
+        "BSDF, or -D allow_band=true where the scene has this parameter"
     )
 
 
