@@ -20,6 +20,7 @@ from mi_lcair.plugins.reflection_bsdf import is_reflection_bsdf
 from mi_lcair.rendering.loading.files import survey
 from mi_lcair.rendering.loading.fingerprint import fingerprint, source_digest
 from mi_lcair.rendering.loading.meshes import check_mesh_files, check_shapes
+from mi_lcair.rendering.loading.names import name_objects
 from mi_lcair.rendering.loading.nodes import check_nodes
 from mi_lcair.rendering.loading.origin import check_meshes_near, far_origin, move
 from mi_lcair.rendering.loading.remarks import (
@@ -221,6 +222,7 @@ def parsed(path: Path, texts: dict[str, str]):
     if state.root.props.plugin_name() != "scene":
         raise InputError(f"{path}: holds no <scene>")
     add_samplers(state)
+    name_objects(state)
     if mi.variant().startswith("llvm"):
         state.root.props["embree_use_robust_intersections"] = True
     return state
