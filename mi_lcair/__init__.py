@@ -51,7 +51,7 @@ def __dir__():
 def _prepare_mitsuba():
     """Prepare the imported Mitsuba: plugins, functions that take scenes, messages to logging."""
     importlib.import_module(".plugins", __name__)
-    importlib.import_module(".mitsuba_functions", __name__).take_loaded_scenes()
+    importlib.import_module(".rendering.loading.mitsuba_functions", __name__).take_loaded_scenes()
     importlib.import_module(".renderer_log", __name__).pass_on()
 
 
