@@ -130,7 +130,7 @@ def scene(name: str, centre, radius: float, sky: str | None) -> str:
     </integrator>
 
     <!-- The window stays on the model's centre however the model is turned about its origin. -->
-    <sensor type="orthographic">
+    <sensor type="orthographic" id="sensor">
         <float name="near_clip" value="{0.01 * window:.7g}"/>
         <float name="far_clip" value="{max(1e4, 1e3 * window):.7g}"/>
         <transform name="to_world">
