@@ -8,9 +8,9 @@ import numpy as np
 
 from mi_lcair.errors import InputError, shown
 from mi_lcair.files import read_text
-from mi_lcair.models3d import axes, exchange
 from mi_lcair.models3d.label import Label, find_material, kelvin
-from mi_lcair.models3d.naming import NameTable, labels_of
+from mi_lcair.models3d.modellers import axes, exchange
+from mi_lcair.models3d.modellers.naming import NameTable, labels_of
 from mi_lcair.models3d.obj import Obj, read_obj
 from mi_lcair.models3d.polygons import MOST_CLIPPED, triangulate
 from mi_lcair.models3d.welding import weld

@@ -8,7 +8,7 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.extras import optional
 from mi_lcair.files import check_file
-from mi_lcair.models3d.axes import AS_BLENDER, EXPORTED
+from mi_lcair.models3d.modellers.axes import AS_BLENDER, EXPORTED
 from mi_lcair.models3d.obj import Obj
 
 # Kinds of file by suffix, and the axes `forward` and `up` of their coordinates. glTF has y up by
