@@ -35,6 +35,14 @@ class Fence:
         return f"{self.page}:{self.line}"
 
     @property
+    def sample(self) -> Path | None:
+        """The sample file that the comment names; None if there is none."""
+        places = (EXAMPLES, (ROOT / self.page).parent)
+        return next(
+            (place / self.value for place in places if (place / self.value).is_file()), None
+        )
+
+    @property
     def is_run(self) -> bool:
         return self.language in ("sh", "python") and self.mark != "not run"
 
