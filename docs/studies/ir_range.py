@@ -1,10 +1,10 @@
-"""Write the page docs/ir_range.md on the cylinder in its infrared range (thesis 4.2).
+"""Write the page docs/validation/ir_range.md on the cylinder in its infrared range (thesis 4.2).
 
     python -m docs.studies.ir_range [PAGE]
 
-It writes PAGE (default docs/ir_range.md), and its pictures into a folder of the same name beside
-it. The text is ir_range.template.md, whose {fields} are filled in. Every number on the page is
-computed here. The script takes a few minutes.
+It writes PAGE (default docs/validation/ir_range.md), and its pictures into a folder of the same
+name beside it. The text is ir_range.template.md, whose {fields} are filled in. Every number on the
+page is computed here. The script takes a few minutes.
 """
 
 import sys
@@ -278,4 +278,4 @@ def main(page: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/ir_range.md"))
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/validation/ir_range.md"))

@@ -16,7 +16,7 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import brightness_temperature
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.rendering.apparent import apparent
-from mi_lcair.rendering.limits import check_memory, check_paths, check_positive
+from mi_lcair.rendering.limits import check_memory, check_paths, check_samples
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals, check_valid, student_factor
 from mi_lcair.rendering.window import window_size
@@ -200,8 +200,7 @@ def render(
     scene : Scene
     spp : int or None
         Samples per pixel (the number in the scene), rounded up to a multiple of RANDOMISATIONS if
-        it is larger. With a tolerance, the number of samples before the first estimate of the error
-        (16).
+        it is larger. It does not go with a tolerance.
     tolerance : float or None
         Render until the rms standard error over the pixels is below this fraction of the mean
         radiance, or until max_spp is reached.
@@ -227,10 +226,10 @@ def render(
     Raises
     ------
     InputError
-        For settings out of bounds, a tolerance that cannot be reached, and an image that needs more
-        memory than is free.
+        For settings out of bounds, samples beside a tolerance, a tolerance that cannot be reached,
+        and an image that needs more memory than is free.
     """
-    check_positive(spp=spp, max_spp=max_spp, tolerance=tolerance)
+    check_samples(spp, tolerance, max_spp)
     if atmosphere is not None:
         atmosphere.check_covers(scene.band)
         if range_m is not None:
@@ -239,7 +238,7 @@ def render(
     start = time.perf_counter()
     camera = scene.sensor(sensor)
     width, height = camera.film().crop_size()
-    goal = (spp or camera.sampler().sample_count()) if tolerance is None else (spp or PILOT_SPP)
+    goal = (spp or camera.sampler().sample_count()) if tolerance is None else PILOT_SPP
     limit = goal if tolerance is None else (max_spp or DEFAULT_MAX_SPP)
     check_paths(width * height, spp=goal if tolerance is None else spp, max_spp=max_spp)
     randomisations = min(RANDOMISATIONS, goal)

@@ -138,7 +138,8 @@ def test_a_number_of_paths_stands_alone(other):
 
 def test_perspective_is_refused(scene):
     with pytest.raises(
-        InputError, match="needs an orthographic sensor, and this one is PerspectiveCamera"
+        InputError,
+        match="an intensity needs an orthographic sensor, and this one is PerspectiveCamera",
     ):
         mi_lcair.signature(mi_lcair.load(scene, sensor="perspective", scale=1), spp=4)
 
