@@ -19,6 +19,7 @@ from mi_lcair.fitting.scatterometer.reading import read, read_directional
 from mi_lcair.fitting.search import COARSE, Noise, compare, descend
 from mi_lcair.fitting.selection import AUTO, Candidate, Variant, variants
 from mi_lcair.fitting.verdict import judge
+from mi_lcair.physics.reflection import MODELS
 from mi_lcair.progress import stepper
 from mi_lcair.results import Result
 
@@ -129,7 +130,11 @@ class Fit(Result):
         return report.entries(self.measurements, self, self.directional)
 
     def columns(self) -> dict[str, np.ndarray]:
-        """A row for each parameter: value, standard error, 95 % interval and verdict."""
+        """A row for each parameter: value, standard error, 95 % interval, unit and verdict.
+
+        The unit "1" is that of a number without one.
+        """
+        units = {own.name: own.unit for own in MODELS[self.model].parameters}
         names = list(self.parameters)
         low, high = np.array([self.interval[name] for name in names], dtype=float).T
         return {
@@ -138,6 +143,7 @@ class Fit(Result):
             "standard_error": np.array([self.standard_error[name] for name in names], dtype=float),
             "low": low,
             "high": high,
+            "unit": np.array([units[name] for name in names]),
             "verdict": np.array([self.verdict[name] for name in names]),
         }
 
