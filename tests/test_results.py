@@ -7,6 +7,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import mi_lcair
 from mi_lcair.detection.scenario import Scenario
@@ -229,6 +230,8 @@ def test_every_format_that_a_result_names_is_written(result, tmp_path):
         ".svg": b"<?xml",
         ".pdf": b"%PDF",
         ".tif": b"II*\0",
+        ".vtp": b"<?xml",
+        ".vtu": b"<?xml",
     }
     assert {".json", ".csv", ".nc"} <= set(result.suffixes())
     for suffix in result.suffixes():
@@ -276,9 +279,20 @@ def test_an_image_is_saved_whole(results, tmp_path):
     assert dataset["temperature_K"][3, 5] == columns["temperature_K"][k]
 
 
-def test_an_unknown_channel_is_named(results):
+def test_a_channel_is_saved_as_tiff(results, tmp_path):
+    render = results("render")
+    for options, channel in (({}, "temperature.Y"), ({"channel": "Y"}, "Y")):
+        render.save(tmp_path / "image.tif", **options)
+        with Image.open(tmp_path / "image.tif") as image:
+            np.testing.assert_array_equal(np.array(image), render.channels[channel])
+
+
+def test_an_unknown_channel_is_named(results, tmp_path):
     with pytest.raises(InputError, match="unknown channel .* 'Z'; known: Y,"):
-        results("render").plot(channels="Z")
+        results("render").plot(tmp_path / "image.png", channels="Z")
+    with pytest.raises(InputError, match="unknown channel .* 'Z'; known: Y,"):
+        results("render").save(tmp_path / "image.tif", channel="Z")
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_signature_holds_its_spectrum_and_its_facets(results):

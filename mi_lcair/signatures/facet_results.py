@@ -44,6 +44,9 @@ class FacetResults(Result):
 
     kind: ClassVar[str] = "facets"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.facets:figure"
+    saved_by: ClassVar[dict[str, str]] = dict.fromkeys(
+        vtk.SUFFIXES, "mi_lcair.signatures.facet_results:write_polygons"
+    )
 
     def summary(self) -> str:
         """One line with the number of facets and the intensity of the brightest one."""
@@ -60,7 +63,7 @@ class FacetResults(Result):
 
     def entries(self) -> dict:
         """Entries for JSON."""
-        return {"scene_name": self.scene_name, "band": self.band, "facets": self.table}
+        return {"scene_name": self.scene_name, "band": self.band, "columns": self.table}
 
     def columns(self) -> dict[str, np.ndarray]:
         """The table, with a row for each facet."""
@@ -75,15 +78,20 @@ class FacetResults(Result):
         """
         if check_suffix(path, SUFFIXES) == ".csv":
             csv.write(path, self.table)
-            return
-        polygons = FacetPolygons.of(self.triangles, self.triangle_facet)
-        rows = np.searchsorted(self.table["facet"], polygons.facet)
-        vtk.write_facets(
-            path,
-            polygons.vertices,
-            polygons.faces,
-            {name: values[rows] for name, values in self.table.items()},
-        )
+        else:
+            write_polygons(path, self)
+
+
+def write_polygons(path, facets: FacetResults) -> None:
+    """Write the facets as polygons with their table as cell data, as a .vtp or .vtu."""
+    polygons = FacetPolygons.of(facets.triangles, facets.triangle_facet)
+    rows = np.searchsorted(facets.table["facet"], polygons.facet)
+    vtk.write_facets(
+        path,
+        polygons.vertices,
+        polygons.faces,
+        {name: values[rows] for name, values in facets.table.items()},
+    )
 
 
 class FacetSums:
