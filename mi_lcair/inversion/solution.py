@@ -161,7 +161,7 @@ class Solution(Result):
         ]
         rest = len(self.answers) - len(shown)
         more = f" and {rest} more" if rest else ""
-        return f"solution of {self.problem}: {', '.join(shown)}{more} (standard errors)"
+        return f"solution of {Path(self.problem).name}: {', '.join(shown)}{more} (standard errors)"
 
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each unknown; value, standard_error, lower and upper are in its `unit`."""

@@ -36,7 +36,7 @@ def _height(fitted) -> float:
     if not fitted.is_image:
         return 2.8
     height, width = fitted.measured.shape
-    return SIDE * min(height / width, TALLEST) + 0.4
+    return SIDE * min(height / width, TALLEST) + 0.8
 
 
 def _title(fitted) -> str:
