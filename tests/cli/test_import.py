@@ -234,13 +234,13 @@ def test_names_and_one_temperature(run, refused, folder):
     result = run(
         "import", "plain.obj", "--material", "blackbody", "--temperature", "320", "--check"
     )
-    assert "temperature        320 to 320 K" in result.stdout, result.output
+    assert "320 to 320 K" in result.stdout, result.output
     (folder / "names.toml").write_text("[Cube]\nmaterial = 'bareAl'\nkelvin = 333\n[Ball]\n")
     result = run("import", "plain.obj", "--names", "names.toml", "--check")
-    assert "temperature        333 to 333 K" in result.stdout, result.output
+    assert "333 to 333 K" in result.stdout, result.output
     assert "note: names.toml: nothing in plain.obj is called Ball" in result.stderr
     result = run("import", "plain.obj", "--names", "names.toml", "--temperature", "340", "--check")
-    assert "temperature        340 to 340 K" in result.stdout, result.output
+    assert "340 to 340 K" in result.stdout, result.output
     for options, reason in (
         (["--temperature", "20"], "temperature '20' looks like degrees Celsius"),
         (["--temperature", "300", "--temperatures", "t.csv"], "exclude each other"),
