@@ -1,6 +1,7 @@
 """`fit`, which determines a model's parameters from measurements, and its result `Fit`."""
 
 from dataclasses import dataclass
+from os import PathLike
 from time import perf_counter
 
 import drjit as dr
@@ -12,10 +13,11 @@ from mi_lcair.fitting.data import Data, select, with_std
 from mi_lcair.fitting.loss import SCALES
 from mi_lcair.fitting.model import Hemispherical
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
+from mi_lcair.fitting.scatterometer.reading import read, read_directional
 from mi_lcair.fitting.search import COARSE, Noise, compare, descend
 from mi_lcair.fitting.selection import AUTO, Candidate, Variant, variants
 from mi_lcair.fitting.verdict import judge
-from mi_lcair.progress import stepper
+from mi_lcair.progress import Progress, stepper
 
 CONVERGED = 1e-9  # relative gradient below which a fit is called converged
 JOINT_STARTS = 16  # largest number of starts of a fit with an emissivity or DHR
@@ -99,10 +101,12 @@ class Fit:
 
 
 def fit(
-    measurements: Measurements,
+    measurements: Measurements | str | PathLike[str],
     *,
-    emissivity: DirectionalData | None = None,
-    dhr: DirectionalData | None = None,
+    emissivity: DirectionalData | str | PathLike[str] | None = None,
+    dhr: DirectionalData | str | PathLike[str] | None = None,
+    quantity: str | None = None,
+    theta_r_positive: str | None = None,
     model: str = AUTO,
     form: str = AUTO,
     starts: int = 64,
@@ -112,7 +116,7 @@ def fit(
     max_angle_deg: float = 80,
     min_brdf: float = 1e-4,
     source_half_angle_deg: float | None = None,
-    progress=None,
+    progress: Progress | None = None,
 ) -> Fit:
     """Fit a reflection model to measured BRDFs, and to an emissivity or DHR if one is given.
 
@@ -122,9 +126,12 @@ def fit(
     Parameters
     ----------
     measurements
-        The BRDF points.
+        The BRDF points, or their CSV or ASTM E1392/E2387 file.
     emissivity, dhr
-        Measured directional emissivity and directional-hemispherical reflectance, or None.
+        Measured directional emissivity and directional-hemispherical reflectance, or their files,
+        or None.
+    quantity, theta_r_positive
+        What a file of measurements does not state, see `mi_lcair.fitting.scatterometer.reading`.
     model
         Name of a model, or "auto" for all models.
     form
@@ -158,6 +165,12 @@ def fit(
         If a setting is out of range, or there are too few points.
     """
     began = perf_counter()
+    if isinstance(measurements, (str, PathLike)):
+        measurements = read(measurements, quantity, theta_r_positive)
+    if isinstance(emissivity, (str, PathLike)):
+        emissivity = read_directional(emissivity, "emissivity")
+    if isinstance(dhr, (str, PathLike)):
+        dhr = read_directional(dhr, "dhr")
     half_angle = (
         measurements.source_half_angle
         if source_half_angle_deg is None
