@@ -399,7 +399,7 @@ class Scenario:
     camera: Imager | None = None
 
     @staticmethod
-    def read(source, **changes) -> "Scenario":
+    def read(source: str | PathLike[str], **changes: object) -> "Scenario":
         """Read a scenario from a TOML file.
 
         Parameters

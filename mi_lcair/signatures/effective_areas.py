@@ -8,6 +8,7 @@ the in-band intensity that comes from the source, divided by the in-band radianc
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.interpolate import BarycentricInterpolator
 
 from mi_lcair.errors import InputError, unknown
@@ -76,7 +77,7 @@ class EffectiveAreas:
         ]
 
     def intensity(
-        self, part: str = "target", temperatures: dict | None = None, band=None
+        self, part: str = "target", temperatures: dict | None = None, band: Band | None = None
     ) -> tuple[float, float]:
         """In-band intensity, W/sr, and its standard error, optionally at other temperatures.
 
@@ -119,7 +120,7 @@ class EffectiveAreas:
         error = float(np.sqrt(max(radiance @ self.covariance[p, :-1, :-1] @ radiance, 0)))
         return float(self.area[p] @ radiance), error
 
-    def spectrum(self, wavelengths_um, temperatures: dict | None = None) -> np.ndarray:
+    def spectrum(self, wavelengths_um: ArrayLike, temperatures: dict | None = None) -> np.ndarray:
         """Spectral intensity, W sr^-1 um^-1, of each part and source.
 
         Parameters
@@ -148,7 +149,7 @@ class EffectiveAreas:
         rest = BarycentricInterpolator(self.nodes_um, self.by_wavelength.T)(wavelengths_um).T
         return np.concatenate([by_source, rest[:, None]], axis=1)
 
-    def radiance(self, wavelengths_um, temperatures: dict | None = None) -> np.ndarray:
+    def radiance(self, wavelengths_um: ArrayLike, temperatures: dict | None = None) -> np.ndarray:
         """Spectral radiance of each source, W m^-2 sr^-1 um^-1, shape (sources, n).
 
         It is not multiplied by the emissivity.

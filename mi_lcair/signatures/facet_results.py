@@ -2,6 +2,7 @@
 
 import csv
 from dataclasses import dataclass
+from os import PathLike
 
 import numpy as np
 
@@ -31,7 +32,7 @@ class FacetResults:
 
     columns: dict[str, np.ndarray]
 
-    def write(self, path) -> None:
+    def write(self, path: str | PathLike[str]) -> None:
         """Write the table as a CSV. Cells without a value are `nan`."""
         with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
             writer = csv.writer(file)
