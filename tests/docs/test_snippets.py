@@ -5,7 +5,7 @@ from collections import Counter
 
 import pytest
 
-from tests.docs.fences import EXAMPLES, ROOT, Fence, all_fences, fences, pages
+from tests.docs.fences import EXAMPLES, Fence, all_fences, fences, pages
 from tests.docs.running import commands, run, study_error
 
 RUN = [page for page in pages() if any(fence.is_run for fence in fences(page))]
@@ -48,7 +48,7 @@ def test_language_is_known(fence):
     ids=lambda fence: fence.place,
 )
 def test_samples_are_those_of_the_repository(fence):
-    """Sample files equal scenes/examples/NAME if it exists, and excerpts are lines of such files."""
+    """Sample files equal scenes/examples/NAME if there is one; excerpts are lines of such files."""
     assert fence.mark in ("file", "part of"), (
         "name the file of this block, see tests/docs/fences.py"
     )
