@@ -135,15 +135,9 @@ def command(options, azimuth, elevation, output, plot, **settings):
     if plot:
         from mi_lcair.reports.trend_plot import save_plot
 
-        save_plot(plot, result, options.scene)
+        save_plot(plot, result)
     if options.json:
-        print_json(
-            {
-                "band": result.band,
-                "tolerance": result.tolerance,
-                **{name: values.tolist() for name, values in result.columns.items()},
-            }
-        )
+        print_json(result.as_dict())
     else:
         print_columns(
             [
@@ -161,7 +155,7 @@ def command(options, azimuth, elevation, output, plot, **settings):
         )
         click.echo()
         print_columns([_error(result, settings["max_spp"])])
-    if result.columns["invalid"].any():
+    if result.table["invalid"].any():
         note("some samples were NaN or infinite and count as 0; see column invalid")
     print_written(output, plot)
 
@@ -170,7 +164,7 @@ def _error(result, max_spp):
     """Row about the widest 95 % interval, and about the tolerance if there is one."""
     from mi_lcair.rendering.render import DEFAULT_MAX_SPP
 
-    views = len(result.columns["reached"])
+    views = len(result.table["reached"])
     widest = f"+- {percent(result.widest)}" if isfinite(result.widest) else "as wide as it"
     return error_row(
         f"the widest 95 % interval is {widest} of the intensity",
@@ -183,7 +177,7 @@ def _error(result, max_spp):
 
 def summary(at, elevation):
     """Row of the table: least, mean and greatest intensity of a Trend at one elevation."""
-    azimuth, intensity = at.columns["azimuth_deg"], at.columns["intensity_W_sr"]
+    azimuth, intensity = at.table["azimuth_deg"], at.table["intensity_W_sr"]
     low, high = intensity.argmin(), intensity.argmax()
     return (
         f"{elevation:g}",

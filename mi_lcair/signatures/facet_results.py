@@ -1,6 +1,7 @@
 """Radiance and intensity of each facet of the model, from the same paths as the image."""
 
 from dataclasses import dataclass
+from os import PathLike
 from typing import ClassVar
 
 import numpy as np
@@ -44,6 +45,9 @@ class FacetResults(Result):
 
     kind: ClassVar[str] = "facets"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.facets:figure"
+    saved_by: ClassVar[dict[str, str]] = dict.fromkeys(
+        vtk.SUFFIXES, "mi_lcair.signatures.facet_results:write_polygons"
+    )
 
     def summary(self) -> str:
         """One line with the number of facets and the intensity of the brightest one."""
@@ -60,13 +64,13 @@ class FacetResults(Result):
 
     def entries(self) -> dict:
         """Entries for JSON."""
-        return {"scene_name": self.scene_name, "band": self.band, "facets": self.table}
+        return {"scene_name": self.scene_name, "band": self.band, "columns": self.table}
 
     def columns(self) -> dict[str, np.ndarray]:
         """The table, with a row for each facet."""
         return self.table
 
-    def write(self, path) -> None:
+    def write(self, path: str | PathLike[str]) -> None:
         """Write the table as a .csv, or the facets with it as a .vtp or .vtu.
 
         A missing value is an empty cell of the CSV and NaN in the others. Facets of shapes that are
@@ -75,15 +79,20 @@ class FacetResults(Result):
         """
         if check_suffix(path, SUFFIXES) == ".csv":
             csv.write(path, self.table)
-            return
-        polygons = FacetPolygons.of(self.triangles, self.triangle_facet)
-        rows = np.searchsorted(self.table["facet"], polygons.facet)
-        vtk.write_facets(
-            path,
-            polygons.vertices,
-            polygons.faces,
-            {name: values[rows] for name, values in self.table.items()},
-        )
+        else:
+            write_polygons(path, self)
+
+
+def write_polygons(path, facets: FacetResults) -> None:
+    """Write the facets as polygons with their table as cell data, as a .vtp or .vtu."""
+    polygons = FacetPolygons.of(facets.triangles, facets.triangle_facet)
+    rows = np.searchsorted(facets.table["facet"], polygons.facet)
+    vtk.write_facets(
+        path,
+        polygons.vertices,
+        polygons.faces,
+        {name: values[rows] for name, values in facets.table.items()},
+    )
 
 
 class FacetSums:

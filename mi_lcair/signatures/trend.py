@@ -2,19 +2,25 @@
 
 import json
 import os
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from hashlib import sha256
+from os import PathLike
 from pathlib import Path
+from typing import ClassVar
 
 import mitsuba as mi
 import numpy as np
 
 import mi_lcair
 from mi_lcair.errors import InputError
+from mi_lcair.fraction import fraction
+from mi_lcair.progress import Progress
 from mi_lcair.rendering.limits import check_samples
 from mi_lcair.rendering.many_views import FAINT, render_views, views_per_batch
-from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
 from mi_lcair.rendering.views import View, check_resolution
+from mi_lcair.results import Result, named
 from mi_lcair.signatures.trend_file import TrendFile
 
 # A batch may fill so many passes even with the fewest samples. This bounds the memory.
@@ -105,13 +111,15 @@ class Sweep:
         }
 
 
-@dataclass(frozen=True)
-class Trend:
+@dataclass(frozen=True, repr=False)
+class Trend(Result):
     """Results of a trend, with one row for each view.
 
     Attributes
     ----------
-    columns : dict of str to ndarray, shape (views,)
+    scene_name : str
+        Name of the scene.
+    table : dict of str to ndarray, shape (views,)
         azimuth_deg and elevation_deg of the observer; intensity_W_sr of the model and its
         standard_error_W_sr; half_width_W_sr, half of its 95 % interval; projected_area_m2 of the
         model; paths, their number; reached, 1 if the tolerance was reached or spp was fixed,
@@ -123,14 +131,18 @@ class Trend:
         Tolerance of the intensities; None if spp was fixed.
     """
 
-    columns: dict[str, np.ndarray]
+    scene_name: str
+    table: dict[str, np.ndarray]
     band: str
     tolerance: float | None = None
+
+    kind: ClassVar[str] = "trend"
+    drawn_by: ClassVar[str] = "mi_lcair.reports.trend_plot:figure"
 
     @property
     def missed(self) -> int:
         """Number of views that did not reach the tolerance."""
-        return int(np.sum(self.columns["reached"] == 0))
+        return int(np.sum(self.table["reached"] == 0))
 
     @property
     def widest(self) -> float:
@@ -138,17 +150,46 @@ class Trend:
 
         As for the tolerance, views fainter than FAINT of the brightest count as bright as that.
         """
-        intensity, half_width = (
-            self.columns[f"{name}_W_sr"] for name in ("intensity", "half_width")
-        )
+        intensity, half_width = (self.table[f"{name}_W_sr"] for name in ("intensity", "half_width"))
         least = FAINT * intensity.max()
         return float(np.max(half_width / np.maximum(intensity, least))) if least > 0 else np.inf
 
+    def summary(self) -> str:
+        """One line with the number of views, the extremes and the widest 95 % interval."""
+        intensity, half_width = self.table["intensity_W_sr"], self.table["half_width_W_sr"]
+        least, most = int(np.argmin(intensity)), int(np.argmax(intensity))
+        return (
+            f"trend of {self.scene_name}, {self.band}: {len(intensity)} views, "
+            f"{intensity[least]:.5g} +- {half_width[least]:.2g} to "
+            f"{intensity[most]:.5g} +- {half_width[most]:.2g} W/sr (95 %)"
+        )
+
+    def entries(self) -> dict:
+        """Entries for JSON."""
+        return {
+            "scene_name": self.scene_name,
+            "band": self.band,
+            "tolerance": self.tolerance,
+            "reached": None if self.tolerance is None else not self.missed,
+            "columns": self.table,
+        }
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """The table, with a row for each view."""
+        return self.table
+
+    def to_xarray(self):
+        """The table as an xarray Dataset over (elevation_deg, azimuth_deg).
+
+        Raises InputError if xarray is not installed.
+        """
+        grid = named("mi_lcair.formats.netcdf:grid")
+        return grid(self.table, ("elevation_deg", "azimuth_deg"), **self.attributes())
+
     def at_elevation(self, elevation_deg: float) -> "Trend":
         """The rows whose elevation is `elevation_deg`, degrees."""
-        chosen = self.columns["elevation_deg"] == elevation_deg
-        columns = {name: values[chosen] for name, values in self.columns.items()}
-        return replace(self, columns=columns)
+        chosen = self.table["elevation_deg"] == elevation_deg
+        return replace(self, table={name: own[chosen] for name, own in self.table.items()})
 
     def parts(self, kind: str) -> dict[str, np.ndarray]:
         """Parts of the intensity, W/sr; `kind` is "group" or "bounce".
@@ -157,32 +198,35 @@ class Trend:
         """
         return {
             name.partition(".")[2].removesuffix("_W_sr"): values
-            for name, values in self.columns.items()
+            for name, values in self.table.items()
             if name.startswith(f"{kind}.")
         }
 
 
 def trend(
-    scene: Scene,
-    azimuths_deg,
-    elevations_deg=(0.0,),
+    scene: SceneLike,
+    azimuths_deg: Iterable[float],
+    elevations_deg: Iterable[float] = (0.0,),
     resolution: int = 64,
     spp: int | None = None,
-    tolerance: float | None = None,
+    tolerance: float | str | None = None,
     max_spp: int | None = None,
     seed: int = 0,
     batch: int | None = None,
-    path=None,
+    path: str | PathLike[str] | None = None,
     resume: bool = False,
     dask: str | None = None,
-    progress=None,
+    progress: Progress | None = None,
+    *,
+    parameters: Mapping[str, object] | None = None,
 ) -> Trend:
     """Intensity of a scene's model toward each azimuth and elevation of the observer.
 
     Parameters
     ----------
-    scene : Scene
-        Scene with a model.
+    scene : Scene, str, Path or mi.Scene
+        A loaded scene, or what `mi_lcair.load` takes: a bundled name, a file, Mitsuba's own scene.
+        It needs a model.
     azimuths_deg : sequence of float
         Azimuths of the observer, degrees: 0 sees the nose, 90 the left side.
     elevations_deg : sequence of float
@@ -192,9 +236,9 @@ def trend(
         begin anywhere in the view, not in one pixel each.
     spp : int, optional
         Samples per pixel, instead of a tolerance.
-    tolerance : float, optional
-        Half of the 95 % interval of each view's intensity, as a fraction of it; 0.01 if spp is not
-        given.
+    tolerance : float or str, optional
+        Half of the 95 % interval of each view's intensity, as a fraction of it, such as 0.01 or
+        "1%"; 0.01 if spp is not given.
     max_spp : int, optional
         Largest number of samples per pixel for the tolerance.
     seed : int
@@ -210,6 +254,8 @@ def trend(
         same path. The numbers are the same.
     progress : callable, optional
         Called with (views done, all views).
+    parameters : mapping of str to object, optional
+        Values of the scene's $-parameters, for a name or a file.
 
     Returns
     -------
@@ -221,11 +267,18 @@ def trend(
         If the arguments do not fit together, if a view is missing or given twice, or if the file or
         the scheduler cannot be used.
     """
+    scene, tolerance = scene_of(scene, parameters), fraction(tolerance)
+    if dask and scene.path is None:
+        raise InputError(
+            f"{scene.name}: workers load a scene from its file, and this one was loaded by "
+            "Mitsuba; leave dask out, or give the file"
+        )
     check_samples(spp, tolerance, max_spp)
+    azimuths = list(azimuths_deg)
     views = tuple(
         View(float(azimuth), float(elevation))
         for elevation in elevations_deg
-        for azimuth in azimuths_deg
+        for azimuth in azimuths
     )
     if len(set(views)) < len(views) or not views:
         raise InputError(
@@ -259,7 +312,7 @@ def trend(
         file.add(rows)
         if progress:
             progress(len(file.rows), len(views))
-    return Trend(file.columns(), scene.band.label, None if spp else sweep.tolerance)
+    return Trend(scene.name, file.columns(), scene.band.label, None if spp else sweep.tolerance)
 
 
 def whole_path(value: str) -> str:
