@@ -1,0 +1,92 @@
+"""Panel of a facet model: its facets in space, coloured by a column of the facets table."""
+
+import numpy as np
+
+from mi_lcair.errors import InputError
+from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.reports.page.arrays import rounded
+from mi_lcair.reports.page.image_panel import extent, limits
+from mi_lcair.reports.page.page import Panel
+from mi_lcair.reports.page.tables import column_data
+
+EMISSIVITY = "emissivity_toward_the_sensor"
+FIRST = ("radiance_W_m2_sr", "temperature_K", "group")  # columns to colour by at first, if present
+
+
+def model_panel(table, columns: dict[str, np.ndarray], toward=None) -> Panel:
+    """The panel of a model.
+
+    Parameters
+    ----------
+    table : FacetTable
+        Facets of the scene; those of sky and terrain are not shown.
+    columns : dict of str to ndarray, shape (rows,)
+        Facets table: `facet`, the number in the scene, and other columns by name with unit.
+    toward : ndarray, shape (3,), optional
+        Direction toward the sensor, from which the model is seen at first.
+
+    Raises
+    ------
+    InputError
+        If the table has a facet that the scene lacks.
+    """
+    facet = np.asarray(columns["facet"])
+    if not ((facet >= 0) & (facet < table.count)).all() or len(np.unique(facet)) < len(facet):
+        raise InputError(
+            f"the facets table does not fit the scene, whose facets are 0 to {table.count - 1}; "
+            "give the scene and the parameters from which it was made"
+        )
+    row = np.full(table.count, -1)
+    row[facet.astype(int)] = np.arange(len(facet))
+    of_triangle = row[table.triangle_facet]
+    chosen = of_triangle >= 0
+    described = [described_column(name, values) for name, values in columns.items()]
+    names = [column["name"] for column in described]
+    first = next((names.index(name) for name in FIRST if name in names), 0)
+    return Panel(
+        "model",
+        {
+            "corners": table.triangles[chosen].ravel(),
+            "rows": of_triangle[chosen],
+            "columns": described,
+            "shown": first,
+            "toward": None if toward is None else [float(value) for value in toward],
+        },
+        height=640,
+    )
+
+
+def described_column(name: str, values) -> dict:
+    """A column for the script, with the limits of its scale if it holds numbers."""
+    column = column_data(name, values)
+    if "names" in column:
+        return column
+    numbers = rounded(np.asarray(values, dtype=float)).astype(float)
+    return column | {
+        "limits": limits(numbers),
+        "log_limits": limits(numbers, log=True),
+        "extent": extent(numbers),
+    }
+
+
+def with_emissivity(columns: dict[str, np.ndarray], band) -> dict[str, np.ndarray]:
+    """The columns with the emissivity toward the sensor, if it can be known.
+
+    It is what a facet emits divided by a blackbody's radiance at its temperature, both in the band.
+    """
+    if not {"emitted_W_m2_sr", "temperature_K"} <= columns.keys():
+        return columns
+    emitted = np.asarray(columns["emitted_W_m2_sr"], dtype=float)
+    kelvin = np.asarray(columns["temperature_K"], dtype=float)
+    radiance = np.full(len(kelvin), np.nan)
+    for value in np.unique(kelvin[np.isfinite(kelvin) & (kelvin > 0)]):
+        radiance[kelvin == value] = in_band_radiance(band, float(value))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        emissivity = emitted / radiance
+    names = list(columns)
+    at = names.index("temperature_K") + 1
+    return {
+        **{name: columns[name] for name in names[:at]},
+        EMISSIVITY: np.where(np.isfinite(emissivity), emissivity, np.nan),
+        **{name: columns[name] for name in names[at:]},
+    }
