@@ -9,6 +9,7 @@ const MAPS = {
     below: "#00c2b2", above: "#ffb000" },
 };
 const MARK = 0.02;  // share of the colour bar for each mark
+const GUARD = 0.008;  // share between a mark and the scale; WebGL mixes colours that are nearer than 1/256
 const CATEGORIES = ["#4e79a7", "#f28e2b", "#59a14f", "#e15759", "#76b7b2", "#edc948", "#b07aa1", "#9c755f", "#ff9da7", "#86bcb6",
   "#a0cbe8", "#ffbe7d", "#8cd17d", "#f1ce63", "#d4a6c8", "#499894", "#d37295", "#79706e"];
 const EMPTY = "#b4bac2";  // colour of what has no value
@@ -24,16 +25,16 @@ function scaleOf(low, high, log, mapName, hasEmpty = false) {
   if (log && !(low > 0)) low = high > 0 ? high * 1e-6 : 1e-30;
   const place = log ? Math.log10 : (value) => value;
   const start = place(low), length = Math.max(place(high) - start, 1e-300);
-  const at = (value) => (place(value) - start) / length;
+  const at = (value) => GUARD + (1 - 2 * GUARD) * (place(value) - start) / length;
   const first = -MARK * (hasEmpty ? 2 : 1), last = 1 + MARK, share = (x) => (x - first) / (last - first);
-  const stops = map.stops.map((colour, k) => [share(k / (map.stops.length - 1)), colour]);
+  const stops = map.stops.map((colour, k) => [share(GUARD + (1 - 2 * GUARD) * k / (map.stops.length - 1)), colour]);
   const colorscale = [...(hasEmpty ? [[0, EMPTY], [share(-MARK), EMPTY]] : []), [share(-MARK), map.below], [share(0), map.below],
-    ...stops, [share(1), map.above], [1, map.above]];
+    [share(0), map.stops[0]], ...stops, [share(1), map.stops.at(-1)], [share(1), map.above], [1, map.above]];
   const marked = (value) => {
     if (!Number.isFinite(value)) return hasEmpty ? -1.5 * MARK : NaN;
     if (log && !(value > 0)) return -0.5 * MARK;
     const x = at(value);
-    return x < -1e-6 ? -0.5 * MARK : x > 1 + 1e-6 ? 1 + 0.5 * MARK : Math.min(Math.max(x, 0), 1);
+    return x < GUARD - 1e-6 ? -0.5 * MARK : x > 1 - GUARD + 1e-6 ? 1 + 0.5 * MARK : Math.min(Math.max(x, GUARD), 1 - GUARD);
   };
   const ticks = log ? logTicks(low, high) : evenTicks(low, high);
   return { marked, first, last, colorscale, tickvals: ticks.map(at), ticktext: ticks.map((value) => shown(value)) };

@@ -107,8 +107,9 @@ class ImagePanel {
   }
 
   plotHeight(picture) {
+    const ratio = this.size_m ? this.size_m[1] / this.size_m[0] : this.height / this.width;
     const inside = Math.max(220, (picture.box.clientWidth || 420) - 170);
-    return Math.min(640, Math.round(inside * this.height / this.width)) + 60;
+    return Math.min(640, Math.round(inside * ratio)) + 60;
   }
 
   listen(picture) {

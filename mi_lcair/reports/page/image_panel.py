@@ -85,22 +85,35 @@ def with_gaps(name: str, pixels: np.ndarray) -> np.ndarray:
     return np.where(has_value, pixels, np.nan)
 
 
-def limits(values: np.ndarray, log: bool = False) -> tuple[float, float]:
+def limits(values: np.ndarray, log: bool = False, weights=None) -> tuple[float, float]:
     """Robust limits of a scale: the LOW and HIGH quantiles of the values.
 
     A few very bright pixels then do not make all others dark. A logarithmic scale has at most
-    LOG_DECADES.
+    LOG_DECADES. weights: of each value, such as the areas of facets; equal ones by default.
     """
-    values = values[np.isfinite(values)]
-    values = values[values > 0] if log else values
+    values = np.ravel(values)
+    chosen = np.isfinite(values) & ((values > 0) | (not log))
+    values = values[chosen]
     if not values.size:
         return (0.1, 1.0) if log else (0.0, 1.0)
-    low, high = map(float, np.quantile(values, (LOW, HIGH)))
+    if weights is None:
+        low, high = map(float, np.quantile(values, (LOW, HIGH)))
+    else:
+        low, high = weighted_quantiles(values, np.ravel(weights)[chosen])
     if low == high:
         low, high = float(values.min()), float(values.max())
     if low == high:  # a scale needs an extent; it is centred on the only value
         low, high = low - 0.05 * abs(low), high + 0.05 * abs(high) or 1.0
     return (max(low, high * 10.0**-LOG_DECADES), high) if log else (low, high)
+
+
+def weighted_quantiles(values: np.ndarray, weights: np.ndarray) -> tuple[float, float]:
+    """The LOW and HIGH quantiles of the values, each as often as its weight says."""
+    order = np.argsort(values)
+    shares = np.cumsum(np.nan_to_num(weights[order]))
+    places = np.searchsorted(shares, np.array([LOW, HIGH]) * shares[-1])
+    low, high = values[order][np.minimum(places, len(values) - 1)]
+    return float(low), float(high)
 
 
 def extent(values: np.ndarray) -> tuple[float | None, float | None]:

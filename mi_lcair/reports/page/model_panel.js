@@ -3,14 +3,21 @@ PANELS.model = (place, data) => new ModelPanel(place, data).draw();
 
 const VIEWS = { "sensor": null, "nose": [1, 0, 0], "left side": [0, 1, 0], "right side": [0, -1, 0], "tail": [-1, 0, 0], "top": [0, 0, 1], "below": [0, 0, -1] };
 
+const FILLED = 3.2;  // length of the diagonal of a model as plotly draws it
+
 class ModelPanel {
   constructor(place, data) {
     Object.assign(this, data);
-    this.state = { log: isWide(this.columns[this.shown]), map: "inferno", outlines: false };
+    this.state = { log: isWide(this.columns[this.shown]), map: "viridis", outlines: false };
     this.limits = null;
     this.pinned = null;
     const triangles = this.rows.length;
     this.axes = [0, 1, 2].map((axis) => Float32Array.from({ length: 3 * triangles }, (_, k) => this.corners[3 * k + axis]));
+    this.ranges = this.axes.map((axis) => {
+      let [low, high] = [Infinity, -Infinity];
+      for (const value of axis) { low = Math.min(low, value); high = Math.max(high, value); }
+      return [low, high];
+    });
     this.readout = new Readout("Every column of a facet", "Point at a facet. A click keeps it, a second click frees it. Drag to turn, scroll to zoom.");
     this.plot = element("div", { className: "plot" });
     this.fields = [0, 1].map((index) => numberField(index ? "to" : "from", (value) => { this.limits[index] = value; this.draw(); }));
@@ -19,14 +26,14 @@ class ModelPanel {
       element("div", { className: "controls" },
         menu("colour by", this.columns.map(({ title, unit }, k) => [k, withUnit(title, unit)]), this.shown, (value) => { this.shown = Number(value); this.reset(false); }),
         menu("scale", [["linear", "linear"], ["log", "logarithmic"]], this.state.log ? "log" : "linear", (value) => { this.state.log = value === "log"; this.reset(false); }),
-        menu("colours", Object.keys(MAPS).map((name) => [name, name]), "inferno", (value) => { this.state.map = value; this.draw(); }),
+        menu("colours", Object.keys(MAPS).map((name) => [name, name]), "viridis", (value) => { this.state.map = value; this.draw(); }),
         ...this.fields,
         button("robust limits", () => this.reset(false)), button("whole range", () => this.reset(true)),
         menu("seen from", views.map((name) => [name, name]), views[0], (name) => this.look(name)),
         tick("outlines", false, (value) => { this.state.outlines = value; this.draw(); })),
       element("div", { className: "beside" }, this.plot, this.readout.element),
       element("p", { className: "note", textContent:
-        "Limits are at first the 0.5 % and 99.5 % quantiles of the facets. Facets beyond the limits have the colours at the ends of the bar; " +
+        "Limits are at first the 0.5 % and 99.5 % quantiles of the facets' area. Facets beyond the limits have the colours at the ends of the bar; " +
         "grey ones have no value, such as the radiance of a facet that the sensor does not see. Axes in metres, equal scales." }));
     this.limits = limitsOf(this.column, this.state.log, false);
     this.view = views[0];
@@ -37,6 +44,14 @@ class ModelPanel {
     return column.names ? { ...column, limits: [0, 1], log_limits: [0, 1], extent: [0, 1] } : column;
   }
 
+  /** Ranges of the axes, and the lengths in which plotly draws them: equal scales, and a size that fills the panel. */
+  get box() {
+    const size = Math.hypot(...this.ranges.map(([low, high]) => high - low)) || 1;
+    const ranges = this.ranges.map(([low, high]) => [low - 0.02 * size, high + 0.02 * size]);
+    const [x, y, z] = ranges.map(([low, high]) => FILLED * (high - low) / size);
+    return { ranges, aspectratio: { x, y, z } };
+  }
+
   reset(whole) {
     this.limits = limitsOf(this.column, this.state.log, whole);
     return this.draw();
@@ -45,7 +60,7 @@ class ModelPanel {
   /** Camera that looks along a direction at the model's middle. */
   camera(name) {
     const [x, y, z] = VIEWS[name] || this.toward;
-    const length = Math.hypot(x, y, z), distance = 2.2;
+    const length = Math.hypot(x, y, z), distance = 2;
     const up = Math.abs(z) > 0.98 * length ? { x: 1, y: 0, z: 0 } : { x: 0, y: 0, z: 1 };
     return { eye: { x: distance * x / length, y: distance * y / length, z: distance * z / length }, up, center: { x: 0, y: 0, z: 0 },
       projection: { type: "orthographic" } };
@@ -73,7 +88,7 @@ class ModelPanel {
       const colorscale = column.names.flatMap((_, k) => [[k / count, CATEGORIES[k % CATEGORIES.length]], [(k + 1) / count, CATEGORIES[k % CATEGORIES.length]]]);
       scale = { marked: (value) => value, first: -0.5, last: count - 0.5, colorscale, tickvals: column.names.map((_, k) => k), ticktext: column.names.map(escaped) };
     } else {
-      const map = state.map === "inferno" && isSigned(column) && !state.log ? "blue-red" : state.map;
+      const map = state.map === "viridis" && isSigned(column) && !state.log ? "blue-red" : state.map;
       scale = scaleOf(...this.limits, state.log, map, column.values.some(Number.isNaN));
     }
     const traces = [this.mesh(Float32Array.from(this.rows, (row) => scale.marked(column.values[row])), scale, title)];
@@ -103,10 +118,12 @@ class ModelPanel {
   async draw() {
     const numbers = !this.column.names;
     this.fields.forEach((field, k) => { field.hidden = !numbers; if (numbers) field.show(this.limits[k]); });
-    const axis = (words) => ({ title: { text: words }, backgroundcolor: "#fff", gridcolor: "#e6e9ee", zeroline: false, showspikes: false, tickfont: { size: 11 } });
+    const { ranges, aspectratio } = this.box;
+    const axis = (words, range) => ({ title: { text: words }, range, backgroundcolor: "#fff", gridcolor: "#e6e9ee", zeroline: false, showspikes: false, tickfont: { size: 11 } });
     const camera = this.drawn ? this.plot.layout.scene.camera : this.camera(this.view);
-    const layout = { template: TEMPLATE, height: 560, margin: { l: 0, r: 0, t: 6, b: 0 }, showlegend: false, uirevision: "kept",
-      scene: { aspectmode: "data", camera, dragmode: "turntable", xaxis: axis("x (m)"), yaxis: axis("y (m)"), zaxis: axis("z (m)") } };
+    const layout = { template: TEMPLATE, height: 540, margin: { l: 0, r: 0, t: 6, b: 0 }, showlegend: false, uirevision: "kept",
+      scene: { aspectmode: "manual", aspectratio: this.drawn ? this.plot.layout.scene.aspectratio : aspectratio, camera, dragmode: "turntable",
+        xaxis: axis("x (m)", ranges[0]), yaxis: axis("y (m)", ranges[1]), zaxis: axis("z (m)", ranges[2]) } };
     await Plotly.react(this.plot, this.traces(), layout, { ...CONFIG, scrollZoom: true });
     if (!this.drawn) this.listen();
     this.drawn = true;

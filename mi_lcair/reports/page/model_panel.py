@@ -40,7 +40,9 @@ def model_panel(table, columns: dict[str, np.ndarray], toward=None) -> Panel:
     row[facet.astype(int)] = np.arange(len(facet))
     of_triangle = row[table.triangle_facet]
     chosen = of_triangle >= 0
-    described = [described_column(name, values) for name, values in columns.items()]
+    described = [
+        described_column(name, values, columns.get("area_m2")) for name, values in columns.items()
+    ]
     names = [column["name"] for column in described]
     first = next((names.index(name) for name in FIRST if name in names), 0)
     return Panel(
@@ -56,15 +58,18 @@ def model_panel(table, columns: dict[str, np.ndarray], toward=None) -> Panel:
     )
 
 
-def described_column(name: str, values) -> dict:
-    """A column for the script, with the limits of its scale if it holds numbers."""
+def described_column(name: str, values, areas=None) -> dict:
+    """A column for the script, with the limits of its scale if it holds numbers.
+
+    areas: areas of the facets, by which the quantiles of the limits are weighted.
+    """
     column = column_data(name, values)
     if "names" in column:
         return column
     numbers = rounded(np.asarray(values, dtype=float)).astype(float)
     return column | {
-        "limits": limits(numbers),
-        "log_limits": limits(numbers, log=True),
+        "limits": limits(numbers, weights=areas),
+        "log_limits": limits(numbers, log=True, weights=areas),
         "extent": extent(numbers),
     }
 

@@ -103,11 +103,11 @@ def page(title: str, sections: list[Section]) -> str:
 <title>{label(title)}</title><link rel="icon" href="data:,">
 <style>{own_file(STYLE)}</style></head>
 <body><header><h1>{label(title)}</h1><nav><ul>{contents}</ul></nav></header>
-<noscript><p class="note">The pictures of this page need JavaScript. Its tables do not.</p></noscript>
+<noscript><p class="note">The pictures of this page need JavaScript.</p></noscript>
 <main>{body}</main>
 <div id="tip" role="status" hidden></div>
 <script type="text/plain" id="arrays">{arrays.packed()}</script>
-<script type="text/plain" id="plotly">{packed(plotly_source().encode())}</script>
+<script type="text/plain" id="plotly">{plotly_for(sections)}</script>
 <script>{"".join(map(own_file, SCRIPTS))}</script>
 </body></html>
 """
@@ -138,6 +138,12 @@ def own_file(name: str) -> str:
     return (FOLDER / name).read_text(encoding="utf-8")
 
 
-def plotly_source() -> str:
-    """The script of plotly.js, which the Python package brings."""
-    return optional("plotly.offline", "a report page").get_plotlyjs()
+def plotly_for(sections: list[Section]) -> str:
+    """The script of plotly.js, which the Python package brings, as compressed text.
+
+    A page without pictures does not need it, and gets an empty one.
+    """
+    panels = [part for section in sections for part in section.parts if isinstance(part, Panel)]
+    if all(panel.kind == "table" for panel in panels):
+        return packed(b"")
+    return packed(optional("plotly.offline", "a report page").get_plotlyjs().encode())

@@ -20,6 +20,7 @@ from mi_lcair.reports.page.sections import (
     model_of,
     spectrum_section,
     trend_sections,
+    unpacked,
 )
 from mi_lcair.reports.page.tables import facts, heading, table
 from mi_lcair.table import lines_of, read_table
@@ -205,10 +206,10 @@ def data_of(what: str, report: dict):
         file = folder / Path(source["file"]).name
         if not file.is_file() or sha256(read_bytes(file)).hexdigest() != source["sha256"]:
             continue
-        reading = report.get("reading", {})
-        measurements = read_measurements(
-            file, reading.get("quantity"), reading.get("theta_r_positive")
-        )
+        reading = report["reading"]
+        # The report may say after the side how it was found
+        side = reading["theta_r_positive"].split()[0]
+        measurements = read_measurements(file, reading["quantity"], side)
         _, used, _ = select(
             measurements,
             settings["loss"],
@@ -259,6 +260,11 @@ def comments(what: str) -> list[tuple[str, str]]:
     return [(key, value) for key, value in rows if not key.startswith("batch ")]
 
 
+def made_rows(what: str) -> list[tuple[str, object]]:
+    """The comments of a CSV file as rows of a table."""
+    return [(key, unpacked(value)) for key, value in comments(what)]
+
+
 def numeric(what: str, columns: dict, needed) -> dict[str, np.ndarray]:
     """The columns that hold numbers; raises InputError if one of `needed` does not."""
     numbers = {name: values for name, values in columns.items() if values.dtype.kind == "f"}
@@ -274,7 +280,7 @@ def trend(what: str, columns: dict):
     made = comments(what)
     band = dict(made).get("band", "not stated in the file")
     sections = trend_sections(columns, band)
-    sections.append(Section("How it was made", [facts([*of_file(what), *made])]))
+    sections.append(Section("How it was made", [facts([*of_file(what), *made_rows(what)])]))
     name = dict(made).get("scene")
     return f"Trend of {Path(name).stem}" if name else f"Trend ({Path(what).name})", sections
 
@@ -289,14 +295,14 @@ def spectrum(what: str, columns: dict):
     if not {"target", "scene"} & curves.keys():
         raise InputError(f"'{what}': needs a column target{SPECTRAL} or scene{SPECTRAL}")
     sections = [spectrum_section(columns["wavelength_um"], curves)]
-    sections.append(Section("How it was made", [facts([*of_file(what), *comments(what)])]))
+    sections.append(Section("How it was made", [facts([*of_file(what), *made_rows(what)])]))
     return f"Spectrum ({Path(what).name})", sections
 
 
 def facets(what: str, columns: dict, request: Request):
     """A facets table, on the model of `request.scene` if it is given."""
     numeric(what, columns, ("facet",))
-    made = [*of_file(what), *comments(what)]
+    made = [*of_file(what), *made_rows(what)]
     title, facet_table, toward = f"Facets ({Path(what).name})", None, None
     if request.scene is None:
         request.notes.append(f"{what}: give --scene SCENE to show the facets on its model")

@@ -339,7 +339,7 @@ def fit_sections(report: dict, fit=None, measurements=None, directional=None) ->
     fit = fit or fit_of_report(report)
     rows = [
         [
-            f"{parameter.name} ({parameter.unit})" if parameter.unit else parameter.name,
+            f"{parameter.name} ({parameter.unit})" if parameter.unit not in ("", "1") else parameter.name,
             report["parameters"][parameter.name],
             f"{report['standard_error'][parameter.name]:.2g}",
             "{:.4g} to {:.4g}".format(*report["interval"][parameter.name]),
@@ -376,7 +376,7 @@ def fit_sections(report: dict, fit=None, measurements=None, directional=None) ->
     sources = [(f"file {s['file']}", f"SHA-256 {s['sha256']}") for s in report["source"]]
     note = [] if measurements is not None else [
         paragraph(
-            "The measured data are not beside the report, so that only the fitted curves are shown.",
+            "The measured data are not beside the report. Only the fitted curves are shown.",
             "note",
         )
     ]  # fmt: skip
