@@ -50,8 +50,9 @@ def __dir__():
 
 
 def _prepare_mitsuba():
-    """Register the plugins with the imported Mitsuba, and direct its messages to logging."""
+    """Prepare the imported Mitsuba: plugins, functions that take scenes, messages to logging."""
     importlib.import_module(".plugins", __name__)
+    importlib.import_module(".rendering.loading.mitsuba_functions", __name__).take_loaded_scenes()
     importlib.import_module(".renderer_log", __name__).pass_on()
 
 
@@ -88,6 +89,6 @@ class _OnImport:
 
 sys.meta_path.insert(0, _OnImport)
 if "drjit" in sys.modules:
-    importlib.import_module(".llvm", __name__).check_loaded()
+    importlib.import_module(".llvm", __name__).prepare_loaded()
 if "mitsuba" in sys.modules:
     _prepare_mitsuba()

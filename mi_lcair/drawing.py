@@ -1,31 +1,57 @@
-"""Writing of Matplotlib figures as PNG files, completely or not at all."""
+"""Matplotlib figures, written as PNG, SVG or PDF files completely or not at all."""
 
 import warnings
 from contextlib import contextmanager
 
 from mi_lcair.errors import printable
-from mi_lcair.files import replacing
+from mi_lcair.files import check_suffix, replacing
 
 LONGEST = 120  # characters of a name in a title or legend
+PICTURES = (".png", ".svg", ".pdf")  # suffixes of the files that `write_figure` writes
+# The entries that would hold the time of writing. Equal pictures are equal files without them.
+NO_DATE = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}, ".png": {}}
 
 
-@contextmanager
-def drawing(path, size, dpi: int = 150, **options):
-    """Context manager that gives a Matplotlib figure and writes it as the PNG `path` at the end.
+def new_figure(size, dpi: int = 150, **options):
+    """An empty Matplotlib figure. No display is needed.
 
-    size: (width, height) in inches. dpi: pixels per inch. options: further arguments of Figure.
-    Raises InputError if `path` cannot be written. No display is needed.
+    size: (width, height) in inches. dpi: pixels per inch in a PNG. options: further arguments of
+    Figure.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=size, dpi=dpi, **options)
     FigureCanvasAgg(figure)
-    with warnings.catch_warnings():
+    return figure
+
+
+def write_figure(figure, path) -> None:
+    """Write a figure as a .png, .svg or .pdf file, completely or not at all.
+
+    Texts in SVG and PDF are texts, which can be searched and edited. Equal figures give equal
+    files. Raises InputError for another suffix, and if `path` cannot be written.
+    """
+    from matplotlib import rc_context
+
+    suffix = check_suffix(path, PICTURES)
+    settings = {"svg.fonttype": "none", "svg.hashsalt": "mi_lcair", "pdf.fonttype": 42}
+    with warnings.catch_warnings(), rc_context(settings), replacing(path) as partial:
         warnings.filterwarnings("ignore", message="Glyph .* missing from")  # it is drawn as a box
+        figure.savefig(partial, format=suffix[1:], metadata=NO_DATE[suffix])
+
+
+@contextmanager
+def drawing(path, size, dpi: int = 150, **options):
+    """Context manager that gives a figure of `new_figure` and writes it to `path` at the end.
+
+    Raises InputError as `write_figure`.
+    """
+    figure = new_figure(size, dpi, **options)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from")
         yield figure
-        with replacing(path) as partial:
-            figure.savefig(partial, format="png")
+    write_figure(figure, path)
 
 
 def plain(text: object) -> str:

@@ -1,8 +1,8 @@
-"""LLVM for Dr.Jit: found, tried and loaded before `drjit` is imported.
+"""LLVM for Dr.Jit: found and tried before `drjit` is imported, or replaced afterwards.
 
 Dr.Jit opens the one library that DRJIT_LIBLLVM_PATH names, at its own import. With LLVM 15 and 16
 it aborts the process at the first render, so each candidate is loaded and asked for its version
-first.
+first. A Dr.Jit that was imported earlier and found an old LLVM is started again with a new one.
 """
 
 import ctypes
@@ -15,6 +15,12 @@ import sys
 OLDEST = 17
 VARIABLE = "DRJIT_LIBLLVM_PATH"
 WHEEL = "karellen-llvm-core"
+BACKENDS = 0b110  # Dr.Jit's bits of CUDA and LLVM, with which it starts at its import
+# Kinds of Mitsuba's objects that Dr.Jit numbers in its registry
+OBJECTS = (
+    *("BSDF", "Emitter", "Film", "Integrator", "Medium", "Mesh", "PhaseFunction"),
+    *("ReconstructionFilter", "Sampler", "Sensor", "Shape", "Texture", "Volume"),
+)
 SYSTEM = (
     "/usr/lib/*-linux-gnu/libLLVM*.so*",
     "/usr/lib/llvm-*/lib/libLLVM*.so*",
@@ -57,17 +63,63 @@ def prepare():
     )
 
 
-def check_loaded():
-    """Raise ImportError if an already imported Dr.Jit has no LLVM or an LLVM that is too old."""
+def prepare_loaded():
+    """Give an already imported Dr.Jit an LLVM that is new enough, if it has none.
+
+    Dr.Jit is shut down and started again by the C functions that do this at its import and at the
+    end of the process. Its arrays stay valid. Mitsuba's objects do not, because they lose their
+    numbers in Dr.Jit's registry.
+
+    Raises ImportError, one line, if objects of Mitsuba exist, or if Dr.Jit found no library of LLVM
+    at all: it looks for one only once in a process.
+    """
     import drjit
 
-    version = drjit.detail.llvm_version()  # (-1, -1, -1) if it has none
-    if version[0] < OLDEST:
-        found = f"LLVM {version[0]}" if version[0] > 0 else "no LLVM"
+    version = drjit.detail.llvm_version()[0]  # -1 if it has none
+    if version >= OLDEST:
+        return
+    in_use = _mitsuba_has_objects()
+    if not in_use:
+        prepare()
+        _restart_drjit()
+    if drjit.detail.llvm_version()[0] < OLDEST:
+        found = f"LLVM {version}" if version > 0 else "no LLVM"
         raise ImportError(
             f"drjit was imported before mi_lcair and found {found}, where {OLDEST} or newer is "
-            f"needed: import mi_lcair first, or set {VARIABLE}"
+            f"needed{', and Mitsuba has created objects with it' if in_use else ''}: import "
+            f"mi_lcair first, or set {VARIABLE}"
         )
+
+
+def _restart_drjit():
+    """Shut Dr.Jit down and start it again; nothing happens if its library lacks the functions."""
+    core = _drjit_core()
+    if core is not None:
+        core["_Z12jit_shutdowni"](0)
+        core["_Z8jit_initj"](BACKENDS)
+
+
+def _mitsuba_has_objects() -> bool:
+    """Whether objects of Mitsuba have been created that Dr.Jit's registry numbers."""
+    mitsuba, core = sys.modules.get("mitsuba"), _drjit_core()
+    if mitsuba is None or core is None:
+        return False
+    count = core["_Z21jit_registry_id_boundPKcS0_"]
+    return any(
+        count(variant.encode(), kind.encode()) for variant in mitsuba.variants() for kind in OBJECTS
+    )
+
+
+def _drjit_core():
+    """Dr.Jit's library of C functions; None if it has not those used here."""
+    import drjit
+
+    names = ("_Z12jit_shutdowni", "_Z8jit_initj", "_Z21jit_registry_id_boundPKcS0_")
+    for path in glob.glob(os.path.join(drjit.__path__[0], "libdrjit-core.*")):
+        core = ctypes.CDLL(path)
+        if all(hasattr(core, name) for name in names):
+            return core
+    return None
 
 
 def _require_libatomic():

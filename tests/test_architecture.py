@@ -24,6 +24,7 @@ FLOORS = {  # the longest name that fits counts
     "mi_lcair.scenes.build": 3,  # builds the bundled models with models3d
     "mi_lcair.scenes.build_meshes": 3,
     "mi_lcair.physics": 1,
+    "mi_lcair.formats": 1,
     "mi_lcair": 0,
 }
 MOST_FILES = 15

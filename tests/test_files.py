@@ -66,11 +66,11 @@ def full_disk():
 @pytest.mark.parametrize("write", [text, exr, png, trend])
 def test_a_full_disk(tmp_path, write):
     """An error, the old file as it was, and nothing beside it."""
-    path = tmp_path / "file"
+    path = tmp_path / "file.png"
     path.write_text("old")
     with pytest.raises((OSError, RuntimeError)), full_disk():
         write(path)
-    assert [file.name for file in tmp_path.iterdir()] == ["file"]
+    assert [file.name for file in tmp_path.iterdir()] == ["file.png"]
     assert path.read_text() == "old"
 
 

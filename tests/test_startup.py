@@ -19,6 +19,7 @@ import mi_lcair
 from mi_lcair import kernel_cache, llvm
 
 ROOT = Path(__file__).resolve().parents[1]
+LLVM_14 = Path("/usr/lib/x86_64-linux-gnu/libLLVM-14.so.1")
 LLVM_15 = Path("/usr/lib/x86_64-linux-gnu/libLLVM-15.so.1")
 needs_llvm_15 = pytest.mark.skipif(not LLVM_15.exists(), reason="no LLVM 15 on this machine")
 
@@ -130,16 +131,65 @@ def test_missing_libatomic_is_one_line_that_says_what_to_install(monkeypatch):
         llvm.prepare()
 
 
+OLD_LLVMS = [
+    pytest.param(path, marks=pytest.mark.skipif(not path.exists(), reason=f"no {path.name}"))
+    for path in (LLVM_14, LLVM_15)
+]
+RENDER = "assert mi_lcair.render(mi_lcair.load('two_plates', resolution=4), spp=4).mean > 0\n"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("variable", OLD_LLVMS)
+@pytest.mark.parametrize(
+    "first",
+    [
+        "import drjit",
+        "import mitsuba as mi",
+        "import mitsuba as mi; mi.set_variant('llvm_ad_mono')",
+        "import mitsuba as mi; mi.set_variant('llvm_ad_rgb', 'scalar_rgb')",
+    ],
+)
+def test_old_llvm_of_an_imported_drjit_is_replaced(first, variable):
+    if variable == LLVM_14 and "set_variant('llvm_ad_mono')" in first:
+        pytest.skip("Mitsuba itself refuses this variant with LLVM 14")
+    done = python(
+        f"{first}\nimport os; del os.environ['{llvm.VARIABLE}']\nimport mi_lcair\n"
+        "import mitsuba; mitsuba.set_variant('llvm_ad_mono')\n" + COMPUTE + RENDER,
+        variable=variable,
+    )
+    assert done.returncode == 0, done.stderr
+    lines = [line for line in done.stderr.splitlines() if "jit_llvm_init()" not in line]
+    assert lines == []  # LLVM 14 is reported by Dr.Jit itself, at its import
+
+
+@pytest.mark.slow
+@needs_llvm_15
+def test_arrays_outlive_a_replaced_llvm():
+    done = python(
+        "import drjit as dr\nx = dr.llvm.ad.Float([1, 2, 3]); dr.enable_grad(x); y = x * x\n"
+        "stored = dr.llvm.Float([4, 5]) * 2; dr.eval(stored)\n"
+        f"import os; del os.environ['{llvm.VARIABLE}']\nimport mi_lcair\n"
+        "dr.backward(y); print(dr.grad(x), dr.minimum(stored, 9))",
+        variable=LLVM_15,
+    )
+    assert done.stdout == "[2, 4, 6] [8, 9]\n", done.stderr
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "variable, found",
     [("/nowhere", "no LLVM"), pytest.param(LLVM_15, "LLVM 15", marks=needs_llvm_15)],
 )
-def test_drjit_imported_first_with_an_unusable_llvm(variable, found):
-    done = python("import drjit, mi_lcair", variable=variable)
+def test_an_llvm_that_cannot_be_replaced(variable, found):
+    """Dr.Jit looks for LLVM once, and Mitsuba's objects would not survive its second start."""
+    create = "mi.set_variant('llvm_ad_mono'); bsdf = mi.load_dict({'type': 'diffuse'})"
+    created = "" if found == "no LLVM" else f"; {create}"
+    done = python(f"import mitsuba as mi{created}\nimport mi_lcair", variable=variable)
     assert done.returncode == 1  # an exception; an abort would be negative
     last = done.stderr.splitlines()[-1]
     assert last.startswith(f"ImportError: drjit was imported before mi_lcair and found {found}, ")
+    assert last.endswith(f": import mi_lcair first, or set {llvm.VARIABLE}")
+    assert ("has created objects" in last) == bool(created)
 
 
 @pytest.mark.slow

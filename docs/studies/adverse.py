@@ -1,5 +1,5 @@
-"""Is "tolerance reached" true where few paths meet what matters? The page docs/adverse.md; every
-number on it is computed here.
+"""Is "tolerance reached" true where few paths meet what matters? The page
+docs/validation/adverse.md; every number on it is computed here.
 
     python -m docs.studies.adverse [PAGE]
 
@@ -110,4 +110,4 @@ def main(page):
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/adverse.md"))
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/validation/adverse.md"))

@@ -2,8 +2,8 @@
 
     python -m docs.studies.budget [PAGE]
 
-The script writes docs/budget.md from budget.template.md, and its pictures. It takes about fifteen
-minutes.
+The script writes docs/validation/budget.md from budget.template.md, and its pictures. It takes
+about fifteen minutes.
 """
 
 import sys
@@ -16,12 +16,12 @@ from mi_lcair.reports.budget_plot import save_plot
 from mi_lcair.sensitivity.parameters import parameters
 from mi_lcair.uncertainty.budget import Budget
 
-STATED = Path(__file__).parents[1] / "budget" / "landing.toml"
-LANDING = Path(__file__).parents[1] / "landing.md"
+STATED = Path(__file__).parents[1] / "validation" / "budget" / "landing.toml"
+LANDING = Path(__file__).parents[1] / "validation" / "landing.md"
 CASES = [(position, band) for position in (1, 2, 3) for band in ("MWIR", "LWIR")]
 RESOLUTION = 128  # the budgets trace 64 paths for each of 128 x 128 pixels
 DRAWN = [(3, "MWIR"), (3, "LWIR")]  # cases with a tornado chart
-# Rows of docs/landing.md that change one quantity of a budget, and the change
+# Rows of docs/validation/landing.md that change one quantity of a budget, and the change
 BY_HAND = {
     "skin 310 K instead of 300 K": ("self.temperature", 10),
     "exhaust plumes 550 K instead of 500 K": ("plume.temperature", 50),
@@ -75,13 +75,13 @@ def shares(budgets: dict[tuple, Budget]) -> str:
 
 
 def by_hand() -> dict[str, list[str]]:
-    """The changes in the table of docs/landing.md, by assumption, in the order of CASES."""
+    """The changes in the table of the page `landing`, by assumption, in the order of CASES."""
     rows = [line.strip("| \n").split(" | ") for line in LANDING.read_text().splitlines()]
     return {cells[0].strip(): cells[1:] for cells in rows if cells[0].strip() in BY_HAND}
 
 
 def beside_by_hand(budgets: dict[tuple, Budget]) -> str:
-    """Rows: change of the contrast in docs/landing.md, and that by the derivative of a budget."""
+    """Rows: change of the contrast on the page `landing`, and that by a budget's derivative."""
     found, lines = by_hand(), []
     for name, (quantity, change) in BY_HAND.items():
         cells = []
@@ -160,4 +160,4 @@ def main(page: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/budget.md"))
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/validation/budget.md"))

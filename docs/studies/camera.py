@@ -2,8 +2,8 @@
 
     python -m docs.studies.camera [PICTURE]
 
-It writes PICTURE (default docs/landing/camera.png) and prints the measures. It takes less than a
-minute on two cores.
+It writes PICTURE (default docs/validation/landing/camera.png) and prints the measures. It takes
+less than a minute on two cores.
 """
 
 import sys
@@ -65,4 +65,4 @@ def main(path: Path, ranges=RANGES_M) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/landing/camera.png"))
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/validation/landing/camera.png"))

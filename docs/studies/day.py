@@ -1,10 +1,10 @@
-"""Write the page docs/day.md on the landing airliner by day.
+"""Write the page docs/validation/day.md on the landing airliner by day.
 
     python -m docs.studies.day [PAGE]
 
-It writes PAGE (default docs/day.md), and its picture into a folder of the same name beside it. The
-text is day.template.md, whose {fields} are filled in. Every number on the page is computed here.
-The script takes about six minutes on two cores.
+It writes PAGE (default docs/validation/day.md), and its picture into a folder of the same name
+beside it. The text is day.template.md, whose {fields} are filled in. Every number on the page is
+computed here. The script takes about six minutes on two cores.
 """
 
 import sys
@@ -235,4 +235,4 @@ def main(page: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/day.md"))
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/validation/day.md"))

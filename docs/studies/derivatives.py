@@ -2,7 +2,8 @@
 
     python -m docs.studies.derivatives [PAGE]
 
-The script writes docs/derivatives.md from derivatives.template.md. It takes about five minutes.
+The script writes docs/validation/derivatives.md from derivatives.template.md. It takes about five
+minutes.
 """
 
 import sys
@@ -126,7 +127,7 @@ def against_replay(name: str, values: dict) -> list[str]:
     return rows
 
 
-def main(page="docs/derivatives.md") -> None:
+def main(page="docs/validation/derivatives.md") -> None:
     rows = [row for scene in tqdm(SCENES) for row in agreement(*scene)]
     replayed = [row for scene in tqdm(SCENES[:REPLAYED]) for row in against_replay(*scene)]
     write_page(

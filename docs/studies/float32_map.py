@@ -25,7 +25,7 @@ B = np.array([0, 1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.2, 0.4, 0.6, 0.8, 0.95, 1])
 SHARES = ((0.0, 0.0), (0.5, 0.2), (0.5, 0.5), (0.0, 1.0))  # epsilon / G(b) and rho_d / G(b)
 FROM_HORIZON_DEG = np.array([90, 60, 30, 10, 5, 2, 1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 1e-3, 1e-4])
 PER_ANGLE = 200  # number of sampled directions per viewing angle
-PICTURE = Path(__file__).parents[2] / "docs" / "stability" / "float32.png"
+PICTURE = Path(__file__).parents[1] / "validation" / "stability" / "float32.png"
 
 
 def load(parameters, form="thesis"):

@@ -2,8 +2,8 @@
 
     python -m docs.studies.inversion [PAGE]
 
-The script writes docs/inversion.md from inversion.template.md, its pictures, and the problems and
-measurements in docs/inversion. It takes about ten minutes.
+The script writes docs/validation/inversion.md from inversion.template.md, its pictures, and the
+problems and measurements in docs/validation/inversion. It takes about ten minutes.
 """
 
 import sys
@@ -23,7 +23,7 @@ from mi_lcair.sensitivity.parameters import changed, parameters
 from tests.fitting.synthetic import THESIS_SETS, scan_of
 from tests.inversion.plate import XML
 
-FOLDER = Path(__file__).parents[1] / "inversion"
+FOLDER = Path(__file__).parents[1] / "validation" / "inversion"
 STRIPES, GLOSS_BLACK, PLATE, TWO_SKIES, PAINT = (
     FOLDER / f"{name}.toml" for name in ("stripes", "gloss_black", "plate", "two_skies", "paint")
 )
@@ -204,4 +204,4 @@ def main(page):
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/inversion.md"))
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/validation/inversion.md"))

@@ -1,10 +1,10 @@
-"""Write the page docs/ir_range.md on the cylinder in its infrared range (thesis 4.2).
+"""Write the page docs/validation/ir_range.md on the cylinder in its infrared range (thesis 4.2).
 
     python -m docs.studies.ir_range [PAGE]
 
-It writes PAGE (default docs/ir_range.md), and its pictures into a folder of the same name beside
-it. The text is ir_range.template.md, whose {fields} are filled in. Every number on the page is
-computed here. The script takes a few minutes.
+It writes PAGE (default docs/validation/ir_range.md), and its pictures into a folder of the same
+name beside it. The text is ir_range.template.md, whose {fields} are filled in. Every number on the
+page is computed here. The script takes a few minutes.
 """
 
 import sys
@@ -153,7 +153,7 @@ def wing_root(lobe: str) -> tuple[int, np.ndarray, float]:
     """
     columns = mi_lcair.signature(
         load("bare_aluminum", "LWIR", "brdf", 256), spp=FACET_SPP, seed=2, facets=True
-    ).facets.columns
+    ).facets.table
     late = (
         sum(columns[f"bounce{k:02d}_W_m2_sr"] for k in range(2, BOUNCES + 1))
         / columns["radiance_W_m2_sr"]
@@ -162,7 +162,7 @@ def wing_root(lobe: str) -> tuple[int, np.ndarray, float]:
     if lobe != "brdf":
         columns = mi_lcair.signature(
             load("bare_aluminum", "LWIR", lobe, 256), spp=FACET_SPP, seed=2, facets=True
-        ).facets.columns
+        ).facets.table
     by_bounce = [columns["emitted_W_m2_sr"][facet]] + [
         columns[f"bounce{k:02d}_W_m2_sr"][facet] for k in range(1, BOUNCES + 1)
     ]
@@ -278,4 +278,4 @@ def main(page: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/ir_range.md"))
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/validation/ir_range.md"))

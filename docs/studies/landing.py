@@ -1,10 +1,10 @@
-"""Write the page docs/landing.md on the airliner on its approach (thesis 4.3).
+"""Write the page docs/validation/landing.md on the airliner on its approach (thesis 4.3).
 
     python -m docs.studies.landing [PAGE]
 
-It writes PAGE (default docs/landing.md), and its pictures into a folder of the same name beside it.
-The text is landing.template.md, whose {fields} are filled in. Every number on the page is computed
-here, except for those of the thesis. The script takes about 15 minutes on two cores.
+It writes PAGE (default docs/validation/landing.md), and its pictures into a folder of the same name
+beside it. The text is landing.template.md, whose {fields} are filled in. Every number on the page
+is computed here, except for those of the thesis. The script takes about 15 minutes on two cores.
 """
 
 import sys
@@ -389,4 +389,4 @@ def main(page: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/landing.md"))
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/validation/landing.md"))

@@ -1,4 +1,5 @@
-"""Write the page docs/paths.md: paths and time to an error, with independent and lattice points.
+"""Write the page docs/validation/paths.md: paths and time to an error, with independent and lattice
+points.
 
     python -m docs.studies.paths [PAGE]
 
@@ -266,4 +267,4 @@ def main(page):
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/paths.md"))
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/validation/paths.md"))

@@ -1,4 +1,5 @@
-"""Write the page docs/plan.md: whether plans keep their tolerance and whether they save time.
+"""Write the page docs/validation/plan.md: whether plans keep their tolerance and whether they save
+time.
 
     python -m docs.studies.plan [PAGE]
 
@@ -244,4 +245,4 @@ def write(page):
 
 
 if __name__ == "__main__":
-    main(sys.argv[1] if len(sys.argv) > 1 else "docs/plan.md")
+    main(sys.argv[1] if len(sys.argv) > 1 else "docs/validation/plan.md")

@@ -2,7 +2,7 @@
 
     python -m docs.studies.points [PAGE]
 
-The script writes docs/points.md from points.template.md. It takes about ten minutes.
+The script writes docs/validation/points.md from points.template.md. It takes about ten minutes.
 """
 
 import sys
@@ -258,4 +258,4 @@ def main(page):
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/points.md"))
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/validation/points.md"))

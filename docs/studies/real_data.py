@@ -1,12 +1,12 @@
-"""Write the page docs/real_data.md on fits to six measured surfaces.
+"""Write the page docs/validation/real_data.md on fits to six measured surfaces.
 
     python -m docs.studies.real_data DATA_FOLDER [PAGE]
 
 Each reflection model is fitted to the BRDF alone and jointly with the emissivity. So is `auto`,
 which chooses among all models. DATA_FOLDER contains <surface>.csv and <surface>_emissivity.csv. The
-script writes PAGE (default docs/real_data.md), and its pictures into a folder of the same name
-beside it. The text is real_data.template.md, whose {fields} are filled in. Every number on the page
-is computed here.
+script writes PAGE (default docs/validation/real_data.md), and its pictures into a folder of the
+same name beside it. The text is real_data.template.md, whose {fields} are filled in. Every number
+on the page is computed here.
 """
 
 import sys
@@ -241,4 +241,7 @@ def main(folder: Path, page: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), Path(sys.argv[2] if len(sys.argv) > 2 else "docs/real_data.md"))
+    main(
+        Path(sys.argv[1]),
+        Path(sys.argv[2] if len(sys.argv) > 2 else "docs/validation/real_data.md"),
+    )

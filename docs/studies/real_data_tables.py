@@ -1,4 +1,4 @@
-"""The tables of the page docs/real_data.md; see `real_data`."""
+"""The tables of the page docs/validation/real_data.md; see `real_data`."""
 
 import numpy as np
 

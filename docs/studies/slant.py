@@ -1,5 +1,5 @@
-"""How well are slant paths interpolated? The page docs/slant.md; every number on it is computed
-here.
+"""How well are slant paths interpolated? The page docs/validation/slant.md; every number on it is
+computed here.
 
     python -m docs.studies.slant [PAGE]
 
@@ -148,4 +148,4 @@ def main(page):
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/slant.md"))
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/validation/slant.md"))

@@ -3,16 +3,20 @@
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial, wraps
+from pathlib import Path
 
 import click
 
 import mi_lcair
-from mi_lcair.cli.output import note
+from mi_lcair.cli import completion
+from mi_lcair.cli.output import note, quiet
 from mi_lcair.errors import InputError
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
 POSITIVE = click.IntRange(min=1)
 DEFAULT_TOLERANCE = 0.01  # tolerance of --plan without --tolerance
+# Arguments that let the renderer choose the number of samples. None of them goes with --spp.
+CHOOSING = ("tolerance", "tolerance_W_m2", "max_spp")
 
 
 @dataclass
@@ -130,7 +134,8 @@ def progress_bar(unit="spp"):
     """
     from tqdm import tqdm
 
-    with tqdm(unit=unit, disable=None, leave=False) as bar:
+    # None draws the bar on a terminal only
+    with tqdm(unit=unit, disable=True if quiet() else None, leave=False) as bar:
 
         def progress(done, total):
             bar.n, bar.total = done, total
@@ -194,6 +199,69 @@ def sensor_option(command):
     )(command)
 
 
+def seed_option(help: str = "Seed of the random numbers."):
+    """Decorator that gives a command the option --seed."""
+    return click.option(
+        "--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True, help=help
+    )
+
+
+def changes_option(help: str, name: str = "changes"):
+    """Decorator that gives a command the option -D key=value.
+
+    The command receives the pairs as its argument `name`.
+    """
+    return click.option(
+        "-D",
+        name,
+        type=Assignment(),
+        multiple=True,
+        shell_complete=completion.keys,
+        help=f"{help}; may be repeated.",
+    )
+
+
+def sampling_options(spp: str, tolerance: str, max_spp: str | None = None):
+    """Decorator that gives a command --spp, --tolerance and --max-spp, with these help texts.
+
+    In every command --spp sets the number of samples, and a tolerance lets the renderer choose it.
+    Both together are refused. Without a text for max_spp there is no such option.
+    """
+
+    def decorator(command):
+        @wraps(command)
+        def checked(**given):
+            context = click.get_current_context()
+            choosing = [option for option in context.command.params if option.name in CHOOSING]
+            if given["spp"] is not None and any(
+                given[option.name] is not None for option in choosing
+            ):
+                names = " and ".join(option.opts[0] for option in choosing)
+                choose = "chooses one, and does" if len(choosing) == 1 else "choose one, and do"
+                raise click.UsageError(
+                    f"--spp sets a fixed number of samples; {names} {choose} not go with it",
+                    context,
+                )
+            return command(**given)
+
+        if max_spp:
+            checked = click.option("--max-spp", type=POSITIVE, help=max_spp)(checked)
+        checked = click.option("--tolerance", type=Fraction(), help=tolerance)(checked)
+        return click.option("--spp", type=POSITIVE, help=spp)(checked)
+
+    return decorator
+
+
+def plot_option(help: str):
+    """Decorator that gives a command the option --plot FILE."""
+    return click.option("--plot", type=click.Path(path_type=Path), help=help)
+
+
+def scenario_argument(command):
+    """Give a command the argument SCENARIO."""
+    return click.argument("scenario", shell_complete=completion.scenarios)(command)
+
+
 def solution_option(command):
     """Give a command the option --solution."""
     return click.option(
@@ -214,11 +282,7 @@ def scene_options(spp: str, tolerance: str):
 
 def _with_scene_options(spp_help, tolerance_help, command):
     @sensor_option
-    @click.option("--spp", type=POSITIVE, help=spp_help)
-    @click.option("--tolerance", type=Fraction(), help=tolerance_help)
-    @click.option(
-        "--max-spp", type=POSITIVE, help="Largest --spp for --tolerance (default: 65536)."
-    )
+    @sampling_options(spp_help, tolerance_help, "Largest --spp for --tolerance (default: 65536).")
     @click.option(
         "--plan",
         type=click.Choice(["auto"]),
@@ -256,21 +320,9 @@ def loading_options(command):
     `scene_options`.
     """
 
-    @click.argument("scene")
-    @click.option(
-        "-D",
-        "parameters",
-        type=Assignment(),
-        multiple=True,
-        help="Set a $-parameter of the scene; may be repeated.",
-    )
-    @click.option(
-        "--seed",
-        type=click.IntRange(0, 2**32 - 1),
-        default=0,
-        show_default=True,
-        help="Seed of the random numbers.",
-    )
+    @click.argument("scene", shell_complete=completion.scenes)
+    @changes_option("Set a $-parameter of the scene", "parameters")
+    @seed_option()
     @solution_option
     @renderer_options
     @json_option

@@ -9,8 +9,16 @@ from dataclasses import dataclass
 
 import click
 
-from mi_lcair.errors import InputError, escaped, printable
-from mi_lcair.files import check_writable
+from mi_lcair.errors import escaped, printable
+from mi_lcair.files import check_suffix, check_writable
+
+QUIET = "mi_lcair.quiet"  # key in the context of click
+
+
+def quiet() -> bool:
+    """Whether the current command was called with -q."""
+    context = click.get_current_context(silent=True)
+    return bool(context and context.meta.get(QUIET))
 
 
 def print_columns(rows) -> None:
@@ -118,23 +126,27 @@ class Verdict:
 def check_outputs(*outputs) -> None:
     """Check before the work that all outputs can be written and have the right suffix.
 
-    Each output is (path or None, suffix). Raises InputError for the first unusable one.
+    Each output is (path or None, suffix or suffixes). Raises InputError for the first unusable one.
     """
-    for path, suffix in outputs:
+    for path, suffixes in outputs:
         if path:
-            if path.suffix.lower() != suffix:
-                raise InputError(f"output '{path}' does not end in {suffix}")
+            check_suffix(path, (suffixes,) if isinstance(suffixes, str) else suffixes)
             check_writable(path)
 
 
 def print_written(*paths) -> None:
-    """Print on stderr the files that were written. Paths may be None."""
-    for path in filter(None, paths):
+    """Print on stderr the files that were written, unless -q is given. Paths may be None."""
+    for path in filter(None, () if quiet() else paths):
         click.echo(f"wrote {printable(path)}", err=True)
 
 
 def note(text: object) -> None:
-    """Print on stderr, in one line, something that a user should know about the results."""
+    """Print on stderr, in one line, something that a user should know about the results.
+
+    Nothing is printed with -q.
+    """
+    if quiet():
+        return
     line = f"mi-lcair: note: {printable(text)}"
     if "tqdm" in sys.modules:
         sys.modules["tqdm"].tqdm.write(line, file=sys.stderr)  # keeps the progress bar intact

@@ -13,8 +13,7 @@ from mi_lcair.errors import InputError
 
 @click.command("render")
 @scene_options(
-    spp="Samples per pixel (default: the scene's own); with --tolerance, those before the first "
-    "estimate of the error (default: 16).",
+    spp="Samples per pixel, instead of --tolerance (default: the scene's own).",
     tolerance="Render until the rms standard error over the pixels is below this fraction of the "
     "mean radiance, such as 0.01 or 1%.",
 )
@@ -67,15 +66,8 @@ def command(options, output, atmosphere, range_m):
         print_json(
             {
                 "file": str(output),
-                "band": result.band.name,
-                "mean": result.mean,
-                "rms_error": result.rms_error,
-                "spp": result.spp,
+                **result.as_dict(),
                 **verdict.as_dict(),
-                "invalid": result.invalid,
-                "closure_error": result.closure_error,
-                "paths": result.paths,
-                "seconds": result.seconds,
                 **options.planned(),
             }
         )

@@ -6,7 +6,13 @@ from pathlib import Path
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import POSITIVE, Fraction, loading_options, progress_bar
+from mi_lcair.cli.options import (
+    POSITIVE,
+    loading_options,
+    plot_option,
+    progress_bar,
+    sampling_options,
+)
 from mi_lcair.cli.output import (
     check_outputs,
     error_row,
@@ -85,7 +91,7 @@ class Azimuths(Angles):
     required=True,
     help="Write a row for each view, FILE.csv.",
 )
-@click.option("--plot", type=click.Path(path_type=Path), help="Draw polar curves, FILE.png.")
+@plot_option("Draw polar curves, FILE.png.")
 @click.option(
     "--resolution",
     type=POSITIVE,
@@ -94,21 +100,11 @@ class Azimuths(Angles):
     help="Pixels along each side of a view, to which --spp and --max-spp refer. The paths begin "
     "anywhere in the view.",
 )
-@click.option(
-    "--spp",
-    type=POSITIVE,
-    help="Paths of each view, divided by its number of pixels, instead of --tolerance.",
-)
-@click.option(
-    "--tolerance",
-    type=Fraction(),
-    help="Trace paths until half of the 95 % interval of each intensity is at most this fraction "
-    "of it (default: 1%).",
-)
-@click.option(
-    "--max-spp",
-    type=POSITIVE,
-    help="Largest --spp for --tolerance (default: 65536).",
+@sampling_options(
+    spp="Paths of each view, divided by its number of pixels, instead of --tolerance.",
+    tolerance="Trace paths until half of the 95 % interval of each intensity is at most this "
+    "fraction of it (default: 1%).",
+    max_spp="Largest --spp for --tolerance (default: 65536).",
 )
 @click.option(
     "--batch", type=POSITIVE, help="Views rendered together (default: as many as a pass holds)."

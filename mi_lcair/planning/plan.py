@@ -41,6 +41,7 @@ INTENSITY_SHARE, PIXEL_SHARE = 0.2, 0.5
 # Rays that are traced while a kernel is compiled. Measured: 0.1 s to 0.3 s for a kernel, and ten
 # million rays in a second.
 KERNEL = 2**21
+FOR_AN_IMAGE = "; to plan a render of its image, give each_pixel (--each-pixel)"
 SAVING = 0.3  # share of a render's cost that simpler lobes or other emitter sampling may save
 
 
@@ -158,7 +159,7 @@ def plan(
     if not renders > 0:
         raise InputError(f"renders = {renders} must be positive")
     if not each_pixel:
-        window_area(scene.sensor(sensor), scene.name)
+        window_area(scene.sensor(sensor), scene.name, FOR_AN_IMAGE)
     start = time.perf_counter()
     with scene.prepared() as tracer:
         check_bounded(tracer.emitters, scene.name)

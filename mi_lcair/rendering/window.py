@@ -17,13 +17,24 @@ def window(sensor) -> tuple[np.ndarray, ...]:
     return corner[0], corner[1] - corner[0], corner[2] - corner[0], direction
 
 
-def window_area(sensor, name: str) -> float:
-    """Area of an orthographic sensor's window [m^2]; raises InputError for any other sensor."""
+def window_area(sensor, name: str, remedy: str = "") -> float:
+    """Area of an orthographic sensor's window [m^2]; raises InputError for any other sensor.
+
+    remedy: what the caller's user can do instead, for the message.
+    """
     if sensor.class_name() != "OrthographicCamera":
         raise InputError(
-            f"{name}: signature needs an orthographic sensor, and this one is "
-            f"{sensor.class_name()}; "
-            "radiance times area is an intensity only where all rays are parallel"
+            f"{name}: an intensity needs an orthographic sensor, and this one is "
+            f"{sensor.class_name()}; radiance times area is an intensity only where all rays are "
+            f"parallel{remedy}"
         )
     _, right, up, _ = window(sensor)
     return float(np.linalg.norm(np.cross(right, up)))
+
+
+def window_size(sensor) -> tuple[float, float] | None:
+    """Width and height of an orthographic sensor's window [m]; None for any other sensor."""
+    if sensor.class_name() != "OrthographicCamera":
+        return None
+    _, right, up, _ = window(sensor)
+    return float(np.linalg.norm(right)), float(np.linalg.norm(up))

@@ -74,10 +74,6 @@ def test_render_passes_on_every_option(run, renderer, folder):
         1,
         "--spp",
         64,
-        "--tolerance",
-        "2.5%",
-        "--max-spp",
-        4096,
         "--seed",
         7,
         "-o",
@@ -85,15 +81,35 @@ def test_render_passes_on_every_option(run, renderer, folder):
     )
     assert result.exit_code == 0, result.output
     assert renderer.loaded == ("cavity", {"opening": "8", "text": "a=b"})
-    assert renderer.sampling == {
-        "sensor": 1,
-        "spp": 64,
-        "tolerance": 0.025,
-        "max_spp": 4096,
-        "seed": 7,
-    }
+    sampling = {"sensor": 1, "spp": 64, "tolerance": None, "max_spp": None, "seed": 7}
+    assert renderer.sampling == sampling
     channels, header = read_exr("out.exr")
     assert (channels["Y"].shape, header) == ((2, 3), {"band": "MWIR", "spp": 16})
+
+
+def test_render_passes_on_a_tolerance(run, renderer):
+    args = ("render", "cavity", "--tolerance", "2.5%", "--max-spp", 4096, "-o", "out.exr")
+    assert run(*args).exit_code == 0
+    sampling = {"sensor": 0, "spp": None, "tolerance": 0.025, "max_spp": 4096, "seed": 0}
+    assert renderer.sampling == sampling
+
+
+SAMPLED = [
+    ("render", "cavity", "-o", "out.exr"),
+    ("signature", "cavity"),
+    ("trend", "cavity", "--azimuth", 0, "-o", "out.csv"),
+    ("contrast", "a340_landing/position_1"),
+    ("image", "a340_landing/position_1", "-o", "out.exr"),
+    ("budget", "cavity", "-u", "sigma.toml"),
+]
+
+
+@pytest.mark.parametrize("command", SAMPLED, ids=lambda command: command[0])
+def test_samples_and_a_tolerance_exclude_each_other(refused, renderer, folder, command):
+    """--spp means the same in every command, and is refused beside a tolerance before any work."""
+    message = refused(*command, "--spp", 4, "--tolerance", "1%")
+    assert "--spp sets a fixed number of samples; --tolerance" in message
+    assert not hasattr(renderer, "loaded") and not list(folder.iterdir())
 
 
 def test_render_defaults(run, renderer):
@@ -194,16 +210,25 @@ def test_render_json(run, renderer):
     result = run("render", "cavity", "-o", "out.exr", "--json")
     assert json.loads(result.stdout) == {
         "file": "out.exr",
+        "kind": "render",
+        "scene_name": "cavity",
         "band": "MWIR",
-        "mean": 5.25,
+        "width": 3,
+        "height": 2,
+        "window_m": [0.3, 0.2],
+        "mean_radiance_W_m2_sr": 5.25,
+        "standard_error_W_m2_sr": 0.5,
         "rms_error": 0.0125,
+        "by_bounce_W_m2_sr": [],
         "spp": 16,
         "tolerance": None,
         "reached": None,
         "invalid": 0,
-        "closure_error": None,
+        "closure_error_W_m2_sr": None,
         "paths": 96,
-        "seconds": 1.5,
+        "time_s": 1.5,
+        "header": {"band": "MWIR", "spp": 16},
+        "channels": {"radiance_W_m2_sr": {"least": 5.0, "mean": 5.0, "greatest": 5.0}},
     }
 
 

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from mi_lcair.camera.tiff import write_tiff
 from mi_lcair.errors import InputError
+from mi_lcair.formats import tiff
 from mi_lcair.rendering.image import read_exr
 from tests.detection.disc_scenario import write_disc
 
@@ -104,4 +104,4 @@ def test_output_is_an_exr(refused):
 
 def test_tiff_that_cannot_be_written(tmp_path):
     with pytest.raises(InputError, match="does not exist"):
-        write_tiff(tmp_path / "no" / "frames.tif", np.zeros((1, 2, 2), dtype=np.uint16))
+        tiff.write(tmp_path / "no" / "frames.tif", np.zeros((1, 2, 2), dtype=np.uint16))

@@ -124,6 +124,7 @@ def test_fragment(model, tmp_path):
     ]
     assert {default.get("name"): default.get("value") for default in root.iter("default")} == {
         "band": "LWIR",
+        "allow_band": "false",
         "lobe": "brdf",
         "yaw_deg": "0",
         "pitch_deg": "0",
@@ -279,3 +280,13 @@ def test_a_sky_table_is_what_the_sky_shows(tmp_path):
     assert (
         image["group.sky.Y"][0, 0] == pytest.approx(3, rel=1e-5) and image["group.sky.Y"][8, 8] == 0
     )
+
+
+def test_a_band_without_a_measurement_is_allowed_by_the_parameter_that_the_message_names(tmp_path):
+    """Bare aluminium is known in MWIR and LWIR. 8-14 um needs the permission."""
+    (tmp_path / "model.obj").write_text(cube(label="f*bareAl*300*"))
+    export(read(tmp_path / "model.obj"), tmp_path / "out")
+    path = tmp_path / "out" / "scene.xml"
+    with pytest.raises(InputError, match="not measured for band 8-14.*-D allow_band=true"):
+        mi_lcair.load(path, band="8-14")
+    assert mi_lcair.load(path, band="8-14", allow_band="true").band.name == "8-14"

@@ -70,7 +70,7 @@ def test_the_table_is_met_at_its_entries(elevation):
 def test_rows_left_out():
     """What is left out is predicted within 2 %, in band, by the others.
 
-    These rows have the largest errors in docs/slant.md, which has all of them.
+    These rows have the largest errors in docs/validation/slant.md, which has all of them.
     """
     air = slant_air("slant_midlat_summer")
     for row in (without_elevation(air, 10), without_elevation(air, 30), without_range(air, 1e4)):

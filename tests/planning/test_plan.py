@@ -398,7 +398,9 @@ def test_any_seed():
 
 
 def test_what_cannot_be_planned():
-    with pytest.raises(InputError, match="needs an orthographic sensor"):
+    with pytest.raises(
+        InputError, match=r"needs an orthographic sensor.*each_pixel \(--each-pixel\)"
+    ):
         scene = mi_lcair.load("two_plates", resolution=8)
         replaced = replace(
             scene,

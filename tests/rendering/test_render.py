@@ -159,6 +159,11 @@ def test_unusable_sampling(keywords, name):
         mi_lcair.render(load(), **keywords)
 
 
+def test_a_number_of_samples_stands_alone():
+    with pytest.raises(InputError, match="spp sets a fixed number of samples"):
+        mi_lcair.render(load(), spp=4, tolerance=0.1)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("closure", ["none", "tail"])
 @pytest.mark.parametrize("split", [None, "image", "target"])

@@ -220,7 +220,7 @@ def test_by_wavelength_is_planck(plate):
         checked(scene, Path("strips.xml"), {}), spp=64, by_spectrum=True, facets=True
     )
     x = np.linspace(8, 12, 7)
-    facets = result.facets.columns
+    facets = result.facets.table
     # The sampled area of each facet is its intensity over its in-band radiance.
     planck = [
         I / in_band_radiance(band("LWIR"), T) * spectral_radiance(x, T)
@@ -234,7 +234,7 @@ def test_by_wavelength_is_planck(plate):
 @pytest.mark.slow
 def test_csv_and_plot(many, tmp_path):
     result = mi_lcair.signature(many, spp=16, by_spectrum=True)
-    write(tmp_path / "s.csv", result.effective_areas, "many")
+    write(tmp_path / "s.csv", result.effective_areas)
     rows = [
         line for line in (tmp_path / "s.csv").read_text().splitlines() if not line.startswith("#")
     ]
@@ -246,7 +246,7 @@ def test_csv_and_plot(many, tmp_path):
         table["scene_W_sr_um"],
         rtol=1e-7,
     )
-    save_plot(tmp_path / "s.png", result.effective_areas, "many")
+    save_plot(tmp_path / "s.png", result.effective_areas)
     assert (tmp_path / "s.png").stat().st_size > 10000
 
 

@@ -1,5 +1,5 @@
 """A tolerance is said to be reached only where it is: scenes whose radiance hangs on a source that
-few paths meet. docs/adverse.md has the same with 20 seeds.
+few paths meet. docs/validation/adverse.md has the same with 20 seeds.
 """
 
 import re

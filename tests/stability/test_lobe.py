@@ -132,7 +132,7 @@ def test_tabulated_HDR_beyond_89_degrees(e, bound, form):
 def test_float32_at_the_edges(e, form):
     """The value and the weight of a sample have an error of 1e-4 up to 89.9 degrees, 3e-3 beyond.
 
-    This is a section of the map in docs/stability.
+    This is a section of the map in docs/validation/stability.
     """
     from_horizon = 90 - ANGLES_DEG
     for corner in CORNERS:
@@ -141,7 +141,7 @@ def test_float32_at_the_edges(e, form):
             assert error[ANGLES_DEG <= 89.9].max() <= 1e-4 and error.max() <= 3e-3, corner
 
 
-# First angle in degrees at which HDR exceeds 1 for epsilon = rho_d = 0, as in docs/stability.md.
+# First angle in degrees at which HDR exceeds 1 for epsilon = rho_d = 0 (page `stability`)
 # form -> b -> angle for each of SATURATED_WIDTHS, or None if HDR never exceeds 1
 SATURATED = {
     "thesis": {

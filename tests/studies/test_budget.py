@@ -18,7 +18,7 @@ def test_the_study_by_hand_has_the_same_cases():
 
 
 def test_the_uncertainties_fit_the_scenario():
-    """All names in docs/budget/landing.toml are known; nothing is rendered."""
+    """All names in docs/validation/budget/landing.toml are known; nothing is rendered."""
     with result_of(budget.scenario(3, "LWIR"), {}) as number:
         inputs = Inputs.of(Uncertainties.read(budget.STATED), number.known, number.what)
     assert {"sky.radiance", "scenario.range_m", "bare_aluminum.e"} <= set(inputs.names)

@@ -5,14 +5,17 @@ from pathlib import Path
 import click
 
 import mi_lcair
+from mi_lcair.cli import completion
 from mi_lcair.cli.options import (
     POSITIVE,
-    Assignment,
-    Fraction,
+    changes_option,
     json_option,
+    plot_option,
     prepare_renderer,
     progress_bar,
     renderer_options,
+    sampling_options,
+    seed_option,
     sensor_option,
     solution_option,
 )
@@ -28,7 +31,7 @@ from mi_lcair.errors import InputError
 
 
 @click.command("budget")
-@click.argument("what")
+@click.argument("what", shell_complete=completion.scenes_and_scenarios)
 @click.option(
     "-u",
     "--uncertainties",
@@ -36,14 +39,8 @@ from mi_lcair.errors import InputError
     required=True,
     help="The uncertainties, FILE.toml: standard deviations, covariances, reports of fits.",
 )
-@click.option(
-    "-D",
-    "changes",
-    type=Assignment(),
-    multiple=True,
-    help="Set a $-parameter of the scene, or an entry of the scenario; may be repeated.",
-)
-@click.option("--plot", type=click.Path(path_type=Path), help="Draw a tornado chart, FILE.png.")
+@changes_option("Set a $-parameter of the scene, or an entry of the scenario")
+@plot_option("Draw a tornado chart, FILE.png.")
 @click.option(
     "--image",
     type=click.Path(path_type=Path),
@@ -56,25 +53,13 @@ from mi_lcair.errors import InputError
     type=POSITIVE,
     help="Also compute the distribution of the result from this number of random draws.",
 )
-@click.option(
-    "--spp",
-    type=POSITIVE,
-    help="Number of paths, divided by the number of pixels (default: that of the scene or the "
+@sampling_options(
+    spp="Number of paths, divided by the number of pixels (default: that of the scene or the "
     "scenario).",
+    tolerance="Trace paths until half of the 95 % interval of the result is at most this fraction "
+    "of it. It is the error of the rendering alone.",
 )
-@click.option(
-    "--tolerance",
-    type=Fraction(),
-    help="Trace paths until half of the 95 % interval of the result is at most this fraction of "
-    "it. It is the error of the rendering alone.",
-)
-@click.option(
-    "--seed",
-    type=click.IntRange(0, 2**32 - 1),
-    default=0,
-    show_default=True,
-    help="Seed of the random numbers.",
-)
+@seed_option()
 @solution_option
 @sensor_option
 @renderer_options
@@ -104,10 +89,6 @@ def command(
     from mi_lcair.uncertainty.uncertainties import Uncertainties
 
     check_outputs((plot, ".png"), (image, ".exr"))
-    if spp and tolerance:
-        raise InputError(
-            "--spp sets a fixed number of samples; --tolerance chooses one, and does not go with it"
-        )
     stated = Uncertainties.read(uncertainties)
     sampling = {"spp": spp, "tolerance": tolerance}
     sampling = {name: value for name, value in sampling.items() if value is not None}

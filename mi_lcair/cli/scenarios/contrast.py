@@ -1,18 +1,17 @@
 """mi-lcair contrast: the contrast of a scenario's target at the sensor."""
 
-from pathlib import Path
-
 import click
 
 import mi_lcair
 from mi_lcair.cli.options import (
-    POSITIVE,
-    Assignment,
-    Fraction,
+    changes_option,
     json_option,
+    plot_option,
     prepare_renderer,
     progress_bar,
     renderer_options,
+    sampling_options,
+    scenario_argument,
     solution_option,
 )
 from mi_lcair.cli.output import (
@@ -28,26 +27,21 @@ from mi_lcair.errors import InputError
 
 
 @click.command("contrast")
-@click.argument("scenario")
-@click.option(
-    "-D",
-    "changes",
-    type=Assignment(),
-    multiple=True,
-    help="Change an entry of the scenario, such as sensor.band=LWIR; may be repeated.",
-)
+@scenario_argument
+@changes_option("Change an entry of the scenario, such as sensor.band=LWIR")
 @click.option(
     "--range",
     "ranges",
     is_flag=True,
     help="Find the ranges at which the target is detected; needs sensor.nei.",
 )
-@click.option("--plot", type=click.Path(path_type=Path), help="Draw the spectra, FILE.png.")
-@click.option(
-    "--tolerance",
-    type=Fraction(),
-    help="Trace paths until half of the 95 % interval of each contrast is at most this fraction of "
-    "it.",
+@plot_option("Draw the spectra, FILE.png.")
+@sampling_options(
+    spp="Number of paths, divided by the number of pixels of render.resolution, instead of a "
+    "tolerance (default: 64). The paths begin anywhere in a window around the target.",
+    tolerance="Trace paths until half of the 95 % interval of each contrast is at most this "
+    "fraction of it.",
+    max_spp="Largest --spp for the tolerances (default: 65536).",
 )
 @click.option(
     "--tolerance-W-m2",
@@ -55,13 +49,6 @@ from mi_lcair.errors import InputError
     type=click.FloatRange(min=0, min_open=True),
     help="The same in W m^-2, for a contrast that may be zero. With both tolerances, one suffices.",
 )
-@click.option(
-    "--spp",
-    type=POSITIVE,
-    help="Number of paths, divided by the number of pixels of render.resolution, instead of a "
-    "tolerance (default: 64). The paths begin anywhere in a window around the target.",
-)
-@click.option("--max-spp", type=POSITIVE, help="Largest --spp for the tolerances (default: 65536).")
 @solution_option
 @renderer_options
 @json_option
@@ -77,11 +64,6 @@ def command(scenario, changes, ranges, plot, solution, variant, threads, json, *
 
     check_outputs((plot, ".png"))
     given = {name: value for name, value in sampling.items() if value is not None}
-    if "spp" in given and len(given) > 1:
-        raise InputError(
-            "--spp sets a fixed number of samples; tolerances and --max-spp choose one, and do not "
-            "go with it"
-        )
     own = {f"render.{name}": value for name, value in given.items()}
     if solution:
         own["target.solution"] = solution

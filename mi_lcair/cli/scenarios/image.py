@@ -7,12 +7,15 @@ import click
 import mi_lcair
 from mi_lcair.cli.options import (
     POSITIVE,
-    Assignment,
-    Fraction,
+    changes_option,
     json_option,
+    plot_option,
     prepare_renderer,
     progress_bar,
     renderer_options,
+    sampling_options,
+    scenario_argument,
+    seed_option,
 )
 from mi_lcair.cli.output import (
     check_outputs,
@@ -23,11 +26,10 @@ from mi_lcair.cli.output import (
     print_json,
     print_written,
 )
-from mi_lcair.errors import InputError
 
 
 @click.command("image")
-@click.argument("scenario")
+@scenario_argument
 @click.option(
     "-o",
     "--output",
@@ -35,13 +37,7 @@ from mi_lcair.errors import InputError
     required=True,
     help="The image to write, FILE.exr. The counts go to FILE.tif beside it.",
 )
-@click.option(
-    "-D",
-    "changes",
-    type=Assignment(),
-    multiple=True,
-    help="Change an entry of the scenario, such as camera.f_number=2; may be repeated.",
-)
+@changes_option("Change an entry of the scenario, such as camera.f_number=2")
 @click.option(
     "--frames",
     type=POSITIVE,
@@ -49,22 +45,14 @@ from mi_lcair.errors import InputError
     show_default=True,
     help="Number of frames with independent noise, pages of FILE.tif. There is one render.",
 )
-@click.option(
-    "--seed",
-    type=click.IntRange(0, 2**32 - 1),
-    default=0,
-    show_default=True,
-    help="Seed of the camera's noise and fixed pattern.",
-)
-@click.option("--plot", type=click.Path(path_type=Path), help="Draw frame and measures, FILE.png.")
-@click.option(
-    "--tolerance",
-    type=Fraction(),
-    help="Render until the rms standard error over the pixels on the target is at most this "
+@seed_option("Seed of the camera's noise and fixed pattern.")
+@plot_option("Draw frame and measures, FILE.png.")
+@sampling_options(
+    spp="Paths through a pixel (default: 64).",
+    tolerance="Render until the rms standard error over the pixels on the target is at most this "
     "fraction of its mean radiance.",
+    max_spp="Largest --spp for the tolerance (default: 65536).",
 )
-@click.option("--spp", type=POSITIVE, help="Paths through a pixel (default: 64).")
-@click.option("--max-spp", type=POSITIVE, help="Largest --spp for the tolerance (default: 65536).")
 @renderer_options
 @json_option
 def command(scenario, output, changes, frames, seed, plot, variant, threads, json, **sampling):
@@ -74,18 +62,13 @@ def command(scenario, output, changes, frames, seed, plot, variant, threads, jso
     the aperture, electrons, counts and apparent temperature. Printed are the camera's noise and
     sharpness, predicted and measured, and the target's signal over range.
     """
-    from mi_lcair.camera.tiff import write_tiff
     from mi_lcair.detection.scenario import Scenario
+    from mi_lcair.formats import tiff
     from mi_lcair.rendering.image import write_exr
 
     pages = output.with_suffix(".tif")
     check_outputs((output, ".exr"), (pages, ".tif"), (plot, ".png"))
     given = {name: value for name, value in sampling.items() if value is not None}
-    if "spp" in given and len(given) > 1:
-        raise InputError(
-            "--spp sets a fixed number of samples; --tolerance and --max-spp choose one, and do "
-            "not go with it"
-        )
     own = {f"render.{name}": value for name, value in given.items()}
     parsed = Scenario.read(scenario, **dict(changes) | own)
 
@@ -96,7 +79,7 @@ def command(scenario, output, changes, frames, seed, plot, variant, threads, jso
         note(remark)
     write_exr(output, result.channels, result.header)
     camera = parsed.camera
-    write_tiff(
+    tiff.write(
         pages,
         result.counts,
         f"{camera.electrons_per_count:.9g} electrons in a count, {camera.pedestal:.9g} counts "

@@ -12,7 +12,7 @@ interpolated: the first in its logarithm, both linearly in the logarithm of rang
 the sine of the elevation. At its entries the table is met exactly. Below the first range the ratios
 stay, and the optical depth goes to 0 with the model's amounts. A row that is left out of the
 bundled tables is predicted within 0.7 % of its in-band transmittance and 1.7 % of its path radiance
-(docs/slant.md).
+(docs/validation/slant.md).
 
 A path that begins above the table's lower end follows from the same model, with the ratios of the
 path from the lower end through it to its upper end. The page compares some of these paths, too.

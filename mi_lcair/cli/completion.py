@@ -1,0 +1,133 @@
+"""What the shell completes: names of scenes, scenarios and materials, and keys of -D.
+
+Nothing here loads Mitsuba or NumPy. A completion that takes longer than a key press is of no use.
+"""
+
+import tomllib
+from pathlib import Path
+
+from click.shell_completion import BashComplete, CompletionItem, add_completion_class
+
+from mi_lcair import physics
+from mi_lcair.errors import InputError
+
+MATERIALS = Path(physics.__file__).with_name("materials.toml")
+ADD_WORD = "COMPREPLY+=($value)"
+# A key is followed by its value, and not by a blank.
+ADD_KEY = f"{ADD_WORD}; [[ $value == *= ]] && compopt -o nospace"
+
+
+class Bash(BashComplete):
+    """click's completion for Bash, which adds no blank behind `key=`."""
+
+    source_template = BashComplete.source_template.replace(ADD_WORD, ADD_KEY)
+
+
+add_completion_class(Bash)
+
+
+def scenes(ctx, param, incomplete: str) -> list[CompletionItem]:
+    """Bundled scenes and XML files whose names begin with the text."""
+    from mi_lcair import scenes as bundled
+
+    return offered({name: bundled.title(name) for name in bundled.names()}, incomplete, ".xml")
+
+
+def scenarios(ctx, param, incomplete: str) -> list[CompletionItem]:
+    """Bundled scenarios and TOML files whose names begin with the text."""
+    from mi_lcair import scenes as bundled
+
+    titles = {name: bundled.scenario_title(name) for name in bundled.scenarios()}
+    return offered(titles, incomplete, ".toml")
+
+
+def scenes_and_scenarios(ctx, param, incomplete: str) -> list[CompletionItem]:
+    """Bundled scenes and scenarios; files if none of them fits."""
+    found = [
+        item
+        for complete in (scenes, scenarios)
+        for item in complete(ctx, param, incomplete)
+        if item.type == "plain"
+    ]
+    return found or [CompletionItem(incomplete, type="file")]
+
+
+def materials(ctx, param, incomplete: str) -> list[CompletionItem]:
+    """Bundled materials and the JSON files of fits whose names begin with the text."""
+    entries = tomllib.loads(MATERIALS.read_text(encoding="utf-8"))
+    return offered(dict.fromkeys(entries, ""), incomplete, ".json")
+
+
+def pictured(ctx, param, incomplete: str) -> list[CompletionItem]:
+    """What `show` draws: images, scenes and materials."""
+    found = [
+        *offered({}, incomplete, ".exr"),
+        *scenes(ctx, param, incomplete),
+        *materials(ctx, param, incomplete),
+    ]
+    plain = [item for item in found if item.type == "plain"]
+    return plain or [CompletionItem(incomplete, type="file")]
+
+
+def keys(ctx, param, incomplete: str) -> list[CompletionItem]:
+    """Keys of -D, `key=`, of the scene or scenario that stands before it on the line."""
+    subjects = [ctx.params.get(name) for name in ("scene", "scenario", "what")]
+    subject = next(filter(None, subjects), None)
+    if subject is None or "=" in incomplete:
+        return []
+    try:
+        known = entries_of_scenario(subject) or parameters_of_scene(subject)
+    except (InputError, OSError, ValueError):
+        return []  # the command reports what is wrong with the file
+    return [
+        CompletionItem(f"{key}=", help=text)
+        for key, text in known.items()
+        if key.startswith(incomplete)
+    ]
+
+
+def parameters_of_scene(scene: str) -> dict[str, str]:
+    """Names of a scene's $-parameters, with their meanings if the scene is bundled."""
+    from mi_lcair import scenes as bundled
+    from mi_lcair.rendering.loading.files import survey
+
+    is_bundled = scene in bundled.names()
+    meanings = bundled.parameters(scene) if is_bundled else {}
+    found = survey(bundled.path(scene) if is_bundled else Path(scene), {})
+    others = sorted(found - meanings.keys())
+    return {key: meaning.description for key, meaning in meanings.items()} | dict.fromkeys(
+        others, ""
+    )
+
+
+def entries_of_scenario(scenario: str) -> dict[str, str]:
+    """The entries that a scenario states, such as sensor.band; none for what is no scenario."""
+    from mi_lcair import scenes as bundled
+
+    if scenario in bundled.scenarios():
+        path = bundled.scenario_path(scenario)
+    elif scenario.lower().endswith(".toml"):
+        path = Path(scenario)
+    else:
+        return {}
+    tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    return {
+        f"{table}.{key}": str(value)
+        for table, entries in tables.items()
+        if isinstance(entries, dict)
+        for key, value in entries.items()
+    }
+
+
+def offered(names: dict[str, str], incomplete: str, suffix: str) -> list[CompletionItem]:
+    """Items for the names, with their help, and for the files here with this suffix.
+
+    If nothing begins with the text, the shell completes file names.
+    """
+    files = {path.name: "" for path in sorted(Path().glob(f"*{suffix}"))}
+    found = [
+        CompletionItem(name, help=text)
+        for name, text in (names | files).items()
+        if name.startswith(incomplete)
+    ]
+    return found or [CompletionItem(incomplete, type="file")]

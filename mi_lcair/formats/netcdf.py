@@ -1,0 +1,124 @@
+"""netCDF files of labelled arrays, and the labelled arrays of a table.
+
+The files are netCDF-3 with 64-bit offsets, which SciPy writes and every netCDF reader reads. The
+netCDF-4 engines would need HDF5 beside it.
+"""
+
+import numpy as np
+
+from mi_lcair.errors import InputError
+from mi_lcair.extras import optional
+from mi_lcair.files import replacing
+from mi_lcair.formats.units import quantity_of, unit_of
+
+LARGEST_WHOLE = 2**31 - 1  # largest integer of netCDF-3
+
+
+def write(path, dataset) -> None:
+    """Write an xarray Dataset as a netCDF file, completely or not at all.
+
+    Integers beyond 31 bits become Float64. A slash in a name, which netCDF does not allow, becomes
+    an underscore.
+
+    Parameters
+    ----------
+    path : path-like
+        File to write.
+    dataset : xarray.Dataset
+        Variables with their units in the attribute `units`, see `table` and `grid`.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written, if two names differ only by the characters that are replaced,
+        or if xarray is not installed.
+    """
+    optional("xarray", "a netCDF file")
+    names = {name: str(name).strip().replace("/", "_") for name in dataset.variables}
+    if len(set(names.values())) < len(names):
+        raise InputError(
+            f"output '{path}': two columns have the same name in netCDF, where / becomes _; "
+            "rename a group, or write a CSV"
+        )
+    renamed = dataset.rename({name: new for name, new in names.items() if name != new})
+    stored = renamed.map(_storable).assign_attrs(
+        {name: value for name, value in renamed.attrs.items() if value is not None}
+    )
+    stored = stored.assign_coords(
+        {name: _storable(value) for name, value in renamed.coords.items()}
+    )
+    with replacing(path) as partial:
+        stored.to_netcdf(partial, engine="scipy", format="NETCDF3_64BIT")
+
+
+def table(columns: dict[str, np.ndarray], dimension: str = "row", **attributes):
+    """The Dataset of a table.
+
+    Parameters
+    ----------
+    columns : dict of str to array-like
+        Columns by name, whose end is the unit.
+    dimension : str
+        Name of the rows' dimension. If it is a column, that is the dimension's coordinate.
+    **attributes
+        Attributes of the Dataset, such as `title`.
+
+    Returns
+    -------
+    xarray.Dataset
+        A variable for each column, with the attributes `units` and `long_name`.
+
+    Raises
+    ------
+    InputError
+        If xarray is not installed.
+    """
+    xarray = optional("xarray", "a netCDF file or an xarray Dataset")
+    variables = {name: ((dimension,), values) for name, values in _arrays(columns).items()}
+    return _described(xarray.Dataset(variables, attrs=attributes))
+
+
+def grid(columns: dict[str, np.ndarray], axes: tuple[str, ...], **attributes):
+    """The Dataset of a table whose rows are the points of a grid.
+
+    As `table`, but with the columns `axes` as coordinates: (elevation_deg, azimuth_deg) makes each
+    other column an array (elevations, azimuths). Points without a row are NaN. Columns of integers
+    stay integers where the grid is full.
+    """
+    xarray = optional("xarray", "a netCDF file or an xarray Dataset")
+    columns = _arrays(columns)
+    ticks, places = zip(*(np.unique(columns[axis], return_inverse=True) for axis in axes))
+    shape = tuple(len(tick) for tick in ticks)
+    full = np.prod(shape) == len(columns[axes[0]])
+    variables = {}
+    for name, values in columns.items():
+        if name in axes:
+            continue
+        numeric = values.dtype.kind in "iub" and full
+        spread = np.full(shape, 0 if numeric else np.nan, values.dtype if numeric else float)
+        if values.dtype.kind not in "iufb":
+            spread = np.full(shape, "", object)
+        spread[places] = values
+        variables[name] = (axes, spread)
+    return _described(xarray.Dataset(variables, dict(zip(axes, ticks)), attributes))
+
+
+def _arrays(columns) -> dict[str, np.ndarray]:
+    return {name: np.asarray(values) for name, values in columns.items()}
+
+
+def _described(dataset):
+    """The Dataset with `units` and `long_name` of each variable, from its name."""
+    for name, variable in dataset.variables.items():
+        if unit := unit_of(name):
+            variable.attrs["units"] = unit
+        variable.attrs["long_name"] = quantity_of(name)
+    return dataset
+
+
+def _storable(array):
+    """A DataArray in a type that netCDF-3 has."""
+    kind = array.dtype.kind
+    if kind in "iu" and array.size and np.abs(array.values.astype(float)).max() > LARGEST_WHOLE:
+        return array.astype(np.float64)
+    return array.astype(str) if kind == "O" else array
