@@ -1,7 +1,6 @@
 """mi-lcair report: a page in HTML of results, scenes and scenarios."""
 
 import shlex
-import sys
 from pathlib import Path
 
 import click
@@ -19,7 +18,17 @@ from mi_lcair.cli.output import note
 from mi_lcair.errors import InputError
 
 
-@click.command("report")
+class Called(click.Command):
+    """A command that keeps its arguments, so that a page can say how it was made."""
+
+    def make_context(self, info_name, args, parent=None, **extra):
+        call = shlex.join(["mi-lcair", info_name, *args])
+        context = super().make_context(info_name, args, parent, **extra)
+        context.obj = call
+        return context
+
+
+@click.command("report", cls=Called)
 @click.argument("what", nargs=-1, required=True)
 @click.option(
     "-o",
@@ -54,7 +63,8 @@ from mi_lcair.errors import InputError
     "--plan", type=click.Choice(["auto"]), help="Plan the signature of a scene; show the plan."
 )
 @renderer_options
-def command(what, output, parameters, variant, threads, **options):
+@click.pass_obj
+def command(call, what, output, parameters, variant, threads, **options):
     """Write a page of WHAT, with images to hover and models to turn.
 
     \b
@@ -77,7 +87,7 @@ def command(what, output, parameters, variant, threads, **options):
             what,
             output,
             parameters=dict(parameters),
-            command=shlex.join(["mi-lcair", *sys.argv[1:]]),
+            command=call,
             progress=progress,
             **options,
         )

@@ -20,7 +20,7 @@ from mi_lcair.rendering.limits import check_memory, check_paths, check_samples
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals, check_valid, student_factor
 from mi_lcair.rendering.window import window_size
-from mi_lcair.results import Result
+from mi_lcair.results import PAGE, Result
 
 BOUNCE_CHANNELS = 17  # bounce channels in the image; the last holds all counts from 16 on
 # Paths of one pass. A pass takes seconds, and Ctrl-C takes effect at its end.
@@ -85,7 +85,10 @@ class Render(Result):
 
     kind: ClassVar[str] = "render"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.render:figure"
-    saved_by: ClassVar[dict[str, str]] = {".exr": "mi_lcair.rendering.image:write_render"}
+    saved_by: ClassVar[dict[str, str]] = {
+        ".exr": "mi_lcair.rendering.image:write_render",
+        **PAGE,
+    }
 
     @property
     def by_bounce(self) -> list[float]:

@@ -1,7 +1,7 @@
 // A facet model in space, coloured by a column of its table, with a read-out of the whole row.
 PANELS.model = (place, data) => new ModelPanel(place, data).draw();
 
-const VIEWS = { "sensor": null, "nose": [1, 0, 0], "left side": [0, 1, 0], "right side": [0, -1, 0], "tail": [-1, 0, 0], "top": [0, 0, 1], "below": [0, 0, -1] };
+const VIEWS = { "sensor": null, "ahead, left and above": [1, 0.8, 0.6], "nose": [1, 0, 0], "left side": [0, 1, 0], "right side": [0, -1, 0], "tail": [-1, 0, 0], "top": [0, 0, 1], "below": [0, 0, -1] };
 
 const FILLED = 3.2;  // length of the diagonal of a model as plotly draws it
 

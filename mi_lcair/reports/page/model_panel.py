@@ -13,32 +13,35 @@ EMISSIVITY = "emissivity_toward_the_sensor"
 FIRST = ("radiance_W_m2_sr", "temperature_K", "group")  # columns to colour by at first, if present
 
 
-def model_panel(table, columns: dict[str, np.ndarray], toward=None) -> Panel:
+def model_panel(triangles, triangle_facet, columns: dict[str, np.ndarray], toward=None) -> Panel:
     """The panel of a model.
 
     Parameters
     ----------
-    table : FacetTable
-        Facets of the scene; those of sky and terrain are not shown.
+    triangles : ndarray, shape (T, 3, 3)
+        Corners of the triangles, m. Those of facets without a row are not shown.
+    triangle_facet : ndarray, shape (T,)
+        Number of each triangle's facet.
     columns : dict of str to ndarray, shape (rows,)
-        Facets table: `facet`, the number in the scene, and other columns by name with unit.
+        Facets table: `facet`, the number, and other columns by name with unit.
     toward : ndarray, shape (3,), optional
         Direction toward the sensor, from which the model is seen at first.
 
     Raises
     ------
     InputError
-        If the table has a facet that the scene lacks.
+        If the table has a facet that the model lacks.
     """
-    facet = np.asarray(columns["facet"])
-    if not ((facet >= 0) & (facet < table.count)).all() or len(np.unique(facet)) < len(facet):
+    facet, count = np.asarray(columns["facet"]), int(np.max(triangle_facet, initial=-1)) + 1
+    whole = (facet >= 0) & (facet < count) & (facet == np.round(facet))
+    if not whole.all() or len(np.unique(facet)) < len(facet):
         raise InputError(
-            f"the facets table does not fit the scene, whose facets are 0 to {table.count - 1}; "
-            "give the scene and the parameters from which it was made"
+            f"the facets table does not fit the model, whose facets are 0 to {count - 1}, each in "
+            "one row; give the scene and the parameters from which the table was made"
         )
-    row = np.full(table.count, -1)
+    row = np.full(count, -1)
     row[facet.astype(int)] = np.arange(len(facet))
-    of_triangle = row[table.triangle_facet]
+    of_triangle = row[triangle_facet]
     chosen = of_triangle >= 0
     described = [
         described_column(name, values, columns.get("area_m2")) for name, values in columns.items()
@@ -48,7 +51,7 @@ def model_panel(table, columns: dict[str, np.ndarray], toward=None) -> Panel:
     return Panel(
         "model",
         {
-            "corners": table.triangles[chosen].ravel(),
+            "corners": np.asarray(triangles)[chosen].ravel(),
             "rows": of_triangle[chosen],
             "columns": described,
             "shown": first,

@@ -10,26 +10,24 @@ import numpy as np
 from mi_lcair import scenes
 from mi_lcair.errors import InputError
 from mi_lcair.files import read_bytes, read_text
-from mi_lcair.reports.page.model_panel import with_emissivity
 from mi_lcair.reports.page.page import Section
 from mi_lcair.reports.page.sections import (
+    SPECTRAL,
     facets_section,
-    fit_sections,
     image_sections,
     intensity_section,
-    model_of,
+    known_band,
     spectrum_section,
+    toward_sensor,
     trend_sections,
-    unpacked,
 )
-from mi_lcair.reports.page.tables import facts, heading, table
+from mi_lcair.reports.page.tables import facts, heading, table, unpacked, words_of
 from mi_lcair.table import lines_of, read_table
 
 TAKEN = (
     "report takes a radiance image (.exr), a signature's or a fit's .json, the .csv of a trend, of "
     "facets or of a spectrum, a scene (.xml or bundled name) and a scenario (.toml or bundled name)"
 )
-SPECTRAL = "_W_sr_um"  # end of the names of a spectrum's columns
 TREND = ("azimuth_deg", "elevation_deg", "intensity_W_sr")
 
 
@@ -114,78 +112,64 @@ def json_file(what: str, request: Request):
         entries = json.loads(text)
     except ValueError as error:
         raise InputError(f"'{what}': not JSON: {error}") from None
-    if is_fit(entries):
-        return fit(what, [entries])
-    if isinstance(entries, dict) and isinstance(entries.get("materials"), dict):
-        reports = list(entries["materials"].values())
-        if reports and all(map(is_fit, reports)):
-            return fit(what, reports)
-    if isinstance(entries, dict) and all(
-        isinstance(entries.get(p), dict) for p in ("target", "scene")
-    ):
-        return signature(what, entries)
-    raise InputError(
-        f"'{what}': neither a signature's JSON (`signature --json`) nor a fit's (`fit -o`); {TAKEN}"
-    )
-
-
-def is_fit(entries) -> bool:
-    """Whether JSON is the report of one fit."""
-    keys = {"model", "parameters", "standard_error", "verdict", "rms_dex", "settings", "source"}
-    return isinstance(entries, dict) and keys <= entries.keys()
-
-
-def signature(what: str, entries: dict):
-    """The tables of a signature's JSON."""
-    try:
-        sections = [intensity_section(entries)]
-    except (KeyError, StopIteration, TypeError, ValueError) as error:
+    kind = entries.get("kind") if isinstance(entries, dict) else None
+    readers = {"signature": signature, "fit": fit}
+    if kind not in readers:
         raise InputError(
-            f"'{what}': an incomplete signature, without {error}; make it anew"
+            f"'{what}': neither a signature's JSON (`signature --json`) nor a fit's (`fit -o`); "
+            f"{TAKEN}"
+        )
+    try:
+        return readers[kind](what, entries, request)
+    except (KeyError, IndexError, TypeError, AttributeError) as error:
+        raise InputError(
+            f"'{what}': an incomplete {kind} ({type(error).__name__}: {error}); make it anew"
         ) from None
-    areas = entries.get("effective_areas")
-    if areas:
-        names = list(areas[0])
+
+
+def signature(what: str, entries: dict, request: Request):
+    """A signature's JSON: tables, spectrum and facets, on the model of `request.scene`."""
+    sections = [intensity_section(entries)]
+    if "spectrum" in entries:
+        sections.append(spectrum_section(columns_of(entries["spectrum"])))
+    if "facets" in entries:
         sections.append(
-            Section(
-                "Effective areas",
-                [
-                    table(
-                        [heading(name) for name in names],
-                        [[row.get(n) for n in names] for row in areas],
-                    )
-                ],
-            )
+            facets_on_model(what, columns_of(entries["facets"]), request, entries["band"])
         )
-    rows = [
-        (
-            " ".join(
-                filter(None, (heading(key)[0], f"({heading(key)[1]})" if heading(key)[1] else ""))
-            ),
-            value,
-        )
+    if entries.get("effective_areas"):
+        areas = entries["effective_areas"]
+        heads = [heading(name) for name in areas[0]]
+        rows = [list(row.values()) for row in areas]
+        sections.append(Section("Effective areas", [table(heads, rows)]))
+    made = [
+        (words_of(key), value)
         for key, value in entries.items()
-        if isinstance(value, (str, int, float)) or value is None
+        if not isinstance(value, (dict, list)) and key not in ("kind", "time_s")
     ]
-    sections.append(Section("How it was made", [facts([*of_file(what), *rows])]))
-    return f"Signature ({Path(what).name})", sections
+    sections.append(Section("How it was made", [facts([*of_file(what), *made])]))
+    return f"Signature of {entries['scene_name']}", sections
 
 
-def fit(what: str, reports: list[dict]):
+def columns_of(lists: dict) -> dict[str, np.ndarray]:
+    """Columns from the lists of JSON; null is NaN in a column of numbers."""
+    columns = {}
+    for name, values in lists.items():
+        is_text = any(isinstance(value, str) for value in values)
+        columns[name] = np.array(values, dtype=object if is_text else float)
+    return columns
+
+
+def fit(what: str, entries: dict, request: Request):
     """Fits of one surface, one for each band, with their data where these lie beside the file."""
-    sections = []
+    from mi_lcair.reports.page.fit_panel import fit_of_report, fit_sections
+
+    reports, sections = list(entries.get("materials", {"": entries}).values()), []
     for report in reports:
         measurements, used = data_of(what, report)
-        from mi_lcair.reports.page.fit_panel import fit_of_report
-
-        fitted = fit_of_report(report)
-        fitted.used_points = used
-        own = fit_sections(report, fitted, measurements)
+        own = fit_sections(report, fit_of_report(report, used), measurements)
         own[-1].parts.insert(0, facts(of_file(what)))
         if len(reports) > 1:
-            own = [
-                Section(f"{section.title}, {report['band']} µm", section.parts) for section in own
-            ]
+            own = [Section(f"{part.title}, {report['band']} µm", part.parts) for part in own]
         sections += own
     return f"Fit of {reports[0]['name'] or Path(what).stem}", sections
 
@@ -215,7 +199,7 @@ def data_of(what: str, report: dict):
             settings["loss"],
             float(np.radians(settings["source_half_angle_deg"])),
             settings["max_angle_deg"],
-            settings["min_brdf"],
+            settings["min_brdf_per_sr"],
             1,
         )
         return measurements, used
@@ -287,38 +271,45 @@ def trend(what: str, columns: dict):
 
 def spectrum(what: str, columns: dict):
     """A spectrum's CSV."""
-    curves = {
-        name.removesuffix(SPECTRAL): values
-        for name, values in numeric(what, columns, ("wavelength_um",)).items()
-        if name.endswith(SPECTRAL)
-    }
-    if not {"target", "scene"} & curves.keys():
+    columns = numeric(what, columns, ("wavelength_um",))
+    if not {f"target{SPECTRAL}", f"scene{SPECTRAL}"} & columns.keys():
         raise InputError(f"'{what}': needs a column target{SPECTRAL} or scene{SPECTRAL}")
-    sections = [spectrum_section(columns["wavelength_um"], curves)]
-    sections.append(Section("How it was made", [facts([*of_file(what), *made_rows(what)])]))
-    return f"Spectrum ({Path(what).name})", sections
+    made = [*of_file(what), *made_rows(what)]
+    return f"Spectrum ({Path(what).name})", [
+        spectrum_section(columns),
+        Section("How it was made", [facts(made)]),
+    ]
 
 
 def facets(what: str, columns: dict, request: Request):
     """A facets table, on the model of `request.scene` if it is given."""
     numeric(what, columns, ("facet",))
     made = [*of_file(what), *made_rows(what)]
-    title, facet_table, toward = f"Facets ({Path(what).name})", None, None
+    if request.scene is not None:
+        made += [("scene", request.scene), *request.parameters.items()]
+    section = facets_on_model(what, columns, request)
+    return f"Facets ({Path(what).name})", [section, Section("How it was made", [facts(made)])]
+
+
+def facets_on_model(what: str, columns: dict, request: Request, band: str = "") -> Section:
+    """The section of a facets table, on the model of `request.scene` if it is given.
+
+    band: name of the band of the radiances; by default that of the scene.
+    """
     if request.scene is None:
         request.notes.append(f"{what}: give --scene SCENE to show the facets on its model")
-    else:
-        import mi_lcair
+        return facets_section(columns, band=known_band(band) if band else None)
+    import mi_lcair
+    from mi_lcair.rendering.facet_table import FacetTable
 
-        scene = mi_lcair.load(request.scene, **request.parameters)
-        facet_table, toward = model_of(scene, request.sampling.get("sensor", 0))
-        columns = with_emissivity(columns, scene.band)
-        title = f"Facets of {scene.name}"
-        made += [("scene", request.scene), *request.parameters.items()]
+    scene = mi_lcair.load(request.scene, **request.parameters)
+    of_scene = FacetTable(scene)
+    model = of_scene.triangles, of_scene.triangle_facet
+    toward = toward_sensor(scene, request.sampling.get("sensor", 0))
     try:
-        section = facets_section(columns, facet_table, toward)
+        return facets_section(columns, model, toward, scene.band)
     except InputError as error:
         raise InputError(f"'{what}': {error}") from None
-    return title, [section, Section("How it was made", [facts(made)])]
 
 
 def of_file(what: str) -> list[tuple[str, str]]:

@@ -2,15 +2,14 @@
 
 from dataclasses import asdict
 
-import numpy as np
-
 import mi_lcair
 from mi_lcair.errors import InputError
+from mi_lcair.rendering.window import window_size
+from mi_lcair.reports.page.contrast_panel import contrast_sections
 from mi_lcair.reports.page.page import Section
 from mi_lcair.reports.page.reading import Request
 from mi_lcair.reports.page.sections import (
     audit_section,
-    contrast_sections,
     image_sections,
     plan_section,
     signature_sections,
@@ -118,7 +117,7 @@ def of_scenario(what: str, request: Request):
             progress=request.progress,
         )
         audit = audit_of(view, request)
-    size_m = None if scenario.camera else window_size(view.sensors[0])
+    size_m = None if scenario.camera else image.window_m
     *images, made = image_sections(image.channels, image.header, size_m)
     sections = [
         *images,
@@ -140,13 +139,3 @@ def entries_of(scenario) -> list[tuple[str, object]]:
             }
             rows.append((f"[{table}]", ", ".join(f"{key} = {given[key]}" for key in given)))
     return [row for row in rows if row[1]]
-
-
-def window_size(camera) -> tuple[float, float] | None:
-    """Width and height of an orthographic sensor's window, m; None for another sensor."""
-    from mi_lcair.rendering.window import window
-
-    if camera.class_name() != "OrthographicCamera":
-        return None
-    _, right, up, _ = window(camera)
-    return float(np.linalg.norm(right)), float(np.linalg.norm(up))

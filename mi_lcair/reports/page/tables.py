@@ -1,43 +1,31 @@
 """Tables of a page: short ones as HTML, long ones as a panel with sorting and pages."""
 
+import json
 from html import escape
 
 import numpy as np
 
 from mi_lcair.errors import printable
+from mi_lcair.formats.units import quantity_of, unit_of
 from mi_lcair.reports.page.page import Panel
 from mi_lcair.table import NUMBER
 
 NO_VALUE = "no value"
 LONGEST_CELL = 2000  # characters
-# Units by the end of a name; the longest that fits counts.
-UNITS = {
-    "W_m2_sr_um": "W m⁻² sr⁻¹ µm⁻¹",
-    "W_sr_um": "W sr⁻¹ µm⁻¹",
-    "W_m2_sr": "W m⁻² sr⁻¹",
-    "W_m2": "W m⁻²",
-    "W_sr": "W sr⁻¹",
-    "per_sr": "sr⁻¹",
-    "mm": "mm",
-    "m2": "m²",
-    "um": "µm",
-    "deg": "°",
-    "dex": "decades",
-    "sr": "sr",
-    "ms": "ms",
-    "K": "K",
-    "W": "W",
-    "m": "m",
-    "s": "s",
-}
+# Units as people write them, by UDUNITS' parts
+WRITTEN = {"m2": "m²", "um": "µm", "degree": "°"}
+SUPERSCRIPT = str.maketrans("-123456789", "⁻¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def heading(name: str) -> tuple[str, str]:
     """Words and unit of a column or entry from its name, such as ("intensity", "W sr⁻¹")."""
-    for end, unit in UNITS.items():
-        if name.endswith(f"_{end}"):
-            return name.removesuffix(f"_{end}").replace("_", " "), unit
-    return name.replace("_", " "), ""
+    return quantity_of(name), " ".join(map(written, unit_of(name).split()))
+
+
+def written(unit: str) -> str:
+    """A part of a unit as people write it, such as "sr⁻¹" for "sr-1"."""
+    base, minus, power = unit.partition("-")
+    return WRITTEN.get(base, base) + (minus + power).translate(SUPERSCRIPT)
 
 
 def words_of(name: str) -> str:
@@ -97,6 +85,18 @@ def table(columns, rows, caption: str = "") -> str:
 def is_number(value) -> bool:
     """Whether a cell is a number, also with its error, or has no value."""
     return not isinstance(value, str) or NUMBER.fullmatch(value.partition(" ± ")[0]) is not None
+
+
+def unpacked(value):
+    """An entry as a cell: objects, also as JSON, as `key=value` pairs."""
+    if isinstance(value, str) and value.startswith("{"):
+        try:
+            value = json.loads(value)
+        except ValueError:
+            return value
+    if isinstance(value, dict):
+        return ", ".join(f"{key}={item}" for key, item in value.items()) or "none given"
+    return value
 
 
 def facts(rows, caption: str = "") -> str:
