@@ -22,6 +22,8 @@ WRITERS = {
     ".csv": ("mi_lcair.formats.csv:write", "columns"),
     ".nc": ("mi_lcair.formats.netcdf:write", "to_xarray"),
 }
+# `saved_by` of the results that have a report page
+PAGE = {".html": "mi_lcair.reports.page.page:write"}
 
 
 class Result:

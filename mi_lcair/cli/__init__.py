@@ -28,6 +28,7 @@ COMMANDS = {
         "chart",
         "plan",
         "audit",
+        "report",
     )
 }
 COMMANDS["import"] = "import_model"  # a module cannot be named `import`

@@ -13,7 +13,7 @@ from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.rendering.facet_polygons import FacetPolygons
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.render import BOUNCE_CHANNELS
-from mi_lcair.results import Result
+from mi_lcair.results import PAGE, Result
 
 SUFFIXES = (".csv", *vtk.SUFFIXES)  # of the files that a table of facets can be written as
 EDGE_ON = 1e-6  # cosine below which the projected area of a facet is only rounding error
@@ -45,7 +45,7 @@ class FacetResults(Result):
 
     kind: ClassVar[str] = "facets"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.facets:figure"
-    saved_by: ClassVar[dict[str, str]] = dict.fromkeys(
+    saved_by: ClassVar[dict[str, str]] = PAGE | dict.fromkeys(
         vtk.SUFFIXES, "mi_lcair.signatures.facet_results:write_polygons"
     )
 
