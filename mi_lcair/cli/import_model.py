@@ -4,6 +4,8 @@ from pathlib import Path
 
 import click
 
+from mi_lcair.cli import completion
+from mi_lcair.cli.examples import examples
 from mi_lcair.cli.options import json_option
 from mi_lcair.cli.output import note, print_columns, print_json
 
@@ -11,7 +13,13 @@ FILE = click.Path(path_type=Path)
 COLD = 200.0  # lower temperatures, K, are remarked because they are rare on a surface
 
 
-@click.command("import")
+@click.command(
+    "import",
+    epilog=examples(
+        "mi-lcair import box.obj -o box",
+        "mi-lcair import box.obj --check",
+    ),
+)
 @click.argument("file", type=FILE, metavar="MODEL.obj")
 @click.option(
     "-o",
@@ -31,6 +39,7 @@ COLD = 200.0  # lower temperatures, K, are remarked because they are rare on a s
 @click.option(
     "--material",
     metavar="KEY",
+    shell_complete=completion.materials,
     help="Material of all model facets, instead of the labels' materials.",
 )
 @click.option(
@@ -55,7 +64,8 @@ def command(file, output, check, temperatures, material, materials, scale, sky, 
 
     MODEL.obj is a Wavefront OBJ whose objects or groups are named
     {f|s|t}*{material}*{kelvin}*{anything}, such as f*bare_aluminum*300*. The first letter stands
-    for model (f), sky (s) or terrain (t). FOLDER/scene.xml is then ready for render and signature.
+    for model (f), sky (s) or terrain (t). Written are the meshes, in m and with the temperature of
+    each facet in K, and FOLDER/scene.xml, which is ready for render and signature.
     """
     if bool(output) == check:
         raise click.UsageError("give either -o FOLDER or --check", click.get_current_context())

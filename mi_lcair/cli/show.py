@@ -4,7 +4,8 @@ from pathlib import Path
 
 import click
 
-from mi_lcair.cli import pictures
+from mi_lcair.cli import completion, pictures
+from mi_lcair.cli.examples import examples
 from mi_lcair.cli.options import Assignment, json_option
 from mi_lcair.errors import InputError
 
@@ -18,8 +19,14 @@ KINDS = {
 }
 
 
-@click.command("show")
-@click.argument("what")
+@click.command(
+    "show",
+    epilog=examples(
+        "mi-lcair show open_box.exr -o open_box.png",
+        "mi-lcair show gloss_black --band LWIR -o brdf.png",
+    ),
+)
+@click.argument("what", shell_complete=completion.pictured)
 @click.option(
     "-o", "--output", type=FILE, help="The picture, FILE.png (default: named after WHAT)."
 )

@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 import mi_lcair
+from mi_lcair.cli.examples import examples
 from mi_lcair.cli.options import (
     POSITIVE,
     changes_option,
@@ -28,7 +29,12 @@ from mi_lcair.cli.output import (
 )
 
 
-@click.command("image")
+@click.command(
+    "image",
+    epilog=examples(
+        "mi-lcair image box.toml --spp 4 -o seen.exr --plot seen.png",
+    ),
+)
 @scenario_argument
 @click.option(
     "-o",
@@ -58,9 +64,10 @@ from mi_lcair.cli.output import (
 def command(scenario, output, changes, frames, seed, plot, variant, threads, json, **sampling):
     """Record the target of a scenario with its camera.
 
-    SCENARIO is a TOML file as for `contrast`, with a table [camera]. The image has the radiance at
-    the aperture, electrons, counts and apparent temperature. Printed are the camera's noise and
-    sharpness, predicted and measured, and the target's signal over range.
+    SCENARIO is a TOML file as for `contrast`, with a table [camera]. FILE.exr has the radiance at
+    the aperture in W m^-2 sr^-1, electrons, counts and apparent temperature in K; FILE.tif has the
+    counts of all frames. Printed are the camera's noise in mK and its sharpness, predicted and
+    measured, and the target's electrons and signal-to-noise ratio over range in m.
     """
     from mi_lcair.detection.scenario import Scenario
     from mi_lcair.formats import tiff
