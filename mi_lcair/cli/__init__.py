@@ -12,6 +12,7 @@ import sys
 import click
 
 import mi_lcair
+from mi_lcair.cli import completion  # noqa: F401  registers its script for Bash
 from mi_lcair.cli.output import quiet_option, warnings_as_notes
 from mi_lcair.errors import InputError, mitsuba_error, printable, unknown
 

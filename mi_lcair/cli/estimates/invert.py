@@ -22,7 +22,8 @@ MOST_LINES = 5  # sentences of advice
 @click.command(
     "invert",
     epilog=examples(
-        "mi-lcair render box/scene.xml -D azimuth_deg=30 -D resolution=64 -o camera.exr",
+        "mi-lcair render box/scene.xml -D azimuth_deg=30 -D elevation_deg=30 -D resolution=64 "
+        "-o camera.exr",
         "mi-lcair invert problem.toml --no-advice -o solution.json",
     ),
 )
