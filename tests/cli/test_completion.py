@@ -9,12 +9,13 @@ from pathlib import Path
 import pytest
 from click.shell_completion import ShellComplete
 
+import mi_lcair
 from mi_lcair import scenes
 from mi_lcair.cli import COMMANDS, main
 from tests.models3d.shapes import cube
 
 HEAVY = ("mitsuba", "drjit", "matplotlib", "colour", "scipy", "OpenEXR", "numpy", "tqdm")
-CHECKOUT = Path(main.callback.__code__.co_filename).parents[2]
+CHECKOUT = Path(mi_lcair.__file__).parents[1]
 
 
 def completions(*words):
@@ -125,7 +126,7 @@ def test_bash_adds_no_blank_behind_a_key(folder):
     (folder / "mi-lcair").chmod(0o755)
     script = """
 eval "$(_MI_LCAIR_COMPLETE=bash_source mi-lcair)"
-compopt() { echo "option $*"; }
+compopt() { echo option "$@"; }
 COMP_WORDS=(mi-lcair render cavity -D op); COMP_CWORD=4; COMPREPLY=()
 _mi_lcair_completion mi-lcair
 echo "${COMPREPLY[@]}"
