@@ -2,10 +2,9 @@
 
 import warnings
 from contextlib import contextmanager
-from pathlib import Path
 
-from mi_lcair.errors import InputError, printable
-from mi_lcair.files import replacing
+from mi_lcair.errors import printable
+from mi_lcair.files import check_suffix, replacing
 
 LONGEST = 120  # characters of a name in a title or legend
 PICTURES = (".png", ".svg", ".pdf")  # suffixes of the files that `write_figure` writes
@@ -35,9 +34,7 @@ def write_figure(figure, path) -> None:
     """
     from matplotlib import rc_context
 
-    suffix = Path(path).suffix.lower()
-    if suffix not in PICTURES:
-        raise InputError(f"output '{path}' does not end in {' or '.join(PICTURES)}")
+    suffix = check_suffix(path, PICTURES)
     settings = {"svg.fonttype": "none", "svg.hashsalt": "mi_lcair", "pdf.fonttype": 42}
     with warnings.catch_warnings(), rc_context(settings), replacing(path) as partial:
         warnings.filterwarnings("ignore", message="Glyph .* missing from")  # it is drawn as a box

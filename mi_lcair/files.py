@@ -68,6 +68,19 @@ def read_text(path: str | Path, what: str = "") -> str:
     return text
 
 
+def check_suffix(path: str | Path, suffixes, what: str = "output") -> str:
+    """The suffix of a path in lower case; raises InputError if it is none of `suffixes`.
+
+    what: name of the path in the message, such as an option.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in suffixes:
+        *first, last = suffixes
+        known = f"{', '.join(first)} or {last}" if first else last
+        raise InputError(f"{what} '{path}' does not end in {known}")
+    return suffix
+
+
 def check_writable(path: str | Path) -> None:
     """Raise InputError if a file cannot be created or replaced at `path`.
 

@@ -501,7 +501,8 @@ class PathTracer(RBIntegrator):
         pi = scene.ray_intersect_preliminary(ray, coherent=True, active=active)
         valid = pi.is_valid()
         if dr.hint(channels is not None, mode="scalar"):
-            first = pi.compute_surface_interaction(ray, mi.RayFlags.Minimal, active)
+            own = mi.RayFlags.Minimal if facets is None else mi.RayFlags.ShadingFrame
+            first = pi.compute_surface_interaction(ray, own, active)
             channels.meet(first, emitters, first.emitter(scene, active), facets)
             if dr.hint(channels.model_only, mode="scalar"):
                 active &= channels.of_model > 0

@@ -49,6 +49,6 @@ def test_equal_pictures_are_equal_files(tmp_path, suffix, monkeypatch):
 
 
 def test_another_suffix(tmp_path):
-    with pytest.raises(InputError, match="does not end in .png or .svg or .pdf"):
+    with pytest.raises(InputError, match="does not end in .png, .svg or .pdf"):
         write_figure(picture(), tmp_path / "a.jpg")
     assert not list(tmp_path.iterdir())

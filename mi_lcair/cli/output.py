@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import click
 
-from mi_lcair.errors import InputError, escaped, printable
-from mi_lcair.files import check_writable
+from mi_lcair.errors import escaped, printable
+from mi_lcair.files import check_suffix, check_writable
 
 QUIET = "mi_lcair.quiet"  # key in the context of click
 
@@ -143,12 +143,11 @@ class Verdict:
 def check_outputs(*outputs) -> None:
     """Check before the work that all outputs can be written and have the right suffix.
 
-    Each output is (path or None, suffix). Raises InputError for the first unusable one.
+    Each output is (path or None, suffix or suffixes). Raises InputError for the first unusable one.
     """
-    for path, suffix in outputs:
+    for path, suffixes in outputs:
         if path:
-            if path.suffix.lower() != suffix:
-                raise InputError(f"output '{path}' does not end in {suffix}")
+            check_suffix(path, (suffixes,) if isinstance(suffixes, str) else suffixes)
             check_writable(path)
 
 

@@ -10,8 +10,8 @@ from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
-from mi_lcair.errors import InputError, escaped
-from mi_lcair.files import replacing
+from mi_lcair.errors import escaped
+from mi_lcair.files import check_suffix, replacing
 
 SUFFIXES = (".vtp", ".vtu")
 TRIANGLE, POLYGON, QUAD = 5, 7, 9  # VTK's numbers of cell types
@@ -43,9 +43,7 @@ def write_facets(
     InputError
         If the suffix is neither of both, or if the file cannot be written.
     """
-    suffix = Path(path).suffix.lower()
-    if suffix not in SUFFIXES:
-        raise InputError(f"output '{path}' does not end in {' or '.join(SUFFIXES)}")
+    suffix = check_suffix(path, SUFFIXES)
     texts, numbers = {}, {}
     for name, values in columns.items():
         values = np.asarray(values)

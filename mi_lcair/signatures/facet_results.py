@@ -1,19 +1,20 @@
 """Radiance and intensity of each facet of the model, from the same paths as the image."""
 
-import csv
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from mi_lcair.files import replacing
+from mi_lcair.files import check_suffix
+from mi_lcair.formats import csv, vtk
 from mi_lcair.plugins.paths.channels import MAX_BOUNCE_CHANNELS, entries
 from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.rendering.facet_polygons import FacetPolygons
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.render import BOUNCE_CHANNELS
 from mi_lcair.results import Result
-from mi_lcair.table import safe_cell
 
+SUFFIXES = (".csv", *vtk.SUFFIXES)  # of the files that a table of facets can be written as
 EDGE_ON = 1e-6  # cosine below which the projected area of a facet is only rounding error
 FEW = 30  # smallest expected number of samples on a facet that gives a visible fraction
 
@@ -31,11 +32,15 @@ class FacetResults(Result):
         NaN: a facet that the sensor does not see has no radiance. The sum of intensity_W_sr is the
         target's intensity. mean_cosine is that of the front side. visible_fraction is an estimate
         from the samples, and its noise may lift it above 1.
+    triangles, triangle_facet : ndarray, shapes (T, 3, 3) and (T,)
+        Corners of the model's triangles [m], and the number of the facet of each.
     """
 
     scene_name: str
     band: str
     table: dict[str, np.ndarray]
+    triangles: np.ndarray
+    triangle_facet: np.ndarray
 
     kind: ClassVar[str] = "facets"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.facets:figure"
@@ -62,19 +67,23 @@ class FacetResults(Result):
         return self.table
 
     def write(self, path) -> None:
-        """Write the table as a CSV. Cells without a value are `nan`."""
-        with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file)
-            writer.writerow(self.table)
-            for row in zip(*self.table.values()):
-                writer.writerow(map(cell, row))
+        """Write the table as a .csv, or the facets with it as a .vtp or .vtu.
 
-
-def cell(value) -> object:
-    """A value as the CSV holds it. Names come from the user's files and are made safe."""
-    if isinstance(value, float):
-        return f"{value:.9g}"
-    return safe_cell(value) if isinstance(value, str) else value
+        A missing value is an empty cell of the CSV and NaN in the others. Facets of shapes that are
+        not meshes are in the CSV only. Raises InputError for another suffix, and if the file cannot
+        be written.
+        """
+        if check_suffix(path, SUFFIXES) == ".csv":
+            csv.write(path, self.table)
+            return
+        polygons = FacetPolygons.of(self.triangles, self.triangle_facet)
+        rows = np.searchsorted(self.table["facet"], polygons.facet)
+        vtk.write_facets(
+            path,
+            polygons.vertices,
+            polygons.faces,
+            {name: values[rows] for name, values in self.table.items()},
+        )
 
 
 class FacetSums:
@@ -183,10 +192,14 @@ class FacetSums:
             "intensity_W_sr": total * per_sample,
             "standard_error_W_sr": error,
         }
+        of_model = table.type == "model"
+        own = of_model[table.triangle_facet]
         return FacetResults(
             scene_name,
             band,
-            {name: values[table.type == "model"] for name, values in columns.items()},
+            {name: values[of_model] for name, values in columns.items()},
+            table.triangles[own],
+            table.triangle_facet[own],
         )
 
 

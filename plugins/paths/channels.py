@@ -69,9 +69,13 @@ class Channels:
     def meet(self, first, emitters, emitter, facets):
         """Record the first hit of each path.
 
+        A facet is hit where its surface reflects and emits. A ray that passes between two triangles
+        of an outline hits the back of a one-sided surface, which is no view of that facet.
+
         Parameters
         ----------
         first : mi.SurfaceInteraction3f
+            With its shading frame if facets are numbered.
         emitters : EmitterTable
         emitter : mi.EmitterPtr
             The emitter at the first hit.
@@ -83,7 +87,13 @@ class Channels:
         self.seen = emitters.label(emitter)
         self.of_model = dr.select(hit & emitters.is_model(emitter), mi.Float(1), 0)
         if facets is not None:
-            self.facet = facets.number(first.shape, first.prim_index, hit)
+            flags = first.bsdf().flags()
+            faces = dr.select(
+                first.wi.z > 0,
+                mi.has_flag(flags, mi.BSDFFlags.FrontSide),
+                mi.has_flag(flags, mi.BSDFFlags.BackSide),
+            )
+            self.facet = facets.number(first.shape, first.prim_index, hit & faces)
 
     def add(self, value, bounce, sources: Sources, emitter, prim_index, max_bounces):
         """Add radiance to the channels.

@@ -23,7 +23,7 @@ def test_signature_table(run, renderer):
     assert "scene   22.0755 W/sr +- 0.005 (95 %)" in lines
     assert "target  11.5 W/sr +- 0.005 (95 %)" in lines
     assert "error   the 95 % interval is +- 0.043 % of the target's intensity" in lines
-    assert ["reflections", "target", "W/sr", "up", "to", "these"] == rows[7][:6]
+    assert rows[7][:6] == ["reflections", "target", "W/sr", "up", "to", "these"]
     assert ["0", "10", "10", "20", "20"] in rows
     assert ["1", "1.5", "11.5", "2.0755", "22.0755"] in rows
     assert ["hot", "21", "+-", "0.002", "21", "+-", "0.002"] in rows

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import mi_lcair
+from mi_lcair import models3d
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.rendering.scene import checked
@@ -147,7 +148,7 @@ def test_csv(roof, tmp_path):
         rows = list(csv.DictReader(file))
     assert [row["group"] for row in rows] == list(result.facets.table["group"]) and rows[4][
         "radiance_W_m2_sr"
-    ] == "nan"
+    ] == ""
     np.testing.assert_allclose(
         [float(row["intensity_W_sr"]) for row in rows],
         result.facets.table["intensity_W_sr"],
@@ -191,3 +192,65 @@ def test_shapes_that_are_no_meshes_and_backs(plate):
     assert np.all(np.isnan(columns["visible_fraction"][behind])) and np.all(
         columns["radiance_W_m2_sr"][behind] > 0
     )
+
+
+def test_backs_of_one_sided_facets_are_not_seen(plate):
+    """Two sheets of which one shows its back: it sends nothing, as a facet that is hidden."""
+    corners = [[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]]
+    front = plate("front", [[x, y, -1] for x, y, _ in corners], GREY, 300.0)
+    back = plate("back", [[x / 2, y / 2, 0] for x, y, _ in corners[::-1]], GREY, 310.0)
+    scene = mi.load_dict(
+        {
+            "type": "scene",
+            "integrator": {"type": "bounce_path"},
+            "sensor": camera(16, 8.0),
+            "front": front,
+            "back": back,
+        },
+        optimize=False,
+    )
+    columns = mi_lcair.signature(
+        checked(scene, Path("x.xml"), {}), spp=64, facets=True
+    ).facets.table
+    behind = columns["temperature_K"] == 310
+    for name in ("samples", "visible_fraction", "intensity_W_sr", "mean_cosine"):
+        assert np.all(columns[name][behind] == 0), name
+        assert np.all(columns[name][~behind] > 0), name
+    assert np.all(np.isnan(columns["radiance_W_m2_sr"][behind]))
+
+
+BOX = """\
+v -.5 -.5 0
+v .5 -.5 0
+v .5 .5 0
+v -.5 .5 0
+v -.5 -.5 1
+v .5 -.5 1
+v .5 .5 1
+v -.5 .5 1
+o f*bare_aluminum*310*sides
+f 1 2 6 5
+f 2 3 7 6
+f 3 4 8 7
+f 4 1 5 8
+f 4 3 2 1
+o f*gloss_black*330*lid
+f 5 6 7 8
+"""
+
+
+@pytest.mark.slow
+def test_a_closed_box_seen_at_its_edges(tmp_path):
+    """Rays that pass between the triangles of an outline are no samples of facets behind it."""
+    (tmp_path / "box.obj").write_text(BOX)
+    models3d.export(models3d.read(tmp_path / "box.obj"), tmp_path / "box")
+    scene = mi_lcair.load(tmp_path / "box" / "scene.xml", azimuth_deg=30, elevation_deg=30)
+    columns = mi_lcair.signature(scene, spp=1024, facets=True).facets.table
+    away = columns["mean_cosine"] == 0
+    assert away.tolist() == [True, False, False, True, True, False]
+    for name in ("samples", "visible_fraction", "intensity_W_sr", "standard_error_W_sr"):
+        assert np.all(columns[name][away] == 0), name
+    for name in columns:
+        if name.endswith("_W_m2_sr"):
+            assert np.all(np.isnan(columns[name][away])), name
+            assert np.all(np.isfinite(columns[name][~away])), name

@@ -1,0 +1,85 @@
+"""Facets as polygons, put together from their triangles."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+PLANAR = 1e-7  # relative error of the area up to which an outline stands for its triangles
+
+
+@dataclass(frozen=True)
+class FacetPolygons:
+    """Polygons of facets.
+
+    vertices: corners (n, 3) [m], in Float64. faces: corners of each polygon, as rows of `vertices`,
+    anticlockwise about the facet's normal. facet: number of each polygon's facet. A facet is one
+    polygon, or its triangles where no single outline has its area: with holes, in several pieces,
+    or out of a plane.
+    """
+
+    vertices: np.ndarray
+    faces: list[np.ndarray]
+    facet: np.ndarray
+
+    @staticmethod
+    def of(triangles: np.ndarray, triangle_facet: np.ndarray) -> "FacetPolygons":
+        """The polygons of triangles (T, 3, 3) [m] that belong to the facets (T,)."""
+        if not len(triangles):
+            return FacetPolygons(np.zeros((0, 3)), [], np.zeros(0, np.int64))
+        vertices, corners = np.unique(
+            np.reshape(triangles, (-1, 3)).astype(np.float64) + 0.0, axis=0, return_inverse=True
+        )
+        corners = corners.reshape(-1, 3)
+        order = np.argsort(triangle_facet, kind="stable")
+        numbers, begins = np.unique(triangle_facet[order], return_index=True)
+        faces, facet = [], []
+        for number, own in zip(numbers, np.split(order, begins[1:])):
+            polygons = [corners[own[0]]] if len(own) == 1 else _merged(vertices, corners[own])
+            faces += polygons
+            facet += [number] * len(polygons)
+        return FacetPolygons(vertices, faces, np.array(facet, dtype=np.int64))
+
+
+def _merged(vertices: np.ndarray, triangles: np.ndarray) -> list[np.ndarray]:
+    """The outline of some triangles (n, 3) as one polygon, or the triangles themselves."""
+    loop = _outline(triangles.tolist())
+    if loop is None:
+        return list(triangles)
+    # A polygon that is not quite planar has an area only with its triangles. Programs split a
+    # polygon into a fan about its first corner, so that is the corner that most triangles share.
+    corner, shared = np.unique(triangles, return_counts=True)
+    start = loop.index(corner[shared.argmax()])
+    loop = np.array(loop[start:] + loop[:start])
+    own = np.linalg.norm(_normals(vertices[triangles]), axis=1).sum()
+    fan = _normals(
+        vertices[np.stack([np.full(len(loop) - 2, loop[0]), loop[1:-1], loop[2:]], axis=1)]
+    )
+    # The first holds for concave outlines too, the second also out of a plane
+    for area in (np.linalg.norm(fan.sum(axis=0)), np.linalg.norm(fan, axis=1).sum()):
+        if abs(area - own) <= PLANAR * own:
+            return [loop]
+    return list(triangles)
+
+
+def _outline(triangles: list[list[int]]) -> list[int] | None:
+    """Corners along the only outline of some triangles; None if there is no such outline."""
+    following = {}
+    edges = {(a, b) for p in triangles for a, b in zip(p, (*p[1:], p[0])) if a != b}
+    for a, b in edges:
+        if (b, a) not in edges:
+            if a in following:
+                return None
+            following[a] = b
+    if not following:
+        return None
+    loop = [next(iter(following))]
+    while (corner := following.get(loop[-1])) not in (None, loop[0]):
+        loop.append(corner)
+        if len(loop) > len(following):
+            return None
+    return loop if len(loop) == len(following) > 2 else None
+
+
+def _normals(triangles: np.ndarray) -> np.ndarray:
+    """Normals of triangles (n, 3, 3) whose lengths are twice their areas."""
+    return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
