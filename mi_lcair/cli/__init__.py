@@ -12,8 +12,8 @@ import sys
 import click
 
 import mi_lcair
-from mi_lcair.cli import completion  # noqa: F401  registers its script for Bash
 from mi_lcair.cli.output import quiet_option, warnings_as_notes
+from mi_lcair.cli.usage import completion  # noqa: F401  registers its script for Bash
 from mi_lcair.errors import InputError, mitsuba_error, printable, unknown
 
 # Module of each command, by what the commands are for.
@@ -36,7 +36,7 @@ PURPOSES = {
         "audit": "audit",
         "budget": "estimates.budget",
         "invert": "estimates.invert",
-        "chart": "chart",
+        "chart": "charts.chart",
     },
 }
 COMMANDS = {name: module for group in PURPOSES.values() for name, module in group.items()}

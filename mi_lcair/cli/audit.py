@@ -3,9 +3,9 @@
 import click
 
 import mi_lcair
-from mi_lcair.cli.examples import examples
 from mi_lcair.cli.options import loading_options
 from mi_lcair.cli.output import print_columns, print_json
+from mi_lcair.cli.usage.examples import examples
 
 
 @click.command(

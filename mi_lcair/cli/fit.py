@@ -5,9 +5,9 @@ from pathlib import Path
 
 import click
 
-from mi_lcair.cli.examples import examples
 from mi_lcair.cli.options import json_option, plot_option, progress_bar, seed_option
 from mi_lcair.cli.output import note, print_columns, print_json, print_written
+from mi_lcair.cli.usage.examples import examples
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 from mi_lcair.files import check_writable, replacing

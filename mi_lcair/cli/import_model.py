@@ -4,10 +4,10 @@ from pathlib import Path
 
 import click
 
-from mi_lcair.cli import completion
-from mi_lcair.cli.examples import examples
 from mi_lcair.cli.options import json_option
 from mi_lcair.cli.output import note, print_columns, print_json
+from mi_lcair.cli.usage import completion
+from mi_lcair.cli.usage.examples import examples
 
 FILE = click.Path(path_type=Path)
 AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])

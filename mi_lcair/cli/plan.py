@@ -5,9 +5,9 @@ import math
 import click
 
 import mi_lcair
-from mi_lcair.cli.examples import examples
 from mi_lcair.cli.options import POSITIVE, Fraction, loading_options, sensor_option
 from mi_lcair.cli.output import print_columns, print_json
+from mi_lcair.cli.usage.examples import examples
 
 
 @click.command(

@@ -2,9 +2,9 @@
 
 import click
 
-from mi_lcair.cli.examples import examples
 from mi_lcair.cli.options import json_option
 from mi_lcair.cli.output import print_columns, print_json
+from mi_lcair.cli.usage.examples import examples
 
 
 @click.command(

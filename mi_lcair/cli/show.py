@@ -4,9 +4,10 @@ from pathlib import Path
 
 import click
 
-from mi_lcair.cli import completion, pictures
-from mi_lcair.cli.examples import examples
+from mi_lcair.cli import pictures
 from mi_lcair.cli.options import Assignment, json_option
+from mi_lcair.cli.usage import completion
+from mi_lcair.cli.usage.examples import examples
 from mi_lcair.errors import InputError
 
 FILE = click.Path(path_type=Path)

@@ -5,7 +5,6 @@ from pathlib import Path
 import click
 
 import mi_lcair
-from mi_lcair.cli.examples import examples
 from mi_lcair.cli.options import scene_options
 from mi_lcair.cli.output import (
     Verdict,
@@ -17,6 +16,7 @@ from mi_lcair.cli.output import (
     print_written,
 )
 from mi_lcair.cli.plan import rows as plan_rows
+from mi_lcair.cli.usage.examples import examples
 from mi_lcair.errors import InputError
 
 

@@ -6,7 +6,6 @@ from pathlib import Path
 import click
 
 import mi_lcair
-from mi_lcair.cli.examples import examples
 from mi_lcair.cli.options import (
     POSITIVE,
     loading_options,
@@ -23,6 +22,7 @@ from mi_lcair.cli.output import (
     print_json,
     print_written,
 )
+from mi_lcair.cli.usage.examples import examples
 
 MOST_ANGLES = 100_000  # largest number of angles in START:STOP:STEP
 

@@ -5,9 +5,9 @@ from dataclasses import asdict
 import click
 
 from mi_lcair.cli.charts.output import chart_options, print_cheapest
-from mi_lcair.cli.examples import examples
 from mi_lcair.cli.options import progress_bar
 from mi_lcair.cli.output import print_json
+from mi_lcair.cli.usage.examples import examples
 
 
 @click.command(

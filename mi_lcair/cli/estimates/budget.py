@@ -5,8 +5,6 @@ from pathlib import Path
 import click
 
 import mi_lcair
-from mi_lcair.cli import completion
-from mi_lcair.cli.examples import examples
 from mi_lcair.cli.options import (
     POSITIVE,
     changes_option,
@@ -28,6 +26,8 @@ from mi_lcair.cli.output import (
     print_json,
     print_written,
 )
+from mi_lcair.cli.usage import completion
+from mi_lcair.cli.usage.examples import examples
 from mi_lcair.errors import InputError
 
 

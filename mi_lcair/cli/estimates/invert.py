@@ -5,7 +5,6 @@ from pathlib import Path
 import click
 
 import mi_lcair
-from mi_lcair.cli.examples import examples
 from mi_lcair.cli.options import json_option, prepare_renderer, progress_bar, renderer_options
 from mi_lcair.cli.output import (
     check_outputs,
@@ -14,6 +13,7 @@ from mi_lcair.cli.output import (
     print_json,
     print_written,
 )
+from mi_lcair.cli.usage.examples import examples
 
 MOST_ROWS = 40  # unknowns in the table; of more, the facets are summed up
 MOST_LINES = 5  # sentences of advice

@@ -3,7 +3,6 @@
 import click
 
 import mi_lcair
-from mi_lcair.cli.examples import examples
 from mi_lcair.cli.options import (
     changes_option,
     json_option,
@@ -24,6 +23,7 @@ from mi_lcair.cli.output import (
     print_json,
     print_written,
 )
+from mi_lcair.cli.usage.examples import examples
 from mi_lcair.errors import InputError
 
 

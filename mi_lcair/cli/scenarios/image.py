@@ -5,7 +5,6 @@ from pathlib import Path
 import click
 
 import mi_lcair
-from mi_lcair.cli.examples import examples
 from mi_lcair.cli.options import (
     POSITIVE,
     changes_option,
@@ -27,6 +26,7 @@ from mi_lcair.cli.output import (
     print_json,
     print_written,
 )
+from mi_lcair.cli.usage.examples import examples
 
 
 @click.command(
