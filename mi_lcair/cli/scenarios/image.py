@@ -167,7 +167,7 @@ def _print_tables(result):
                     f"{row.pixels:.4g}",
                     f"{row.electrons:.4g}",
                     f"{row.snr:.4g}",
-                    "yes" if row.detected else "no",
+                    "yes" if row.detected else f"no, too few: {row.lacks}",
                 )
                 for row in result.ranges
             ),
