@@ -22,6 +22,7 @@ from mi_lcair.cli.output import (
     print_json,
     print_written,
 )
+from mi_lcair.cli.usage.examples import examples
 
 MOST_ANGLES = 100_000  # largest number of angles in START:STOP:STEP
 
@@ -68,7 +69,12 @@ class Azimuths(Angles):
         return [angle for angle in angles if kept[round(angle % 360, 9) % 360] == angle]
 
 
-@click.command("trend")
+@click.command(
+    "trend",
+    epilog=examples(
+        "mi-lcair trend cylinder_ir_range --azimuth 0:180:45 --resolution 16 --spp 16 -o trend.csv",
+    ),
+)
 @loading_options
 @click.option(
     "--azimuth",
@@ -116,9 +122,11 @@ class Azimuths(Angles):
 def command(options, azimuth, elevation, output, plot, **settings):
     """Intensity of SCENE's model toward observers around it.
 
-    SCENE is a Mitsuba XML file or the name of a bundled scene. The model is everything but sky and
-    terrain. Each view is an orthographic window around it. Views are rendered together in batches.
-    FILE.csv is complete after each batch, so that --resume can continue an interrupted run.
+    SCENE is a Mitsuba XML file or the name of a bundled scene. FILE.csv has a row for each view
+    with the intensity in W/sr and its error; printed are least, mean and greatest intensity. The
+    model is everything but sky and terrain. Each view is an orthographic window around it. Views
+    are rendered together in batches. FILE.csv is complete after each batch, so that --resume can
+    continue an interrupted run.
     """
     check_outputs((output, ".csv"), (plot, ".png"))
     scene = options.load(own_sensors=False)
