@@ -4,6 +4,7 @@ import os
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from os import PathLike
 from pathlib import Path
 
@@ -290,9 +291,19 @@ def find(scene: str | PathLike[str]) -> Path:
     path = Path(scene)
     if path.suffix or path.parent != Path("."):
         if not os.path.isfile(path):  # also False for a text too long to be a path
-            raise InputError(f"scene '{scene}': no such file")
+            raise InputError(f"scene '{scene}': no such file{hint(str(scene))}")
         return path
     return scenes.path(str(scene))
+
+
+def hint(text: str) -> str:
+    """What may be meant by the name of a file that does not exist, as the end of an error."""
+    if text.lstrip().startswith("<"):
+        return "; mi.load_string loads XML text, and mi_lcair.load takes its scene"
+    if text in scenes.scenarios():
+        return "; it is a scenario, which contrast, image and budget take"
+    nearest = get_close_matches(Path(text).stem, scenes.names(), 1)
+    return f"; the nearest bundled scene is '{nearest[0]}'" if nearest else ""
 
 
 def checked(loaded: mi.Scene, path: Path | None, parameters: dict[str, str]) -> Scene:
