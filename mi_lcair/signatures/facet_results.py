@@ -1,6 +1,7 @@
 """Radiance and intensity of each facet of the model, from the same paths as the image."""
 
 from dataclasses import dataclass
+from os import PathLike
 from typing import ClassVar
 
 import numpy as np
@@ -69,7 +70,7 @@ class FacetResults(Result):
         """The table, with a row for each facet."""
         return self.table
 
-    def write(self, path) -> None:
+    def write(self, path: str | PathLike[str]) -> None:
         """Write the table as a .csv, or the facets with it as a .vtp or .vtu.
 
         A missing value is an empty cell of the CSV and NaN in the others. Facets of shapes that are
