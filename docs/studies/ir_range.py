@@ -153,7 +153,7 @@ def wing_root(lobe: str) -> tuple[int, np.ndarray, float]:
     """
     columns = mi_lcair.signature(
         load("bare_aluminum", "LWIR", "brdf", 256), spp=FACET_SPP, seed=2, facets=True
-    ).facets.columns
+    ).facets.table
     late = (
         sum(columns[f"bounce{k:02d}_W_m2_sr"] for k in range(2, BOUNCES + 1))
         / columns["radiance_W_m2_sr"]
@@ -162,7 +162,7 @@ def wing_root(lobe: str) -> tuple[int, np.ndarray, float]:
     if lobe != "brdf":
         columns = mi_lcair.signature(
             load("bare_aluminum", "LWIR", lobe, 256), spp=FACET_SPP, seed=2, facets=True
-        ).facets.columns
+        ).facets.table
     by_bounce = [columns["emitted_W_m2_sr"][facet]] + [
         columns[f"bounce{k:02d}_W_m2_sr"][facet] for k in range(1, BOUNCES + 1)
     ]

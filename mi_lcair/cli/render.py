@@ -66,15 +66,8 @@ def command(options, output, atmosphere, range_m):
         print_json(
             {
                 "file": str(output),
-                "band": result.band.name,
-                "mean": result.mean,
-                "rms_error": result.rms_error,
-                "spp": result.spp,
+                **result.as_dict(),
                 **verdict.as_dict(),
-                "invalid": result.invalid,
-                "closure_error": result.closure_error,
-                "paths": result.paths,
-                "seconds": result.seconds,
                 **options.planned(),
             }
         )

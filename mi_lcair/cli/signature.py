@@ -16,7 +16,9 @@ from mi_lcair.cli.output import (
     print_written,
 )
 from mi_lcair.cli.plan import rows as plan_rows
+from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
+from mi_lcair.formats import vtk
 
 
 @click.command("signature")
@@ -27,17 +29,20 @@ from mi_lcair.errors import InputError
     "this fraction of it, such as 0.01 or 1%.",
 )
 @click.option(
-    "--spectrum", type=click.Path(path_type=Path), help="Write the spectral intensity, FILE.csv."
+    "--spectrum",
+    type=click.Path(path_type=Path),
+    help="Write the spectral intensity, FILE.csv or FILE.nc (netCDF).",
 )
 @click.option(
     "--plot",
     type=click.Path(path_type=Path),
-    help="With --spectrum: also draw the spectral intensity, FILE.png.",
+    help="With --spectrum: also draw the spectral intensity, FILE.png, .svg or .pdf.",
 )
 @click.option(
     "--facets",
     type=click.Path(path_type=Path),
-    help="Write radiance and intensity of each facet of the model, FILE.csv.",
+    help="Write radiance and intensity of each facet of the model, FILE.csv; or the facets with "
+    "them for ParaView, FILE.vtp or FILE.vtu.",
 )
 def command(options, spectrum, plot, facets):
     """Intensity of SCENE in W/sr.
@@ -50,30 +55,26 @@ def command(options, spectrum, plot, facets):
         raise InputError("--plot draws the spectral intensity; give --spectrum FILE.csv too")
     if spectrum and spectrum == facets:
         raise InputError(f"--spectrum and --facets both name '{spectrum}'; give each its own file")
-    check_outputs((spectrum, ".csv"), (plot, ".png"), (facets, ".csv"))
+    check_outputs((spectrum, (".csv", ".nc")), (plot, PICTURES), (facets, (".csv", *vtk.SUFFIXES)))
 
     result = options.run_planned(
         mi_lcair.signature, each_pixel=False, by_spectrum=bool(spectrum), facets=bool(facets)
     )
     note_invalid(result)
     if spectrum:
-        from mi_lcair.signatures.spectral_intensity import write
-
-        write(spectrum, result.effective_areas, options.scene)
+        result.effective_areas.save(spectrum)
         if plot:
-            from mi_lcair.reports.spectrum_plot import save_plot
-
-            save_plot(plot, result.effective_areas, options.scene)
+            result.effective_areas.plot(plot)
     if facets:
-        result.facets.write(facets)
-    name = result.main_part
-    part = getattr(result, name)
+        result.facets.save(facets)
     verdict = Verdict.on(options, result.reached)
     if options.json:
         print_json(result.as_dict() | verdict.as_dict() | options.planned())
     else:
-        error = interval(part.half_width, part.intensity, "W/sr", f"the {name}'s intensity")
-        _print_tables(result.as_dict(), verdict.row(error))
+        error = interval(
+            result.half_width, result.intensity, "W/sr", f"the {result.main_part}'s intensity"
+        )
+        _print_tables(result, verdict.row(error))
         if options.plan:
             click.echo()
             print_columns([("plan", ""), *plan_rows(options.plan)])
@@ -82,39 +83,41 @@ def command(options, spectrum, plot, facets):
 
 def _print_tables(result, error):
     """Print the intensities of target and scene, their error, and tables of their parts."""
-    target, scene = result["target"], result["scene"]
+    target, scene = result.target, result.scene
     print_columns(
         [
-            ("band", result["band"]),
+            ("band", result.band),
             *(
-                (name, f"{part['intensity']:.6g} W/sr +- {part['half_width']:.2g} (95 %)")
+                (name, f"{part.intensity:.6g} W/sr +- {part.half_width:.2g} (95 %)")
                 for name, part in (("target", target), ("scene", scene))
             ),
             error,
-            ("time", f"{result['seconds']:.2f} s"),
-            ("paths", result["paths"]),
+            ("time", f"{result.seconds:.2f} s"),
+            ("paths", result.paths),
         ]
     )
-    bounces = [
-        (str(k), f"{a:.6g}", f"{b:.6g}")
-        for k, (a, b) in enumerate(zip(target["by_bounce"], scene["by_bounce"]))
-    ]
+    bounces = zip(target.by_bounce, target.up_to_bounce, scene.by_bounce, scene.up_to_bounce)
     click.echo()
-    print_columns([("reflections up to", "target W/sr", "scene W/sr"), *bounces])
-    for title, key in (("emitted by", "by_group"), ("seen first", "by_seen")):
+    print_columns(
+        [
+            ("reflections", "target W/sr", "up to these", "scene W/sr", "up to these"),
+            *((str(k), *(f"{value:.6g}" for value in row)) for k, row in enumerate(bounces)),
+        ]
+    )
+    for title, kind in (("emitted by", "by_group"), ("seen first", "by_seen")):
         click.echo()
         print_columns(
             [
                 (title, "target W/sr", "scene W/sr"),
                 *(
-                    (
-                        name,
-                        *(
-                            f"{part[key][name]:.6g} +- {part[f'{key}_error'][name]:.2g}"
-                            for part in (target, scene)
-                        ),
-                    )
-                    for name in scene[key]
+                    (name, *(_with_error(part, kind, name) for part in (target, scene)))
+                    for name in getattr(scene, kind)
                 ),
             ]
         )
+
+
+def _with_error(part, kind, name):
+    """A part of an intensity with its standard error; `kind` is "by_group" or "by_seen"."""
+    value, error = (getattr(part, key)[name] for key in (kind, f"{kind}_error"))
+    return f"{value:.6g} +- {error:.2g}"

@@ -76,6 +76,11 @@ def write_exr(
         OpenEXR.File(attributes, pixels).write(str(partial))
 
 
+def write_render(path: str | Path, result) -> None:
+    """Write the channels and the header of a result, such as a `Render`, as an OpenEXR file."""
+    write_exr(path, result.channels, result.header)
+
+
 def _checked_name(name: str) -> str:
     if not 0 < len(name.encode()) < 256 or "\0" in name or name in STRUCTURE:
         raise ValueError(f"an OpenEXR file cannot hold the name {name!r}")

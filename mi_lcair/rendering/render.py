@@ -3,6 +3,7 @@
 import json
 import time
 from dataclasses import dataclass
+from typing import ClassVar
 
 import drjit as dr
 import mitsuba as mi
@@ -18,6 +19,8 @@ from mi_lcair.rendering.apparent import apparent
 from mi_lcair.rendering.limits import check_memory, check_paths, check_samples
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals, check_valid, student_factor
+from mi_lcair.rendering.window import window_size
+from mi_lcair.results import Result
 
 BOUNCE_CHANNELS = 17  # bounce channels in the image; the last holds all counts from 16 on
 # Paths of one pass. A pass takes seconds, and Ctrl-C takes effect at its end.
@@ -28,8 +31,8 @@ PILOT_SPP = 16  # samples per pixel before the first estimate of the error
 DEFAULT_MAX_SPP = 2**16  # largest number of samples per pixel for a tolerance
 
 
-@dataclass(frozen=True)
-class Render:
+@dataclass(frozen=True, repr=False)
+class Render(Result):
     """A rendered scene.
 
     Attributes
@@ -56,6 +59,12 @@ class Render:
         Estimated error of closure = tail [W m^-2 sr^-1]. None for another closure.
     seconds : float
         Duration of the render.
+    scene_name : str
+        Name of the scene.
+    window_m : tuple of float or None
+        Width and height of an orthographic sensor's window [m]. None for another sensor.
+    tolerance : float or None
+        Tolerance that was asked for.
     """
 
     channels: dict[str, np.ndarray]
@@ -70,6 +79,106 @@ class Render:
     paths: int
     closure_error: float | None
     seconds: float
+    scene_name: str
+    window_m: tuple[float, float] | None
+    tolerance: float | None
+
+    kind: ClassVar[str] = "render"
+    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.render:figure"
+    saved_by: ClassVar[dict[str, str]] = {".exr": "mi_lcair.rendering.image:write_render"}
+
+    @property
+    def by_bounce(self) -> list[float]:
+        """Mean radiance of the paths with 0, 1, ... reflections [W m^-2 sr^-1].
+
+        The last entry holds all from the 16th on. It is empty without the channels bounceNN.Y.
+        """
+        names = sorted(name for name in self.channels if name.startswith("bounce"))
+        return [float(self.channels[name].mean(dtype=float)) for name in names]
+
+    def summary(self) -> str:
+        """One line with the size of the image and its mean radiance."""
+        height, width = self.channels["Y"].shape
+        error = "" if self.mean_error is None else f" +- {self.mean_error:.2g}"
+        return (
+            f"render of {self.scene_name}, {self.band.label}: {width} x {height} pixels, mean "
+            f"radiance {self.mean:.6g}{error} W m^-2 sr^-1 (standard error), "
+            f"{self.spp} samples per pixel"
+        )
+
+    def entries(self) -> dict:
+        """Entries for JSON: the means, the errors and the channels, without their pixels."""
+        height, width = self.channels["Y"].shape
+        return {
+            "scene_name": self.scene_name,
+            "band": self.band.name,
+            "width": width,
+            "height": height,
+            "window_m": self.window_m,
+            "mean_radiance_W_m2_sr": float(self.mean),
+            "standard_error_W_m2_sr": self.mean_error,
+            "rms_error": self.rms_error,
+            "by_bounce_W_m2_sr": self.by_bounce,
+            "spp": self.spp,
+            "tolerance": self.tolerance,
+            "reached": self.reached,
+            "invalid": self.invalid,
+            "closure_error_W_m2_sr": self.closure_error,
+            "paths": self.paths,
+            "time_s": self.seconds,
+            "header": self.header,
+            "channels": {
+                name: {
+                    "least": values.min(),
+                    "mean": values.mean(dtype=float),
+                    "greatest": values.max(),
+                }
+                for name, values in self.images().items()
+            },
+        }
+
+    def images(self) -> dict[str, np.ndarray]:
+        """The channels, (H, W) each, by the names of their columns, which end in the unit."""
+        return {column_name(name): values for name, values in self.channels.items()}
+
+    def positions(self) -> dict[str, np.ndarray]:
+        """Numbers of the pixels, and their centres [m] if the sensor is orthographic.
+
+        row, (H,), and column, (W,), begin with 0 at the upper left. x_m and y_m begin in the middle
+        of the window; x is to the right and y upward.
+        """
+        height, width = self.channels["Y"].shape
+        row, column = np.arange(height), np.arange(width)
+        if self.window_m is None:
+            return {"row": row, "column": column}
+        return {
+            "row": row,
+            "column": column,
+            "x_m": ((column + 0.5) / width - 0.5) * self.window_m[0],
+            "y_m": (0.5 - (row + 0.5) / height) * self.window_m[1],
+        }
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """A row for each pixel: its place and its channels."""
+        images, shape = self.images(), self.channels["Y"].shape
+        along = {"row": 0, "y_m": 0, "column": 1, "x_m": 1}
+        places = {
+            name: np.broadcast_to(np.expand_dims(values, 1 - along[name]), shape)
+            for name, values in self.positions().items()
+        }
+        return {name: values.ravel() for name, values in (places | images).items()}
+
+    def to_xarray(self):
+        """The channels as an xarray Dataset over (row, column), with x_m and y_m [m] if known.
+
+        Raises InputError if xarray is not installed.
+        """
+        along = {"row": "row", "y_m": "row", "column": "column", "x_m": "column"}
+        positions = self.positions()
+        return self.dataset(
+            {name: (("row", "column"), values) for name, values in self.images().items()},
+            {name: (along[name], values) for name, values in positions.items()},
+        )
 
 
 def render(
@@ -189,6 +298,9 @@ def render(
         paths=done * width * height,
         closure_error=closure_error,
         seconds=time.perf_counter() - start,
+        scene_name=scene.name,
+        window_m=window_size(camera),
+        tolerance=tolerance,
     )
 
 
@@ -290,6 +402,14 @@ def samples_needed(total: Totals, done: int, tolerance: float) -> int:
     return min(4 * done, int(done * 1.05 * (error / tolerance) ** 2) + 1)
 
 
+def column_name(channel: str) -> str:
+    """Name of a channel of the radiance EXR as a column of a table, which ends in the unit."""
+    name = channel.removesuffix("Y").removesuffix(".") or "radiance"
+    if name in ("temperature", "range"):
+        return f"{name}_{'K' if name == 'temperature' else 'm'}"
+    return f"{'standard_error' if name == 'stderr' else name}_W_m2_sr"
+
+
 def image_channels(total: Totals, band: Band) -> dict[str, np.ndarray]:
     """Channels of the radiance EXR by name, in the order in which it has them, (P,) each."""
     mean = total.mean()
@@ -338,6 +458,9 @@ def header(
         "versions": f"mi_lcair {mi_lcair.__version__}, mitsuba {mi.__version__}, "
         f"drjit {dr.__version__}, {mi.variant()}",
     }
+    size = window_size(scene.sensor(sensor))
+    if size is not None:
+        entries["window_m"] = f"{size[0]:.9g} {size[1]:.9g}"
     if closure_error is not None:
         entries["closure_error"] = closure_error
     return entries

@@ -30,3 +30,11 @@ def window_area(sensor, name: str, remedy: str = "") -> float:
         )
     _, right, up, _ = window(sensor)
     return float(np.linalg.norm(np.cross(right, up)))
+
+
+def window_size(sensor) -> tuple[float, float] | None:
+    """Width and height of an orthographic sensor's window [m]; None for any other sensor."""
+    if sensor.class_name() != "OrthographicCamera":
+        return None
+    _, right, up, _ = window(sensor)
+    return float(np.linalg.norm(right)), float(np.linalg.norm(up))

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.drawing import drawing, plain
+from mi_lcair.drawing import new_figure, plain, write_figure
 from mi_lcair.errors import InputError
 
 RADIANCE = r"W m$^{-2}$ sr$^{-1}$"
@@ -58,15 +58,23 @@ def save_picture(
     log: bool = False,
     quantity=channel_quantity,
 ) -> None:
-    """Write a PNG with one panel and one colour bar for each channel.
+    """Write the picture of `figure` as a .png, .svg or .pdf file."""
+    write_figure(figure(channels, title, log, quantity), path)
+
+
+def figure(
+    channels: dict[str, np.ndarray],
+    title: str = "",
+    log: bool = False,
+    quantity=channel_quantity,
+):
+    """Figure with one panel and one colour bar for each channel.
 
     Pixels without a value are grey. These are NaN, infinite values, ranges and temperatures of 0,
     and on a logarithmic scale all values that are not positive.
 
     Parameters
     ----------
-    path : path-like
-        File to write.
     channels : dict of str to ndarray, shape (H, W)
         Channels by name.
     title : str
@@ -79,7 +87,7 @@ def save_picture(
     Raises
     ------
     InputError
-        If the file cannot be written, or if a value exceeds LARGEST.
+        If a value exceeds LARGEST.
     """
     channels = {name: drawable(name, values) for name, values in channels.items()}
     single = len(channels) == 1
@@ -92,30 +100,31 @@ def save_picture(
     rows = ceil(len(channels) / columns)
     size = cell * (columns, rows) + (0, 0 if single else TOP)
 
-    with drawing(path, size) as figure:
-        for index, (name, values) in enumerate(channels.items()):
-            left, bottom = cell * (index % columns, rows - 1 - index // columns) + (LEFT, BOTTOM)
-            panel = figure.add_axes((left / size[0], bottom / size[1], *image / size))
-            bar = figure.add_axes(
-                (
-                    (left + image[0] + BAR) / size[0],
-                    bottom / size[1],
-                    BAR / size[0],
-                    image[1] / size[1],
-                )
+    figure = new_figure(size)
+    for index, (name, values) in enumerate(channels.items()):
+        left, bottom = cell * (index % columns, rows - 1 - index // columns) + (LEFT, BOTTOM)
+        panel = figure.add_axes((left / size[0], bottom / size[1], *image / size))
+        bar = figure.add_axes(
+            (
+                (left + image[0] + BAR) / size[0],
+                bottom / size[1],
+                BAR / size[0],
+                image[1] / size[1],
             )
-            _draw(panel, bar, name, values, log, *quantity(name))
-        if single:
-            panel.set_title(plain(", ".join(filter(None, (title, name)))), fontsize=11)
-        else:
-            figure.text(
-                0.5,
-                1 - 0.5 * TOP / size[1],
-                plain(title),
-                fontsize=11,
-                ha="center",
-                va="center",
-            )
+        )
+        _draw(panel, bar, name, values, log, *quantity(name))
+    if single:
+        panel.set_title(plain(", ".join(filter(None, (title, name)))), fontsize=11)
+    else:
+        figure.text(
+            0.5,
+            1 - 0.5 * TOP / size[1],
+            plain(title),
+            fontsize=11,
+            ha="center",
+            va="center",
+        )
+    return figure
 
 
 def drawable(name: str, values: np.ndarray) -> np.ndarray:

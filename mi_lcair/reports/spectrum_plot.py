@@ -2,30 +2,34 @@
 
 import numpy as np
 
-from mi_lcair.drawing import drawing, plain
+from mi_lcair.drawing import new_figure, plain, write_figure
 from mi_lcair.signatures.effective_areas import PARTS, EffectiveAreas
-from mi_lcair.signatures.spectral_intensity import curves
 
 
-def save_plot(path, areas: EffectiveAreas, scene: str) -> None:
-    """Write a PNG of the spectral intensity of target and scene, and of their groups."""
+def save_plot(path, areas: EffectiveAreas) -> None:
+    """Write the picture of `figure` as a .png, .svg or .pdf file."""
+    write_figure(figure(areas), path)
+
+
+def figure(areas: EffectiveAreas):
+    """Figure of the spectral intensity of target and scene, and of their groups."""
     wavelengths = areas.wavelengths_um()
-    intensities = curves(areas, wavelengths)
+    intensities = areas.curves(wavelengths)
     response = areas.band.response_at(wavelengths)
-    with drawing(path, (11, 4.5), layout="constrained") as figure:
-        for panel, part in zip(figure.subplots(1, 2), PARTS):
-            panel.plot(wavelengths, intensities[part], color="black", linewidth=1.5, label="total")
-            for name, values in intensities.items():
-                if name.startswith(f"{part}.") and values.any():
-                    panel.plot(
-                        wavelengths, values, linewidth=1, label=plain(name.partition(".")[2])
-                    )
-            in_band = np.trapezoid(intensities[part] * response, wavelengths)
-            panel.set_title(f"{part}: {in_band:.5g} W/sr in band", fontsize=10)
-            panel.set_xlabel("wavelength (µm)")
-            panel.set_ylabel(r"spectral intensity (W sr$^{-1}$ µm$^{-1}$)")
-            panel.set_xlim(areas.band.lower_um, areas.band.upper_um)
-            # A quarter more than the largest value leaves room for the legend.
-            panel.set_ylim(0, 1.25 * max(intensities[part].max(), 1e-30))
-            panel.legend(fontsize=8, frameon=False, ncols=3, loc="upper center")
-        figure.suptitle(plain(f"{scene}, {areas.band.label}, by what emitted it"), fontsize=11)
+    figure = new_figure((11, 4.5), layout="constrained")
+    for panel, part in zip(figure.subplots(1, 2), PARTS):
+        panel.plot(wavelengths, intensities[part], color="black", linewidth=1.5, label="total")
+        for name, values in intensities.items():
+            if name.startswith(f"{part}.") and values.any():
+                panel.plot(wavelengths, values, linewidth=1, label=plain(name.partition(".")[2]))
+        in_band = np.trapezoid(intensities[part] * response, wavelengths)
+        panel.set_title(f"{part}: {in_band:.5g} W/sr in band", fontsize=10)
+        panel.set_xlabel("wavelength (µm)")
+        panel.set_ylabel(r"spectral intensity (W sr$^{-1}$ µm$^{-1}$)")
+        panel.set_xlim(areas.band.lower_um, areas.band.upper_um)
+        # A quarter more than the largest value leaves room for the legend.
+        panel.set_ylim(0, 1.25 * max(intensities[part].max(), 1e-30))
+        panel.legend(fontsize=8, frameon=False, ncols=3, loc="upper center")
+    title = f"{areas.scene_name}, {areas.band.label}, by what emitted it"
+    figure.suptitle(plain(title), fontsize=11)
+    return figure

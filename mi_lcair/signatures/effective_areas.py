@@ -6,6 +6,7 @@ the in-band intensity that comes from the source, divided by the in-band radianc
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from scipy.interpolate import BarycentricInterpolator
@@ -15,7 +16,9 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.plugins.emission.sources import Source, Sources
+from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
+from mi_lcair.results import Result
 
 PARTS = ("target", "scene")
 # Wavelengths in even steps over the band. The trapezoid rule over them integrates Planck's law in
@@ -23,8 +26,8 @@ PARTS = ("target", "scene")
 SPECTRUM_ROWS = 801
 
 
-@dataclass(frozen=True)
-class EffectiveAreas:
+@dataclass(frozen=True, repr=False)
+class EffectiveAreas(Result):
     """Effective areas of the sources, for the target and for the whole scene.
 
     The first axis of the arrays is that of PARTS: the model's facets (target), and all in the
@@ -47,6 +50,8 @@ class EffectiveAreas:
     by_wavelength : ndarray, shape (2, nodes)
         Spectral intensity of all blackbodies, W sr^-1 um^-1, if the scene has too many temperatures
         for an effective area each. Otherwise it is empty.
+    scene_name : str
+        Name of the scene.
     """
 
     band: Band
@@ -57,20 +62,76 @@ class EffectiveAreas:
     covariance: np.ndarray
     nodes_um: np.ndarray
     by_wavelength: np.ndarray
+    scene_name: str = ""
+
+    kind: ClassVar[str] = "effective_areas"
+    drawn_by: ClassVar[str] = "mi_lcair.reports.spectrum_plot:figure"
+
+    def summary(self) -> str:
+        """One line with the number of sources and the projected area of the target."""
+        error = float(np.sqrt(self.covariance[0, -1, -1]))
+        return (
+            f"effective areas of {self.scene_name}, {self.band.label}: {len(self.sources)} "
+            f"sources, projected area of the target {self.projected_area:.6g} +- {error:.2g} m^2 "
+            "(standard error)"
+        )
+
+    def entries(self) -> dict:
+        """Entries for JSON: the sources, and the spectral intensity by wavelength."""
+        return {
+            "scene_name": self.scene_name,
+            "band": self.band.name,
+            "projected_area_m2": self.projected_area,
+            "effective_areas": self.as_list(),
+            "spectrum": self.columns(),
+        }
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """Spectral intensity of target, scene and their groups, with a row for each wavelength.
+
+        The columns are wavelength_um, response (of the band) and NAME_W_sr_um. The trapezoid rule
+        over the rows, times the response, gives the in-band intensity to 1e-5.
+        """
+        wavelengths = self.wavelengths_um()
+        return {
+            "wavelength_um": wavelengths,
+            "response": self.band.response_at(wavelengths),
+            **{f"{name}_W_sr_um": values for name, values in self.curves(wavelengths).items()},
+        }
+
+    def curves(self, wavelengths_um) -> dict[str, np.ndarray]:
+        """Spectral intensity of target and scene, and of each of their groups.
+
+        Returns {name: values}, W sr^-1 um^-1, with the names "target", "scene", "target.GROUP" and
+        "scene.GROUP", and one value for each of `wavelengths_um`.
+        """
+        spectra = self.spectrum(wavelengths_um)
+        groups = [source.group for source in self.sources] + ["blackbodies"] * (
+            spectra.shape[1] - len(self.sources)
+        )
+        curves = {part: spectra[p].sum(axis=0) for p, part in enumerate(PARTS)}
+        for p, part in enumerate(PARTS):
+            for group in dict.fromkeys(groups):
+                of_group = [name == group for name in groups]
+                curves[f"{part}.{group}"] = spectra[p][of_group].sum(axis=0)
+        return curves
 
     def as_list(self) -> list[dict]:
         """One dictionary for each source, for JSON.
 
-        The entries are group, spectrum, temperature, K or None, and the effective areas of target
+        The entries are group, spectrum, temperature_K (or None), and the effective areas of target
         and scene with their standard errors, m^2.
         """
         return [
             {
                 "group": source.group,
                 "spectrum": source.name,
-                "temperature": source.temperature,
+                "temperature_K": source.temperature,
                 **{f"{part}_m2": float(self.area[p, k]) for p, part in enumerate(PARTS)},
-                **{f"{part}_error_m2": float(self.error[p, k]) for p, part in enumerate(PARTS)},
+                **{
+                    f"{part}_standard_error_m2": float(self.error[p, k])
+                    for p, part in enumerate(PARTS)
+                },
             }
             for k, source in enumerate(self.sources)
         ]
@@ -230,7 +291,7 @@ class EffectiveAreas:
 
 
 def effective_areas(
-    total: Totals, all_sources: Sources, band: Band, window_area: float
+    total: Totals, all_sources: Sources, scene: Scene, window_area: float
 ) -> EffectiveAreas:
     """Effective areas from a render that recorded the emission of each source.
 
@@ -240,8 +301,8 @@ def effective_areas(
         Sums over one window, with the channels source.N and, for many temperatures, wavelength.N.
     all_sources : Sources
         The sources that the channels belong to.
-    band : Band
-        The rendered band.
+    scene : Scene
+        The rendered scene, which has the name and the band.
     window_area : float
         Area of the sensor's window, m^2.
     """
@@ -269,7 +330,7 @@ def effective_areas(
         for part in PARTS
     ]
     return EffectiveAreas(
-        band=band,
+        band=scene.band,
         sources=sources,
         area=areas,
         error=np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))[:, :-1],
@@ -277,4 +338,5 @@ def effective_areas(
         covariance=covariance,
         nodes_um=nodes,
         by_wavelength=np.array(by_wavelength) * window_area,
+        scene_name=scene.name,
     )

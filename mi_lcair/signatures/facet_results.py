@@ -1,29 +1,31 @@
 """Radiance and intensity of each facet of the model, from the same paths as the image."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from mi_lcair.files import check_suffix
-from mi_lcair.formats import csv, vtk
+from mi_lcair.formats import vtk
 from mi_lcair.plugins.paths.channels import MAX_BOUNCE_CHANNELS, entries
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.rendering.facet_polygons import FacetPolygons
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.render import BOUNCE_CHANNELS
+from mi_lcair.results import Result
 
-SUFFIXES = (".csv", *vtk.SUFFIXES)  # of the files that a table of facets can be written as
 EDGE_ON = 1e-6  # cosine below which the projected area of a facet is only rounding error
 FEW = 30  # smallest expected number of samples on a facet that gives a visible fraction
 
 
-@dataclass(frozen=True)
-class FacetResults:
+@dataclass(frozen=True, repr=False)
+class FacetResults(Result):
     """Table of what each facet of the model sends to the sensor.
 
     Attributes
     ----------
-    columns : dict of str to ndarray, shape (facets,)
+    scene_name, band : str
+        Names of the scene and of its band.
+    table : dict of str to ndarray, shape (facets,)
         Values of the model's facets, not of its background, by name with unit. A missing value is
         NaN: a facet that the sensor does not see has no radiance. The sum of intensity_W_sr is the
         target's intensity. mean_cosine is that of the front side. visible_fraction is an estimate
@@ -32,28 +34,52 @@ class FacetResults:
         Corners of the model's triangles [m], and the number of the facet of each.
     """
 
-    columns: dict[str, np.ndarray]
+    scene_name: str
+    band: str
+    table: dict[str, np.ndarray]
     triangles: np.ndarray
     triangle_facet: np.ndarray
 
-    def write(self, path) -> None:
-        """Write the table as a .csv, or the facets with it as a .vtp or .vtu.
+    kind: ClassVar[str] = "facets"
+    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.facets:figure"
+    saved_by: ClassVar[dict[str, str]] = dict.fromkeys(vtk.SUFFIXES, f"{__name__}:write_vtk")
 
-        A missing value is an empty cell of the CSV and NaN in the others. Facets of shapes that are
-        not meshes are in the CSV only. Raises InputError for another suffix, and if the file cannot
-        be written.
-        """
-        if check_suffix(path, SUFFIXES) == ".csv":
-            csv.write(path, self.columns)
-            return
-        polygons = FacetPolygons.of(self.triangles, self.triangle_facet)
-        rows = np.searchsorted(self.columns["facet"], polygons.facet)
-        vtk.write_facets(
-            path,
-            polygons.vertices,
-            polygons.faces,
-            {name: values[rows] for name, values in self.columns.items()},
+    def summary(self) -> str:
+        """One line with the number of facets and the intensity of the brightest one."""
+        intensity, error = (self.table[f"{name}_W_sr"] for name in ("intensity", "standard_error"))
+        seen = np.count_nonzero(self.table["samples"])
+        text = f"facets of {self.scene_name}, {self.band}: {seen} of {len(intensity)} seen"
+        if not seen:
+            return text
+        k = int(np.argmax(intensity))
+        return (
+            f"{text}, brightest {self.table['facet'][k]} with {intensity[k]:.6g} +- "
+            f"{error[k]:.2g} W/sr (standard error)"
         )
+
+    def entries(self) -> dict:
+        """Entries for JSON."""
+        return {"scene_name": self.scene_name, "band": self.band, "facets": self.table}
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """The table, with a row for each facet."""
+        return self.table
+
+    def polygons(self) -> FacetPolygons:
+        """The facets of the table as polygons, without shapes that are not meshes."""
+        return FacetPolygons.of(self.triangles, self.triangle_facet)
+
+
+def write_vtk(path, facets: FacetResults) -> None:
+    """Write facets with all columns of their table as a .vtp or .vtu file."""
+    polygons = facets.polygons()
+    rows = np.searchsorted(facets.table["facet"], polygons.facet)
+    vtk.write_facets(
+        path,
+        polygons.vertices,
+        polygons.faces,
+        {name: values[rows] for name, values in facets.table.items()},
+    )
 
 
 class FacetSums:
@@ -108,11 +134,15 @@ class FacetSums:
         self.by_randomisation += sums.reshape(shape)
         self.samples += len(L)
 
-    def results(self, window_area: float, direction: np.ndarray) -> FacetResults:
+    def results(
+        self, scene_name: str, band: str, window_area: float, direction: np.ndarray
+    ) -> FacetResults:
         """The table of results.
 
         Parameters
         ----------
+        scene_name, band : str
+            Names of the scene and of its band.
         window_area : float
             Area of the sensor's window, m^2.
         direction : ndarray, shape (3,)
@@ -161,6 +191,8 @@ class FacetSums:
         of_model = table.type == "model"
         own = of_model[table.triangle_facet]
         return FacetResults(
+            scene_name,
+            band,
             {name: values[of_model] for name, values in columns.items()},
             table.triangles[own],
             table.triangle_facet[own],

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import window, window_area
 from mi_lcair.rendering.window_means import window_means
+from mi_lcair.results import Result
 from mi_lcair.signatures.effective_areas import EffectiveAreas, effective_areas
 from mi_lcair.signatures.facet_results import FacetResults, FacetSums
 
@@ -28,9 +30,10 @@ class Intensity:
         Intensity and its standard error, W/sr.
     half_width : float
         Half of the 95 % interval of the intensity, W/sr.
-    by_bounce : list of float
-        Intensity of paths with at most 0, 1, ... max_bounces reflections, W/sr. The last entry
-        holds all reflections from the 64th on.
+    by_bounce, by_bounce_error : list of float
+        Part of the paths with 0, 1, ... max_bounces reflections, W/sr, and its standard error. The
+        last entry holds all reflections from the 64th on. With `closure` they add up to the
+        intensity.
     by_group, by_group_error : dict of str to float
         Part that each group emitted, W/sr, and its standard error.
     by_seen, by_seen_error : dict of str to float
@@ -43,21 +46,32 @@ class Intensity:
     standard_error: float
     half_width: float
     by_bounce: list[float]
+    by_bounce_error: list[float]
     by_group: dict[str, float]
     by_group_error: dict[str, float]
     by_seen: dict[str, float]
     by_seen_error: dict[str, float]
     closure: float
 
+    @property
+    def up_to_bounce(self) -> list[float]:
+        """Intensity of the paths with at most 0, 1, ... reflections, W/sr: sums of `by_bounce`."""
+        return np.cumsum(self.by_bounce).tolist()
 
-@dataclass(frozen=True)
-class Signature:
+    def as_dict(self) -> dict:
+        """The entries for JSON, all in W/sr."""
+        entries = asdict(self) | {"up_to_bounce": self.up_to_bounce}
+        return {f"{name}_W_sr": value for name, value in entries.items()}
+
+
+@dataclass(frozen=True, repr=False)
+class Signature(Result):
     """Intensity of a scene toward an orthographic sensor.
-
-    Attributes that `Signature` lacks are looked up in `self.scene`.
 
     Attributes
     ----------
+    scene_name : str
+        Name of the scene.
     band : str
         Name of the band.
     scene : Intensity
@@ -89,6 +103,7 @@ class Signature:
         Whether the tolerance was reached, or the criterion `excess` was met; None without them.
     """
 
+    scene_name: str
     band: str
     scene: Intensity
     target: Intensity
@@ -104,26 +119,60 @@ class Signature:
     tolerance: float | None
     reached: bool | None = None
 
+    kind: ClassVar[str] = "signature"
+    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.signature:figure"
+
     @property
     def main_part(self) -> str:
         """Part that a tolerance refers to: "target", or "scene" if the target is dark."""
         return "target" if self.target.intensity > 0 else "scene"
 
-    def __getattr__(self, name):
-        """The attribute of `self.scene`, such as intensity or by_bounce."""
-        if name in Intensity.__dataclass_fields__:
-            return getattr(self.scene, name)
-        raise AttributeError(name)
+    @property
+    def main(self) -> Intensity:
+        """The Intensity of `main_part`."""
+        return getattr(self, self.main_part)
 
-    def as_dict(self) -> dict:
-        """A dictionary for JSON: the scene's entries at the top level, and both parts by name."""
+    @property
+    def intensity(self) -> float:
+        """Intensity of `main_part`, W/sr: of the target, or of the scene if the target is dark."""
+        return self.main.intensity
+
+    @property
+    def standard_error(self) -> float:
+        """Standard error of `intensity`, W/sr."""
+        return self.main.standard_error
+
+    @property
+    def half_width(self) -> float:
+        """Half of the 95 % interval of `intensity`, W/sr."""
+        return self.main.half_width
+
+    def __getattr__(self, name):
+        """Raise AttributeError; for an entry of Intensity it says where that is found."""
+        is_of_part = name == "up_to_bounce" or name in Intensity.__dataclass_fields__
+        where = f"; see .target.{name} and .scene.{name}" if is_of_part else ""
+        raise AttributeError(f"a signature has no attribute '{name}'{where}")
+
+    def summary(self) -> str:
+        """One line with the intensity of `main_part` and its 95 % interval."""
+        return (
+            f"signature of {self.scene_name}, {self.band}: {self.main_part} "
+            f"{self.intensity:.6g} +- {self.half_width:.2g} W/sr (95 %), {self.paths} paths"
+        )
+
+    def entries(self) -> dict:
+        """Entries for JSON: "target" and "scene", and what both share."""
         entries = {
+            "scene_name": self.scene_name,
             "band": self.band,
-            **asdict(self.scene),
-            "target": asdict(self.target),
-            "scene": asdict(self.scene),
-            "window_area": self.window_area,
-            "seconds": self.seconds,
+            "main_part": self.main_part,
+            "target": self.target.as_dict(),
+            "scene": self.scene.as_dict(),
+            "window_area_m2": self.window_area,
+            "missed_W_sr": self.missed,
+            "systematic": self.systematic,
+            "degrees_of_freedom": self.degrees_of_freedom,
+            "time_s": self.seconds,
             "paths": self.paths,
             "invalid": self.invalid,
             "tolerance": self.tolerance,
@@ -131,7 +180,45 @@ class Signature:
         }
         if self.effective_areas is not None:
             entries["effective_areas"] = self.effective_areas.as_list()
+            entries["spectrum"] = self.effective_areas.columns()
+        if self.facets is not None:
+            entries["facets"] = self.facets.columns()
         return entries
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """Intensity of target and scene: all of it, by reflections, by emitter, by what is seen."""
+        parts = (self.target, self.scene)
+        rows = [("all", "", [(part.intensity, part.standard_error) for part in parts])]
+        for k in range(len(self.scene.by_bounce)):
+            rows.append(
+                (
+                    "bounce",
+                    str(k),
+                    [(part.by_bounce[k], part.by_bounce_error[k]) for part in parts],
+                )
+            )
+        for of in ("group", "seen"):
+            rows += [
+                (
+                    of,
+                    name,
+                    [
+                        (getattr(part, f"by_{of}")[name], getattr(part, f"by_{of}_error")[name])
+                        for part in parts
+                    ],
+                )
+                for name in getattr(self.scene, f"by_{of}")
+            ]
+        of, names, values = zip(*rows)
+        values = np.array(values, dtype=float)  # (rows, target and scene, value and error)
+        return {
+            "part": np.array(of),
+            "name": np.array(names),
+            "target_W_sr": values[:, 0, 0],
+            "target_standard_error_W_sr": values[:, 0, 1],
+            "scene_W_sr": values[:, 1, 0],
+            "scene_standard_error_W_sr": values[:, 1, 1],
+        }
 
 
 def signature(
@@ -208,10 +295,11 @@ def signature(
 
         def result(total: Totals) -> Signature:
             return Signature(
+                scene_name=scene.name,
                 band=scene.band.name,
                 scene=intensity(total, "", area),
                 target=intensity(total, "target.", area),
-                effective_areas=effective_areas(total, sources, scene.band, area)
+                effective_areas=effective_areas(total, sources, scene, area)
                 if by_spectrum
                 else None,
                 facets=None,
@@ -243,7 +331,7 @@ def signature(
     *_, direction = window(camera)
     return replace(
         result(total),
-        facets=sums.results(area, -direction) if facets else None,
+        facets=sums.results(scene.name, scene.band.name, area, -direction) if facets else None,
         reached=ratio(total) <= 1 if adaptive else None,
     )
 
@@ -282,14 +370,15 @@ def intensity(total: Totals, prefix: str, area: float) -> Intensity:
             name[label:]: error(name) for name in names
         }
 
-    by_bounce = np.cumsum(list(split("bounce.")[0].values()))
+    by_bounce, by_bounce_error = split("bounce.")
     by_group, by_group_error = split("group.")
     by_seen, by_seen_error = split("seen.")
     return Intensity(
         intensity=mean(whole),
         standard_error=error(whole),
         half_width=float(total.half_width(whole)[0] * area),
-        by_bounce=by_bounce.tolist(),
+        by_bounce=list(by_bounce.values()),
+        by_bounce_error=list(by_bounce_error.values()),
         by_group=by_group,
         by_group_error=by_group_error,
         by_seen=by_seen,

@@ -113,7 +113,7 @@ class Number(ABC):
     def areas_of(self, total: Totals) -> EffectiveAreas | None:
         if not self.numbers.by_spectrum:
             return None
-        return effective_areas(total, self.numbers.sources, self.scene.band, self.numbers.area)
+        return effective_areas(total, self.numbers.sources, self.scene, self.numbers.area)
 
     # ------------------------------------------------------------------ Other values of the inputs
 

@@ -58,54 +58,64 @@ class Renderer:
 
     def render(self, scene, **sampling):
         self.asked(scene, **sampling)
-        return SimpleNamespace(
+        from mi_lcair.physics.bands import band
+        from mi_lcair.rendering.render import Render
+
+        return Render(
             **{
                 "channels": {"Y": np.full((2, 3), 5, np.float32)},
                 "header": {"band": "MWIR", "spp": 16},
                 "spp": 16,
-                "band": SimpleNamespace(name="MWIR", label="MWIR 3-5 um"),
-                "mean": np.float32(5.25),
+                "band": band("MWIR"),
+                "mean": 5.25,
+                "mean_error": 0.5,
                 "rms_error": 0.0125,
                 "reached": None,
                 "invalid": 0,
                 "closure_error": None,
                 "paths": 96,
                 "seconds": 1.5,
+                "scene_name": "cavity",
+                "window_m": (0.3, 0.2),
+                "tolerance": sampling["tolerance"],
                 **self.results,
             }
         )
 
     def signature(self, scene, by_spectrum, facets, **sampling):
+        from mi_lcair.signatures.signature import Intensity, Signature
+
         self.asked(scene, **sampling)
         scene = {
             "intensity": 22.0755,
             "standard_error": 0.0021,
             "half_width": 0.005,
-            "by_bounce": [20.0, 22.0],
+            "by_bounce": [20.0, 2.0755],
+            "by_bounce_error": [0.0, 0.0021],
             "by_group": {"hot": 21.0, "self": 1.0755},
             "by_group_error": {"hot": 0.002, "self": 0.0},
             "by_seen": {"plate": 22.0755},
             "by_seen_error": {"plate": 0.0021},
+            "closure": 0.0,
         }
-        target = {**scene, "intensity": 11.5, "by_bounce": [10.0, 11.0], **self.results}
-        tolerance, reached = sampling["tolerance"], self.results.get("reached")
-        return SimpleNamespace(
-            invalid=self.results.get("invalid", 0),
+        own = {name: value for name, value in self.results.items() if name in scene}
+        target = {**scene, "intensity": 11.5, "by_bounce": [10.0, 1.5], **own}
+        return Signature(
+            scene_name="two_plates",
+            band="total",
+            scene=Intensity(**scene),
+            target=Intensity(**target),
+            effective_areas=None,
+            facets=None,
+            window_area=0.06,
+            seconds=1.5,
             paths=2**32,
-            target=SimpleNamespace(**target),
-            scene=SimpleNamespace(**scene),
-            main_part="target",
-            reached=reached,
-            as_dict=lambda: {
-                "band": "total",
-                **scene,
-                "target": target,
-                "scene": scene,
-                "seconds": 1.5,
-                "paths": 2**32,
-                "tolerance": tolerance,
-                "reached": reached,
-            },
+            invalid=self.results.get("invalid", 0),
+            degrees_of_freedom=7,
+            missed=0.0,
+            systematic=1e-7,
+            tolerance=sampling["tolerance"],
+            reached=self.results.get("reached"),
         )
 
     def asked(self, scene, progress, **sampling):

@@ -210,16 +210,25 @@ def test_render_json(run, renderer):
     result = run("render", "cavity", "-o", "out.exr", "--json")
     assert json.loads(result.stdout) == {
         "file": "out.exr",
+        "kind": "render",
+        "scene_name": "cavity",
         "band": "MWIR",
-        "mean": 5.25,
+        "width": 3,
+        "height": 2,
+        "window_m": [0.3, 0.2],
+        "mean_radiance_W_m2_sr": 5.25,
+        "standard_error_W_m2_sr": 0.5,
         "rms_error": 0.0125,
+        "by_bounce_W_m2_sr": [],
         "spp": 16,
         "tolerance": None,
         "reached": None,
         "invalid": 0,
-        "closure_error": None,
+        "closure_error_W_m2_sr": None,
         "paths": 96,
-        "seconds": 1.5,
+        "time_s": 1.5,
+        "header": {"band": "MWIR", "spp": 16},
+        "channels": {"radiance_W_m2_sr": {"least": 5.0, "mean": 5.0, "greatest": 5.0}},
     }
 
 

@@ -23,7 +23,9 @@ def test_signature_table(run, renderer):
     assert "scene   22.0755 W/sr +- 0.005 (95 %)" in lines
     assert "target  11.5 W/sr +- 0.005 (95 %)" in lines
     assert "error   the 95 % interval is +- 0.043 % of the target's intensity" in lines
-    assert ["0", "10", "20"] in rows and ["1", "11", "22"] in rows
+    assert rows[7][:6] == ["reflections", "target", "W/sr", "up", "to", "these"]
+    assert ["0", "10", "10", "20", "20"] in rows
+    assert ["1", "1.5", "11.5", "2.0755", "22.0755"] in rows
     assert ["hot", "21", "+-", "0.002", "21", "+-", "0.002"] in rows
     assert ["self", "1.0755", "+-", "0", "1.0755", "+-", "0"] in rows
     assert ["plate", "22.0755", "+-", "0.0021", "22.0755", "+-", "0.0021"] in rows
@@ -158,7 +160,7 @@ def test_signature_files(run, folder):
         "f.csv",
         "--json",
     )
-    target = json.loads(result.stdout)["target"]["intensity"]
+    target = json.loads(result.stdout)["target"]["intensity_W_sr"]
     spectrum = np.loadtxt(folder / "s.csv", delimiter=",", skiprows=2)
     assert np.trapezoid(spectrum[:, 2], spectrum[:, 0]) == pytest.approx(target, rel=1e-5)
     assert len((folder / "f.csv").read_text().splitlines()) == 3 and (folder / "s.png").exists()

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from mi_lcair.formats import tiff
 from mi_lcair.errors import InputError
+from mi_lcair.formats import tiff
 from mi_lcair.rendering.image import read_exr
 from tests.detection.disc_scenario import write_disc
 

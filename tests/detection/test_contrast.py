@@ -637,12 +637,12 @@ def test_each_row_is_rendered_with_its_own_reflections():
     seen = seen_from(
         scene, View(scenario.observer.azimuth_deg, scenario.observer.elevation_deg), 24
     )
-    by_bounce = mi_lcair.signature(seen, spp=4, seed=3).target.by_bounce
+    up_to = mi_lcair.signature(seen, spp=4, seed=3).target.up_to_bounce
     rows = contrast(scenario).rows
     assert [row.intensity.value for row in rows] == pytest.approx(
-        [by_bounce[2], by_bounce[0], by_bounce[1]], rel=1e-4
+        [up_to[2], up_to[0], up_to[1]], rel=1e-4
     )
-    assert by_bounce[0] < 0.9 * by_bounce[1] < by_bounce[2]
+    assert up_to[0] < 0.9 * up_to[1] < up_to[2]
 
 
 @pytest.mark.slow

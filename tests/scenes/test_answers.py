@@ -29,8 +29,8 @@ def test_two_plates(name):
     expected = exact.two_plates_intensity(radiance(name, 800))
     assert result.intensity == pytest.approx(expected, rel=2e-3)
     assert abs(result.intensity - expected) < 3 * result.standard_error
-    assert result.by_bounce[0] == 0
-    assert result.by_group["plate"] == pytest.approx(result.intensity, rel=1e-6)
+    assert result.target.by_bounce[0] == 0
+    assert result.target.by_group["plate"] == pytest.approx(result.intensity, rel=1e-6)
 
 
 @pytest.mark.slow
@@ -45,7 +45,7 @@ def test_open_box(sampling):
     assert abs(result.intensity - expected) < 3 * result.standard_error
     assert result.intensity == pytest.approx(expected, rel=2e-3)
     emitted = exact.open_box_intensity(0, radiance("total", 300))
-    assert result.by_bounce[0] == pytest.approx(emitted, rel=2e-4)
+    assert result.target.by_bounce[0] == pytest.approx(emitted, rel=2e-4)
 
 
 @pytest.mark.slow
@@ -56,7 +56,7 @@ def test_cavity(opening):
     """
     scene = mi_lcair.load("cavity", opening=opening, resolution=32)
     result = mi_lcair.signature(scene, spp=128, seed=3)
-    measured = np.array(result.scene.by_bounce) / result.window_area / radiance("total", 800)
+    measured = np.array(result.scene.up_to_bounce) / result.window_area / radiance("total", 800)
     for bounces in range(5):
         assert measured[bounces] == pytest.approx(
             exact.cavity_emissivity(opening, bounces), rel=1.5e-3

@@ -153,8 +153,8 @@ def test_splits_of_the_range():
     for part in (result.target, result.scene):
         assert sum(part.by_group.values()) == pytest.approx(part.intensity, rel=1e-5)
         assert sum(part.by_seen.values()) == pytest.approx(part.intensity, rel=1e-5)
-    assert len(result.facets.columns["facet"]) == 1944
-    assert result.facets.columns["intensity_W_sr"].sum() == pytest.approx(
+    assert len(result.facets.table["facet"]) == 1944
+    assert result.facets.table["intensity_W_sr"].sum() == pytest.approx(
         result.target.intensity, rel=1e-5
     )
     temperatures = sorted({source.temperature for source in result.effective_areas.sources})

@@ -13,7 +13,6 @@ from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.rendering.scene import checked
 from mi_lcair.reports.spectrum_plot import save_plot
-from mi_lcair.signatures.spectral_intensity import write
 from tests.plugins.conftest import plate  # noqa: F401, a fixture
 from tests.plugins.small_scenes import SQUARE, camera
 from tests.scenes.view_factors import WALLS, cube
@@ -220,7 +219,7 @@ def test_by_wavelength_is_planck(plate):
         checked(scene, Path("strips.xml"), {}), spp=64, by_spectrum=True, facets=True
     )
     x = np.linspace(8, 12, 7)
-    facets = result.facets.columns
+    facets = result.facets.table
     # The sampled area of each facet is its intensity over its in-band radiance.
     planck = [
         I / in_band_radiance(band("LWIR"), T) * spectral_radiance(x, T)
@@ -234,7 +233,7 @@ def test_by_wavelength_is_planck(plate):
 @pytest.mark.slow
 def test_csv_and_plot(many, tmp_path):
     result = mi_lcair.signature(many, spp=16, by_spectrum=True)
-    write(tmp_path / "s.csv", result.effective_areas, "many")
+    result.effective_areas.save(tmp_path / "s.csv")
     rows = [
         line for line in (tmp_path / "s.csv").read_text().splitlines() if not line.startswith("#")
     ]
@@ -246,7 +245,7 @@ def test_csv_and_plot(many, tmp_path):
         table["scene_W_sr_um"],
         rtol=1e-7,
     )
-    save_plot(tmp_path / "s.png", result.effective_areas, "many")
+    save_plot(tmp_path / "s.png", result.effective_areas)
     assert (tmp_path / "s.png").stat().st_size > 10000
 
 

@@ -59,7 +59,7 @@ def by_group(columns, name, group):
 @pytest.mark.slow
 def test_columns(roof):
     result = mi_lcair.signature(roof, spp=2048, facets=True)
-    columns = result.facets.columns
+    columns = result.facets.table
     # The table holds the model's facets, not those of the terrain.
     assert list(columns["group"]) == ["floor"] * 2 + ["roof"] * 2 + ["wall"] * 2
     assert columns["intensity_W_sr"].sum() == pytest.approx(result.target.intensity, rel=1e-6)
@@ -111,7 +111,7 @@ def test_target_and_scene(roof):
     for part in (target, scene):
         assert sum(part.by_seen.values()) == pytest.approx(part.intensity, rel=1e-5)
         assert sum(part.by_group.values()) == pytest.approx(part.intensity, rel=1e-5)
-        assert part.by_bounce[-1] == pytest.approx(part.intensity, rel=1e-5)
+        assert part.up_to_bounce[-1] == pytest.approx(part.intensity, rel=1e-5)
     assert target.intensity == pytest.approx(
         sum(scene.by_seen[name] for name in ("floor", "roof", "wall")), rel=1e-6
     )
@@ -129,8 +129,8 @@ def test_standard_errors_are_the_scatter_of_seeds(roof, monkeypatch):
     """
     monkeypatch.setattr("mi_lcair.rendering.render.PASS_SAMPLES", 600)
     runs = [mi_lcair.signature(roof, spp=16, seed=seed, facets=True) for seed in range(16)]
-    values = np.array([run.facets.columns["intensity_W_sr"] for run in runs])
-    claimed = np.mean([run.facets.columns["standard_error_W_sr"] ** 2 for run in runs], axis=0)
+    values = np.array([run.facets.table["intensity_W_sr"] for run in runs])
+    claimed = np.mean([run.facets.table["standard_error_W_sr"] ** 2 for run in runs], axis=0)
     visible = claimed > 0
     np.testing.assert_allclose(
         values.var(axis=0, ddof=1)[visible], claimed[visible], rtol=5 * np.sqrt(2 / 15 + 2 / 16 / 7)
@@ -143,15 +143,15 @@ def test_standard_errors_are_the_scatter_of_seeds(roof, monkeypatch):
 
 def test_csv(roof, tmp_path):
     result = mi_lcair.signature(roof, spp=16, facets=True)
-    result.facets.write(tmp_path / "facets.csv")
+    result.facets.save(tmp_path / "facets.csv")
     with open(tmp_path / "facets.csv", newline="") as file:
         rows = list(csv.DictReader(file))
-    assert [row["group"] for row in rows] == list(result.facets.columns["group"]) and rows[4][
+    assert [row["group"] for row in rows] == list(result.facets.table["group"]) and rows[4][
         "radiance_W_m2_sr"
     ] == ""
     np.testing.assert_allclose(
         [float(row["intensity_W_sr"]) for row in rows],
-        result.facets.columns["intensity_W_sr"],
+        result.facets.table["intensity_W_sr"],
         rtol=1e-8,
     )
 
@@ -170,7 +170,7 @@ def test_shapes_that_are_no_meshes_and_backs(plate):
         },
         optimize=False,
     )
-    assert mi_lcair.signature(checked(only, Path("x.xml"), {}), spp=4, facets=True).facets.columns[
+    assert mi_lcair.signature(checked(only, Path("x.xml"), {}), spp=4, facets=True).facets.table[
         "area_m2"
     ][0] == pytest.approx(np.pi, rel=1e-6)
     back = plate("back", [[-2, -2, 0], [-2, 2, 0], [2, 2, 0], [2, -2, 0]], grey, 300.0)
@@ -186,7 +186,7 @@ def test_shapes_that_are_no_meshes_and_backs(plate):
     )
     columns = mi_lcair.signature(
         checked(scene, Path("x.xml"), {}), spp=16, facets=True
-    ).facets.columns
+    ).facets.table
     behind = columns["facet"] >= 0
     behind[[k for k, area in enumerate(columns["area_m2"]) if area < 7]] = False
     assert np.all(np.isnan(columns["visible_fraction"][behind])) and np.all(
@@ -211,7 +211,7 @@ def test_backs_of_one_sided_facets_are_not_seen(plate):
     )
     columns = mi_lcair.signature(
         checked(scene, Path("x.xml"), {}), spp=64, facets=True
-    ).facets.columns
+    ).facets.table
     behind = columns["temperature_K"] == 310
     for name in ("samples", "visible_fraction", "intensity_W_sr", "mean_cosine"):
         assert np.all(columns[name][behind] == 0), name
@@ -245,7 +245,7 @@ def test_a_closed_box_seen_at_its_edges(tmp_path):
     (tmp_path / "box.obj").write_text(BOX)
     models3d.export(models3d.read(tmp_path / "box.obj"), tmp_path / "box")
     scene = mi_lcair.load(tmp_path / "box" / "scene.xml", azimuth_deg=30, elevation_deg=30)
-    columns = mi_lcair.signature(scene, spp=1024, facets=True).facets.columns
+    columns = mi_lcair.signature(scene, spp=1024, facets=True).facets.table
     away = columns["mean_cosine"] == 0
     assert away.tolist() == [True, False, False, True, True, False]
     for name in ("samples", "visible_fraction", "intensity_W_sr", "standard_error_W_sr"):

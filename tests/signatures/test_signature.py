@@ -1,10 +1,13 @@
 """Tests of signatures: the sensor's window, the parts, and sensors without an intensity."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
+from mi_lcair.planning.probe import Settings
 from mi_lcair.plugins.paths.rounding import rounding_error
 
 SCENE = """<scene version="3.0.0">
@@ -57,20 +60,48 @@ def test_as_dict():
     result = mi_lcair.signature(mi_lcair.load("open_box", resolution=16, max_bounces=2), spp=64)
     entries = result.as_dict()
     assert {
+        "kind",
+        "scene_name",
         "band",
-        "intensity",
-        "standard_error",
-        "by_bounce",
-        "by_group",
-        "by_seen",
-        "seconds",
+        "target",
+        "scene",
+        "window_area_m2",
+        "time_s",
         "paths",
     } <= set(entries)
-    assert len(entries["by_bounce"]) == 3 and np.all(np.diff(entries["by_bounce"]) >= 0)
-    assert entries["by_bounce"][-1] == pytest.approx(entries["intensity"], rel=1e-6)
-    assert sum(entries["by_group"].values()) == pytest.approx(entries["intensity"], rel=1e-5)
-    assert sum(entries["by_seen"].values()) == pytest.approx(entries["intensity"], rel=1e-5)
+    for part in ("target", "scene"):
+        own = entries[part]
+        intensity = own["intensity_W_sr"]
+        assert len(own["by_bounce_W_sr"]) == len(own["by_bounce_error_W_sr"]) == 3
+        assert own["up_to_bounce_W_sr"] == pytest.approx(np.cumsum(own["by_bounce_W_sr"]))
+        for parts in (own["by_group_W_sr"].values(), own["by_seen_W_sr"].values()):
+            assert sum(parts) == pytest.approx(intensity, rel=1e-5)
+        assert sum(own["by_bounce_W_sr"]) == pytest.approx(intensity, rel=1e-6)
     assert entries["paths"] == 64 * 256
+
+
+def test_reflections_and_closure_add_up_to_the_intensity():
+    scene = mi_lcair.load("cavity", resolution=8, max_bounces=4)
+    with replace(Settings.of(scene), closure="tail").applied(scene):
+        result = mi_lcair.signature(scene, spp=16)
+    assert result.target.closure > 0
+    assert sum(result.target.by_bounce) + result.target.closure == pytest.approx(
+        result.target.intensity, rel=1e-6
+    )
+
+
+def test_a_part_of_the_intensity_is_that_of_target_or_scene():
+    """The intensity itself is that of the part to which a tolerance refers."""
+    result = mi_lcair.signature(mi_lcair.load("open_box", resolution=16), spp=4)
+    assert result.main_part == "target" and result.main is result.target
+    for name in ("intensity", "standard_error", "half_width"):
+        assert getattr(result, name) == getattr(result.target, name)
+    dark = replace(result, target=replace(result.target, intensity=0.0))
+    assert dark.main_part == "scene" and dark.intensity == result.scene.intensity
+    for name in ("by_bounce", "up_to_bounce", "by_group", "by_seen_error", "closure"):
+        with pytest.raises(AttributeError, match=f"see .target.{name} and .scene.{name}"):
+            getattr(result, name)
+    assert not hasattr(result, "no_such_name")
 
 
 def test_a_criterion_of_ones_own_ends_the_paths():
@@ -95,7 +126,7 @@ def test_a_tolerance_is_that_of_the_target():
     assert result.reached and result.target.half_width <= 0.01 * result.target.intensity
     entries = result.as_dict()
     assert (entries["tolerance"], entries["reached"]) == (0.01, True)
-    assert entries["target"]["half_width"] == result.target.half_width
+    assert entries["target"]["half_width_W_sr"] == result.target.half_width
     assert mi_lcair.signature(mi_lcair.load("open_box", resolution=16), spp=4).reached is None
 
 

@@ -50,13 +50,13 @@ def test_the_sun_is_told_apart(sunlit):
     dark = load("two_plates", band="MWIR")
     found = signature(scene, spp=2**4, by_spectrum=True)
     expected = 0.02 * E * np.sin(np.radians(60)) / np.pi
-    assert found.by_group["sun"] == pytest.approx(expected, rel=2e-3)
+    assert found.scene.by_group["sun"] == pytest.approx(expected, rel=2e-3)
     areas = found.effective_areas
     source = next(source for source in areas.sources if source.group == "sun")
     area = areas.area[1, areas.sources.index(source)]
     assert area * source.in_band == pytest.approx(expected, rel=2e-3)
-    assert found.by_group["plate"] == pytest.approx(
-        signature(dark, spp=2**4).by_group["plate"], rel=0.02
+    assert found.scene.by_group["plate"] == pytest.approx(
+        signature(dark, spp=2**4).scene.by_group["plate"], rel=0.02
     )
 
 

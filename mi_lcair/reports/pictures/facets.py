@@ -1,0 +1,57 @@
+"""Picture of a table of facets: the brightest ones, and radiance by temperature."""
+
+import numpy as np
+
+from mi_lcair.drawing import new_figure, plain
+from mi_lcair.signatures.facet_results import FacetResults
+
+MOST_BARS = 20  # facets with a bar
+
+
+def figure(facets: FacetResults):
+    """Figure with the intensities of the brightest facets, and all radiances over temperature.
+
+    Bars and points are coloured by group. Lines at the ends of the bars are standard errors.
+    """
+    table = facets.table
+    names = list(dict.fromkeys(table["group"]))
+    colors = {name: f"C{k % 10}" for k, name in enumerate(names)}
+    figure = new_figure((11, 4.5), layout="constrained")
+    bright, cloud = figure.subplots(1, 2)
+
+    intensity = np.nan_to_num(table["intensity_W_sr"])
+    seen = np.flatnonzero(table["samples"])
+    order = seen[np.argsort(-intensity[seen], kind="stable")][:MOST_BARS]
+    bright.bar(
+        np.arange(len(order)),
+        intensity[order],
+        yerr=np.nan_to_num(table["standard_error_W_sr"])[order],
+        color=[colors[table["group"][k]] for k in order],
+    )
+    bright.set_xticks(np.arange(len(order)), [str(table["facet"][k]) for k in order])
+    bright.tick_params(axis="x", rotation=90 if len(order) > 10 else 0)
+    bright.set_xlim(-1, max(len(order), 2))
+    bright.set_xlabel("facet", fontsize=9)
+    bright.set_ylabel(r"intensity (W sr$^{-1}$)", fontsize=9)
+    bright.set_title(
+        f"the {len(order)} brightest of {len(seen)} facets that the sensor sees", fontsize=10
+    )
+
+    for name in names:
+        own = (table["group"] == name) & (table["samples"] > 0)
+        cloud.plot(
+            table["temperature_K"][own],
+            table["radiance_W_m2_sr"][own],
+            ".",
+            color=colors[name],
+            label=plain(name),
+        )
+    cloud.ticklabel_format(useOffset=False)
+    cloud.set_xlabel("temperature (K)", fontsize=9)
+    cloud.set_ylabel(r"radiance (W m$^{-2}$ sr$^{-1}$)", fontsize=9)
+    cloud.set_title("radiance of these facets, by group", fontsize=10)
+    cloud.legend(fontsize=8, frameon=False, ncols=1 + len(names) // 12)
+    for panel in (bright, cloud):
+        panel.tick_params(labelsize=8)
+    figure.suptitle(plain(f"{facets.scene_name}, {facets.band}"), fontsize=11)
+    return figure

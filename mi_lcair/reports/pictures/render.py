@@ -1,0 +1,35 @@
+"""Picture of a rendered image."""
+
+from mi_lcair.errors import unknown
+from mi_lcair.rendering.render import Render
+from mi_lcair.reports import image_picture
+
+DEFAULT = ("Y", "temperature.Y")
+
+
+def figure(render: Render, channels=DEFAULT, log: bool = False, **options):
+    """Figure with one panel for each channel, see `image_picture.figure`.
+
+    Parameters
+    ----------
+    render : Render
+    channels : sequence of str
+        Names of channels of the image.
+    log : bool
+        Make the scales logarithmic.
+    **options
+        Further options of `image_picture.figure`.
+
+    Raises
+    ------
+    InputError
+        If the image has no such channel.
+    """
+    names = [channels] if isinstance(channels, str) else list(channels)
+    for name in names:
+        if name not in render.channels:
+            raise unknown(f"channel of the render of {render.scene_name}", name, render.channels)
+    title = f"{render.scene_name}, {render.band.label}"
+    return image_picture.figure(
+        {name: render.channels[name] for name in names}, title, log, **options
+    )

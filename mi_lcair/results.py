@@ -1,0 +1,227 @@
+"""What every result can do: say what it is, show itself, become a table, and be saved."""
+
+import importlib
+import json
+from base64 import b64encode
+from html import escape
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+
+from mi_lcair.drawing import PICTURES, write_figure
+from mi_lcair.errors import InputError, printable
+from mi_lcair.extras import optional
+from mi_lcair.files import check_writable, replacing
+
+LONGEST = 199  # largest length of `repr` [characters]
+MOST_ROWS = 12  # rows of a table in a notebook
+NOTEBOOK_DPI = 75  # pixels per inch of a picture in a notebook
+# Writers of any result's table by suffix, and the method that gives what they write
+WRITERS = {
+    ".csv": ("mi_lcair.formats.csv:write", "columns"),
+    ".nc": ("mi_lcair.formats.netcdf:write", "to_xarray"),
+}
+
+
+class Result:
+    """Base class of the results of all functions.
+
+    A result states in one line what it is (`summary`, `repr`), shows its picture or its table in a
+    notebook, and becomes a dictionary (`as_dict`), a table (`columns`, `to_dataframe`,
+    `to_xarray`), a figure (`plot`) or a file (`save`).
+
+    A class sets the names below and defines `summary`, `entries` and `columns`. What draws or
+    writes is named as text, "module:function", and is imported on use.
+
+    Attributes
+    ----------
+    kind : str
+        Kind of the result, such as "signature". It is the entry `kind` of the JSON.
+    drawn_by : str
+        Function that draws the result: figure(result, **options) -> Figure. "" without a picture.
+    saved_by : dict of str to str
+        Functions that write files of further suffixes: write(path, result, **options).
+    """
+
+    kind = ""
+    drawn_by = ""
+    saved_by: dict[str, str] = {}
+
+    def summary(self) -> str:
+        """One line with the result's value, error and unit."""
+        raise NotImplementedError
+
+    def entries(self) -> dict:
+        """Entries of `as_dict` after `kind`, of which arrays and NaN may be part."""
+        raise NotImplementedError
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """The main table: equally long columns by name. The names end in the unit, if any."""
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        return printable(self.summary(), LONGEST)
+
+    def _repr_html_(self) -> str:
+        """The summary, and the picture or the table, for a notebook."""
+        body = self._picture_html() if self.drawn_by else table_html(self.columns())
+        return f"<div><p>{escape(printable(self.summary()))}</p>{body}</div>"
+
+    def _picture_html(self) -> str:
+        file = BytesIO()
+        self.plot().savefig(file, format="png", dpi=NOTEBOOK_DPI)
+        data = b64encode(file.getvalue()).decode()
+        return f'<img alt="{escape(self.kind)}" src="data:image/png;base64,{data}"/>'
+
+    def as_dict(self) -> dict:
+        """The result for JSON: numbers, texts, lists and dictionaries, with units in the names.
+
+        A number that does not exist (NaN, infinite) is None.
+        """
+        return strict({"kind": self.kind, **self.entries()})
+
+    def to_dataframe(self):
+        """The table of `columns` as a pandas DataFrame.
+
+        Raises InputError if pandas is not installed.
+        """
+        return optional("pandas", f"the data frame of a {self.kind}").DataFrame(self.columns())
+
+    def to_xarray(self):
+        """The table of `columns` as an xarray Dataset, whose variables carry their units.
+
+        Raises InputError if xarray is not installed.
+        """
+        return named("mi_lcair.formats.netcdf:dataset")(self.columns(), **self._attributes())
+
+    def _attributes(self) -> dict:
+        """Attributes of the Dataset."""
+        return {"kind": self.kind, "title": printable(self.summary())}
+
+    def dataset(self, variables: dict, coordinates: dict):
+        """An xarray Dataset of {name: (dimensions, values)}, with units from the ends of the names.
+
+        Raises InputError if xarray is not installed.
+        """
+        xarray = optional("xarray", f"the dataset of a {self.kind}")
+        unit_of = named("mi_lcair.formats.units:unit_of")
+        described = lambda table: {
+            name: (dimensions, values, {"units": unit} if (unit := unit_of(name)) else {})
+            for name, (dimensions, values) in table.items()
+        }
+        return xarray.Dataset(described(variables), described(coordinates), self._attributes())
+
+    def plot(self, path=None, **options):
+        """The picture of the result, as a Matplotlib Figure.
+
+        Parameters
+        ----------
+        path : path-like, optional
+            File to write it to: .png, .svg or .pdf.
+        **options
+            Options of the function that draws it (`drawn_by`).
+
+        Raises
+        ------
+        InputError
+            If the result has no picture, or if the file cannot be written.
+        """
+        if path is not None:
+            self._check_suffix(Path(path), [suffix for suffix in PICTURES if self.drawn_by])
+            check_writable(path)
+        if not self.drawn_by:
+            raise InputError(f"a {self.kind} has no picture; it can be saved as {self._known()}")
+        figure = named(self.drawn_by)(self, **options)
+        if path is not None:
+            write_figure(figure, path)
+        return figure
+
+    def suffixes(self) -> list[str]:
+        """Suffixes of the files that `save` can write."""
+        return [".json", *WRITERS, *(PICTURES if self.drawn_by else ()), *self.saved_by]
+
+    def save(self, path, **options) -> None:
+        """Write the result to a file, whose suffix chooses the format (`suffixes`).
+
+        Parameters
+        ----------
+        path : path-like
+            File to write. It appears completely or not at all.
+        **options
+            Options of the function that draws or writes.
+
+        Raises
+        ------
+        InputError
+            If the result has no such format, or if the file cannot be written.
+        """
+        path = Path(path)
+        suffix = self._check_suffix(path, self.suffixes())
+        if suffix in PICTURES:
+            self.plot(path, **options)
+        elif suffix == ".json":
+            with replacing(path) as partial:
+                text = json.dumps(self.as_dict(), indent=2, allow_nan=False)
+                partial.write_text(f"{text}\n", encoding="utf-8")
+        else:
+            check_writable(path)
+            if suffix in self.saved_by:
+                named(self.saved_by[suffix])(path, self, **options)
+            else:
+                writer, content = WRITERS[suffix]
+                named(writer)(path, getattr(self, content)(), **options)
+
+    def _check_suffix(self, path: Path, allowed) -> str:
+        """The suffix of a path, in lower case. Raises InputError if it is not allowed."""
+        suffix = path.suffix.lower()
+        if suffix not in allowed:
+            possible = ", ".join(allowed) or f"no picture, but as {self._known()}"
+            raise InputError(f"'{path}': a {self.kind} can be saved as {possible}")
+        return suffix
+
+    def _known(self) -> str:
+        return ", ".join(self.suffixes())
+
+
+def named(text: str):
+    """The function of a text "module:function"."""
+    module, _, name = text.partition(":")
+    return getattr(importlib.import_module(module), name)
+
+
+def strict(value):
+    """A value as strict JSON has it: arrays as lists, NumPy's numbers as Python's, NaN as None."""
+    if isinstance(value, dict):
+        return {str(key): strict(own) for key, own in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [strict(own) for own in value]
+    if isinstance(value, np.ndarray):
+        return strict(value.tolist())
+    if isinstance(value, np.generic):
+        return strict(value.item())
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value
+
+
+def table_html(columns: dict[str, np.ndarray]) -> str:
+    """An HTML table of columns, of which the first MOST_ROWS rows are shown."""
+    rows = list(zip(*columns.values()))
+    lines = ["<table>", _row_html("th", columns)]
+    lines += [_row_html("td", row) for row in rows[:MOST_ROWS]]
+    if len(rows) > MOST_ROWS:
+        lines.append(
+            f'<tr><td colspan="{len(columns)}">... and {len(rows) - MOST_ROWS} more rows</td></tr>'
+        )
+    return "".join([*lines, "</table>"])
+
+
+def _row_html(tag: str, cells) -> str:
+    return f"<tr>{''.join(f'<{tag}>{_cell_html(cell)}</{tag}>' for cell in cells)}</tr>"
+
+
+def _cell_html(cell) -> str:
+    if isinstance(cell, (float, np.floating)):
+        return f"{cell:.6g}"
+    return escape(printable(cell))

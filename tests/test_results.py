@@ -1,0 +1,225 @@
+"""Every result answers: one line, a picture or a table, JSON, columns and files."""
+
+import json
+import re
+from base64 import b64decode
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+import mi_lcair
+from mi_lcair.errors import InputError
+from mi_lcair.formats.units import unit_of
+from mi_lcair.rendering.image import read_exr
+
+# Numbers without a unit: counts, fractions, names of rows
+PURE = {
+    "column",
+    "facet",
+    "invalid",
+    "mean_cosine",
+    "paths",
+    "reached",
+    "response",
+    "row",
+    "samples",
+    "visible_fraction",
+}
+
+
+def rendered():
+    return mi_lcair.render(mi_lcair.load("two_plates", resolution=8), spp=8)
+
+
+def signature():
+    return mi_lcair.signature(mi_lcair.load("two_plates", resolution=8), spp=8)
+
+
+def spectral():
+    scene = mi_lcair.load("cylinder_ir_range", resolution=16)
+    return mi_lcair.signature(scene, spp=4, by_spectrum=True, facets=True)
+
+
+RESULTS = {
+    "render": rendered,
+    "signature": signature,
+    "signature with spectrum": spectral,
+    "effective_areas": lambda: spectral().effective_areas,
+    "facets": lambda: spectral().facets,
+}
+
+
+@pytest.fixture(scope="module")
+def results():
+    """The results of RESULTS, each computed once."""
+    made = {}
+
+    def get(name):
+        if name not in made:
+            made[name] = RESULTS[name]()
+        return made[name]
+
+    return get
+
+
+@pytest.fixture(params=RESULTS)
+def result(request, results):
+    return results(request.param)
+
+
+class Tags(HTMLParser):
+    """Checks that every tag is closed in its order."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.images = [], []
+        self.feed(text)
+        self.close()
+        assert not self.open
+
+    def handle_starttag(self, tag, attrs):
+        self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        if tag == "img":
+            self.images.append(dict(attrs)["src"])
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def test_a_result_is_one_short_line(result):
+    """It has a number with its error and its unit, or a count."""
+    text = repr(result)
+    assert 20 < len(text) < 200 and "\n" not in text
+    assert re.search(r"\d", text) and "object at" not in text and "array(" not in text
+    assert text == result.summary()
+
+
+def test_a_notebook_shows_the_picture_or_the_table(result):
+    html = result._repr_html_()
+    images = Tags(html).images
+    assert len(html) < 500_000
+    if result.drawn_by:
+        (source,) = images
+        data = source.removeprefix("data:image/png;base64,")
+        assert b64decode(data, validate=True).startswith(b"\x89PNG")
+    else:
+        assert "<table>" in html
+
+
+def test_the_dictionary_is_strict_json(result):
+    entries = result.as_dict()
+    assert entries["kind"] == result.kind and entries["scene_name"]
+    assert json.loads(json.dumps(entries, allow_nan=False)) == entries
+
+
+def test_columns_are_equally_long_and_name_their_units(result):
+    columns = result.columns()
+    assert len({len(values) for values in columns.values()}) == 1
+    for name, values in columns.items():
+        assert isinstance(values, np.ndarray) and values.ndim == 1
+        if values.dtype.kind in "iuf":
+            assert unit_of(name) or name in PURE, name
+
+
+def test_a_table_is_a_data_frame(result):
+    frame = result.to_dataframe()
+    assert list(frame.columns) == list(result.columns())
+    for name, values in result.columns().items():
+        np.testing.assert_array_equal(frame[name].to_numpy(), values)
+
+
+def test_a_dataset_has_units(result):
+    dataset = result.to_xarray()
+    assert dataset.attrs["kind"] == result.kind
+    for name, variable in dataset.variables.items():
+        assert variable.attrs.get("units", "") == unit_of(name)
+
+
+def test_the_axes_of_a_picture_are_labelled(result):
+    if not result.drawn_by:
+        with pytest.raises(InputError, match="has no picture"):
+            result.plot()
+        return
+    panels = [axes for axes in result.plot().axes if axes.get_label() != "<colorbar>"]
+    assert panels
+    for axes in panels:
+        assert axes.name == "polar" or axes.get_xlabel() or axes.get_ylabel()
+
+
+def test_every_format_that_a_result_names_is_written(result, tmp_path):
+    beginnings = {
+        ".json": b"{",
+        ".csv": next(iter(result.columns())).encode(),
+        ".nc": b"CDF",
+        ".exr": b"\x76\x2f\x31\x01",
+        ".png": b"\x89PNG",
+        ".svg": b"<?xml",
+        ".pdf": b"%PDF",
+    }
+    assert {".json", ".csv", ".nc"} <= set(result.suffixes())
+    for suffix in result.suffixes():
+        path = tmp_path / f"result{suffix.upper()}"
+        result.save(path)
+        assert path.read_bytes().startswith(beginnings[suffix]), suffix
+    assert json.loads((tmp_path / "result.JSON").read_text()) == result.as_dict()
+    assert len(list(tmp_path.iterdir())) == len(result.suffixes())
+
+
+@pytest.mark.parametrize("name", ["result.xyz", "result", ".json", "missing/result.json"])
+def test_a_file_that_cannot_be_written_is_one_line(result, tmp_path, name):
+    with pytest.raises(InputError) as refusal:
+        result.save(tmp_path / name)
+    if "missing" not in name:
+        for suffix in result.suffixes():
+            assert suffix in str(refusal.value)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_picture_is_no_table(result, tmp_path):
+    with pytest.raises(InputError):
+        result.plot(tmp_path / "picture.csv")
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_image_is_saved_whole(results, tmp_path):
+    """The EXR has all channels; the columns and the dataset have the same pixels in metres."""
+    render = results("render")
+    render.save(tmp_path / "image.exr")
+    channels, header = read_exr(tmp_path / "image.exr")
+    assert list(channels) == sorted(render.channels) and header["scene"] == "two_plates"
+    width, height = render.window_m
+    assert [float(text) for text in header["window_m"].split()] == pytest.approx([width, height])
+    dataset = render.to_xarray()
+    assert dataset["radiance_W_m2_sr"].dims == ("row", "column")
+    x, y = dataset["x_m"].to_numpy(), dataset["y_m"].to_numpy()
+    assert np.ptp(x) == pytest.approx(width * 7 / 8) and x.mean() == pytest.approx(0, abs=1e-12)
+    assert np.all(np.diff(x) > 0) and np.all(np.diff(y) < 0)
+    columns = render.columns()
+    k = 8 * 3 + 5
+    assert (columns["row"][k], columns["column"][k]) == (3, 5)
+    assert (columns["x_m"][k], columns["y_m"][k]) == (x[5], y[3])
+    assert columns["temperature_K"][k] == render.channels["temperature.Y"][3, 5]
+    assert dataset["temperature_K"][3, 5] == columns["temperature_K"][k]
+
+
+def test_an_unknown_channel_is_named(results):
+    with pytest.raises(InputError, match="unknown channel .* 'Z'; known: Y,"):
+        results("render").plot(channels="Z")
+
+
+def test_a_signature_holds_its_spectrum_and_its_facets(results):
+    """They are part of the JSON, so that a report can be made from the file."""
+    result = results("signature with spectrum")
+    entries = result.as_dict()
+    assert entries["spectrum"]["target_W_sr_um"] == pytest.approx(
+        result.effective_areas.columns()["target_W_sr_um"]
+    )
+    assert entries["facets"]["facet"] == result.facets.columns()["facet"].tolist()
+    assert None in entries["facets"]["radiance_W_m2_sr"]  # facets that the sensor does not see
+    table = result.columns()
+    assert (table["part"][0], table["target_W_sr"][0]) == ("all", result.target.intensity)
+    bounces = table["part"] == "bounce"
+    assert table["target_W_sr"][bounces].tolist() == result.target.by_bounce
