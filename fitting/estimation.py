@@ -1,21 +1,27 @@
 """`fit`, which determines a model's parameters from measurements, and its result `Fit`."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from time import perf_counter
 
 import drjit as dr
 import numpy as np
 
 from mi_lcair.errors import InputError, unknown
+from mi_lcair.fitting import report
 from mi_lcair.fitting.cube import parameters_at
 from mi_lcair.fitting.data import Data, select, with_std
 from mi_lcair.fitting.loss import SCALES
 from mi_lcair.fitting.model import Hemispherical
+from mi_lcair.fitting.quality import Quality, quality
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
+from mi_lcair.fitting.scatterometer.reading import read, read_directional
 from mi_lcair.fitting.search import COARSE, Noise, compare, descend
 from mi_lcair.fitting.selection import AUTO, Candidate, Variant, variants
 from mi_lcair.fitting.verdict import judge
+from mi_lcair.physics.reflection import MODELS
 from mi_lcair.progress import stepper
+from mi_lcair.results import Result
 
 CONVERGED = 1e-9  # relative gradient below which a fit is called converged
 JOINT_STARTS = 16  # largest number of starts of a fit with an emissivity or DHR
@@ -26,8 +32,8 @@ LARGEST_RMS_RATIO = 1.2
 EMISSIVITY_ANGLES = np.radians(np.arange(0.0, 86.0, 5.0))
 
 
-@dataclass
-class Fit:
+@dataclass(repr=False)
+class Fit(Result):
     """Parameters of a surface, how well they are determined, and how they were found.
 
     Attributes
@@ -71,6 +77,10 @@ class Fit:
         Time of the whole fit, and the part of it spent on compiling kernels.
     settings
         The settings of the fit.
+    quality
+        Whether the model describes the data, see `Quality`.
+    measurements, directional
+        The data, and the tables of "emissivity" and "dhr" that were given, by quantity.
     """
 
     parameters: dict[str, float]
@@ -96,13 +106,53 @@ class Fit:
     seconds: float
     compile_seconds: float
     settings: dict
+    quality: Quality
+    measurements: Measurements
+    directional: dict[str, DirectionalData]
+
+    kind = report.KIND
+    drawn_by = "mi_lcair.reports.fit_plot:figure"
+
+    def summary(self) -> str:
+        """One line: model, surface, parameters with standard errors, misfit."""
+        values = ", ".join(
+            f"{name} {value:.4g} +- {self.standard_error[name]:.1g}"
+            for name, value in self.parameters.items()
+        )
+        judged = {True: "; LACK OF FIT", False: "", None: "; fit not judged"}
+        return (
+            f"fit of {self.model} to {self.measurements.name}: {values}; rms {self.rms_dex:.3g} "
+            f"decades{judged[self.quality.lack_of_fit]}"
+        )
+
+    def entries(self) -> dict:
+        """Entries of the JSON report, which is a material for scenes."""
+        return report.entries(self.measurements, self, self.directional)
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """A row for each parameter: value, standard error, 95 % interval, unit and verdict.
+
+        The unit "1" is that of a number without one.
+        """
+        units = {own.name: own.unit for own in MODELS[self.model].parameters}
+        names = list(self.parameters)
+        low, high = np.array([self.interval[name] for name in names], dtype=float).T
+        return {
+            "parameter": np.array(names),
+            "value": np.array([self.parameters[name] for name in names], dtype=float),
+            "standard_error": np.array([self.standard_error[name] for name in names], dtype=float),
+            "low": low,
+            "high": high,
+            "unit": np.array([units[name] for name in names]),
+            "verdict": np.array([self.verdict[name] for name in names]),
+        }
 
 
 def fit(
-    measurements: Measurements,
+    measurements: Measurements | str | Path,
     *,
-    emissivity: DirectionalData | None = None,
-    dhr: DirectionalData | None = None,
+    emissivity: DirectionalData | str | Path | None = None,
+    dhr: DirectionalData | str | Path | None = None,
     model: str = AUTO,
     form: str = AUTO,
     starts: int = 64,
@@ -122,9 +172,10 @@ def fit(
     Parameters
     ----------
     measurements
-        The BRDF points.
+        The BRDF points, or the path of a file that `read` reads.
     emissivity, dhr
-        Measured directional emissivity and directional-hemispherical reflectance, or None.
+        Measured directional emissivity and directional-hemispherical reflectance, or the paths of
+        their files, or None.
     model
         Name of a model, or "auto" for all models.
     form
@@ -155,9 +206,15 @@ def fit(
     Raises
     ------
     InputError
-        If a setting is out of range, or there are too few points.
+        If a setting is out of range, a file cannot be used, or there are too few points.
     """
     began = perf_counter()
+    if isinstance(measurements, str | Path):
+        measurements = read(measurements)
+    emissivity, dhr = (
+        read_directional(table, quantity) if isinstance(table, str | Path) else table
+        for table, quantity in ((emissivity, "emissivity"), (dhr, "dhr"))
+    )
     half_angle = (
         measurements.source_half_angle
         if source_half_angle_deg is None
@@ -169,6 +226,7 @@ def fit(
     data, used, dropped = select(
         measurements, loss, float(half_angle), max_angle_deg, min_brdf, min(sizes.values())
     )
+    selected = data
     compared = [variant for variant in compared if sizes[variant.model] <= data.points]
     tables = [
         with_std(table, quantity)
@@ -182,6 +240,7 @@ def fit(
         data, compared, tables, starts, seed, robust, stepper(progress, total)
     )
     certainty = judge(data, best, noise, robust)
+    fit_quality = quality(selected, best, robust, measurements.sigma_freedom)
     if progress:
         progress(total, total)
     theta = EMISSIVITY_ANGLES if emissivity is None else np.asarray(emissivity.theta, dtype=float)
@@ -218,6 +277,11 @@ def fit(
             "joint": {
                 table.quantity: {"std_factor": data.std_factor} for table in data.directional
             },
+        },
+        quality=fit_quality,
+        measurements=measurements,
+        directional={
+            name: table for name, table in (("emissivity", emissivity), ("dhr", dhr)) if table
         },
     )
 

@@ -1,12 +1,15 @@
 """Reports of fits in JSON, which scenes can use as materials."""
 
 import json
+from dataclasses import asdict
 
 import numpy as np
 
 import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.fitting.scatterometer.measurements import Measurements
+
+KIND = "fit"  # value of the key `kind` in a fit's JSON file
 
 
 def as_dict(results) -> dict:
@@ -16,14 +19,25 @@ def as_dict(results) -> dict:
     so that the same data and settings give the same report.
 
     results: tuples (Measurements, Fit, {quantity: DirectionalData}). Returns the report of a single
-    fit, or {"materials": {band: report}} for several.
+    fit, or {"kind": "fit", "materials": {band: report}} for several.
     """
-    reports = [_report(*result) for result in results]
+    reports = [{"kind": KIND, **entries(*result)} for result in results]
     return (
         reports[0]
         if len(reports) == 1
-        else {"materials": {report["band"]: report for report in reports}}
+        else {"kind": KIND, "materials": {report["band"]: report for report in reports}}
     )
+
+
+def bands(report: dict) -> list[str]:
+    """The bands of the report in a fit's JSON file, such as ["3-5"] [um].
+
+    report: the file's content. The list is empty if the data did not state their band, or if the
+    file holds no fit.
+    """
+    reports = report.get("materials", {"": report})
+    found = [own.get("band") for own in reports.values() if isinstance(own, dict)]
+    return [band for band in found if isinstance(band, str)]
 
 
 def to_json(report: dict) -> str:
@@ -56,7 +70,7 @@ def check_bands(measurements: list[Measurements]) -> None:
         if band is None:
             raise InputError(
                 f"{file}: which band is it? several files are one material with a fit for each "
-                f"band; say it in the file, '# band_um: 3 5'"
+                f"band; say it in the file, '# band_um: 3 5', or with --band for each file"
             )
         if band in file_of_band:
             raise InputError(
@@ -66,13 +80,14 @@ def check_bands(measurements: list[Measurements]) -> None:
         file_of_band[band] = file
 
 
-def _report(measurements: Measurements, fit, directional: dict) -> dict:
-    """The report on one fit."""
+def entries(measurements: Measurements, fit, directional: dict) -> dict:
+    """Entries of the report on one fit, after `kind`."""
     theta, emissivity = fit.emissivity
     measured = directional.get("emissivity")
     return {
         "name": measurements.name,
         "band": band_name(measurements),
+        "band_um": measurements.band_um,
         "model": fit.model,
         "parameters": fit.parameters,
         "form": fit.form,
@@ -82,6 +97,7 @@ def _report(measurements: Measurements, fit, directional: dict) -> dict:
         "verdict": fit.verdict,
         "correlation": fit.correlation,
         "rms_dex": fit.rms_dex,
+        "quality": asdict(fit.quality),
         "used": fit.used,
         "dropped": measurements.dropped | fit.dropped,
         "effective_points": fit.effective_points,
@@ -96,7 +112,10 @@ def _report(measurements: Measurements, fit, directional: dict) -> dict:
             "measured": measured and measured.value,
             "rms_error": fit.emissivity_rms,
         },
-        "settings": fit.settings,
+        "settings": {
+            "min_brdf_per_sr" if key == "min_brdf" else key: value
+            for key, value in fit.settings.items()
+        },
         "reading": measurements.reading,
         "source": measurements.source
         + [source for data in directional.values() for source in data.source],

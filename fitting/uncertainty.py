@@ -9,6 +9,30 @@ from mi_lcair.fitting.descent import levenberg_marquardt
 CONFIDENCE = 0.95  # probability that an interval contains the parameter
 # Distances from the minimum at which profiles are computed [standard errors].
 PROFILE_STEPS = np.array([0.5, 1, 1.5, 2, 2.5, 3, 4, 6, 10, 20, 50])
+# Correlation of neighbours that white noise shows by chance, times the root of their number. Noise
+# exceeds it in 1 of 740 fits.
+BY_CHANCE = 3.0
+
+
+def neighbour_correlation(rows, theta_i, theta_r) -> tuple[float, int]:
+    """Correlation of neighbouring residuals along the scans, -1..1, and the number of neighbours.
+
+    Parameters
+    ----------
+    rows
+        Residuals of the BRDF points, (p,).
+    theta_i, theta_r
+        Elevations of source and observer [radians], (p,).
+    """
+    scanned, fixed = sorted(
+        (theta_r, theta_i), key=lambda angle: -len(np.unique(np.round(angle, 9)))
+    )
+    # Neighbours of a scan are next to each other when the points are sorted by the scanned angle.
+    order = np.lexsort((scanned, np.round(fixed, 9)))
+    same = np.diff(np.round(fixed, 9)[order]) == 0
+    first, second = rows[order][:-1][same], rows[order][1:][same]
+    power = np.sum(first * first + second * second)
+    return float(2 * np.sum(first * second) / power if power > 0 else 0.0), len(first)
 
 
 def effective_count(rows, theta_i, theta_r, fewest: int = 1) -> tuple[float, float]:
@@ -32,19 +56,11 @@ def effective_count(rows, theta_i, theta_r, fewest: int = 1) -> tuple[float, flo
     tuple
         The effective number, and the correlation, 0..1.
     """
-    scanned, fixed = sorted(
-        (theta_r, theta_i), key=lambda angle: -len(np.unique(np.round(angle, 9)))
-    )
-    # Neighbours of a scan are next to each other when the points are sorted by the scanned angle.
-    order = np.lexsort((scanned, np.round(fixed, 9)))
-    same = np.diff(np.round(fixed, 9)[order]) == 0
-    first, second = rows[order][:-1][same], rows[order][1:][same]
-    power = np.sum(first * first + second * second)
-    correlation = 2 * np.sum(first * second) / power if power > 0 else 0.0
-    if correlation < 3 / np.sqrt(max(len(first), 1)):
+    correlation, pairs = neighbour_correlation(rows, theta_i, theta_r)
+    if correlation < BY_CHANCE / np.sqrt(max(pairs, 1)):
         return float(len(rows)), 0.0
     count = len(rows) * (1 - correlation) / (1 + correlation)
-    return float(max(count, fewest)), float(correlation)
+    return float(max(count, fewest)), correlation
 
 
 def cube_covariance(slopes, free, variance: float):

@@ -49,8 +49,9 @@ def __dir__():
 
 
 def _prepare_mitsuba():
-    """Register the plugins with the imported Mitsuba, and direct its messages to logging."""
+    """Prepare the imported Mitsuba: plugins, functions that take scenes, messages to logging."""
     importlib.import_module(".plugins", __name__)
+    importlib.import_module(".rendering.loading.mitsuba_functions", __name__).take_loaded_scenes()
     importlib.import_module(".renderer_log", __name__).pass_on()
 
 

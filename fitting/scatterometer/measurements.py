@@ -19,6 +19,9 @@ class Measurements:
         BRDFs [1/sr], (p,).
     sigma
         Standard deviations of the BRDFs [1/sr], (p,), or None.
+    sigma_freedom
+        Degrees of freedom of the repeated scans from which sigma was computed; infinite if sigma
+        was stated.
     band_um
         Limits of the band [um], or None if unknown.
     source_half_angle
@@ -43,6 +46,7 @@ class Measurements:
     dropped: dict[str, int] = field(default_factory=dict)
     name: str = ""
     reading: dict = field(default_factory=dict)
+    sigma_freedom: float = np.inf
 
 
 @dataclass

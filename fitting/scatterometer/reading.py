@@ -16,8 +16,9 @@ from mi_lcair.errors import InputError, shown, unknown
 from mi_lcair.files import read_bytes, read_text
 from mi_lcair.fitting.scatterometer.astm import is_astm, parse_astm
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
+from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.directional_table import read_directional_table
-from mi_lcair.table import SEPARATORS, Table, parse_csv
+from mi_lcair.table import SEPARATORS, Table, lines_of, parse_csv
 
 # The angles and their names in files, without the unit. The first name is that of this project.
 ANGLES = {
@@ -35,6 +36,7 @@ VALUES = {
 }
 QUANTITIES = ("brdf", "brdf_cos")
 SIDES = ("specular", "source")
+NAMED = 2  # smallest number of known quantities in the line that names the columns
 # The keys of the header that change the numbers.
 KEYS = (
     "band_um",
@@ -52,7 +54,12 @@ SIDE_RATIO = 2.0
 PRIOR_SCANS = 4
 
 
-def read(path, quantity: str | None = None, theta_r_positive: str | None = None) -> Measurements:
+def read(
+    path,
+    quantity: str | None = None,
+    theta_r_positive: str | None = None,
+    band: str | None = None,
+) -> Measurements:
     """Read the in-plane measurements in a CSV or ASTM E1392/E2387 file.
 
     Parameters
@@ -65,6 +72,9 @@ def read(path, quantity: str | None = None, theta_r_positive: str | None = None)
     theta_r_positive
         Side on which theta_r is positive for positive theta_i, "specular" or "source", if the file
         does not say it. This and `quantity` overrule the keys of the same names in the file.
+    band
+        Band of the measurement, such as "3-5" [um], "MWIR", or the CSV of a response. It overrules
+        the key band_um of the file.
 
     Returns
     -------
@@ -86,6 +96,8 @@ def read(path, quantity: str | None = None, theta_r_positive: str | None = None)
     text = read_text(path)
     if not text.strip():
         raise InputError(f"{path}: the file is empty")
+    if not is_astm(text):
+        check_first_line(str(path), text)
     table = (parse_astm if is_astm(text) else parse_csv)(str(path), text)
     for key, (_, line) in table.header.items():
         if key not in KEYS and (near := get_close_matches(key, KEYS, 1, 0.7)):
@@ -119,9 +131,11 @@ def read(path, quantity: str | None = None, theta_r_positive: str | None = None)
     points = pool(
         theta_i[kept], theta_r[kept], value / cos_r, None if sigma is None else sigma[kept] / cos_r
     )
+    scans = np.count_nonzero(kept) - len(points[0])
     return Measurements(
         *points,
-        band_um=_band(table),
+        sigma_freedom=np.inf if sigma is not None or points[3] is None else float(scans),
+        band_um=_band(table) if band is None else limits(band),
         source_half_angle=np.radians(_half_angle_deg(table)),
         source=[identity(path)],
         dropped={why: n for why, n in dropped.items() if n},
@@ -135,6 +149,31 @@ def read(path, quantity: str | None = None, theta_r_positive: str | None = None)
             "points": len(points[0]),
         },
     )
+
+
+def check_first_line(file: str, text: str) -> None:
+    """Raise InputError if the first line that is no comment does not name the columns.
+
+    Instruments put lines before the table. Without # in front, the first of them would be taken for
+    the names of the columns.
+    """
+    lines = [(number, line) for number, line in lines_of(text) if not line.lstrip().startswith("#")]
+    named = [(number, line) for number, line in lines if len(_roles(line)) >= NAMED]
+    if not lines or lines[0] in named:
+        return
+    number, line = lines[0]
+    if named:
+        raise InputError(
+            f"{file}, line {number}: {shown(line)} stands before the names of the columns in line "
+            f"{named[0][0]}; put # in front of each line before these"
+        )
+
+
+def _roles(line: str) -> set[str]:
+    """The quantities that the cells of a line name, if it is the line with the columns' names."""
+    separator = next((mark for mark in SEPARATORS if mark in line), ",")
+    roles = {_meaning(cell.strip().strip('"'))[0] for cell in line.split(separator)}
+    return roles - {None}
 
 
 def read_directional(path, quantity: str) -> DirectionalData:
@@ -399,6 +438,14 @@ def _band(table: Table) -> tuple[float, float] | None:
             "as 3 5"
         )
     return lower, upper
+
+
+def limits(band: str) -> tuple[float, float]:
+    """Lower and upper limit [um] of a band by its name; raises InputError for one without."""
+    found = band_of(band)
+    if found.is_total:
+        raise InputError(f"band {band} has no limits; name those of the detector, such as 3-5")
+    return found.lower_um, found.upper_um
 
 
 def _half_angle_deg(table: Table) -> float:

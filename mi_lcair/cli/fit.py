@@ -1,14 +1,15 @@
 """mi-lcair fit: fit a reflection model to scatterometer files."""
 
-from contextlib import ExitStack, contextmanager
 from itertools import zip_longest
 from pathlib import Path
 
 import click
 
-from mi_lcair.cli.options import json_option
-from mi_lcair.cli.output import print_columns, print_json
+from mi_lcair.cli.options import json_option, plot_option, progress_bar, seed_option
+from mi_lcair.cli.output import note, print_columns, print_json, print_written
+from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
+from mi_lcair.files import check_writable, replacing
 from mi_lcair.physics.reflection import NAMES
 
 FILE = click.Path(path_type=Path)
@@ -28,7 +29,15 @@ def known_form(ctx, param, value):
 @click.command("fit")
 @click.argument("files", nargs=-1, required=True, type=FILE, metavar="DATA...")
 @click.option("-o", "--output", type=FILE, help="The report and material to write, FILE.json.")
-@click.option("--plot", type=FILE, help="The picture to write, FILE.png.")
+@plot_option("The picture to write: FILE.png, .svg or .pdf.")
+@click.option(
+    "--band",
+    "bands",
+    multiple=True,
+    metavar="BAND",
+    help="Band of the measurement: 3-5 (um), MWIR, or the CSV of a response; one for each DATA "
+    "(default: band_um in the file).",
+)
 @click.option(
     "--emissivity",
     "emissivities",
@@ -83,13 +92,7 @@ def known_form(ctx, param, value):
     show_default=True,
     help="Number of starting points.",
 )
-@click.option(
-    "--seed",
-    type=click.IntRange(0, 2**32 - 1),
-    default=0,
-    show_default=True,
-    help="Seed of the starting points.",
-)
+@seed_option("Seed of the starting points.")
 @click.option(
     "--max-angle-deg",
     type=click.FloatRange(0, 90, min_open=True),
@@ -111,95 +114,89 @@ def known_form(ctx, param, value):
     "file states).",
 )
 @json_option
-def command(files, output, plot, emissivities, dhrs, quantity, theta_r_positive, json, **settings):
+def command(
+    files, output, plot, bands, emissivities, dhrs, quantity, theta_r_positive, json, **settings
+):
     """Fit a reflection model to measured BRDFs.
 
     DATA are CSV or ASTM E1392/E2387 files with in-plane measurements of one surface, one file for
     each band. The output is a material for scenes. It states how well each parameter is known.
     """
-    with ExitStack() as outputs:
-        output, plot = (
-            path and outputs.enter_context(_written(option, path, suffix))
-            for option, path, suffix in (("--output", output, ".json"), ("--plot", plot, ".png"))
-        )
+    _check_output("--output", output, (".json",))
+    _check_output("--plot", plot, PICTURES)
 
-        from mi_lcair.fitting import report
-        from mi_lcair.fitting.scatterometer import reading
+    from mi_lcair.fitting import report
+    from mi_lcair.fitting.scatterometer import reading
 
-        measurements = [reading.read(file, quantity, theta_r_positive) for file in files]
-        report.check_bands(measurements)
-        joint = [
-            {
-                quantity: reading.read_directional(file, quantity)
-                for quantity, file in companions.items()
-                if file
-            }
-            for companions in _companions(files, emissivities, dhrs)
+    _check_count("--band", bands, files)
+    measurements = [
+        reading.read(file, quantity, theta_r_positive, band)
+        for file, band in zip_longest(files, bands)
+    ]
+    report.check_bands(measurements)
+    joint = [
+        {
+            quantity: reading.read_directional(file, quantity)
+            for quantity, file in companions.items()
+            if file
+        }
+        for companions in _companions(files, emissivities, dhrs)
+    ]
+
+    from mi_lcair.fitting.estimation import fit
+
+    with progress_bar("step") as progress:
+        fits = [
+            fit(data, **directional, **settings, progress=progress)
+            for data, directional in zip(measurements, joint)
         ]
+    results = list(zip(measurements, fits, joint))
+    result = report.as_dict(results)
+    if plot:
+        from mi_lcair.reports.fit_plot import save_plot
 
-        from mi_lcair.fitting.estimation import fit
+        save_plot(plot, results)
+    if output:
+        with replacing(output) as partial:
+            partial.write_text(report.to_json(result), encoding="utf-8")
 
-        with _progress_bar() as progress:
-            fits = [
-                fit(data, **directional, **settings, progress=progress)
-                for data, directional in zip(measurements, joint)
-            ]
-        results = list(zip(measurements, fits, joint))
-        result = report.as_dict(results)
-        if output:
-            output.write_text(report.to_json(result), encoding="utf-8")
-        if plot:
-            from mi_lcair.reports.fit_plot import save_plot
-
-            save_plot(plot, results)
-
+    for data, fitted in zip(measurements, fits):
+        if fitted.quality.lack_of_fit:
+            note(f"{data.source[0]['file']}: {fitted.quality.verdict}")
     if json:
         timing = [{"seconds": f.seconds, "compile_seconds": f.compile_seconds} for f in fits]
         print_json({**result, "timing": timing})
     else:
         _print_tables(measurements, fits)
+    print_written(output, plot)
 
 
-@contextmanager
-def _written(option, path, suffix):
-    """Context manager: a temporary path that replaces `path` if the block ends without an error.
-
-    Raises InputError if `path` does not end in `suffix`.
-    """
-    from mi_lcair.files import replacing
-
-    if path.suffix.lower() != suffix:
-        raise InputError(f"{option} '{path}' does not end in {suffix}")
-    with replacing(path) as partial:
-        yield partial
+def _check_output(option, path, suffixes):
+    """Raise InputError for a path that cannot be written or does not end in one of `suffixes`."""
+    if path is None:
+        return
+    if path.suffix.lower() not in suffixes:
+        raise InputError(f"{option} '{path}' does not end in {' or '.join(suffixes)}")
+    check_writable(path)
 
 
 def _companions(files, emissivities, dhrs):
     """Files of emissivity and DHR of each data file, as {quantity: file or None}."""
-    for option, given in (("--emissivity", emissivities), ("--dhr", dhrs)):
-        if len(given) not in (0, len(files)):
-            raise InputError(
-                f"{option} is given {len(given)} times for {len(files)} data files; "
-                f"give it once for each, in their order"
-            )
+    _check_count("--emissivity", emissivities, files)
+    _check_count("--dhr", dhrs, files)
     return [
         {"emissivity": emissivity, "dhr": dhr}
         for _, emissivity, dhr in zip_longest(files, emissivities, dhrs)
     ]
 
 
-@contextmanager
-def _progress_bar():
-    """Context manager: progress(done, total) draws a bar on stderr if that is a terminal."""
-    from tqdm import tqdm
-
-    with tqdm(unit="step", disable=None, leave=False) as bar:
-
-        def progress(done, total):
-            bar.n, bar.total = done, total
-            bar.refresh()
-
-        yield progress
+def _check_count(option, given, files):
+    """Raise InputError for an option that is neither absent nor given once for each file."""
+    if len(given) not in (0, len(files)):
+        raise InputError(
+            f"{option} is given {len(given)} times for {len(files)} data files; "
+            f"give it once for each, in their order"
+        )
 
 
 def _print_tables(measurements, fits):
@@ -236,12 +233,19 @@ def _summary(data, fit, band):
     yield "surface", f"{data.name} ({data.source[0]['file']})"
     yield (
         "band",
-        f"{band} um" if band else "unknown: scenes need it, '# band_um: 3 5' in the data states it",
+        f"{band} um"
+        if band
+        else "unknown: scenes need it; give --band 3-5, or '# band_um: 3 5' in the data",
     )
     yield "model", _model(fit)
     yield "points used", str(fit.used)
     yield "left out", dropped or "none"
-    yield "rms", f"{fit.rms_dex:.4f} decades"
+    noise = fit.quality.noise_dex
+    yield (
+        "rms",
+        f"{fit.rms_dex:.4f} decades" + ("" if noise is None else f"; sigma explains {noise:.4f}"),
+    )
+    yield "fit", fit.quality.verdict
     yield (
         "emissivity",
         "not given" if fit.emissivity_rms is None else f"rms error {fit.emissivity_rms:.3f}",

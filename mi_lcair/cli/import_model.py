@@ -1,4 +1,4 @@
-"""mi-lcair import: convert a labelled OBJ file to meshes and a scene."""
+"""mi-lcair import: convert a model of a modelling program to meshes and a scene."""
 
 from pathlib import Path
 
@@ -8,19 +8,53 @@ from mi_lcair.cli.options import json_option
 from mi_lcair.cli.output import note, print_columns, print_json
 
 FILE = click.Path(path_type=Path)
+AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
 COLD = 200.0  # lower temperatures, K, are remarked because they are rare on a surface
 
 
 @click.command("import")
-@click.argument("file", type=FILE, metavar="MODEL.obj")
+@click.argument("file", type=FILE, metavar="MODEL")
 @click.option(
     "-o",
     "--output",
     type=FILE,
     metavar="FOLDER",
-    help="Folder to write meshes, model.xml and scene.xml to.",
+    help="Folder to write meshes, model.xml, scene.xml and the picture model.png to.",
 )
 @click.option("--check", is_flag=True, help="Only report; write nothing.")
+@click.option(
+    "--overwrite",
+    is_flag=True,
+    help="Replace files in FOLDER that were edited since the last import.",
+)
+@click.option(
+    "--forward",
+    type=AXIS,
+    help="Forward axis that the export dialogue of Blender showed (-Z by default).",
+)
+@click.option(
+    "--up", type=AXIS, help="Up axis that the export dialogue of Blender showed (Y by default)."
+)
+@click.option(
+    "--nose",
+    type=AXIS,
+    default="X",
+    show_default=True,
+    help="Axis along which the nose points in Blender.",
+)
+@click.option(
+    "--names",
+    type=FILE,
+    metavar="CSV|TOML",
+    help="Table that says what the faces of an object, group or Blender material are: name and "
+    "type, material, kelvin, group, elevation_deg.",
+)
+@click.option(
+    "--temperature",
+    type=float,
+    metavar="K",
+    help="Temperature of all model facets, instead of the labels' temperatures.",
+)
 @click.option(
     "--temperatures",
     type=FILE,
@@ -30,11 +64,14 @@ COLD = 200.0  # lower temperatures, K, are remarked because they are rare on a s
 )
 @click.option(
     "--material",
-    metavar="KEY",
-    help="Material of all model facets, instead of the labels' materials.",
+    metavar="NAME|JSON",
+    help="Material of all model facets, instead of the labels' materials; or the JSON of a fit.",
 )
 @click.option(
-    "--materials", type=FILE, metavar="TOML", help="Your own materials; copied to FOLDER."
+    "--materials",
+    type=FILE,
+    metavar="TOML|JSON",
+    help="Your own materials, or the JSON of a fit or of an inversion; copied to FOLDER.",
 )
 @click.option(
     "--scale",
@@ -50,12 +87,14 @@ COLD = 200.0  # lower temperatures, K, are remarked because they are rare on a s
     "CSV that is copied to FOLDER.",
 )
 @json_option
-def command(file, output, check, temperatures, material, materials, scale, sky, json):
+def command(file, output, check, overwrite, materials, sky, json, **reading):
     """Import a facet model for rendering.
 
-    MODEL.obj is a Wavefront OBJ whose objects or groups are named
+    MODEL is a Wavefront OBJ, glTF (.glb, .gltf), PLY or STL file whose objects or groups are named
     {f|s|t}*{material}*{kelvin}*{anything}, such as f*bare_aluminum*300*. The first letter stands
-    for model (f), sky (s) or terrain (t). FOLDER/scene.xml is then ready for render and signature.
+    for model (f), sky (s) or terrain (t). A model without such names takes --material and
+    --temperature, or a table --names. Look at FOLDER/model.png: its nose must be at +x and its top
+    at +z. FOLDER/scene.xml is then ready for render and signature.
     """
     if bool(output) == check:
         raise click.UsageError("give either -o FOLDER or --check", click.get_current_context())
@@ -66,17 +105,25 @@ def command(file, output, check, temperatures, material, materials, scale, sky, 
         )
     from mi_lcair import models3d as facets
 
-    model = facets.read(file, temperatures, material, materials, scale)
+    model = facets.read(file, materials=materials, **reading)
     result = facets.report(model)
-    result["files"] = (
-        [str(path) for path in facets.export(model, output, materials, sky)] if output else []
-    )
-    for remark in _remarks(result, materials):
+    result["files"] = _write(model, output, materials, sky, overwrite) if output else []
+    for remark in (*model.remarks, *_remarks(result, materials)):
         note(remark)
     if json:
         print_json(result)
     else:
         _print_table(result, output)
+
+
+def _write(model, output, materials, sky, overwrite):
+    """Write a model and its picture into a folder; returns the paths."""
+    from mi_lcair import models3d as facets
+    from mi_lcair.reports import model_picture
+
+    title = f"{output.resolve().name}: x forward (nose), y left, z up"
+    picture = {"model.png": model_picture.png(model, title)}
+    return [str(path) for path in facets.export(model, output, materials, sky, overwrite, picture)]
 
 
 def _remarks(result, materials):

@@ -129,7 +129,9 @@ def command(options, azimuth, elevation, output, plot, resume, overwrite, **sett
     if resume and overwrite:
         raise InputError("--resume keeps the views of the output and --overwrite drops them")
     if resume and not is_table:
-        raise InputError(f"--resume goes with a CSV, not with '{output}'; convert makes a .nc of it")
+        raise InputError(
+            f"--resume goes with a CSV, not with '{output}'; convert makes a .nc of it"
+        )
     if not (is_table or overwrite) and output.exists():
         raise InputError(f"output '{output}' exists; give --overwrite, or name another file")
     scene = options.load(own_sensors=False)
@@ -146,19 +148,13 @@ def command(options, azimuth, elevation, output, plot, resume, overwrite, **sett
             progress=progress,
         )
     if not is_table:
-        netcdf.write(output, netcdf.dataset(result.columns, scene=scene.name, band=result.band))
+        result.save(output)
     if plot:
         from mi_lcair.reports.trend_plot import save_plot
 
-        save_plot(plot, result, options.scene)
+        save_plot(plot, result)
     if options.json:
-        print_json(
-            {
-                "band": result.band,
-                "tolerance": result.tolerance,
-                **{name: values.tolist() for name, values in result.columns.items()},
-            }
-        )
+        print_json(result.as_dict())
     else:
         print_columns(
             [
@@ -176,7 +172,7 @@ def command(options, azimuth, elevation, output, plot, resume, overwrite, **sett
         )
         click.echo()
         print_columns([_error(result, settings["max_spp"])])
-    if result.columns["invalid"].any():
+    if result.table["invalid"].any():
         note("some samples were NaN or infinite and count as 0; see column invalid")
     print_written(output, plot)
 
@@ -185,7 +181,7 @@ def _error(result, max_spp):
     """Row about the widest 95 % interval, and about the tolerance if there is one."""
     from mi_lcair.rendering.render import DEFAULT_MAX_SPP
 
-    views = len(result.columns["reached"])
+    views = len(result.table["reached"])
     widest = f"+- {percent(result.widest)}" if isfinite(result.widest) else "as wide as it"
     return error_row(
         f"the widest 95 % interval is {widest} of the intensity",
@@ -198,7 +194,7 @@ def _error(result, max_spp):
 
 def summary(at, elevation):
     """Row of the table: least, mean and greatest intensity of a Trend at one elevation."""
-    azimuth, intensity = at.columns["azimuth_deg"], at.columns["intensity_W_sr"]
+    azimuth, intensity = at.table["azimuth_deg"], at.table["intensity_W_sr"]
     low, high = intensity.argmin(), intensity.argmax()
     return (
         f"{elevation:g}",

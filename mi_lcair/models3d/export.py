@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import replace
-from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,9 @@ from mi_lcair.errors import InputError
 from mi_lcair.files import LARGEST, filling, read_bytes
 from mi_lcair.models3d.label import GROUPS
 from mi_lcair.models3d.model import Model
+from mi_lcair.models3d.record import check_unedited, recorded, signed
 from mi_lcair.models3d.scene_xml import fragment, scene
+from mi_lcair.physics.materials import is_json
 from mi_lcair.physics.spectrum import sky_names, spectrum
 
 
@@ -20,13 +21,17 @@ def export(
     folder: str | Path,
     materials: str | Path | None = None,
     sky: str | Path | None = None,
+    overwrite: bool = False,
+    also: dict[str, bytes] | None = None,
 ) -> list[Path]:
     """Write a model into a folder and return the paths of the files.
 
     The files are model.xml, which places the meshes in a scene; scene.xml, a scene that includes
     model.xml; and one binary PLY for each combination of facet type, material, group and elevation.
     A PLY has the face attributes `temperature` [K] and `facet`, the number in the model. The tables
-    `materials` and `sky` are copied. Other files in the folder are not changed.
+    `materials` and `sky` and the JSON files of fits that are materials are copied. Other files in
+    the folder are not changed. model.xml holds the checksums of all files, which reveal later
+    edits.
 
     Parameters
     ----------
@@ -34,75 +39,92 @@ def export(
     folder : str or Path
         It is created if it does not exist.
     materials : str, Path or None
-        TOML file with the user's materials.
+        File with the user's materials: TOML, or the JSON of a fit or of an inversion.
     sky : str, Path or None
         Table with the spectra of sky facets that have an elevation_deg: a bundled name or a file.
+    overwrite : bool
+        Replace files that were edited since they were written, or that something else wrote.
+    also : dict of str to bytes or None
+        Content of further files by name, such as a picture.
 
     Raises
     ------
     InputError
-        If a file cannot be used or written, or if model.xml or scene.xml was edited since it was
-        written. Nothing is written then.
+        If a file cannot be used or written, or if it was edited since it was written and
+        `overwrite` is false. Nothing is written then.
     """
     folder = Path(folder)
-    for file in ("model.xml", "scene.xml"):
-        check_own(folder / file)
     # A comment in XML must not contain two hyphens in a row
     name = re.sub("--+", "-", _plain(folder.resolve().name)) or "model"
-    copies = {"materials.toml": _content(materials)} if materials else {}
+    sources = {}  # name in the folder: file to copy
+    if materials:
+        sources[Path(materials).name if is_json(materials) else "materials.toml"] = materials
+        materials = next(iter(sources))
+    short = _short_names(dict.fromkeys(label.material for label in model.labels), sources)
     if sky:
         spectrum(sky, 45.0)  # raises InputError for a table without spectra by elevation
         sky = str(sky)
         if sky not in sky_names():
-            copies[Path(sky).name] = _content(sky)
+            _add(sources, sky)
             sky = Path(sky).name
         if not any(label.elevation_deg is not None for label in model.labels):
             raise InputError(
                 f"sky {sky}: no sky facet says at which elevation it lies; label them such as "
                 "s*blackbody*288*elevation_deg=4.5*"
             )
-    parts = _parts(model)
+    parts = _parts(model, short)
+    contents = {f"{name}_{stem}.ply": _ply(model, facets) for stem, (_, facets) in parts.items()}
+    contents |= {
+        copy: read_bytes(source, largest=LARGEST)
+        for copy, source in sources.items()
+        if not _is_same(folder / copy, source)
+    }
+    contents |= also or {}
+    labels = {stem: label for stem, (label, _) in parts.items()}
+    text = fragment(name, labels, short, materials, sky) + recorded(contents)
+    contents["model.xml"] = signed(text).encode()
+    contents["scene.xml"] = signed(scene(name, *_bounds(model), sky)).encode()
+    if not overwrite:
+        check_unedited(folder, contents)
     with filling(folder) as partial:
-        for stem, (_, facets) in parts.items():
-            (partial / f"{name}_{stem}.ply").write_bytes(_ply(model, facets))
-        for copy, content in copies.items():
-            (partial / copy).write_bytes(content)
-        labels = {stem: label for stem, (label, _) in parts.items()}
-        (partial / "model.xml").write_text(
-            signed(fragment(name, labels, bool(materials), sky)), encoding="utf-8"
-        )
-        (partial / "scene.xml").write_text(
-            signed(scene(name, *_bounds(model), sky)), encoding="utf-8"
-        )
-        files = sorted(file.name for file in partial.iterdir())
-    return [folder / file for file in files]
+        for file, content in contents.items():
+            (partial / file).write_bytes(content)
+    return [folder / file for file in sorted(contents)]
 
 
-def signed(text: str) -> str:
-    """The text of a scene file with its checksum in the last line, which reveals later edits."""
-    checksum = sha256(text.encode()).hexdigest()[:16]
-    return f"{text}<!-- written by mi-lcair import, checksum {checksum} -->\n"
+def _short_names(materials, sources):
+    """Name for ids and value of the property `material` of each material.
+
+    The JSON files of fits are added to `sources`. Their short name is that of the file.
+    """
+    short = {}
+    for material in materials:
+        if is_json(material):
+            _add(sources, material)
+            stem = Path(material).stem
+            taken = stem in materials or stem in {own for own, _ in short.values()}
+            short[material] = (f"{stem}_json" if taken else stem), Path(material).name
+        else:
+            short[material] = material, material
+    return short
 
 
-def check_own(path: Path) -> None:
-    """Raise InputError for a file that `export` has not written, or that was edited since."""
-    if not path.is_file():
-        return
-    text = path.read_text(encoding="utf-8", errors="replace")
-    head, line, _ = text.rpartition("<!-- written by mi-lcair import")
-    if not line or signed(head) != text:
+def _add(sources, path):
+    """Add a file to those that are copied, under its own name."""
+    name = Path(path).name
+    if not _is_same(sources.setdefault(name, path), path):
         raise InputError(
-            f"{path}: was written by somebody else or edited since it was imported; move it away, "
-            "or name another folder"
+            f"{path}: the file {sources[name]} has the same name, and both are copied into one "
+            "folder; rename one of them"
         )
 
 
-def _parts(model):
+def _parts(model, short):
     """Label without a temperature and mask (F,) of the facets of each mesh, by the file's stem."""
     shared = [replace(label, temperature=None) for label in model.labels]
     parts = {}
     for label in dict.fromkeys(shared):
-        stem = f"{label.type}_{_plain(label.material)}"
+        stem = f"{label.type}_{_plain(short[label.material][0])}"
         if label.group != GROUPS[label.type]:
             stem += f"_{label.group}"
         if label.elevation_deg is not None:
@@ -146,8 +168,9 @@ def _bounds(model):
     return centre, np.linalg.norm(points - centre, axis=1).max()
 
 
-def _content(path):
-    return read_bytes(path, largest=LARGEST)
+def _is_same(path, other):
+    path, other = Path(path), Path(other)
+    return path.exists() and other.exists() and path.samefile(other)
 
 
 def _plain(name):

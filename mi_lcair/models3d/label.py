@@ -8,8 +8,10 @@ the rest of it. Source: Harkiss 2007, Figure 3.3.
 import math
 import re
 from dataclasses import dataclass
+from pathlib import Path
 
 from mi_lcair.errors import InputError, unknown
+from mi_lcair.physics.materials import check_fit, is_json
 
 TYPES = {"f": "model", "s": "sky", "t": "terrain"}
 GROUPS = {"f": "self", "s": "sky", "t": "terrain"}  # groups of labels without `group=`
@@ -32,7 +34,9 @@ ALIASES = {
 
 @dataclass(frozen=True)
 class Label:
-    """Content of a label; the temperature is in kelvin, or None if a table gives it."""
+    """Content of a label. The material is a name, or the path of a fit's JSON file. The temperature
+    is in kelvin, or None if a table gives it.
+    """
 
     type: str
     material: str
@@ -42,7 +46,12 @@ class Label:
 
 
 def parse(
-    text: str, materials, material: str | None = None, has_temperatures: bool = False
+    text: str,
+    materials,
+    material: str | None = None,
+    has_temperatures: bool = False,
+    temperature: float | None = None,
+    folder: Path = Path(),
 ) -> Label:
     """The Label of a text such as `f*bareAl*300*`.
 
@@ -55,6 +64,10 @@ def parse(
         Material for model facets (f), in place of the label's material.
     has_temperatures : bool
         A table gives the temperatures, and those of the labels are not read.
+    temperature : float or None
+        Temperature of model facets (f) [K], in place of the label's temperature.
+    folder : Path
+        Folder of the JSON files that labels name as materials.
 
     Raises
     ------
@@ -70,21 +83,31 @@ def parse(
     kind = fields[0]
     if kind not in TYPES:
         raise InputError(f"facet type '{kind}' must be f (model), s (sky) or t (terrain)")
-    own_material = material if material and kind == "f" else find_material(fields[1], materials)
-    temperature = None if has_temperatures else kelvin(fields[2])
+    if not (material and kind == "f"):
+        material = find_material(fields[1], materials, folder)
+    if has_temperatures:
+        temperature = None
+    elif temperature is None or kind != "f":
+        temperature = kelvin(fields[2])
     words = dict(field.split("=", 1) for field in fields[3:] if "=" in field)
-    return Label(kind, own_material, temperature, _group(words, kind), _elevation(words, kind))
+    return Label(kind, material, temperature, _group(words, kind), _elevation(words, kind))
 
 
-def unlabelled(material: str) -> Label:
+def unlabelled(material: str, temperature: float | None = None) -> Label:
     """The Label of a model facet that has none."""
-    return Label("f", material, None, GROUPS["f"])
+    return Label("f", material, temperature, GROUPS["f"])
 
 
-def find_material(name: str, materials) -> str:
-    """The known material that a label names; raises InputError with a list of known materials."""
+def find_material(name: str, materials, folder: Path = Path()) -> str:
+    """The known material that a label names, or the path of the fit's JSON file that it names.
+
+    Raises InputError with a list of the known materials, or for a file in `folder` that is no fit.
+    """
     if name in materials:
         return name
+    if is_json(name):
+        check_fit(folder / name)
+        return str(folder / name)
     meant = _plain(ALIASES.get(_plain(name), name))
     for known in materials:
         if _plain(known) == meant:

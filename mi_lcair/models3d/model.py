@@ -1,4 +1,4 @@
-"""The facet model, read from an OBJ file, its labels and a table of temperatures."""
+"""The facet model, read from a file of a modelling program, its labels and temperatures."""
 
 import json
 from dataclasses import dataclass
@@ -8,8 +8,10 @@ import numpy as np
 
 from mi_lcair.errors import InputError, shown
 from mi_lcair.files import read_text
-from mi_lcair.models3d.label import Label, find_material, kelvin, parse, unlabelled
-from mi_lcair.models3d.obj import read_obj
+from mi_lcair.models3d.label import Label, find_material, kelvin
+from mi_lcair.models3d.modellers import axes, exchange
+from mi_lcair.models3d.modellers.naming import NameTable, labels_of
+from mi_lcair.models3d.obj import Obj, read_obj
 from mi_lcair.models3d.polygons import MOST_CLIPPED, triangulate
 from mi_lcair.models3d.welding import weld
 from mi_lcair.physics import materials as known_materials
@@ -30,6 +32,7 @@ class Model:
     labels: the labels. label: index into `labels` of each facet, (F,). temperature: (F,) [K].
     triangles: indices of vertices, without slivers, (T, 3). triangle_facet: the facet of each
     triangle, (T,). off_plane: largest distance of a facet's corners from its mean plane, (F,).
+    remarks: what a user should know about the reading of the file, one line each.
     """
 
     vertices: np.ndarray
@@ -41,6 +44,7 @@ class Model:
     triangles: np.ndarray
     triangle_facet: np.ndarray
     off_plane: np.ndarray
+    remarks: tuple[str, ...] = ()
 
     @property
     def count(self) -> int:
@@ -65,8 +69,14 @@ def read(
     material: str | None = None,
     materials: str | Path | None = None,
     scale: float = 1.0,
+    *,
+    temperature: float | None = None,
+    names: str | Path | None = None,
+    forward: str | None = None,
+    up: str | None = None,
+    nose: str = "X",
 ) -> Model:
-    """Read the model in a labelled OBJ file.
+    """Read the model in an OBJ, glTF, PLY or STL file.
 
     Parameters
     ----------
@@ -75,12 +85,21 @@ def read(
         CSV file facet,kelvin with the temperatures, in place of those in the labels. Or the JSON
         file of an inversion, for the facets that were unknown in it.
     material : str or None
-        Material of all model facets (f), in place of those in the labels. If temperatures and
-        material are given, facets without a label are model facets.
+        Material of all model facets (f), in place of those in the labels: a name, or a fit's JSON
+        file. If temperatures and material are given, facets without a label are model facets.
     materials : str, Path or None
-        TOML file with the user's materials.
+        TOML file with the user's materials, or the JSON file of a fit or of an inversion.
     scale : float
         Length of the file's unit [m].
+    temperature : float or None
+        Temperature of all model facets (f) [K], in place of those in the labels.
+    names : str, Path or None
+        CSV or TOML file that says what faces with a name are, see `NameTable`.
+    forward, up : str or None
+        Axes of the file along which Blender's +Y and +Z were written, see `axes.rotation`; None for
+        Y and Z, or for those of the file's format.
+    nose : str
+        Axis of Blender's coordinates along which the nose points.
 
     Returns
     -------
@@ -97,17 +116,34 @@ def read(
         raise InputError(
             f"scale {scale:g} must be positive: metres in the file's unit of length, such as 0.001"
         )
-    obj = read_obj(path)
     is_solution = bool(temperatures) and Path(temperatures).suffix.lower() == ".json"
-    labels, label = _labels(obj, known, material, bool(temperatures) and not is_solution)
+    if temperature is not None:
+        temperature = kelvin(f"{temperature:.9g}")
+        if temperatures and not is_solution:
+            raise InputError("--temperature and --temperatures exclude each other; give one")
+    kind, usual = exchange.KINDS.get(Path(path).suffix.lower(), ("OBJ", axes.AS_BLENDER))
+    turn = axes.rotation(forward or usual[0], up or usual[1], nose)
+    obj = read_obj(path) if kind == "OBJ" else exchange.read_mesh(path)
+    table = NameTable(names) if names else None
+    labels, label = labels_of(
+        obj,
+        table,
+        materials=known,
+        material=material,
+        has_temperatures=bool(temperatures) and not is_solution,
+        temperature=temperature,
+    )
+    remarks = _remarks(obj, labels, label, table, ask_axes=kind != "glTF" and not (forward or up))
     if temperatures and not is_solution:
-        temperature = _read_temperatures(Path(temperatures), len(label))
+        kelvins = _read_temperatures(Path(temperatures), len(label))
     else:
-        temperature = np.array([entry.temperature for entry in labels])[label]
+        kelvins = np.array([entry.temperature for entry in labels])[label]
     if is_solution:
-        temperature = _solved_temperatures(Path(temperatures), temperature)
+        kelvins = _solved_temperatures(Path(temperatures), kelvins)
 
     vertices = obj.vertices * scale
+    if (turn != np.eye(3)).any():
+        vertices = vertices @ turn.T
     used = np.zeros(len(vertices), bool)
     used[obj.corners] = True
     used = np.flatnonzero(used)
@@ -130,11 +166,11 @@ def read(
         size = int(np.diff(obj.first)[crossed.argmax()])
         if size > MOST_CLIPPED:
             raise InputError(
-                f"{path}, line {obj.lines[crossed.argmax()]}: the face has {size} corners and is "
+                f"{obj.place(crossed.argmax())}: the face has {size} corners and is "
                 f"not convex; split it into polygons of at most {MOST_CLIPPED}"
             )
         raise InputError(
-            f"{path}, line {obj.lines[crossed.argmax()]}: the face crosses itself or folds back "
+            f"{obj.place(crossed.argmax())}: the face crosses itself or folds back "
             f"on itself{_others(int(crossed.sum()) - 1)}; split it into simple polygons"
         )
     if len(triangles) == 0:
@@ -145,41 +181,25 @@ def read(
         obj.first,
         labels,
         label,
-        temperature,
+        kelvins,
         triangles,
         triangle_facet,
         off_plane,
+        remarks,
     )
 
 
-def _labels(obj, known, material, has_temperatures):
-    """The Labels that faces use, and the index (F,) of each face's label."""
-    used, label = np.unique(obj.name, return_inverse=True)
-    labels = []
-    for name in used:
-        if name >= 0:
-            line, kind, text = obj.names[name]
-            try:
-                labels.append(parse(text, known, material, has_temperatures))
-            except InputError as error:
-                raise InputError(f"{obj.path}, line {line}: {kind} '{text}': {error}") from None
-        elif material and has_temperatures:
-            labels.append(unlabelled(material))
-        else:
-            missing = " and ".join(
-                option
-                for option, given in (
-                    ("--material", material),
-                    ("--temperatures", has_temperatures),
-                )
-                if not given
-            )
-            raise InputError(
-                f"{obj.path}, line {obj.lines[np.argmin(obj.name)]}: the face has no label; name "
-                "its object or group {f|s|t}*{material}*{kelvin}*, such as f*bare_aluminum*300*, "
-                f"or give {missing}"
-            )
-    return labels, label
+def _remarks(obj: Obj, labels, label, table, ask_axes):
+    """Lines about the axes of a file and about names in the table that the file does not have."""
+    lines = []
+    if ask_axes:
+        of_model = np.array([entry.type == "f" for entry in labels])[label]
+        chosen = np.repeat(of_model | ~of_model.any(), np.diff(obj.first))
+        points = obj.vertices[np.unique(obj.corners[chosen])]
+        lines.append(axes.remark(points, obj.blender))
+    if table and (unused := table.unused()):
+        lines.append(f"{table.path}: nothing in {obj.path} is called {', '.join(unused)}")
+    return tuple(filter(None, lines))
 
 
 def _read_temperatures(path, count):

@@ -1,4 +1,4 @@
-"""Reader of Wavefront OBJ files: vertices, faces, and labels of objects and groups."""
+"""Reader of Wavefront OBJ files: vertices, faces, and the names that each face has."""
 
 import re
 from dataclasses import dataclass
@@ -11,6 +11,7 @@ from mi_lcair.files import read_bytes
 
 # Statements that are read, by keyword.
 KINDS = {b"v": "vertex", b"f": "face", b"o": "object", b"g": "group"}
+USEMTL = b"\xff"  # stands for the keyword usemtl where the other keywords are one byte
 # Statements that are ignored, because they contain no surface and no name. All other statements
 # contain a surface or are damaged.
 PASSED_OVER = tuple(
@@ -18,6 +19,8 @@ PASSED_OVER = tuple(
     b"trace_obj end".split()
 )
 KINDS_OF = [word.decode() for word in (*KINDS, *PASSED_OVER)]
+# First lines of Blender's files: "# Blender 5.0.1", before 3.1 "# Blender v2.93.4 OBJ File: ..."
+BLENDER = re.compile(rb"\s*#\s*Blender v?([0-9][\w.]*)")
 LONGEST_KEYWORD = 12  # bytes
 VERTEX = "a vertex must be three numbers"
 FACE = "a face must be indices of three vertices or more, such as f 1 2 3 or f 1/1/1 2/2/1 3/3/1"
@@ -33,7 +36,9 @@ class Obj:
     vertices (V, 3); corners (N,): indices of vertices from 0, face after face; first (F + 1,):
     where in `corners` each face begins, and where the last ends; lines (F,): where each face stands
     in the file; names: (line, "object" or "group", label) of what carries a label; name (F,): which
-    of them holds for each face, -1 for none.
+    of them holds for each face, -1 for none; parts: the names of material, group and object that
+    faces have, "" for none; part (F,): which of them hold for each face; blender: the version of
+    Blender that wrote the file, "" if none did.
     """
 
     path: Path
@@ -43,27 +48,37 @@ class Obj:
     lines: np.ndarray
     names: list[tuple[int, str, str]]
     name: np.ndarray
+    parts: list[tuple[str, str, str]]
+    part: np.ndarray
+    blender: str = ""
+
+    def place(self, face: int) -> str:
+        """Where a face stands in the file, for messages."""
+        return f"{self.path}, line {self.lines[face]}"
 
 
 def read_obj(path: str | Path) -> Obj:
     """Read an OBJ file.
 
-    The statements v, f (v, v/vt, v//vn, v/vt/vn, negative indices), o and g, comments and continued
-    lines are read. PASSED_OVER are ignored. A name with '*' is a label. A face has the label of its
-    group, or of its object if the group has none.
+    The statements v, f (v, v/vt, v//vn, v/vt/vn, negative indices), o, g and usemtl, comments and
+    continued lines are read. The rest of PASSED_OVER is ignored. A name of an object or group with
+    '*' is a label. A face has the label of its group, or of its object if the group has none.
 
     Raises InputError, with the line, for a vertex that is not three finite numbers, for a face that
     has fewer than three corners, corners of unlike form, an index that is not a number or an index
     of no vertex, and for an unknown statement.
     """
     path = Path(path)
-    vertices, corners, sizes, lines, name = (
+    vertices, corners, sizes, lines, name, part = (
         [np.empty((0, 3))],
-        *([np.empty(0, int)] for _ in range(4)),
+        *([np.empty(0, int)] for _ in range(5)),
     )
     vertex_count, names, label_of = 0, [], {"object": -1, "group": -1}
+    parts, called = {}, {"material": "", "group": "", "object": ""}
     unknown = None  # what is wrong with the first statement that is not known
-    text = Text(read_bytes(path))
+    content = read_bytes(path)
+    author = BLENDER.match(content)
+    text = Text(content)
     try:
         for kind, begin, end in text.runs():
             if kind == "vertex":
@@ -83,10 +98,16 @@ def read_obj(path: str | Path) -> Obj:
                 lines.append(text.line(np.arange(begin, end)))
                 label = label_of["group"] if label_of["group"] >= 0 else label_of["object"]
                 name.append(np.full(end - begin, label))
+                number = parts.setdefault(tuple(called.values()), len(parts))
+                part.append(np.full(end - begin, number))
             elif kind is None:
                 unknown = unknown or text.unknown(begin, end)
+            elif kind == "material":
+                called[kind] = " ".join(text.rest(end - 1).split()[1:])
             else:
                 for statement in range(begin, end):
+                    words = " ".join(text.rest(statement).split())
+                    called["group"], called[kind] = "", words
                     label_of["group"] = label_of[kind] = -1  # a new object has no group yet
                     if label := _label(text.rest(statement)):
                         label_of[kind] = len(names)
@@ -105,6 +126,9 @@ def read_obj(path: str | Path) -> Obj:
         np.concatenate(lines),
         names,
         np.concatenate(name),
+        list(parts),
+        np.concatenate(part),
+        author[1].decode() if author else "",
     )
     # This is checked at the end, because a face may name a vertex that follows it in the file
     if obj.corners.max() >= vertex_count:
@@ -137,6 +161,7 @@ class Text:
         self.content = np.frombuffer(content, np.uint8)
         self.begins = np.append(0, np.flatnonzero(self.content == NEWLINE) + 1)
         self.joined = np.flatnonzero(self.content == ord(JOINED))
+        self.materials = [found.start() for found in re.finditer(rb"(?m)^usemtl[ \t\v]", content)]
 
     def runs(self):
         """(kind, begin, end) of runs of up to AT_ONCE consecutive statements of one kind.
@@ -145,10 +170,11 @@ class Text:
         """
         begins = self.begins[:-2]
         keyword, next_byte = self.content[begins], self.content[begins + 1]
-        keyword = np.where(next_byte <= BLANK, keyword, 0)
+        keyword = np.where((next_byte <= BLANK) & (keyword < ord(USEMTL)), keyword, 0)
+        keyword[np.searchsorted(begins, self.materials)] = ord(USEMTL)
         limits = np.concatenate([[0], np.flatnonzero(np.diff(keyword)) + 1, [len(keyword)]])
         for begin, end in zip(limits[:-1], limits[1:]):
-            kind = KINDS.get(keyword[begin : begin + 1].tobytes())
+            kind = {**KINDS, USEMTL: "material"}.get(keyword[begin : begin + 1].tobytes())
             for at in range(begin, end, AT_ONCE):
                 yield kind, at, min(at + AT_ONCE, end)
 

@@ -22,9 +22,12 @@ MARGIN = 1.02  # ratio of half the sensor's window to the radius of the sphere a
 DISTANCE = 1.1
 
 
-def fragment(name: str, labels: dict, has_materials: bool, sky: str | None) -> str:
-    """The text of model.xml. labels: stem of a mesh's file -> Label; sky: file name of the table of
-    the sky's spectra.
+def fragment(name: str, labels: dict, short: dict, materials: str | None, sky: str | None) -> str:
+    """The text of model.xml.
+
+    labels: stem of a mesh's file -> Label. short: material -> its name in ids and the value of the
+    property `material`. materials, sky: file names of the tables of materials and of the sky's
+    spectra.
     """
     turns = any(label.type == "f" for label in labels.values())
     defaults = (
@@ -32,7 +35,7 @@ def fragment(name: str, labels: dict, has_materials: bool, sky: str | None) -> s
         | ({"yaw_deg": 0, "pitch_deg": 0, "roll_deg": 0} if turns else {})
         | ({"sky": sky} if sky else {})
     )
-    materials = dict.fromkeys(label.material for label in labels.values())
+    used = dict.fromkeys(label.material for label in labels.values())
     return "\n".join(
         [
             '<scene version="3.0.0">',
@@ -44,18 +47,18 @@ def fragment(name: str, labels: dict, has_materials: bool, sky: str | None) -> s
                 f'    <default name="{key}" value={quoteattr(str(value))}/>'
                 for key, value in defaults.items()
             ),
-            *(_material(name, material, has_materials) for material in materials),
-            *(_shape(name, stem, label, sky) for stem, label in labels.items()),
+            *(_material(name, *short[material], materials) for material in used),
+            *(_shape(name, stem, label, short, sky) for stem, label in labels.items()),
             "</scene>",
             "",
         ]
     )
 
 
-def _material(name, material, has_materials):
-    own = '        <string name="materials" value="materials.toml"/>\n' if has_materials else ""
+def _material(name, short, material, materials):
+    own = f'        <string name="materials" value={quoteattr(materials)}/>\n' if materials else ""
     return f"""
-    <bsdf type="material" id={quoteattr(f"{name}_{material}")}>
+    <bsdf type="material" id={quoteattr(f"{name}_{short}")}>
         <string name="material" value={quoteattr(material)}/>
 {own}        <string name="band" value="$band"/>
         <boolean name="allow_band" value="$allow_band"/>
@@ -63,7 +66,7 @@ def _material(name, material, has_materials):
     </bsdf>"""
 
 
-def _shape(name, stem, label, sky):
+def _shape(name, stem, label, short, sky):
     turn = f'        <transform name="to_world"> {TURN} </transform>\n' if label.type == "f" else ""
     source = (
         '<texture type="mesh_attribute" name="temperature"> '
@@ -76,7 +79,7 @@ def _shape(name, stem, label, sky):
     <shape type="ply" id="{name}.{stem}">
         <string name="filename" value="{name}_{stem}.ply"/>
         <boolean name="face_normals" value="true"/>
-{turn}        <ref id={quoteattr(f"{name}_{label.material}")}/>
+{turn}        <ref id={quoteattr(f"{name}_{short[label.material][0]}")}/>
         <emitter type="thermal">
             <string name="band" value="$band"/>
             {source}
@@ -130,7 +133,7 @@ def scene(name: str, centre, radius: float, sky: str | None) -> str:
     </integrator>
 
     <!-- The window stays on the model's centre however the model is turned about its origin. -->
-    <sensor type="orthographic">
+    <sensor type="orthographic" id="sensor">
         <float name="near_clip" value="{0.01 * window:.7g}"/>
         <float name="far_clip" value="{max(1e4, 1e3 * window):.7g}"/>
         <transform name="to_world">

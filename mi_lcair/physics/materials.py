@@ -78,7 +78,8 @@ def material(
         Band in which the material is used. An entry that was measured in this band or in a wider
         one is taken. None accepts only an entry for any band.
     file
-        TOML file of the user's own materials, or the JSON file of an inversion's solution.
+        TOML file of the user's own materials, or the JSON file of a fit or of an inversion's
+        solution; see `names`.
     allow_band
         Whether to take, where no entry covers the band, the entry that overlaps it most or lies
         nearest to it, instead of raising InputError.
@@ -93,7 +94,7 @@ def material(
     InputError
         If the name is unknown, the material was not measured in the band, or a file cannot be used.
     """
-    entries = _fits(name) if _is_json(name) else _toml_entries(name, file)
+    entries = _fits(name) if is_json(name) else _toml_entries(name, file)
     best = max(entries, key=lambda entry: _fitness(entry.band, band))
     if _fitness(best.band, band)[0] or (allow_band and band is not None):
         return best
@@ -108,7 +109,11 @@ def material(
 
 
 def names(file: str | Path | None = None) -> list[str]:
-    """Names of all materials, those of the user's `file` first."""
+    """Names of all materials, those of the user's `file` first.
+
+    file: TOML file of the user's own materials, the JSON file of an inversion's solution, or that
+    of a fit, whose material has the file's name without its suffix.
+    """
     return list({**(_materials(file) if file else {}), **_materials(BUILT_IN)})
 
 
@@ -156,28 +161,55 @@ def _toml_entries(name, file):
             or not all(isinstance(entry, dict) for entry in bands.values())
         ):
             raise InputError(f"{where}: needs a table for each band, such as [{name}.MWIR]")
-        if _is_json(path):
+        if is_json(path):
             return [_fitted(str(path), report) for report in bands.values()]
         return [_entry(where, name, band, dict(entry), str(path)) for band, entry in bands.items()]
     raise unknown("material", name, names(file))
 
 
-def _is_json(path) -> bool:
+def is_json(path) -> bool:
+    """Whether a name is that of a JSON file."""
     return str(path).lower().endswith(".json")
 
 
+def check_fit(path: str | Path) -> None:
+    """Raise InputError for a JSON file that is not one material: a fit, or a solution with one
+    material. Loads no reflection model; the file's parameters are checked when a scene loads.
+    """
+    for report in _reports(path):
+        _check_report(str(path), report)
+
+
 def _materials(path) -> dict:
-    """The tables of a materials file by name; of a solution's JSON file, its table `materials`."""
-    if not _is_json(path):
+    """The tables of a materials file by name.
+
+    Those of a solution's JSON file are in its table `materials`. The JSON file of a fit holds one
+    material, named as the file.
+    """
+    if not is_json(path):
         return _read(path, tomllib.loads)
-    found = _read(path, json.loads).get("materials")
-    if not isinstance(found, dict):
-        raise InputError(f"{path}: has no table 'materials', as the solution of an inversion has")
-    return found
+    file = _read(path, json.loads)
+    if _is_solution(file) and isinstance(file.get("materials"), dict):
+        return file["materials"]
+    if not _is_solution(file) and {"materials", "parameters"} & file.keys():
+        return {Path(path).stem: dict(enumerate(_reports(path)))}
+    raise InputError(
+        f"{path}: has neither a table 'materials', as the solution of an inversion has, nor "
+        "'parameters', as a fit has"
+    )
+
+
+def _is_solution(file):
+    return "kind" in file and "unknowns" in file
 
 
 def _fits(name):
-    """The entries of a fit's JSON file.
+    """The entries of a fit's JSON file."""
+    return [_fitted(str(name), report) for report in _reports(name)]
+
+
+def _reports(name):
+    """The reports in a fit's JSON file.
 
     The file is one report with the keys `parameters`, `form` and `band`, or holds one such report
     for each band in the table `materials`. The solution of an inversion has a table of such
@@ -192,18 +224,18 @@ def _fits(name):
         or not all(isinstance(report, dict) for report in reports.values())
     ):
         raise InputError(f"{name}: key 'materials' must be a table with a fit for each band")
-    if "kind" in file and "unknowns" in file:
+    if _is_solution(file):
         if len(reports) > 1:
             raise InputError(
                 f"{name}: holds the materials {', '.join(reports)}; give their file as `materials` "
                 "and one of them as `material`"
             )
         reports = next(iter(reports.values()))
-    return [_fitted(name, report) for report in reports.values()]
+    return list(reports.values())
 
 
-def _fitted(name, report):
-    """The entry of one report of a fit."""
+def _check_report(name, report):
+    """Raise InputError for a report of a fit that lacks what a material needs."""
     if report.get("band", "") is None:
         raise InputError(
             f"{name}: the fitted data did not state their band; add '# band_um: 3 5' to their file "
@@ -215,6 +247,11 @@ def _fitted(name, report):
                 f"{name}: key '{key}' is missing or no {'table' if kind is dict else 'string'}; "
                 f"a fit has parameters, form and band"
             )
+
+
+def _fitted(name, report):
+    """The entry of one report of a fit."""
+    _check_report(name, report)
     keys = {**report["parameters"], "form": report["form"]}
     if "model" in report:
         keys["model"] = report["model"]

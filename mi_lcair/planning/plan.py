@@ -16,6 +16,7 @@ tried. Both are counted in rays, so that the load of the machine decides nothing
 
 import time
 from dataclasses import asdict, dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -33,6 +34,7 @@ from mi_lcair.planning.reference import (
 from mi_lcair.rendering.render import check_bounded
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.window import window_area
+from mi_lcair.results import Result
 
 # Shares that all simplifications together may use; noise gets the rest. A larger bias would need
 # more additional paths than simplifications save (SAVING). It adds to the noise of an intensity,
@@ -45,12 +47,14 @@ FOR_AN_IMAGE = "; to plan a render of its image, give each_pixel (--each-pixel)"
 SAVING = 0.3  # share of a render's cost that simpler lobes or other emitter sampling may save
 
 
-@dataclass(frozen=True)
-class Plan:
+@dataclass(frozen=True, repr=False)
+class Plan(Result):
     """Settings for a scene, and the error that they are known to leave.
 
     Attributes
     ----------
+    scene_name : str
+        Name of the scene.
     lobe : dict of str to str
         Lobe ("brdf", "mirror" or "diffuse") by material, for materials with a fidelity ladder.
     max_bounces : int
@@ -79,6 +83,7 @@ class Plan:
         than it can save.
     """
 
+    scene_name: str
     lobe: dict[str, str]
     max_bounces: int
     emitter_sampling: bool
@@ -92,6 +97,8 @@ class Plan:
     left_out: list[str]
     untried: list[str]
 
+    kind: ClassVar[str] = "plan"
+
     @property
     def settings(self) -> Settings:
         """The part of the plan that is applied to the scene."""
@@ -103,9 +110,43 @@ class Plan:
             ambient_temperature=self.ambient_temperature,
         )
 
-    def as_dict(self) -> dict:
-        """The plan as a dictionary, for JSON."""
-        return asdict(self)
+    def summary(self) -> str:
+        """One line with the settings and the bound of their error."""
+        lobes = sorted(set(self.lobe.values()))
+        of = "rms over the pixels" if self.each_pixel else "of the target's intensity"
+        return (
+            f"plan for {self.scene_name}: {self.max_bounces} reflections, closure {self.closure}, "
+            f"lobes {', '.join(lobes) or 'none'}, error at most {self.bias:.2%} of the mean "
+            f"(95 %), {of}"
+        )
+
+    def entries(self) -> dict:
+        """Entries for JSON."""
+        return {
+            "scene_name": self.scene_name,
+            "lobe": self.lobe,
+            "max_bounces": self.max_bounces,
+            "emitter_sampling": self.emitter_sampling,
+            "closure": self.closure,
+            "ambient_temperature_K": self.ambient_temperature,
+            "tolerance": self.tolerance,
+            "each_pixel": self.each_pixel,
+            "bias": self.bias,
+            "noise_tolerance": self.noise_tolerance,
+            "probe_time_s": self.probe_seconds,
+            "left_out": self.left_out,
+            "untried": self.untried,
+        }
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """A row for each setting, as texts."""
+        rows = {f"lobe of {material or 'unnamed'}": lobe for material, lobe in self.lobe.items()}
+        names = ("max_bounces", "emitter_sampling", "closure", "tolerance", "bias")
+        rows |= {name: str(getattr(self, name)) for name in (*names, "noise_tolerance")}
+        if self.ambient_temperature is not None:
+            rows["ambient_temperature_K"] = str(self.ambient_temperature)
+        rows |= {f"left out {k}": text for k, text in enumerate(self.left_out, 1)}
+        return {"setting": np.array(list(rows)), "value": np.array(list(rows.values()))}
 
     def applied(self, scene: Scene):
         """Context manager that applies the plan's settings to `scene` within the block."""
@@ -185,6 +226,7 @@ def plan(
     if progress:
         progress(probes.done, probes.done)
     return Plan(
+        scene_name=scene.name,
         **asdict(settings),
         tolerance=tolerance,
         each_pixel=each_pixel,

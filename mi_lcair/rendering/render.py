@@ -10,7 +10,8 @@ import mitsuba as mi
 import numpy as np
 
 import mi_lcair
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, unknown
+from mi_lcair.formats import tiff
 from mi_lcair.physics.atmosphere import Atmosphere
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import brightness_temperature
@@ -85,7 +86,10 @@ class Render(Result):
 
     kind: ClassVar[str] = "render"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.render:figure"
-    saved_by: ClassVar[dict[str, str]] = {".exr": "mi_lcair.rendering.image:write_render"}
+    saved_by: ClassVar[dict[str, str]] = {
+        ".exr": "mi_lcair.rendering.image:write_render",
+        ".tif": "mi_lcair.rendering.render:write_tiff",
+    }
 
     @property
     def by_bounce(self) -> list[float]:
@@ -400,6 +404,17 @@ def samples_needed(total: Totals, done: int, tolerance: float) -> int:
         return done
     # At most 4 times as many, because the error is itself an estimate
     return min(4 * done, int(done * 1.05 * (error / tolerance) ** 2) + 1)
+
+
+def write_tiff(path, render: Render, channel: str = "temperature.Y") -> None:
+    """Write a channel of a render as a 32-bit floating point TIFF.
+
+    It is the brightness temperature [K], or another channel such as "Y". Raises InputError if the
+    render has no such channel.
+    """
+    if channel not in render.channels:
+        raise unknown(f"channel of the render of {render.scene_name}", channel, render.channels)
+    tiff.write(path, render.channels[channel], f"{column_name(channel)} of {render.scene_name}")
 
 
 def column_name(channel: str) -> str:

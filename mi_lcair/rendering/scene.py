@@ -1,10 +1,10 @@
 """Loading of a thermal scene, with all checks that are possible before rendering."""
 
 import os
-import re
-from contextlib import contextmanager
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
+from os import PathLike
 from pathlib import Path
 
 import mitsuba as mi
@@ -13,39 +13,64 @@ import numpy as np
 from mi_lcair import scenes
 from mi_lcair.errors import InputError, mitsuba_error, unknown
 from mi_lcair.physics.bands import Band
-from mi_lcair.physics.reflection import NAMES
 from mi_lcair.plugins.derivatives import deriving_plugins
 from mi_lcair.plugins.paths.launch import numbers
 from mi_lcair.plugins.reflection_bsdf import is_reflection_bsdf
 from mi_lcair.rendering.loading.files import survey
-from mi_lcair.rendering.loading.fingerprint import fingerprint, source_digest
+from mi_lcair.rendering.loading.fingerprint import described_digest, fingerprint, source_digest
 from mi_lcair.rendering.loading.meshes import check_mesh_files, check_shapes
 from mi_lcair.rendering.loading.nodes import check_nodes
 from mi_lcair.rendering.loading.origin import check_meshes_near, far_origin, move
+from mi_lcair.rendering.loading.parsing import (
+    instantiated,
+    parsed,
+    searching,
+    with_known_plugins,
+)
 from mi_lcair.rendering.loading.remarks import (
     clipped,
+    remarks_on_loaded,
+    remarks_on_materials,
     shapes_without_bsdf,
-    surfaces_that_emit_nothing,
     thin_sheets,
 )
-from mi_lcair.rendering.loading.samplers import add_samplers, remarks_on_samplers
+from mi_lcair.rendering.loading.samplers import remarks_on_samplers
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
-PLUGINS = ("material", "plume", "thermal", "sun", "sky_dome", "bounce_path")
 # Largest number of moves of a scene to the origin. One move may not be enough, because the position
 # of a very distant scene is known only in single precision.
 MOVES = 3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Scene:
-    """A loaded scene.
+    """A loaded scene. Every function of mi_lcair takes it, and so do `mi.render` and `mi.traverse`.
 
-    mi: Mitsuba's scene. name: name of the bundled scene or of the file. band, groups: the band and
-    the groups of its thermal emitters. parameters: the $-parameters that were given, as text.
-    notes: remarks on materials and shapes, one line each. sensors: Mitsuba's sensors. path: the
-    scene file. origin: position of the loaded scene's origin in the file's coordinates, (3,) [m];
-    it is 0 unless the scene was moved. digest: digest of the file and of all files that it names.
+    Attributes
+    ----------
+    mi : mi.Scene
+        Mitsuba's scene. Its objects are the scene: what is changed there, for example by
+        `mi.traverse(scene)` and `update()`, holds in all later results.
+    name : str
+        Name of the bundled scene or of the file, or the id of a scene that Mitsuba loaded.
+    band : Band
+        Band of its thermal emitters.
+    groups : list of str
+        Groups of its thermal emitters.
+    parameters : dict of str to str
+        $-parameters that were given, as text.
+    notes : list of str
+        Remarks on materials and shapes, one line each.
+    sensors : list of mi.Sensor
+        Mitsuba's sensors.
+    path : Path or None
+        The scene file. None for a scene that Mitsuba loaded.
+    origin : tuple of float
+        Position of the loaded scene's origin in the file's coordinates, (3,) [m]. It is 0 unless
+        the scene was moved.
+    digest : bytes
+        Digest of the file and of all files that it names, or of the description that Mitsuba
+        prints of its own scene.
     """
 
     mi: mi.Scene
@@ -54,11 +79,21 @@ class Scene:
     groups: list[str]
     parameters: dict[str, str]
     notes: list[str]
-    sensors: list
-    path: Path
+    sensors: list[mi.Sensor]
+    path: Path | None
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     digest: bytes = b""
     _tracers: dict = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def __repr__(self) -> str:
+        from mi_lcair.rendering.loading.description import line
+
+        return line(self)
+
+    def _repr_html_(self) -> str:
+        from mi_lcair.rendering.loading.description import table
+
+        return table(self)
 
     @property
     def remarks(self) -> list[str]:
@@ -71,8 +106,12 @@ class Scene:
 
     @property
     def source(self) -> str:
-        """Argument of `load` for this scene in another process: a bundled name or a full path."""
-        return self.name if self.path.parent == scenes.FOLDER else str(self.path.resolve())
+        """Argument of `load` for this scene in another process: a bundled name or a full path.
+
+        The name, which cannot be loaded, for a scene without a file.
+        """
+        in_file = self.path is not None and self.path.parent != scenes.FOLDER
+        return str(self.path.resolve()) if in_file else self.name
 
     @property
     def fingerprint(self) -> str:
@@ -89,7 +128,7 @@ class Scene:
         ]
         return fingerprint(self.digest, self.mi, descriptions)
 
-    def sensor(self, index: int):
+    def sensor(self, index: int) -> mi.Sensor:
         """The sensor with this number, counted from 0; raises InputError if there is none."""
         if index >= len(self.sensors):
             raise InputError(
@@ -103,14 +142,14 @@ class Scene:
         """How the first sensor's paths draw their numbers: "lattice" or "independent"."""
         return numbers(self.sensors[0].sampler())
 
-    def prepared(self, by_spectrum: bool = False):
+    def prepared(self, by_spectrum: bool = False) -> AbstractContextManager:
         """Context manager that gives the scene's `PathTracer`, see `BouncePath.prepared`.
 
         It is the same one as before if nothing has changed, with its tables and its recordings.
         """
         return self.mi.integrator().prepared(self.mi, by_spectrum, self._tracers)
 
-    def surfaces(self) -> list:
+    def surfaces(self) -> list[mi.BSDF]:
         """The scene's BSDFs of reflection models."""
         return [plugin for plugin in deriving_plugins(self.mi) if is_reflection_bsdf(plugin)]
 
@@ -124,13 +163,14 @@ class Scene:
             surface.set_lobe(lobe)
 
 
-def load(scene, /, **parameters) -> Scene:
-    """Load a scene XML or a bundled scene.
+def load(scene: "str | PathLike[str] | mi.Scene", /, **parameters: object) -> Scene:
+    """Load a scene XML or a bundled scene, or take over a scene that Mitsuba has loaded.
 
     Parameters
     ----------
-    scene : str or Path
-        Path of the file, or a name that `mi-lcair scenes` lists.
+    scene : str, Path or mi.Scene
+        Path of the file, a name that `mi-lcair scenes` lists, or a scene that Mitsuba's functions
+        load_file, load_dict or load_string returned. Its integrator must be `bounce_path`.
     **parameters
         Values of the scene's $-parameters.
 
@@ -149,6 +189,10 @@ def load(scene, /, **parameters) -> Scene:
         raise InputError(
             f"variant {mi.variant()} cannot render thermal scenes; set one of {', '.join(VARIANTS)}"
         )
+    if not isinstance(scene, (str, PathLike)):
+        if parameters:
+            raise InputError(f"{parameters_of_loaded(parameters)}; mi.load_file takes them")
+        return of_mitsuba(scene)
     path = find(scene)
     texts = {name: str(value) for name, value in parameters.items()}
     known = survey(path, texts)
@@ -160,6 +204,49 @@ def load(scene, /, **parameters) -> Scene:
             return parsed_and_checked(path, texts)
         except RuntimeError as error:
             raise with_known_plugins(mitsuba_error(error)) from None
+
+
+def scene_of(
+    scene: "Scene | mi.Scene | str | PathLike[str]",
+    parameters: Mapping[str, object] | None = None,
+) -> Scene:
+    """The scene that a caller means.
+
+    Parameters
+    ----------
+    scene : Scene, str, Path or mi.Scene
+        A loaded scene, or what `load` takes.
+    parameters : mapping of str to object, optional
+        Values of $-parameters, for a name or a path.
+
+    Raises
+    ------
+    InputError
+        If the scene cannot be used, or if parameters are given for one that is loaded.
+    """
+    if not isinstance(scene, Scene):
+        return load(scene, **parameters or {})
+    if parameters:
+        raise InputError(f"{parameters_of_loaded(parameters)}; mi_lcair.load takes them")
+    return scene
+
+
+def parameters_of_loaded(parameters: Mapping[str, object]) -> str:
+    """The beginning of an error for $-parameters of a scene that is loaded already."""
+    return f"the scene is loaded, so that its $-parameters ({', '.join(parameters)}) are set"
+
+
+def of_mitsuba(loaded: mi.Scene) -> Scene:
+    """The Scene of a scene that Mitsuba has loaded; see `load`."""
+    if not isinstance(loaded, mi.Scene):
+        raise InputError(
+            f"{type(loaded).__name__} is no scene; give a Scene, the name of a bundled scene, a "
+            f"file, or a scene that Mitsuba loaded in the variant {mi.variant()}"
+        )
+    check_shapes(loaded)
+    scene = checked(loaded, None, {})
+    notes = [*scene.notes, *remarks_on_loaded(loaded)]
+    return replace(scene, notes=notes, digest=described_digest(loaded))
 
 
 def parsed_and_checked(path: Path, texts: dict[str, str]) -> Scene:
@@ -190,51 +277,7 @@ def parsed_and_checked(path: Path, texts: dict[str, str]) -> Scene:
     return replace(scene, notes=notes, origin=tuple(map(float, origin)), digest=digest)
 
 
-@contextmanager
-def searching(folder: Path):
-    """Context manager in which Mitsuba searches for files in this folder first."""
-    resolver = mi.file_resolver()
-    beside = mi.FileResolver(resolver)
-    beside.prepend(str(folder))
-    mi.set_file_resolver(beside)
-    try:
-        yield
-    finally:
-        mi.set_file_resolver(resolver)
-
-
-def configuration():
-    """Mitsuba's settings for reading scene files."""
-    config = mi.parser.ParserConfig(mi.variant())
-    # Mitsuba would merge two equal thermal emitters, and one emitter cannot belong to two shapes
-    config.merge_equivalent = config.merge_meshes = False
-    return config
-
-
-def parsed(path: Path, texts: dict[str, str]):
-    """The parsed scene file, with Embree's watertight intersections switched on.
-
-    Without them, one ray in 1e7 passes through the edge between two facets.
-    """
-    state = mi.parser.parse_file(configuration(), str(path), **texts)
-    mi.parser.transform_all(configuration(), state)
-    if state.root.props.plugin_name() != "scene":
-        raise InputError(f"{path}: holds no <scene>")
-    add_samplers(state)
-    if mi.variant().startswith("llvm"):
-        state.root.props["embree_use_robust_intersections"] = True
-    return state
-
-
-def instantiated(state, path: Path) -> mi.Scene:
-    """Mitsuba's objects of a parsed scene."""
-    loaded = mi.parser.instantiate(configuration(), state)
-    if not isinstance(loaded, mi.Scene):
-        raise InputError(f"{path}: holds no <scene>")
-    return loaded
-
-
-def find(scene) -> Path:
+def find(scene: "str | PathLike[str]") -> Path:
     """The XML file of a path or a bundled scene's name."""
     path = Path(scene)
     if path.suffix or path.parent != Path("."):
@@ -244,61 +287,46 @@ def find(scene) -> Path:
     return scenes.path(str(scene))
 
 
-def with_known_plugins(error: Exception) -> Exception:
-    """The error, with the nearest names added if it is about an unknown plugin."""
-    match = re.search(r'Plugin "(\w+)" not found', str(error))
-    if not match:
-        return error
-    installed = [file.stem for file in (Path(mi.__file__).parent / "plugins").glob("*.*")]
-    nearest = get_close_matches(match[1], [*NAMES, *PLUGINS, *installed], n=5, cutoff=0.4)
-    return InputError(f"{error}; the nearest known are: {', '.join(nearest) or 'none'}")
+def checked(loaded: mi.Scene, path: Path | None, parameters: dict[str, str]) -> Scene:
+    """The Scene of Mitsuba's scene; raises InputError if it cannot be rendered.
 
-
-def checked(loaded, path: Path, parameters: dict[str, str]) -> Scene:
-    """The Scene of Mitsuba's scene; raises InputError if it cannot be rendered."""
+    path: its file; None if Mitsuba loaded it.
+    """
+    # The command `import` names every scene file scene.xml, so its folder gives the name
+    if path is None:
+        name = where = loaded.id() or "scene"
+    else:
+        name = path.resolve().parent.name if path.stem == "scene" else path.stem
+        where = str(path)
     integrator = loaded.integrator()
     if not hasattr(integrator, "prepared"):
+        own = "" if integrator is None else f", not {integrator.class_name()}"
         raise InputError(
-            f'{path}: the integrator must be bounce_path: <integrator type="bounce_path"/>'
+            f'{where}: the integrator must be bounce_path{own}: <integrator type="bounce_path"/>'
+            + (', or {"type": "bounce_path"} for mi.load_dict' if path is None else "")
         )
     if not loaded.sensors():
-        raise InputError(f"{path}: has no sensor")
+        raise InputError(f"{where}: has no sensor")
     for number, sensor in enumerate(loaded.sensors()):
         if 0 in sensor.film().crop_size():
             raise InputError(
-                f"{path}: the film of sensor {number} has no pixels; "
+                f"{where}: the film of sensor {number} has no pixels; "
                 "width and height must be positive"
             )
     with integrator.prepared(loaded) as tracer:
         emitters = tracer.emitters  # raises InputError for what cannot be derived
     if emitters.band is None:
         raise InputError(
-            f"{path}: no thermal emitter names a band; "
+            f"{where}: no thermal emitter names a band; "
             'add <emitter type="thermal"> to what radiates'
         )
-    # The command `import` names every scene file scene.xml, so its folder gives the name
-    name = path.resolve().parent.name if path.stem == "scene" else path.stem
     return Scene(
         mi=loaded,
         name=name,
         band=emitters.band,
         groups=emitters.labels,
         parameters=parameters,
-        notes=notes(loaded),
+        notes=remarks_on_materials(loaded),
         sensors=list(loaded.sensors()),
         path=path,
     )
-
-
-def notes(loaded) -> list[str]:
-    """Remarks on the materials of a scene, one line each."""
-    lines = []
-    for plugin in deriving_plugins(loaded):
-        if is_reflection_bsdf(plugin):
-            lines += [f"material {plugin.material}: {remark}" for remark in plugin.remarks()]
-        elif plugin.material_emissivity is not None and plugin.material_emissivity.kind == "table":
-            lines.append(
-                f"group {plugin.group}: emissivity tabulated by sampling the BSDF, "
-                f"standard error {plugin.material_emissivity.error:.1e}"
-            )
-    return list(dict.fromkeys([*lines, *surfaces_that_emit_nothing(loaded)]))

@@ -4,7 +4,7 @@ from textwrap import wrap
 
 import numpy as np
 
-from mi_lcair.drawing import drawing, plain
+from mi_lcair.drawing import new_figure, plain, write_figure
 from mi_lcair.fitting.model import Hemispherical, Scatterometer
 from mi_lcair.fitting.scatterometer.measurements import Measurements
 from mi_lcair.physics import reflection
@@ -19,14 +19,25 @@ MOST_CURVES = 12  # largest number of angles that are drawn, evenly chosen from 
 LINE_POINTS = 300  # points of a fitted curve
 
 
-def save_plot(path, fits) -> None:
-    """Write a PNG with a row of panels for each fit.
+def figure(fit):
+    """Picture of one `Fit`: measured and fitted BRDF, residuals, emissivity, parameters, verdict.
 
-    `fits` is a list of (Measurements, Fit, {quantity: DirectionalData}).
+    Returns a Matplotlib Figure.
     """
-    with drawing(path, (11, 6.2 * len(fits)), layout="constrained") as figure:
-        for row, fitted in zip(np.atleast_1d(figure.subfigures(len(fits), 1)), fits):
-            draw_fit(row, *fitted)
+    return figure_of([(fit.measurements, fit, fit.directional)])
+
+
+def figure_of(fits):
+    """Figure with a row of panels for each of (Measurements, Fit, {quantity: DirectionalData})."""
+    whole = new_figure((11, 6.2 * len(fits)), layout="constrained")
+    for row, fitted in zip(np.atleast_1d(whole.subfigures(len(fits), 1)), fits):
+        draw_fit(row, *fitted)
+    return whole
+
+
+def save_plot(path, fits) -> None:
+    """Write the picture `figure_of` the fits to a PNG, SVG or PDF file."""
+    write_figure(figure_of(fits), path)
 
 
 def draw_fit(figure, measurements: Measurements, fit, directional: dict) -> None:
@@ -125,6 +136,7 @@ def draw_table(axes, fit) -> None:
     lines += [
         ("", "", None),
         ("rms", f"{fit.rms_dex:.4f} decades in BRDF", None),
+        *(("", text, None) for text in wrap(fit.quality.verdict, 46)),
         ("points", f"{fit.used} used, {len(fit.used_points) - fit.used} left out", None),
     ]
     if fit.emissivity_rms is not None:

@@ -7,6 +7,7 @@ from mi_lcair.rendering.render import add_points
 from mi_lcair.rendering.statistics import Totals, check_valid
 from mi_lcair.sensitivity.columns import recordings
 from mi_lcair.sensitivity.derivative_images import DerivativeImages
+from mi_lcair.sensitivity.parameters import units
 
 
 def derivative_images(
@@ -79,8 +80,11 @@ def derivative_images(
     return DerivativeImages(
         names=tuple(names),
         radiance=radiance,
-        columns=found.swapaxes(0, 1),
+        derivatives=found.swapaxes(0, 1),
         method=tuple(method[name] for name in names),
+        scene_name=scene.name,
+        band=scene.band.name,
+        units=units(scene, names),
     )
 
 

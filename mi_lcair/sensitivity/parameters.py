@@ -47,6 +47,11 @@ def parameter(scene, name: str) -> Parameter:
     return chosen(scene, [name])[0].described()
 
 
+def units(scene, names) -> tuple[str, ...]:
+    """Units of parameters; "1" for dimensionless ones. Raises InputError for an unknown name."""
+    return tuple(entry.described().unit for entry in chosen(scene, names))
+
+
 def set_values(scene, values: Mapping[str, float]) -> None:
     """Change parameters of a scene.
 

@@ -7,6 +7,7 @@ import numpy as np
 from mi_lcair.rendering.window_means import window_means
 from mi_lcair.sensitivity.columns import recordings
 from mi_lcair.sensitivity.common_numbers import CommonNumbers
+from mi_lcair.sensitivity.parameters import units
 from mi_lcair.sensitivity.sensitivities import Sensitivities
 
 SPLITS = {"target": "target", "scene": "image"}  # channels that hold each part of the radiance
@@ -94,8 +95,11 @@ def sensitivities(
         derivative=rows[1:, 0],
         deviations=rows[:, 1:],
         method=tuple(method[name] for name in names),
-        bounces=numbers.by_reflections(first),
+        by_bounce=numbers.by_reflections(first),
         paths=int(first.traced[0]),
+        scene_name=scene.name,
+        band=scene.band.name,
+        units=units(scene, names),
     )
 
 

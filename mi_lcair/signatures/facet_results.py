@@ -59,7 +59,7 @@ class FacetResults(Result):
 
     def entries(self) -> dict:
         """Entries for JSON."""
-        return {"scene_name": self.scene_name, "band": self.band, "facets": self.table}
+        return {"scene_name": self.scene_name, "band": self.band, "columns": self.table}
 
     def columns(self) -> dict[str, np.ndarray]:
         """The table, with a row for each facet."""

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.rendering.scene import Scene, load
 from mi_lcair.rendering.settings import changed as settings_changed
 from mi_lcair.rendering.statistics import invalid_remark
+from mi_lcair.results import Result
 from mi_lcair.sensitivity.parameters import checked
 from mi_lcair.uncertainty.check import Check, check
 from mi_lcair.uncertainty.contrast_number import ContrastNumber
@@ -26,11 +28,12 @@ from mi_lcair.uncertainty.number import Number
 from mi_lcair.uncertainty.propagation import Row, combined, rows
 from mi_lcair.uncertainty.uncertainties import Uncertainties
 
+UNIT_NAMES = {"W/sr": "W_sr", "W m^-2": "W_m2"}  # units of results as ends of columns' names
 NOISE, TRUNCATION = "noise of the rendering", "reflections left out"
 
 
-@dataclass(frozen=True)
-class Budget:
+@dataclass(frozen=True, repr=False)
+class Budget(Result):
     """Uncertainty budget of a result.
 
     Attributes
@@ -75,32 +78,63 @@ class Budget:
     paths: int
     seconds: float
 
+    kind: ClassVar[str] = "budget"
+    drawn_by: ClassVar[str] = "mi_lcair.reports.budget_plot:figure"
+
     @property
     def sigma_of_quantities(self) -> float:
         """Combined standard uncertainty from the quantities alone, as Monte Carlo finds it."""
         return combined([row for row in self.rows if row.quantity not in (NOISE, TRUNCATION)])
 
-    def as_dict(self) -> dict:
-        """A dictionary for JSON."""
-        plain = (
-            "what",
-            "title",
-            "unit",
-            "value",
-            "sigma",
-            "remarks",
-            "renders",
-            "paths",
-            "seconds",
+    def summary(self) -> str:
+        """One line with the result and its standard uncertainty."""
+        first = self.rows[0]
+        return (
+            f"budget of {self.what}: {self.title} {self.value:.6g} +- {self.sigma:.3g} "
+            f"{self.unit} (one standard uncertainty), most from {first.quantity} "
+            f"({100 * first.share:.3g} % of the variance)"
         )
+
+    def entries(self) -> dict:
+        """Entries for JSON. Value, sigma and contributions are in the unit of the entry `unit`."""
+        plain = ("what", "title", "unit", "value", "sigma", "remarks", "renders", "paths")
         return {
             **{name: getattr(self, name) for name in plain},
+            "time_s": self.seconds,
             "sigma_of_quantities": self.sigma_of_quantities,
             "rows": [row.as_dict() for row in self.rows],
             "names": self.inputs.names,
             "covariance": self.inputs.covariance,
             "checks": [asdict(entry) for entry in self.checks],
             "monte_carlo": self.monte_carlo and self.monte_carlo.as_dict(),
+        }
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """A row for each quantity, and for each member of a group of correlated ones.
+
+        A group's row is followed by its members, whose share is NaN. `unit` is that of value and
+        sigma. The contribution is in the unit of the result.
+        """
+        table = [one for row in self.rows for one in (row, *row.members)]
+        in_group = [
+            len(parent.members) > 0 and one is not parent
+            for parent in self.rows
+            for one in (parent, *parent.members)
+        ]
+        number = lambda name: np.array(
+            [np.nan if getattr(one, name) is None else getattr(one, name) for one in table], float
+        )
+        contribution = f"contribution_{UNIT_NAMES.get(self.unit, '')}".rstrip("_")
+        return {
+            "quantity": np.array([one.quantity for one in table]),
+            "is_member": np.array(in_group),
+            "value": number("value"),
+            "sigma": number("sigma"),
+            "unit": np.array([one.unit for one in table]),
+            "sensitivity": number("sensitivity"),
+            "sensitivity_error": number("sensitivity_error"),
+            contribution: number("contribution"),
+            "share": number("share"),
         }
 
 

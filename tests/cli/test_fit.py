@@ -127,7 +127,8 @@ band         3-5 um
 model        sandford_robertson, normalized form with b = 0
 points used  33
 left out     2 theta_i or theta_r beyond 80 degrees
-rms          0.1234 decades
+rms          0.1234 decades; sigma explains 0.0200
+fit          LACK OF FIT: the model misses the data by about 12 %
 emissivity   rms error 0.050
 minimum      converged, relative gradient 1.0e-13; 75% of the starts reached it
 time         1.25 s, of which 0.50 s to compile
@@ -140,7 +141,9 @@ b          0.05     0.01            at its bound 0: interval 0..0.1
 e          0.1      0.01            determined
 """.replace("a plate", "mwir")
     )
-    assert result.stderr == ""  # stderr is no terminal and shows no progress bar
+    assert result.stderr == (
+        "mi-lcair: note: mwir.csv: LACK OF FIT: the model misses the data by about 12 %\n"
+    )  # stderr is no terminal and shows no progress bar
 
 
 def test_the_table_names_the_model_and_its_own_parameters(run, asked):
@@ -153,8 +156,8 @@ def test_the_table_names_the_model_and_its_own_parameters(run, asked):
 def test_table_of_several_files(run, asked):
     lines = run("fit", "mwir.csv", "lwir.csv").stdout.splitlines()
     assert lines[0].split() == ["surface", "mwir", "(mwir.csv)", "lwir", "(lwir.csv)"]
-    assert lines[10].startswith("band (um)  parameter  value") and len(lines) == 19
-    assert lines[11].startswith("3-5        epsilon    0.3") and lines[18].startswith(
+    assert lines[11].startswith("band (um)  parameter  value") and len(lines) == 20
+    assert lines[12].startswith("3-5        epsilon    0.3") and lines[19].startswith(
         "8-12       e          0.1"
     )
 
@@ -162,9 +165,38 @@ def test_table_of_several_files(run, asked):
 def test_an_unknown_band_is_mentioned(run, asked, folder):
     (folder / "plain.csv").write_text(SCAN.partition("\n")[2])
     assert (
-        "band         unknown: scenes need it, '# band_um: 3 5' in the data states it"
+        "band         unknown: scenes need it; give --band 3-5, or '# band_um: 3 5' in the data"
         in run("fit", "plain.csv").stdout
     )
+
+
+def test_the_band_may_come_from_an_option(run, refused, asked, folder):
+    (folder / "plain.csv").write_text(SCAN.partition("\n")[2])
+    assert run("fit", "plain.csv", "--band", "8-12", "-o", "fit.json").exit_code == 0
+    report = json.loads((folder / "fit.json").read_text())
+    assert (report["band"], report["band_um"]) == ("8-12", [8, 12])
+    table = run("fit", "plain.csv", "mwir.csv", "--band", "LWIR", "--band", "2-5").stdout
+    assert table.splitlines()[1].split() == ["band", "8-12", "um", "2-5", "um"]  # overrides 3 5
+    assert "--band is given 1 times for 2" in refused(
+        "fit", "plain.csv", "mwir.csv", "--band", "3-5"
+    )
+    assert "band total has no limits" in refused("fit", "plain.csv", "--band", "total")
+    assert "unknown band" in refused("fit", "plain.csv", "--band", "WIR")
+
+
+def test_console_json_and_picture_state_the_same_verdict(run, asked, folder, figures):
+    result = run("fit", "mwir.csv", "--json", "--plot", "fit.svg")
+    quality = json.loads(result.stdout)["quality"]
+    assert quality["verdict"] in run("fit", "mwir.csv").stdout
+    texts = " ".join(
+        " ".join(text.get_text().split())
+        for part in figures[0].subfigs
+        for row in part.subfigs
+        for axes in row.axes
+        for text in axes.texts
+    )
+    assert quality["verdict"] in " ".join(texts.split())
+    assert (quality["lack_of_fit"], quality["reduced_chi_square"]) == (True, 7.5)
 
 
 def test_json_on_stdout_and_in_the_file(run, asked, folder):

@@ -5,6 +5,7 @@ from itertools import cycle
 import numpy as np
 
 from mi_lcair.fitting.estimation import Fit
+from mi_lcair.fitting.quality import Quality
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
 from mi_lcair.physics.reflection import MODELS
 
@@ -14,6 +15,19 @@ VERDICTS = (
     "determined",
     "at its bound 0: interval 0..0.1",
     "determined",
+)
+
+
+QUALITY = Quality(
+    lack_of_fit=True,
+    verdict="LACK OF FIT: the model misses the data by about 12 %",
+    reduced_chi_square=7.5,
+    degrees_of_freedom=62,
+    p_value=1e-12,
+    noise_dex=0.02,
+    residual_correlation=0.8,
+    correlation_by_chance=0.3,
+    systematic_dex=0.05,
 )
 
 
@@ -92,4 +106,9 @@ def fit_of(
         seconds=seconds,
         compile_seconds=0.5,
         settings={**settings, "source_half_angle_deg": 0.0},
+        quality=QUALITY,
+        measurements=data,
+        directional={
+            name: table for name, table in (("emissivity", emissivity), ("dhr", dhr)) if table
+        },
     )

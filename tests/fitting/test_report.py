@@ -1,19 +1,20 @@
 """The report of a fit: a JSON file that is a material, and a picture."""
 
 import json
+from dataclasses import asdict
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
 from mi_lcair.errors import InputError
-from mi_lcair.fitting.report import as_dict, check_bands, to_json
+from mi_lcair.fitting.report import as_dict, bands, check_bands, to_json
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.materials import material
 from mi_lcair.reports.fit_plot import draw_brdf, draw_directional, draw_fit, draw_table, save_plot
 from tests.fitting.numpy_model import brdf as numpy_brdf
-from tests.fitting.results import PARAMETERS, emissivity, fit_of, measurements
+from tests.fitting.results import PARAMETERS, QUALITY, emissivity, fit_of, measurements
 
 
 def written(path, *results):
@@ -60,6 +61,14 @@ def test_a_report_holds_what_is_known(tmp_path):
     }
 
 
+def test_a_report_says_what_it_is_and_in_which_bands(tmp_path):
+    report = written(tmp_path / "fit.json", result(measurements()))
+    assert (report["kind"], report["band_um"], bands(report)) == ("fit", [3, 5], ["3-5"])
+    assert report["quality"] == asdict(QUALITY)
+    assert bands(written(tmp_path / "none.json", result(measurements(band_um=None)))) == []
+    assert bands({"kind": "signature"}) == bands({"materials": {"a": 1}}) == []
+
+
 def test_without_emissivity(tmp_path):
     report = written(tmp_path / "fit.json", result(measurements()))
     assert report["emissivity"] == {
@@ -83,7 +92,8 @@ def test_several_bands_are_one_material(tmp_path):
     report = written(
         path, result(measurements()), result(measurements(band_um=(8.0, 12.0), file="other.csv"))
     )
-    assert list(report) == ["materials"] and list(report["materials"]) == ["3-5", "8-12"]
+    assert list(report) == ["kind", "materials"] and report["kind"] == "fit"
+    assert list(report["materials"]) == ["3-5", "8-12"] == bands(report)
     assert (
         material(str(path), band("LWIR")).band == "8-12"
         and material(str(path), band("MWIR")).band == "3-5"
@@ -235,3 +245,23 @@ def test_zeros_and_negative_values_do_not_spoil_it(tmp_path):
     fit = fit_of(data)
     fit.used_points[:3] = False
     save_plot(tmp_path / "fit.png", [(data, fit, {})])
+
+
+def test_a_fit_is_a_result(tmp_path):
+    """It is short in a notebook's cell, and becomes a table, a picture and files."""
+    fitted = fit_of(measurements(), emissivity=emissivity())
+    assert repr(fitted) == (
+        "fit of sandford_robertson to a plate: epsilon 0.3 +- 0.01, rho_d 0.3333 +- 0.01, b 0.05 "
+        "+- 0.01, e 0.1 +- 0.01; rms 0.123 decades; LACK OF FIT"
+    )
+    assert "<img" in fitted._repr_html_()
+    columns = fitted.columns()
+    assert columns["parameter"].tolist() == ["epsilon", "rho_d", "b", "e"]
+    assert {len(column) for column in columns.values()} == {4}
+    for name in ("fit.json", "fit.csv", "fit.svg"):
+        fitted.save(tmp_path / name)
+    saved = json.loads((tmp_path / "fit.json").read_text())
+    assert saved == written(
+        tmp_path / "other.json", (fitted.measurements, fitted, fitted.directional)
+    )
+    assert material(str(tmp_path / "fit.json"), band("MWIR")).values == tuple(PARAMETERS.values())

@@ -298,9 +298,10 @@ def test_without_labels(load, table):
     model = load(cube(label=None), temperatures=rows, material="glossBlack")
     assert model.facets_of("f").all() and model.labels[0].material == "gloss_black"
     for options, missing in (
-        ({}, "--material and --temperatures"),
-        ({"temperatures": rows}, "give --material"),
-        ({"material": "diffuse"}, "give --temperatures"),
+        ({}, "or give --material and --temperature"),
+        ({"temperatures": rows}, "or give --material"),
+        ({"material": "diffuse"}, "or give --temperature"),
+        ({"temperature": 300}, "or give --material"),
     ):
         with pytest.raises(InputError, match=f"line 10: the face has no label; .*{missing}$"):
             load(cube(label=None), **options)

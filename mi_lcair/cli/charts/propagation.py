@@ -28,10 +28,15 @@ def command(folder, quick, json):
     if json:
         print_json(
             {
+                "limit_processor_seconds": result.effort.seconds,
                 "points": [asdict(point) for point in result.points],
                 "closures": [asdict(closure) for closure in result.closures],
             }
         )
         return
-    print_cheapest(result.points, "scene", "rays")
+    print_cheapest(result.points, "scene", "rays", result.limit)
+    click.echo(
+        "No larger effort of a method is tried once a run takes more than "
+        f"{result.effort.seconds:g} s of processor time on each thread, however busy the machine."
+    )
     click.echo(f"wrote propagation.png, .csv and .md, propagation_closure.png and .csv to {folder}")

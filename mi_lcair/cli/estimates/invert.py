@@ -6,7 +6,6 @@ import click
 
 import mi_lcair
 from mi_lcair.cli.options import json_option, prepare_renderer, progress_bar, renderer_options
-from mi_lcair.drawing import PICTURES
 from mi_lcair.cli.output import (
     check_outputs,
     note,
@@ -14,10 +13,10 @@ from mi_lcair.cli.output import (
     print_json,
     print_written,
 )
+from mi_lcair.drawing import PICTURES
 
 MOST_ROWS = 40  # unknowns in the table; of more, the facets are summed up
 MOST_LINES = 5  # sentences of advice
-
 
 
 @click.command("invert")

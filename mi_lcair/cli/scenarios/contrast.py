@@ -222,15 +222,7 @@ def _error(result):
 
 def _sentence(detection):
     """The intervals of a detection range, as text."""
-    if not detection.intervals_m:
-        return "no range"
-    ranges = ", ".join(f"{start:.5g}-{end:.5g} m" for start, end in detection.intervals_m)
-    end = (
-        "; at least: the atmosphere's table ends there"
-        if detection.at_least
-        else f" +- {detection.standard_error_m:.2g} m"
-    )
-    return ranges + end
+    return detection.summary().removeprefix("detected at ").removesuffix(" (standard error)")
 
 
 def _with_error(estimate):

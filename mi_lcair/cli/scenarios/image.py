@@ -63,8 +63,8 @@ def command(scenario, output, changes, frames, seed, plot, variant, threads, jso
     the aperture, electrons, counts and apparent temperature. Printed are the camera's noise and
     sharpness, predicted and measured, and the target's signal over range.
     """
+    from mi_lcair.camera.image import write_counts
     from mi_lcair.detection.scenario import Scenario
-    from mi_lcair.formats import tiff
     from mi_lcair.rendering.image import write_exr
 
     pages = output.with_suffix(".tif")
@@ -79,13 +79,7 @@ def command(scenario, output, changes, frames, seed, plot, variant, threads, jso
     for remark in result.remarks:
         note(remark)
     write_exr(output, result.channels, result.header)
-    camera = parsed.camera
-    tiff.write(
-        pages,
-        result.counts,
-        f"{camera.electrons_per_count:.9g} electrons in a count, {camera.pedestal:.9g} counts "
-        f"without electrons, {camera.integration_time_ms:g} ms",
-    )
+    write_counts(pages, result)
     if plot:
         from mi_lcair.reports.camera_plot import save_plot
 

@@ -34,6 +34,11 @@ def source_digest(state) -> bytes:
     return digest.digest()
 
 
+def described_digest(scene: mi.Scene) -> bytes:
+    """Digest of a scene that Mitsuba has loaded, from the description that it prints."""
+    return sha256(NO_ID.sub("", str(scene)).encode()).digest()
+
+
 def fingerprint(source: bytes, scene: mi.Scene, descriptions: list[str]) -> str:
     """16 hexadecimal digits for a scene.
 

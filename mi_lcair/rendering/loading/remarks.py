@@ -5,11 +5,14 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.models3d.coincident import overlaps
-from mi_lcair.plugins.derivatives import members
+from mi_lcair.plugins.derivatives import deriving_plugins, members
 from mi_lcair.plugins.emission.triangles import is_faceted
+from mi_lcair.plugins.paths.launch import numbers
 from mi_lcair.plugins.plume_bsdf import is_passed
-from mi_lcair.plugins.reflection_bsdf import reflection_layers
+from mi_lcair.plugins.reflection_bsdf import is_reflection_bsdf, reflection_layers
 from mi_lcair.rendering.loading.nodes import properties, references
+from mi_lcair.rendering.loading.origin import far_origin
+from mi_lcair.rendering.loading.samplers import INDEPENDENT
 
 WITHOUT_BSDF = ("instance", "shapegroup", "merge")  # shapes whose parts have the BSDFs
 
@@ -27,6 +30,33 @@ def shapes_without_bsdf(state) -> list[str]:
                 f"{mi.parser.file_location(state, node)}: the {node.props.plugin_name()} has no "
                 f"BSDF; Mitsuba's default stands for it and reflects {reflects}"
             )
+    return lines
+
+
+def remarks_on_materials(scene: mi.Scene) -> list[str]:
+    """Remarks on the materials of a scene, one line each."""
+    lines = []
+    for plugin in deriving_plugins(scene):
+        if is_reflection_bsdf(plugin):
+            lines += [f"material {plugin.material}: {remark}" for remark in plugin.remarks()]
+        elif plugin.material_emissivity is not None and plugin.material_emissivity.kind == "table":
+            lines.append(
+                f"group {plugin.group}: emissivity tabulated by sampling the BSDF, "
+                f"standard error {plugin.material_emissivity.error:.1e}"
+            )
+    return list(dict.fromkeys([*lines, *surfaces_that_emit_nothing(scene)]))
+
+
+def remarks_on_loaded(scene: mi.Scene) -> list[str]:
+    """Remarks on a scene that Mitsuba has loaded, which `load` would have prepared otherwise."""
+    lines = []
+    if far_origin(scene) is not None:
+        lines.append(
+            "the scene lies far from its origin, where single precision is coarse; "
+            "mi_lcair.load moves the scene of a file"
+        )
+    if any(numbers(sensor.sampler()) == "independent" for sensor in scene.sensors()):
+        lines.append(INDEPENDENT)
     return lines
 
 

@@ -5,6 +5,7 @@ import mitsuba as mi
 from mi_lcair.rendering.loading.nodes import properties, references
 
 KNOWN = ("lattice", "independent")
+INDEPENDENT = "sampler 'independent' may need ten times as many paths as lattice"
 
 
 def add_samplers(state) -> None:
@@ -32,5 +33,5 @@ def remarks_on_samplers(state) -> list[str]:
         for name in sorted(named - set(KNOWN))
     ]
     if "independent" in named:
-        lines.append("sampler 'independent' may need ten times as many paths as lattice")
+        lines.append(INDEPENDENT)
     return lines

@@ -57,6 +57,29 @@ def rows(template, sign=1, separator="\n"):
     )
 
 
+PREAMBLE = "Goniometer 3, detector A\nlamp: 1473 K\n"
+TABLE = "theta_i_deg,theta_r_deg,brdf_per_sr\n" + rows("{i},{r},{f}")
+
+
+def test_lines_before_the_table_need_a_mark(file):
+    """The first of them is not taken for the names of the columns, which stand in line 3."""
+    with pytest.raises(InputError) as raised:
+        read(file(PREAMBLE + TABLE))
+    assert str(raised.value).endswith(
+        "scan.csv, line 1: 'Goniometer 3, detector A' stands before the names of the columns in "
+        "line 3; put # in front of each line before these"
+    )
+    marked = "".join(f"# {line}\n" for line in PREAMBLE.splitlines())
+    assert_points(read(file(marked + TABLE)))
+
+
+def test_a_band_that_is_given_overrules_the_file(file):
+    path = file("# band_um: 3 5\n" + TABLE)
+    assert read(path).band_um == (3, 5)
+    assert read(path, band="8-12").band_um == (8, 12)
+    assert read(path, band="MWIR").band_um == (3, 5)
+
+
 def assert_points(measured, points=POINTS):
     i, r, f = np.array(points, dtype=float).T
     np.testing.assert_allclose(measured.theta_i, np.radians(i), rtol=1e-12)

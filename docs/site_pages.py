@@ -1,0 +1,64 @@
+"""What `mkdocs build` does beside its plugins: manuals of the plugins, and equations as MathML.
+
+Both are made by docutils, without JavaScript and without a network. A line `::: plugin FILE` on a
+page becomes the manual of the plugin in plugins/FILE.py. The manual is the docstring of the class
+that the file registers with Mitsuba. The file is parsed and not imported, because plugins exist
+once for each Mitsuba variant.
+"""
+
+import ast
+import html
+import re
+from pathlib import Path
+
+from docutils.core import publish_parts
+
+PLUGINS = Path(__file__).parents[1] / "plugins"
+MANUAL = re.compile(r"^::: plugin (\w+)$", re.MULTILINE)
+EQUATION = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
+
+
+def on_page_markdown(markdown: str, **_) -> str:
+    """Return the page with the manuals that it names."""
+    return MANUAL.sub(lambda line: manual(line[1]), markdown)
+
+
+def on_page_content(content: str, **_) -> str:
+    """Return the page's HTML with MathML in place of the equations between dollar signs."""
+    return EQUATION.sub(lambda found: mathml(html.unescape(found[2]), found[1] == "div"), content)
+
+
+def manual(file: str) -> str:
+    """Return heading and manual of the plugin in plugins/FILE.py, as Markdown and HTML."""
+    tree = ast.parse((PLUGINS / f"{file}.py").read_text(encoding="utf-8"))
+    kind, name, owner = registered(tree)
+    text = next(
+        ast.get_docstring(node)
+        for node in tree.body
+        if isinstance(node, ast.ClassDef) and node.name == owner
+    )
+    return f"## {kind} `{name}`\n\n<div>{converted(text)}</div>\n"
+
+
+def registered(tree: ast.Module) -> tuple[str, str, str]:
+    """Return kind, name and class of the plugin that a module registers on its last line."""
+    call = tree.body[-1].value
+    return call.func.attr.removeprefix("register_"), call.args[0].value, call.args[1].id
+
+
+def mathml(equation: str, as_block: bool) -> str:
+    """Return an equation in LaTeX as MathML."""
+    if as_block:
+        body = "\n    ".join(equation.strip().splitlines())
+        return converted(f".. math::\n\n    {body}")
+    return converted(f":math:`{equation}`").removeprefix("<p>").removesuffix("</p>")
+
+
+def converted(text: str) -> str:
+    """Return reStructuredText as HTML; raises docutils' SystemMessage if it has a fault."""
+    settings = {"math_output": "MathML", "syntax_highlight": "short", "halt_level": 2}
+    source = f".. default-role:: literal\n\n{text}"
+    body = publish_parts(source, writer="html5", settings_overrides=settings)["body"]
+    body = re.sub(r'<span class="docutils literal">(.*?)</span>', r"<code>\1</code>", body)
+    body = body.replace('<pre class="code', '<pre class="highlight code')
+    return body.strip()

@@ -1,0 +1,188 @@
+"""Whether the fitted model describes the data: reduced chi-square, and correlated residuals.
+
+There are two tests, each with a false alarm in about 1 of 1000 fits of a model that is right.
+Where the standard deviations of the points are known, from the file or from repeated scans, the
+sum of squared residuals is compared with them (chi-square; F if they come from repeats, as in the
+classical test of lack of fit against pure error: Draper and Smith, Applied Regression Analysis,
+3rd edition 1998, section 2.1). In any case, neighbouring residuals of a scan are compared, as by
+Durbin and Watson (Biometrika 38, 1951): noise changes its sign from point to point, and the
+difference of two shapes does not.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from mi_lcair.fitting.data import Data
+from mi_lcair.fitting.selection import Candidate
+from mi_lcair.fitting.uncertainty import BY_CHANCE, neighbour_correlation
+
+SIGNIFICANCE = 0.001  # probability of a false alarm of the test of chi-square
+# Largest reduced chi-square that is no lack of fit if the standard deviations come from repeats.
+# Few repeats leave them uncertain, and a pooled value does not follow how they vary from point to
+# point.
+LARGEST_OF_REPEATS = 2.0
+# Largest difference between model and data that is not reported as lack of fit [decades]. It is
+# 0.5 %, less than the error of any scatterometer's calibration.
+NEGLIGIBLE_DEX = 0.002
+FAR = 4.0  # distance beyond which a robust fit disregards a point [standard deviations]
+
+
+@dataclass(frozen=True)
+class Quality:
+    """How well a model describes the BRDF points of a fit.
+
+    Attributes
+    ----------
+    lack_of_fit
+        Whether the model misses the data by more than their noise; None if the data cannot tell.
+    verdict
+        The same in words.
+    reduced_chi_square, degrees_of_freedom, p_value
+        Sum of squared residuals in standard deviations for each degree of freedom, the number of
+        these, and the probability of a larger value for a model that is right. None if no standard
+        deviations are known.
+    noise_dex
+        Rms of the points' standard deviations [decades]; None if they are not known.
+    residual_correlation, correlation_by_chance
+        Correlation of neighbouring residuals along the scans, and the largest that noise shows.
+        None for scans that are too short.
+    systematic_dex
+        Rms of the part of the residuals that is no noise [decades]; 0 without lack of fit.
+    """
+
+    lack_of_fit: bool | None
+    verdict: str
+    reduced_chi_square: float | None
+    degrees_of_freedom: int | None
+    p_value: float | None
+    noise_dex: float | None
+    residual_correlation: float | None
+    correlation_by_chance: float | None
+    systematic_dex: float
+
+
+def quality(data: Data, best: Candidate, robust: bool, sigma_freedom: float = np.inf) -> Quality:
+    """The `Quality` of a candidate at its minimum.
+
+    Parameters
+    ----------
+    data
+        The BRDF points, with the standard deviations that were measured.
+    best
+        The chosen candidate.
+    robust
+        Whether outliers had little weight. They then do not count here.
+    sigma_freedom
+        Degrees of freedom from which the standard deviations were computed; infinite if they were
+        stated.
+    """
+    residuals = data.residuals(best.variant)
+    u = best.u[None]
+    rows = residuals(u)[0][0][: data.points]
+    f = residuals.instrument(u)[0][0]
+    dex = np.log10(np.maximum(f, 1e-30) / data.brdf)
+    kept = np.ones(len(rows), dtype=bool)
+    if robust:
+        kept = np.abs(rows) <= FAR * max(1.4826 * float(np.median(np.abs(rows))), 1e-12)
+    noise_dex = None
+    if data.has_sigma:
+        per_decade = data.per_decade(data.brdf)[: data.points]
+        noise_dex = float(np.sqrt(np.mean(np.square(1 / per_decade[kept]))))
+    return judged(
+        rows[kept],
+        dex[kept],
+        data.theta_i[kept],
+        data.theta_r[kept],
+        best.size,
+        noise_dex,
+        sigma_freedom,
+    )
+
+
+def judged(
+    rows, dex, theta_i, theta_r, parameters: int, noise_dex: float | None, sigma_freedom: float
+) -> Quality:
+    """The `Quality` of residuals.
+
+    Parameters
+    ----------
+    rows
+        Residuals in units of their standard deviations, if these are known, (p,).
+    dex
+        The same residuals in decades, (p,).
+    theta_i, theta_r
+        Elevations of source and observer [radians], (p,).
+    parameters
+        Number of free parameters.
+    noise_dex
+        Rms of the standard deviations [decades]; None if they are not known.
+    sigma_freedom
+        As for `quality`.
+    """
+    chi_square = freedom = p_value = None
+    missed = large = False
+    if noise_dex is not None and len(rows) > parameters:
+        freedom = len(rows) - parameters
+        chi_square = float(np.sum(np.square(rows)) / freedom)
+        if np.isfinite(sigma_freedom):
+            p_value = float(stats.f.sf(chi_square, freedom, sigma_freedom))
+            large = chi_square > LARGEST_OF_REPEATS
+        else:
+            p_value, large = float(stats.chi2.sf(chi_square * freedom, freedom)), True
+        missed = large and p_value < SIGNIFICANCE
+    correlation, pairs = neighbour_correlation(rows, theta_i, theta_r)
+    by_chance = BY_CHANCE / np.sqrt(max(pairs, 1))
+    is_judged = by_chance < 1
+    bent = is_judged and correlation > by_chance
+    rms = float(np.sqrt(np.mean(np.square(dex))))
+    share = max(
+        correlation if bent else 0.0,
+        1 - 1 / chi_square if missed else 0.0,
+    )
+    systematic = float(rms * np.sqrt(share))
+    lacks = bool((missed or bent) and systematic > NEGLIGIBLE_DEX)
+    known = lacks if is_judged or chi_square is not None else None
+    return Quality(
+        lack_of_fit=known,
+        verdict=words(known, systematic, chi_square, p_value, correlation, by_chance, freedom),
+        reduced_chi_square=chi_square,
+        degrees_of_freedom=freedom,
+        p_value=p_value,
+        noise_dex=noise_dex,
+        residual_correlation=correlation if is_judged else None,
+        correlation_by_chance=float(by_chance) if is_judged else None,
+        systematic_dex=systematic if lacks else 0.0,
+    )
+
+
+def words(lacks, systematic, chi_square, p_value, correlation, by_chance, freedom) -> str:
+    """The verdict in words. Arguments are the fields of `Quality`."""
+    if lacks is None:
+        return "not judged: no repeated scans, no sigma, and scans of too few points"
+    facts = []
+    if chi_square is not None:
+        facts.append(
+            f"reduced chi-square {chi_square:.3g} for {freedom} degrees of freedom "
+            f"(p = {p_value:.2g})"
+        )
+        if stats.chi2.cdf(chi_square * freedom, freedom) < SIGNIFICANCE:
+            facts.append("the data scatter less than their sigma says")
+    if by_chance < 1:
+        facts.append(
+            f"neighbouring residuals correlate by {correlation:.2f} (noise: up to {by_chance:.2f})"
+        )
+    if lacks:
+        return f"LACK OF FIT: the model misses the data by about {size(systematic)}; " + "; ".join(
+            facts
+        )
+    if systematic > 0:
+        facts.append(f"the model misses the data by {size(NEGLIGIBLE_DEX)} at most")
+    return f"no lack of fit seen: {'; '.join(facts)}"
+
+
+def size(dex: float) -> str:
+    """A difference in decades as a percentage, or as a factor if it is large."""
+    percent = 100 * (10**dex - 1)
+    return f"a factor of {10**dex:.2g}" if percent > 100 else f"{percent:.2g} %"

@@ -1,0 +1,29 @@
+"""Fractions that are written as a number or in percent."""
+
+from mi_lcair.errors import InputError
+
+
+def fraction(value: float | str | None) -> float | None:
+    """A fraction as a number.
+
+    Parameters
+    ----------
+    value : float, str or None
+        A number, which is returned as it is, or a text between 0 and 1 such as "0.01" or "1%".
+        None stays None.
+
+    Raises
+    ------
+    InputError
+        If a text is not such a fraction.
+    """
+    if not isinstance(value, str):
+        return value
+    number, percent, rest = value.partition("%")
+    try:
+        result = float(number) / (100 if percent else 1)
+    except ValueError:
+        result = 0.0
+    if rest.strip() or not 0 < result < 1:
+        raise InputError(f"'{value}' is not a fraction between 0 and 1, such as 0.01 or 1%")
+    return result

@@ -1,0 +1,184 @@
+"""What each face of a file is: the labels in its names, a user's table of names, or one material
+and temperature for all.
+"""
+
+import re
+import tomllib
+from pathlib import Path
+
+import numpy as np
+
+from mi_lcair.errors import InputError, unknown
+from mi_lcair.files import read_text
+from mi_lcair.models3d.label import Label, parse, unlabelled
+from mi_lcair.models3d.obj import Obj
+from mi_lcair.table import read_table
+
+COLUMNS = ("type", "material", "kelvin", "group", "elevation_deg")  # of a table, beside the name
+COPY = re.compile(r"(.*)\.[0-9]{3}", re.DOTALL)  # a name that Blender has numbered
+NUMBER_AT_END = re.compile(r"(?:.*[*=])?\s*[0-9]+\.[0-9]{3}", re.DOTALL)
+
+
+class NameTable:
+    """A user's table of names: what the faces of an object, group or material are.
+
+    A CSV file has the column `name` and any of COLUMNS; a TOML file has a table [name] with such
+    keys for each name. The type is f unless it is given. Blanks and underscores are the same in
+    names, and so are a name and its numbered copies, such as Wing and Wing.001.
+
+    Raises InputError, with the line or the name, for a table that cannot be used.
+    """
+
+    def __init__(self, path: str | Path):
+        self.path = Path(path)
+        is_toml = self.path.suffix.lower() == ".toml"
+        self.entries = {}  # plain name: (place in messages, values by column)
+        for place, name, values in self._toml() if is_toml else self._csv():
+            if _plain(name) in self.entries:
+                raise InputError(f"{place}: name '{name}' is given twice")
+            self.entries[_plain(name)] = place, name, values
+        self.used = set()
+
+    def _csv(self):
+        table = read_table(self.path, ("name",), "table of names")
+        mark = "." if table.separator == "," else ","
+        for column in table.columns:
+            if column not in ("name", *COLUMNS):
+                raise InputError(f"{self.path}: {unknown('column', column, ('name', *COLUMNS))}")
+        for line, cells in table.rows:
+            values = {key: cell for key, cell in zip(table.columns, cells) if cell}
+            for key in {"kelvin", "elevation_deg"} & values.keys():
+                values[key] = values[key].replace(mark, ".")
+            yield f"{self.path}, line {line}", values.pop("name", ""), values
+
+    def _toml(self):
+        try:
+            tables = tomllib.loads(read_text(self.path, f"table of names {self.path}"))
+        except (ValueError, RecursionError) as error:
+            raise InputError(f"table of names {self.path}: {error}") from None
+        for name, values in tables.items():
+            place = f"{self.path}: name '{name}'"
+            if not isinstance(values, dict):
+                raise InputError(f"{place}: needs a table [{name}] with {', '.join(COLUMNS)}")
+            for key, value in values.items():
+                if key not in COLUMNS:
+                    raise InputError(f"{place}: {unknown('key', key, COLUMNS)}")
+                if isinstance(value, bool) or not isinstance(value, (str, int, float)):
+                    raise InputError(f"{place}: {key} = {value!r}; must be a string or a number")
+            yield place, name, {key: str(value) for key, value in values.items()}
+
+    def find(self, names) -> tuple[str, dict[str, str]] | None:
+        """Place and values of the entry for the first of some names that the table has."""
+        for name in map(_plain, names):
+            if name in self.entries:
+                self.used.add(name)
+                place, _, values = self.entries[name]
+                return place, values
+        return None
+
+    def unused(self) -> list[str]:
+        """The names in the table for which no face was found."""
+        return [name for key, (_, name, _) in self.entries.items() if key not in self.used]
+
+    def label(self, place, values, **options) -> Label:
+        """The Label of an entry; options as those of `parse`."""
+        kind = values.get("type", "f")
+        given = {
+            "material": options["material"] and kind == "f",
+            "kelvin": options["has_temperatures"] or (options["temperature"] and kind == "f"),
+        }
+        for key in ("material", "kelvin"):
+            if key not in values and not given[key]:
+                raise InputError(f"{place}: lacks {key}")
+        text = "*".join(
+            [kind, values.get("material", ""), values.get("kelvin", "")]
+            + [f"{key}={values[key]}" for key in COLUMNS[3:] if key in values]
+        )
+        try:
+            return parse(text, folder=self.path.parent, **options)
+        except InputError as error:
+            raise InputError(f"{place}: {error}") from None
+
+
+def labels_of(obj: Obj, table: NameTable | None, **options) -> tuple[list[Label], np.ndarray]:
+    """The Labels of a file's faces, and the index (F,) of each face's label.
+
+    The table's entry for a face's material, group or object goes before the label in its names. A
+    face with neither is a model facet, if material and temperatures are given.
+
+    Parameters
+    ----------
+    obj : Obj
+    table : NameTable or None
+    options
+        materials, material, has_temperatures and temperature as those of `parse`.
+
+    Raises
+    ------
+    InputError
+        For a label or entry that is invalid, and for a face that has none.
+    """
+    texts = {text for _, _, text in obj.names}
+    pairs, label = np.unique(np.stack([obj.name, obj.part]), axis=1, return_inverse=True)
+    label = label.ravel()
+    labels = []
+    for number, (name, part) in enumerate(pairs.T):
+        if table and (entry := table.find(obj.parts[part])):
+            labels.append(table.label(*entry, **options))
+        elif name >= 0:
+            line, kind, text = obj.names[name]
+            try:
+                bare = without_number(text, texts)
+                labels.append(parse(bare, folder=obj.path.parent, **options))
+            except InputError as error:
+                where = f"{obj.path}, line {line}" if line else obj.path
+                raise InputError(f"{where}: {kind} '{text}': {error}") from None
+        elif options["material"] and (options["temperature"] or options["has_temperatures"]):
+            labels.append(unlabelled(options["material"], options["temperature"]))
+        else:
+            raise _no_label(obj, int(np.argmax(label == number)), table, options)
+    return labels, label
+
+
+def without_number(text: str, others) -> str:
+    """A label without the number that Blender adds to a copy's name, such as .001.
+
+    A label that ends in a number with three decimals, such as f*bare_aluminum*300.125, is changed
+    only if the label without them is among the `others`.
+    """
+    copy = COPY.fullmatch(text)
+    if not copy or (NUMBER_AT_END.fullmatch(text) and copy[1] not in others):
+        return text
+    return copy[1]
+
+
+def _no_label(obj, face, table, options):
+    """The error for a face that has no label."""
+    missing = " and ".join(
+        option
+        for option, given in (
+            ("--material", options["material"]),
+            ("--temperature", options["temperature"] or options["has_temperatures"]),
+        )
+        if not given
+    )
+    called = [
+        f"{kind} '{name}'"
+        for kind, name in zip(("material", "group", "object"), obj.parts[obj.part[face]])
+        if name
+    ]
+    if table and called:
+        reason = f"the table {table.path} names neither its {' nor its '.join(called)}"
+    else:
+        reason = "the face has no label"
+    return InputError(
+        f"{obj.place(face)}: {reason}; name its object or group {{f|s|t}}*{{material}}*{{kelvin}}*,"
+        f" such as f*bare_aluminum*300*, give --names with a table of names, or give {missing}"
+    )
+
+
+def _plain(name):
+    """A name without the number of a copy; blanks are underscores, as Blender exports them."""
+    name = re.sub(r"\s+", "_", name.strip())
+    copy = COPY.fullmatch(name)
+    return copy[1] if copy else name

@@ -1,0 +1,65 @@
+"""Run the commands and the Python of a page, in this process."""
+
+import importlib.util
+import io
+import shlex
+import warnings
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+
+from mi_lcair.cli import main as command_line
+from tests.docs.fences import EXAMPLES, Fence
+
+
+def run(fence: Fence, namespace: dict) -> None:
+    """Write a fence's file or run its commands or Python; raises AssertionError if that fails."""
+    if fence.mark == "file" and not (EXAMPLES / fence.value).exists():
+        Path(fence.value).write_text(fence.text, encoding="utf-8")
+    if not fence.is_run:
+        return
+    if fence.language == "python":
+        run_python(fence, namespace)
+        return
+    for command in commands(fence):
+        run_command(command, fence.place)
+
+
+def commands(fence: Fence) -> list[list[str]]:
+    """The words of each command of a fence; a backslash at the end continues a line."""
+    lines = fence.text.replace("\\\n", " ").splitlines()
+    return [words for line in lines if (words := shlex.split(line, comments=True))]
+
+
+def run_python(fence: Fence, namespace: dict) -> None:
+    """Run a fence with the names that earlier fences of the page have defined."""
+    code = compile("\n" * (fence.line - 1) + fence.text, fence.page, "exec")
+    with warnings.catch_warnings(), redirect_stdout(io.StringIO()):
+        warnings.simplefilter("default")  # remarks on a scene are warnings
+        exec(code, namespace)
+
+
+def run_command(words: list[str], place: str) -> None:
+    """Run a command in the current folder; raises AssertionError unless its exit status is 0."""
+    if words[:3] == ["python", "-m", "mi_lcair"]:
+        words = ["mi-lcair", *words[3:]]
+    assert words[0] == "mi-lcair", f"{place}: only mi-lcair can be run here: {shlex.join(words)}"
+    output = io.StringIO()
+    try:
+        with redirect_stdout(output), redirect_stderr(output):
+            command_line(words[1:])
+        status = 0
+    except SystemExit as end:
+        status = end.code or 0
+    assert status == 0, f"{place}: {shlex.join(words)}\n{output.getvalue()}"
+
+
+def study_error(words: list[str]) -> str | None:
+    """What is wrong with a command `python -m docs.studies.NAME ...` that is not run, or None."""
+    if words[:2] != ["python", "-m"] or not words[2].startswith("docs.studies."):
+        return None
+    if importlib.util.find_spec(words[2]) is None:
+        return f"there is no {words[2]}"
+    usage = importlib.import_module(words[2]).__doc__
+    if words[2] not in usage:
+        return f"the docstring of {words[2]} does not show how it is called"
+    return None

@@ -1,0 +1,133 @@
+"""The verdict on a fit itself: its false alarms on right models, and its power on wrong ones."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from mi_lcair.fitting.quality import NEGLIGIBLE_DEX, judged
+from mi_lcair.fitting.scatterometer.measurements import Measurements
+from mi_lcair.fitting.scatterometer.reading import pool
+from mi_lcair.physics.reflection import MODELS
+from tests.fitting.synthetic import ROUGH, fit, scan, scan_of
+
+PARAMETERS = 4
+SIGMA_DEX = 0.02
+ANGLES = np.radians([angles.ravel() for angles in np.meshgrid([20, 40, 60], np.arange(-80, 81, 4))])
+POINTS = ANGLES.shape[1]
+
+
+def smooth(count):
+    """Smooth functions of the angles, as the derivatives of a model are, (points, count)."""
+    theta_i, theta_r = ANGLES
+    return np.stack([np.cos(k * theta_r) * np.cos(theta_i) ** k for k in range(count)], axis=1)
+
+
+def fitted(noise):
+    """The residuals (points,) that a linear model with PARAMETERS parameters leaves."""
+    basis, _ = np.linalg.qr(smooth(PARAMETERS))
+    return noise - basis @ (basis.T @ noise)
+
+
+def verdict_on(rows, noise_dex=None, freedom=np.inf):
+    return judged(rows, SIGMA_DEX * rows, *ANGLES, PARAMETERS, noise_dex, freedom)
+
+
+@pytest.mark.parametrize("noise_dex, expected", [(None, 0.0013), (SIGMA_DEX, 0.0023)])
+def test_false_alarms_are_as_rare_as_stated(noise_dex, expected):
+    """White noise: at most the number of alarms that has a chance of 0.1 % or more."""
+    draws, random = 4000, np.random.default_rng(0)
+    alarms = sum(
+        verdict_on(fitted(random.standard_normal(POINTS)), noise_dex).lack_of_fit
+        for _ in range(draws)
+    )
+    assert alarms <= stats.binom.isf(0.001, draws, expected)
+
+
+def test_heavy_tails_raise_no_alarm_without_sigma():
+    draws, random = 2000, np.random.default_rng(1)
+    alarms = sum(verdict_on(fitted(random.standard_t(3, POINTS))).lack_of_fit for _ in range(draws))
+    assert alarms <= stats.binom.isf(0.001, draws, 0.0013)
+
+
+@pytest.mark.parametrize("scans", [2, 3])
+@pytest.mark.parametrize("spread", [0.0, 0.5])
+def test_repeats_as_the_reader_pools_them(scans, spread):
+    """The noise of the points may differ by a factor; the pooled sigma follows it in part."""
+    draws, random = 400, np.random.default_rng(2)
+    alarms = 0
+    for _ in range(draws):
+        own = 0.04 * np.exp(spread * random.standard_normal(POINTS))
+        brdf = 1 + own * random.standard_normal((scans, POINTS))
+        *_, mean, sigma = pool(*np.tile(ANGLES, scans), brdf.ravel())
+        rows = fitted((mean - 1) / sigma)
+        freedom = POINTS * (scans - 1)
+        alarms += verdict_on(rows, SIGMA_DEX, freedom).lack_of_fit
+    assert alarms <= stats.binom.isf(0.001, draws, 0.0023)
+
+
+@pytest.mark.parametrize(
+    "noise_dex, error", [(None, 1.0), (SIGMA_DEX, 1.0)], ids=["without sigma", "with sigma"]
+)
+def test_a_shape_as_large_as_the_noise_is_found(noise_dex, error):
+    random, wave = np.random.default_rng(3), np.sqrt(2) * np.cos(7 * ANGLES[1])
+    found = [
+        verdict_on(fitted(random.standard_normal(POINTS) + error * wave), noise_dex).lack_of_fit
+        for _ in range(200)
+    ]
+    assert np.mean(found) > 0.95
+
+
+def test_a_negligible_error_is_no_lack_of_fit():
+    wave = np.cos(7 * ANGLES[1])
+    rows = wave * NEGLIGIBLE_DEX / SIGMA_DEX
+    quality = verdict_on(rows)
+    assert quality.lack_of_fit is False and quality.verdict.endswith("by 0.46 % at most")
+    assert verdict_on(3 * rows).verdict.startswith("LACK OF FIT: the model misses the data by ")
+
+
+def test_what_cannot_be_judged():
+    rows, (theta_i, theta_r) = np.random.default_rng(4).standard_normal(POINTS), ANGLES
+    few = slice(6)
+    quality = judged(rows[few], rows[few], theta_i[few], theta_r[few], 4, None, np.inf)
+    assert quality.lack_of_fit is None and quality.verdict.startswith("not judged: no repeated")
+    assert quality.residual_correlation is None and quality.systematic_dex == 0
+
+
+def test_a_sigma_that_is_too_large_is_said():
+    rows = 0.3 * fitted(np.random.default_rng(5).standard_normal(POINTS))
+    quality = verdict_on(rows, SIGMA_DEX)
+    assert quality.lack_of_fit is False and "less than their sigma says" in quality.verdict
+
+
+def test_of_a_fit_with_stated_sigma():
+    """The reduced chi-square of a right model is 1, and 4 if sigma is stated half as large."""
+    data = scan(ROUGH, step=2, noise=0.05, seed=1)
+    for stated, expected in ((0.05, 1), (0.025, 4)):
+        own = Measurements(data.theta_i, data.theta_r, data.brdf, sigma=stated * data.brdf)
+        quality = fit(own, form="thesis", starts=4).quality
+        assert quality.reduced_chi_square == pytest.approx(expected, rel=0.2)
+        assert quality.degrees_of_freedom == len(data.brdf) - 4
+        assert quality.noise_dex == pytest.approx(stated / np.log(10))
+        assert quality.lack_of_fit is (expected > 1)
+
+
+@pytest.mark.slow
+def test_of_fits_of_right_and_wrong_models():
+    """No alarm in 10 fits of the right model. The other model's lobe is always found out."""
+    for seed in range(10):
+        result = fit(scan(ROUGH, step=2, noise=0.05, seed=seed), form="thesis", starts=4)
+        assert result.quality.lack_of_fit is False, result.quality.verdict
+    microfacet = MODELS["microfacet"]
+    surface = microfacet.values_at(np.full(len(microfacet.names), 0.5))
+    for seed in range(3):
+        data = scan_of(microfacet, surface, noise=0.05, seed=seed)
+        result = fit(data, form="thesis", starts=8)
+        assert result.quality.lack_of_fit is True, result.quality.verdict
+
+
+def test_a_robust_fit_disregards_outliers():
+    data = scan(ROUGH, step=2, noise=0.05)
+    data.sigma = 0.05 * data.brdf
+    data.brdf[::40] *= 10
+    assert fit(data, form="thesis", starts=4, robust=True).quality.lack_of_fit is False
+    assert fit(data, form="thesis", starts=4).quality.lack_of_fit is True

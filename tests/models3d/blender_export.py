@@ -1,0 +1,65 @@
+"""Writes the files of tests/data/blender with Blender: `python blender_export.py FOLDER`.
+
+It runs in an interpreter that has Blender's module `bpy`. The model is a hull with a fin on top of
+its tail and a copy of the fin on its left. It has no symmetry, so that every turn of the axes
+shows. The copy is turned and mirrored by its object's transform.
+"""
+
+import sys
+from math import radians
+from pathlib import Path
+
+import bpy
+
+HULL = ((-2, -0.5, 0), (2, 0.5, 1))  # nose at x = 2
+FIN = ((-0.5, -0.1, 0), (0.5, 0.1, 0.8))
+LABELS = ("f*bare_aluminum*310*hull", "f*gloss_black*330*group=fin")
+PLAIN = ("Hull", "Fin")
+
+
+def box(name, lower, upper, materials):
+    """Add a box whose sides have the given materials by turns."""
+    corners = [
+        (x, y, z) for x in (lower[0], upper[0]) for y in (lower[1], upper[1])
+        for z in (lower[2], upper[2])
+    ]  # fmt: skip
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(corners, [], sides)
+    for material in materials:
+        mesh.materials.append(bpy.data.materials.get(material) or bpy.data.materials.new(material))
+    for side in mesh.polygons:
+        side.material_index = side.index % len(materials)
+    added = bpy.data.objects.new(name, mesh)
+    bpy.context.collection.objects.link(added)
+    return added
+
+
+def model(names):
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    hull, fin = names
+    box(hull, *HULL, ["Paint", "Hot steel"])
+    box(fin, *FIN, ["Paint"]).location = (-1.4, 0, 1.05)
+    copy = box(fin, *FIN, ["Paint"])  # Blender adds .001 to its name
+    copy.location, copy.scale = (0.5, 1.2, 0.2), (-1, 1, 0.5)
+    copy.rotation_euler = (0, 0, radians(90))
+
+
+def main(folder):
+    model(LABELS)
+    bpy.ops.wm.obj_export(filepath=str(folder / "default.obj"))
+    bpy.ops.wm.obj_export(
+        filepath=str(folder / "y_forward_z_up.obj"), forward_axis="Y", up_axis="Z"
+    )
+    bpy.ops.export_scene.gltf(filepath=str(folder / "labelled.glb"))
+    model(PLAIN)
+    bpy.ops.wm.obj_export(filepath=str(folder / "plain.obj"), forward_axis="Y", up_axis="Z")
+    bpy.ops.export_scene.gltf(filepath=str(folder / "plain.glb"))
+    bpy.ops.wm.ply_export(filepath=str(folder / "plain.ply"))
+    bpy.ops.wm.stl_export(filepath=str(folder / "plain.stl"))
+    for materials in folder.glob("*.mtl"):
+        materials.unlink()
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]).resolve())
