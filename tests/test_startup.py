@@ -310,6 +310,20 @@ def test_plugins_follow_the_variant():
 
 
 @pytest.mark.slow
+def test_functions_that_take_scenes_stay_when_the_variant_changes():
+    done = python(
+        "import mitsuba as mi, mi_lcair\n"
+        "mi.set_variant('llvm_ad_rgb')\n"
+        "assert mi.traverse(mi.load_dict({'type': 'sphere'})).keys()\n"
+        "mi.set_variant('llvm_ad_mono')\n"
+        "scene = mi_lcair.load('two_plates', resolution=4)\n"
+        "assert mi.util.render is mi.render and mi.traverse(scene).keys()\n"
+        "print(mi.render(scene, spp=4).shape)"
+    )
+    assert done.stdout == "(4, 4, 1)\n", done.stderr
+
+
+@pytest.mark.slow
 def test_plugins_imported_before_mitsuba():
     done = python(f"import mi_lcair.plugins, mitsuba as mi\nmi.load_dict({SANDFORD_ROBERTSON})")
     assert done.returncode == 0, done.stderr

@@ -1,8 +1,10 @@
 """The image of a scenario's target as its camera records it."""
 
 import time
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import partial
+from os import PathLike
 from typing import ClassVar
 
 import numpy as np
@@ -21,12 +23,14 @@ from mi_lcair.camera.response import (
 )
 from mi_lcair.camera.view import CameraView
 from mi_lcair.detection.contrast import setting_of
-from mi_lcair.detection.scenario import Scenario
+from mi_lcair.detection.scenario import Scenario, scenario_of
 from mi_lcair.errors import InputError
 from mi_lcair.formats import tiff
+from mi_lcair.fraction import fraction
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.imager import Imager
+from mi_lcair.progress import Progress
 from mi_lcair.rendering.limits import GIB, available_memory
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.statistics import invalid_remark
@@ -189,7 +193,17 @@ def write_counts(path, image: Image) -> None:
     )
 
 
-def image(scenario, frames: int = 1, seed: int = 0, progress=None) -> Image:
+def image(
+    scenario: Scenario | str | PathLike[str],
+    frames: int = 1,
+    seed: int = 0,
+    progress: Progress | None = None,
+    *,
+    parameters: Mapping[str, object] | None = None,
+    spp: int | None = None,
+    tolerance: float | str | None = None,
+    max_spp: int | None = None,
+) -> Image:
     """The image of a scenario's target as its camera records it.
 
     Parameters
@@ -204,6 +218,11 @@ def image(scenario, frames: int = 1, seed: int = 0, progress=None) -> Image:
         Seed of the camera's noise and fixed pattern. The same seed gives the same frames.
     progress : callable, optional
         Called with (paths through a pixel done, expected).
+    parameters : mapping of str to object, optional
+        Entries of a scenario that is named, by dotted key such as {"sensor.band": "LWIR"}.
+    spp, tolerance, max_spp
+        Entries of [render] of a scenario that is named: paths through a pixel, or the allowed rms
+        standard error over the pixels on the target, such as 0.01 or "1%", and the most paths.
 
     Returns
     -------
@@ -214,8 +233,9 @@ def image(scenario, frames: int = 1, seed: int = 0, progress=None) -> Image:
     InputError
         If the scenario cannot be used. All inputs are checked before anything is rendered.
     """
-    if not isinstance(scenario, Scenario):
-        scenario = Scenario.read(scenario)
+    scenario = scenario_of(
+        scenario, parameters, spp=spp, tolerance=fraction(tolerance), max_spp=max_spp
+    )
     for name, value, least, most in (
         ("frames", frames, 1, MOST_FRAMES),
         ("seed", seed, 0, 2**32 - 1),

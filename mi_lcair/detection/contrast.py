@@ -6,7 +6,9 @@ effective areas.
 """
 
 import time
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from os import PathLike
 from typing import ClassVar
 
 import numpy as np
@@ -14,11 +16,13 @@ import numpy as np
 from mi_lcair.detection.detection_range import DetectionRange, detection_range
 from mi_lcair.detection.irradiance import Backdrop, Estimate, Irradiance
 from mi_lcair.detection.line_of_sight import Sight, backdrop
-from mi_lcair.detection.scenario import Sampling, Scenario
+from mi_lcair.detection.scenario import Sampling, Scenario, scenario_of
 from mi_lcair.errors import InputError
+from mi_lcair.fraction import fraction
 from mi_lcair.physics.atmosphere import Atmosphere, LineOfSight
 from mi_lcair.physics.detector import Detector
 from mi_lcair.plugins.emission.one_sun import check_fits, one_sun
+from mi_lcair.progress import Progress
 from mi_lcair.rendering.loading.files import survey
 from mi_lcair.rendering.scene import Scene, find, load
 from mi_lcair.rendering.settings import changed
@@ -273,7 +277,16 @@ class Contrast(Result):
         }
 
 
-def contrast(scenario, progress=None) -> Contrast:
+def contrast(
+    scenario: Scenario | str | PathLike[str],
+    progress: Progress | None = None,
+    *,
+    parameters: Mapping[str, object] | None = None,
+    spp: int | None = None,
+    tolerance: float | str | None = None,
+    tolerance_W_m2: float | None = None,
+    max_spp: int | None = None,
+) -> Contrast:
     """Contrast of a scenario and its parts (3.19), for each number of reflections.
 
     Parameters
@@ -282,6 +295,11 @@ def contrast(scenario, progress=None) -> Contrast:
         Scenario, or the file or bundled name that `Scenario.read` takes.
     progress : callable, optional
         Called with (samples per pixel done, expected).
+    parameters : mapping of str to object, optional
+        Entries of a scenario that is named, by dotted key such as {"sensor.band": "LWIR"}.
+    spp, tolerance, tolerance_W_m2, max_spp
+        Entries of [render] of a scenario that is named, see `Sampling`. The tolerance may be
+        written 0.01 or "1%".
 
     Returns
     -------
@@ -292,8 +310,14 @@ def contrast(scenario, progress=None) -> Contrast:
     InputError
         If the scenario cannot be used. All inputs are checked before anything is rendered.
     """
-    if not isinstance(scenario, Scenario):
-        scenario = Scenario.read(scenario)
+    scenario = scenario_of(
+        scenario,
+        parameters,
+        spp=spp,
+        tolerance=fraction(tolerance),
+        tolerance_W_m2=tolerance_W_m2,
+        max_spp=max_spp,
+    )
     try:
         return measured(scenario, progress)
     except InputError as error:

@@ -8,6 +8,7 @@ holds in each direction only for reciprocal BRDFs. An emissivity from another so
 energy.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import ClassVar
 
@@ -19,8 +20,9 @@ from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.emissivity import emissivity_of
 from mi_lcair.plugins.emission.triangles import pointer_id
 from mi_lcair.plugins.reflection_bsdf import reflection_layers
+from mi_lcair.progress import Progress
 from mi_lcair.rendering.facet_table import FacetTable
-from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
 from mi_lcair.rendering.views import corners
 from mi_lcair.results import Result
 
@@ -148,19 +150,29 @@ class Audit(Result):
         }
 
 
-def audit(scene: Scene, photons: int = 2**18, seed: int = 0, progress=None) -> Audit:
+def audit(
+    scene: SceneLike,
+    photons: int = 2**18,
+    seed: int = 0,
+    progress: Progress | None = None,
+    *,
+    parameters: Mapping[str, object] | None = None,
+) -> Audit:
     """Follow photons from the emitters of a scene until they are absorbed or escape.
 
     Parameters
     ----------
-    scene : Scene
-        Scene whose emitters are all thermal, or the sun.
+    scene : Scene, str, Path or mi.Scene
+        A loaded scene, or what `mi_lcair.load` takes: a bundled name, a file, Mitsuba's own scene.
+        Its emitters must all be thermal, or the sun.
     photons : int
         Photons from each emitter.
     seed : int
         Seed of the random numbers.
     progress : callable, optional
         Called with (emitters done, all emitters).
+    parameters : mapping of str to object, optional
+        Values of the scene's $-parameters, for a name or a file.
 
     Returns
     -------
@@ -172,6 +184,7 @@ def audit(scene: Scene, photons: int = 2**18, seed: int = 0, progress=None) -> A
         If the scene has an emitter that is not thermal, or a surface without an emitter whose
         absorption is unknown.
     """
+    scene = scene_of(scene, parameters)
     table = FacetTable(scene)
     emitters = list(scene.mi.emitters())
     if not all(hasattr(e, "group") and (e.get_shape() or hasattr(e, "is_sun")) for e in emitters):

@@ -15,12 +15,15 @@ tried. Both are counted in rays, so that the load of the machine decides nothing
 """
 
 import time
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.fraction import fraction
 from mi_lcair.planning.bounces import check_bounces, fewer_bounces, truncation_error
 from mi_lcair.planning.emitter_sampling import cheaper_emitter_sampling
 from mi_lcair.planning.lobes import candidates, simpler_lobes
@@ -31,8 +34,9 @@ from mi_lcair.planning.reference import (
     pixel_count,
     reference_probe,
 )
+from mi_lcair.progress import Progress
 from mi_lcair.rendering.render import check_bounded
-from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
 from mi_lcair.rendering.window import window_area
 from mi_lcair.results import Result
 
@@ -148,30 +152,35 @@ class Plan(Result):
         rows |= {f"left out {k}": text for k, text in enumerate(self.left_out, 1)}
         return {"setting": np.array(list(rows)), "value": np.array(list(rows.values()))}
 
-    def applied(self, scene: Scene):
+    def applied(self, scene: Scene) -> AbstractContextManager[None]:
         """Context manager that applies the plan's settings to `scene` within the block."""
         return self.settings.applied(scene)
 
 
 def plan(
-    scene: Scene,
-    tolerance: float = 0.01,
+    scene: SceneLike,
+    tolerance: float | str = 0.01,
     each_pixel: bool = False,
     seed: int = 0,
     sensor: int = 0,
-    progress=None,
+    progress: Progress | None = None,
     renders: float = 1,
+    *,
+    parameters: Mapping[str, object] | None = None,
 ) -> Plan:
     """Plan a render of `scene` whose error is below `tolerance`.
 
-    Render it under the plan's settings to the plan's `noise_tolerance`.
+    Give the plan to `render` or `signature`, which render under its settings until the noise is
+    within what it leaves of the tolerance.
 
     Parameters
     ----------
-    scene : Scene
-        Scene to plan for. Its own settings are the same afterwards.
-    tolerance : float
-        Error that is allowed, as a fraction of the mean radiance, between 0 and 1.
+    scene : Scene, str, Path or mi.Scene
+        A loaded scene, or what `mi_lcair.load` takes: a bundled name, a file, Mitsuba's own scene.
+        Its own settings are the same afterwards.
+    tolerance : float or str
+        Error that is allowed, as a fraction of the mean radiance, between 0 and 1, such as 0.01 or
+        "1%".
     each_pixel : bool
         True for the rms error over the pixels, as `render` reports it. False for the error of the
         target's intensity, which needs an orthographic sensor.
@@ -184,6 +193,8 @@ def plan(
     renders : float
         Number of renders that the plan is for. Probes that save less time in all of them than they
         take are left out. With infinity all simplifications are tried.
+    parameters : mapping of str to object, optional
+        Values of the scene's $-parameters, for a name or a file.
 
     Returns
     -------
@@ -195,6 +206,7 @@ def plan(
         If the tolerance is not between 0 and 1, if the scene is dark, or if no settings that can
         be probed reach the tolerance.
     """
+    scene, tolerance = scene_of(scene, parameters), fraction(tolerance)
     if not 0 < tolerance < 1:
         raise InputError(f"tolerance = {tolerance} must lie between 0 and 1")
     if not renders > 0:

@@ -163,7 +163,11 @@ class Scene:
             surface.set_lobe(lobe)
 
 
-def load(scene: "str | PathLike[str] | mi.Scene", /, **parameters: object) -> Scene:
+# What functions take for a scene: a loaded one, a bundled name, a file, or Mitsuba's own
+SceneLike = Scene | mi.Scene | str | PathLike[str]
+
+
+def load(scene: str | PathLike[str] | mi.Scene, /, **parameters: object) -> Scene:
     """Load a scene XML or a bundled scene, or take over a scene that Mitsuba has loaded.
 
     Parameters
@@ -206,10 +210,7 @@ def load(scene: "str | PathLike[str] | mi.Scene", /, **parameters: object) -> Sc
             raise with_known_plugins(mitsuba_error(error)) from None
 
 
-def scene_of(
-    scene: "Scene | mi.Scene | str | PathLike[str]",
-    parameters: Mapping[str, object] | None = None,
-) -> Scene:
+def scene_of(scene: SceneLike, parameters: Mapping[str, object] | None = None) -> Scene:
     """The scene that a caller means.
 
     Parameters
@@ -277,7 +278,7 @@ def parsed_and_checked(path: Path, texts: dict[str, str]) -> Scene:
     return replace(scene, notes=notes, origin=tuple(map(float, origin)), digest=digest)
 
 
-def find(scene: "str | PathLike[str]") -> Path:
+def find(scene: str | PathLike[str]) -> Path:
     """The XML file of a path or a bundled scene's name."""
     path = Path(scene)
     if path.suffix or path.parent != Path("."):

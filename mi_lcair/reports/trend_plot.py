@@ -35,7 +35,11 @@ def figure(trend: Trend):
         },
     )
     draw(panels[1], f"by what emitted it, elevation {level:g}°", large_parts("group", at_level))
-    draw(panels[2], f"by number of reflections, elevation {level:g}°", large_parts("bounce", at_level))
+    draw(
+        panels[2],
+        f"by number of reflections, elevation {level:g}°",
+        large_parts("bounce", at_level),
+    )
     figure.suptitle(
         f"{plain(f'{trend.scene_name}, {trend.band}')}: intensity of the model by azimuth ({UNIT})",
         fontsize=12,

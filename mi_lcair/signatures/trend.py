@@ -2,8 +2,10 @@
 
 import json
 import os
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from hashlib import sha256
+from os import PathLike
 from pathlib import Path
 from typing import ClassVar
 
@@ -12,9 +14,11 @@ import numpy as np
 
 import mi_lcair
 from mi_lcair.errors import InputError
+from mi_lcair.fraction import fraction
+from mi_lcair.progress import Progress
 from mi_lcair.rendering.limits import check_samples
 from mi_lcair.rendering.many_views import FAINT, render_views, views_per_batch
-from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
 from mi_lcair.rendering.views import View, check_resolution
 from mi_lcair.results import Result, named
 from mi_lcair.signatures.trend_file import TrendFile
@@ -204,27 +208,30 @@ class Trend(Result):
 
 
 def trend(
-    scene: Scene,
-    azimuths_deg,
-    elevations_deg=(0.0,),
+    scene: SceneLike,
+    azimuths_deg: Iterable[float],
+    elevations_deg: Iterable[float] = (0.0,),
     resolution: int = 64,
     spp: int | None = None,
-    tolerance: float | None = None,
+    tolerance: float | str | None = None,
     max_spp: int | None = None,
     seed: int = 0,
     batch: int | None = None,
-    path=None,
+    path: str | PathLike[str] | None = None,
     resume: bool = False,
     overwrite: bool = False,
     dask: str | None = None,
-    progress=None,
+    progress: Progress | None = None,
+    *,
+    parameters: Mapping[str, object] | None = None,
 ) -> Trend:
     """Intensity of a scene's model toward each azimuth and elevation of the observer.
 
     Parameters
     ----------
-    scene : Scene
-        Scene with a model.
+    scene : Scene, str, Path or mi.Scene
+        A loaded scene, or what `mi_lcair.load` takes: a bundled name, a file, Mitsuba's own scene.
+        It needs a model.
     azimuths_deg : sequence of float
         Azimuths of the observer, degrees: 0 sees the nose, 90 the left side.
     elevations_deg : sequence of float
@@ -234,9 +241,9 @@ def trend(
         begin anywhere in the view, not in one pixel each.
     spp : int, optional
         Samples per pixel, instead of a tolerance.
-    tolerance : float, optional
-        Half of the 95 % interval of each view's intensity, as a fraction of it; 0.01 if spp is not
-        given.
+    tolerance : float or str, optional
+        Half of the 95 % interval of each view's intensity, as a fraction of it, such as 0.01 or
+        "1%"; 0.01 if spp is not given.
     max_spp : int, optional
         Largest number of samples per pixel for the tolerance.
     seed : int
@@ -254,6 +261,8 @@ def trend(
         same path. The numbers are the same.
     progress : callable, optional
         Called with (views done, all views).
+    parameters : mapping of str to object, optional
+        Values of the scene's $-parameters, for a name or a file.
 
     Returns
     -------
@@ -265,11 +274,18 @@ def trend(
         If the arguments do not fit together, if a view is missing or given twice, or if the file or
         the scheduler cannot be used.
     """
+    scene, tolerance = scene_of(scene, parameters), fraction(tolerance)
+    if dask and scene.path is None:
+        raise InputError(
+            f"{scene.name}: workers load a scene from its file, and this one was loaded by "
+            "Mitsuba; leave dask out, or give the file"
+        )
     check_samples(spp, tolerance, max_spp)
+    azimuths = list(azimuths_deg)
     views = tuple(
         View(float(azimuth), float(elevation))
         for elevation in elevations_deg
-        for azimuth in azimuths_deg
+        for azimuth in azimuths
     )
     if len(set(views)) < len(views) or not views:
         raise InputError(

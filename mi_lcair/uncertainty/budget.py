@@ -4,6 +4,7 @@ import time
 from collections.abc import Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from os import PathLike
 from pathlib import Path
 from typing import ClassVar
 
@@ -11,9 +12,11 @@ import numpy as np
 
 from mi_lcair import scenes
 from mi_lcair.detection.contrast import setting_of
-from mi_lcair.detection.scenario import Scenario
+from mi_lcair.detection.scenario import Scenario, scenario_of
 from mi_lcair.errors import InputError
-from mi_lcair.rendering.scene import Scene, load
+from mi_lcair.fraction import fraction
+from mi_lcair.progress import Progress
+from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
 from mi_lcair.rendering.settings import changed as settings_changed
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.results import Result
@@ -139,32 +142,37 @@ class Budget(Result):
 
 
 def budget(
-    what,
-    uncertainties,
+    what: SceneLike | Scenario,
+    uncertainties: str | PathLike[str] | Mapping | Uncertainties,
     *,
     sensor: int = 0,
     spp: int | None = None,
-    tolerance: float | None = None,
+    tolerance: float | str | None = None,
     seed: int = 0,
     draws: int | None = None,
-    progress=None,
+    progress: Progress | None = None,
+    parameters: Mapping[str, object] | None = None,
 ) -> Budget:
     """Uncertainty budget of a target's intensity, or of the contrast of a scenario.
 
     Parameters
     ----------
-    what : Scene, Scenario, str or path-like
+    what : Scene, mi.Scene, Scenario, str or path-like
         A scene with an orthographic sensor, a contrast scenario, or the file or the bundled name of
-        either. The table [render] of a scenario sets its sampling.
+        either.
     uncertainties : str, path-like, dict or Uncertainties
         TOML file with the uncertainties, or its tables as a dictionary, see
         `mi_lcair.uncertainty.uncertainties`.
     sensor, spp, tolerance, seed
-        As for `signature`; for a scene only.
+        As for `signature`. A scenario has no sensor. The others replace the entries of [render] of
+        a scenario that is named.
     draws : int or None
         Also compute the distribution of the result from this number of random draws.
     progress : callable or None
         Called with (renders or draws done, expected).
+    parameters : mapping of str to object, optional
+        Values of the $-parameters of a scene, or entries of a scenario by dotted key, where it is
+        named.
 
     Returns
     -------
@@ -180,11 +188,14 @@ def budget(
     stated = Uncertainties.read(uncertainties)
     if draws is not None:
         check_draws(draws)
-    if isinstance(what, (str, Path)):
-        what = scene_or_scenario(what)
-    if isinstance(what, Scenario) and (sensor, spp, tolerance, seed) != (0, None, None, 0):
-        raise InputError("the table [render] of a scenario sets its sampling")
-    sampling = {"sensor": sensor, "spp": spp, "tolerance": tolerance, "seed": seed}
+    sampling = {"spp": spp, "tolerance": fraction(tolerance), "seed": seed}
+    if is_scenario(what):
+        if sensor:
+            raise InputError("sensor is one of a scene; a scenario has its observer")
+        what = scenario_of(what, parameters, **sampling | {"seed": seed or None})
+    else:
+        what = scene_of(what, parameters)
+    sampling["sensor"] = sensor
     with result_of(what, sampling) as number:
         inputs = Inputs.of(stated, number.known, number.what)
         number.start()
@@ -229,14 +240,11 @@ def budget(
         )
 
 
-def is_scenario(what: str | Path) -> bool:
-    """Whether a file or a bundled name is that of a contrast scenario, not of a scene."""
-    return Path(what).suffix == ".toml" or str(what) in scenes.scenarios()
-
-
-def scene_or_scenario(what: str | Path) -> Scene | Scenario:
-    """The scene or the scenario of a file or of a bundled name."""
-    return Scenario.read(what) if is_scenario(what) else load(what)
+def is_scenario(what: object) -> bool:
+    """Whether it is a contrast scenario, or the file or the bundled name of one."""
+    if isinstance(what, (str, PathLike)):
+        return Path(what).suffix == ".toml" or str(what) in scenes.scenarios()
+    return isinstance(what, Scenario)
 
 
 @contextmanager
