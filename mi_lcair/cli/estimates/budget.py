@@ -27,6 +27,7 @@ from mi_lcair.cli.output import (
     print_json,
     print_written,
 )
+from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 
 
@@ -40,7 +41,7 @@ from mi_lcair.errors import InputError
     help="The uncertainties, FILE.toml: standard deviations, covariances, reports of fits.",
 )
 @changes_option("Set a $-parameter of the scene, or an entry of the scenario")
-@plot_option("Draw a tornado chart, FILE.png.")
+@plot_option("Draw a tornado chart, FILE.png, .svg or .pdf.")
 @click.option(
     "--image",
     type=click.Path(path_type=Path),
@@ -88,7 +89,7 @@ def command(
     """
     from mi_lcair.uncertainty.uncertainties import Uncertainties
 
-    check_outputs((plot, ".png"), (image, ".exr"))
+    check_outputs((plot, PICTURES), (image, ".exr"))
     stated = Uncertainties.read(uncertainties)
     sampling = {"spp": spp, "tolerance": tolerance}
     sampling = {name: value for name, value in sampling.items() if value is not None}
