@@ -57,5 +57,5 @@ def faded(colour: str) -> str:
 
 
 def name(text: object) -> str:
-    """Name from a user's file for a curve or title, without markup. plotly takes quotes as they are."""
+    """Name for a curve or title without markup. plotly takes quotes as they are."""
     return escape(printable(text, LONGEST), quote=False)
