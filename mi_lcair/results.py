@@ -95,9 +95,9 @@ class Result:
 
         Raises InputError if xarray is not installed.
         """
-        return named("mi_lcair.formats.netcdf:table")(self.columns(), **self._attributes())
+        return named("mi_lcair.formats.netcdf:dataset")(self.columns(), **self.attributes())
 
-    def _attributes(self) -> dict:
+    def attributes(self) -> dict:
         """Attributes of the Dataset."""
         return {"kind": self.kind, "title": printable(self.summary())}
 
@@ -112,7 +112,7 @@ class Result:
             name: (dimensions, values, {"units": unit} if (unit := unit_of(name)) else {})
             for name, (dimensions, values) in table.items()
         }
-        return xarray.Dataset(described(variables), described(coordinates), self._attributes())
+        return xarray.Dataset(described(variables), described(coordinates), self.attributes())
 
     def plot(self, path=None, **options):
         """The picture of the result, as a Matplotlib Figure.

@@ -103,7 +103,7 @@ def names(points, field: str) -> list[str]:
     return list(dict.fromkeys(getattr(p, field) for p in points))
 
 
-def reach(points, case: str, method: str, tolerance: float, by="error") -> Point | None:
+def reach(points, case: str, method: str, tolerance: float, by="rms") -> Point | None:
     """The least effort from which on the error stays at or below a tolerance.
 
     Parameters
@@ -115,7 +115,7 @@ def reach(points, case: str, method: str, tolerance: float, by="error") -> Point
     tolerance
         Relative error.
     by
-        Attribute of `Point` that is compared: "error" (the median) or "rms".
+        Attribute of `Point` that is compared: "rms", or "error" for the median.
 
     Returns
     -------
@@ -151,7 +151,7 @@ def seconds_to(points, case: str, method: str, tolerance: float) -> float | None
         Time [s] after the compile, at least that of the least effort, or None if the method does
         not reach the error.
     """
-    last = reach(points, case, method, tolerance, by="rms")
+    last = reach(points, case, method, tolerance)
     if last is None:
         return None
     before = [p for p in curve(points, case, method) if p.effort < last.effort]
@@ -185,7 +185,7 @@ def times_faster(points, case: str, methods, rivals, tolerance: float) -> str:
 
 
 def cheapest(points, case: str, tolerance: float) -> Point | None:
-    """The point of the fastest method that reaches a tolerance.
+    """The point of the fastest method whose rms error reaches a tolerance.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ def cheapest(points, case: str, tolerance: float) -> Point | None:
     case
         Name of the case.
     tolerance
-        Relative error.
+        Relative rms error.
 
     Returns
     -------
@@ -228,11 +228,11 @@ def write_csv(path, points, remark: str) -> None:
 # ---- Markdown
 
 
-def table(points, case: str, choice: str | None) -> str:
-    """A Markdown table for one case, with a row for each tolerance.
+def table(points, case: str, choice: str | None, limit: str = "") -> str:
+    """A Markdown table for one case, with a row for each tolerance of the rms error.
 
     A row names the cheapest method, its advantage over the thesis's method, and the methods that
-    never reach the tolerance.
+    do not reach the tolerance.
 
     Parameters
     ----------
@@ -242,6 +242,8 @@ def table(points, case: str, choice: str | None) -> str:
         Name of the case.
     choice
         Name of the thesis's method; None if there is none.
+    limit
+        Limit of the efforts that were tried, in words, such as " within 0.2 s".
 
     Returns
     -------
@@ -249,8 +251,8 @@ def table(points, case: str, choice: str | None) -> str:
         The table.
     """
     lines = [
-        "| to reach | cheapest | samples | time | the thesis's choice takes | factor in time "
-        "| in samples | never get there |",
+        "| rms error | cheapest | samples | time | the thesis's choice takes | factor in time "
+        f"| in samples | do not reach it{limit} |",
         "|---|---|---|---|---|---|---|---|",
     ]
     for tolerance in TOLERANCES:
@@ -267,7 +269,7 @@ def table(points, case: str, choice: str | None) -> str:
             percent(tolerance),
             best.method if best else "none",
             *costs(best),
-            ", ".join(costs(usual)) if usual else "never reaches it" if choice else "",
+            ", ".join(costs(usual)) if usual else f"does not reach it{limit}" if choice else "",
             *(factors(best, usual) if best and usual else ("", "")),
             "; ".join(missed),
         ]

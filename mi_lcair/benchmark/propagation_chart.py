@@ -87,6 +87,16 @@ class Chart:
     closures: list[Closure]
     quick: bool
 
+    @property
+    def effort(self) -> Effort:
+        """The amount of work."""
+        return QUICK if self.quick else FULL
+
+    @property
+    def limit(self) -> str:
+        """The end of the efforts that were tried, in words."""
+        return f" within {self.effort.seconds:g} s"
+
 
 def measure(quick: bool = False, progress=None) -> Chart:
     """Measure all methods on all problems.

@@ -11,9 +11,7 @@ from mi_lcair.benchmark.propagation import GROUPS
 from mi_lcair.benchmark.propagation_chart import (
     CHOICE,
     CLOSURES,
-    FULL,
     LEAST_REPETITIONS,
-    QUICK,
     Chart,
 )
 from mi_lcair.drawing import drawing
@@ -116,7 +114,7 @@ def draw_closures(path, closures) -> None:
 def fields(result: Chart, command: str) -> dict[str, str]:
     """The fields of the page's template, as text."""
     points = result.points
-    effort = QUICK if result.quick else FULL
+    effort = result.effort
     answers = "\n".join(
         f"| {p.name} | {p.answer:.6g} | "
         f"{'exact' if p.standard_error == 0 else f'{p.standard_error / p.answer:.1e}'} | "
@@ -124,7 +122,8 @@ def fields(result: Chart, command: str) -> dict[str, str]:
         for p in result.problems
     )
     tables = "\n\n".join(
-        f"### {p.name}\n\n{chart.table(points, p.name, CHOICE)}" for p in result.problems
+        f"### {p.name}\n\n{chart.table(points, p.name, CHOICE, result.limit)}"
+        for p in result.problems
     )
     return {
         "command": command,
@@ -161,7 +160,9 @@ def summary(result: Chart) -> str:
                 for name in ("lattice", "thesis")
             ]
             cells = [
-                f"{name[0]} ({chart.duration(name[1])})" if name else "none reaches it"
+                f"{name[0]} ({chart.duration(name[1])})"
+                if name
+                else f"none reaches it{result.limit}"
                 for name in best
             ]
             factors = [

@@ -96,7 +96,7 @@ def factor_row(points, case: str, method) -> str:
         duration(theirs.seconds),
     ]
     for tolerance in (0.01, 0.001, theirs.rms):
-        ours = chart.reach(points, case, OURS.name, tolerance, by="rms")
+        ours = chart.reach(points, case, OURS.name, tolerance)
         time_factor, samples_factor = chart.factors(ours, theirs) if ours else ("", "")
         cells.append(f"{samples_factor}, {time_factor}" if ours else "ours never reaches it")
     return f"| {' | '.join(cells)} |"

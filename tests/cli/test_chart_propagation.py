@@ -26,12 +26,15 @@ def test_writes_its_files(run, folder, measured):
     found = run("chart", "propagation", "-o", "out", "--quick")
     assert found.exit_code == 0 and measured == [True]
     assert len(list((folder / "out").iterdir())) == 5
-    assert "box    1%        lattice points" in found.stdout
+    assert "box    1%         lattice points" in found.stdout
+    assert "none reaches it within 0.2 s" in found.stdout
+    assert "more than 0.2 s of processor time on each thread" in found.stdout
 
 
 @pytest.mark.slow
 def test_json(run, measured):
     found = json.loads(run("chart", "propagation", "--json").stdout)
+    assert found["limit_processor_seconds"] == 0.2
     assert len(found["points"]) == 10 and found["closures"][0]["closure"] == "none"
 
 

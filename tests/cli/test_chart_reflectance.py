@@ -44,7 +44,11 @@ def test_writes_and_prints(run, measured, folder):
         "100",
         "100 µs",
     ]
-    assert "none" in lines[3] and result.stdout.endswith("to charts\n")
+    assert (
+        "rms error" in result.stdout.splitlines()[0]
+        and "none reaches it" in result.stdout.splitlines()[3]
+        and result.stdout.endswith("to charts\n")
+    )
 
 
 def test_json(run, measured):

@@ -65,7 +65,7 @@ def test_json(run):
     found = json.loads(run(*plain, "-D", "sensor.nei=1e-9", "--range").stdout)
     (row,) = found["rows"]
     assert (
-        row["total"]["value"] < 0 < row["total"]["standard_error"]
+        row["total_W_m2"]["value"] < 0 < row["total_W_m2"]["standard_error"]
         and row["detected"]
         and row["max_bounces"] == 1
     )
@@ -75,7 +75,7 @@ def test_json(run):
         and found["scenario"]["sensor"]["nei"] == 1e-9
     )
     assert found["tolerance"] is found["reached"] is row["reached"] is None
-    assert row["half_width"] > 2 * row["total"]["standard_error"]
+    assert row["half_width_W_m2"] > 2 * row["total_W_m2"]["standard_error"]
     without = json.loads(run(*plain).stdout)["rows"][0]
     assert without["detected"] is None and "detection_range" not in without
 

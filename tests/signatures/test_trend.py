@@ -55,7 +55,7 @@ def whole(cylinder, tmp_path_factory):
 @pytest.mark.slow
 def test_rows_are_signatures(cylinder):
     """Each row agrees with a signature of its view, by group and by bounce."""
-    columns = trend(cylinder, elevations_deg=(-10, 20), tolerance=0.01, spp=None).columns
+    columns = trend(cylinder, elevations_deg=(-10, 20), tolerance=0.01, spp=None).table
     assert len(columns["azimuth_deg"]) == 16 and columns["reached"].all()
     for k in (3, 12):
         view = View(columns["azimuth_deg"][k], columns["elevation_deg"][k])
@@ -75,7 +75,7 @@ def test_rows_are_signatures(cylinder):
 
 def test_both_sides_are_alike(cylinder):
     """The model and its room are symmetric, and so is the trend."""
-    columns = trend(cylinder, azimuths_deg=[60, 300, 120, 240], resolution=64).columns
+    columns = trend(cylinder, azimuths_deg=[60, 300, 120, 240], resolution=64).table
     left, right = columns["intensity_W_sr"][::2], columns["intensity_W_sr"][1::2]
     assert np.abs(left - right).max() < 5 * columns["standard_error_W_sr"].max()
 
@@ -247,7 +247,7 @@ def test_rows_that_were_edited_are_rendered_again(cylinder, whole, tmp_path, spo
     with pytest.warns(UserWarning, match=f"{batches} of 3 batches do not match their checksum"):
         result = trend(cylinder, path, resume=True)
     assert path.read_text() == whole
-    assert (result.columns["intensity_W_sr"] > 0).all()
+    assert (result.table["intensity_W_sr"] > 0).all()
 
 
 def test_line_ends_of_another_system_are_no_edit(cylinder, whole, tmp_path):
@@ -379,12 +379,12 @@ def test_a_cluster_without_workers(cylinder, monkeypatch):
 @pytest.mark.slow
 def test_plot(cylinder, figures, tmp_path):
     result = trend(cylinder, elevations_deg=(0, 30))
-    trend_plot.save_plot(tmp_path / "trend.png", result, "cylinder")
+    trend_plot.save_plot(tmp_path / "trend.png", result)
     by_elevation, by_group, by_bounce = figures[0].axes
     azimuth, values = by_elevation.lines[1].get_data()
     # The curve of all azimuths is closed.
     assert np.degrees(azimuth) == pytest.approx(np.arange(0, 361, 45)) and values[0] == values[-1]
-    assert values[:-1] == pytest.approx(result.at_elevation(30).columns["intensity_W_sr"])
+    assert values[:-1] == pytest.approx(result.at_elevation(30).table["intensity_W_sr"])
     assert [line.get_label() for line in by_group.lines] == ["self", "walls"] and len(
         by_bounce.lines
     ) >= 2

@@ -31,14 +31,15 @@ def chart_options(files: str):
     return decorator
 
 
-def print_cheapest(points, case: str, cost: str) -> None:
-    """Print the cheapest method for each case and tolerance.
+def print_cheapest(points, case: str, cost: str, limit: str = "") -> None:
+    """Print the cheapest method for each case and tolerance of the rms error.
 
-    `case` and `cost` are the headings of the columns of cases and of samples.
+    `case` and `cost` are the headings of the columns of cases and of samples. `limit` says in words
+    up to which effort the methods were tried.
     """
     from mi_lcair.benchmark import chart
 
-    rows = [[case, "to reach", "cheapest", cost, "time"]]
+    rows = [[case, "rms error", "cheapest", cost, "time"]]
     for name in chart.names(points, "case"):
         for tolerance in chart.TOLERANCES:
             best = chart.cheapest(points, name, tolerance)
@@ -46,7 +47,7 @@ def print_cheapest(points, case: str, cost: str) -> None:
                 [
                     name,
                     chart.percent(tolerance),
-                    best.method if best else "none",
+                    best.method if best else f"none reaches it{limit}",
                     *chart.costs(best),
                 ]
             )
