@@ -19,7 +19,7 @@ from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.plugins.emission.sources import Source, Sources
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
-from mi_lcair.results import PAGE, Result
+from mi_lcair.results import Result
 
 PARTS = ("target", "scene")
 # Wavelengths in even steps over the band. The trapezoid rule over them integrates Planck's law in
@@ -67,7 +67,6 @@ class EffectiveAreas(Result):
 
     kind: ClassVar[str] = "effective_areas"
     drawn_by: ClassVar[str] = "mi_lcair.reports.spectrum_plot:figure"
-    saved_by: ClassVar[dict[str, str]] = PAGE
 
     def summary(self) -> str:
         """One line with the number of sources and the projected area of the target."""
