@@ -33,8 +33,8 @@ from mi_lcair.rendering.loading.remarks import (
     clipped,
     remarks_on_loaded,
     remarks_on_materials,
-    suns_below_the_horizon,
     shapes_without_bsdf,
+    suns_below_the_horizon,
     thin_sheets,
 )
 from mi_lcair.rendering.loading.samplers import remarks_on_samplers

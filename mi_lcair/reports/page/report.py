@@ -1,9 +1,13 @@
 """`report`, which writes the page of one thing or of several."""
 
+from collections.abc import Mapping
+from os import PathLike
 from pathlib import Path
 
 import mi_lcair
 from mi_lcair.errors import InputError
+from mi_lcair.fraction import fraction
+from mi_lcair.progress import Progress
 from mi_lcair.reports.page.page import Section, check_output, save
 from mi_lcair.reports.page.reading import Request, read
 from mi_lcair.reports.page.sections import of_result
@@ -11,19 +15,19 @@ from mi_lcair.reports.page.tables import facts
 
 
 def report(
-    what,
-    path,
+    what: object,
+    path: str | PathLike[str],
     *,
     scene: str | Path | None = None,
-    parameters: dict | None = None,
+    parameters: Mapping[str, object] | None = None,
     spp: int | None = None,
-    tolerance: float | None = None,
+    tolerance: float | str | None = None,
     max_spp: int | None = None,
     seed: int | None = None,
     sensor: int | None = None,
     plan: str | None = None,
     command: str | None = None,
-    progress=None,
+    progress: Progress | None = None,
 ) -> list[str]:
     """Write a page in HTML that shows something, with pictures to hover and turn.
 
@@ -43,9 +47,9 @@ def report(
         $-parameters of scenes; entries of scenarios, such as {"sensor.band": "LWIR"}.
     spp : int, optional
         Samples per pixel of images and signatures (those of the scene or scenario).
-    tolerance : float, optional
+    tolerance : float or str, optional
         Instead of spp, for the signature of a scene or the contrast of a scenario: half of the 95 %
-        interval as a fraction of the value.
+        interval as a fraction of the value, such as 0.01 or "1%".
     max_spp : int, optional
         Largest number of samples per pixel for a tolerance.
     seed, sensor : int, optional
@@ -73,7 +77,7 @@ def report(
         raise InputError("a report needs something to show; name a file, a scene or a scenario")
     options = {
         "spp": spp,
-        "tolerance": tolerance,
+        "tolerance": fraction(tolerance),
         "max_spp": max_spp,
         "seed": seed,
         "sensor": sensor,
