@@ -102,7 +102,7 @@ class Result:
 
         Raises InputError if xarray is not installed.
         """
-        return named("mi_lcair.formats.netcdf:table")(self.columns(), **self.attributes())
+        return named("mi_lcair.formats.netcdf:dataset")(self.columns(), **self.attributes())
 
     def attributes(self) -> dict:
         """Attributes of the Dataset."""

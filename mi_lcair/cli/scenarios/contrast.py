@@ -24,6 +24,7 @@ from mi_lcair.cli.output import (
     print_written,
 )
 from mi_lcair.cli.usage.examples import examples
+from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 
 
@@ -42,7 +43,7 @@ from mi_lcair.errors import InputError
     is_flag=True,
     help="Find the ranges at which the target is detected; needs sensor.nei.",
 )
-@plot_option("Draw the spectra, FILE.png.")
+@plot_option("Draw the spectra, FILE.png, .svg or .pdf.")
 @sampling_options(
     spp="Number of paths, divided by the number of pixels of render.resolution, instead of a "
     "tolerance (default: 64). The paths begin anywhere in a window around the target.",
@@ -69,7 +70,7 @@ def command(scenario, changes, ranges, plot, solution, variant, threads, json, *
     """
     from mi_lcair.detection.scenario import Scenario
 
-    check_outputs((plot, ".png"))
+    check_outputs((plot, PICTURES))
     given = {name: value for name, value in sampling.items() if value is not None}
     own = {f"render.{name}": value for name, value in given.items()}
     if solution:

@@ -27,6 +27,7 @@ from mi_lcair.cli.output import (
     print_written,
 )
 from mi_lcair.cli.usage.examples import examples
+from mi_lcair.drawing import PICTURES
 
 
 @click.command(
@@ -52,7 +53,7 @@ from mi_lcair.cli.usage.examples import examples
     help="Number of frames with independent noise, pages of FILE.tif. There is one render.",
 )
 @seed_option("Seed of the camera's noise and fixed pattern.")
-@plot_option("Draw frame and measures, FILE.png.")
+@plot_option("Draw frame and measures, FILE.png, .svg or .pdf.")
 @sampling_options(
     spp="Paths through a pixel (default: 64).",
     tolerance="Render until the rms standard error over the pixels on the target is at most this "
@@ -74,7 +75,7 @@ def command(scenario, output, changes, frames, seed, plot, variant, threads, jso
     from mi_lcair.rendering.image import write_exr
 
     pages = output.with_suffix(".tif")
-    check_outputs((output, ".exr"), (pages, ".tif"), (plot, ".png"))
+    check_outputs((output, ".exr"), (pages, ".tif"), (plot, PICTURES))
     given = {name: value for name, value in sampling.items() if value is not None}
     own = {f"render.{name}": value for name, value in given.items()}
     parsed = Scenario.read(scenario, **dict(changes) | own)
