@@ -5,7 +5,9 @@ import json
 from base64 import b64encode
 from html import escape
 from io import BytesIO
+from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +15,11 @@ from mi_lcair.drawing import PICTURES, write_figure
 from mi_lcair.errors import InputError, printable
 from mi_lcair.extras import optional
 from mi_lcair.files import check_writable, replacing
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+    from matplotlib.figure import Figure
 
 LONGEST = 199  # largest length of `repr` [characters]
 MOST_ROWS = 12  # rows of a table in a notebook
@@ -83,14 +90,14 @@ class Result:
         """
         return strict({"kind": self.kind, **self.entries()})
 
-    def to_dataframe(self):
+    def to_dataframe(self) -> "pandas.DataFrame":
         """The table of `columns` as a pandas DataFrame.
 
         Raises InputError if pandas is not installed.
         """
         return optional("pandas", f"the data frame of a {self.kind}").DataFrame(self.columns())
 
-    def to_xarray(self):
+    def to_xarray(self) -> "xarray.Dataset":
         """The table of `columns` as an xarray Dataset, whose variables carry their units.
 
         Raises InputError if xarray is not installed.
@@ -101,7 +108,7 @@ class Result:
         """Attributes of the Dataset."""
         return {"kind": self.kind, "title": printable(self.summary())}
 
-    def dataset(self, variables: dict, coordinates: dict):
+    def dataset(self, variables: dict, coordinates: dict) -> "xarray.Dataset":
         """An xarray Dataset of {name: (dimensions, values)}, with units from the ends of the names.
 
         Raises InputError if xarray is not installed.
@@ -114,7 +121,7 @@ class Result:
         }
         return xarray.Dataset(described(variables), described(coordinates), self.attributes())
 
-    def plot(self, path=None, **options):
+    def plot(self, path: str | PathLike[str] | None = None, **options: object) -> "Figure":
         """The picture of the result, as a Matplotlib Figure.
 
         Parameters
@@ -143,7 +150,7 @@ class Result:
         """Suffixes of the files that `save` can write."""
         return [".json", *WRITERS, *(PICTURES if self.drawn_by else ()), *(PAGE | self.saved_by)]
 
-    def save(self, path, **options) -> None:
+    def save(self, path: str | PathLike[str], **options: object) -> None:
         """Write the result to a file, whose suffix chooses the format (`suffixes`).
 
         Parameters
