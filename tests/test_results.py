@@ -2,7 +2,9 @@
 
 import json
 import re
+import sys
 from base64 import b64decode
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -268,6 +270,21 @@ def test_a_picture_is_no_table(result, tmp_path):
     with pytest.raises(InputError):
         result.plot(tmp_path / "picture.csv")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("library, convert", [("pandas", "to_dataframe"), ("xarray", "to_xarray")])
+def test_a_missing_library_is_named(results, monkeypatch, library, convert):
+    monkeypatch.setitem(sys.modules, library, None)
+    for name in ("render", "signature", "trend"):
+        with pytest.raises(InputError, match=rf"needs {library}; python -m pip install"):
+            getattr(results(name), convert)()
+
+
+def test_values_that_cannot_be_drawn_are_shown_as_a_table(results):
+    render = results("render")
+    bright = replace(render, channels=render.channels | {"Y": render.channels["Y"] + np.inf})
+    huge = replace(render, channels=render.channels | {"Y": np.full((8, 8), 2e37, np.float32)})
+    assert "<img" in bright._repr_html_() and "<table>" in huge._repr_html_()
 
 
 def test_an_image_is_saved_whole(results, tmp_path):
