@@ -29,7 +29,7 @@ WRITERS = {
     ".csv": ("mi_lcair.formats.csv:write", "columns"),
     ".nc": ("mi_lcair.formats.netcdf:write", "to_xarray"),
 }
-# `saved_by` of the results that have a report page
+# Writers of further files of any result by suffix, as `saved_by` of a class
 PAGE = {".html": "mi_lcair.reports.page.page:write"}
 
 
@@ -151,7 +151,7 @@ class Result:
 
     def suffixes(self) -> list[str]:
         """Suffixes of the files that `save` can write."""
-        return [".json", *WRITERS, *(PICTURES if self.drawn_by else ()), *self.saved_by]
+        return [".json", *WRITERS, *(PICTURES if self.drawn_by else ()), *(PAGE | self.saved_by)]
 
     def save(self, path: str | PathLike[str], **options: Any) -> None:
         """Write the result to a file, whose suffix chooses the format (`suffixes`).
@@ -178,8 +178,9 @@ class Result:
                 partial.write_text(f"{text}\n", encoding="utf-8")
         else:
             check_writable(path)
-            if suffix in self.saved_by:
-                named(self.saved_by[suffix])(path, self, **options)
+            own = PAGE | self.saved_by
+            if suffix in own:
+                named(own[suffix])(path, self, **options)
             else:
                 writer, content = WRITERS[suffix]
                 named(writer)(path, getattr(self, content)(), **options)
