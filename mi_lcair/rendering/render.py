@@ -127,7 +127,8 @@ class Render(Result):
     def entries(self) -> dict:
         """Entries for JSON: the means, the errors and the channels, without their pixels."""
         height, width = self.channels["Y"].shape
-        return {
+        plan = {} if self.plan is None else {"plan": self.plan.as_dict()}
+        return plan | {
             "scene_name": self.scene_name,
             "band": self.band.name,
             "width": width,
