@@ -1,7 +1,7 @@
 """`fit`, which determines a model's parameters from measurements, and its result `Fit`."""
 
 from dataclasses import dataclass
-from pathlib import Path
+from os import PathLike
 from time import perf_counter
 
 import drjit as dr
@@ -19,7 +19,8 @@ from mi_lcair.fitting.scatterometer.reading import read, read_directional
 from mi_lcair.fitting.search import COARSE, Noise, compare, descend
 from mi_lcair.fitting.selection import AUTO, Candidate, Variant, variants
 from mi_lcair.fitting.verdict import judge
-from mi_lcair.progress import stepper
+from mi_lcair.physics.reflection import MODELS
+from mi_lcair.progress import Progress, stepper
 from mi_lcair.results import Result
 
 CONVERGED = 1e-9  # relative gradient below which a fit is called converged
@@ -129,7 +130,11 @@ class Fit(Result):
         return report.entries(self.measurements, self, self.directional)
 
     def columns(self) -> dict[str, np.ndarray]:
-        """A row for each parameter: value, standard error, 95 % interval and verdict."""
+        """A row for each parameter: value, standard error, 95 % interval, unit and verdict.
+
+        The unit "1" is that of a number without one.
+        """
+        units = {own.name: own.unit for own in MODELS[self.model].parameters}
         names = list(self.parameters)
         low, high = np.array([self.interval[name] for name in names], dtype=float).T
         return {
@@ -138,15 +143,18 @@ class Fit(Result):
             "standard_error": np.array([self.standard_error[name] for name in names], dtype=float),
             "low": low,
             "high": high,
+            "unit": np.array([units[name] for name in names]),
             "verdict": np.array([self.verdict[name] for name in names]),
         }
 
 
 def fit(
-    measurements: Measurements | str | Path,
+    measurements: Measurements | str | PathLike[str],
     *,
-    emissivity: DirectionalData | str | Path | None = None,
-    dhr: DirectionalData | str | Path | None = None,
+    emissivity: DirectionalData | str | PathLike[str] | None = None,
+    dhr: DirectionalData | str | PathLike[str] | None = None,
+    quantity: str | None = None,
+    theta_r_positive: str | None = None,
     model: str = AUTO,
     form: str = AUTO,
     starts: int = 64,
@@ -156,7 +164,7 @@ def fit(
     max_angle_deg: float = 80,
     min_brdf: float = 1e-4,
     source_half_angle_deg: float | None = None,
-    progress=None,
+    progress: Progress | None = None,
 ) -> Fit:
     """Fit a reflection model to measured BRDFs, and to an emissivity or DHR if one is given.
 
@@ -166,10 +174,12 @@ def fit(
     Parameters
     ----------
     measurements
-        The BRDF points, or the path of a file that `read` reads.
+        The BRDF points, or their CSV or ASTM E1392/E2387 file.
     emissivity, dhr
-        Measured directional emissivity and directional-hemispherical reflectance, or the paths of
-        their files, or None.
+        Measured directional emissivity and directional-hemispherical reflectance, or their files,
+        or None.
+    quantity, theta_r_positive
+        What a file of measurements does not state, see `mi_lcair.fitting.scatterometer.reading`.
     model
         Name of a model, or "auto" for all models.
     form
@@ -203,12 +213,12 @@ def fit(
         If a setting is out of range, a file cannot be used, or there are too few points.
     """
     began = perf_counter()
-    if isinstance(measurements, str | Path):
-        measurements = read(measurements)
-    emissivity, dhr = (
-        read_directional(table, quantity) if isinstance(table, str | Path) else table
-        for table, quantity in ((emissivity, "emissivity"), (dhr, "dhr"))
-    )
+    if isinstance(measurements, (str, PathLike)):
+        measurements = read(measurements, quantity, theta_r_positive)
+    if isinstance(emissivity, (str, PathLike)):
+        emissivity = read_directional(emissivity, "emissivity")
+    if isinstance(dhr, (str, PathLike)):
+        dhr = read_directional(dhr, "dhr")
     half_angle = (
         measurements.source_half_angle
         if source_half_angle_deg is None

@@ -1,19 +1,40 @@
 """Thermal-infrared radiance on Mitsuba 3: load a scene, render it, integrate it.
 
 `import mi_lcair` is fast. It installs an import hook. The hook chooses an LLVM that Dr.Jit can use
-before `drjit` is imported, and registers the plugins when `mitsuba` is imported. Import mi_lcair
-before both of them.
+before `drjit` is imported, and registers the plugins when `mitsuba` is imported. Where these were
+imported before mi_lcair, both are done afterwards, see `mi_lcair.llvm.prepare_loaded`.
 """
 
 import importlib
 import os
 import sys
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:  # the names of `_HOME`, for type checkers and editors
+    from mi_lcair.camera.image import image as image
+    from mi_lcair.detection.contrast import contrast as contrast
+    from mi_lcair.errors import InputError as InputError
+    from mi_lcair.fitting.estimation import fit as fit
+    from mi_lcair.inversion.invert import invert as invert
+    from mi_lcair.planning.audit import audit as audit
+    from mi_lcair.planning.plan import plan as plan
+    from mi_lcair.rendering.render import render as render
+    from mi_lcair.rendering.scene import Scene as Scene
+    from mi_lcair.rendering.scene import load as load
+    from mi_lcair.reports.page.report import report as report
+    from mi_lcair.sensitivity.images import derivative_images as derivative_images
+    from mi_lcair.sensitivity.parameters import parameters as parameters
+    from mi_lcair.sensitivity.window import sensitivities as sensitivities
+    from mi_lcair.signatures.signature import signature as signature
+    from mi_lcair.signatures.trend import trend as trend
+    from mi_lcair.uncertainty.budget import budget as budget
 
 __version__ = "0.1.0"
 
 # Module of each public name; it is imported at the first use of the name.
 _HOME = {
     "InputError": "errors",
+    "Scene": "rendering.scene",
     "load": "rendering.scene",
     "render": "rendering.render",
     "fit": "fitting.estimation",
@@ -28,6 +49,7 @@ _HOME = {
     "derivative_images": "sensitivity.images",
     "budget": "uncertainty.budget",
     "invert": "inversion.invert",
+    "report": "reports.page.report",
 }
 __all__ = ["__version__", *_HOME]
 
@@ -38,13 +60,15 @@ if not os.path.isdir(os.path.join(__path__[0], "plugins")):
     __path__.append(os.path.dirname(__path__[0]))
 
 
-def __getattr__(name):
-    if name in _HOME:
-        return getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
-    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+if not TYPE_CHECKING:  # type checkers would take it for any misspelt name
+
+    def __getattr__(name):
+        if name in _HOME:
+            return getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
+        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
 
 
-def __dir__():
+def __dir__() -> list[str]:
     return sorted({*globals(), *_HOME})
 
 

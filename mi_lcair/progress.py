@@ -1,7 +1,12 @@
 """Progress reports of long calculations."""
 
+from collections.abc import Callable
 
-def stepper(progress, total: int):
+# Called with the amount of work that is done and all that is expected
+Progress = Callable[[int, int], object]
+
+
+def stepper(progress: Progress | None, total: int) -> Callable[[], None]:
     """A function that counts a step and calls progress(done, total), unless `progress` is None."""
     done = 0
 

@@ -22,6 +22,8 @@ WRITERS = {
     ".csv": ("mi_lcair.formats.csv:write", "columns"),
     ".nc": ("mi_lcair.formats.netcdf:write", "to_xarray"),
 }
+# Writers of further files of any result by suffix, as `saved_by` of a class
+PAGE = {".html": "mi_lcair.reports.page.page:write"}
 
 
 class Result:
@@ -93,9 +95,9 @@ class Result:
 
         Raises InputError if xarray is not installed.
         """
-        return named("mi_lcair.formats.netcdf:table")(self.columns(), **self._attributes())
+        return named("mi_lcair.formats.netcdf:dataset")(self.columns(), **self.attributes())
 
-    def _attributes(self) -> dict:
+    def attributes(self) -> dict:
         """Attributes of the Dataset."""
         return {"kind": self.kind, "title": printable(self.summary())}
 
@@ -110,7 +112,7 @@ class Result:
             name: (dimensions, values, {"units": unit} if (unit := unit_of(name)) else {})
             for name, (dimensions, values) in table.items()
         }
-        return xarray.Dataset(described(variables), described(coordinates), self._attributes())
+        return xarray.Dataset(described(variables), described(coordinates), self.attributes())
 
     def plot(self, path=None, **options):
         """The picture of the result, as a Matplotlib Figure.
@@ -139,7 +141,7 @@ class Result:
 
     def suffixes(self) -> list[str]:
         """Suffixes of the files that `save` can write."""
-        return [".json", *WRITERS, *(PICTURES if self.drawn_by else ()), *self.saved_by]
+        return [".json", *WRITERS, *(PICTURES if self.drawn_by else ()), *(PAGE | self.saved_by)]
 
     def save(self, path, **options) -> None:
         """Write the result to a file, whose suffix chooses the format (`suffixes`).
@@ -166,8 +168,9 @@ class Result:
                 partial.write_text(f"{text}\n", encoding="utf-8")
         else:
             check_writable(path)
-            if suffix in self.saved_by:
-                named(self.saved_by[suffix])(path, self, **options)
+            own = PAGE | self.saved_by
+            if suffix in own:
+                named(own[suffix])(path, self, **options)
             else:
                 writer, content = WRITERS[suffix]
                 named(writer)(path, getattr(self, content)(), **options)

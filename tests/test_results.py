@@ -7,23 +7,40 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import mi_lcair
+from mi_lcair.detection.scenario import Scenario
 from mi_lcair.errors import InputError
 from mi_lcair.formats.units import unit_of
+from mi_lcair.physics.brdf_view import brdf_view
 from mi_lcair.rendering.image import read_exr
+from mi_lcair.signatures.hemispherical_view import hemispherical_view
+from tests.cli.test_image import CAMERA
+from tests.detection.disc_scenario import write_disc
+from tests.fitting.results import measurements
+from tests.inversion.plate import datum, write_scene
+from tests.uncertainty.plate_scene import plate_scene
 
 # Numbers without a unit: counts, fractions, names of rows
 PURE = {
     "column",
+    "detected",
+    "electrons",
     "facet",
     "invalid",
+    "max_bounces",
     "mean_cosine",
     "paths",
+    "pixels",
     "reached",
     "response",
     "row",
     "samples",
+    "share",
+    "share_standard_error",
+    "snr",
+    "view_factor",
     "visible_fraction",
 }
 
@@ -41,23 +58,78 @@ def spectral():
     return mi_lcair.signature(scene, spp=4, by_spectrum=True, facets=True)
 
 
+def cylinder(**parameters):
+    return mi_lcair.load("cylinder_ir_range", resolution=16, **parameters)
+
+
+def disc(folder, **changes):
+    """The scenario of a disc, with a camera."""
+    file = write_disc(folder)
+    file.write_text(file.read_text() + CAMERA)
+    own = {"render.resolution": 8, "render.spp": 16}
+    return Scenario.read(file, **own, **{name.replace("__", "."): v for name, v in changes.items()})
+
+
+def budgeted(folder):
+    sigma = {"sigma": {"plate.temperature": 2.0, "paint.reflectance": "5 %"}}
+    return mi_lcair.budget(plate_scene(folder), sigma, spp=16, draws=10)
+
+
+def solved(folder):
+    write_scene(folder)
+    (folder / "problem.toml").write_text(
+        f"""[[data]]
+        name = "cold"
+        scene = "plate.xml"
+        parameters = {{T = 305, R = 0.3}}
+        image = "{datum(folder, "cold", 1)["name"]}.npy"
+        quantity = "radiance"
+        netd_mK = 50
+        [unknowns]
+        "plate.temperature" = {{}}
+        """
+    )
+    return mi_lcair.invert(folder / "problem.toml", advise=False)
+
+
 RESULTS = {
-    "render": rendered,
-    "signature": signature,
-    "signature with spectrum": spectral,
-    "effective_areas": lambda: spectral().effective_areas,
-    "facets": lambda: spectral().facets,
+    "render": lambda folder: rendered(),
+    "signature": lambda folder: signature(),
+    "signature with spectrum": lambda folder: spectral(),
+    "effective_areas": lambda folder: spectral().effective_areas,
+    "facets": lambda folder: spectral().facets,
+    "trend": lambda folder: mi_lcair.trend(cylinder(), [0, 90, 180, 270], [0, 30], spp=2),
+    "plan": lambda folder: mi_lcair.plan(cylinder(), 0.1),
+    "audit": lambda folder: mi_lcair.audit(cylinder(), photons=2**10),
+    "contrast": lambda folder: mi_lcair.contrast(disc(folder, sensor__nei=1e-9)),
+    "detection_range": lambda folder: mi_lcair.contrast(
+        disc(folder, sensor__nei=1e-9)
+    ).detection_ranges()[0],
+    "image": lambda folder: mi_lcair.image(disc(folder), frames=2),
+    "budget": budgeted,
+    "solution": solved,
+    "sensitivities": lambda folder: mi_lcair.sensitivities(
+        cylinder(), ["walls.temperature", "bare_aluminum.epsilon"], spp=4
+    ),
+    "derivative_images": lambda folder: mi_lcair.derivative_images(
+        cylinder(), ["walls.temperature", "bare_aluminum.epsilon"], spp=4
+    ),
+    "hemispherical_view": lambda folder: hemispherical_view(
+        mi_lcair.load("two_plates"), 0, rays=2**10
+    ),
+    "brdf": lambda folder: brdf_view("gloss_black", "LWIR"),
+    "fit": lambda folder: mi_lcair.fit(measurements(), model="sandford_robertson", starts=4),
 }
 
 
 @pytest.fixture(scope="module")
-def results():
+def results(tmp_path_factory):
     """The results of RESULTS, each computed once."""
     made = {}
 
     def get(name):
         if name not in made:
-            made[name] = RESULTS[name]()
+            made[name] = RESULTS[name](tmp_path_factory.mktemp("files"))
         return made[name]
 
     return get
@@ -111,7 +183,10 @@ def test_a_notebook_shows_the_picture_or_the_table(result):
 
 def test_the_dictionary_is_strict_json(result):
     entries = result.as_dict()
-    assert entries["kind"] == result.kind and entries["scene_name"]
+    assert entries["kind"] == result.kind
+    if result.kind not in ("detection_range", "fit"):
+        names = ("scene_name", "scenario_name", "what", "problem", "material")
+        assert [name for name in names if entries.get(name)]
     assert json.loads(json.dumps(entries, allow_nan=False)) == entries
 
 
@@ -120,7 +195,7 @@ def test_columns_are_equally_long_and_name_their_units(result):
     assert len({len(values) for values in columns.values()}) == 1
     for name, values in columns.items():
         assert isinstance(values, np.ndarray) and values.ndim == 1
-        if values.dtype.kind in "iuf":
+        if values.dtype.kind in "iuf" and "unit" not in columns:
             assert unit_of(name) or name in PURE, name
 
 
@@ -143,10 +218,13 @@ def test_the_axes_of_a_picture_are_labelled(result):
         with pytest.raises(InputError, match="has no picture"):
             result.plot()
         return
-    panels = [axes for axes in result.plot().axes if axes.get_label() != "<colorbar>"]
+    figure = result.plot()
+    panels = [axes for axes in figure.axes if axes.axison]
     assert panels
     for axes in panels:
         assert axes.name == "polar" or axes.get_xlabel() or axes.get_ylabel()
+    texts = [text for axes in panels for text in (axes.get_xlabel(), axes.get_ylabel())]
+    assert any("(" in text for text in [*texts, figure.get_suptitle()])
 
 
 def test_every_format_that_a_result_names_is_written(result, tmp_path):
@@ -158,6 +236,9 @@ def test_every_format_that_a_result_names_is_written(result, tmp_path):
         ".png": b"\x89PNG",
         ".svg": b"<?xml",
         ".pdf": b"%PDF",
+        ".tif": b"II*\0",
+        ".vtp": b"<?xml",
+        ".vtu": b"<?xml",
     }
     assert {".json", ".csv", ".nc"} <= set(result.suffixes())
     for suffix in result.suffixes():
@@ -205,9 +286,20 @@ def test_an_image_is_saved_whole(results, tmp_path):
     assert dataset["temperature_K"][3, 5] == columns["temperature_K"][k]
 
 
-def test_an_unknown_channel_is_named(results):
+def test_a_channel_is_saved_as_tiff(results, tmp_path):
+    render = results("render")
+    for options, channel in (({}, "temperature.Y"), ({"channel": "Y"}, "Y")):
+        render.save(tmp_path / "image.tif", **options)
+        with Image.open(tmp_path / "image.tif") as image:
+            np.testing.assert_array_equal(np.array(image), render.channels[channel])
+
+
+def test_an_unknown_channel_is_named(results, tmp_path):
     with pytest.raises(InputError, match="unknown channel .* 'Z'; known: Y,"):
-        results("render").plot(channels="Z")
+        results("render").plot(tmp_path / "image.png", channels="Z")
+    with pytest.raises(InputError, match="unknown channel .* 'Z'; known: Y,"):
+        results("render").save(tmp_path / "image.tif", channel="Z")
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_signature_holds_its_spectrum_and_its_facets(results):

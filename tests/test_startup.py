@@ -9,6 +9,7 @@ import os
 import shutil
 import subprocess
 import sys
+import zipfile
 from importlib.metadata import PackageNotFoundError, files
 from pathlib import Path
 from types import SimpleNamespace
@@ -310,6 +311,20 @@ def test_plugins_follow_the_variant():
 
 
 @pytest.mark.slow
+def test_functions_that_take_scenes_stay_when_the_variant_changes():
+    done = python(
+        "import mitsuba as mi, mi_lcair\n"
+        "mi.set_variant('llvm_ad_rgb')\n"
+        "assert mi.traverse(mi.load_dict({'type': 'sphere'})).keys()\n"
+        "mi.set_variant('llvm_ad_mono')\n"
+        "scene = mi_lcair.load('two_plates', resolution=4)\n"
+        "assert mi.util.render is mi.render and mi.traverse(scene).keys()\n"
+        "print(mi.render(scene, spp=4).shape)"
+    )
+    assert done.stdout == "(4, 4, 1)\n", done.stderr
+
+
+@pytest.mark.slow
 def test_plugins_imported_before_mitsuba():
     done = python(f"import mi_lcair.plugins, mitsuba as mi\nmi.load_dict({SANDFORD_ROBERTSON})")
     assert done.returncode == 0, done.stderr
@@ -356,6 +371,40 @@ def test_help_loads_no_renderer_and_no_charts():
     assert done.stdout.startswith("Usage: mi-lcair") and done.stdout.endswith("set()\n"), (
         done.stderr
     )
+
+
+def test_the_package_is_a_program():
+    done = subprocess.run(
+        [sys.executable, "-m", "mi_lcair", "scenes"], cwd=ROOT, capture_output=True, text=True
+    )
+    assert done.returncode == 0 and "\ncavity: " in done.stdout, done.stderr
+    done = subprocess.run(
+        [sys.executable, "-m", "mi_lcair", "render", "no_such_scene", "-o", "x.exr"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 2 and done.stderr.count("\n") == 1
+
+
+@pytest.mark.slow
+def test_wheel_is_typed(tmp_path):
+    """The wheel has py.typed above the annotated modules of all four folders."""
+    pytest.importorskip("hatchling")
+    subprocess.run(
+        [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", tmp_path],
+        cwd=ROOT,
+        check=True,
+        capture_output=True,
+    )
+    (wheel,) = tmp_path.glob("*.whl")
+    names = zipfile.ZipFile(wheel).namelist()
+    assert {
+        "mi_lcair/py.typed",
+        "mi_lcair/plugins/bounce_path.py",
+        "mi_lcair/fitting/estimation.py",
+        "mi_lcair/scenes/cavity.xml",
+    } <= {*names}
 
 
 def test_public_names_resolve():

@@ -25,7 +25,7 @@ TOLERANCE = 0.01  # half of the 95 % interval of each intensity
 def together(scene):
     """Render all views by one trend; return half of their 95 % intervals, relative."""
     result = mi_lcair.trend(scene, AZIMUTHS, tolerance=TOLERANCE)
-    return result.columns["half_width_W_sr"] / result.columns["intensity_W_sr"]
+    return result.table["half_width_W_sr"] / result.table["intensity_W_sr"]
 
 
 def apart(views=AZIMUTHS):
@@ -71,7 +71,7 @@ def main():
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
         address = cluster.scheduler_address
         here, there = many(scene), many(scene, address)
-        same = all(np.array_equal(here.columns[name], there.columns[name]) for name in here.columns)
+        same = all(np.array_equal(here.table[name], there.table[name]) for name in here.table)
         rounds = [(timed(many, scene)[0], timed(many, scene, address)[0]) for _ in range(ROUNDS)]
     print(
         f"900 views here: {median(a for a, _ in rounds):.2f} s; "

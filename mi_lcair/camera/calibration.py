@@ -28,7 +28,7 @@ class Correction:
     gain: np.ndarray | float = 1.0
     offset: np.ndarray | float = 0.0
 
-    def applied(self, signal) -> np.ndarray:
+    def applied(self, signal: np.ndarray) -> np.ndarray:
         """Corrected electrons of the signal."""
         return (signal - self.offset) / self.gain
 

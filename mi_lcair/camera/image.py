@@ -1,8 +1,11 @@
 """The image of a scenario's target as its camera records it."""
 
 import time
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import partial
+from os import PathLike
+from typing import ClassVar
 
 import numpy as np
 
@@ -20,15 +23,19 @@ from mi_lcair.camera.response import (
 )
 from mi_lcair.camera.view import CameraView
 from mi_lcair.detection.contrast import setting_of
-from mi_lcair.detection.scenario import Scenario
+from mi_lcair.detection.scenario import Scenario, scenario_of
 from mi_lcair.errors import InputError
+from mi_lcair.formats import tiff
+from mi_lcair.fraction import fraction
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.imager import Imager
+from mi_lcair.progress import Progress
 from mi_lcair.rendering.limits import GIB, available_memory
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.rendering.views import View, hidden_share
+from mi_lcair.results import Result
 
 # Temperature of the blackbody whose spectrum weights the diffraction, K.
 DIFFRACTION_K = 300.0
@@ -38,9 +45,20 @@ COLDEST_K = 100.0
 MOST_FRAMES = 10_000
 BYTES_PER_PIXEL = 400  # memory for a pixel of the frame beside its counts [bytes]
 
+# Names of the channels as columns of a table, which end in the unit
+IMAGES = {
+    "apparent.Y": "apparent_radiance_W_m2_sr",
+    "electrons.Y": "electrons",
+    "counts.Y": "counts_of_first_frame",
+    "temperature.Y": "apparent_temperature_K",
+    "mean_temperature.Y": "mean_apparent_temperature_K",
+    "stderr_K.Y": "standard_error_K",
+    "noise_K.Y": "noise_K",
+}
 
-@dataclass(frozen=True)
-class Image:
+
+@dataclass(frozen=True, repr=False)
+class Image(Result):
     """Image of a scenario by its camera.
 
     Attributes
@@ -93,18 +111,37 @@ class Image:
     seconds: float
     render_seconds: float
 
+    kind: ClassVar[str] = "image"
+    drawn_by: ClassVar[str] = "mi_lcair.reports.camera_plot:figure"
+    saved_by: ClassVar[dict[str, str]] = {
+        ".exr": "mi_lcair.rendering.image:write_render",
+        ".tif": "mi_lcair.camera.image:write_counts",
+    }
+
     def temperature(self, number: int) -> np.ndarray:
         """Apparent temperature of a frame, (H, W) [K]."""
         recorded = signal_of(self.scenario.camera, self.counts[number].astype(float))
         return apparent_temperature(self.band, self.correction.applied(recorded))
 
-    def as_dict(self) -> dict:
-        """A dictionary for JSON: the scenario as it was read, the measures, and the ranges."""
+    def summary(self) -> str:
+        """One line with the noise of the camera and the target's signal-to-noise ratio."""
+        measures, (frames, height, width) = self.measures, self.counts.shape
+        detected = "nowhere" if self.detected_to_m is None else f"to {self.detected_to_m:.5g} m"
+        return (
+            f"image of {self.scenario.name}, {self.band.label}: {frames} x {width} x {height} "
+            f"pixels, NETD {1e3 * measures.netd:.3g} mK, {measures.pixels:.3g} pixels on the "
+            f"target, signal-to-noise ratio {measures.snr:.4g}, detected {detected}"
+        )
+
+    def entries(self) -> dict:
+        """Entries for JSON: the scenario as it was read, the measures, and the ranges."""
         return {
+            "scenario_name": self.scenario.name,
             "scenario": asdict(self.scenario),
             "band": self.band.label,
             "frames": len(self.counts),
-            "measures": asdict(self.measures),
+            "measures": self.measures.as_dict(),
+            "mtf": self.mtf(),
             "ranges": [asdict(row) for row in self.ranges],
             "detected_to_m": self.detected_to_m,
             "spp": self.exposure.spp,
@@ -112,12 +149,61 @@ class Image:
             "tolerance": self.scenario.render.tolerance,
             "reached": self.exposure.reached,
             "remarks": self.remarks,
-            "seconds": self.seconds,
-            "render_seconds": self.render_seconds,
+            "time_s": self.seconds,
+            "render_time_s": self.render_seconds,
         }
 
+    def mtf(self) -> dict[str, np.ndarray]:
+        """MTF over frequency_cycles_per_mm: predicted, measured, and the parts of the product."""
+        curves = self.measures.mtf
+        return {
+            "frequency_cycles_per_mm": curves["frequency"],
+            "predicted": curves["predicted"],
+            "measured": curves["measured"],
+            **{f"part.{name}": values for name, values in self.mtf_parts.items()},
+        }
 
-def image(scenario, frames: int = 1, seed: int = 0, progress=None) -> Image:
+    def columns(self) -> dict[str, np.ndarray]:
+        """A row for each range: pixels and electrons of the target, and its ratio to the noise."""
+        rows = [asdict(row) for row in self.ranges]
+        return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+    def to_xarray(self):
+        """The channels as an xarray Dataset over (row, column), and the frames' counts.
+
+        Raises InputError if xarray is not installed.
+        """
+        _, height, width = self.counts.shape
+        over = ("row", "column")
+        return self.dataset(
+            {IMAGES[name]: (over, values) for name, values in self.channels.items()}
+            | {"counts": (("frame", *over), self.counts)},
+            {"row": ("row", np.arange(height)), "column": ("column", np.arange(width))},
+        )
+
+
+def write_counts(path, image: Image) -> None:
+    """Write the counts of all frames as the pages of a 16-bit TIFF."""
+    camera = image.scenario.camera
+    tiff.write(
+        path,
+        image.counts,
+        f"{camera.electrons_per_count:.9g} electrons in a count, {camera.pedestal:.9g} counts "
+        f"without electrons, {camera.integration_time_ms:g} ms",
+    )
+
+
+def image(
+    scenario: Scenario | str | PathLike[str],
+    frames: int = 1,
+    seed: int = 0,
+    progress: Progress | None = None,
+    *,
+    parameters: Mapping[str, object] | None = None,
+    spp: int | None = None,
+    tolerance: float | str | None = None,
+    max_spp: int | None = None,
+) -> Image:
     """The image of a scenario's target as its camera records it.
 
     Parameters
@@ -132,6 +218,11 @@ def image(scenario, frames: int = 1, seed: int = 0, progress=None) -> Image:
         Seed of the camera's noise and fixed pattern. The same seed gives the same frames.
     progress : callable, optional
         Called with (paths through a pixel done, expected).
+    parameters : mapping of str to object, optional
+        Entries of a scenario that is named, by dotted key such as {"sensor.band": "LWIR"}.
+    spp, tolerance, max_spp
+        Entries of [render] of a scenario that is named: paths through a pixel, or the allowed rms
+        standard error over the pixels on the target, such as 0.01 or "1%", and the most paths.
 
     Returns
     -------
@@ -142,8 +233,9 @@ def image(scenario, frames: int = 1, seed: int = 0, progress=None) -> Image:
     InputError
         If the scenario cannot be used. All inputs are checked before anything is rendered.
     """
-    if not isinstance(scenario, Scenario):
-        scenario = Scenario.read(scenario)
+    scenario = scenario_of(
+        scenario, parameters, spp=spp, tolerance=fraction(tolerance), max_spp=max_spp
+    )
     for name, value, least, most in (
         ("frames", frames, 1, MOST_FRAMES),
         ("seed", seed, 0, 2**32 - 1),

@@ -60,6 +60,22 @@ class Measures:
     render_error: float
     saturated: float
 
+    def as_dict(self) -> dict:
+        """The measures for JSON, with units in the names; the curves of the MTF are not in it."""
+        return {
+            "temperature_K": self.temperature,
+            "background_electrons": self.background,
+            "noise_electrons": self.noise,
+            "netd_K": self.netd,
+            "netd_measured_K": self.netd_measured,
+            "netd_shot_K": self.netd_shot,
+            "pixels": self.pixels,
+            "peak_snr": self.peak_snr,
+            "snr": self.snr,
+            "render_error_K": self.render_error,
+            "saturated": self.saturated,
+        }
+
 
 def measured(
     imager: Imager,

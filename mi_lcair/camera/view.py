@@ -133,7 +133,7 @@ class CameraView:
         last = (-(-(start + n) // self.parts) for start, n in zip(self.first, self.size))
         return first, tuple(end - start for start, end in zip(first, last))
 
-    def sensor(self, scene: Scene):
+    def sensor(self, scene: Scene) -> mi.Sensor:
         """Mitsuba's sensor, whose film is the window. It sees nothing in front of `near_m`."""
         camera = self.imager
         T = mi.ScalarTransform4f
@@ -177,7 +177,7 @@ class CameraView:
         )
         return self.near_m * np.sqrt(1 + x**2 + y[:, None] ** 2)
 
-    def samples(self, values) -> np.ndarray:
+    def samples(self, values: np.ndarray) -> np.ndarray:
         """Means of the parts over the samples of the window's pixels, OVERSAMPLING along a side.
 
         values: of each part, (rows, columns). Outside the parts they are 0.

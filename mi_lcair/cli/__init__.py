@@ -30,7 +30,7 @@ PURPOSES = {
         "import": "import_model",  # a module cannot be named `import`
         "fit": "fit",
     },
-    "Pictures": {"show": "show"},
+    "Pictures and pages": {"show": "show", "report": "report"},
     "Errors, and what they depend on": {
         "plan": "plan",
         "audit": "audit",

@@ -11,6 +11,7 @@ import mi_lcair
 from mi_lcair.cli.output import note, quiet
 from mi_lcair.cli.usage import completion
 from mi_lcair.errors import InputError
+from mi_lcair.fraction import fraction
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
 POSITIVE = click.IntRange(min=1)
@@ -62,10 +63,9 @@ class SceneOptions:
             return function(scene, **self.sampling, **own, progress=progress)
 
     def run_planned(self, function, each_pixel: bool, **own):
-        """As `run`, but with --plan make a plan first and apply it.
+        """As `run`, but with --plan make a plan first, and give it to the function.
 
-        The plan replaces the attribute `plan`, and the render goes on until its noise is within the
-        tolerance that the plan leaves. `each_pixel` is passed to `mi_lcair.plan`.
+        The plan replaces the attribute `plan`. `each_pixel` is passed to `mi_lcair.plan`.
         """
         if self.plan is None:
             return self.run(function, **own)
@@ -80,9 +80,8 @@ class SceneOptions:
                 sampling["sensor"],
                 progress,
             )
-        rest = {"tolerance": self.plan.noise_tolerance}
-        with self.plan.applied(scene), progress_bar() as progress:
-            return function(scene, **(sampling | rest), **own, progress=progress)
+        with progress_bar() as progress:
+            return function(scene, **sampling, **own, plan=self.plan, progress=progress)
 
     def planned(self) -> dict:
         """Entries of the JSON output: `plan` if a plan was applied, otherwise none."""
@@ -150,16 +149,10 @@ class Fraction(click.ParamType):
     name = "fraction"
 
     def convert(self, value, param, ctx):
-        number, percent, rest = value.partition("%")
         try:
-            fraction = float(number) / (100 if percent else 1)
-        except ValueError:
-            fraction = 0
-        if rest.strip() or not 0 < fraction < 1:
-            self.fail(
-                f"'{value}' is not a fraction between 0 and 1, such as 0.01 or 1%", param, ctx
-            )
-        return fraction
+            return fraction(value)
+        except InputError as error:
+            self.fail(str(error), param, ctx)
 
 
 class Assignment(click.ParamType):

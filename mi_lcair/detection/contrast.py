@@ -6,23 +6,29 @@ effective areas.
 """
 
 import time
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from os import PathLike
+from typing import ClassVar
 
 import numpy as np
 
 from mi_lcair.detection.detection_range import DetectionRange, detection_range
 from mi_lcair.detection.irradiance import Backdrop, Estimate, Irradiance
 from mi_lcair.detection.line_of_sight import Sight, backdrop
-from mi_lcair.detection.scenario import Sampling, Scenario
+from mi_lcair.detection.scenario import Sampling, Scenario, scenario_of
 from mi_lcair.errors import InputError
+from mi_lcair.fraction import fraction
 from mi_lcair.physics.atmosphere import Atmosphere, LineOfSight
 from mi_lcair.physics.detector import Detector
 from mi_lcair.plugins.emission.one_sun import check_fits, one_sun
+from mi_lcair.progress import Progress
 from mi_lcair.rendering.loading.files import survey
 from mi_lcair.rendering.scene import Scene, find, load
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.rendering.views import Target, View, hidden_share, seen_from
+from mi_lcair.results import Result
 from mi_lcair.sensitivity.solution_file import apply_solution
 from mi_lcair.signatures.signature import Signature, signature
 
@@ -96,17 +102,39 @@ class Row:
     detected: bool | None
     irradiance: Irradiance = field(repr=False)
 
-    def as_dict(self) -> dict:
-        """The row as a dictionary, for JSON."""
-        entries = {name: value for name, value in vars(self).items() if name != "irradiance"}
+    def estimates(self) -> dict[str, Estimate]:
+        """Values with standard errors by name with the unit, in the order of the console's table.
+
+        They are those of the attributes of the same names.
+        """
         return {
-            name: value._asdict() if isinstance(value, Estimate) else value
-            for name, value in entries.items()
+            "intensity_W_sr": self.intensity,
+            "target_W_m2": self.target,
+            "background_W_m2": self.background,
+            "path_W_m2": self.path,
+            "total_W_m2": self.total,
+            "nei_max_W_m2": self.nei_max,
+            "projected_area_m2": self.projected_area,
         }
 
+    def numbers(self) -> dict:
+        """The other entries by name with the unit, such as half_width_W_m2."""
+        return {
+            "half_width_W_m2": self.half_width,
+            "solid_angle_sr": self.solid_angle,
+            "observed_W_m2": self.observed,
+            "reached": self.reached,
+            "detected": self.detected,
+        }
 
-@dataclass(frozen=True)
-class Contrast:
+    def as_dict(self) -> dict:
+        """The row as a dictionary, for JSON."""
+        estimates = {name: value._asdict() for name, value in self.estimates().items()}
+        return {"max_bounces": self.max_bounces, **estimates, **self.numbers()}
+
+
+@dataclass(frozen=True, repr=False)
+class Contrast(Result):
     """Contrast of a scenario.
 
     Attributes
@@ -159,6 +187,9 @@ class Contrast:
     remarks: list[str]
     seconds: float
 
+    kind: ClassVar[str] = "contrast"
+    drawn_by: ClassVar[str] = "mi_lcair.reports.contrast_plot:figure"
+
     @property
     def reached(self) -> bool | None:
         """Whether all rows have reached a tolerance; None without one."""
@@ -171,35 +202,91 @@ class Contrast:
             for row in self.rows
         ]
 
-    def as_dict(self) -> dict:
-        """A dictionary for JSON: the scenario as it was read, the results, and the rows."""
-        plain = (
-            "sight_elevation_deg",
-            "observer_height_m",
-            "target_height_m",
-            "transmittance",
-            "path_radiance",
-            "background_radiance",
-            "no_target",
-            "radius_m",
-            "remarks",
-            "seconds",
+    def summary(self) -> str:
+        """One line with the contrast of the last row and its 95 % interval."""
+        row = self.rows[-1]
+        detected = {None: "", True: ", detected", False: ", not detected"}[row.detected]
+        return (
+            f"contrast of {self.scenario.name}, {self.detector.band.label}: {row.total.value:.5g} "
+            f"+- {row.half_width:.2g} W m^-2 (95 %) at {self.path.range_m:.6g} m, up to "
+            f"{row.max_bounces} reflections{detected}"
         )
+
+    def entries(self) -> dict:
+        """Entries for JSON: the scenario as it was read, the results, the rows, and the spectra.
+
+        The spectra are those of the last row.
+        """
+        render = self.scenario.render
         return {
+            "scenario_name": self.scenario.name,
             "scenario": asdict(self.scenario),
             "band": self.detector.band.label,
             "range_m": self.path.range_m,
             "atmosphere": self.air.name,
             "background": self.background_name,
-            "tolerance": self.scenario.render.tolerance,
-            "tolerance_W_m2": self.scenario.render.tolerance_W_m2,
+            "tolerance": render.tolerance,
+            "tolerance_W_m2": render.tolerance_W_m2,
             "reached": self.reached,
-            **{name: getattr(self, name) for name in plain},
+            "sight_elevation_deg": self.sight_elevation_deg,
+            "observer_height_m": self.observer_height_m,
+            "target_height_m": self.target_height_m,
+            "transmittance": self.transmittance,
+            "path_radiance_W_m2_sr": self.path_radiance,
+            "background_radiance_W_m2_sr": self.background_radiance,
+            "no_target_W_m2": self.no_target,
+            "radius_m": self.radius_m,
+            "remarks": self.remarks,
+            "time_s": self.seconds,
             "rows": [row.as_dict() for row in self.rows],
+            "spectrum": self.spectrum(),
+        }
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """A row for each number of reflections, with values and standard errors."""
+        columns = {"max_bounces": np.array([row.max_bounces for row in self.rows])}
+        for name in self.rows[0].estimates():
+            estimates = np.array([row.estimates()[name] for row in self.rows])
+            quantity, unit = name.rsplit("_W_" if "_W_" in name else "_", 1)
+            unit = f"W_{unit}" if "_W_" in name else unit
+            columns[name] = estimates[:, 0]
+            columns[f"{quantity}_standard_error_{unit}"] = estimates[:, 1]
+        for name in self.rows[0].numbers():
+            values = [row.numbers()[name] for row in self.rows]
+            columns[name] = np.array([np.nan if own is None else own for own in values], float)
+        return columns
+
+    def spectrum(self, number: int = -1) -> dict[str, np.ndarray]:
+        """Spectra of a row, by name with the unit: columns over wavelength_um.
+
+        They are the response of the detector, the transmittance of the path, the intensity of the
+        target before the air, and the irradiances of target, path, hidden background and contrast.
+        """
+        irradiance = self.rows[number].irradiance
+        wavelengths = irradiance.wavelengths_um
+        spectral = irradiance.spectral(self.path)
+        return {
+            "wavelength_um": wavelengths,
+            "response": irradiance.response,
+            "transmittance": self.path.at(wavelengths)[0],
+            "intensity_W_sr_um": spectral["intensity"],
+            **{
+                f"{name}_W_m2_um": spectral[name]
+                for name in ("target", "path", "background", "total")
+            },
         }
 
 
-def contrast(scenario, progress=None) -> Contrast:
+def contrast(
+    scenario: Scenario | str | PathLike[str],
+    progress: Progress | None = None,
+    *,
+    parameters: Mapping[str, object] | None = None,
+    spp: int | None = None,
+    tolerance: float | str | None = None,
+    tolerance_W_m2: float | None = None,
+    max_spp: int | None = None,
+) -> Contrast:
     """Contrast of a scenario and its parts (3.19), for each number of reflections.
 
     Parameters
@@ -208,6 +295,11 @@ def contrast(scenario, progress=None) -> Contrast:
         Scenario, or the file or bundled name that `Scenario.read` takes.
     progress : callable, optional
         Called with (samples per pixel done, expected).
+    parameters : mapping of str to object, optional
+        Entries of a scenario that is named, by dotted key such as {"sensor.band": "LWIR"}.
+    spp, tolerance, tolerance_W_m2, max_spp
+        Entries of [render] of a scenario that is named, see `Sampling`. The tolerance may be
+        written 0.01 or "1%".
 
     Returns
     -------
@@ -218,8 +310,14 @@ def contrast(scenario, progress=None) -> Contrast:
     InputError
         If the scenario cannot be used. All inputs are checked before anything is rendered.
     """
-    if not isinstance(scenario, Scenario):
-        scenario = Scenario.read(scenario)
+    scenario = scenario_of(
+        scenario,
+        parameters,
+        spp=spp,
+        tolerance=fraction(tolerance),
+        tolerance_W_m2=tolerance_W_m2,
+        max_spp=max_spp,
+    )
     try:
         return measured(scenario, progress)
     except InputError as error:

@@ -1,6 +1,7 @@
 """Detection range: the ranges at which the signal of a target reaches snr * nei."""
 
 from dataclasses import asdict, dataclass
+from typing import ClassVar
 
 import numpy as np
 from scipy.optimize import brentq
@@ -9,13 +10,14 @@ from mi_lcair.detection.irradiance import Irradiance
 from mi_lcair.errors import InputError
 from mi_lcair.physics.atmosphere import Atmosphere
 from mi_lcair.physics.detector import Detector
+from mi_lcair.results import Result
 
 STEPS = 600  # ranges that are searched, in equal ratios
 SLOPE_STEP = 1e-4  # step of range for the slope of the signal, relative to the range
 
 
-@dataclass(frozen=True)
-class DetectionRange:
+@dataclass(frozen=True, repr=False)
+class DetectionRange(Result):
     """Ranges at which a target is detected.
 
     Attributes
@@ -33,14 +35,30 @@ class DetectionRange:
     standard_error_m: float | None
     at_least: bool
 
+    kind: ClassVar[str] = "detection_range"
+
     @property
     def largest_m(self) -> float | None:
         """Largest range at which the target is detected, m; None if there is none."""
         return self.intervals_m[-1][1] if self.intervals_m else None
 
-    def as_dict(self) -> dict:
-        """The ranges as a dictionary, for JSON."""
+    def summary(self) -> str:
+        """One line with the intervals and the standard error of the last end."""
+        if not self.intervals_m:
+            return "detected at no range"
+        ranges = ", ".join(f"{start:.5g}-{end:.5g} m" for start, end in self.intervals_m)
+        if self.at_least:
+            return f"detected at {ranges}; at least: the atmosphere's table ends there"
+        return f"detected at {ranges} +- {self.standard_error_m:.2g} m (standard error)"
+
+    def entries(self) -> dict:
+        """Entries for JSON."""
         return {"largest_m": self.largest_m, **asdict(self)}
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """A row for each interval of range."""
+        starts, ends = np.reshape(self.intervals_m, (-1, 2)).astype(float).T
+        return {"start_m": starts, "end_m": ends}
 
 
 def detection_range(

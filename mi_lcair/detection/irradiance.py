@@ -133,7 +133,7 @@ class Irradiance:
                 areas.covariance[0],
             )
 
-    def in_band(self, spectrum) -> float:
+    def in_band(self, spectrum: np.ndarray) -> float:
         """Integral over the band of a spectrum at `wavelengths_um`, weighted with the response."""
         return float(spectrum @ self.weights_um)
 

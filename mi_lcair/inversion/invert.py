@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import replace
+from os import PathLike
 
 import numpy as np
 from scipy import sparse
@@ -27,6 +28,7 @@ from mi_lcair.inversion.problem import Problem, parts
 from mi_lcair.inversion.solution import Solution
 from mi_lcair.inversion.solve import State, is_informed
 from mi_lcair.inversion.unknowns import FACETS, Unknown, instruments, unknowns
+from mi_lcair.progress import Progress
 
 NOISY = 0.75  # share of a variance from which the noise of the render is said to dominate
 UNTESTED = {"chi_square": 0.0, "degrees_of_freedom": 0.0, "p_value": None}
@@ -34,7 +36,11 @@ UNFINISHED = "not converged: the value still moves, and its error may be too sma
 IMPROBABLE = 1e-3  # p-value below which the model is said to miss something
 
 
-def invert(problem, advise: bool = True, progress=None) -> Solution:
+def invert(
+    problem: str | PathLike[str] | dict | Problem,
+    advise: bool = True,
+    progress: Progress | None = None,
+) -> Solution:
     """Estimate the unknowns of an inverse problem.
 
     Parameters

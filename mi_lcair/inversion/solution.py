@@ -3,6 +3,7 @@
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -11,7 +12,10 @@ from mi_lcair.files import replacing
 from mi_lcair.inversion.advice import Advice
 from mi_lcair.inversion.answers import Answer, Direction
 from mi_lcair.rendering.scene import Scene
+from mi_lcair.results import Result
 from mi_lcair.sensitivity.solution_file import KIND, applied
+
+SHOWN = 2  # unknowns in the summary
 
 
 @dataclass(frozen=True)
@@ -79,12 +83,14 @@ class Fitted:
             "residual_rms_sigmas": float(np.sqrt(np.nanmean(self.residual**2))),
         }
         if not self.is_image:
+            entry["quantity"], entry["aspects"] = self.quantity, self.aspects
             entry["measured"], entry["predicted"] = self.measured.tolist(), self.predicted.tolist()
+            entry["residual"] = self.residual.tolist()
         return entry
 
 
-@dataclass(frozen=True)
-class Solution:
+@dataclass(frozen=True, repr=False)
+class Solution(Result):
     """The solution of an inverse problem.
 
     Attributes
@@ -129,6 +135,9 @@ class Solution:
     converged: bool
     seconds: float
 
+    kind: ClassVar[str] = KIND
+    drawn_by: ClassVar[str] = "mi_lcair.reports.inversion_picture:figure"
+
     def __getitem__(self, label: str) -> Answer:
         """The answer for the unknown with this label."""
         by_label = {answer.label: answer for answer in self.answers}
@@ -143,10 +152,35 @@ class Solution:
 
         return correlation(self.covariance)
 
-    def as_dict(self) -> dict:
+    def summary(self) -> str:
+        """One line with the first unknowns, their standard errors and units."""
+        shown = [
+            f"{one.label} = {one.value:.6g} +- {one.standard_error:.2g} "
+            f"{one.unit.removesuffix('1')}".rstrip()
+            for one in self.answers[:SHOWN]
+        ]
+        rest = len(self.answers) - len(shown)
+        more = f" and {rest} more" if rest else ""
+        return f"solution of {Path(self.problem).name}: {', '.join(shown)}{more} (standard errors)"
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """A row for each unknown; value, standard_error, lower and upper are in its `unit`."""
+        answers = self.answers
+        return {
+            "unknown": np.array([one.label for one in answers]),
+            "unit": np.array([one.unit for one in answers]),
+            **{
+                name: np.array([getattr(one, name) for one in answers], float)
+                for name in ("value", "standard_error", "lower", "upper")
+            },
+            "render_share": np.array(self.render_share, float),
+            "is_sought": np.array([one.is_sought for one in answers]),
+            "verdict": np.array([one.verdict for one in answers]),
+        }
+
+    def entries(self) -> dict:
         """The content of the solution's file."""
         return {
-            "kind": KIND,
             "problem": self.problem,
             "unknowns": [
                 {**answer.as_dict(), "render_share": float(share)}
@@ -163,7 +197,7 @@ class Solution:
             "remarks": self.remarks,
             "renders": self.renders,
             "converged": self.converged,
-            "seconds": self.seconds,
+            "time_s": self.seconds,
         }
 
     def write(self, path: str | Path) -> None:

@@ -7,9 +7,11 @@ import os
 import warnings
 from dataclasses import dataclass
 from functools import cached_property
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.physics import tape7
@@ -55,7 +57,7 @@ class LineOfSight:
     transmittance: np.ndarray
     radiance: np.ndarray
 
-    def at(self, wavelengths_um) -> tuple[np.ndarray, np.ndarray]:
+    def at(self, wavelengths_um: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Interpolate transmittance and radiance linearly at these wavelengths [um].
 
         Raises InputError for wavelengths outside the table. Gaps between its rows are not checked
@@ -148,7 +150,7 @@ class Atmosphere:
         return float(mean[0, 0])
 
     def band_transmittance(
-        self, band: Band, spectra, ranges_m, extrapolate: bool = False
+        self, band: Band, spectra: ArrayLike, ranges_m: ArrayLike, extrapolate: bool = False
     ) -> np.ndarray:
         """Mean transmittance in the band at many ranges, weighted by response and spectrum.
 
@@ -185,7 +187,9 @@ class Atmosphere:
             ranges_m, extrapolate, lambda ranges: self._along(ranges, rows)[0] @ of_spectra.T
         ).T
 
-    def band_path_radiance(self, band: Band, ranges_m, extrapolate: bool = False) -> np.ndarray:
+    def band_path_radiance(
+        self, band: Band, ranges_m: ArrayLike, extrapolate: bool = False
+    ) -> np.ndarray:
         """In-band path radiance, weighted by the response, at many ranges.
 
         Parameters
@@ -311,7 +315,11 @@ def atmosphere_names() -> list[str]:
     return [*sorted(file.stem.removeprefix("path_") for file in BUNDLED.glob("path_*.csv")), VACUUM]
 
 
-def atmosphere(source, ranges_m=None, elevation_deg: float | None = None) -> Atmosphere:
+def atmosphere(
+    source: Atmosphere | str | PathLike[str],
+    ranges_m: ArrayLike | None = None,
+    elevation_deg: float | None = None,
+) -> Atmosphere:
     """Read an atmosphere by its name or from a file.
 
     Parameters

@@ -10,6 +10,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.physics.spectral_table import LONGEST_UM, SHORTEST_UM, spectral_table
@@ -58,7 +59,7 @@ class Band:
         """Whether this is the band `total`, which covers every wavelength."""
         return self.wavelengths_um.size == 0
 
-    def response_at(self, wavelengths_um) -> np.ndarray:
+    def response_at(self, wavelengths_um: ArrayLike) -> np.ndarray:
         """The detector's response at these wavelengths [um]; 0 outside the band."""
         wavelengths_um = np.asarray(wavelengths_um, dtype=float)
         inside = (self.lower_um <= wavelengths_um) & (wavelengths_um <= self.upper_um)
@@ -66,7 +67,7 @@ class Band:
             1.0 if self.response is None else np.interp(wavelengths_um, *self.response)
         )
 
-    def row_weights(self, wavelengths_um) -> np.ndarray:
+    def row_weights(self, wavelengths_um: ArrayLike) -> np.ndarray:
         """Weight [um] of each row of a tabulated spectrum in its in-band value, (n,).
 
         The weights integrate the spectrum, on straight lines between its rows, times the response
@@ -101,11 +102,11 @@ class Band:
             )
         return weights
 
-    def integral(self, wavelengths_um, values) -> np.ndarray:
+    def integral(self, wavelengths_um: ArrayLike, values: np.ndarray) -> np.ndarray:
         """In-band value (...) of tabulated spectra, values (..., n); see `row_weights`."""
         return values @ self.row_weights(wavelengths_um)
 
-    def check_covered(self, wavelengths_um, what: str) -> None:
+    def check_covered(self, wavelengths_um: ArrayLike, what: str) -> None:
         """Raise InputError if a table with these rising wavelengths [um] does not cover the band.
 
         The message begins with `what`, the name of the table.

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import Band
@@ -68,14 +69,14 @@ class Detector:
             else 4 * np.pi * np.sin(np.radians(self.field_of_view_deg) / 4) ** 2
         )
 
-    def signal(self, irradiance):
+    def signal(self, irradiance: ArrayLike) -> np.ndarray | float:
         """Signal behind the optics [W m^-2] for a contrast irradiance at the aperture [W m^-2].
 
         The contrast may be positive or negative.
         """
         return self.optics_transmittance * np.asarray(irradiance)[()]
 
-    def detects(self, irradiance):
+    def detects(self, irradiance: ArrayLike) -> np.ndarray | bool:
         """Whether a contrast irradiance at the aperture [W m^-2] is detected.
 
         Raises InputError if nei is None.
@@ -86,7 +87,7 @@ class Detector:
             )
         return np.abs(self.signal(irradiance)) >= self.snr * self.nei
 
-    def nei_max(self, irradiance):
+    def nei_max(self, irradiance: ArrayLike) -> np.ndarray | float:
         """Largest nei [W m^-2] at which a contrast irradiance is detected (thesis Eq 3.14).
 
         irradiance: contrast irradiance at the aperture [W m^-2].

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mi_lcair.errors import InputError
 
@@ -183,7 +184,7 @@ class Imager:
         """Electrons of one count. The full well has the largest count."""
         return self.well / (self.largest_count - self.pedestal)
 
-    def noise(self, electrons):
+    def noise(self, electrons: ArrayLike) -> np.ndarray | float:
         """Standard deviation of a pixel in time, electrons, for this mean number of electrons.
 
         It is the quadratic sum of the shot noise of signal and dark current, of the electronics'

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.physics import tape7
@@ -27,7 +28,7 @@ class Spectrum:
     wavelengths_um: np.ndarray
     radiance: np.ndarray
 
-    def at(self, wavelengths_um) -> np.ndarray:
+    def at(self, wavelengths_um: ArrayLike) -> np.ndarray:
         """Spectral radiance [W m^-2 sr^-1 um^-1] at these wavelengths [um]."""
         return np.interp(wavelengths_um, self.wavelengths_um, self.radiance)
 

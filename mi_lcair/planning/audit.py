@@ -8,7 +8,9 @@ holds in each direction only for reciprocal BRDFs. An emissivity from another so
 energy.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from typing import ClassVar
 
 import drjit as dr
 import mitsuba as mi
@@ -18,9 +20,11 @@ from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.emissivity import emissivity_of
 from mi_lcair.plugins.emission.triangles import pointer_id
 from mi_lcair.plugins.reflection_bsdf import reflection_layers
+from mi_lcair.progress import Progress
 from mi_lcair.rendering.facet_table import FacetTable
-from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
 from mi_lcair.rendering.views import corners
+from mi_lcair.results import Result
 
 BATCHES = 8  # independent batches of photons; their scatter gives the standard errors
 MAX_REFLECTIONS = 1000  # flux that still travels after so many is reported as unfinished
@@ -60,13 +64,13 @@ class Flux:
         return self.absorbed + self.reflected + self.behind - self.incident
 
 
-@dataclass(frozen=True)
-class Audit:
+@dataclass(frozen=True, repr=False)
+class Audit(Result):
     """Fluxes of a scene, with their standard errors.
 
     Attributes
     ----------
-    scene, band : str
+    scene_name, band : str
         Names of the scene and of its band.
     total : dict
         {name: (value, standard error)}, W, with the names emitted, absorbed, escaped, behind,
@@ -84,7 +88,7 @@ class Audit:
         Number of photons that were followed.
     """
 
-    scene: str
+    scene_name: str
     band: str
     total: dict[str, tuple[float, float]]
     materials: dict[str, dict[str, tuple[float, float]]]
@@ -92,39 +96,83 @@ class Audit:
     remarks: list[str]
     photons: int
 
-    def as_dict(self) -> dict:
-        """The audit as a dictionary, for JSON."""
+    kind: ClassVar[str] = "audit"
+    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.audit:figure"
 
-        def plain(flux, unit="W"):
+    def summary(self) -> str:
+        """One line with the emitted flux and the balance."""
+        flux, error = self.total["emitted"]
+        share, share_error = self.shares["scene"]["balance"]
+        return (
+            f"audit of {self.scene_name}, {self.band}: {flux:.5g} +- {error:.2g} W emitted, "
+            f"balance {100 * share:.2g} +- {100 * share_error:.1g} % of it (standard errors), "
+            f"{len(self.remarks) or 'no'} remarks"
+        )
+
+    def entries(self) -> dict:
+        """Entries for JSON: fluxes with the names value_W and standard_error_W, and shares."""
+
+        def plain(fluxes, value_name, error_name):
             return {
-                name: {unit: value, "standard_error": error}
-                for name, (value, error) in flux.items()
+                name: {value_name: value, error_name: error}
+                for name, (value, error) in fluxes.items()
             }
 
+        fluxes = lambda of: plain(of, "value_W", "standard_error_W")
         return {
-            "scene": self.scene,
+            "scene_name": self.scene_name,
             "band": self.band,
-            "total": plain(self.total),
+            "total": fluxes(self.total),
             "photons": self.photons,
             "remarks": self.remarks,
-            "materials": {name: plain(flux) for name, flux in self.materials.items()},
-            "shares": {name: plain(shares, "share") for name, shares in self.shares.items()},
+            "materials": {name: fluxes(flux) for name, flux in self.materials.items()},
+            "shares": {
+                name: plain(shares, "value", "standard_error")
+                for name, shares in self.shares.items()
+            },
+        }
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """A row for each flux of the scene and of each material: in watts, and as a share.
+
+        A share of "scene" is that of the emitted flux, a share of a material that of the flux that
+        arrives there. The column `of` tells them apart.
+        """
+        rows = [
+            (of, name, *flux, *self.shares[of][name])
+            for of, fluxes in {"scene": self.total, **self.materials}.items()
+            for name, flux in fluxes.items()
+        ]
+        of, names, *numbers = zip(*rows)
+        names_of = ("flux_W", "standard_error_W", "share", "share_standard_error")
+        return {"of": np.array(of), "name": np.array(names)} | {
+            name: np.array(values, dtype=float) for name, values in zip(names_of, numbers)
         }
 
 
-def audit(scene: Scene, photons: int = 2**18, seed: int = 0, progress=None) -> Audit:
+def audit(
+    scene: SceneLike,
+    photons: int = 2**18,
+    seed: int = 0,
+    progress: Progress | None = None,
+    *,
+    parameters: Mapping[str, object] | None = None,
+) -> Audit:
     """Follow photons from the emitters of a scene until they are absorbed or escape.
 
     Parameters
     ----------
-    scene : Scene
-        Scene whose emitters are all thermal, or the sun.
+    scene : Scene, str, Path or mi.Scene
+        A loaded scene, or what `mi_lcair.load` takes: a bundled name, a file, Mitsuba's own scene.
+        Its emitters must all be thermal, or the sun.
     photons : int
         Photons from each emitter.
     seed : int
         Seed of the random numbers.
     progress : callable, optional
         Called with (emitters done, all emitters).
+    parameters : mapping of str to object, optional
+        Values of the scene's $-parameters, for a name or a file.
 
     Returns
     -------
@@ -136,6 +184,7 @@ def audit(scene: Scene, photons: int = 2**18, seed: int = 0, progress=None) -> A
         If the scene has an emitter that is not thermal, or a surface without an emitter whose
         absorption is unknown.
     """
+    scene = scene_of(scene, parameters)
     table = FacetTable(scene)
     emitters = list(scene.mi.emitters())
     if not all(hasattr(e, "group") and (e.get_shape() or hasattr(e, "is_sun")) for e in emitters):
@@ -421,7 +470,7 @@ def account(scene: Scene, table: FacetTable, by_facet: Flux, ends: dict, photons
         for name, flux in materials.items()
     }
     return Audit(
-        scene=scene.name,
+        scene_name=scene.name,
         band=scene.band.name,
         total=total,
         materials=materials,

@@ -15,11 +15,15 @@ tried. Both are counted in rays, so that the load of the machine decides nothing
 """
 
 import time
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.fraction import fraction
 from mi_lcair.planning.bounces import check_bounces, fewer_bounces, truncation_error
 from mi_lcair.planning.emitter_sampling import cheaper_emitter_sampling
 from mi_lcair.planning.lobes import candidates, simpler_lobes
@@ -30,9 +34,11 @@ from mi_lcair.planning.reference import (
     pixel_count,
     reference_probe,
 )
+from mi_lcair.progress import Progress
 from mi_lcair.rendering.render import check_bounded
-from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
 from mi_lcair.rendering.window import window_area
+from mi_lcair.results import Result
 
 # Shares that all simplifications together may use; noise gets the rest. A larger bias would need
 # more additional paths than simplifications save (SAVING). It adds to the noise of an intensity,
@@ -45,12 +51,14 @@ FOR_AN_IMAGE = "; to plan a render of its image, give each_pixel (--each-pixel)"
 SAVING = 0.3  # share of a render's cost that simpler lobes or other emitter sampling may save
 
 
-@dataclass(frozen=True)
-class Plan:
+@dataclass(frozen=True, repr=False)
+class Plan(Result):
     """Settings for a scene, and the error that they are known to leave.
 
     Attributes
     ----------
+    scene_name : str
+        Name of the scene.
     lobe : dict of str to str
         Lobe ("brdf", "mirror" or "diffuse") by material, for materials with a fidelity ladder.
     max_bounces : int
@@ -79,6 +87,7 @@ class Plan:
         than it can save.
     """
 
+    scene_name: str
     lobe: dict[str, str]
     max_bounces: int
     emitter_sampling: bool
@@ -92,6 +101,8 @@ class Plan:
     left_out: list[str]
     untried: list[str]
 
+    kind: ClassVar[str] = "plan"
+
     @property
     def settings(self) -> Settings:
         """The part of the plan that is applied to the scene."""
@@ -103,34 +114,73 @@ class Plan:
             ambient_temperature=self.ambient_temperature,
         )
 
-    def as_dict(self) -> dict:
-        """The plan as a dictionary, for JSON."""
-        return asdict(self)
+    def summary(self) -> str:
+        """One line with the settings and the bound of their error."""
+        lobes = sorted(set(self.lobe.values()))
+        of = "rms over the pixels" if self.each_pixel else "of the target's intensity"
+        return (
+            f"plan for {self.scene_name}: {self.max_bounces} reflections, closure {self.closure}, "
+            f"lobes {', '.join(lobes) or 'none'}, error at most {self.bias:.2%} of the mean "
+            f"(95 %), {of}"
+        )
 
-    def applied(self, scene: Scene):
+    def entries(self) -> dict:
+        """Entries for JSON."""
+        return {
+            "scene_name": self.scene_name,
+            "lobe": self.lobe,
+            "max_bounces": self.max_bounces,
+            "emitter_sampling": self.emitter_sampling,
+            "closure": self.closure,
+            "ambient_temperature_K": self.ambient_temperature,
+            "tolerance": self.tolerance,
+            "each_pixel": self.each_pixel,
+            "bias": self.bias,
+            "noise_tolerance": self.noise_tolerance,
+            "probe_time_s": self.probe_seconds,
+            "left_out": self.left_out,
+            "untried": self.untried,
+        }
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """A row for each setting, as texts."""
+        rows = {f"lobe of {material or 'unnamed'}": lobe for material, lobe in self.lobe.items()}
+        names = ("max_bounces", "emitter_sampling", "closure", "tolerance", "bias")
+        rows |= {name: str(getattr(self, name)) for name in (*names, "noise_tolerance")}
+        if self.ambient_temperature is not None:
+            rows["ambient_temperature_K"] = str(self.ambient_temperature)
+        rows |= {f"left out {k}": text for k, text in enumerate(self.left_out, 1)}
+        return {"setting": np.array(list(rows)), "value": np.array(list(rows.values()))}
+
+    def applied(self, scene: Scene) -> AbstractContextManager[None]:
         """Context manager that applies the plan's settings to `scene` within the block."""
         return self.settings.applied(scene)
 
 
 def plan(
-    scene: Scene,
-    tolerance: float = 0.01,
+    scene: SceneLike,
+    tolerance: float | str = 0.01,
     each_pixel: bool = False,
     seed: int = 0,
     sensor: int = 0,
-    progress=None,
+    progress: Progress | None = None,
     renders: float = 1,
+    *,
+    parameters: Mapping[str, object] | None = None,
 ) -> Plan:
     """Plan a render of `scene` whose error is below `tolerance`.
 
-    Render it under the plan's settings to the plan's `noise_tolerance`.
+    Give the plan to `render` or `signature`, which render under its settings until the noise is
+    within what it leaves of the tolerance.
 
     Parameters
     ----------
-    scene : Scene
-        Scene to plan for. Its own settings are the same afterwards.
-    tolerance : float
-        Error that is allowed, as a fraction of the mean radiance, between 0 and 1.
+    scene : Scene, str, Path or mi.Scene
+        A loaded scene, or what `mi_lcair.load` takes: a bundled name, a file, Mitsuba's own scene.
+        Its own settings are the same afterwards.
+    tolerance : float or str
+        Error that is allowed, as a fraction of the mean radiance, between 0 and 1, such as 0.01 or
+        "1%".
     each_pixel : bool
         True for the rms error over the pixels, as `render` reports it. False for the error of the
         target's intensity, which needs an orthographic sensor.
@@ -143,6 +193,8 @@ def plan(
     renders : float
         Number of renders that the plan is for. Probes that save less time in all of them than they
         take are left out. With infinity all simplifications are tried.
+    parameters : mapping of str to object, optional
+        Values of the scene's $-parameters, for a name or a file.
 
     Returns
     -------
@@ -154,6 +206,7 @@ def plan(
         If the tolerance is not between 0 and 1, if the scene is dark, or if no settings that can
         be probed reach the tolerance.
     """
+    scene, tolerance = scene_of(scene, parameters), fraction(tolerance)
     if not 0 < tolerance < 1:
         raise InputError(f"tolerance = {tolerance} must lie between 0 and 1")
     if not renders > 0:
@@ -185,6 +238,7 @@ def plan(
     if progress:
         progress(probes.done, probes.done)
     return Plan(
+        scene_name=scene.name,
         **asdict(settings),
         tolerance=tolerance,
         each_pixel=each_pixel,

@@ -6,6 +6,7 @@ the render does not need.
 """
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass
 from math import gcd
 
@@ -52,7 +53,7 @@ class Settings:
             ambient_temperature=integrator.ambient_temperature,
         )
 
-    def applied(self, scene: Scene):
+    def applied(self, scene: Scene) -> AbstractContextManager[None]:
         """Context manager that applies these settings to `scene` within the block."""
         return changed(scene, **asdict(self))
 

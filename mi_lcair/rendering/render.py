@@ -2,25 +2,35 @@
 
 import json
 import time
-from dataclasses import dataclass
-from typing import ClassVar
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from os import PathLike
+from typing import TYPE_CHECKING, ClassVar
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 import mi_lcair
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, unknown
+from mi_lcair.formats import tiff
+from mi_lcair.fraction import fraction
 from mi_lcair.physics.atmosphere import Atmosphere
+from mi_lcair.physics.atmosphere import atmosphere as read_atmosphere
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import brightness_temperature
 from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.progress import Progress
 from mi_lcair.rendering.apparent import apparent
 from mi_lcair.rendering.limits import check_memory, check_paths, check_samples
-from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
+from mi_lcair.rendering.settings import planned
 from mi_lcair.rendering.statistics import Totals, check_valid, student_factor
 from mi_lcair.rendering.window import window_size
 from mi_lcair.results import Result
+
+if TYPE_CHECKING:
+    from mi_lcair.planning.plan import Plan
 
 BOUNCE_CHANNELS = 17  # bounce channels in the image; the last holds all counts from 16 on
 # Paths of one pass. A pass takes seconds, and Ctrl-C takes effect at its end.
@@ -65,6 +75,8 @@ class Render(Result):
         Width and height of an orthographic sensor's window [m]. None for another sensor.
     tolerance : float or None
         Tolerance that was asked for.
+    plan : Plan or None
+        Plan under whose settings the scene was rendered.
     """
 
     channels: dict[str, np.ndarray]
@@ -82,10 +94,14 @@ class Render(Result):
     scene_name: str
     window_m: tuple[float, float] | None
     tolerance: float | None
+    plan: "Plan | None" = None
 
     kind: ClassVar[str] = "render"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.render:figure"
-    saved_by: ClassVar[dict[str, str]] = {".exr": "mi_lcair.rendering.image:write_render"}
+    saved_by: ClassVar[dict[str, str]] = {
+        ".exr": "mi_lcair.rendering.image:write_render",
+        ".tif": "mi_lcair.rendering.render:write_tiff",
+    }
 
     @property
     def by_bounce(self) -> list[float]:
@@ -182,28 +198,32 @@ class Render(Result):
 
 
 def render(
-    scene: Scene,
+    scene: SceneLike,
     spp: int | None = None,
-    tolerance: float | None = None,
+    tolerance: float | str | None = None,
     max_spp: int | None = None,
     seed: int = 0,
     sensor: int = 0,
     split: str | None = "image",
-    atmosphere: Atmosphere | None = None,
+    atmosphere: Atmosphere | str | PathLike[str] | None = None,
     range_m: float | None = None,
-    progress=None,
+    progress: Progress | None = None,
+    *,
+    parameters: Mapping[str, object] | None = None,
+    plan: "Plan | str | None" = None,
 ) -> Render:
     """Render a scene.
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene, str, Path or mi.Scene
+        A loaded scene, or what `mi_lcair.load` takes: a bundled name, a file, Mitsuba's own scene.
     spp : int or None
         Samples per pixel (the number in the scene), rounded up to a multiple of RANDOMISATIONS if
         it is larger. It does not go with a tolerance.
-    tolerance : float or None
+    tolerance : float, str or None
         Render until the rms standard error over the pixels is below this fraction of the mean
-        radiance, or until max_spp is reached.
+        radiance, such as 0.01 or "1%", or until max_spp is reached.
     max_spp : int or None
         Largest number of samples per pixel for a tolerance (65536).
     seed : int
@@ -212,12 +232,18 @@ def render(
         Number of the sensor, counted from 0.
     split : str or None
         What is recorded beside the radiance, see `PathTracer.trace`.
-    atmosphere : Atmosphere or None
-        Also compute the apparent radiance through this atmosphere (`apparent.Y`, `path.Y`).
+    atmosphere : Atmosphere, str, Path or None
+        Also compute the apparent radiance through this atmosphere (`apparent.Y`, `path.Y`): one
+        that is loaded, a bundled name, a CSV, a MODTRAN tape7, or "vacuum".
     range_m : float or None
         Range of the model for the atmosphere [m]. None: each pixel's own range.
     progress : callable or None
         Called with the samples per pixel that are done and their expected number.
+    parameters : mapping of str to object, optional
+        Values of the scene's $-parameters, for a name or a file.
+    plan : Plan, "auto" or None
+        Render under the settings of a plan that `mi_lcair.plan` made with each_pixel=True; "auto"
+        makes one for the tolerance (1 %). The tolerance is then that of plan and noise together.
 
     Returns
     -------
@@ -229,6 +255,37 @@ def render(
         For settings out of bounds, samples beside a tolerance, a tolerance that cannot be reached,
         and an image that needs more memory than is free.
     """
+    scene, tolerance = scene_of(scene, parameters), fraction(tolerance)
+    atmosphere = None if atmosphere is None else read_atmosphere(atmosphere)
+    with planned(scene, plan, True, spp, tolerance, seed, sensor, progress) as (made, tolerance):
+        result = rendered(
+            scene,
+            spp,
+            tolerance,
+            max_spp,
+            seed,
+            sensor,
+            split,
+            atmosphere,
+            range_m,
+            progress,
+        )
+    return replace(result, plan=made)
+
+
+def rendered(
+    scene: Scene,
+    spp: int | None,
+    tolerance: float | None,
+    max_spp: int | None,
+    seed: int,
+    sensor: int,
+    split: str | None,
+    atmosphere: Atmosphere | None,
+    range_m: float | None,
+    progress: Progress | None,
+) -> Render:
+    """The image of a loaded scene under its own settings; see `render`."""
     check_samples(spp, tolerance, max_spp)
     if atmosphere is not None:
         atmosphere.check_covers(scene.band)
@@ -400,6 +457,17 @@ def samples_needed(total: Totals, done: int, tolerance: float) -> int:
         return done
     # At most 4 times as many, because the error is itself an estimate
     return min(4 * done, int(done * 1.05 * (error / tolerance) ** 2) + 1)
+
+
+def write_tiff(path, render: Render, channel: str = "temperature.Y") -> None:
+    """Write a channel of a render as a 32-bit floating point TIFF.
+
+    It is the brightness temperature [K], or another channel such as "Y". Raises InputError if the
+    render has no such channel.
+    """
+    if channel not in render.channels:
+        raise unknown(f"channel of the render of {render.scene_name}", channel, render.channels)
+    tiff.write(path, render.channels[channel], f"{column_name(channel)} of {render.scene_name}")
 
 
 def column_name(channel: str) -> str:

@@ -4,6 +4,7 @@ import os
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from os import PathLike
 from pathlib import Path
 
@@ -32,8 +33,8 @@ from mi_lcair.rendering.loading.remarks import (
     clipped,
     remarks_on_loaded,
     remarks_on_materials,
-    suns_below_the_horizon,
     shapes_without_bsdf,
+    suns_below_the_horizon,
     thin_sheets,
 )
 from mi_lcair.rendering.loading.samplers import remarks_on_samplers
@@ -170,7 +171,11 @@ class Scene:
             surface.set_lobe(lobe)
 
 
-def load(scene: "str | PathLike[str] | mi.Scene", /, **parameters: object) -> Scene:
+# What functions take for a scene: a loaded one, a bundled name, a file, or Mitsuba's own
+SceneLike = Scene | mi.Scene | str | PathLike[str]
+
+
+def load(scene: str | PathLike[str] | mi.Scene, /, **parameters: object) -> Scene:
     """Load a scene XML or a bundled scene, or take over a scene that Mitsuba has loaded.
 
     Parameters
@@ -213,10 +218,7 @@ def load(scene: "str | PathLike[str] | mi.Scene", /, **parameters: object) -> Sc
             raise with_known_plugins(mitsuba_error(error)) from None
 
 
-def scene_of(
-    scene: "Scene | mi.Scene | str | PathLike[str]",
-    parameters: Mapping[str, object] | None = None,
-) -> Scene:
+def scene_of(scene: SceneLike, parameters: Mapping[str, object] | None = None) -> Scene:
     """The scene that a caller means.
 
     Parameters
@@ -284,14 +286,24 @@ def parsed_and_checked(path: Path, texts: dict[str, str]) -> Scene:
     return replace(scene, notes=notes, origin=tuple(map(float, origin)), digest=digest)
 
 
-def find(scene: "str | PathLike[str]") -> Path:
+def find(scene: str | PathLike[str]) -> Path:
     """The XML file of a path or a bundled scene's name."""
     path = Path(scene)
     if path.suffix or path.parent != Path("."):
         if not os.path.isfile(path):  # also False for a text too long to be a path
-            raise InputError(f"scene '{scene}': no such file")
+            raise InputError(f"scene '{scene}': no such file{hint(str(scene))}")
         return path
     return scenes.path(str(scene))
+
+
+def hint(text: str) -> str:
+    """What may be meant by the name of a file that does not exist, as the end of an error."""
+    if text.lstrip().startswith("<"):
+        return "; mi.load_string loads XML text, and mi_lcair.load takes its scene"
+    if text in scenes.scenarios():
+        return "; it is a scenario, which contrast, image and budget take"
+    nearest = get_close_matches(Path(text).stem, scenes.names(), 1)
+    return f"; the nearest bundled scene is '{nearest[0]}'" if nearest else ""
 
 
 def checked(loaded: mi.Scene, path: Path | None, parameters: dict[str, str]) -> Scene:

@@ -1,15 +1,24 @@
 """Settings of a loaded scene that may change between renders, and how to change them."""
 
+from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
-from mi_lcair.errors import unknown
+import mi_lcair
+from mi_lcair.errors import InputError, unknown
+from mi_lcair.progress import Progress
 from mi_lcair.rendering.scene import Scene
+
+if TYPE_CHECKING:
+    from mi_lcair.planning.plan import Plan
 
 INTEGRATOR = ("max_bounces", "emitter_sampling", "closure", "ambient_temperature")
 
 
 @contextmanager
-def changed(scene: Scene, lobe: str | dict[str, str] | None = None, **settings):
+def changed(
+    scene: Scene, lobe: str | dict[str, str] | None = None, **settings: object
+) -> Iterator[None]:
     """Context manager in which a scene has other settings; they are restored at the end.
 
     lobe: lobe of all reflection models, or of some materials as a dictionary (brdf, mirror or
@@ -40,3 +49,60 @@ def changed(scene: Scene, lobe: str | dict[str, str] | None = None, **settings):
 def set_all(integrator, values: dict) -> None:
     for name, value in values.items():
         setattr(integrator, name, value)
+
+
+@contextmanager
+def planned(
+    scene: Scene,
+    plan: "Plan | str | None",
+    each_pixel: bool,
+    spp: int | None,
+    tolerance: float | None,
+    seed: int,
+    sensor: int,
+    progress: Progress | None,
+) -> Iterator[tuple["Plan | None", float | None]]:
+    """Context manager in which a scene has the settings of a plan for one render.
+
+    It gives the plan, and the tolerance that the plan leaves for noise. Without a plan it gives
+    None and the tolerance.
+
+    Parameters
+    ----------
+    scene : Scene
+    plan : Plan, "auto" or None
+        "auto" makes a plan for the tolerance, or for 1 %.
+    each_pixel : bool
+        Whether the tolerance is that of the rms error over the pixels, as for `mi_lcair.plan`.
+    spp, tolerance, seed, sensor, progress
+        As for the function that renders.
+
+    Raises
+    ------
+    InputError
+        If samples are given beside the plan, or if the plan is for another tolerance.
+    """
+    if plan is None:
+        yield None, tolerance
+        return
+    if spp is not None:
+        raise InputError("a plan chooses the samples for its tolerance; spp does not go with it")
+    if plan == "auto":
+        allowed = {} if tolerance is None else {"tolerance": tolerance}
+        plan = mi_lcair.plan(
+            scene, each_pixel=each_pixel, seed=seed, sensor=sensor, progress=progress, **allowed
+        )
+    elif isinstance(plan, str):
+        raise unknown("plan", plan, ["auto", "a Plan that mi_lcair.plan returned"])
+    if tolerance not in (None, plan.tolerance):
+        raise InputError(
+            f"the plan is for a tolerance of {plan.tolerance:g}, not for {tolerance:g}; leave the "
+            "tolerance out, or make another plan"
+        )
+    if plan.each_pixel != each_pixel:
+        raise InputError(
+            f"the plan bounds the error of {'each pixel' if plan.each_pixel else 'the intensity'}; "
+            f"make one with each_pixel={each_pixel}"
+        )
+    with plan.applied(scene):
+        yield plan, plan.noise_tolerance

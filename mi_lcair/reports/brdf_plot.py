@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mi_lcair.drawing import drawing, plain
+from mi_lcair.drawing import new_figure, plain, write_figure
 from mi_lcair.physics.brdf_view import BRDFView
 from mi_lcair.reports.image_picture import log_ticks
 
@@ -11,16 +11,22 @@ PALE = "0.45"  # grey of secondary lines and text
 
 
 def save_plot(path, view: BRDFView) -> None:
-    """Write a PNG: the BRDF over the hemisphere, and its cut through the plane of incidence."""
-    with drawing(path, (11, 4.8), layout="constrained") as figure:
-        left, right = figure.subfigures(1, 2, width_ratios=(1, 1.15))
-        figure.suptitle(
-            f"{plain(f'{view.material.name}, {view.band.label}')}, incidence {view.theta_i:g}°: "
-            f"DHR {view.dhr:.4f}, emissivity at {view.theta_i:g}° {view.emissivity:.4f}",
-            fontsize=11,
-        )
-        draw_hemisphere(left, view, *scale(view))
-        draw_cut(right.subplots(), view, *scale(view))
+    """Write the picture of `figure` as a .png, .svg or .pdf file."""
+    write_figure(figure(view), path)
+
+
+def figure(view: BRDFView):
+    """Figure of a BRDF over the hemisphere, and of its cut through the plane of incidence."""
+    figure = new_figure((11, 4.8), layout="constrained")
+    left, right = figure.subfigures(1, 2, width_ratios=(1, 1.15))
+    figure.suptitle(
+        f"{plain(f'{view.material.name}, {view.band.label}')}, incidence {view.theta_i:g}°: "
+        f"DHR {view.dhr:.4f}, emissivity at {view.theta_i:g}° {view.emissivity:.4f}",
+        fontsize=11,
+    )
+    draw_hemisphere(left, view, *scale(view))
+    draw_cut(right.subplots(), view, *scale(view))
+    return figure
 
 
 def scale(view: BRDFView) -> tuple[float, float]:

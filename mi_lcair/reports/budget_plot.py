@@ -2,7 +2,7 @@
 
 import re
 
-from mi_lcair.drawing import drawing, plain
+from mi_lcair.drawing import new_figure, plain, write_figure
 from mi_lcair.uncertainty.budget import Budget
 
 MOST_ROWS = 20  # rows that are drawn; the smaller ones are left out
@@ -10,7 +10,12 @@ RAISES, LOWERS, NEUTRAL = "C3", "C0", "C7"  # colours
 
 
 def save_plot(path, budget: Budget) -> None:
-    """Write a PNG with a bar for the contribution of each row, the largest at the top.
+    """Write the picture of `figure` as a .png, .svg or .pdf file."""
+    write_figure(figure(budget), path)
+
+
+def figure(budget: Budget):
+    """Figure with a bar for the contribution of each row, the largest at the top.
 
     The side on which plus one standard deviation moves the result has another colour than the side
     of minus one. Points show the changes that renders found.
@@ -18,52 +23,53 @@ def save_plot(path, budget: Budget) -> None:
     rows = [row for row in budget.rows if row.contribution != 0][:MOST_ROWS]
     checks = {check.quantity: check for check in budget.checks}
     height = 1.7 + 0.32 * max(len(rows), 2)
-    with drawing(path, (8, height), layout="constrained") as figure:
-        panel = figure.subplots()
-        for place, row in enumerate(rows):
-            is_signed = row.value is not None
-            for sign, color in ((1, RAISES), (-1, LOWERS)):
-                panel.barh(
-                    place,
-                    sign * row.contribution,
-                    color=color if is_signed else NEUTRAL,
-                    height=0.65,
-                    alpha=0.75,
-                )
-            check = checks.get(row.quantity)
-            # The check moves a group toward larger results, and a quantity toward larger values
-            for change, color in ((check.plus, RAISES), (check.minus, LOWERS)) if check else ():
-                if change is not None:
-                    panel.plot(
-                        change,
-                        place,
-                        marker="D",
-                        markersize=5,
-                        color=color if is_signed else NEUTRAL,
-                        markeredgecolor="black",
-                        linestyle="none",
-                    )
-            reach = max(abs(row.contribution), *(abs(c) for c in changes(check)), 0)
-            panel.annotate(
-                f"{share(row.share)}",
-                (reach, place),
-                xytext=(6, 0),
-                textcoords="offset points",
-                va="center",
-                fontsize=8,
+    figure = new_figure((8, height), layout="constrained")
+    panel = figure.subplots()
+    for place, row in enumerate(rows):
+        is_signed = row.value is not None
+        for sign, color in ((1, RAISES), (-1, LOWERS)):
+            panel.barh(
+                place,
+                sign * row.contribution,
+                color=color if is_signed else NEUTRAL,
+                height=0.65,
+                alpha=0.75,
             )
-        panel.set_yticks(range(len(rows)), [label(row) for row in rows], fontsize=8)
-        panel.invert_yaxis()
-        panel.axvline(0, color="black", linewidth=0.8)
-        panel.margins(x=0.17)
-        panel.ticklabel_format(axis="x", style="sci", scilimits=(-2, 4))
-        panel.set_xlabel(f"change of the {plain(budget.title)} ({raised(budget.unit)})")
-        figure.suptitle(
-            f"{plain(budget.what)}: {budget.value:.4g} ± {budget.sigma:.2g} {raised(budget.unit)} "
-            "(one standard uncertainty)",
-            fontsize=10,
+        check = checks.get(row.quantity)
+        # The check moves a group toward larger results, and a quantity toward larger values
+        for change, color in ((check.plus, RAISES), (check.minus, LOWERS)) if check else ():
+            if change is not None:
+                panel.plot(
+                    change,
+                    place,
+                    marker="D",
+                    markersize=5,
+                    color=color if is_signed else NEUTRAL,
+                    markeredgecolor="black",
+                    linestyle="none",
+                )
+        reach = max(abs(row.contribution), *(abs(c) for c in changes(check)), 0)
+        panel.annotate(
+            f"{share(row.share)}",
+            (reach, place),
+            xytext=(6, 0),
+            textcoords="offset points",
+            va="center",
+            fontsize=8,
         )
-        legend(panel, bool(checks))
+    panel.set_yticks(range(len(rows)), [label(row) for row in rows], fontsize=8)
+    panel.invert_yaxis()
+    panel.axvline(0, color="black", linewidth=0.8)
+    panel.margins(x=0.17)
+    panel.ticklabel_format(axis="x", style="sci", scilimits=(-2, 4))
+    panel.set_xlabel(f"change of the {plain(budget.title)} ({raised(budget.unit)})")
+    figure.suptitle(
+        f"{plain(budget.what)}: {budget.value:.4g} ± {budget.sigma:.2g} {raised(budget.unit)} "
+        "(one standard uncertainty)",
+        fontsize=10,
+    )
+    legend(panel, bool(checks))
+    return figure
 
 
 def changes(check) -> list[float]:

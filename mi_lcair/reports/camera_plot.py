@@ -3,46 +3,58 @@
 import numpy as np
 
 from mi_lcair.camera.image import Image
-from mi_lcair.drawing import drawing, plain
+from mi_lcair.drawing import new_figure, plain, write_figure
 
 SIZE = (11, 7.6)  # inches
 SMALLEST_ERROR = 1e-2  # smallest error of the rendering that is drawn, in noises of the camera
 
 
 def save_plot(path, image: Image) -> None:
-    """Write a PNG with four panels.
+    """Write the picture of `figure` as a .png, .svg or .pdf file."""
+    write_figure(figure(image), path)
+
+
+def figure(image: Image):
+    """Figure of a camera's image, with four panels.
 
     They are the apparent temperature of the first frame, the MTF, the noise of camera and rendering
     over the pixels' temperature, and signal-to-noise ratio and pixels on the target over range.
     """
     scenario, measures, camera = image.scenario, image.measures, image.scenario.camera
-    with drawing(path, SIZE, layout="constrained") as figure:
-        (picture, curves), (noise, ranges) = figure.subplots(2, 2)
-        _temperature(figure, picture, image)
-        _mtf(curves, image)
-        _noise(noise, image)
-        _ranges(ranges, image)
-        figure.suptitle(
-            plain(
-                f"{scenario.name}, {image.band.label}, {scenario.observer.range_m:.5g} m, "
-                f"f = {camera.focal_length_mm:g} mm, f/{camera.f_number:g}, "
-                f"{camera.integration_time_ms:g} ms, NETD {1e3 * measures.netd:.3g} mK "
-                f"at {measures.temperature:.4g} K"
-            ),
-            fontsize=11,
-        )
+    figure = new_figure(SIZE, layout="constrained")
+    (picture, curves), (noise, ranges) = figure.subplots(2, 2)
+    _temperature(figure, picture, image)
+    _mtf(curves, image)
+    _noise(noise, image)
+    _ranges(ranges, image)
+    figure.suptitle(
+        plain(
+            f"{scenario.name}, {image.band.label}, {scenario.observer.range_m:.5g} m, "
+            f"f = {camera.focal_length_mm:g} mm, f/{camera.f_number:g}, "
+            f"{camera.integration_time_ms:g} ms, NETD {1e3 * measures.netd:.3g} mK "
+            f"at {measures.temperature:.4g} K"
+        ),
+        fontsize=11,
+    )
+    return figure
 
 
 def save_pictures(path, images: list[Image]) -> None:
-    """Write a PNG with the first frame of each image around its target, side by side."""
-    with drawing(path, (4.4 * len(images), 2.5), layout="constrained") as figure:
-        for axes, image in zip(np.atleast_1d(figure.subplots(1, len(images))), images):
-            _temperature(figure, axes, image)
-            measures, observer = image.measures, image.scenario.observer
-            axes.set_title(
-                f"{observer.range_m:g} m: {measures.pixels:.0f} pixels on the target",
-                fontsize=10,
-            )
+    """Write the picture of `pictures` as a .png, .svg or .pdf file."""
+    write_figure(pictures(images), path)
+
+
+def pictures(images: list[Image]):
+    """Figure with the first frame of each image around its target, side by side."""
+    figure = new_figure((4.4 * len(images), 2.5), layout="constrained")
+    for axes, image in zip(np.atleast_1d(figure.subplots(1, len(images))), images):
+        _temperature(figure, axes, image)
+        measures, observer = image.measures, image.scenario.observer
+        axes.set_title(
+            f"{observer.range_m:g} m: {measures.pixels:.0f} pixels on the target",
+            fontsize=10,
+        )
+    return figure
 
 
 def _temperature(figure, axes, image: Image) -> None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mi_lcair.drawing import drawing, plain
+from mi_lcair.drawing import new_figure, plain, write_figure
 from mi_lcair.signatures.hemispherical_view import MAP_PHI, MAP_THETA, NOTHING, HemisphericalView
 
 PAPER = (0.93, 0.93, 0.93)  # colour of directions without a surface
@@ -14,65 +14,69 @@ COARSE = 4  # step, in pixels of the map, of the search for places of labels
 
 
 def save_plot(path, view: HemisphericalView) -> None:
-    """Write a PNG of the facets that a facet sees, theta against phi.
+    """Write the picture of `figure` as a .png, .svg or .pdf file."""
+    write_figure(figure(view), path)
+
+
+def figure(view: HemisphericalView):
+    """Figure of the facets that a facet sees, theta against phi.
 
     Each group has its own hue. Facets with higher numbers are darker.
     """
     from matplotlib.patches import Patch
 
     colours, groups = facet_colours(view)
-    with drawing(path, (11, 4), layout="constrained") as figure:
-        axes = figure.subplots()
-        axes.imshow(
-            edges_darkened(view.map, colours[view.map]),
-            extent=(-180, 180, 90, 0),
-            aspect="auto",
-            interpolation="nearest",
+    figure = new_figure((11, 4), layout="constrained")
+    axes = figure.subplots()
+    axes.imshow(
+        edges_darkened(view.map, colours[view.map]),
+        extent=(-180, 180, 90, 0),
+        aspect="auto",
+        interpolation="nearest",
+    )
+    for number, column, row in places(view.map):
+        dark = colours[number] @ (0.3, 0.6, 0.1) < 0.5
+        axes.text(
+            column / MAP_PHI * 360 - 180,
+            row / MAP_THETA * 90,
+            number,
+            ha="center",
+            va="center",
+            fontsize=7,
+            color="white" if dark else "black",
         )
-        for number, column, row in places(view.map):
-            dark = colours[number] @ (0.3, 0.6, 0.1) < 0.5
-            axes.text(
-                column / MAP_PHI * 360 - 180,
-                row / MAP_THETA * 90,
-                number,
-                ha="center",
-                va="center",
-                fontsize=7,
-                color="white" if dark else "black",
-            )
-        axes.set_xticks(range(-180, 181, 45))
-        axes.set_yticks(range(0, 91, 15))
-        axes.set_xlabel(
-            "azimuth φ from the direction of the facet's second corner (degrees)", fontsize=9
-        )
-        axes.set_ylabel("θ from the normal (degrees)", fontsize=9)
-        axes.tick_params(labelsize=8)
-        axes.set_title(
-            plain(
-                f"{view.scene}: what facet {view.facet} sees (group {view.group(view.facet)}, "
-                f"{view.facets.material[view.facet]})"
-            ),
-            fontsize=11,
-        )
+    axes.set_xticks(range(-180, 181, 45))
+    axes.set_yticks(range(0, 91, 15))
+    axes.set_xlabel(
+        "azimuth φ from the direction of the facet's second corner (degrees)", fontsize=9
+    )
+    axes.set_ylabel("θ from the normal (degrees)", fontsize=9)
+    axes.tick_params(labelsize=8)
+    axes.set_title(
+        plain(
+            f"{view.scene_name}: what facet {view.facet} sees (group {view.group(view.facet)}, "
+            f"{view.facets.material[view.facet]})"
+        ),
+        fontsize=11,
+    )
 
-        entries = [
-            (colour, f"{plain(name)}: {share:.4f}") for name, (colour, share) in groups.items()
-        ]
-        if len(entries) > MOST_GROUPS:
-            entries = entries[:MOST_GROUPS] + [(None, f"and {len(entries) - MOST_GROUPS} more")]
-        figure.legend(
-            [
-                Patch(facecolor=colour or "none", edgecolor="0.4" if colour else "none", lw=0.5)
-                for colour, _ in entries
-            ],
-            [text for _, text in entries],
-            loc="outside right upper",
-            fontsize=8,
-            frameon=False,
-            title="group: view factor",
-            title_fontsize=8,
-            alignment="left",
-        )
+    entries = [(colour, f"{plain(name)}: {share:.4f}") for name, (colour, share) in groups.items()]
+    if len(entries) > MOST_GROUPS:
+        entries = entries[:MOST_GROUPS] + [(None, f"and {len(entries) - MOST_GROUPS} more")]
+    figure.legend(
+        [
+            Patch(facecolor=colour or "none", edgecolor="0.4" if colour else "none", lw=0.5)
+            for colour, _ in entries
+        ],
+        [text for _, text in entries],
+        loc="outside right upper",
+        fontsize=8,
+        frameon=False,
+        title="group: view factor",
+        title_fontsize=8,
+        alignment="left",
+    )
+    return figure
 
 
 def facet_colours(view: HemisphericalView) -> tuple[np.ndarray, dict]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mi_lcair.drawing import drawing, plain
+from mi_lcair.drawing import new_figure, plain, write_figure
 from mi_lcair.reports.image_picture import RADIANCE
 
 SIDE = 2.9  # width of a panel, inches
@@ -12,25 +12,31 @@ TALLEST = 2.0  # largest ratio of a panel's height to its width
 
 
 def save_picture(path, solution) -> None:
-    """Write a PNG with one row for each datum of a `Solution`, the first MOST_ROWS.
+    """Write the picture of `figure` as a .png, .svg or .pdf file."""
+    write_figure(figure(solution), path)
+
+
+def figure(solution):
+    """Figure with one row for each datum of a `Solution`, the first MOST_ROWS.
 
     An image has the panels measured, predicted and residual. Numbers and trends are drawn with
-    error bars, against their number or azimuth. Raises InputError if the file cannot be written.
+    error bars, against their number or azimuth.
     """
     data = solution.data[:MOST_ROWS]
     heights = [_height(fitted) for fitted in data]
-    with drawing(path, (3 * SIDE + 1.6, sum(heights)), layout="constrained") as figure:
-        parts = np.atleast_1d(figure.subfigures(len(data), 1, height_ratios=heights))
-        for part, fitted in zip(parts, data):
-            part.suptitle(plain(_title(fitted)), fontsize=10)
-            (_draw_image if fitted.is_image else _draw_numbers)(part, fitted)
+    figure = new_figure((3 * SIDE + 1.6, sum(heights)), layout="constrained")
+    parts = np.atleast_1d(figure.subfigures(len(data), 1, height_ratios=heights))
+    for part, fitted in zip(parts, data):
+        part.suptitle(plain(_title(fitted)), fontsize=10)
+        (_draw_image if fitted.is_image else _draw_numbers)(part, fitted)
+    return figure
 
 
 def _height(fitted) -> float:
     if not fitted.is_image:
         return 2.8
     height, width = fitted.measured.shape
-    return SIDE * min(height / width, TALLEST) + 0.4
+    return SIDE * min(height / width, TALLEST) + 0.8
 
 
 def _title(fitted) -> str:
@@ -60,9 +66,11 @@ def _draw_image(part, fitted) -> None:
     of_residual.set_label("standard deviations", fontsize=8)
     for panel in (measured, predicted, residual):
         panel.set_facecolor("0.6")
+        panel.set_xlabel("column (pixel)", fontsize=8)
         panel.tick_params(labelsize=7)
         for axis in (panel.xaxis, panel.yaxis):
             axis.set_major_locator(MaxNLocator(4, integer=True))
+    measured.set_ylabel("row (pixel)", fontsize=8)
     for one in (bar, of_residual):
         one.ax.tick_params(labelsize=7)
 

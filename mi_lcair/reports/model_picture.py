@@ -1,5 +1,6 @@
 """Picture of a facet model from three sides: its axes in metres, materials and temperatures."""
 
+import warnings
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -43,7 +44,9 @@ ARROWS = {0: "nose", 2: "up"}  # words at the arrows along +x and +z
 def png(model: Model, title: str = "") -> bytes:
     """The picture of `figure` as the content of a PNG file."""
     content = BytesIO()
-    figure(model, title).savefig(content, format="png", dpi=100)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from")  # it is drawn as a box
+        figure(model, title).savefig(content, format="png", dpi=100)
     return content.getvalue()
 
 

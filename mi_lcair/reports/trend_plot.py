@@ -2,39 +2,49 @@
 
 import numpy as np
 
-from mi_lcair.drawing import drawing, plain
+from mi_lcair.drawing import new_figure, plain, write_figure
 from mi_lcair.signatures.trend import Trend
 
 NEGLIGIBLE = 1e-3  # parts below this share of the largest intensity are not drawn
 UNIT = r"W sr$^{-1}$"
 
 
-def save_plot(path, trend: Trend, scene: str) -> None:
-    """Write a PNG with three polar panels.
+def save_plot(path, trend: Trend) -> None:
+    """Write the picture of `figure` as a .png, .svg or .pdf file."""
+    write_figure(figure(trend), path)
+
+
+def figure(trend: Trend):
+    """Figure with three polar panels.
 
     Azimuth 0 (the nose) is up, and 90 (the left side) is on the left. The last two panels are at
     the elevation nearest to 0.
     """
-    elevations = np.unique(trend.columns["elevation_deg"])
+    elevations = np.unique(trend.table["elevation_deg"])
     level = elevations[np.argmin(np.abs(elevations))]
     at_level = trend.at_elevation(level)
-    with drawing(path, (14, 5.6), layout="constrained") as figure:
-        panels = figure.subplots(1, 3, subplot_kw={"projection": "polar"})
-        draw(
-            panels[0],
-            "by elevation",
-            {
-                f"{elevation:g}°": (at, at.columns["intensity_W_sr"])
-                for elevation in elevations
-                for at in [trend.at_elevation(elevation)]
-            },
-        )
-        draw(panels[1], f"by what emitted it, at {level:g}°", large_parts("group", at_level))
-        draw(panels[2], f"by number of reflections, at {level:g}°", large_parts("bounce", at_level))
-        figure.suptitle(
-            f"{plain(f'{scene}, {trend.band}')}: intensity of the model by azimuth ({UNIT})",
-            fontsize=12,
-        )
+    figure = new_figure((14, 5.6), layout="constrained")
+    panels = figure.subplots(1, 3, subplot_kw={"projection": "polar"})
+    draw(
+        panels[0],
+        "by elevation",
+        {
+            f"elevation {elevation:g}°": (at, at.table["intensity_W_sr"])
+            for elevation in elevations
+            for at in [trend.at_elevation(elevation)]
+        },
+    )
+    draw(panels[1], f"by what emitted it, elevation {level:g}°", large_parts("group", at_level))
+    draw(
+        panels[2],
+        f"by number of reflections, elevation {level:g}°",
+        large_parts("bounce", at_level),
+    )
+    figure.suptitle(
+        f"{plain(f'{trend.scene_name}, {trend.band}')}: intensity of the model by azimuth ({UNIT})",
+        fontsize=12,
+    )
+    return figure
 
 
 def large_parts(kind: str, trend: Trend) -> dict:
@@ -42,7 +52,7 @@ def large_parts(kind: str, trend: Trend) -> dict:
 
     `kind` is "group" or "bounce".
     """
-    least = NEGLIGIBLE * trend.columns["intensity_W_sr"].max()
+    least = NEGLIGIBLE * trend.table["intensity_W_sr"].max()
     parts = trend.parts(kind)
     return {name: (trend, values) for name, values in parts.items() if values.max() > least}
 
@@ -51,9 +61,9 @@ def draw(panel, title: str, curves: dict) -> None:
     """Draw curves in a polar panel: {label: (Trend, values of its views)}."""
     panel.set_theta_zero_location("N")
     for label, (at, values) in curves.items():
-        order = np.argsort(at.columns["azimuth_deg"])
-        azimuth, values = np.radians(at.columns["azimuth_deg"][order]), values[order]
-        if closes(at.columns["azimuth_deg"][order]):
+        order = np.argsort(at.table["azimuth_deg"])
+        azimuth, values = np.radians(at.table["azimuth_deg"][order]), values[order]
+        if closes(at.table["azimuth_deg"][order]):
             azimuth, values = (
                 np.append(azimuth, azimuth[0] + 2 * np.pi),
                 np.append(values, values[0]),

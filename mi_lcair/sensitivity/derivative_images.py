@@ -1,12 +1,17 @@
 """Images of the radiance and of its derivatives with respect to parameters of a scene."""
 
+import json
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
+from mi_lcair.results import Result
+from mi_lcair.sensitivity.sensitivities import per_unit
 
-@dataclass(frozen=True)
-class DerivativeImages:
+
+@dataclass(frozen=True, repr=False)
+class DerivativeImages(Result):
     """Independent images of the radiance and of its derivatives.
 
     Attributes
@@ -15,16 +20,27 @@ class DerivativeImages:
         Names of K parameters, see `mi_lcair.sensitivity.parameters`.
     radiance : ndarray, shape (R, height, width), float32
         Radiance, W m^-2 sr^-1, in each of R independent randomisations.
-    columns : ndarray, shape (R, K, height, width), float32
+    derivatives : ndarray, shape (R, K, height, width), float32
         Its derivatives, per unit of the parameter, from the same randomisations.
     method : tuple of str
         How each derivative was found, as for `Sensitivities`.
+    scene_name, band : str
+        Names of the scene and of its band.
+    units : tuple of str
+        Units of the parameters; "1" for a dimensionless one.
     """
 
     names: tuple[str, ...]
     radiance: np.ndarray
-    columns: np.ndarray
+    derivatives: np.ndarray
     method: tuple[str, ...]
+    scene_name: str
+    band: str
+    units: tuple[str, ...]
+
+    kind: ClassVar[str] = "derivative_images"
+    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.derivatives:figure"
+    saved_by: ClassVar[dict[str, str]] = {".exr": "mi_lcair.rendering.image:write_render"}
 
     @property
     def mean(self) -> np.ndarray:
@@ -34,7 +50,7 @@ class DerivativeImages:
     @property
     def derivative(self) -> np.ndarray:
         """Derivatives of the radiance, (K, height, width)."""
-        return mean(self.columns)
+        return mean(self.derivatives)
 
     @property
     def error(self) -> np.ndarray:
@@ -44,7 +60,92 @@ class DerivativeImages:
     @property
     def derivative_error(self) -> np.ndarray:
         """Standard errors of `derivative`, (K, height, width); infinite for one randomisation."""
-        return standard_error(self.columns)
+        return standard_error(self.derivatives)
+
+    @property
+    def channels(self) -> dict[str, np.ndarray]:
+        """Channels of an EXR, float32 (height, width), by name.
+
+        Y is the radiance; d.NAME.Y are its derivatives per unit of the parameter. stderr.Y and
+        stderr.d.NAME.Y are their standard errors, if there are several randomisations.
+        """
+        images = {"Y": (self.mean, self.error)}
+        images |= {
+            f"d.{name}.Y": (derivative, error)
+            for name, derivative, error in zip(self.names, self.derivative, self.derivative_error)
+        }
+        channels = {name: value for name, (value, _) in images.items()}
+        if len(self.radiance) > 1:
+            channels |= {f"stderr.{name}": error for name, (_, error) in images.items()}
+        return {name: values.astype(np.float32) for name, values in channels.items()}
+
+    @property
+    def header(self) -> dict[str, str]:
+        """Header of the EXR."""
+        return {
+            "scene": self.scene_name,
+            "band": self.band,
+            "units": "W m^-2 sr^-1; d.NAME.Y per unit of the parameter",
+            "parameters": json.dumps(dict(zip(self.names, self.units))),
+        }
+
+    def summary(self) -> str:
+        """One line with the size of the images, the mean radiance and the number of parameters."""
+        randomisations, height, width = self.radiance.shape
+        means = self.radiance.mean(axis=(1, 2), dtype=float)
+        error = f" +- {standard_error(means):.2g}" if randomisations > 1 else ""
+        return (
+            f"derivatives of {self.scene_name}, {self.band}: {width} x {height} pixels, mean "
+            f"radiance {means.mean():.6g}{error} W m^-2 sr^-1 (standard error), "
+            f"{len(self.names)} parameters"
+        )
+
+    def entries(self) -> dict:
+        """Entries for JSON: the table of `columns`, without the pixels."""
+        randomisations, height, width = self.radiance.shape
+        return {
+            "scene_name": self.scene_name,
+            "band": self.band,
+            "width": width,
+            "height": height,
+            "randomisations": randomisations,
+            "images": [dict(zip(self.columns(), row)) for row in zip(*self.columns().values())],
+        }
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """A row for the radiance and for each derivative: mean, least and greatest pixel."""
+        images = np.array([self.mean, *self.derivative])
+        unit = "W m^-2 sr^-1"
+        return {
+            "image": np.array(["radiance", *self.names]),
+            "mean": images.mean(axis=(1, 2)),
+            "least": images.min(axis=(1, 2)),
+            "greatest": images.max(axis=(1, 2)),
+            "unit": np.array([unit, *(per_unit(unit, of) for of in self.units)]),
+            "method": np.array(["", *self.method]),
+        }
+
+    def to_xarray(self):
+        """The images as an xarray Dataset over (row, column), one variable for each.
+
+        The derivatives and their errors are over (parameter, row, column). Raises InputError if
+        xarray is not installed.
+        """
+        over, (_, height, width) = ("row", "column"), self.radiance.shape
+        return self.dataset(
+            {
+                "radiance_W_m2_sr": (over, self.mean),
+                "standard_error_W_m2_sr": (over, self.error),
+                "derivative": (("parameter", *over), self.derivative),
+                "derivative_standard_error": (("parameter", *over), self.derivative_error),
+            },
+            {
+                "parameter": ("parameter", list(self.names)),
+                "parameter_unit": ("parameter", list(self.units)),
+                "row": ("row", np.arange(height)),
+                "column": ("column", np.arange(width)),
+            },
+        )
 
 
 def mean(images: np.ndarray) -> np.ndarray:

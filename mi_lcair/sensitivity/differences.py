@@ -14,7 +14,7 @@ from mi_lcair.rendering.statistics import Totals, check_valid
 from mi_lcair.sensitivity.columns import weight_of
 from mi_lcair.sensitivity.common_numbers import PARTS, CommonNumbers
 from mi_lcair.sensitivity.derivative_images import DerivativeImages
-from mi_lcair.sensitivity.parameters import changed, parameter
+from mi_lcair.sensitivity.parameters import changed, parameter, units
 from mi_lcair.sensitivity.sensitivities import Sensitivities
 
 METHOD = "difference"
@@ -98,8 +98,11 @@ def differences(
         derivative=columns[1:, 0],
         deviations=columns[:, 1:],
         method=(METHOD,) * len(names),
-        bounces=numbers.by_reflections(total),
+        by_bounce=numbers.by_reflections(total),
         paths=int(total.traced[0]),
+        scene_name=scene.name,
+        band=scene.band.name,
+        units=units(scene, names),
     )
 
 
@@ -164,8 +167,11 @@ def image_differences(
     return DerivativeImages(
         names=tuple(names),
         radiance=radiance.astype(np.float32),
-        columns=np.reshape(columns, shape).swapaxes(0, 1).astype(np.float32),
+        derivatives=np.reshape(columns, shape).swapaxes(0, 1).astype(np.float32),
         method=(METHOD,) * len(names),
+        scene_name=scene.name,
+        band=scene.band.name,
+        units=units(scene, names),
     )
 
 

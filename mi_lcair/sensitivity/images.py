@@ -1,29 +1,36 @@
 """Images of the derivatives of the radiance with respect to many parameters, from one render."""
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
+from mi_lcair.progress import Progress
 from mi_lcair.rendering.limits import check_memory, check_paths
 from mi_lcair.rendering.render import add_points
+from mi_lcair.rendering.scene import SceneLike, scene_of
 from mi_lcair.rendering.statistics import Totals, check_valid
 from mi_lcair.sensitivity.columns import recordings
 from mi_lcair.sensitivity.derivative_images import DerivativeImages
+from mi_lcair.sensitivity.parameters import units
 
 
 def derivative_images(
-    scene,
-    names,
+    scene: SceneLike,
+    names: Sequence[str],
     *,
     sensor: int = 0,
     spp: int | None = None,
     seed: int = 0,
     randomisations: int = 4,
-    progress=None,
+    progress: Progress | None = None,
+    parameters: Mapping[str, object] | None = None,
 ) -> DerivativeImages:
     """Images of the radiance and of its derivatives, all from the same paths.
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene, str, Path or mi.Scene
+        A loaded scene, or what `mi_lcair.load` takes: a bundled name, a file, Mitsuba's own scene.
     names : sequence of str
         Names of parameters, see `mi_lcair.sensitivity.parameters`.
     sensor, spp, seed
@@ -32,6 +39,8 @@ def derivative_images(
         Number of independent images.
     progress : callable or None
         Called with (pixels done, pixels expected).
+    parameters : mapping of str to object, optional
+        Values of the scene's $-parameters, for a name or a file.
 
     Returns
     -------
@@ -42,6 +51,7 @@ def derivative_images(
     InputError
         If a name is unknown, if a parameter has no derivative, and as for `render`.
     """
+    scene = scene_of(scene, parameters)
     camera = scene.sensor(sensor)
     width, height = camera.film().crop_size()
     pixels = width * height
@@ -79,8 +89,11 @@ def derivative_images(
     return DerivativeImages(
         names=tuple(names),
         radiance=radiance,
-        columns=found.swapaxes(0, 1),
+        derivatives=found.swapaxes(0, 1),
         method=tuple(method[name] for name in names),
+        scene_name=scene.name,
+        band=scene.band.name,
+        units=units(scene, names),
     )
 
 

@@ -27,6 +27,7 @@ import mitsuba as mi
 
 from mi_lcair.errors import unknown
 from mi_lcair.plugins.derivatives import own_memory
+from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
 from mi_lcair.sensitivity.entries import (
     Entry,
     Parameter,
@@ -37,17 +38,43 @@ from mi_lcair.sensitivity.entries import (
 )
 
 
-def parameters(scene) -> dict[str, Parameter]:
-    """All parameters of a loaded scene by name: groups first, then materials, in order of names."""
-    return {name: entry.described() for name, entry in entries(scene).items()}
+def parameters(
+    scene: SceneLike, parameters: Mapping[str, object] | None = None
+) -> dict[str, Parameter]:
+    """All parameters of a scene that have derivatives or can be changed, by name.
+
+    Groups come first, then materials, in order of names.
+
+    Parameters
+    ----------
+    scene : Scene, str, Path or mi.Scene
+        A loaded scene, or what `mi_lcair.load` takes: a bundled name, a file, Mitsuba's own scene.
+    parameters : mapping of str to object, optional
+        Values of the scene's $-parameters, for a name or a file.
+
+    Returns
+    -------
+    dict of str to Parameter
+
+    Raises
+    ------
+    InputError
+        If the scene cannot be used.
+    """
+    return {name: entry.described() for name, entry in entries(scene_of(scene, parameters)).items()}
 
 
-def parameter(scene, name: str) -> Parameter:
+def parameter(scene: Scene, name: str) -> Parameter:
     """The parameter of that name; raises InputError with the nearest names if there is none."""
     return chosen(scene, [name])[0].described()
 
 
-def set_values(scene, values: Mapping[str, float]) -> None:
+def units(scene, names) -> tuple[str, ...]:
+    """Units of parameters; "1" for dimensionless ones. Raises InputError for an unknown name."""
+    return tuple(entry.described().unit for entry in chosen(scene, names))
+
+
+def set_values(scene: Scene, values: Mapping[str, float]) -> None:
     """Change parameters of a scene.
 
     Parameters
@@ -73,7 +100,7 @@ def set_values(scene, values: Mapping[str, float]) -> None:
     replace(own)
 
 
-def checked(scene, values: Mapping[str, float]) -> list[tuple[Entry, float]]:
+def checked(scene: Scene, values: Mapping[str, float]) -> list[tuple[Entry, float]]:
     """The parameters that `set_values` would change; raises InputError as `set_values`."""
     wanted = list(zip(chosen(scene, values), map(float, values.values())))
     check_apart([entry for entry, _ in wanted])
@@ -83,7 +110,7 @@ def checked(scene, values: Mapping[str, float]) -> list[tuple[Entry, float]]:
 
 
 @contextmanager
-def changed(scene, values: Mapping[str, float]) -> Iterator[None]:
+def changed(scene: Scene, values: Mapping[str, float]) -> Iterator[None]:
     """Context manager in which parameters have other values, see `set_values`.
 
     At its end the parameters are exactly as before, bit for bit.

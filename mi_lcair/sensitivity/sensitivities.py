@@ -1,12 +1,15 @@
 """Derivatives of one number, an intensity, with respect to parameters of a scene."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
+from mi_lcair.results import Result
 
-@dataclass(frozen=True)
-class Sensitivities:
+
+@dataclass(frozen=True, repr=False)
+class Sensitivities(Result):
     """An intensity and its derivatives.
 
     Attributes
@@ -22,10 +25,14 @@ class Sensitivities:
         derivatives. The sum of the products of two rows is the covariance of the two results.
     method : tuple of str
         How each derivative was found: "linear", "score", "control variate" or "difference".
-    bounces : ndarray, shape (N,)
+    by_bounce : ndarray, shape (N,)
         Intensity of paths with 0, 1, ... N - 1 reflections, W/sr.
     paths : int
         Number of paths of the value.
+    scene_name, band : str
+        Names of the scene and of its band.
+    units : tuple of str
+        Units of the parameters; "1" for a dimensionless one.
     """
 
     names: tuple[str, ...]
@@ -33,8 +40,14 @@ class Sensitivities:
     derivative: np.ndarray
     deviations: np.ndarray
     method: tuple[str, ...]
-    bounces: np.ndarray
+    by_bounce: np.ndarray
     paths: int
+    scene_name: str
+    band: str
+    units: tuple[str, ...]
+
+    kind: ClassVar[str] = "sensitivities"
+    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.sensitivities:figure"
 
     @property
     def error(self) -> np.ndarray:
@@ -45,3 +58,43 @@ class Sensitivities:
     def covariance(self) -> np.ndarray:
         """Covariance of the value and the derivatives, (1 + K, 1 + K)."""
         return self.deviations @ self.deviations.T
+
+    def summary(self) -> str:
+        """One line with the intensity, its standard error, and the number of derivatives."""
+        return (
+            f"sensitivities of {self.scene_name}, {self.band}: intensity {self.value:.6g} +- "
+            f"{self.error[0]:.2g} W/sr (standard error) and its derivatives with respect to "
+            f"{len(self.names)} parameters"
+        )
+
+    def entries(self) -> dict:
+        """Entries for JSON."""
+        return {
+            "scene_name": self.scene_name,
+            "band": self.band,
+            "intensity_W_sr": self.value,
+            "standard_error_W_sr": self.error[0],
+            "by_bounce_W_sr": self.by_bounce,
+            "paths": self.paths,
+            "derivatives": [
+                {"parameter": name, "derivative": value, "standard_error": error, "unit": unit}
+                | {"method": method}
+                for name, value, error, unit, method in zip(*self.columns().values())
+            ],
+            "covariance": self.covariance,
+        }
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """A row for each parameter; derivative and standard error are in the row's unit."""
+        return {
+            "parameter": np.array(self.names),
+            "derivative": np.array(self.derivative),
+            "standard_error": self.error[1:],
+            "unit": np.array([per_unit("W/sr", unit) for unit in self.units]),
+            "method": np.array(self.method),
+        }
+
+
+def per_unit(unit: str, of_parameter: str) -> str:
+    """Unit of a derivative: "W/sr per K", or "W/sr" for a dimensionless parameter."""
+    return unit if of_parameter in ("", "1") else f"{unit} per {of_parameter}"

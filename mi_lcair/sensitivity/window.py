@@ -1,29 +1,34 @@
 """Derivatives of an intensity with respect to many parameters, from one render."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from mi_lcair.fraction import fraction
+from mi_lcair.progress import Progress
+from mi_lcair.rendering.scene import SceneLike, scene_of
 from mi_lcair.rendering.window_means import window_means
 from mi_lcair.sensitivity.columns import recordings
 from mi_lcair.sensitivity.common_numbers import CommonNumbers
+from mi_lcair.sensitivity.parameters import units
 from mi_lcair.sensitivity.sensitivities import Sensitivities
 
 SPLITS = {"target": "target", "scene": "image"}  # channels that hold each part of the radiance
 
 
 def sensitivities(
-    scene,
-    names,
+    scene: SceneLike,
+    names: Sequence[str],
     *,
     sensor: int = 0,
     part: str = "target",
     weights: Mapping | None = None,
     spp: int | None = None,
     paths: int | None = None,
-    tolerance: float | None = None,
+    tolerance: float | str | None = None,
     seed: int = 0,
-    progress=None,
+    progress: Progress | None = None,
+    parameters: Mapping[str, object] | None = None,
 ) -> Sensitivities:
     """Intensity and its derivatives with respect to parameters, all from the same paths.
 
@@ -34,8 +39,9 @@ def sensitivities(
 
     Parameters
     ----------
-    scene : Scene
-        Scene with an orthographic sensor.
+    scene : Scene, str, Path or mi.Scene
+        A loaded scene, or what `mi_lcair.load` takes: a bundled name, a file, Mitsuba's own scene.
+        Its sensor must be orthographic.
     names : sequence of str
         Names of parameters, see `mi_lcair.sensitivity.parameters`.
     sensor, spp, tolerance, seed, progress
@@ -47,6 +53,8 @@ def sensitivities(
         `Source`. None: the sum over all sources without factors.
     paths : int or None
         Number of paths in place of `spp`.
+    parameters : mapping of str to object, optional
+        Values of the scene's $-parameters, for a name or a file.
 
     Returns
     -------
@@ -57,6 +65,7 @@ def sensitivities(
     InputError
         If a name is unknown, if a parameter has no derivative, and as for `signature`.
     """
+    scene, tolerance = scene_of(scene, parameters), fraction(tolerance)
     numbers = CommonNumbers(
         scene, sensor, spp, paths, tolerance, seed, weights is not None, progress, part
     )
@@ -94,8 +103,11 @@ def sensitivities(
         derivative=rows[1:, 0],
         deviations=rows[:, 1:],
         method=tuple(method[name] for name in names),
-        bounces=numbers.by_reflections(first),
+        by_bounce=numbers.by_reflections(first),
         paths=int(first.traced[0]),
+        scene_name=scene.name,
+        band=scene.band.name,
+        units=units(scene, names),
     )
 
 

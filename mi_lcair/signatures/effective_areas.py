@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.interpolate import BarycentricInterpolator
 
 from mi_lcair.errors import InputError, unknown
@@ -137,7 +138,7 @@ class EffectiveAreas(Result):
         ]
 
     def intensity(
-        self, part: str = "target", temperatures: dict | None = None, band=None
+        self, part: str = "target", temperatures: dict | None = None, band: Band | None = None
     ) -> tuple[float, float]:
         """In-band intensity, W/sr, and its standard error, optionally at other temperatures.
 
@@ -180,7 +181,7 @@ class EffectiveAreas(Result):
         error = float(np.sqrt(max(radiance @ self.covariance[p, :-1, :-1] @ radiance, 0)))
         return float(self.area[p] @ radiance), error
 
-    def spectrum(self, wavelengths_um, temperatures: dict | None = None) -> np.ndarray:
+    def spectrum(self, wavelengths_um: ArrayLike, temperatures: dict | None = None) -> np.ndarray:
         """Spectral intensity, W sr^-1 um^-1, of each part and source.
 
         Parameters
@@ -209,7 +210,7 @@ class EffectiveAreas(Result):
         rest = BarycentricInterpolator(self.nodes_um, self.by_wavelength.T)(wavelengths_um).T
         return np.concatenate([by_source, rest[:, None]], axis=1)
 
-    def radiance(self, wavelengths_um, temperatures: dict | None = None) -> np.ndarray:
+    def radiance(self, wavelengths_um: ArrayLike, temperatures: dict | None = None) -> np.ndarray:
         """Spectral radiance of each source, W m^-2 sr^-1 um^-1, shape (sources, n).
 
         It is not multiplied by the emissivity.

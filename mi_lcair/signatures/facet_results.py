@@ -5,8 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from mi_lcair.files import check_suffix
-from mi_lcair.formats import csv, vtk
+from mi_lcair.formats import vtk
 from mi_lcair.plugins.paths.channels import MAX_BOUNCE_CHANNELS, entries
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.rendering.facet_polygons import FacetPolygons
@@ -14,7 +13,6 @@ from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.render import BOUNCE_CHANNELS
 from mi_lcair.results import Result
 
-SUFFIXES = (".csv", *vtk.SUFFIXES)  # of the files that a table of facets can be written as
 EDGE_ON = 1e-6  # cosine below which the projected area of a facet is only rounding error
 FEW = 30  # smallest expected number of samples on a facet that gives a visible fraction
 
@@ -44,6 +42,7 @@ class FacetResults(Result):
 
     kind: ClassVar[str] = "facets"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.facets:figure"
+    saved_by: ClassVar[dict[str, str]] = dict.fromkeys(vtk.SUFFIXES, f"{__name__}:write_vtk")
 
     def summary(self) -> str:
         """One line with the number of facets and the intensity of the brightest one."""
@@ -60,30 +59,27 @@ class FacetResults(Result):
 
     def entries(self) -> dict:
         """Entries for JSON."""
-        return {"scene_name": self.scene_name, "band": self.band, "facets": self.table}
+        return {"scene_name": self.scene_name, "band": self.band, "columns": self.table}
 
     def columns(self) -> dict[str, np.ndarray]:
         """The table, with a row for each facet."""
         return self.table
 
-    def write(self, path) -> None:
-        """Write the table as a .csv, or the facets with it as a .vtp or .vtu.
+    def polygons(self) -> FacetPolygons:
+        """The facets of the table as polygons, without shapes that are not meshes."""
+        return FacetPolygons.of(self.triangles, self.triangle_facet)
 
-        A missing value is an empty cell of the CSV and NaN in the others. Facets of shapes that are
-        not meshes are in the CSV only. Raises InputError for another suffix, and if the file cannot
-        be written.
-        """
-        if check_suffix(path, SUFFIXES) == ".csv":
-            csv.write(path, self.table)
-            return
-        polygons = FacetPolygons.of(self.triangles, self.triangle_facet)
-        rows = np.searchsorted(self.table["facet"], polygons.facet)
-        vtk.write_facets(
-            path,
-            polygons.vertices,
-            polygons.faces,
-            {name: values[rows] for name, values in self.table.items()},
-        )
+
+def write_vtk(path, facets: FacetResults) -> None:
+    """Write facets with all columns of their table as a .vtp or .vtu file."""
+    polygons = facets.polygons()
+    rows = np.searchsorted(facets.table["facet"], polygons.facet)
+    vtk.write_facets(
+        path,
+        polygons.vertices,
+        polygons.faces,
+        {name: values[rows] for name, values in facets.table.items()},
+    )
 
 
 class FacetSums:

@@ -1,23 +1,29 @@
 """Intensity of a scene toward an orthographic sensor, with and without the background."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.fraction import fraction
+from mi_lcair.progress import Progress
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.limits import check_paths, check_samples
 from mi_lcair.rendering.render import DEFAULT_MAX_SPP, check_bounded, check_reachable
-from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
+from mi_lcair.rendering.settings import planned
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import window, window_area
 from mi_lcair.rendering.window_means import window_means
 from mi_lcair.results import Result
 from mi_lcair.signatures.effective_areas import EffectiveAreas, effective_areas
 from mi_lcair.signatures.facet_results import FacetResults, FacetSums
+
+if TYPE_CHECKING:
+    from mi_lcair.planning.plan import Plan
 
 
 @dataclass(frozen=True)
@@ -101,6 +107,8 @@ class Signature(Result):
         Tolerance that was asked for.
     reached : bool or None
         Whether the tolerance was reached, or the criterion `excess` was met; None without them.
+    plan : Plan or None
+        Plan under whose settings the paths were traced.
     """
 
     scene_name: str
@@ -118,6 +126,7 @@ class Signature(Result):
     systematic: float
     tolerance: float | None
     reached: bool | None = None
+    plan: "Plan | None" = None
 
     kind: ClassVar[str] = "signature"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.signature:figure"
@@ -222,16 +231,19 @@ class Signature(Result):
 
 
 def signature(
-    scene: Scene,
+    scene: SceneLike,
     spp: int | None = None,
-    tolerance: float | None = None,
+    tolerance: float | str | None = None,
     max_spp: int | None = None,
     seed: int = 0,
     sensor: int = 0,
     by_spectrum: bool = False,
     facets: bool = False,
-    progress=None,
+    progress: Progress | None = None,
     excess: Callable[[Signature], float] | None = None,
+    *,
+    parameters: Mapping[str, object] | None = None,
+    plan: "Plan | str | None" = None,
 ) -> Signature:
     """Render a scene and integrate its radiance over the sensor's window.
 
@@ -239,14 +251,16 @@ def signature(
 
     Parameters
     ----------
-    scene : Scene
-        Scene with an orthographic sensor.
+    scene : Scene, str, Path or mi.Scene
+        A loaded scene, or what `mi_lcair.load` takes: a bundled name, a file, Mitsuba's own scene.
+        Its sensor must be orthographic.
     spp : int or None
         Number of paths, divided by the number of pixels of the sensor's film (the number in the
         scene). The paths begin anywhere in the window, not in one pixel each.
-    tolerance : float or None
+    tolerance : float, str or None
         Trace paths until the 95 % interval of the target's intensity is within this fraction of it,
-        or until max_spp is reached. Without a target it is that of the scene's intensity.
+        such as 0.01 or "1%", or until max_spp is reached. Without a target it is that of the
+        scene's intensity.
     max_spp : int or None
         As `spp`: the largest number of paths with a tolerance (65536).
     seed, sensor : int
@@ -260,6 +274,11 @@ def signature(
     excess : callable or None
         Instead of a tolerance: ratio of the error to the allowed error for the Signature (without
         facets) that the paths so far give. Paths are added until it is at most 1.
+    parameters : mapping of str to object, optional
+        Values of the scene's $-parameters, for a name or a file.
+    plan : Plan, "auto" or None
+        Trace paths under the settings of a plan that `mi_lcair.plan` made; "auto" makes one for the
+        tolerance (1 %). The tolerance is then that of plan and noise together.
 
     Returns
     -------
@@ -271,6 +290,27 @@ def signature(
         If the sensor is not orthographic, if `by_spectrum` is asked of the band "total", if a
         number of paths is given beside a tolerance, or if a tolerance cannot be reached.
     """
+    scene, tolerance = scene_of(scene, parameters), fraction(tolerance)
+    with planned(scene, plan, False, spp, tolerance, seed, sensor, progress) as (made, tolerance):
+        result = integrated(
+            scene, spp, tolerance, max_spp, seed, sensor, by_spectrum, facets, progress, excess
+        )
+    return replace(result, plan=made)
+
+
+def integrated(
+    scene: Scene,
+    spp: int | None,
+    tolerance: float | None,
+    max_spp: int | None,
+    seed: int,
+    sensor: int,
+    by_spectrum: bool,
+    facets: bool,
+    progress: Progress | None,
+    excess: Callable[[Signature], float] | None,
+) -> Signature:
+    """The intensity of a loaded scene under its own settings; see `signature`."""
     check_samples(spp, tolerance, max_spp, excess)
     if by_spectrum and scene.band.is_total:
         raise InputError(

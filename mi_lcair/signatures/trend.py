@@ -2,19 +2,25 @@
 
 import json
 import os
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from hashlib import sha256
+from os import PathLike
 from pathlib import Path
+from typing import ClassVar
 
 import mitsuba as mi
 import numpy as np
 
 import mi_lcair
 from mi_lcair.errors import InputError
+from mi_lcair.fraction import fraction
+from mi_lcair.progress import Progress
 from mi_lcair.rendering.limits import check_samples
 from mi_lcair.rendering.many_views import FAINT, render_views, views_per_batch
-from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
 from mi_lcair.rendering.views import View, check_resolution
+from mi_lcair.results import Result, named
 from mi_lcair.signatures.trend_file import TrendFile
 
 # A batch may fill so many passes even with the fewest samples. This bounds the memory.
@@ -83,8 +89,12 @@ class Sweep:
             for number, (low, high) in enumerate(zip(bounds, bounds[1:]))
         ]
 
-    def header(self, band: str) -> dict[str, str]:
-        """Lines of a file's header: how its rows are made, by key."""
+    def header(self, scene: Scene) -> dict[str, str]:
+        """How the rows of a file are made, by key.
+
+        The scene is named without its folder, and its files as they were given. The fingerprint
+        covers their content.
+        """
         samples = (
             f"spp {self.spp} over each view"
             if self.spp
@@ -92,10 +102,10 @@ class Sweep:
         )
         views = sha256(repr(self.views).encode()).hexdigest()[:16]
         return {
-            "scene": self.scene,
-            "parameters": json.dumps(self.parameters, sort_keys=True),
+            "scene": scene.name,
+            "parameters": json.dumps(scene.parameters, sort_keys=True),
             "fingerprint": self.fingerprint,
-            "band": band,
+            "band": scene.band.label,
             "resolution": str(self.resolution),
             "samples": samples,
             "seed": str(self.seed),
@@ -105,13 +115,15 @@ class Sweep:
         }
 
 
-@dataclass(frozen=True)
-class Trend:
+@dataclass(frozen=True, repr=False)
+class Trend(Result):
     """Results of a trend, with one row for each view.
 
     Attributes
     ----------
-    columns : dict of str to ndarray, shape (views,)
+    scene_name : str
+        Name of the scene.
+    table : dict of str to ndarray, shape (views,)
         azimuth_deg and elevation_deg of the observer; intensity_W_sr of the model and its
         standard_error_W_sr; half_width_W_sr, half of its 95 % interval; projected_area_m2 of the
         model; paths, their number; reached, 1 if the tolerance was reached or spp was fixed,
@@ -123,14 +135,18 @@ class Trend:
         Tolerance of the intensities; None if spp was fixed.
     """
 
-    columns: dict[str, np.ndarray]
+    scene_name: str
+    table: dict[str, np.ndarray]
     band: str
     tolerance: float | None = None
+
+    kind: ClassVar[str] = "trend"
+    drawn_by: ClassVar[str] = "mi_lcair.reports.trend_plot:figure"
 
     @property
     def missed(self) -> int:
         """Number of views that did not reach the tolerance."""
-        return int(np.sum(self.columns["reached"] == 0))
+        return int(np.sum(self.table["reached"] == 0))
 
     @property
     def widest(self) -> float:
@@ -138,17 +154,46 @@ class Trend:
 
         As for the tolerance, views fainter than FAINT of the brightest count as bright as that.
         """
-        intensity, half_width = (
-            self.columns[f"{name}_W_sr"] for name in ("intensity", "half_width")
-        )
+        intensity, half_width = (self.table[f"{name}_W_sr"] for name in ("intensity", "half_width"))
         least = FAINT * intensity.max()
         return float(np.max(half_width / np.maximum(intensity, least))) if least > 0 else np.inf
 
+    def summary(self) -> str:
+        """One line with the number of views, the extremes and the widest 95 % interval."""
+        intensity, half_width = self.table["intensity_W_sr"], self.table["half_width_W_sr"]
+        least, most = int(np.argmin(intensity)), int(np.argmax(intensity))
+        return (
+            f"trend of {self.scene_name}, {self.band}: {len(intensity)} views, "
+            f"{intensity[least]:.5g} +- {half_width[least]:.2g} to "
+            f"{intensity[most]:.5g} +- {half_width[most]:.2g} W/sr (95 %)"
+        )
+
+    def entries(self) -> dict:
+        """Entries for JSON."""
+        return {
+            "scene_name": self.scene_name,
+            "band": self.band,
+            "tolerance": self.tolerance,
+            "reached": None if self.tolerance is None else not self.missed,
+            "columns": self.table,
+        }
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """The table, with a row for each view."""
+        return self.table
+
+    def to_xarray(self):
+        """The table as an xarray Dataset over (elevation_deg, azimuth_deg).
+
+        Raises InputError if xarray is not installed.
+        """
+        grid = named("mi_lcair.formats.netcdf:grid")
+        return grid(self.table, ("elevation_deg", "azimuth_deg"), **self.attributes())
+
     def at_elevation(self, elevation_deg: float) -> "Trend":
         """The rows whose elevation is `elevation_deg`, degrees."""
-        chosen = self.columns["elevation_deg"] == elevation_deg
-        columns = {name: values[chosen] for name, values in self.columns.items()}
-        return replace(self, columns=columns)
+        chosen = self.table["elevation_deg"] == elevation_deg
+        return replace(self, table={name: own[chosen] for name, own in self.table.items()})
 
     def parts(self, kind: str) -> dict[str, np.ndarray]:
         """Parts of the intensity, W/sr; `kind` is "group" or "bounce".
@@ -157,32 +202,36 @@ class Trend:
         """
         return {
             name.partition(".")[2].removesuffix("_W_sr"): values
-            for name, values in self.columns.items()
+            for name, values in self.table.items()
             if name.startswith(f"{kind}.")
         }
 
 
 def trend(
-    scene: Scene,
-    azimuths_deg,
-    elevations_deg=(0.0,),
+    scene: SceneLike,
+    azimuths_deg: Iterable[float],
+    elevations_deg: Iterable[float] = (0.0,),
     resolution: int = 64,
     spp: int | None = None,
-    tolerance: float | None = None,
+    tolerance: float | str | None = None,
     max_spp: int | None = None,
     seed: int = 0,
     batch: int | None = None,
-    path=None,
+    path: str | PathLike[str] | None = None,
     resume: bool = False,
+    overwrite: bool = False,
     dask: str | None = None,
-    progress=None,
+    progress: Progress | None = None,
+    *,
+    parameters: Mapping[str, object] | None = None,
 ) -> Trend:
     """Intensity of a scene's model toward each azimuth and elevation of the observer.
 
     Parameters
     ----------
-    scene : Scene
-        Scene with a model.
+    scene : Scene, str, Path or mi.Scene
+        A loaded scene, or what `mi_lcair.load` takes: a bundled name, a file, Mitsuba's own scene.
+        It needs a model.
     azimuths_deg : sequence of float
         Azimuths of the observer, degrees: 0 sees the nose, 90 the left side.
     elevations_deg : sequence of float
@@ -192,9 +241,9 @@ def trend(
         begin anywhere in the view, not in one pixel each.
     spp : int, optional
         Samples per pixel, instead of a tolerance.
-    tolerance : float, optional
-        Half of the 95 % interval of each view's intensity, as a fraction of it; 0.01 if spp is not
-        given.
+    tolerance : float or str, optional
+        Half of the 95 % interval of each view's intensity, as a fraction of it, such as 0.01 or
+        "1%"; 0.01 if spp is not given.
     max_spp : int, optional
         Largest number of samples per pixel for the tolerance.
     seed : int
@@ -202,14 +251,18 @@ def trend(
     batch : int, optional
         Views that are rendered together; by default as many as fit into a pass.
     path : path-like, optional
-        CSV file to write. It is complete after each batch.
+        CSV file to write, see `TrendFile`. It is complete after each batch.
     resume : bool
         Keep the views that the file holds already.
+    overwrite : bool
+        Replace a file that exists. Without it and `resume` such a file is refused.
     dask : str, optional
         Address of a Dask scheduler whose workers render the batches. They load the scene from the
         same path. The numbers are the same.
     progress : callable, optional
         Called with (views done, all views).
+    parameters : mapping of str to object, optional
+        Values of the scene's $-parameters, for a name or a file.
 
     Returns
     -------
@@ -221,11 +274,18 @@ def trend(
         If the arguments do not fit together, if a view is missing or given twice, or if the file or
         the scheduler cannot be used.
     """
+    scene, tolerance = scene_of(scene, parameters), fraction(tolerance)
+    if dask and scene.path is None:
+        raise InputError(
+            f"{scene.name}: workers load a scene from its file, and this one was loaded by "
+            "Mitsuba; leave dask out, or give the file"
+        )
     check_samples(spp, tolerance, max_spp)
+    azimuths = list(azimuths_deg)
     views = tuple(
         View(float(azimuth), float(elevation))
         for elevation in elevations_deg
-        for azimuth in azimuths_deg
+        for azimuth in azimuths
     )
     if len(set(views)) < len(views) or not views:
         raise InputError(
@@ -250,16 +310,18 @@ def trend(
         min(batch or views_per_batch(resolution), len(views)),
         mi.variant(),
     )
-    file = TrendFile(path, sweep.header(scene.band.label), sweep.batches())
+    file = TrendFile(path, sweep.header(scene), sweep.batches())
     if resume:
         file.resume()
+    elif not overwrite:
+        file.refuse_to_overwrite()
     # A batch is skipped only if all of its views are done.
     missing = [(number, views) for number, views in sweep.batches() if not file.holds(views)]
     for rows in results(scene, sweep, missing, dask):
         file.add(rows)
         if progress:
             progress(len(file.rows), len(views))
-    return Trend(file.columns(), scene.band.label, None if spp else sweep.tolerance)
+    return Trend(scene.name, file.columns(), scene.band.label, None if spp else sweep.tolerance)
 
 
 def whole_path(value: str) -> str:

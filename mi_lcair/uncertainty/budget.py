@@ -4,17 +4,22 @@ import time
 from collections.abc import Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from os import PathLike
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
 from mi_lcair import scenes
 from mi_lcair.detection.contrast import setting_of
-from mi_lcair.detection.scenario import Scenario
+from mi_lcair.detection.scenario import Scenario, scenario_of
 from mi_lcair.errors import InputError
-from mi_lcair.rendering.scene import Scene, load
+from mi_lcair.fraction import fraction
+from mi_lcair.progress import Progress
+from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
 from mi_lcair.rendering.settings import changed as settings_changed
 from mi_lcair.rendering.statistics import invalid_remark
+from mi_lcair.results import Result
 from mi_lcair.sensitivity.parameters import checked
 from mi_lcair.uncertainty.check import Check, check
 from mi_lcair.uncertainty.contrast_number import ContrastNumber
@@ -26,11 +31,12 @@ from mi_lcair.uncertainty.number import Number
 from mi_lcair.uncertainty.propagation import Row, combined, rows
 from mi_lcair.uncertainty.uncertainties import Uncertainties
 
+UNIT_NAMES = {"W/sr": "W_sr", "W m^-2": "W_m2"}  # units of results as ends of columns' names
 NOISE, TRUNCATION = "noise of the rendering", "reflections left out"
 
 
-@dataclass(frozen=True)
-class Budget:
+@dataclass(frozen=True, repr=False)
+class Budget(Result):
     """Uncertainty budget of a result.
 
     Attributes
@@ -75,26 +81,29 @@ class Budget:
     paths: int
     seconds: float
 
+    kind: ClassVar[str] = "budget"
+    drawn_by: ClassVar[str] = "mi_lcair.reports.budget_plot:figure"
+
     @property
     def sigma_of_quantities(self) -> float:
         """Combined standard uncertainty from the quantities alone, as Monte Carlo finds it."""
         return combined([row for row in self.rows if row.quantity not in (NOISE, TRUNCATION)])
 
-    def as_dict(self) -> dict:
-        """A dictionary for JSON."""
-        plain = (
-            "what",
-            "title",
-            "unit",
-            "value",
-            "sigma",
-            "remarks",
-            "renders",
-            "paths",
-            "seconds",
+    def summary(self) -> str:
+        """One line with the result and its standard uncertainty."""
+        first = self.rows[0]
+        return (
+            f"budget of {self.what}: {self.title} {self.value:.6g} +- {self.sigma:.3g} "
+            f"{self.unit} (one standard uncertainty), most from {first.quantity} "
+            f"({100 * first.share:.3g} % of the variance)"
         )
+
+    def entries(self) -> dict:
+        """Entries for JSON. Value, sigma and contributions are in the unit of the entry `unit`."""
+        plain = ("what", "title", "unit", "value", "sigma", "remarks", "renders", "paths")
         return {
             **{name: getattr(self, name) for name in plain},
+            "time_s": self.seconds,
             "sigma_of_quantities": self.sigma_of_quantities,
             "rows": [row.as_dict() for row in self.rows],
             "names": self.inputs.names,
@@ -103,34 +112,67 @@ class Budget:
             "monte_carlo": self.monte_carlo and self.monte_carlo.as_dict(),
         }
 
+    def columns(self) -> dict[str, np.ndarray]:
+        """A row for each quantity, and for each member of a group of correlated ones.
+
+        A group's row is followed by its members, whose share is NaN. `unit` is that of value and
+        sigma. The contribution is in the unit of the result.
+        """
+        table = [one for row in self.rows for one in (row, *row.members)]
+        in_group = [
+            len(parent.members) > 0 and one is not parent
+            for parent in self.rows
+            for one in (parent, *parent.members)
+        ]
+        number = lambda name: np.array(
+            [np.nan if getattr(one, name) is None else getattr(one, name) for one in table], float
+        )
+        contribution = f"contribution_{UNIT_NAMES.get(self.unit, '')}".rstrip("_")
+        return {
+            "quantity": np.array([one.quantity for one in table]),
+            "is_member": np.array(in_group),
+            "value": number("value"),
+            "sigma": number("sigma"),
+            "unit": np.array([one.unit for one in table]),
+            "sensitivity": number("sensitivity"),
+            "sensitivity_error": number("sensitivity_error"),
+            contribution: number("contribution"),
+            "share": number("share"),
+        }
+
 
 def budget(
-    what,
-    uncertainties,
+    what: SceneLike | Scenario,
+    uncertainties: str | PathLike[str] | Mapping | Uncertainties,
     *,
     sensor: int = 0,
     spp: int | None = None,
-    tolerance: float | None = None,
+    tolerance: float | str | None = None,
     seed: int = 0,
     draws: int | None = None,
-    progress=None,
+    progress: Progress | None = None,
+    parameters: Mapping[str, object] | None = None,
 ) -> Budget:
     """Uncertainty budget of a target's intensity, or of the contrast of a scenario.
 
     Parameters
     ----------
-    what : Scene, Scenario, str or path-like
+    what : Scene, mi.Scene, Scenario, str or path-like
         A scene with an orthographic sensor, a contrast scenario, or the file or the bundled name of
-        either. The table [render] of a scenario sets its sampling.
+        either.
     uncertainties : str, path-like, dict or Uncertainties
         TOML file with the uncertainties, or its tables as a dictionary, see
         `mi_lcair.uncertainty.uncertainties`.
     sensor, spp, tolerance, seed
-        As for `signature`; for a scene only.
+        As for `signature`. A scenario has no sensor. The others replace the entries of [render] of
+        a scenario that is named.
     draws : int or None
         Also compute the distribution of the result from this number of random draws.
     progress : callable or None
         Called with (renders or draws done, expected).
+    parameters : mapping of str to object, optional
+        Values of the $-parameters of a scene, or entries of a scenario by dotted key, where it is
+        named.
 
     Returns
     -------
@@ -146,11 +188,14 @@ def budget(
     stated = Uncertainties.read(uncertainties)
     if draws is not None:
         check_draws(draws)
-    if isinstance(what, (str, Path)):
-        what = scene_or_scenario(what)
-    if isinstance(what, Scenario) and (sensor, spp, tolerance, seed) != (0, None, None, 0):
-        raise InputError("the table [render] of a scenario sets its sampling")
-    sampling = {"sensor": sensor, "spp": spp, "tolerance": tolerance, "seed": seed}
+    sampling = {"spp": spp, "tolerance": fraction(tolerance), "seed": seed}
+    if is_scenario(what):
+        if sensor:
+            raise InputError("sensor is one of a scene; a scenario has its observer")
+        what = scenario_of(what, parameters, **sampling | {"seed": seed or None})
+    else:
+        what = scene_of(what, parameters)
+    sampling["sensor"] = sensor
     with result_of(what, sampling) as number:
         inputs = Inputs.of(stated, number.known, number.what)
         number.start()
@@ -195,14 +240,11 @@ def budget(
         )
 
 
-def is_scenario(what: str | Path) -> bool:
-    """Whether a file or a bundled name is that of a contrast scenario, not of a scene."""
-    return Path(what).suffix == ".toml" or str(what) in scenes.scenarios()
-
-
-def scene_or_scenario(what: str | Path) -> Scene | Scenario:
-    """The scene or the scenario of a file or of a bundled name."""
-    return Scenario.read(what) if is_scenario(what) else load(what)
+def is_scenario(what: object) -> bool:
+    """Whether it is a contrast scenario, or the file or the bundled name of one."""
+    if isinstance(what, (str, PathLike)):
+        return Path(what).suffix == ".toml" or str(what) in scenes.scenarios()
+    return isinstance(what, Scenario)
 
 
 @contextmanager

@@ -39,14 +39,14 @@ def budget_image(
         That of `render`, with the names and the covariance of the quantities.
     """
     image = render(scene, spp=spp, seed=seed, sensor=sensor)
-    columns = derivative_images(
+    of_radiance = derivative_images(
         scene, inputs.names, sensor=sensor, spp=spp, seed=seed, progress=progress
     )
     derivatives = {
         f"d.{name}.Y": column.astype(np.float32)
-        for name, column in zip(inputs.names, columns.derivative)
+        for name, column in zip(inputs.names, of_radiance.derivative)
     }
-    sigma = np.sqrt(variance(columns, inputs.covariance)).astype(np.float32)
+    sigma = np.sqrt(variance(of_radiance, inputs.covariance)).astype(np.float32)
     stated = {
         "uncertain": json.dumps(inputs.names),
         "covariance": json.dumps(inputs.covariance.tolist()),
@@ -54,16 +54,16 @@ def budget_image(
     return image.channels | derivatives | {"sigma.Y": sigma}, image.header | stated
 
 
-def variance(columns: DerivativeImages, covariance: np.ndarray) -> np.ndarray:
+def variance(images: DerivativeImages, covariance: np.ndarray) -> np.ndarray:
     """Variance of the radiance of each pixel, (height, width).
 
     The square of a noisy derivative would be too large on average. Products of independent
     randomisations are right on average, and only they are used if there are several.
     """
     quadratic = lambda d: np.einsum("khw,kl,lhw->hw", d, covariance, d, optimize=True)
-    count = len(columns.columns)
-    squares = count**2 * quadratic(columns.derivative)
+    count = len(images.derivatives)
+    squares = count**2 * quadratic(images.derivative)
     if count == 1:
         return squares
-    own = sum(quadratic(column.astype(float)) for column in columns.columns)
+    own = sum(quadratic(column.astype(float)) for column in images.derivatives)
     return np.maximum(squares - own, 0) / (count * (count - 1))

@@ -37,7 +37,8 @@ def main(folder):
     for name, text in models().items():
         obj = folder / f"{name}.obj"
         obj.write_text(text, encoding="ascii", newline="\n")
-        facets.export(facets.read(obj), folder / name, sky=SKY if name == "world_sphere" else None)
+        sky = SKY if name == "world_sphere" else None
+        facets.export(facets.read(obj), folder / name, sky=sky, overwrite=True)
 
 
 if __name__ == "__main__":

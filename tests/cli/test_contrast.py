@@ -65,7 +65,7 @@ def test_json(run):
     found = json.loads(run(*plain, "-D", "sensor.nei=1e-9", "--range").stdout)
     (row,) = found["rows"]
     assert (
-        row["total"]["value"] < 0 < row["total"]["standard_error"]
+        row["total_W_m2"]["value"] < 0 < row["total_W_m2"]["standard_error"]
         and row["detected"]
         and row["max_bounces"] == 1
     )
@@ -75,7 +75,7 @@ def test_json(run):
         and found["scenario"]["sensor"]["nei"] == 1e-9
     )
     assert found["tolerance"] is found["reached"] is row["reached"] is None
-    assert row["half_width"] > 2 * row["total"]["standard_error"]
+    assert row["half_width_W_m2"] > 2 * row["total_W_m2"]["standard_error"]
     without = json.loads(run(*plain).stdout)["rows"][0]
     assert without["detected"] is None and "detection_range" not in without
 
@@ -207,7 +207,7 @@ def test_notes_on_stderr(run):
         (["-D", "atmosphere.table=negative.csv"], "transmittance -0.1"),
         (["-D", "sensor.response=row.csv"], "needs two rows"),
         (["--range"], "--range needs nei"),
-        (["--plot", "x.pdf"], "does not end in .png"),
+        (["--plot", "x.jpg"], "does not end in .png, .svg or .pdf"),
         (["--plot", "none/x.png"], "does not exist"),
         (["-D", "sensor"], "key=value"),
         (["--spp", "4", "--tolerance", "1%"], "do not go with it"),

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import mi_lcair
-from tests.models3d.shapes import SKY, cube
+from tests.models3d.shapes import SIDES, SKY, cube, obj
 
 CHECKOUT = Path(mi_lcair.__file__).parents[1]
 BOXES = (
@@ -52,10 +52,10 @@ facing inward          0
 without area           0
 duplicate              0
 not planar             0 (at most 0 mm off)
-written to             boxes, 5 files; next: mi-lcair signature boxes/scene.xml
+written to             boxes, 6 files; next: mi-lcair signature boxes/scene.xml
 """
     )
-    assert len(list((folder / "boxes").iterdir())) == 5
+    assert len(list((folder / "boxes").iterdir())) == 6
 
 
 def test_json(run, folder):
@@ -147,7 +147,7 @@ def test_files_are_replaced_and_others_left_alone(run, refused, folder):
     assert run("import", "model.obj", "-o", "boxes").exit_code == 0
     assert (folder / "boxes" / "mine.txt").read_text() == "old"
     assert (folder / "boxes" / "scene.xml").read_text() != small
-    assert len(list((folder / "boxes").iterdir())) == 4
+    assert len(list((folder / "boxes").iterdir())) == 5
     assert run("import", "model.obj", "-o", ".").exit_code == 0 and (folder / "scene.xml").is_file()
     for file in ("scene.xml", "model.xml"):
         path = folder / "boxes" / file
@@ -177,10 +177,147 @@ def test_thin_sheets_are_remarked(run, folder):
     assert "lie" not in run("import", "model.obj", "--check").stderr
 
 
+def test_edited_files_are_not_replaced_silently(run, refused, folder):
+    """A second import names all files that were edited, and replaces them with --overwrite only."""
+    options = ("--materials", "own.toml", "--material", "rust")
+    command = ("import", "model.obj", "-o", "boxes", *options)
+    assert run(*command).exit_code == 0
+    mesh = next((folder / "boxes").glob("*_f_rust.ply"))
+    edited = sorted([folder / "boxes" / "materials.toml", folder / "boxes" / "model.png", mesh])
+    (folder / "model.obj").write_text(cube(size=3))
+    (folder / "own.toml").write_text((folder / "own.toml").read_text() + "# newer\n")
+    assert run(*command).exit_code == 0  # nothing was edited
+    for path in edited:
+        path.write_bytes(path.read_bytes() + b" ")
+    before = {path: path.read_bytes() for path in (folder / "boxes").iterdir()}
+    message = refused(*command)
+    assert f"{', '.join(str(path.relative_to(folder)) for path in edited)}: were written" in message
+    assert message.count("boxes/") == 3 and "give --overwrite" in message
+    assert {path: path.read_bytes() for path in (folder / "boxes").iterdir()} == before
+    assert run(*command, "--overwrite").exit_code == 0
+    assert all(path.read_bytes() != before[path] for path in edited)
+    assert run(*command).exit_code == 0
+
+
+def test_files_of_others_are_not_replaced(run, refused, folder):
+    """Without model.xml nothing says what an import wrote; what differs is kept."""
+    assert run("import", "model.obj", "-o", "boxes").exit_code == 0
+    (folder / "boxes" / "model.xml").unlink()
+    assert run("import", "model.obj", "-o", "boxes").exit_code == 0  # the files are the same
+    (folder / "boxes" / "model.xml").unlink()
+    (folder / "boxes" / "model.png").write_bytes(b"mine")
+    assert "boxes/model.png: was written by somebody else" in refused(
+        "import", "model.obj", "-o", "boxes"
+    )
+
+
+def test_axes(run, refused, folder):
+    """A model that lies on its side is remarked, and turned upright by Blender's two options."""
+    points = [(x, z, -y) for x in (0, 3) for y in (-1, 1) for z in (0, 5)]
+    (folder / "lying.obj").write_text("# Blender 4.5.1\n" + obj(points, SIDES))
+    upright = ("import", "lying.obj", "--forward", "-Z", "--up", "Y", "--check")
+    result = run("import", "lying.obj", "--check")
+    assert "bounding box           3 x 5 x 2 m" in result.stdout
+    (note,) = result.stderr.splitlines()
+    assert "Blender 4.5.1 wrote the file" in note and "give --forward -Z --up Y" in note
+    result = run(*upright)
+    assert "bounding box           3 x 2 x 5 m" in result.stdout and not result.stderr
+    assert "bounding box           2 x 3 x 5 m" in run(*upright, "--nose", "Y").stdout
+    assert "--forward Y and --up Y lie on one line" in refused(
+        "import", "lying.obj", "--up", "Y", "--check"
+    )
+    assert "'--up'" in refused("import", "lying.obj", "--up", "up", "--check")
+
+
+def test_names_and_one_temperature(run, refused, folder):
+    """Files without labels: one material and temperature for all, or a table of names."""
+    result = run(
+        "import", "plain.obj", "--material", "blackbody", "--temperature", "320", "--check"
+    )
+    assert "320 to 320 K" in result.stdout, result.output
+    (folder / "names.toml").write_text("[Cube]\nmaterial = 'bareAl'\nkelvin = 333\n[Ball]\n")
+    result = run("import", "plain.obj", "--names", "names.toml", "--check")
+    assert "333 to 333 K" in result.stdout, result.output
+    assert "note: names.toml: nothing in plain.obj is called Ball" in result.stderr
+    result = run("import", "plain.obj", "--names", "names.toml", "--temperature", "340", "--check")
+    assert "340 to 340 K" in result.stdout, result.output
+    for options, reason in (
+        (["--temperature", "20"], "temperature '20' looks like degrees Celsius"),
+        (["--temperature", "300", "--temperatures", "t.csv"], "exclude each other"),
+        (["--names", "t.csv"], "the header must name name"),
+        (["--names", "none.csv"], "none.csv: cannot be read"),
+    ):
+        assert reason in refused(
+            "import", "plain.obj", *options, "--material", "diffuse", "--check"
+        ), options
+
+
+@pytest.mark.slow
+def test_a_fit_is_a_material(run, folder):
+    """A fit's file in a label, as --material and as --materials: the scene works from another
+    folder, and all three give the same intensity.
+    """
+    fit = {
+        "parameters": {"epsilon": 0.5, "rho_d": 0.1, "b": 0.3, "e": 0.2},
+        "form": "thesis",
+        "band": "8-12",
+    }
+    (folder / "fits").mkdir()
+    (folder / "fits" / "paint.json").write_text(json.dumps(fit))
+    (folder / "labelled.obj").write_text(cube(label="f*fits/paint.json*300*"))
+    (folder / "model.obj").write_text(cube(label="f*paint*300*"))
+    imports = {
+        "in_label": ["labelled.obj"],
+        "as_material": ["plain.obj", "--material", "fits/paint.json", "--temperature", "300"],
+        "as_materials": ["model.obj", "--materials", "fits/paint.json"],
+    }
+    intensities = []
+    for name, words in imports.items():
+        result = run("import", *words, "-o", name)
+        assert result.exit_code == 0, result.output
+        assert (folder / name / "paint.json").is_file()
+    (folder / "fits").rename(folder / "elsewhere")
+    for name in imports:
+        (folder / name).rename(folder / "elsewhere" / name)
+        scene = mi_lcair.load(folder / "elsewhere" / name / "scene.xml", resolution=16)
+        intensities.append(mi_lcair.signature(scene, spp=16).target.intensity)
+    assert intensities == [intensities[0]] * 3 and intensities[0] > 0
+
+
+@pytest.mark.parametrize(
+    "text, reason",
+    [
+        (None, "fits.json: cannot be read"),
+        ("{", "materials file fits.json: "),
+        ("{}", "fits.json: key 'parameters' is missing"),
+        ('{"materials": 3}', "key 'materials' must be a table"),
+    ],
+)
+def test_a_file_that_is_no_fit(refused, folder, text, reason):
+    if text is not None:
+        (folder / "fits.json").write_text(text)
+    (folder / "labelled.obj").write_text(cube(label="f*fits.json*300*"))
+    for words in (["labelled.obj"], ["model.obj", "--material", "fits.json"]):
+        message = refused("import", *words, "-o", "out")
+        assert reason in message and not (folder / "out").exists()
+    assert "fits.json" in refused("import", "model.obj", "--materials", "fits.json", "-o", "out")
+
+
+def test_two_fits_of_one_name(refused, folder):
+    fit = '{"parameters": {}, "form": "thesis", "band": "any"}'
+    for name in ("a", "b"):
+        (folder / name).mkdir()
+        (folder / name / "paint.json").write_text(fit)
+    (folder / "model.obj").write_text(
+        cube(label="f*a/paint.json*300*") + cube(at=(3, 0, 0), label="f*b/paint.json*300*")
+    )
+    assert "has the same name" in refused("import", "model.obj", "-o", "out")
+
+
 @pytest.mark.parametrize(
     "text, args, reason",
     [
-        (None, [], "Missing argument 'MODEL.obj'"),
+        (None, [], "Missing argument 'MODEL'"),
         (BOXES, ["--scale", "mm"], "--scale"),
         (BOXES, ["-o", "out", "--check"], "give either -o FOLDER or --check"),
         (BOXES, [], "give either -o FOLDER or --check"),
@@ -246,12 +383,21 @@ def test_an_interrupt_leaves_nothing(run, folder, monkeypatch):
 
 
 @pytest.mark.slow
-def test_needs_no_renderer(folder):
-    """The command imports neither Mitsuba nor Dr.Jit, which are slow to load."""
+@pytest.mark.parametrize(
+    "what, unneeded",
+    [
+        (["-o", "out"], {"mitsuba", "drjit", "colour", "trimesh"}),
+        (["--check"], {"mitsuba", "drjit", "colour", "trimesh", "matplotlib"}),
+    ],
+)
+def test_needs_no_renderer(folder, what, unneeded):
+    """The command imports neither Mitsuba nor Dr.Jit, which are slow to load. It imports Matplotlib
+    only to draw a picture.
+    """
     code = (
-        "import sys\nfrom mi_lcair.cli import main\ntry:\n    main(['import', 'model.obj', '-o', "
-        "'out'])\nexcept SystemExit as end:\n"
-        "    assert not end.code\nassert not {'mitsuba', 'drjit', 'matplotlib', 'colour'} & "
+        "import sys\nfrom mi_lcair.cli import main\ntry:\n"
+        f"    main(['import', 'model.obj', *{what}])\n"
+        f"except SystemExit as end:\n    assert not end.code\nassert not {unneeded} & "
         "set(sys.modules)\n"
     )
     subprocess.run(

@@ -275,7 +275,7 @@ def test_each_number_of_reflections_ends_at_the_tolerance():
         None,
         True,
     )
-    assert all(row["reached"] and row["half_width"] > 0 for row in entries["rows"])
+    assert all(row["reached"] and row["half_width_W_m2"] > 0 for row in entries["rows"])
 
 
 def kernels_by_row(monkeypatch, scenario):

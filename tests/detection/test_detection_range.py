@@ -126,8 +126,9 @@ def test_the_table_ends_first():
         result.intervals_m == [(5.0, 300.0)] and result.at_least and result.standard_error_m is None
     )
     assert result.as_dict() == {
+        "kind": "detection_range",
         "largest_m": 300.0,
-        "intervals_m": [(5.0, 300.0)],
+        "intervals_m": [[5.0, 300.0]],
         "standard_error_m": None,
         "at_least": True,
     }

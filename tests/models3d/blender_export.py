@@ -1,12 +1,14 @@
 """Writes the files of tests/data/blender with Blender: `python blender_export.py FOLDER`.
 
-It runs in an interpreter that has Blender's module `bpy`. The model is a hull with a fin on top of
-its tail and a copy of the fin on its left. It has no symmetry, so that every turn of the axes
-shows. The copy is turned and mirrored by its object's transform.
+`python blender_export.py FOLDER drone` writes scenes/examples/drone.obj instead.
+
+It runs in an interpreter that has Blender's module `bpy`. The tests' model is a hull with a
+fin on top of its tail and a copy of the fin on its left. It has no symmetry, so that every turn of
+the axes shows. The copy is turned and mirrored by its object's transform.
 """
 
 import sys
-from math import radians
+from math import cos, pi, radians, sin
 from pathlib import Path
 
 import bpy
@@ -57,9 +59,29 @@ def main(folder):
     bpy.ops.export_scene.gltf(filepath=str(folder / "plain.glb"))
     bpy.ops.wm.ply_export(filepath=str(folder / "plain.ply"))
     bpy.ops.wm.stl_export(filepath=str(folder / "plain.stl"))
-    for materials in folder.glob("*.mtl"):
-        materials.unlink()
+
+
+def drone(folder):
+    """A fuselage of eight sides with a nozzle, two wings and a fin; small gaps separate them."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    ring = [(0.3 * cos(pi * (k + 0.5) / 4), 0.3 * sin(pi * (k + 0.5) / 4)) for k in range(8)]
+    corners = [(x, y, z) for x in (-1.5, 1.0) for y, z in ring] + [(1.7, 0, 0)]
+    sides = [(k, (k + 1) % 8, 8 + (k + 1) % 8, 8 + k) for k in range(8)]
+    cone = [(8 + k, 8 + (k + 1) % 8, 16) for k in range(8)]
+    mesh = bpy.data.meshes.new("Fuselage")
+    mesh.from_pydata(corners, [], [*sides, *cone, tuple(range(7, -1, -1))])
+    for material in ("Skin", "Nozzle"):
+        mesh.materials.append(bpy.data.materials.new(material))
+    mesh.polygons[-1].material_index = 1
+    bpy.context.collection.objects.link(bpy.data.objects.new("Fuselage", mesh))
+    for side in (1, -1):
+        box("Wing", (-0.6, 0.29, -0.03), (0.2, 1.8, 0.03), ["Skin"]).scale = (1, side, 1)
+    box("Fin", (-1.4, -0.02, 0.29), (-0.9, 0.02, 0.8), ["Skin"])
+    bpy.ops.wm.obj_export(filepath=str(folder / "drone.obj"))
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]).resolve())
+    output = Path(sys.argv[1]).resolve()
+    (drone if sys.argv[2:] == ["drone"] else main)(output)
+    for materials in output.glob("*.mtl"):
+        materials.unlink()

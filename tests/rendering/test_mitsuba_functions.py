@@ -47,10 +47,3 @@ def test_render_gives_mitsubas_image_and_its_gradient(scene, arguments):
     assert dr.grad(parameters[KEY])[0] == pytest.approx(4 * mean.array[0] / 500, rel=0.02)
     with dr.suspend_grad():
         assert np.array_equal(mi.render(scene, spp=16), mi.render(scene.mi, spp=16))
-
-
-@pytest.mark.slow
-def test_the_functions_stay_when_the_variant_changes(scene):
-    with mi.variant_context("llvm_ad_rgb"):
-        assert mi.traverse(mi.load_dict({"type": "sphere"})).keys()
-    assert mi.util.render is mi.render and mi.traverse(scene).keys()

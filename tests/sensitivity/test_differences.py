@@ -50,7 +50,7 @@ def test_a_plate_in_closed_form(plate):
     np.testing.assert_allclose(found.derivative, edge * expected, rtol=2e-4)
     assert np.all(np.abs(found.derivative - expected) < 6 * found.error[1:])
     assert found.method == ("difference",) * 2 and found.deviations.shape == (3, 8)
-    assert found.bounces[0] == pytest.approx(found.value) and found.bounces[1:].max() == 0
+    assert found.by_bounce[0] == pytest.approx(found.value) and found.by_bounce[1:].max() == 0
 
 
 def test_a_step_ends_at_a_bound(plate):
@@ -98,7 +98,7 @@ def test_images_agree_with_the_intensity(plate):
     """The sum of an image over its pixels, times their area, is the intensity."""
     names = ("plate.temperature", "paint.reflectance")
     images = image_differences(plate, names, (0.1, 0.01), spp=16)
-    assert images.radiance.shape == (4, 16, 16) and images.columns.shape == (4, 2, 16, 16)
+    assert images.radiance.shape == (4, 16, 16) and images.derivatives.shape == (4, 2, 16, 16)
     pixel = (4 / 16) ** 2
     number = differences(plate, names, (0.1, 0.01), spp=16, part="scene")
     assert images.mean.sum() * pixel == pytest.approx(number.value, rel=0.01)

@@ -198,10 +198,11 @@ def test_images_agree_with_the_window_and_with_differences(load):
     scene, names = load("brdf"), (*NAMES["brdf"], "grey.reflectance", "ball.temperature")
     found = derivative_images(scene, names, spp=256, seed=3)
     expected = image_differences(scene, names, [0.01] * 5 + [1.0], spp=64, seed=4)
-    assert found.columns.shape == (4, 6, 16, 16) and found.radiance.shape == (4, 16, 16)
+    assert found.derivatives.shape == (4, 6, 16, 16) and found.radiance.shape == (4, 16, 16)
     for k, name in enumerate(names):
         errors = [
-            images.columns[:, k].mean(axis=(1, 2)).std(ddof=1) / 2 for images in (found, expected)
+            images.derivatives[:, k].mean(axis=(1, 2)).std(ddof=1) / 2
+            for images in (found, expected)
         ]
         difference = found.derivative[k].mean() - expected.derivative[k].mean()
         # Three degrees of freedom each: 10 standard errors are one in 10^4
@@ -210,7 +211,7 @@ def test_images_agree_with_the_window_and_with_differences(load):
         )
     whole = sensitivities(scene, names, paths=2**18, part="scene", seed=5)
     for k, name in enumerate(names):
-        of_image = 16 * found.columns[:, k].mean(axis=(1, 2))
+        of_image = 16 * found.derivatives[:, k].mean(axis=(1, 2))
         error = np.hypot(of_image.std(ddof=1) / 2, whole.error[1 + k])
         assert abs(of_image.mean() - whole.derivative[k]) < 8 * error, name
 

@@ -28,6 +28,7 @@ from mi_lcair.cli.output import (
 )
 from mi_lcair.cli.usage import completion
 from mi_lcair.cli.usage.examples import examples
+from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 
 
@@ -46,7 +47,7 @@ from mi_lcair.errors import InputError
     help="The uncertainties, FILE.toml: standard deviations, covariances, reports of fits.",
 )
 @changes_option("Set a $-parameter of the scene, or an entry of the scenario")
-@plot_option("Draw a tornado chart, FILE.png.")
+@plot_option("Draw a tornado chart, FILE.png, .svg or .pdf.")
 @click.option(
     "--image",
     type=click.Path(path_type=Path),
@@ -94,7 +95,7 @@ def command(
     """
     from mi_lcair.uncertainty.uncertainties import Uncertainties
 
-    check_outputs((plot, ".png"), (image, ".exr"))
+    check_outputs((plot, PICTURES), (image, ".exr"))
     stated = Uncertainties.read(uncertainties)
     sampling = {"spp": spp, "tolerance": tolerance}
     sampling = {name: value for name, value in sampling.items() if value is not None}

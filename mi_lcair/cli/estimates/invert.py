@@ -14,6 +14,7 @@ from mi_lcair.cli.output import (
     print_written,
 )
 from mi_lcair.cli.usage.examples import examples
+from mi_lcair.drawing import PICTURES
 
 MOST_ROWS = 40  # unknowns in the table; of more, the facets are summed up
 MOST_LINES = 5  # sentences of advice
@@ -37,7 +38,8 @@ MOST_LINES = 5  # sentences of advice
 @click.option(
     "--plot",
     type=click.Path(path_type=Path),
-    help="Draw measured, predicted and their difference in standard deviations, FILE.png.",
+    help="Draw measured, predicted and their difference in standard deviations, FILE.png, "
+    ".svg or .pdf.",
 )
 @click.option("--no-advice", is_flag=True, help="Do not compute what to measure next.")
 @renderer_options
@@ -51,7 +53,7 @@ def command(problem, output, plot, no_advice, variant, threads, json):
     what the data do not determine, and which further measurement would help most. With [goal] in
     place of measurements, it looks for the values that give a wanted intensity or contrast.
     """
-    check_outputs((output, ".json"), (plot, ".png"))
+    check_outputs((output, ".json"), (plot, PICTURES))
     prepare_renderer(variant, threads)
     with progress_bar("renders") as progress:
         solution = mi_lcair.invert(problem, advise=not no_advice, progress=progress)

@@ -24,6 +24,7 @@ from mi_lcair.cli.output import (
     print_written,
 )
 from mi_lcair.cli.usage.examples import examples
+from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 
 
@@ -42,7 +43,7 @@ from mi_lcair.errors import InputError
     is_flag=True,
     help="Find the ranges at which the target is detected; needs sensor.nei.",
 )
-@plot_option("Draw the spectra, FILE.png.")
+@plot_option("Draw the spectra, FILE.png, .svg or .pdf.")
 @sampling_options(
     spp="Number of paths, divided by the number of pixels of render.resolution, instead of a "
     "tolerance (default: 64). The paths begin anywhere in a window around the target.",
@@ -69,7 +70,7 @@ def command(scenario, changes, ranges, plot, solution, variant, threads, json, *
     """
     from mi_lcair.detection.scenario import Scenario
 
-    check_outputs((plot, ".png"))
+    check_outputs((plot, PICTURES))
     given = {name: value for name, value in sampling.items() if value is not None}
     own = {f"render.{name}": value for name, value in given.items()}
     if solution:
@@ -228,15 +229,7 @@ def _error(result):
 
 def _sentence(detection):
     """The intervals of a detection range, as text."""
-    if not detection.intervals_m:
-        return "no range"
-    ranges = ", ".join(f"{start:.5g}-{end:.5g} m" for start, end in detection.intervals_m)
-    end = (
-        "; at least: the atmosphere's table ends there"
-        if detection.at_least
-        else f" +- {detection.standard_error_m:.2g} m"
-    )
-    return ranges + end
+    return detection.summary().removeprefix("detected at ").removesuffix(" (standard error)")
 
 
 def _with_error(estimate):

@@ -27,6 +27,7 @@ from mi_lcair.cli.output import (
     print_written,
 )
 from mi_lcair.cli.usage.examples import examples
+from mi_lcair.drawing import PICTURES
 
 
 @click.command(
@@ -52,7 +53,7 @@ from mi_lcair.cli.usage.examples import examples
     help="Number of frames with independent noise, pages of FILE.tif. There is one render.",
 )
 @seed_option("Seed of the camera's noise and fixed pattern.")
-@plot_option("Draw frame and measures, FILE.png.")
+@plot_option("Draw frame and measures, FILE.png, .svg or .pdf.")
 @sampling_options(
     spp="Paths through a pixel (default: 64).",
     tolerance="Render until the rms standard error over the pixels on the target is at most this "
@@ -69,12 +70,12 @@ def command(scenario, output, changes, frames, seed, plot, variant, threads, jso
     counts of all frames. Printed are the camera's noise in mK and its sharpness, predicted and
     measured, and the target's electrons and signal-to-noise ratio over range in m.
     """
+    from mi_lcair.camera.image import write_counts
     from mi_lcair.detection.scenario import Scenario
-    from mi_lcair.formats import tiff
     from mi_lcair.rendering.image import write_exr
 
     pages = output.with_suffix(".tif")
-    check_outputs((output, ".exr"), (pages, ".tif"), (plot, ".png"))
+    check_outputs((output, ".exr"), (pages, ".tif"), (plot, PICTURES))
     given = {name: value for name, value in sampling.items() if value is not None}
     own = {f"render.{name}": value for name, value in given.items()}
     parsed = Scenario.read(scenario, **dict(changes) | own)
@@ -85,13 +86,7 @@ def command(scenario, output, changes, frames, seed, plot, variant, threads, jso
     for remark in result.remarks:
         note(remark)
     write_exr(output, result.channels, result.header)
-    camera = parsed.camera
-    tiff.write(
-        pages,
-        result.counts,
-        f"{camera.electrons_per_count:.9g} electrons in a count, {camera.pedestal:.9g} counts "
-        f"without electrons, {camera.integration_time_ms:g} ms",
-    )
+    write_counts(pages, result)
     if plot:
         from mi_lcair.reports.camera_plot import save_plot
 

@@ -219,7 +219,7 @@ class Datum:
             randomisations=sampling.randomisations,
         )
         radiance = found.radiance[:, self.counts].astype(float)
-        columns = [of[:, self.counts].T.astype(float) for of in found.columns]
+        columns = [of[:, self.counts].T.astype(float) for of in found.derivatives]
         return radiance, columns
 
     def _facet_columns(self, facets, values, sampling, seed):

@@ -25,11 +25,18 @@ def figure(render: Render, channels=DEFAULT, log: bool = False, **options):
     InputError
         If the image has no such channel.
     """
+    return image_picture.figure(
+        chosen(render.channels, channels, render.scene_name),
+        f"{render.scene_name}, {render.band.label}",
+        log,
+        **options,
+    )
+
+
+def chosen(known: dict, channels, scene_name: str) -> dict:
+    """The named channels of `known`; raises InputError for a name that it does not have."""
     names = [channels] if isinstance(channels, str) else list(channels)
     for name in names:
-        if name not in render.channels:
-            raise unknown(f"channel of the render of {render.scene_name}", name, render.channels)
-    title = f"{render.scene_name}, {render.band.label}"
-    return image_picture.figure(
-        {name: render.channels[name] for name in names}, title, log, **options
-    )
+        if name not in known:
+            raise unknown(f"channel of the image of {scene_name}", name, known)
+    return {name: known[name] for name in names}

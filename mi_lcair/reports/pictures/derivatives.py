@@ -1,0 +1,23 @@
+"""Picture of the derivatives of an image."""
+
+from mi_lcair.reports import image_picture
+from mi_lcair.reports.pictures.render import chosen
+from mi_lcair.sensitivity.derivative_images import DerivativeImages
+
+MOST_PANELS = 9  # the radiance and derivatives that are drawn without a choice
+
+
+def figure(images: DerivativeImages, channels=None, log: bool = False, **options):
+    """Figure with one panel for each channel, see `image_picture.figure`.
+
+    channels: names of channels; by default the radiance and the first derivatives.
+    """
+    known = images.channels
+    if channels is None:
+        channels = [name for name in known if not name.startswith("stderr.")][:MOST_PANELS]
+    return image_picture.figure(
+        chosen(known, channels, images.scene_name),
+        f"{images.scene_name}, {images.band}",
+        log,
+        **options,
+    )

@@ -1,0 +1,155 @@
+"""What faces are: labels in names, tables of names, copies that Blender has numbered."""
+
+import numpy as np
+import pytest
+
+from mi_lcair.errors import InputError
+from mi_lcair.models3d import read
+from mi_lcair.models3d.modellers.naming import NameTable, without_number
+from tests.models3d.shapes import cube
+
+
+@pytest.fixture
+def load(tmp_path):
+    """Function that reads a model with a table of names, given as texts."""
+
+    def load(text, names=None, suffix=".csv", **options):
+        (tmp_path / "model.obj").write_text(text)
+        if names is not None:
+            options["names"] = tmp_path / f"names{suffix}"
+            options["names"].write_text(names)
+        return read(tmp_path / "model.obj", **options)
+
+    return load
+
+
+@pytest.mark.parametrize(
+    "label, others, bare",
+    [
+        ("f*bareAl*300*group=plume.001", (), "f*bareAl*300*group=plume"),
+        ("f*bareAl*300*.012", (), "f*bareAl*300*"),
+        ("f*bareAl*300*Cube.001", (), "f*bareAl*300*Cube"),
+        ("s*blackbody*288*elevation_deg=4.5.001", (), "s*blackbody*288*elevation_deg=4.5"),
+        # a number with three decimals is one, unless its beginning is a name too
+        ("f*bareAl*300.125", (), "f*bareAl*300.125"),
+        ("f*bareAl*300.001", ("f*bareAl*300",), "f*bareAl*300"),
+        ("s*blackbody*288*elevation_deg=4.125", (), "s*blackbody*288*elevation_deg=4.125"),
+        ("f*bareAl*300.0015", (), "f*bareAl*300.0015"),
+        ("f*bareAl*300*", (), "f*bareAl*300*"),
+    ],
+)
+def test_numbers_of_copies(label, others, bare):
+    assert without_number(label, others) == bare
+
+
+def test_copies_of_a_group(load):
+    """Copies of an object belong to one mesh."""
+    text = cube(label="f*bareAl*300*group=fin") + cube(label="f*bareAl*300*group=fin.001")
+    assert {label.group for label in load(text).labels} == {"fin"}
+
+
+def test_which_name_goes_first(load):
+    """A material's entry goes before a group's and an object's, and the table before labels."""
+    names = (
+        "name,material,kelvin\nHull,gloss_black,301\nleft,gloss_black,302\nRust,gloss_black,303\n"
+    )
+    face = "f -1 -2 -3\n"
+    text = cube(label="Hull") + face + "g left\n" + face + "usemtl Rust\n" + face + "g\n" + face
+    text += "usemtl Other\no f*bareAl*310*\n" + face + "o Hull.002\n" + face
+    model = load(text, names)
+    assert model.temperature[5:].tolist() == [301, 301, 302, 303, 303, 310, 301]
+
+
+def test_labels_of_materials(load):
+    """A material's name is a label where no group or object has one."""
+    face = "f -1 -2 -3\n"
+    text = "usemtl f*gloss_black*301*\n" + cube(label="Hull") + "o f*bareAl*310*\n" + face
+    text += "o Hull\nusemtl f*gloss_black*302\n" + face + "usemtl f*gloss_black*302.001\n" + face
+    assert load(text).temperature[5:].tolist() == [301, 310, 302, 302]
+    with pytest.raises(InputError, match="model.obj: material 'f.gold.300.': unknown material"):
+        load("usemtl f*gold*300*\n" + cube(label="Hull"))
+
+
+def test_a_table_overrides_labels(load):
+    names = "name;type;kelvin;material;group\nbright paint;t;290,5;gloss_black;ground\n"
+    text = "usemtl bright_paint.003\n" + cube(label="f*bareAl*310*")
+    (label,) = load(text, names).labels
+    assert (label.type, label.temperature, label.group) == ("t", 290.5, "ground")
+
+
+def test_what_the_options_give_may_be_missing(load):
+    """--material and --temperature hold for the model, and not for terrain."""
+    names = "[Hull]\n[Ground]\ntype = 't'\nmaterial = 'gloss_black'\nkelvin = 290\n"
+    model = load(
+        cube(label="Hull") + cube(label="Ground", at=(0, 0, -5)),
+        names,
+        ".toml",
+        material="blackbody",
+        temperature=400,
+    )
+    found = {(label.type, label.material, label.temperature) for label in model.labels}
+    assert found == {("f", "blackbody", 400), ("t", "gloss_black", 290)}
+
+
+def test_a_sky_ring(load):
+    names = "name,type,material,kelvin,elevation_deg\nHull,s,blackbody,250,4.5\n"
+    (label,) = load(cube(label="Hull"), names).labels
+    assert (label.type, label.group, label.elevation_deg) == ("s", "sky", 4.5)
+
+
+def test_a_fit_beside_the_table(load, tmp_path):
+    (tmp_path / "paint.json").write_text('{"parameters": {}, "form": "thesis", "band": "any"}')
+    (label,) = load(cube(label="Hull"), "name,material,kelvin\nHull,paint.json,300\n").labels
+    assert label.material == str(tmp_path / "paint.json")
+
+
+@pytest.mark.parametrize(
+    "names, suffix, reason",
+    [
+        ("name,material,kelvin\n", ".csv", "no rows of data"),
+        ("name,material,kelvin\nHull,gold,300\n", ".csv", "names.csv, line 2: unknown material"),
+        (
+            "name,material,kelvin\nHull,blackbody,20\n",
+            ".csv",
+            "line 2: temperature '20' looks",
+        ),
+        ("name,material,kelvin\nHull,,300\n", ".csv", "line 2: lacks material"),
+        ("name,material\nHull,blackbody\n", ".csv", "line 2: lacks kelvin"),
+        ("name,colour\nHull,red\n", ".csv", "unknown column 'colour'; known: "),
+        (
+            "name,material,kelvin\nHull,blackbody,300\nHull.001,blackbody,310\n",
+            ".csv",
+            "line 3: name 'Hull.001' is given twice",
+        ),
+        (
+            "name,material,kelvin\nWing,blackbody,300\n",
+            ".csv",
+            "line 10: the table .*names.csv names neither its object 'Hull'; name its object",
+        ),
+        ("[Hull]\nmaterial = 'blackbody'\n", ".toml", "names.toml: name 'Hull': lacks kelvin"),
+        ("Hull = 3\n", ".toml", r"name 'Hull': needs a table \[Hull\]"),
+        ("[Hull]\ncolor = 3\n", ".toml", "name 'Hull': unknown key 'color'"),
+        ("[Hull]\nkelvin = true\n", ".toml", "kelvin = True; must be a string or a number"),
+        ("[Hull\n", ".toml", "table of names .*names.toml: "),
+        ("[Hull]\ntype = 'x'\nmaterial = 'diffuse'\nkelvin = 300\n", ".toml", "facet type 'x'"),
+    ],
+)
+def test_refused(load, names, suffix, reason):
+    with pytest.raises(InputError, match=reason):
+        load(cube(label="Hull"), names, suffix)
+
+
+def test_names_without_faces_are_told(load):
+    model = load(
+        cube(label="Hull"), "name,material,kelvin\nHull,blackbody,300\nWing,blackbody,300\n"
+    )
+    assert [line.split(": ")[1].split(" in ")[0] for line in model.remarks] == ["nothing"]
+    assert model.remarks[0].endswith("is called Wing")
+    assert np.all(model.temperature == 300)
+
+
+def test_entries_of_a_table(tmp_path):
+    (tmp_path / "names.toml").write_text("[Hull]\nkelvin = 300\n['Hot steel']\n")
+    table = NameTable(tmp_path / "names.toml")
+    assert table.find(("", "", "Hull.001"))[1] == {"kelvin": "300"}
+    assert table.find(("Wing",)) is None and table.unused() == ["Hot steel"]

@@ -1,0 +1,106 @@
+"""Type hints: complete for the public functions and their results, and seen by type checkers."""
+
+import ast
+import dataclasses
+import inspect
+import sys
+import typing
+from pathlib import Path
+
+import pytest
+
+import mi_lcair
+from mi_lcair.planning.plan import Plan
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def public_classes(annotation, module, found) -> dict:
+    """The classes of mi_lcair that an annotation names, with those of their fields, by name."""
+    if isinstance(annotation, str):
+        annotation = eval(annotation, vars(sys.modules[module]) | {"Plan": Plan})
+    for part in typing.get_args(annotation):
+        public_classes(part, module, found)
+    is_ours = inspect.isclass(annotation) and annotation.__module__.startswith("mi_lcair.")
+    if is_ours and ".plugins." not in annotation.__module__ and annotation not in found.values():
+        found[f"{annotation.__module__}.{annotation.__name__}"] = annotation
+        if dataclasses.is_dataclass(annotation):
+            for field in dataclasses.fields(annotation):
+                public_classes(field.type, annotation.__module__, found)
+        for function in methods(annotation).values():
+            returned = inspect.signature(function).return_annotation
+            public_classes(returned, function.__module__, found)
+    return found
+
+
+def methods(cls) -> dict:
+    """The public methods and properties of a class, as functions by name."""
+    own = {name: getattr(value, "fget", None) or value for name, value in vars(cls).items()}
+    own = {name: getattr(value, "__func__", value) for name, value in own.items()}
+    return {
+        name: value
+        for name, value in own.items()
+        if inspect.isfunction(value) and not name.startswith("_")
+    }
+
+
+def bare(name, function) -> list[str]:
+    """The parameters, and the return, of a function that have no annotation."""
+    signature = inspect.signature(function)
+    parameters = [p for p in signature.parameters.values() if p.name not in ("self", "cls")]
+    missing = [f"{name}({p.name})" for p in parameters if p.annotation is p.empty]
+    return missing + [f"{name} ->"] * (signature.return_annotation is signature.empty)
+
+
+def test_annotations_are_complete():
+    public = {name: getattr(mi_lcair, name) for name in mi_lcair.__all__ if name[0] != "_"}
+    functions = {name: value for name, value in public.items() if inspect.isfunction(value)}
+    assert len(functions) >= 14
+    classes = {}
+    for cls in set(public.values()) - set(functions.values()):
+        public_classes(cls, "mi_lcair", classes)
+    for function in functions.values():
+        returned = inspect.signature(function).return_annotation
+        public_classes(returned, function.__module__, classes)
+    assert {"Signature", "Trend", "Budget", "Scene"} <= {
+        name.rpartition(".")[2] for name in classes
+    }
+    for name, cls in classes.items():
+        functions |= {f"{name}.{method}": value for method, value in methods(cls).items()}
+    assert [line for name, function in functions.items() for line in bare(name, function)] == []
+
+
+def test_type_checkers_know_the_public_names():
+    """The lazy names of the package are those that it imports for type checkers."""
+    tree = ast.parse((ROOT / "mi_lcair" / "__init__.py").read_text(encoding="utf-8"))
+    (block,) = [
+        node
+        for node in tree.body
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+    ]
+    shown = {alias.asname: (node.module, alias.name) for node in block.body for alias in node.names}
+    homes = {name: (f"mi_lcair.{home}", name) for name, home in mi_lcair._HOME.items()}
+    assert shown == homes
+    assert (ROOT / "mi_lcair" / "py.typed").exists()
+
+
+@pytest.mark.slow
+def test_a_users_script_under_mypy(tmp_path, monkeypatch):
+    mypy = pytest.importorskip("mypy.api")
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import mi_lcair\n"
+        'scene = mi_lcair.load("cavity", opening=8)\n'
+        'image = mi_lcair.render(scene.mi, tolerance="1%", plan="auto")\n'
+        'watts: float = mi_lcair.signature("cavity").target.intensity\n'
+        "reveal_type(image)\n"
+        'mi_lcair.render("cavity", spp="many")\n'
+        "mi_lcair.rendre\n"
+    )
+    monkeypatch.setenv("MYPYPATH", str(ROOT))
+    options = ["--follow-imports=silent", "--no-error-summary", f"--cache-dir={tmp_path}"]
+    out, _, _ = mypy.run([*options, str(script)])
+    lines = [line.partition(".py:")[2] for line in out.splitlines()]
+    assert [line.partition(":")[0] for line in lines] == ["5", "6", "7"], out
+    assert 'Revealed type is "mi_lcair.rendering.render.Render"' in lines[0]
+    assert 'Module has no attribute "rendre"' in lines[2]
