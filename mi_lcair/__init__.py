@@ -48,6 +48,7 @@ _HOME = {
     "derivative_images": "sensitivity.images",
     "budget": "uncertainty.budget",
     "invert": "inversion.invert",
+    "report": "reports.page.report",
 }
 __all__ = ["__version__", *_HOME]
 

@@ -22,6 +22,8 @@ WRITERS = {
     ".csv": ("mi_lcair.formats.csv:write", "columns"),
     ".nc": ("mi_lcair.formats.netcdf:write", "to_xarray"),
 }
+# `saved_by` of the results that have a report page
+PAGE = {".html": "mi_lcair.reports.page.page:write"}
 
 
 class Result:
@@ -93,7 +95,7 @@ class Result:
 
         Raises InputError if xarray is not installed.
         """
-        return named("mi_lcair.formats.netcdf:table")(self.columns(), **self.attributes())
+        return named("mi_lcair.formats.netcdf:dataset")(self.columns(), **self.attributes())
 
     def attributes(self) -> dict:
         """Attributes of the Dataset."""

@@ -28,7 +28,7 @@ class SkyDome(mi.Emitter):
     sun_azimuth_deg float  azimuth of the sun, from +x toward +y; its elevation is 45         (0.0)
     band            string MWIR, or a band within 3-5 um
     air             string midlat_summer or us_standard                             (midlat_summer)
-    group           string label of the sky, [A-Za-z0-9_-]+, at most 64 characters            (sky)
+    group           string label of the sky, `[A-Za-z0-9_-]+`, at most 64 characters          (sky)
     =============== ====== =========================================================================
 
     .. code-block:: xml

@@ -50,7 +50,7 @@ class Sun(mi.Emitter):
                           that clear air, for an elevation of 5 or more; or a CSV file
                           wavelength_um,irradiance_W_m2_um with the irradiance at the scene   (none)
     distance_au   float   distance in astronomical units, 1 or that of the time; not for a file
-    group         string  label of the sun, [A-Za-z0-9_-]+, at most 64 characters              (sun)
+    group         string  label of the sun, `[A-Za-z0-9_-]+`, at most 64 characters            (sun)
     ============= ======= ==========================================================================
 
     .. code-block:: xml

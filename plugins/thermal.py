@@ -46,7 +46,7 @@ class Thermal(mi.Emitter):
     band          string           MWIR, LWIR, SWIR, total, "a-b" in um, or the CSV file of a
                                    response (not needed for `radiance`)
     emissivity    float            emissivity, in place of the material's           (differentiable)
-    group         string           label of the emitter, [A-Za-z0-9_-]+, at most 64
+    group         string           label of the emitter, `[A-Za-z0-9_-]+`, at most 64
                                    characters                                                 (self)
     facet_type    string           model, or background: sky or terrain                      (model)
     ============= ================ =================================================================

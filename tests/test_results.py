@@ -13,7 +13,9 @@ import mi_lcair
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.errors import InputError
 from mi_lcair.formats.units import unit_of
+from mi_lcair.physics.brdf_view import brdf_view
 from mi_lcair.rendering.image import read_exr
+from mi_lcair.signatures.hemispherical_view import hemispherical_view
 from tests.cli.test_image import CAMERA
 from tests.detection.disc_scenario import write_disc
 from tests.fitting.results import measurements
@@ -38,6 +40,7 @@ PURE = {
     "share",
     "share_standard_error",
     "snr",
+    "view_factor",
     "visible_fraction",
 }
 
@@ -111,6 +114,10 @@ RESULTS = {
     "derivative_images": lambda folder: mi_lcair.derivative_images(
         cylinder(), ["walls.temperature", "bare_aluminum.epsilon"], spp=4
     ),
+    "hemispherical_view": lambda folder: hemispherical_view(
+        mi_lcair.load("two_plates"), 0, rays=2**10
+    ),
+    "brdf": lambda folder: brdf_view("gloss_black", "LWIR"),
     "fit": lambda folder: mi_lcair.fit(measurements(), model="sandford_robertson", starts=4),
 }
 
@@ -178,7 +185,7 @@ def test_the_dictionary_is_strict_json(result):
     entries = result.as_dict()
     assert entries["kind"] == result.kind
     if result.kind not in ("detection_range", "fit"):
-        names = ("scene_name", "scenario_name", "what", "problem")
+        names = ("scene_name", "scenario_name", "what", "problem", "material")
         assert [name for name in names if entries.get(name)]
     assert json.loads(json.dumps(entries, allow_nan=False)) == entries
 

@@ -6,13 +6,21 @@ import click
 
 from mi_lcair.cli.options import json_option
 from mi_lcair.cli.output import note, print_columns, print_json
+from mi_lcair.cli.usage import completion
+from mi_lcair.cli.usage.examples import examples
 
 FILE = click.Path(path_type=Path)
 AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
 COLD = 200.0  # lower temperatures, K, are remarked because they are rare on a surface
 
 
-@click.command("import")
+@click.command(
+    "import",
+    epilog=examples(
+        "mi-lcair import box.obj -o box",
+        "mi-lcair import box.obj --check",
+    ),
+)
 @click.argument("file", type=FILE, metavar="MODEL")
 @click.option(
     "-o",
@@ -65,6 +73,7 @@ COLD = 200.0  # lower temperatures, K, are remarked because they are rare on a s
 @click.option(
     "--material",
     metavar="NAME|JSON",
+    shell_complete=completion.materials,
     help="Material of all model facets, instead of the labels' materials; or the JSON of a fit.",
 )
 @click.option(
@@ -93,8 +102,9 @@ def command(file, output, check, overwrite, materials, sky, json, **reading):
     MODEL is a Wavefront OBJ, glTF (.glb, .gltf), PLY or STL file whose objects or groups are named
     {f|s|t}*{material}*{kelvin}*{anything}, such as f*bare_aluminum*300*. The first letter stands
     for model (f), sky (s) or terrain (t). A model without such names takes --material and
-    --temperature, or a table --names. Look at FOLDER/model.png: its nose must be at +x and its top
-    at +z. FOLDER/scene.xml is then ready for render and signature.
+    --temperature, or a table --names. Written are the meshes, in m and with the temperature of each
+    facet in K, and a picture. Look at FOLDER/model.png: the nose must be at +x and the top at +z.
+    FOLDER/scene.xml is then ready for render and signature.
     """
     if bool(output) == check:
         raise click.UsageError("give either -o FOLDER or --check", click.get_current_context())

@@ -6,6 +6,8 @@ import click
 
 from mi_lcair.cli import pictures
 from mi_lcair.cli.options import Assignment, json_option
+from mi_lcair.cli.usage import completion
+from mi_lcair.cli.usage.examples import examples
 from mi_lcair.errors import InputError
 
 FILE = click.Path(path_type=Path)
@@ -18,8 +20,14 @@ KINDS = {
 }
 
 
-@click.command("show")
-@click.argument("what")
+@click.command(
+    "show",
+    epilog=examples(
+        "mi-lcair show open_box.exr -o open_box.png",
+        "mi-lcair show gloss_black --band LWIR -o brdf.png",
+    ),
+)
+@click.argument("what", shell_complete=completion.pictured)
 @click.option(
     "-o", "--output", type=FILE, help="The picture, FILE.png (default: named after WHAT)."
 )

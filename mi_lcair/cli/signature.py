@@ -16,10 +16,19 @@ from mi_lcair.cli.output import (
     print_written,
 )
 from mi_lcair.cli.plan import rows as plan_rows
+from mi_lcair.cli.usage.examples import examples
+from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
+from mi_lcair.formats import vtk
 
 
-@click.command("signature")
+@click.command(
+    "signature",
+    epilog=examples(
+        "mi-lcair signature cylinder_ir_range --spp 16",
+        "mi-lcair signature box/scene.xml --tolerance 1% --facets facets.csv --spectrum s.csv",
+    ),
+)
 @scene_options(
     spp="Number of paths, divided by the number of pixels of the film (default: the scene's own). "
     "The paths begin anywhere on the film.",
@@ -27,45 +36,46 @@ from mi_lcair.errors import InputError
     "this fraction of it, such as 0.01 or 1%.",
 )
 @click.option(
-    "--spectrum", type=click.Path(path_type=Path), help="Write the spectral intensity, FILE.csv."
+    "--spectrum",
+    type=click.Path(path_type=Path),
+    help="Write the spectral intensity, FILE.csv or FILE.nc (netCDF).",
 )
 @click.option(
     "--plot",
     type=click.Path(path_type=Path),
-    help="With --spectrum: also draw the spectral intensity, FILE.png.",
+    help="With --spectrum: also draw the spectral intensity, FILE.png, .svg or .pdf.",
 )
 @click.option(
     "--facets",
     type=click.Path(path_type=Path),
-    help="Write radiance and intensity of each facet of the model, FILE.csv.",
+    help="Write radiance and intensity of each facet of the model, FILE.csv; or the facets with "
+    "them for ParaView, FILE.vtp or FILE.vtu.",
 )
 def command(options, spectrum, plot, facets):
     """Intensity of SCENE in W/sr.
 
-    SCENE is a Mitsuba XML file or the name of a bundled scene with an orthographic sensor. The
-    command lists the intensity of the target (the model's facets) and of the whole scene: by number
-    of reflections, by the group that emits, and by the group that the sensor sees first.
+    SCENE is a Mitsuba XML file or the name of a bundled scene with an orthographic sensor. Printed
+    is the intensity in W/sr of the target (the model's facets) and of the whole scene: by number of
+    reflections, by the group that emits, and by the group that the sensor sees first. Written on
+    request are the spectral intensity in W/sr/um, and for each facet its temperature in K, radiance
+    in W m^-2 sr^-1 and intensity in W/sr.
     """
     if plot and not spectrum:
         raise InputError("--plot draws the spectral intensity; give --spectrum FILE.csv too")
     if spectrum and spectrum == facets:
         raise InputError(f"--spectrum and --facets both name '{spectrum}'; give each its own file")
-    check_outputs((spectrum, ".csv"), (plot, ".png"), (facets, ".csv"))
+    check_outputs((spectrum, (".csv", ".nc")), (plot, PICTURES), (facets, (".csv", *vtk.SUFFIXES)))
 
     result = options.run_planned(
         mi_lcair.signature, each_pixel=False, by_spectrum=bool(spectrum), facets=bool(facets)
     )
     note_invalid(result)
     if spectrum:
-        from mi_lcair.signatures.spectral_intensity import write
-
-        write(spectrum, result.effective_areas)
+        result.effective_areas.save(spectrum)
         if plot:
-            from mi_lcair.reports.spectrum_plot import save_plot
-
-            save_plot(plot, result.effective_areas)
+            result.effective_areas.plot(plot)
     if facets:
-        result.facets.write(facets)
+        result.facets.save(facets)
     verdict = Verdict.on(options, result.reached)
     if options.json:
         print_json(result.as_dict() | verdict.as_dict() | options.planned())

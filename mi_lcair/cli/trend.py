@@ -22,6 +22,9 @@ from mi_lcair.cli.output import (
     print_json,
     print_written,
 )
+from mi_lcair.cli.usage.examples import examples
+from mi_lcair.drawing import PICTURES
+from mi_lcair.errors import InputError
 
 MOST_ANGLES = 100_000  # largest number of angles in START:STOP:STEP
 
@@ -68,7 +71,12 @@ class Azimuths(Angles):
         return [angle for angle in angles if kept[round(angle % 360, 9) % 360] == angle]
 
 
-@click.command("trend")
+@click.command(
+    "trend",
+    epilog=examples(
+        "mi-lcair trend cylinder_ir_range --azimuth 0:180:45 --resolution 16 --spp 16 -o trend.csv",
+    ),
+)
 @loading_options
 @click.option(
     "--azimuth",
@@ -89,9 +97,9 @@ class Azimuths(Angles):
     "--output",
     type=click.Path(path_type=Path),
     required=True,
-    help="Write a row for each view, FILE.csv.",
+    help="Write a row for each view, FILE.csv or FILE.nc (netCDF).",
 )
-@plot_option("Draw polar curves, FILE.png.")
+@plot_option("Draw polar curves, FILE.png, .svg or .pdf.")
 @click.option(
     "--resolution",
     type=POSITIVE,
@@ -110,17 +118,30 @@ class Azimuths(Angles):
     "--batch", type=POSITIVE, help="Views rendered together (default: as many as a pass holds)."
 )
 @click.option("--resume", is_flag=True, help="Keep the views that FILE.csv holds already.")
+@click.option("--overwrite", is_flag=True, help="Replace an output that exists.")
 @click.option(
     "--dask", metavar="ADDRESS", help="Render the batches on the workers of this Dask scheduler."
 )
-def command(options, azimuth, elevation, output, plot, **settings):
+def command(options, azimuth, elevation, output, plot, resume, overwrite, **settings):
     """Intensity of SCENE's model toward observers around it.
 
-    SCENE is a Mitsuba XML file or the name of a bundled scene. The model is everything but sky and
-    terrain. Each view is an orthographic window around it. Views are rendered together in batches.
-    FILE.csv is complete after each batch, so that --resume can continue an interrupted run.
+    SCENE is a Mitsuba XML file or the name of a bundled scene. FILE.csv has a row for each view
+    with the intensity in W/sr and its error; printed are least, mean and greatest intensity. The
+    model is everything but sky and terrain. Each view is an orthographic window around it. Views
+    are rendered together in batches. FILE.csv is complete after each batch, so that --resume can
+    continue an interrupted run. FILE.csv.json beside it states how the rows were made. FILE.nc is
+    written at the end.
     """
-    check_outputs((output, ".csv"), (plot, ".png"))
+    check_outputs((output, (".csv", ".nc")), (plot, PICTURES))
+    is_table = output.suffix.lower() == ".csv"
+    if resume and overwrite:
+        raise InputError("--resume keeps the views of the output and --overwrite drops them")
+    if resume and not is_table:
+        raise InputError(
+            f"--resume goes with a CSV, not with '{output}'; convert makes a .nc of it"
+        )
+    if not (is_table or overwrite) and output.exists():
+        raise InputError(f"output '{output}' exists; give --overwrite, or name another file")
     scene = options.load(own_sensors=False)
     with progress_bar("views") as progress:
         result = mi_lcair.trend(
@@ -129,9 +150,13 @@ def command(options, azimuth, elevation, output, plot, **settings):
             elevation,
             **options.sampling,
             **settings,
-            path=output,
+            path=output if is_table else None,
+            resume=resume,
+            overwrite=overwrite,
             progress=progress,
         )
+    if not is_table:
+        result.save(output)
     if plot:
         from mi_lcair.reports.trend_plot import save_plot
 

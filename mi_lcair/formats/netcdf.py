@@ -11,6 +11,8 @@ from mi_lcair.extras import optional
 from mi_lcair.files import replacing
 from mi_lcair.formats.units import quantity_of, unit_of
 
+KEYS = ("wavelength_um", "facet")  # columns that number the rows of a table
+ASPECT = ("elevation_deg", "azimuth_deg")  # axes of a trend
 LARGEST_WHOLE = 2**31 - 1  # largest integer of netCDF-3
 
 
@@ -51,7 +53,7 @@ def write(path, dataset) -> None:
         stored.to_netcdf(partial, engine="scipy", format="NETCDF3_64BIT")
 
 
-def table(columns: dict[str, np.ndarray], dimension: str = "row", **attributes):
+def table(columns: dict[str, np.ndarray], dimension: str = "", **attributes):
     """The Dataset of a table.
 
     Parameters
@@ -59,7 +61,8 @@ def table(columns: dict[str, np.ndarray], dimension: str = "row", **attributes):
     columns : dict of str to array-like
         Columns by name, whose end is the unit.
     dimension : str
-        Name of the rows' dimension. If it is a column, that is the dimension's coordinate.
+        Name of the rows' dimension. If it is a column, that is the dimension's coordinate. By
+        default it is the first column of KEYS, or "row".
     **attributes
         Attributes of the Dataset, such as `title`.
 
@@ -74,6 +77,7 @@ def table(columns: dict[str, np.ndarray], dimension: str = "row", **attributes):
         If xarray is not installed.
     """
     xarray = optional("xarray", "a netCDF file or an xarray Dataset")
+    dimension = dimension or next((name for name in KEYS if name in columns), "row")
     variables = {name: ((dimension,), values) for name, values in _arrays(columns).items()}
     return _described(xarray.Dataset(variables, attrs=attributes))
 
@@ -101,6 +105,13 @@ def grid(columns: dict[str, np.ndarray], axes: tuple[str, ...], **attributes):
         spread[places] = values
         variables[name] = (axes, spread)
     return _described(xarray.Dataset(variables, dict(zip(axes, ticks)), attributes))
+
+
+def dataset(columns: dict[str, np.ndarray], **attributes):
+    """The Dataset of a table of this project: a `grid` over ASPECT for a trend, or a `table`."""
+    if set(ASPECT) <= set(columns):
+        return grid(columns, ASPECT, **attributes)
+    return table(columns, **attributes)
 
 
 def _arrays(columns) -> dict[str, np.ndarray]:

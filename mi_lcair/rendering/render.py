@@ -27,7 +27,7 @@ from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
 from mi_lcair.rendering.settings import planned
 from mi_lcair.rendering.statistics import Totals, check_valid, student_factor
 from mi_lcair.rendering.window import window_size
-from mi_lcair.results import Result
+from mi_lcair.results import PAGE, Result
 
 if TYPE_CHECKING:
     from mi_lcair.planning.plan import Plan
@@ -101,6 +101,7 @@ class Render(Result):
     saved_by: ClassVar[dict[str, str]] = {
         ".exr": "mi_lcair.rendering.image:write_render",
         ".tif": "mi_lcair.rendering.render:write_tiff",
+        **PAGE,
     }
 
     @property

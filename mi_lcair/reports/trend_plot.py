@@ -29,13 +29,17 @@ def figure(trend: Trend):
         panels[0],
         "by elevation",
         {
-            f"{elevation:g}°": (at, at.table["intensity_W_sr"])
+            f"elevation {elevation:g}°": (at, at.table["intensity_W_sr"])
             for elevation in elevations
             for at in [trend.at_elevation(elevation)]
         },
     )
-    draw(panels[1], f"by what emitted it, at {level:g}°", large_parts("group", at_level))
-    draw(panels[2], f"by number of reflections, at {level:g}°", large_parts("bounce", at_level))
+    draw(panels[1], f"by what emitted it, elevation {level:g}°", large_parts("group", at_level))
+    draw(
+        panels[2],
+        f"by number of reflections, elevation {level:g}°",
+        large_parts("bounce", at_level),
+    )
     figure.suptitle(
         f"{plain(f'{trend.scene_name}, {trend.band}')}: intensity of the model by azimuth ({UNIT})",
         fontsize=12,

@@ -1,21 +1,18 @@
 """Radiance and intensity of each facet of the model, from the same paths as the image."""
 
 from dataclasses import dataclass
-from os import PathLike
 from typing import ClassVar
 
 import numpy as np
 
-from mi_lcair.files import check_suffix
-from mi_lcair.formats import csv, vtk
+from mi_lcair.formats import vtk
 from mi_lcair.plugins.paths.channels import MAX_BOUNCE_CHANNELS, entries
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.rendering.facet_polygons import FacetPolygons
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.render import BOUNCE_CHANNELS
-from mi_lcair.results import Result
+from mi_lcair.results import PAGE, Result
 
-SUFFIXES = (".csv", *vtk.SUFFIXES)  # of the files that a table of facets can be written as
 EDGE_ON = 1e-6  # cosine below which the projected area of a facet is only rounding error
 FEW = 30  # smallest expected number of samples on a facet that gives a visible fraction
 
@@ -45,9 +42,7 @@ class FacetResults(Result):
 
     kind: ClassVar[str] = "facets"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.facets:figure"
-    saved_by: ClassVar[dict[str, str]] = dict.fromkeys(
-        vtk.SUFFIXES, "mi_lcair.signatures.facet_results:write_polygons"
-    )
+    saved_by: ClassVar[dict[str, str]] = PAGE | dict.fromkeys(vtk.SUFFIXES, f"{__name__}:write_vtk")
 
     def summary(self) -> str:
         """One line with the number of facets and the intensity of the brightest one."""
@@ -70,22 +65,14 @@ class FacetResults(Result):
         """The table, with a row for each facet."""
         return self.table
 
-    def write(self, path: str | PathLike[str]) -> None:
-        """Write the table as a .csv, or the facets with it as a .vtp or .vtu.
-
-        A missing value is an empty cell of the CSV and NaN in the others. Facets of shapes that are
-        not meshes are in the CSV only. Raises InputError for another suffix, and if the file cannot
-        be written.
-        """
-        if check_suffix(path, SUFFIXES) == ".csv":
-            csv.write(path, self.table)
-        else:
-            write_polygons(path, self)
+    def polygons(self) -> FacetPolygons:
+        """The facets of the table as polygons, without shapes that are not meshes."""
+        return FacetPolygons.of(self.triangles, self.triangle_facet)
 
 
-def write_polygons(path, facets: FacetResults) -> None:
-    """Write the facets as polygons with their table as cell data, as a .vtp or .vtu."""
-    polygons = FacetPolygons.of(facets.triangles, facets.triangle_facet)
+def write_vtk(path, facets: FacetResults) -> None:
+    """Write facets with all columns of their table as a .vtp or .vtu file."""
+    polygons = facets.polygons()
     rows = np.searchsorted(facets.table["facet"], polygons.facet)
     vtk.write_facets(
         path,

@@ -89,8 +89,12 @@ class Sweep:
             for number, (low, high) in enumerate(zip(bounds, bounds[1:]))
         ]
 
-    def header(self, band: str) -> dict[str, str]:
-        """Lines of a file's header: how its rows are made, by key."""
+    def header(self, scene: Scene) -> dict[str, str]:
+        """How the rows of a file are made, by key.
+
+        The scene is named without its folder, and its files as they were given. The fingerprint
+        covers their content.
+        """
         samples = (
             f"spp {self.spp} over each view"
             if self.spp
@@ -98,10 +102,10 @@ class Sweep:
         )
         views = sha256(repr(self.views).encode()).hexdigest()[:16]
         return {
-            "scene": self.scene,
-            "parameters": json.dumps(self.parameters, sort_keys=True),
+            "scene": scene.name,
+            "parameters": json.dumps(scene.parameters, sort_keys=True),
             "fingerprint": self.fingerprint,
-            "band": band,
+            "band": scene.band.label,
             "resolution": str(self.resolution),
             "samples": samples,
             "seed": str(self.seed),
@@ -215,6 +219,7 @@ def trend(
     batch: int | None = None,
     path: str | PathLike[str] | None = None,
     resume: bool = False,
+    overwrite: bool = False,
     dask: str | None = None,
     progress: Progress | None = None,
     *,
@@ -246,9 +251,11 @@ def trend(
     batch : int, optional
         Views that are rendered together; by default as many as fit into a pass.
     path : path-like, optional
-        CSV file to write. It is complete after each batch.
+        CSV file to write, see `TrendFile`. It is complete after each batch.
     resume : bool
         Keep the views that the file holds already.
+    overwrite : bool
+        Replace a file that exists. Without it and `resume` such a file is refused.
     dask : str, optional
         Address of a Dask scheduler whose workers render the batches. They load the scene from the
         same path. The numbers are the same.
@@ -303,9 +310,11 @@ def trend(
         min(batch or views_per_batch(resolution), len(views)),
         mi.variant(),
     )
-    file = TrendFile(path, sweep.header(scene.band.label), sweep.batches())
+    file = TrendFile(path, sweep.header(scene), sweep.batches())
     if resume:
         file.resume()
+    elif not overwrite:
+        file.refuse_to_overwrite()
     # A batch is skipped only if all of its views are done.
     missing = [(number, views) for number, views in sweep.batches() if not file.holds(views)]
     for rows in results(scene, sweep, missing, dask):

@@ -35,14 +35,22 @@ class Fence:
         return f"{self.page}:{self.line}"
 
     @property
+    def sample(self) -> Path | None:
+        """The sample file that the comment names; None if there is none."""
+        places = (EXAMPLES, (ROOT / self.page).parent)
+        return next(
+            (place / self.value for place in places if (place / self.value).is_file()), None
+        )
+
+    @property
     def is_run(self) -> bool:
         return self.language in ("sh", "python") and self.mark != "not run"
 
 
 def pages() -> list[str]:
-    """README, CONTRIBUTING, and the site's pages; templates are not pages."""
+    """README and the site's pages; templates are not pages."""
     site = (file.relative_to(ROOT).as_posix() for file in (ROOT / "docs").rglob("*.md"))
-    return ["README.md", "CONTRIBUTING.md", *sorted(p for p in site if "template" not in p)]
+    return ["README.md", *sorted(p for p in site if "template" not in p)]
 
 
 def fences(page: str) -> list[Fence]:

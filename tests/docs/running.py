@@ -8,12 +8,12 @@ from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 from mi_lcair.cli import main as command_line
-from tests.docs.fences import EXAMPLES, Fence
+from tests.docs.fences import Fence
 
 
 def run(fence: Fence, namespace: dict) -> None:
     """Write a fence's file or run its commands or Python; raises AssertionError if that fails."""
-    if fence.mark == "file" and not (EXAMPLES / fence.value).exists():
+    if fence.mark == "file" and fence.sample is None:
         Path(fence.value).write_text(fence.text, encoding="utf-8")
     if not fence.is_run:
         return

@@ -13,7 +13,6 @@ from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.rendering.scene import checked
 from mi_lcair.reports.spectrum_plot import save_plot
-from mi_lcair.signatures.spectral_intensity import write
 from tests.plugins.conftest import plate  # noqa: F401, a fixture
 from tests.plugins.small_scenes import SQUARE, camera
 from tests.scenes.view_factors import WALLS, cube
@@ -234,7 +233,7 @@ def test_by_wavelength_is_planck(plate):
 @pytest.mark.slow
 def test_csv_and_plot(many, tmp_path):
     result = mi_lcair.signature(many, spp=16, by_spectrum=True)
-    write(tmp_path / "s.csv", result.effective_areas)
+    result.effective_areas.save(tmp_path / "s.csv")
     rows = [
         line for line in (tmp_path / "s.csv").read_text().splitlines() if not line.startswith("#")
     ]

@@ -143,7 +143,7 @@ def test_standard_errors_are_the_scatter_of_seeds(roof, monkeypatch):
 
 def test_csv(roof, tmp_path):
     result = mi_lcair.signature(roof, spp=16, facets=True)
-    result.facets.write(tmp_path / "facets.csv")
+    result.facets.save(tmp_path / "facets.csv")
     with open(tmp_path / "facets.csv", newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["group"] for row in rows] == list(result.facets.table["group"]) and rows[4][

@@ -23,10 +23,18 @@ from mi_lcair.cli.output import (
     print_json,
     print_written,
 )
+from mi_lcair.cli.usage.examples import examples
+from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 
 
-@click.command("contrast")
+@click.command(
+    "contrast",
+    epilog=examples(
+        "mi-lcair contrast box.toml -D render.max_bounces=2 --range",
+        "mi-lcair contrast a340_landing/position_1 --spp 4",
+    ),
+)
 @scenario_argument
 @changes_option("Change an entry of the scenario, such as sensor.band=LWIR")
 @click.option(
@@ -35,7 +43,7 @@ from mi_lcair.errors import InputError
     is_flag=True,
     help="Find the ranges at which the target is detected; needs sensor.nei.",
 )
-@plot_option("Draw the spectra, FILE.png.")
+@plot_option("Draw the spectra, FILE.png, .svg or .pdf.")
 @sampling_options(
     spp="Number of paths, divided by the number of pixels of render.resolution, instead of a "
     "tolerance (default: 64). The paths begin anywhere in a window around the target.",
@@ -56,13 +64,13 @@ def command(scenario, changes, ranges, plot, solution, variant, threads, json, *
     """Measure a target against its background.
 
     SCENARIO is a TOML file or the name of a bundled scenario. It states the target, the observer,
-    the atmosphere, the background and the sensor. The command prints the irradiances at the sensor,
-    the contrast, and the largest noise at which the target is detected. The options of the sampling
-    override [render] of the scenario.
+    the atmosphere, the background and the sensor. Printed are the irradiances at the sensor, the
+    contrast, and the largest noise at which the target is detected, all in W/m^2, and ranges in m.
+    The options of the sampling override [render] of the scenario.
     """
     from mi_lcair.detection.scenario import Scenario
 
-    check_outputs((plot, ".png"))
+    check_outputs((plot, PICTURES))
     given = {name: value for name, value in sampling.items() if value is not None}
     own = {f"render.{name}": value for name, value in given.items()}
     if solution:

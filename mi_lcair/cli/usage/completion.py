@@ -71,7 +71,8 @@ def pictured(ctx, param, incomplete: str) -> list[CompletionItem]:
 
 def keys(ctx, param, incomplete: str) -> list[CompletionItem]:
     """Keys of -D, `key=`, of the scene or scenario that stands before it on the line."""
-    subjects = [ctx.params.get(name) for name in ("scene", "scenario", "what")]
+    # An option at the end of the line lacks its value. click then leaves the arguments in ctx.args.
+    subjects = [*(ctx.params.get(name) for name in ("scene", "scenario", "what")), *ctx.args]
     subject = next(filter(None, subjects), None)
     if subject is None or "=" in incomplete:
         return []
