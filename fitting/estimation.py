@@ -21,7 +21,7 @@ from mi_lcair.fitting.selection import AUTO, Candidate, Variant, variants
 from mi_lcair.fitting.verdict import judge
 from mi_lcair.physics.reflection import MODELS
 from mi_lcair.progress import Progress, stepper
-from mi_lcair.results import PAGE, Result
+from mi_lcair.results import Result
 
 CONVERGED = 1e-9  # relative gradient below which a fit is called converged
 JOINT_STARTS = 16  # largest number of starts of a fit with an emissivity or DHR
@@ -112,7 +112,6 @@ class Fit(Result):
 
     kind = report.KIND
     drawn_by = "mi_lcair.reports.fit_plot:figure"
-    saved_by = PAGE
 
     def summary(self) -> str:
         """One line: model, surface, parameters with standard errors, misfit."""

@@ -6,25 +6,24 @@ import inspect
 import sys
 import typing
 from pathlib import Path
-from types import SimpleNamespace
 
+import pandas
 import pytest
+import xarray
+from matplotlib.figure import Figure
 
 import mi_lcair
 from mi_lcair.planning.plan import Plan
 
 ROOT = Path(__file__).resolve().parents[1]
-
-
-# Names that annotations hold as text because they are imported for type checkers only
-OTHERS = SimpleNamespace(Dataset=object, DataFrame=object)
-NAMES = {"Plan": Plan, "Figure": object, "pandas": OTHERS, "xarray": OTHERS}
+# Names that modules import for type checkers only
+LATER = {"Figure": Figure, "Plan": Plan, "pandas": pandas, "xarray": xarray}
 
 
 def public_classes(annotation, module, found) -> dict:
     """The classes of mi_lcair that an annotation names, with those of their fields, by name."""
     if isinstance(annotation, str):
-        annotation = eval(annotation, vars(sys.modules[module]) | NAMES)
+        annotation = eval(annotation, vars(sys.modules[module]) | LATER)
     for part in typing.get_args(annotation):
         public_classes(part, module, found)
     is_ours = inspect.isclass(annotation) and annotation.__module__.startswith("mi_lcair.")

@@ -15,6 +15,7 @@ from mi_lcair.cli.options import (
     renderer_options,
 )
 from mi_lcair.cli.output import note
+from mi_lcair.cli.usage.examples import examples
 from mi_lcair.errors import InputError
 
 
@@ -28,7 +29,13 @@ class Called(click.Command):
         return context
 
 
-@click.command("report", cls=Called)
+@click.command(
+    "report",
+    cls=Called,
+    epilog=examples(
+        "mi-lcair report two_plates --spp 16 -o two_plates.html",
+    ),
+)
 @click.argument("what", nargs=-1, required=True)
 @click.option(
     "-o",

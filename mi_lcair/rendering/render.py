@@ -27,7 +27,7 @@ from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
 from mi_lcair.rendering.settings import planned
 from mi_lcair.rendering.statistics import Totals, check_valid, student_factor
 from mi_lcair.rendering.window import window_size
-from mi_lcair.results import PAGE, Result
+from mi_lcair.results import Result
 
 if TYPE_CHECKING:
     import xarray
@@ -103,7 +103,6 @@ class Render(Result):
     saved_by: ClassVar[dict[str, str]] = {
         ".exr": "mi_lcair.rendering.image:write_render",
         ".tif": "mi_lcair.rendering.render:write_tiff",
-        **PAGE,
     }
 
     @property
@@ -128,7 +127,8 @@ class Render(Result):
     def entries(self) -> dict:
         """Entries for JSON: the means, the errors and the channels, without their pixels."""
         height, width = self.channels["Y"].shape
-        return {
+        plan = {} if self.plan is None else {"plan": self.plan.as_dict()}
+        return plan | {
             "scene_name": self.scene_name,
             "band": self.band.name,
             "width": width,

@@ -11,7 +11,7 @@ from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.rendering.facet_polygons import FacetPolygons
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.render import BOUNCE_CHANNELS
-from mi_lcair.results import PAGE, Result
+from mi_lcair.results import Result
 
 EDGE_ON = 1e-6  # cosine below which the projected area of a facet is only rounding error
 FEW = 30  # smallest expected number of samples on a facet that gives a visible fraction
@@ -42,7 +42,7 @@ class FacetResults(Result):
 
     kind: ClassVar[str] = "facets"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.facets:figure"
-    saved_by: ClassVar[dict[str, str]] = PAGE | dict.fromkeys(vtk.SUFFIXES, f"{__name__}:write_vtk")
+    saved_by: ClassVar[dict[str, str]] = dict.fromkeys(vtk.SUFFIXES, f"{__name__}:write_vtk")
 
     def summary(self) -> str:
         """One line with the number of facets and the intensity of the brightest one."""

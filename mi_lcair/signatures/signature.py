@@ -18,7 +18,7 @@ from mi_lcair.rendering.settings import planned
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import window, window_area
 from mi_lcair.rendering.window_means import window_means
-from mi_lcair.results import PAGE, Result
+from mi_lcair.results import Result
 from mi_lcair.signatures.effective_areas import EffectiveAreas, effective_areas
 from mi_lcair.signatures.facet_results import FacetResults, FacetSums
 
@@ -130,7 +130,6 @@ class Signature(Result):
 
     kind: ClassVar[str] = "signature"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.signature:figure"
-    saved_by: ClassVar[dict[str, str]] = PAGE
 
     @property
     def main_part(self) -> str:
@@ -188,6 +187,8 @@ class Signature(Result):
             "tolerance": self.tolerance,
             "reached": self.reached,
         }
+        if self.plan is not None:
+            entries["plan"] = self.plan.as_dict()
         if self.effective_areas is not None:
             entries["effective_areas"] = self.effective_areas.as_list()
             entries["spectrum"] = self.effective_areas.columns()

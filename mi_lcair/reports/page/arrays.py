@@ -48,8 +48,8 @@ class Arrays:
 
         Numbers that are not finite become null. Arrays keep them.
         """
-        text = json.dumps(finite(data), default=self.reference, allow_nan=False)
-        return text.replace("<", "\\u003c").replace("\u2028", "\\u2028")
+        text = json.dumps(finite(data), default=self.reference, allow_nan=False, ensure_ascii=False)
+        return text.replace("<", "\\u003c")
 
     def packed(self) -> str:
         """All arrays as compressed text."""

@@ -12,6 +12,7 @@ const MARK = 0.02;  // share of the colour bar for each mark
 const GUARD = 0.008;  // share between a mark and the scale; WebGL mixes colours that are nearer than 1/256
 const CATEGORIES = ["#4e79a7", "#f28e2b", "#59a14f", "#e15759", "#76b7b2", "#edc948", "#b07aa1", "#9c755f", "#ff9da7", "#86bcb6",
   "#a0cbe8", "#ffbe7d", "#8cd17d", "#f1ce63", "#d4a6c8", "#499894", "#d37295", "#79706e"];
+const WIDE = 10;  // ratio of robust limits from which a scale is logarithmic at first
 const EMPTY = "#b4bac2";  // colour of what has no value
 
 /**
@@ -88,5 +89,5 @@ function limitsOf(column, log, whole) {
 
 /** Whether the robust limits of positive values are so far apart that a logarithmic scale shows more. */
 function isWide({ limits, names }) {
-  return !names && limits[0] > 0 && limits[1] > 30 * limits[0];
+  return !names && limits[0] > 0 && limits[1] > WIDE * limits[0];
 }

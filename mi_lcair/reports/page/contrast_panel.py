@@ -141,7 +141,15 @@ def contrast_panel(contrast) -> Panel:
     figure.update_yaxes(title_text=INTENSITY, rangemode="tozero", row=1, col=1)
     figure.update_yaxes(title_text=IRRADIANCE, row=2, col=1, secondary_y=False)
     figure.update_yaxes(
-        title_text="transmittance", range=[0, 1.05], row=2, col=1, secondary_y=True, showgrid=False
+        title_text="transmittance",
+        range=[0, 1.05],
+        tickmode="linear",
+        tick0=0,
+        dtick=0.25,
+        showgrid=False,
+        row=2,
+        col=1,
+        secondary_y=True,
     )
     figure.update_yaxes(title_text=IRRADIANCE, row=3, col=1)
     figure.update_xaxes(title_text=WAVELENGTH, row=3, col=1)

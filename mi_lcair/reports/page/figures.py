@@ -1,7 +1,10 @@
 """Figures of plotly as panels, with the axes that all of them share."""
 
+from html import escape
+
+from mi_lcair.errors import printable
 from mi_lcair.extras import optional
-from mi_lcair.reports.page.page import Panel, label
+from mi_lcair.reports.page.page import LONGEST, Panel
 
 LINE = {"width": 1.6}
 INK = "#1c2430"
@@ -54,5 +57,5 @@ def faded(colour: str) -> str:
 
 
 def name(text: object) -> str:
-    """Name of a curve or title from a user's file, without markup."""
-    return label(text)
+    """Name for a curve or title without markup. plotly takes quotes as they are."""
+    return escape(printable(text, LONGEST), quote=False)

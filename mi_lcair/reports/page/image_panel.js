@@ -6,14 +6,15 @@ const MOST_PICTURES = 6;
 class ImagePanel {
   constructor(place, data) {
     Object.assign(this, data);
-    this.state = { log: false, common: false, map: "inferno" };
+    this.state = { log: isWide(this.channels[this.shown[0]]), common: false, map: "inferno" };
+    this.ratio = this.size_m ? this.size_m[1] / this.size_m[0] : this.height / this.width;
     this.pictures = [];
     this.pinned = null;
     this.readout = new Readout("Every channel of a pixel", "Point at a pixel. A click keeps it, a second click frees it.");
     this.box = element("div", { className: "pictures" });
     place.append(
       element("div", { className: "controls" },
-        menu("scale", [["linear", "linear"], ["log", "logarithmic"]], "linear", (value) => this.set({ log: value === "log" })),
+        menu("scale", [["linear", "linear"], ["log", "logarithmic"]], this.state.log ? "log" : "linear", (value) => this.set({ log: value === "log" })),
         menu("colours", Object.keys(MAPS).map((name) => [name, name]), "inferno", (value) => { this.state.map = value; this.drawAll(); }),
         tick("common scale", false, (value) => this.set({ common: value })),
         button("robust limits", () => this.reset(false)),
@@ -64,6 +65,7 @@ class ImagePanel {
         ...picture.fields,
         button("✕", () => this.remove(picture))),
       picture.plot);
+    if (this.ratio < 0.6) picture.box.style.flexBasis = "100%";  // wide pictures stand one above the other
     this.pictures.push(picture);
     this.box.append(picture.box);
     if (draw) this.reset(false);
@@ -107,7 +109,7 @@ class ImagePanel {
   }
 
   plotHeight(picture) {
-    const ratio = this.size_m ? this.size_m[1] / this.size_m[0] : this.height / this.width;
+    const { ratio } = this;
     const inside = Math.max(220, (picture.box.clientWidth || 420) - 170);
     return Math.min(640, Math.round(inside * ratio)) + 60;
   }

@@ -116,7 +116,7 @@ class Readout {
 
 const FONT = { family: '"Segoe UI", "Helvetica Neue", "Liberation Sans", Arial, sans-serif', size: 12, color: "#1c2430" };
 const AXIS = { showline: true, linecolor: "#5b6675", ticks: "outside", ticklen: 4, tickcolor: "#5b6675",
-  gridcolor: "#e6e9ee", zeroline: false, automargin: true, title: { standoff: 6 } };
+  gridcolor: "#e6e9ee", zeroline: false, automargin: true, exponentformat: "power", title: { standoff: 6 } };
 const POLAR_AXIS = { gridcolor: "#dde1e7", linecolor: "#5b6675" };
 const TEMPLATE = { layout: { font: FONT, paper_bgcolor: "#fff", plot_bgcolor: "#fff", xaxis: AXIS, yaxis: AXIS,
   polar: { bgcolor: "#fff", angularaxis: POLAR_AXIS, radialaxis: { ...POLAR_AXIS, tickfont: { size: 11 } } },

@@ -124,7 +124,7 @@ def part_html(part, arrays: Arrays) -> str:
 
 
 def label(text: object) -> str:
-    """Text for HTML and for plotly's labels: one line, with no character that means markup."""
+    """Text for HTML: one line, with no character that means markup."""
     return escape(printable(text, LONGEST))
 
 

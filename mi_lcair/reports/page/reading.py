@@ -22,6 +22,7 @@ from mi_lcair.reports.page.sections import (
     trend_sections,
 )
 from mi_lcair.reports.page.tables import facts, heading, table, unpacked, words_of
+from mi_lcair.signatures.trend_file import beside
 from mi_lcair.table import lines_of, read_table
 
 TAKEN = (
@@ -37,7 +38,7 @@ class Request:
 
     Attributes
     ----------
-    scene : str or None
+    scene : Scene, mi.Scene, str, Path or None
         Scene whose model a facets table or a signature's JSON is shown on.
     parameters : dict of str to str
         $-parameters of scenes, or changes of a scenario's entries.
@@ -51,7 +52,7 @@ class Request:
         Remarks that reading has left.
     """
 
-    scene: str | None = None
+    scene: object = None
     parameters: dict = field(default_factory=dict)
     sampling: dict = field(default_factory=dict)
     plan: str | None = None
@@ -234,19 +235,20 @@ def read_columns(what: str) -> dict[str, np.ndarray]:
     return columns
 
 
-def comments(what: str) -> list[tuple[str, str]]:
-    """The comments of a CSV file, `# key: value` or `# text`."""
+def made_rows(what: str) -> list[tuple[str, object]]:
+    """How a CSV was made: its comments, and `made` of FILE.csv.json beside it, as rows."""
     rows = []
     for _, line in lines_of(read_text(what)):
         if line.lstrip().startswith("#"):
             key, colon, value = line.lstrip("# ").partition(": ")
             rows.append((key, value) if colon else ("remark", key))
-    return [(key, value) for key, value in rows if not key.startswith("batch ")]
-
-
-def made_rows(what: str) -> list[tuple[str, object]]:
-    """The comments of a CSV file as rows of a table."""
-    return [(key, unpacked(value)) for key, value in comments(what)]
+    file = beside(Path(what))
+    if file.is_file():
+        try:
+            rows += json.loads(read_text(file))["made"].items()
+        except (ValueError, KeyError, TypeError, AttributeError):
+            raise InputError(f"'{file}': does not state how '{what}' was made; remove it") from None
+    return [(key, unpacked(value)) for key, value in rows]
 
 
 def numeric(what: str, columns: dict, needed) -> dict[str, np.ndarray]:
@@ -261,12 +263,10 @@ def numeric(what: str, columns: dict, needed) -> dict[str, np.ndarray]:
 def trend(what: str, columns: dict):
     """A trend's CSV."""
     columns = numeric(what, columns, TREND)
-    made = comments(what)
-    band = dict(made).get("band", "not stated in the file")
-    sections = trend_sections(columns, band)
-    sections.append(Section("How it was made", [facts([*of_file(what), *made_rows(what)])]))
-    name = dict(made).get("scene")
-    return f"Trend of {Path(name).stem}" if name else f"Trend ({Path(what).name})", sections
+    made = dict(made_rows(what))
+    sections = trend_sections(columns, str(made.get("band", "not stated beside the file")))
+    sections.append(Section("How it was made", [facts([*of_file(what), *made.items()])]))
+    return f"Trend of {made['scene']}" if "scene" in made else f"Trend ({what})", sections
 
 
 def spectrum(what: str, columns: dict):
@@ -286,7 +286,8 @@ def facets(what: str, columns: dict, request: Request):
     numeric(what, columns, ("facet",))
     made = [*of_file(what), *made_rows(what)]
     if request.scene is not None:
-        made += [("scene", request.scene), *request.parameters.items()]
+        made += [("scene", getattr(request.scene, "name", request.scene))]
+        made += request.parameters.items()
     section = facets_on_model(what, columns, request)
     return f"Facets ({Path(what).name})", [section, Section("How it was made", [facts(made)])]
 
@@ -299,10 +300,10 @@ def facets_on_model(what: str, columns: dict, request: Request, band: str = "") 
     if request.scene is None:
         request.notes.append(f"{what}: give --scene SCENE to show the facets on its model")
         return facets_section(columns, band=known_band(band) if band else None)
-    import mi_lcair
     from mi_lcair.rendering.facet_table import FacetTable
+    from mi_lcair.rendering.scene import scene_of
 
-    scene = mi_lcair.load(request.scene, **request.parameters)
+    scene = scene_of(request.scene, request.parameters)
     of_scene = FacetTable(scene)
     model = of_scene.triangles, of_scene.triangle_facet
     toward = toward_sensor(scene, request.sampling.get("sensor", 0))

@@ -4,12 +4,14 @@ from dataclasses import asdict
 
 import mi_lcair
 from mi_lcair.errors import InputError
+from mi_lcair.rendering.scene import scene_of
 from mi_lcair.rendering.window import window_size
 from mi_lcair.reports.page.contrast_panel import contrast_sections
 from mi_lcair.reports.page.page import Section
 from mi_lcair.reports.page.reading import Request
 from mi_lcair.reports.page.sections import (
     audit_section,
+    camera_sections,
     image_sections,
     plan_section,
     signature_sections,
@@ -20,9 +22,9 @@ PHOTONS = 2**16  # photons from each emitter in the audit of a page
 PLAN_TOLERANCE = 0.01  # tolerance of a plan without one
 
 
-def of_scene(what: str, request: Request):
+def of_scene(what, request: Request):
     """Title and sections of a scene: image, signature with facets and spectrum, audit, plan."""
-    scene = mi_lcair.load(what, **request.parameters)
+    scene = scene_of(what, request.parameters)
     sampling, sensor = request.sampling, request.sampling.get("sensor", 0)
     camera = scene.sensor(sensor)
     size_m = window_size(camera)
@@ -117,8 +119,10 @@ def of_scenario(what: str, request: Request):
             progress=request.progress,
         )
         audit = audit_of(view, request)
-    size_m = None if scenario.camera else image.window_m
-    *images, made = image_sections(image.channels, image.header, size_m)
+    if scenario.camera is None:
+        *images, made = image_sections(image.channels, image.header, image.window_m)
+    else:
+        *images, made = camera_sections(image)
     sections = [
         *images,
         *contrast_sections(contrast),

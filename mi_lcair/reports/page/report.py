@@ -1,24 +1,27 @@
 """`report`, which writes the page of one thing or of several."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from os import PathLike
-from pathlib import Path
 
 import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.fraction import fraction
 from mi_lcair.progress import Progress
+from mi_lcair.rendering.scene import SceneLike
 from mi_lcair.reports.page.page import Section, check_output, save
 from mi_lcair.reports.page.reading import Request, read
 from mi_lcair.reports.page.sections import of_result
 from mi_lcair.reports.page.tables import facts
+from mi_lcair.results import Result
+
+What = SceneLike | Result  # what a page shows: a file, a name, a scene or a result
 
 
 def report(
-    what: object,
+    what: What | Sequence[What],
     path: str | PathLike[str],
     *,
-    scene: str | Path | None = None,
+    scene: SceneLike | None = None,
     parameters: Mapping[str, object] | None = None,
     spp: int | None = None,
     tolerance: float | str | None = None,
@@ -35,13 +38,13 @@ def report(
 
     Parameters
     ----------
-    what : str, path-like, result, or sequence of these
+    what : str, path-like, Scene, result, or sequence of these
         A radiance image (EXR); a signature's or fit's JSON; the CSV of a trend, facets or spectrum;
         a scene (XML or bundled name), which is rendered; a scenario (TOML or bundled name), which
         is measured; or a result in memory.
     path : path-like
         File to write, FILE.html.
-    scene : str or path-like, optional
+    scene : Scene, str, Path or mi.Scene, optional
         Scene whose model shows the facets of a CSV.
     parameters : dict, optional
         $-parameters of scenes; entries of scenarios, such as {"sensor.band": "LWIR"}.
@@ -83,18 +86,26 @@ def report(
         "sensor": sensor,
     }
     request = Request(
-        scene=None if scene is None else str(scene),
+        scene=str(scene) if isinstance(scene, PathLike) else scene,
         parameters={name: str(value) for name, value in (parameters or {}).items()},
         sampling={name: value for name, value in options.items() if value is not None},
         plan=plan,
         progress=progress,
     )
-    pages = [
-        read(str(one), request) if isinstance(one, (str, Path)) else of_result(one)
-        for one in several
-    ]
+    pages = [page_of(one, request) for one in several]
     save(path, *joined(pages, made_by(command, several)))
     return request.notes
+
+
+def page_of(what: What, request: Request) -> tuple[str, list[Section]]:
+    """Title and sections of one thing."""
+    if isinstance(what, (str, PathLike)):
+        return read(str(what), request)
+    if isinstance(what, Result):
+        return of_result(what)
+    from mi_lcair.reports.page.rendering import of_scene
+
+    return of_scene(what, request)
 
 
 def joined(pages, made: str) -> tuple[str, list[Section]]:
@@ -111,7 +122,8 @@ def joined(pages, made: str) -> tuple[str, list[Section]]:
 def made_by(command: str | None, several: list) -> str:
     """How a page was made, as a table: the call and the versions that read and drew it."""
     shown = ", ".join(
-        repr(str(one)) if isinstance(one, (str, Path)) else type(one).__name__ for one in several
+        repr(str(one)) if isinstance(one, (str, PathLike)) else type(one).__name__
+        for one in several
     )
     return facts(
         [

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, printable
 from mi_lcair.reports.page.image_panel import image_panel
 from mi_lcair.reports.page.model_panel import model_panel, with_emissivity
 from mi_lcair.reports.page.page import Section, paragraph
@@ -18,6 +18,7 @@ from mi_lcair.reports.page.tables import (
     words_of,
 )
 from mi_lcair.reports.page.trend_panel import trend_panel
+from mi_lcair.results import Result
 
 IMAGE_FIRST = ("apparent.Y", "Y", "temperature.Y")  # channels that are shown first, at most two
 SPECTRAL = "_W_sr_um"  # end of the names of a spectrum's columns
@@ -28,12 +29,15 @@ def of_result(result, **options) -> tuple[str, list[Section]]:
     """Title and sections of a result in memory.
 
     options: of a Signature or FacetResults, `scene` and `sensor`, from which the model is seen at
-    first. Raises InputError for a result of another kind.
+    first. A result without panels of its own gets its table. Raises InputError for what is no
+    result.
     """
     kind = type(result).__name__
-    if kind not in RESULTS:
-        raise InputError(f"no page for a {kind}; report takes {', '.join(RESULTS)}, or their files")
-    return RESULTS[kind](result, **options)
+    if kind in RESULTS:
+        return RESULTS[kind](result, **options)
+    if isinstance(result, Result):
+        return table_page(result)
+    raise InputError(f"report has no page for {printable(result, 60)}; it takes results, or files")
 
 
 def image_sections(channels: dict, header: dict, size_m=None) -> list[Section]:
@@ -262,7 +266,37 @@ def render_page(result):
 
 def camera_page(result):
     """Title and sections of an Image of a camera."""
-    return f"{result.scenario.name}, camera", image_sections(result.channels, result.header)
+    return f"{result.scenario.name}, camera", camera_sections(result)
+
+
+def camera_sections(result) -> list[Section]:
+    """The frame of a camera, its measures, and the target over range."""
+    *images, made = image_sections(result.channels, result.header)
+    measures = result.as_dict()["measures"]
+    rows = [(words_of(name), value) for name, value in measures.items() if is_plain(value)]
+    detected = result.detected_to_m
+    words = "The target is detected at no range." if detected is None else (
+        f"The target is detected up to {detected:.5g} m."
+    )  # fmt: skip
+    return [
+        *images,
+        Section("Camera", [facts(rows), listed(result.remarks)]),
+        Section("Target over range", [paragraph(words), long_table(result.columns())]),
+        made,
+    ]
+
+
+def is_plain(value) -> bool:
+    """Whether an entry is a number, a text, or nothing, and no list or table."""
+    return not isinstance(value, (dict, list))
+
+
+def table_page(result):
+    """Title and sections of a result that has no panels of its own: its table."""
+    rows = [(words_of(name), value) for name, value in result.as_dict().items() if is_plain(value)]
+    title = result.kind.replace("_", " ").capitalize()
+    pieces = [paragraph(result.summary()), long_table(result.columns())]
+    return title, [Section(title, pieces), Section("How it was made", [facts(rows)])]
 
 
 def signature_page(result, scene=None, sensor: int = 0):
@@ -283,8 +317,7 @@ def spectrum_page(result):
 
 def trend_page(result):
     """Title and sections of a Trend."""
-    columns = result.columns() if callable(result.columns) else result.columns
-    return "Trend", trend_sections(columns, result.band)
+    return f"Trend of {result.scene_name}", trend_sections(result.columns(), result.band)
 
 
 def contrast_page(result):
@@ -311,6 +344,6 @@ RESULTS = {
     "Trend": trend_page,
     "Contrast": contrast_page,
     "Fit": fit_page,
-    "Audit": lambda result: (f"Energy audit of {result.scene}", [audit_section(result)]),
-    "Plan": lambda result: ("Plan", [plan_section(result)]),
+    "Audit": lambda result: (f"Energy audit of {result.scene_name}", [audit_section(result)]),
+    "Plan": lambda result: (f"Plan for {result.scene_name}", [plan_section(result)]),
 }

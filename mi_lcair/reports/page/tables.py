@@ -47,9 +47,17 @@ def number(value, digits: int = 6) -> str:
     return printable(value, LONGEST_CELL)
 
 
-def with_error(value, error, digits: int = 6) -> str:
-    """A value with its standard error as text."""
-    return f"{number(value, digits)} ± {number(error, 2)}"
+def with_error(value, error) -> str:
+    """A value with its standard error as text, to the second digit of the error."""
+    return f"{number(value, digits_for(value, error))} ± {number(error, 2)}"
+
+
+def digits_for(value, error) -> int:
+    """Significant digits of a value that end at the second digit of its error, 2 to 9."""
+    if not (value and error and np.isfinite(value) and np.isfinite(error)):
+        return 6
+    size = lambda x: int(np.floor(np.log10(abs(x))))
+    return min(max(size(value) - size(error) + 2, 2), 9)
 
 
 def table(columns, rows, caption: str = "") -> str:
