@@ -40,7 +40,10 @@ def public_classes(annotation, module, found) -> dict:
 
 def methods(cls) -> dict:
     """The public methods and properties of a class, as functions by name."""
-    own = {name: getattr(value, "fget", None) or value for name, value in vars(cls).items()}
+    own = {}
+    for base in reversed([base for base in cls.__mro__ if base.__module__.startswith("mi_lcair.")]):
+        own |= vars(base)
+    own = {name: getattr(value, "fget", None) or value for name, value in own.items()}
     own = {name: getattr(value, "__func__", value) for name, value in own.items()}
     return {
         name: value
