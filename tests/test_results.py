@@ -239,6 +239,7 @@ def test_every_format_that_a_result_names_is_written(result, tmp_path):
         ".tif": b"II*\0",
         ".vtp": b"<?xml",
         ".vtu": b"<?xml",
+        ".html": b"<!DOCTYPE html>",
     }
     assert {".json", ".csv", ".nc"} <= set(result.suffixes())
     for suffix in result.suffixes():
