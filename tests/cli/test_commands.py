@@ -76,7 +76,7 @@ def test_signature_json(run, renderer):
         (["--plot", "s.png"], "give --spectrum"),
         (["--spectrum", "s.txt"], "does not end in .csv"),
         (["--facets", "f.exr"], "does not end in .csv"),
-        (["--spectrum", "s.csv", "--plot", "s.pdf"], "does not end in .png"),
+        (["--spectrum", "s.csv", "--plot", "s.jpg"], "does not end in .png, .svg or .pdf"),
         (["--facets", "missing/f.csv"], "does not exist"),
         (["--facets", "s.csv", "--spectrum", "s.csv"], "both name 's.csv'"),
     ],
@@ -161,7 +161,7 @@ def test_signature_files(run, folder):
         "--json",
     )
     target = json.loads(result.stdout)["target"]["intensity_W_sr"]
-    spectrum = np.loadtxt(folder / "s.csv", delimiter=",", skiprows=2)
+    spectrum = np.loadtxt(folder / "s.csv", delimiter=",", skiprows=1)
     assert np.trapezoid(spectrum[:, 2], spectrum[:, 0]) == pytest.approx(target, rel=1e-5)
     assert len((folder / "f.csv").read_text().splitlines()) == 3 and (folder / "s.png").exists()
     assert [entry["group"] for entry in json.loads(result.stdout)["effective_areas"]] == [

@@ -207,7 +207,7 @@ def test_notes_on_stderr(run):
         (["-D", "atmosphere.table=negative.csv"], "transmittance -0.1"),
         (["-D", "sensor.response=row.csv"], "needs two rows"),
         (["--range"], "--range needs nei"),
-        (["--plot", "x.pdf"], "does not end in .png"),
+        (["--plot", "x.jpg"], "does not end in .png, .svg or .pdf"),
         (["--plot", "none/x.png"], "does not exist"),
         (["-D", "sensor"], "key=value"),
         (["--spp", "4", "--tolerance", "1%"], "do not go with it"),

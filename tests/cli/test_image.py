@@ -94,7 +94,7 @@ def test_json_and_seed(run, folder):
         (("-D", "camera.pitch=3"), "unknown key of [camera] 'pitch'"),
         (("-D", "observer.range_m=1.5"), "is inside the target"),
         (("--tolerance", "1%"), "--spp sets a fixed number of samples"),
-        (("--plot", "seen.pdf"), "output 'seen.pdf' does not end in .png"),
+        (("--plot", "seen.jpg"), "output 'seen.jpg' does not end in .png, .svg or .pdf"),
     ],
 )
 def test_refused(refused, folder, arguments, text):

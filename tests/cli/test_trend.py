@@ -3,6 +3,7 @@
 import json
 
 import pytest
+import xarray
 
 from mi_lcair.cli.trend import Angles, Azimuths
 
@@ -50,7 +51,7 @@ def test_trend(run, folder):
     *table, blank, error = result.stdout.splitlines()
     assert [line.split()[:2] for line in table] == [["elevation", "views"], ["0", "4"], ["20", "4"]]
     assert not blank and error.startswith("error  the widest 95 % interval is +- ")
-    assert sorted(file.name for file in folder.iterdir()) == ["t.csv", "t.png"]
+    assert sorted(file.name for file in folder.iterdir()) == ["t.csv", "t.csv.json", "t.png"]
     rows = [line for line in (folder / "t.csv").read_text().splitlines() if line[0] in "0123456789"]
     assert [tuple(map(float, row.split(",")[:2])) for row in rows] == [
         (a, e) for e in (0, 20) for a in (0, 90, 180, 270)
@@ -114,7 +115,9 @@ def test_a_tolerance_that_was_missed_is_told(run):
             "Missing option '-o'",
         ),
         (("-o", "t.csv"), "Missing option '--azimuth'"),
-        (("--azimuth", "0", "-o", "t.txt"), "does not end in .csv"),
+        (("--azimuth", "0", "-o", "t.txt"), "does not end in .csv or .nc"),
+        (("--azimuth", "0", "-o", "t.nc", "--resume"), "--resume goes with a CSV"),
+        (("--azimuth", "0", "-o", "t.csv", "--resume", "--overwrite"), "--overwrite drops them"),
         (("--azimuth", "0", "-o", "no/t.csv"), "output folder 'no' does not exist"),
         (("--azimuth", "0", "-o", "t.csv", "--spp", 0), "--spp"),
         (("--azimuth", "0", "--elevation", "95", "-o", "t.csv"), "-90..90"),
@@ -124,3 +127,17 @@ def test_a_tolerance_that_was_missed_is_told(run):
 def test_refused(refused, folder, args, message):
     assert message in refused("trend", "cylinder_ir_range", *args)
     assert not list(folder.iterdir())
+
+
+@pytest.mark.slow
+def test_netcdf(run, refused, folder):
+    args = ("trend", "cylinder_ir_range", *FEW, "--elevation", "0,20", "-o", "t.nc")
+    assert run(*args).exit_code == 0
+    with xarray.open_dataset(folder / "t.nc") as data:
+        assert data.intensity_W_sr.dims == ("elevation_deg", "azimuth_deg")
+        assert data.intensity_W_sr.shape == (2, 4) and data.intensity_W_sr.units == "W sr-1"
+        assert float(data.intensity_W_sr.min()) > 0
+    before = (folder / "t.nc").read_bytes()
+    assert "output 't.nc' exists; give --overwrite" in refused(*args)
+    assert (folder / "t.nc").read_bytes() == before
+    assert run(*args, "--overwrite").exit_code == 0

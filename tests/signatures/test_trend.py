@@ -1,5 +1,6 @@
 """Tests of trends: rows against signatures, resuming a file, and rendering on a Dask cluster."""
 
+import json
 import os
 import signal
 import socket
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import mitsuba as mi
 import numpy as np
+import pandas
 import pytest
 
 import mi_lcair
@@ -19,6 +21,7 @@ from mi_lcair.rendering.scene import checked
 from mi_lcair.rendering.views import View, seen_from
 from mi_lcair.reports import trend_plot
 from mi_lcair.signatures import cluster
+from mi_lcair.signatures.trend_file import beside
 from tests.plugins.conftest import plate  # noqa: F401, a fixture
 from tests.plugins.small_scenes import camera
 
@@ -49,7 +52,23 @@ def whole(cylinder, tmp_path_factory):
     """Text of the file of a trend that was not interrupted."""
     path = tmp_path_factory.mktemp("trend") / "whole.csv"
     trend(cylinder, path)
-    return path.read_text()
+    return path.read_text() + MARK + beside(path).read_text()
+
+
+MARK = "------\n"  # between the texts of the CSV and of the file beside it
+
+
+def write_both(path, text):
+    """Write the CSV and the file beside it from their texts."""
+    table, _, made = text.partition(MARK)
+    path.write_text(table)
+    if made:
+        beside(path).write_text(made)
+
+
+def both(path) -> str:
+    """The texts of the CSV and of the file beside it."""
+    return path.read_text() + MARK + beside(path).read_text()
 
 
 @pytest.mark.slow
@@ -96,11 +115,12 @@ def test_what_was_interrupted_is_resumed(cylinder, whole, tmp_path, batches):
 
     with pytest.raises(Stopped):
         trend(cylinder, path, progress=stop)
-    assert f"# done: {done[-1]} of 8 views" in path.read_text()
+    assert json.loads(beside(path).read_text())["done"] == done[-1]
+    assert len(path.read_text().splitlines()) == done[-1] + 1
 
     calls = []
     trend(cylinder, path, resume=True, progress=lambda *counts: calls.append(counts))
-    assert path.read_text() == whole and len(calls) == 3 - batches
+    assert both(path) == whole and len(calls) == 3 - batches
     trend(
         cylinder, path, resume=True, progress=lambda *counts: pytest.fail("nothing is left to do")
     )
@@ -109,10 +129,10 @@ def test_what_was_interrupted_is_resumed(cylinder, whole, tmp_path, batches):
 def test_a_view_that_is_missing_is_rendered_with_its_batch(cylinder, whole, tmp_path):
     """A missing view is rendered with its whole batch, and has the same numbers as before."""
     path = tmp_path / "trend.csv"
-    path.write_text("\n".join(line for line in whole.splitlines() if not line.startswith("90,")))
+    write_both(path, "\n".join(line for line in whole.splitlines() if not line.startswith("90,")))
     with pytest.warns(UserWarning, match="1 of 3 batches do not match"):
         trend(cylinder, path, resume=True)
-    assert path.read_text() == whole
+    assert both(path) == whole
 
 
 def test_angles_that_have_no_end_are_resumed(cylinder, tmp_path):
@@ -183,10 +203,10 @@ def test_a_scene_that_was_edited_is_not_resumed(plate, tmp_path):
 )
 def test_another_trend_is_not_resumed(cylinder, whole, tmp_path, changes, message):
     path = tmp_path / "trend.csv"
-    path.write_text(whole)
+    write_both(path, whole)
     with pytest.raises(InputError, match=message):
         trend(cylinder, path, resume=True, **changes)
-    assert path.read_text() == whole
+    assert both(path) == whole
 
 
 def nth_line(text: str, start: str, change) -> str:
@@ -235,43 +255,85 @@ def swapped(line: str) -> str:
         ),
         (lambda text: text.replace(",reached,", ",raeched,"), 3),
         (lambda text: text.replace("azimuth_deg,", "", 1), 3),
-        (lambda text: text.replace("# batch 1: ", "# batch 1: 0"), 1),
-        (lambda text: nth_line(text, "# batch 1", lambda line: ""), 1),
+        (lambda text: text.replace('"1": "', '"1": "0'), 1),
+        (lambda text: nth_line(text, '    "1": ', lambda line: ""), 1),
     ],
 )
 def test_rows_that_were_edited_are_rendered_again(cylinder, whole, tmp_path, spoil, batches):
     """Changed rows are rendered again, with a warning, and the file is the original one."""
     path = tmp_path / "trend.csv"
-    path.write_text(spoil(whole))
-    assert path.read_text() != whole
+    write_both(path, spoil(whole))
+    assert both(path) != whole
     with pytest.warns(UserWarning, match=f"{batches} of 3 batches do not match their checksum"):
         result = trend(cylinder, path, resume=True)
-    assert path.read_text() == whole
+    assert both(path) == whole
     assert (result.table["intensity_W_sr"] > 0).all()
 
 
 def test_line_ends_of_another_system_are_no_edit(cylinder, whole, tmp_path):
     path = tmp_path / "trend.csv"
-    path.write_bytes(whole.replace("\n", "\r\n").encode())
+    write_both(path, whole)
+    path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
     trend(cylinder, path, resume=True, progress=lambda *counts: pytest.fail("rendered again"))
 
 
 @pytest.mark.parametrize(
-    "content, message",
+    "content, made, message",
     [
-        (b"", "made with scene = nothing"),
-        (b"a,b\n1,2\n", "made with scene = nothing"),
-        (b"\x89PNG\r\n\x00", "not a text file"),
-        (b"# scene: \x1b[31m\n", "not a text file"),
-        ("# scene: \u202e{}\n".format("x" * 100_000).encode(), r"made with scene = \\u202exx"),
+        (b"a,b\n1,2\n", None, "cannot be resumed without 'trend.csv.json' beside it"),
+        (b"a,b\n1,2\n", b"", "does not state how"),
+        (b"a,b\n1,2\n", b"[1]", "does not state how"),
+        (b"a,b\n1,2\n", b'{"made": [], "batches": {}}', "does not state how"),
+        (b"a,b\n1,2\n", b'{"made": {}, "batches": {}}', "made with scene = nothing"),
+        (b"a,b\n1,2\n", b"[" * 100_000, "does not state how"),
+        (b"a,b\n1,2\n", b"\x89PNG\r\n\x00", "not a text file"),
+        (b"\x89PNG\r\n\x00", b'{"made": {}, "batches": {}}', "not a text file"),
+        (
+            b"a,b\n",
+            json.dumps({"made": {"scene": "\u202e" + "x" * 100_000}, "batches": {}}).encode(),
+            r"made with scene = \\u202exx",
+        ),
     ],
 )
-def test_a_file_of_another_kind_is_not_resumed(cylinder, tmp_path, content, message):
+def test_a_file_of_another_kind_is_not_resumed(cylinder, tmp_path, content, made, message):
     path = tmp_path / "trend.csv"
     path.write_bytes(content)
+    if made is not None:
+        beside(path).write_bytes(made)
     with pytest.raises(InputError, match=message):
         trend(cylinder, path, resume=True)
     assert path.read_bytes() == content
+
+
+def test_pandas_reads_it_without_options_or_a_path_of_this_machine(cylinder, whole, tmp_path):
+    """Plain columns, and no path of a folder in either file."""
+    path = tmp_path / "trend.csv"
+    result = trend(cylinder, path)
+    frame = pandas.read_csv(path)
+    assert list(frame) == list(result.columns())
+    for name, values in result.columns().items():
+        np.testing.assert_allclose(frame[name], values, rtol=1e-8)
+    assert str(tmp_path) not in both(path) and "/" not in both(path).replace("W/sr", "")
+    assert json.loads(beside(path).read_text())["made"]["scene"] == "cylinder_ir_range"
+
+
+def test_a_file_that_exists_is_not_overwritten_without_a_word(cylinder, tmp_path):
+    path = tmp_path / "trend.csv"
+    path.write_text("precious")
+    with pytest.raises(InputError, match="exists; give --resume"):
+        trend(cylinder, path)
+    assert path.read_text() == "precious" and len(list(tmp_path.iterdir())) == 1
+    trend(cylinder, path, overwrite=True)
+    assert path.read_text().startswith("azimuth_deg,")
+
+
+def test_an_empty_file_is_resumed_from_nothing(cylinder, whole, tmp_path):
+    """What an interrupted copy may leave: the CSV is empty, and the other file states batches."""
+    path = tmp_path / "trend.csv"
+    write_both(path, MARK + whole.partition(MARK)[2])
+    with pytest.warns(UserWarning, match="3 of 3 batches do not match"):
+        trend(cylinder, path, resume=True)
+    assert both(path) == whole
 
 
 @pytest.mark.slow
@@ -314,7 +376,7 @@ def test_two_workers_of_which_one_dies(cylinder, tmp_path):
 
         trend(cylinder, path, dask=workers.scheduler_address, progress=kill, **many)
     assert killed and killed[0] < 18
-    assert path.read_text() == apart.read_text()
+    assert both(path) == both(apart)
 
 
 @pytest.mark.slow
@@ -356,7 +418,7 @@ def test_a_scheduler_that_dies(tmp_path):
             process.kill()
             process.wait()
     assert run.returncode == 1 and "the Dask scheduler at" in errors and errors.count("\n") == 1
-    assert "# batch " in (tmp_path / "t.csv").read_text()
+    assert json.loads((tmp_path / "t.csv.json").read_text())["batches"]
 
 
 def free_port() -> int:
