@@ -20,7 +20,6 @@ COMMANDS = {
     name: name
     for name in (
         "render",
-        "show",
         "signature",
         "trend",
         "fit",
@@ -30,6 +29,7 @@ COMMANDS = {
         "audit",
     )
 }
+COMMANDS |= {name: f"files.{name}" for name in ("show", "convert")}
 COMMANDS["import"] = "import_model"  # a module cannot be named `import`
 COMMANDS |= {name: f"scenarios.{name}" for name in ("contrast", "image")}
 COMMANDS |= {name: f"estimates.{name}" for name in ("budget", "invert")}
