@@ -24,6 +24,7 @@ QUANTITIES = {
     "sigma": ("standard uncertainty of radiance", RADIANCE),
     "d": ("derivative of radiance", f"{RADIANCE} per unit"),
 }
+NOTHING = {"grey": "0.6", "blue": "steelblue"}  # colours of pixels without a value
 LARGEST = 1e37  # largest value that is drawn; differences and ratios of larger ones overflow
 SMALLEST = 1e-45  # smaller values are drawn as 0, as in Float32
 LEFT, RIGHT, BOTTOM, TOP = 0.75, 1.25, 0.55, 0.4  # margins of an image, inches
@@ -40,7 +41,9 @@ def column_quantity(name: str) -> tuple[str, str]:
 
     The unit is "" for a number without one.
     """
-    unit = re.sub(r"(-?\d)", r"$^{\1}$", units.unit_of(name)).replace("um", "µm")
+    unit = re.sub(
+        r"(-\d)", r"$^{\1}$", re.sub(r"(?<!-)(\d)", r"$^\1$", units.unit_of(name))
+    ).replace("um", "µm")
     return units.quantity_of(name), unit
 
 
@@ -184,7 +187,6 @@ def _draw(panel, bar_axes, name, values, log, quantity, limits, cmap, window_m) 
     kind, (what, unit) = name.split(".")[0], quantity
     has_value = _has_value(name, values, log)
     height, width = values.shape
-    panel.set_facecolor("0.6")
     picture = panel.imshow(
         np.ma.array(values, mask=~has_value),
         norm=(LogNorm if log else Normalize)(limits.lower, limits.upper),
@@ -194,7 +196,10 @@ def _draw(panel, bar_axes, name, values, log, quantity, limits, cmap, window_m) 
         interpolation="nearest",
     )
     panel.set_title(plain(name), fontsize=9)
-    remarks = [] if has_value.all() else ["grey: no value"]
+    # Grey cannot mean "no value" where it is a colour of the scale
+    nothing = "blue" if np.ptp(picture.cmap(0.5)[:3]) < 0.1 else "grey"
+    panel.set_facecolor(NOTHING[nothing])
+    remarks = [] if has_value.all() else [f"{nothing}: no value"]
     remarks += filter(None, [limits.remark])
     across, along = ("column (pixel)", "row (pixel)") if window_m is None else ("x (m)", "y (m)")
     panel.set_xlabel("; ".join([across, *remarks]), fontsize=8)

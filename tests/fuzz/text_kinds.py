@@ -23,7 +23,7 @@ from mi_lcair.rendering.image import read_exr, write_exr
 from mi_lcair.rendering.render import DEFAULT_MAX_SPP
 from mi_lcair.rendering.views import View
 from mi_lcair.reports.image_picture import save_picture
-from mi_lcair.signatures.trend_file import TrendFile
+from mi_lcair.signatures.trend_file import TrendFile, beside
 from mi_lcair.table import read_table
 from tests.fuzz.mutants import Kind
 from tests.models3d.shapes import cube
@@ -307,17 +307,34 @@ ROWS = {
 }
 
 
-def trend_bytes() -> bytes:
+def trend_bytes() -> tuple[bytes, bytes]:
+    """Contents of the CSV and of the file beside it."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "trend.csv"
         file = TrendFile(path, TREND_HEADER, BATCHES)
         for _, views in BATCHES[:2]:
             file.add({view: ROWS[view] for view in views})
-        return path.read_bytes()
+        return path.read_bytes(), beside(path).read_bytes()
+
+
+TREND_CSV, TREND_MADE = trend_bytes()
 
 
 def use_trend(path: Path) -> None:
     """Nothing is resumed that was not rendered."""
+    beside(path).write_bytes(TREND_MADE)
+    resume_trend(path)
+
+
+def use_made(path: Path) -> None:
+    """The same, where the file beside the CSV is damaged."""
+    table = path.with_suffix("")
+    table.write_bytes(TREND_CSV)
+    assert beside(table) == path
+    resume_trend(table)
+
+
+def resume_trend(path: Path) -> None:
     with numbers_that_behave():
         file = TrendFile(path, TREND_HEADER, BATCHES)
         file.resume()
@@ -328,9 +345,16 @@ def use_trend(path: Path) -> None:
 TREND = Kind(
     "trend",
     ".csv",
-    (trend_bytes(),),
+    (TREND_CSV,),
     use_trend,
-    tuple(b"azimuth_deg intensity_W_sr 60,0, # batch 0: 1: done seed 0 nan -5".split()),
+    tuple(b"azimuth_deg intensity_W_sr 60,0, 1: 0 nan -5".split()),
+)
+MADE = Kind(
+    "trend_made",
+    ".csv.json",
+    (TREND_MADE,),
+    use_made,
+    tuple(b'{} [] null "made" "batches" "0" "1" "seed" 1e999 NaN'.split()),
 )
 
 # ---------------------------------------------------------------- Images
@@ -376,5 +400,6 @@ TEXT_KINDS = (
     MATERIALS,
     FIT,
     TREND,
+    MADE,
     EXR,
 )

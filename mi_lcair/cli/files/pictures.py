@@ -150,10 +150,9 @@ def scenario(what, output, parameters):
     where = f"{observer.range_m:g} m"
     if observer.azimuth_deg is not None:
         where += f", azimuth {observer.azimuth_deg:g}, elevation {observer.elevation_deg:g} degrees"
-    write_figure(
-        figure(model_of(loaded), f"{stated.name}: {stated.title}; seen from {where}"), output
-    )
-    print_columns([("picture", output), ("scenario", f"{stated.name}: {stated.title}")])
+    name = ": ".join(filter(None, (stated.name, stated.title.rstrip("."))))
+    write_figure(figure(model_of(loaded), f"{name}; seen from {where}"), output)
+    print_columns([("picture", output), ("scenario", name)])
     click.echo()
     print_columns(
         [

@@ -30,11 +30,12 @@ class Limits:
     @property
     def remark(self) -> str:
         """What the scale leaves out, in words; "" if it leaves out nothing."""
-        if self.extend == "neither":
-            return ""
-        return (
-            f"scale {self.lower:.4g} to {self.upper:.4g} of {self.least:.4g} to {self.greatest:.4g}"
-        )
+        parts = []
+        if self.least < self.lower:
+            parts.append(f"scale from {self.lower:.4g}, values from {self.least:.4g}")
+        if self.greatest > self.upper:
+            parts.append(f"scale to {self.upper:.4g}, values to {self.greatest:.4g}")
+        return "; ".join(parts)
 
 
 def limits_of(
