@@ -10,6 +10,7 @@ import numpy as np
 
 import mi_lcair
 from mi_lcair.detection.scenario import Scenario
+from mi_lcair.errors import InputError
 from mi_lcair.fitting.scatterometer import reading
 from mi_lcair.models3d import read as read_model
 from mi_lcair.physics import materials, tape7
@@ -335,11 +336,15 @@ def use_made(path: Path) -> None:
 
 
 def resume_trend(path: Path) -> None:
-    with numbers_that_behave():
+    """Resume; the warning that batches do not match counts as a refusal."""
+    with numbers_that_behave(), warnings.catch_warnings(record=True) as remarks:
+        warnings.simplefilter("always", category=UserWarning)
         file = TrendFile(path, TREND_HEADER, BATCHES)
         file.resume()
     for view, row in file.rows.items():
         assert row == ROWS[view], f"{row} was not rendered"
+    if remarks:
+        raise InputError(remarks[0].message)
 
 
 TREND = Kind(

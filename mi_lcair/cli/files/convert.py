@@ -134,8 +134,8 @@ def _table(source, output, suffix):
 def _facets(source, output, suffix, scene, parameters):
     """A table of facets and their polygons."""
     from mi_lcair.rendering.facet_image import FACET, by_facet
-    from mi_lcair.rendering.facet_polygons import FacetPolygons
     from mi_lcair.rendering.facet_table import FacetTable
+    from mi_lcair.rendering.facets.polygons import FacetPolygons
     from mi_lcair.table import read_table
 
     table = read_table(source, (FACET,))
@@ -166,8 +166,8 @@ def _model(source, output, suffix):
 
 def _scene(source, output, suffix, parameters):
     """The facets of a scene with their groups, materials and temperatures."""
-    from mi_lcair.rendering.facet_polygons import FacetPolygons
     from mi_lcair.rendering.facet_table import FacetTable
+    from mi_lcair.rendering.facets.polygons import FacetPolygons
 
     facets = FacetTable(mi_lcair.load(sources.scene_in(Path(source)) or source, **parameters))
     polygons = FacetPolygons.of(facets.triangles, facets.triangle_facet)

@@ -122,7 +122,7 @@ def model(what, output, materials):
 def scene(what, output, parameters):
     """Draw the model of a scene from three sides."""
     from mi_lcair.drawing import write_figure
-    from mi_lcair.rendering.scene_model import model_of
+    from mi_lcair.rendering.facets.model import model_of
     from mi_lcair.reports.model_picture import figure
 
     output = output or Path(f"{Path(what).stem}.png")
@@ -137,7 +137,7 @@ def scenario(what, output, parameters):
     """Print what a scenario states, and draw its target from three sides."""
     from mi_lcair.detection.scenario import Scenario
     from mi_lcair.drawing import write_figure
-    from mi_lcair.rendering.scene_model import model_of
+    from mi_lcair.rendering.facets.model import model_of
     from mi_lcair.reports.model_picture import figure
 
     stated = Scenario.read(what, **dict(parameters))
