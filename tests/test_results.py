@@ -239,9 +239,11 @@ def test_every_format_that_a_result_names_is_written(result, tmp_path):
         ".png": b"\x89PNG",
         ".svg": b"<?xml",
         ".pdf": b"%PDF",
+        ".html": b"<!DOCTYPE html>",
         ".tif": b"II*\0",
         ".vtp": b"<?xml",
         ".vtu": b"<?xml",
+        ".html": b"<!DOCTYPE html>",
     }
     suffixes = set(result.suffixes())
     assert {".json", ".csv", ".nc"} <= suffixes
