@@ -8,10 +8,10 @@ import numpy as np
 from mi_lcair.formats import vtk
 from mi_lcair.plugins.paths.channels import MAX_BOUNCE_CHANNELS, entries
 from mi_lcair.plugins.paths.launch import Launch
-from mi_lcair.rendering.facet_polygons import FacetPolygons
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.render import BOUNCE_CHANNELS
 from mi_lcair.results import Result
+from mi_lcair.signatures.facet_polygons import FacetPolygons
 
 EDGE_ON = 1e-6  # cosine below which the projected area of a facet is only rounding error
 FEW = 30  # smallest expected number of samples on a facet that gives a visible fraction
