@@ -6,7 +6,7 @@ import pytest
 import mi_lcair
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.facets.polygons import FacetPolygons
-
+=
 
 def newell(points) -> float:
     """Area of a planar polygon, by Newell's formula."""
