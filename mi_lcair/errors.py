@@ -5,6 +5,8 @@ from difflib import SequenceMatcher
 
 LONGEST = 500  # largest length of a message [characters]
 MOST_NAMED = 300  # largest length of a list of known names [characters]
+# Of more known names than ALL, the message lists the NEAREST ones only.
+ALL, NEAREST = 12, 5
 MOST_QUOTED = 60  # largest length of an unknown name in a message [characters]
 
 EXCEPTION = re.compile(r"\w[\w.]*(: |:?$)")  # an exception's name in an unindented traceback line
@@ -61,14 +63,15 @@ class InputError(ValueError):
 def unknown(kind: str, name: str, names) -> InputError:
     """The error for an unknown `name`, with a list of the known `names`, the most similar first.
 
-    kind: what the name stands for, such as "material". The list is cut to fit in a line.
+    kind: what the name stands for, such as "material". Of many names, only the NEAREST are listed.
     """
     name = printable(name, MOST_QUOTED)
     nearest_first = sorted(
         (printable(other, MOST_QUOTED) for other in names),
         key=lambda other: -SequenceMatcher(None, name.lower(), other.lower()).ratio(),
     )
-    known = ", ".join(nearest_first) or "none"
+    listed = nearest_first if len(nearest_first) <= ALL else [*nearest_first[:NEAREST], "..."]
+    known = ", ".join(listed) or "none"
     if len(known) > MOST_NAMED:
         known = known[: known.rindex(", ", 0, MOST_NAMED)] + ", ..."
     return InputError(f"unknown {kind} '{name}'; known: {known}")

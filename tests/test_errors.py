@@ -39,6 +39,16 @@ def test_a_long_name_among_many_is_told_in_one_line():
     assert len(message) <= LONGEST and message.endswith(", ...") and "material_0" in message
 
 
+def test_of_many_names_only_the_nearest_are_listed():
+    """The parameters of an airliner are hundreds; a reader wants the one that was misspelt."""
+    known = [f"{group}.{key}" for group in "abcdefghij" for key in ("temperature", "emissivity")]
+    message = str(unknown("quantity", "c.temperture", [*known, "wing.area"]))
+    assert message.startswith("unknown quantity 'c.temperture'; known: c.temperature, ")
+    assert message.endswith(", ...") and message.count(",") == 5
+    few = [f"band_{k}" for k in range(12)]
+    assert str(unknown("band", "band_7x", few)).count(",") == 11
+
+
 def test_a_line_break_in_a_name_does_not_hide_the_message():
     """Mitsuba passes an exception of a plugin on as text, of which the last line is taken."""
     error = InputError("unknown material: gloss\nmi-lcair: note: all is well")

@@ -2,7 +2,9 @@
 
 import json
 import re
+import sys
 from base64 import b64decode
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -11,9 +13,12 @@ from PIL import Image
 
 import mi_lcair
 from mi_lcair.detection.scenario import Scenario
+from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 from mi_lcair.formats.units import unit_of
+from mi_lcair.physics.brdf_view import brdf_view
 from mi_lcair.rendering.image import read_exr
+from mi_lcair.signatures.hemispherical_view import hemispherical_view
 from tests.cli.test_image import CAMERA
 from tests.detection.disc_scenario import write_disc
 from tests.fitting.results import measurements
@@ -38,6 +43,7 @@ PURE = {
     "share",
     "share_standard_error",
     "snr",
+    "view_factor",
     "visible_fraction",
 }
 
@@ -111,6 +117,10 @@ RESULTS = {
     "derivative_images": lambda folder: mi_lcair.derivative_images(
         cylinder(), ["walls.temperature", "bare_aluminum.epsilon"], spp=4
     ),
+    "hemispherical_view": lambda folder: hemispherical_view(
+        mi_lcair.load("two_plates"), 0, rays=2**10
+    ),
+    "brdf": lambda folder: brdf_view("gloss_black", "LWIR"),
     "fit": lambda folder: mi_lcair.fit(measurements(), model="sandford_robertson", starts=4),
 }
 
@@ -178,7 +188,7 @@ def test_the_dictionary_is_strict_json(result):
     entries = result.as_dict()
     assert entries["kind"] == result.kind
     if result.kind not in ("detection_range", "fit"):
-        names = ("scene_name", "scenario_name", "what", "problem")
+        names = ("scene_name", "scenario_name", "what", "problem", "material")
         assert [name for name in names if entries.get(name)]
     assert json.loads(json.dumps(entries, allow_nan=False)) == entries
 
@@ -229,17 +239,23 @@ def test_every_format_that_a_result_names_is_written(result, tmp_path):
         ".png": b"\x89PNG",
         ".svg": b"<?xml",
         ".pdf": b"%PDF",
+        ".html": b"<!DOCTYPE html>",
         ".tif": b"II*\0",
         ".vtp": b"<?xml",
         ".vtu": b"<?xml",
+        ".html": b"<!DOCTYPE html>",
     }
-    assert {".json", ".csv", ".nc"} <= set(result.suffixes())
-    for suffix in result.suffixes():
+    suffixes = set(result.suffixes())
+    assert {".json", ".csv", ".nc"} <= suffixes
+    assert suffixes & set(PICTURES) == set(PICTURES if result.drawn_by else ())
+    if result.kind != "signature":
+        suffixes -= {".png", ".pdf"}  # drawing is slow, and the writer is the same for all
+    for suffix in suffixes:
         path = tmp_path / f"result{suffix.upper()}"
         result.save(path)
         assert path.read_bytes().startswith(beginnings[suffix]), suffix
     assert json.loads((tmp_path / "result.JSON").read_text()) == result.as_dict()
-    assert len(list(tmp_path.iterdir())) == len(result.suffixes())
+    assert len(list(tmp_path.iterdir())) == len(suffixes)
 
 
 @pytest.mark.parametrize("name", ["result.xyz", "result", ".json", "missing/result.json"])
@@ -256,6 +272,21 @@ def test_a_picture_is_no_table(result, tmp_path):
     with pytest.raises(InputError):
         result.plot(tmp_path / "picture.csv")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("library, convert", [("pandas", "to_dataframe"), ("xarray", "to_xarray")])
+def test_a_missing_library_is_named(results, monkeypatch, library, convert):
+    monkeypatch.setitem(sys.modules, library, None)
+    for name in ("render", "signature", "trend"):
+        with pytest.raises(InputError, match=rf"needs {library}; python -m pip install"):
+            getattr(results(name), convert)()
+
+
+def test_values_that_cannot_be_drawn_are_shown_as_a_table(results):
+    render = results("render")
+    bright = replace(render, channels=render.channels | {"Y": render.channels["Y"] + np.inf})
+    huge = replace(render, channels=render.channels | {"Y": np.full((8, 8), 2e37, np.float32)})
+    assert "<img" in bright._repr_html_() and "<table>" in huge._repr_html_()
 
 
 def test_an_image_is_saved_whole(results, tmp_path):

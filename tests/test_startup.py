@@ -9,6 +9,7 @@ import os
 import shutil
 import subprocess
 import sys
+import zipfile
 from importlib.metadata import PackageNotFoundError, files
 from pathlib import Path
 from types import SimpleNamespace
@@ -370,6 +371,40 @@ def test_help_loads_no_renderer_and_no_charts():
     assert done.stdout.startswith("Usage: mi-lcair") and done.stdout.endswith("set()\n"), (
         done.stderr
     )
+
+
+def test_the_package_is_a_program():
+    done = subprocess.run(
+        [sys.executable, "-m", "mi_lcair", "scenes"], cwd=ROOT, capture_output=True, text=True
+    )
+    assert done.returncode == 0 and "\ncavity: " in done.stdout, done.stderr
+    done = subprocess.run(
+        [sys.executable, "-m", "mi_lcair", "render", "no_such_scene", "-o", "x.exr"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 2 and done.stderr.count("\n") == 1
+
+
+@pytest.mark.slow
+def test_wheel_is_typed(tmp_path):
+    """The wheel has py.typed above the annotated modules of all four folders."""
+    pytest.importorskip("hatchling")
+    subprocess.run(
+        [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", tmp_path],
+        cwd=ROOT,
+        check=True,
+        capture_output=True,
+    )
+    (wheel,) = tmp_path.glob("*.whl")
+    names = zipfile.ZipFile(wheel).namelist()
+    assert {
+        "mi_lcair/py.typed",
+        "mi_lcair/plugins/bounce_path.py",
+        "mi_lcair/fitting/estimation.py",
+        "mi_lcair/scenes/cavity.xml",
+    } <= {*names}
 
 
 def test_public_names_resolve():

@@ -23,8 +23,8 @@ class RangeRow:
     """A target at a range.
 
     range_m: range, m. pixels: number of pixels on the target. electrons: its electrons in a frame
-    above the background, sum over the pixels. snr: signal-to-noise ratio. detected: whether both
-    suffice.
+    above the background, sum over the pixels. snr: signal-to-noise ratio. detected: whether pixels
+    and ratio suffice. lacks: which of them does not, in words; "" if both do.
     """
 
     range_m: float
@@ -32,6 +32,7 @@ class RangeRow:
     electrons: float
     snr: float
     detected: bool
+    lacks: str
 
 
 def range_rows(
@@ -74,11 +75,12 @@ def range_rows(
     covered = (ranges_m * optics.imager.pixel_angle) ** 2
     electrons, pixels = contrast / covered, exposure.area / covered
     ratio = np.abs(electrons) / (noise * np.sqrt(pixels + optics.noise_equivalent_pixels))
-    found = (ratio >= snr) & (pixels >= optics.imager.least_pixels)
-    return [
-        RangeRow(*map(float, row), bool(yes))
-        for *row, yes in zip(ranges_m, pixels, electrons, ratio, found)
-    ]
+    criteria = {"signal to noise": ratio >= snr, "pixels": pixels >= optics.imager.least_pixels}
+    rows = []
+    for k, row in enumerate(zip(ranges_m, pixels, electrons, ratio)):
+        lacking = [name for name, suffices in criteria.items() if not suffices[k]]
+        rows.append(RangeRow(*map(float, row), not lacking, " and ".join(lacking)))
+    return rows
 
 
 def table_ranges(air: Atmosphere, radius_m: float, range_m: float) -> np.ndarray:

@@ -12,27 +12,38 @@ import sys
 import click
 
 import mi_lcair
-from mi_lcair.cli.output import warnings_as_notes
+from mi_lcair.cli.output import quiet_option, warnings_as_notes
+from mi_lcair.cli.usage import completion  # noqa: F401  registers its script for Bash
 from mi_lcair.errors import InputError, mitsuba_error, printable, unknown
 
-# Name of each command, and the module that holds it.
-COMMANDS = {
-    name: name
-    for name in (
-        "render",
-        "signature",
-        "trend",
-        "fit",
-        "scenes",
-        "chart",
-        "plan",
-        "audit",
-    )
+# Module of each command, by what the commands are for.
+PURPOSES = {
+    "Images and intensities": {
+        "render": "render",
+        "signature": "signature",
+        "trend": "trend",
+        "contrast": "scenarios.contrast",
+        "image": "scenarios.image",
+    },
+    "Scenes and materials": {
+        "scenes": "scenes",
+        "import": "import_model",  # a module cannot be named `import`
+        "fit": "fit",
+    },
+    "Pictures, pages and files": {
+        "show": "files.show",
+        "report": "report",
+        "convert": "files.convert",
+    },
+    "Errors, and what they depend on": {
+        "plan": "plan",
+        "audit": "audit",
+        "budget": "estimates.budget",
+        "invert": "estimates.invert",
+        "chart": "charts.chart",
+    },
 }
-COMMANDS |= {name: f"files.{name}" for name in ("show", "convert")}
-COMMANDS["import"] = "import_model"  # a module cannot be named `import`
-COMMANDS |= {name: f"scenarios.{name}" for name in ("contrast", "image")}
-COMMANDS |= {name: f"estimates.{name}" for name in ("budget", "invert")}
+COMMANDS = {name: module for group in PURPOSES.values() for name, module in group.items()}
 FAILED, UNUSABLE, INTERRUPTED = 1, 2, 130
 
 
@@ -44,8 +55,23 @@ class Main(click.Group):
 
     def get_command(self, ctx, name):
         if name not in COMMANDS:
+            if ctx.resilient_parsing:  # the shell completes a line
+                return None
             raise unknown("command", name, COMMANDS)
-        return importlib.import_module(f"{__name__}.{COMMANDS[name]}").command
+        command = importlib.import_module(f"{__name__}.{COMMANDS[name]}").command
+        add_quiet(command)
+        return command
+
+    def format_commands(self, ctx, formatter):
+        """Write the commands by purpose into the help."""
+        width = formatter.width - 4 - max(map(len, COMMANDS))
+        for purpose, names in PURPOSES.items():
+            with formatter.section(purpose):
+                commands = ((name, self.get_command(ctx, name)) for name in names)
+                formatter.write_dl(
+                    [(name, command.get_short_help_str(width)) for name, command in commands],
+                    col_max=max(map(len, COMMANDS)),
+                )
 
     def main(self, args=None, prog_name="mi-lcair", **extra):
         """Run the command line, report an error as one line, and exit with the status.
@@ -83,14 +109,28 @@ def _verdict(error: BaseException) -> tuple[int, str]:
     return status, message
 
 
+def add_quiet(command: click.Command) -> None:
+    """Give a command, and the commands of a group, the option -q."""
+    if not any(option.name == "quiet" for option in command.params):
+        quiet_option(command)
+    for member in getattr(command, "commands", {}).values():
+        add_quiet(member)
+
+
 def _version(ctx, option, wanted):
     if wanted:
         click.echo(f"mi-lcair {mi_lcair.__version__}")
         ctx.exit()
 
 
-@click.group("mi-lcair", cls=Main, invoke_without_command=True)
+@click.group(
+    "mi-lcair",
+    cls=Main,
+    invoke_without_command=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
 @click.option(
+    "-V",
     "--version",
     is_flag=True,
     is_eager=True,
@@ -98,8 +138,13 @@ def _version(ctx, option, wanted):
     callback=_version,
     help="Show the version and exit.",
 )
+@quiet_option
 @click.pass_context
 def main(ctx):
-    """Thermal-infrared radiance of Mitsuba 3 scenes, in W m^-2 sr^-1."""
+    """Thermal-infrared radiance of Mitsuba 3 scenes, in W m^-2 sr^-1.
+
+    Results are printed on stdout, with --json for programs. Notes and progress go to stderr.
+    `COMMAND -h` explains a command, with an example.
+    """
     if ctx.invoked_subcommand is None:
         click.echo(ctx.get_help())

@@ -5,9 +5,15 @@ import click
 import mi_lcair
 from mi_lcair.cli.options import loading_options
 from mi_lcair.cli.output import print_columns, print_json
+from mi_lcair.cli.usage.examples import examples
 
 
-@click.command("audit")
+@click.command(
+    "audit",
+    epilog=examples(
+        "mi-lcair audit open_box --photons 4096",
+    ),
+)
 @loading_options
 @click.option(
     "--photons",
@@ -20,7 +26,8 @@ def command(options, photons):
     """Follow the flux that SCENE emits.
 
     SCENE is a Mitsuba XML file or the name of a bundled scene. Photons are followed from the
-    emitters until they are absorbed or escape. Their flux is listed by material.
+    emitters until they are absorbed or escape. Printed is their flux by material, in W and in
+    percent; nothing is written.
     """
     result = options.run(mi_lcair.audit, photons=photons)
     if options.json:

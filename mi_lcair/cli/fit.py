@@ -7,6 +7,7 @@ import click
 
 from mi_lcair.cli.options import json_option, plot_option, progress_bar, seed_option
 from mi_lcair.cli.output import note, print_columns, print_json, print_written
+from mi_lcair.cli.usage.examples import examples
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 from mi_lcair.files import check_writable, replacing
@@ -26,7 +27,12 @@ def known_form(ctx, param, value):
     return value
 
 
-@click.command("fit")
+@click.command(
+    "fit",
+    epilog=examples(
+        "mi-lcair fit paint.csv --starts 8 -o paint.json --plot paint.png",
+    ),
+)
 @click.argument("files", nargs=-1, required=True, type=FILE, metavar="DATA...")
 @click.option("-o", "--output", type=FILE, help="The report and material to write, FILE.json.")
 @plot_option("The picture to write: FILE.png, .svg or .pdf.")
@@ -119,8 +125,10 @@ def command(
 ):
     """Fit a reflection model to measured BRDFs.
 
-    DATA are CSV or ASTM E1392/E2387 files with in-plane measurements of one surface, one file for
-    each band. The output is a material for scenes. It states how well each parameter is known.
+    DATA are CSV or ASTM E1392/E2387 files with in-plane measurements of one surface in 1/sr, one
+    file for each band. FILE.json is a material for scenes. Printed and written are the parameters
+    (without unit) with their errors, how well each is known, and whether the model describes the
+    data: misfit in decades, reduced chi-square, correlation of the residuals.
     """
     _check_output("--output", output, (".json",))
     _check_output("--plot", plot, PICTURES)

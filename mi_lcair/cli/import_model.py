@@ -6,13 +6,22 @@ import click
 
 from mi_lcair.cli.options import json_option
 from mi_lcair.cli.output import note, print_columns, print_json
+from mi_lcair.cli.usage import completion
+from mi_lcair.cli.usage.examples import examples
 
 FILE = click.Path(path_type=Path)
 AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
 COLD = 200.0  # lower temperatures, K, are remarked because they are rare on a surface
 
 
-@click.command("import")
+@click.command(
+    "import",
+    epilog=examples(
+        "mi-lcair import box.obj -o box",
+        "mi-lcair import box.obj --check",
+        "mi-lcair import drone.obj --names drone.csv --forward -Z --up Y -o drone",
+    ),
+)
 @click.argument("file", type=FILE, metavar="MODEL")
 @click.option(
     "-o",
@@ -30,10 +39,13 @@ COLD = 200.0  # lower temperatures, K, are remarked because they are rare on a s
 @click.option(
     "--forward",
     type=AXIS,
-    help="Forward axis that the export dialogue of Blender showed (-Z by default).",
+    help="Forward Axis in the export dialogue of Blender, which has -Z unless it is changed. "
+    "Without --forward and --up, x, y and z are those of Blender; glTF is turned by itself.",
 )
 @click.option(
-    "--up", type=AXIS, help="Up axis that the export dialogue of Blender showed (Y by default)."
+    "--up",
+    type=AXIS,
+    help="Up Axis in the export dialogue of Blender, which has Y unless it is changed.",
 )
 @click.option(
     "--nose",
@@ -65,6 +77,7 @@ COLD = 200.0  # lower temperatures, K, are remarked because they are rare on a s
 @click.option(
     "--material",
     metavar="NAME|JSON",
+    shell_complete=completion.materials,
     help="Material of all model facets, instead of the labels' materials; or the JSON of a fit.",
 )
 @click.option(
@@ -93,16 +106,18 @@ def command(file, output, check, overwrite, materials, sky, json, **reading):
     MODEL is a Wavefront OBJ, glTF (.glb, .gltf), PLY or STL file whose objects or groups are named
     {f|s|t}*{material}*{kelvin}*{anything}, such as f*bare_aluminum*300*. The first letter stands
     for model (f), sky (s) or terrain (t). A model without such names takes --material and
-    --temperature, or a table --names. Look at FOLDER/model.png: its nose must be at +x and its top
-    at +z. FOLDER/scene.xml is then ready for render and signature.
+    --temperature, or a table --names. Written are the meshes, in m and with the temperature of each
+    facet in K, and a picture. Look at FOLDER/model.png: the nose must be at +x and the top at +z.
+    FOLDER/scene.xml is then ready for render and signature.
     """
     if bool(output) == check:
         raise click.UsageError("give either -o FOLDER or --check", click.get_current_context())
-    if check and sky:
-        raise click.UsageError(
-            "--sky goes into what -o FOLDER writes; --check writes nothing",
-            click.get_current_context(),
-        )
+    for option, given in (("--sky", sky), ("--overwrite", overwrite)):
+        if check and given:
+            raise click.UsageError(
+                f"{option} goes into what -o FOLDER writes; --check writes nothing",
+                click.get_current_context(),
+            )
     from mi_lcair import models3d as facets
 
     model = facets.read(file, materials=materials, **reading)

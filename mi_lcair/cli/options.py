@@ -8,8 +8,8 @@ from pathlib import Path
 import click
 
 import mi_lcair
-from mi_lcair.cli import completion
 from mi_lcair.cli.output import note, quiet
+from mi_lcair.cli.usage import completion
 from mi_lcair.errors import InputError
 from mi_lcair.fraction import fraction
 

@@ -21,6 +21,23 @@ def quiet() -> bool:
     return bool(context and context.meta.get(QUIET))
 
 
+def quiet_option(command):
+    """Give a command the option -q, of which `quiet` tells."""
+
+    def remember(ctx, option, wanted):
+        if wanted:
+            ctx.meta[QUIET] = True
+
+    return click.option(
+        "-q",
+        "--quiet",
+        is_flag=True,
+        expose_value=False,
+        callback=remember,
+        help="Print no notes and no progress on stderr; errors are still printed.",
+    )(command)
+
+
 def print_columns(rows) -> None:
     """Print rows of cells on stdout in aligned columns."""
     rows = [[escaped(cell) for cell in row] for row in rows]

@@ -7,9 +7,15 @@ import click
 import mi_lcair
 from mi_lcair.cli.options import POSITIVE, Fraction, loading_options, sensor_option
 from mi_lcair.cli.output import print_columns, print_json
+from mi_lcair.cli.usage.examples import examples
 
 
-@click.command("plan")
+@click.command(
+    "plan",
+    epilog=examples(
+        "mi-lcair plan open_box --tolerance 2%",
+    ),
+)
 @loading_options
 @sensor_option
 @click.option(
@@ -33,10 +39,11 @@ from mi_lcair.cli.output import print_columns, print_json
 def command(options, sensor, tolerance, each_pixel, renders):
     """Find the cheapest settings for SCENE.
 
-    SCENE is a Mitsuba XML file or the name of a bundled scene. Cheap probes choose the lobe of each
-    material, the number of reflections, closure and emitter sampling, and bound the error of these
-    settings. `--plan auto` of render and signature makes such a plan for one render and applies it;
-    the render stops when its noise is within the rest of the tolerance.
+    SCENE is a Mitsuba XML file or the name of a bundled scene. Printed are the settings, and the
+    error that they leave as a fraction of the mean; nothing is written. Cheap probes choose the
+    lobe of each material, the number of reflections, closure and emitter sampling, and bound the
+    error of these settings. `--plan auto` of render and signature makes such a plan for one render
+    and applies it; the render stops when its noise is within the rest of the tolerance.
     """
     plan = options.run(
         mi_lcair.plan,

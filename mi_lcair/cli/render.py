@@ -8,10 +8,17 @@ import mi_lcair
 from mi_lcair.cli.options import scene_options
 from mi_lcair.cli.output import Verdict, note_invalid, percent, print_columns, print_json
 from mi_lcair.cli.plan import rows as plan_rows
+from mi_lcair.cli.usage.examples import examples
 from mi_lcair.errors import InputError
 
 
-@click.command("render")
+@click.command(
+    "render",
+    epilog=examples(
+        "mi-lcair render open_box --spp 64 -o open_box.exr",
+        "mi-lcair render cylinder_ir_range -D band=MWIR --tolerance 5% -o cylinder.exr",
+    ),
+)
 @scene_options(
     spp="Samples per pixel, instead of --tolerance (default: the scene's own).",
     tolerance="Render until the rms standard error over the pixels is below this fraction of the "
@@ -38,8 +45,9 @@ from mi_lcair.errors import InputError
 def command(options, output, atmosphere, range_m):
     """Render SCENE to a radiance image.
 
-    SCENE is a Mitsuba XML file or the name of a bundled scene. The image is an OpenEXR file in
-    W m^-2 sr^-1. Channel Y is the total radiance; the other channels are its parts.
+    SCENE is a Mitsuba XML file or the name of a bundled scene. Written is an OpenEXR file in W m^-2
+    sr^-1: channel Y is the total radiance, the other channels are its parts, its standard error,
+    the apparent temperature in K and the range in m. Printed are the mean and the error.
     """
     from mi_lcair.files import check_writable
     from mi_lcair.rendering.image import write_exr

@@ -4,14 +4,22 @@ import click
 
 from mi_lcair.cli.options import json_option
 from mi_lcair.cli.output import print_columns, print_json
+from mi_lcair.cli.usage.examples import examples
 
 
-@click.command("scenes")
+@click.command(
+    "scenes",
+    epilog=examples(
+        "mi-lcair scenes",
+        "mi-lcair scenes --json",
+    ),
+)
 @json_option
 def command(json):
     """List the bundled scenes.
 
-    Each scene is listed with its parameters, their defaults and meanings, and with its scenarios.
+    Each scene is printed with its parameters, their defaults, meanings and units, and with its
+    scenarios. Nothing is written.
     """
     from mi_lcair import scenes
 

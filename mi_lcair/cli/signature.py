@@ -16,12 +16,19 @@ from mi_lcair.cli.output import (
     print_written,
 )
 from mi_lcair.cli.plan import rows as plan_rows
+from mi_lcair.cli.usage.examples import examples
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 from mi_lcair.formats import vtk
 
 
-@click.command("signature")
+@click.command(
+    "signature",
+    epilog=examples(
+        "mi-lcair signature cylinder_ir_range --spp 16",
+        "mi-lcair signature box/scene.xml --tolerance 1% --facets facets.csv --spectrum s.csv",
+    ),
+)
 @scene_options(
     spp="Number of paths, divided by the number of pixels of the film (default: the scene's own). "
     "The paths begin anywhere on the film.",
@@ -47,9 +54,11 @@ from mi_lcair.formats import vtk
 def command(options, spectrum, plot, facets):
     """Intensity of SCENE in W/sr.
 
-    SCENE is a Mitsuba XML file or the name of a bundled scene with an orthographic sensor. The
-    command lists the intensity of the target (the model's facets) and of the whole scene: by number
-    of reflections, by the group that emits, and by the group that the sensor sees first.
+    SCENE is a Mitsuba XML file or the name of a bundled scene with an orthographic sensor. Printed
+    is the intensity in W/sr of the target (the model's facets) and of the whole scene: by number of
+    reflections, by the group that emits, and by the group that the sensor sees first. Written on
+    request are the spectral intensity in W/sr/um, and for each facet its temperature in K, radiance
+    in W m^-2 sr^-1 and intensity in W/sr.
     """
     if plot and not spectrum:
         raise InputError("--plot draws the spectral intensity; give --spectrum FILE.csv too")

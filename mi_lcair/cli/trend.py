@@ -22,6 +22,7 @@ from mi_lcair.cli.output import (
     print_json,
     print_written,
 )
+from mi_lcair.cli.usage.examples import examples
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 
@@ -70,7 +71,12 @@ class Azimuths(Angles):
         return [angle for angle in angles if kept[round(angle % 360, 9) % 360] == angle]
 
 
-@click.command("trend")
+@click.command(
+    "trend",
+    epilog=examples(
+        "mi-lcair trend cylinder_ir_range --azimuth 0:180:45 --resolution 16 --spp 16 -o trend.csv",
+    ),
+)
 @loading_options
 @click.option(
     "--azimuth",
@@ -119,10 +125,12 @@ class Azimuths(Angles):
 def command(options, azimuth, elevation, output, plot, resume, overwrite, **settings):
     """Intensity of SCENE's model toward observers around it.
 
-    SCENE is a Mitsuba XML file or the name of a bundled scene. The model is everything but sky and
-    terrain. Each view is an orthographic window around it. Views are rendered together in batches.
-    FILE.csv is complete after each batch, so that --resume can continue an interrupted run.
-    FILE.csv.json beside it states how the rows were made. FILE.nc is written at the end.
+    SCENE is a Mitsuba XML file or the name of a bundled scene. FILE.csv has a row for each view
+    with the intensity in W/sr and its error; printed are least, mean and greatest intensity. The
+    model is everything but sky and terrain. Each view is an orthographic window around it. Views
+    are rendered together in batches. FILE.csv is complete after each batch, so that --resume can
+    continue an interrupted run. FILE.csv.json beside it states how the rows were made. FILE.nc is
+    written at the end.
     """
     check_outputs((output, (".csv", ".nc")), (plot, PICTURES))
     is_table = output.suffix.lower() == ".csv"

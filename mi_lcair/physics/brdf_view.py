@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from drjit.llvm.ad import Array3f64, Float64
@@ -11,12 +12,16 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.materials import Material, material
+from mi_lcair.results import Result
+
+if TYPE_CHECKING:
+    import xarray
 
 HORIZON = 89.9  # largest tabulated theta_r [degrees]
 
 
-@dataclass(frozen=True)
-class BRDFView:
+@dataclass(frozen=True, repr=False)
+class BRDFView(Result):
     """The BRDF of a material for one angle of incidence, with its hemispherical values.
 
     Attributes
@@ -55,6 +60,44 @@ class BRDFView:
     cut: np.ndarray
     dhr: float
     emissivity: float
+
+    kind: ClassVar[str] = "brdf"
+    drawn_by: ClassVar[str] = "mi_lcair.reports.brdf_plot:figure"
+
+    def summary(self) -> str:
+        """One line with the hemispherical reflectance and the emissivity."""
+        return (
+            f"BRDF of {self.material.name}, {self.band.label}, incidence {self.theta_i:g} degrees: "
+            f"DHR {self.dhr:.4f}, emissivity {self.emissivity:.4f}"
+        )
+
+    def entries(self) -> dict:
+        """Entries for JSON: the hemispherical values, and the cut of `columns`."""
+        return {
+            "material": self.material.name,
+            "band": self.band.label,
+            "theta_i_deg": self.theta_i,
+            "dhr": self.dhr,
+            "emissivity": self.emissivity,
+            "columns": self.columns(),
+        }
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """BRDF in the plane of incidence over the signed angle, positive at the mirror's side."""
+        return {"theta_r_deg": self.cut_theta_r, "brdf_per_sr": self.cut}
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """BRDF over (theta_r_deg, azimuth_deg) as an xarray Dataset.
+
+        Raises InputError if xarray is not installed.
+        """
+        return self.dataset(
+            {"brdf_per_sr": (("theta_r_deg", "azimuth_deg"), self.brdf)},
+            {
+                "theta_r_deg": ("theta_r_deg", self.theta_r),
+                "azimuth_deg": ("azimuth_deg", self.azimuth),
+            },
+        )
 
 
 def brdf_view(

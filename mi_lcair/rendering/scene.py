@@ -4,6 +4,7 @@ import os
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from os import PathLike
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.plugins.derivatives import deriving_plugins
 from mi_lcair.plugins.paths.launch import numbers
 from mi_lcair.plugins.reflection_bsdf import is_reflection_bsdf
+from mi_lcair.plugins.scene_state import SceneState
 from mi_lcair.rendering.loading.files import survey
 from mi_lcair.rendering.loading.fingerprint import described_digest, fingerprint, source_digest
 from mi_lcair.rendering.loading.meshes import check_mesh_files, check_shapes
@@ -32,6 +34,7 @@ from mi_lcair.rendering.loading.remarks import (
     remarks_on_loaded,
     remarks_on_materials,
     shapes_without_bsdf,
+    suns_below_the_horizon,
     thin_sheets,
 )
 from mi_lcair.rendering.loading.samplers import remarks_on_samplers
@@ -84,6 +87,8 @@ class Scene:
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     digest: bytes = b""
     _tracers: dict = field(default_factory=dict, init=False, repr=False, compare=False)
+    # The state of the scene for which triangles were last compared, and the remarks on them.
+    _compared: list = field(default_factory=list, init=False, repr=False, compare=False)
 
     def __repr__(self) -> str:
         from mi_lcair.rendering.loading.description import line
@@ -100,9 +105,12 @@ class Scene:
         """Remarks on possible errors of the image, one line each.
 
         These are the notes, triangles that overlap in one plane, and parts of the scene beyond a
-        sensor's clip distances.
+        sensor's clip distances. Triangles are compared again only if the scene has changed.
         """
-        return [*self.notes, *thin_sheets(self.mi), *clipped(self.mi, self.sensors)]
+        state = SceneState(self.mi)
+        if not self._compared or self._compared[0] != state:
+            self._compared[:] = state, thin_sheets(self.mi)
+        return [*self.notes, *self._compared[1], *clipped(self.mi, self.sensors)]
 
     @property
     def source(self) -> str:
@@ -283,9 +291,19 @@ def find(scene: str | PathLike[str]) -> Path:
     path = Path(scene)
     if path.suffix or path.parent != Path("."):
         if not os.path.isfile(path):  # also False for a text too long to be a path
-            raise InputError(f"scene '{scene}': no such file")
+            raise InputError(f"scene '{scene}': no such file{hint(str(scene))}")
         return path
     return scenes.path(str(scene))
+
+
+def hint(text: str) -> str:
+    """What may be meant by the name of a file that does not exist, as the end of an error."""
+    if text.lstrip().startswith("<"):
+        return "; mi.load_string loads XML text, and mi_lcair.load takes its scene"
+    if text in scenes.scenarios():
+        return "; it is a scenario, which contrast, image and budget take"
+    nearest = get_close_matches(Path(text).stem, scenes.names(), 1)
+    return f"; the nearest bundled scene is '{nearest[0]}'" if nearest else ""
 
 
 def checked(loaded: mi.Scene, path: Path | None, parameters: dict[str, str]) -> Scene:
@@ -327,7 +345,7 @@ def checked(loaded: mi.Scene, path: Path | None, parameters: dict[str, str]) -> 
         band=emitters.band,
         groups=emitters.labels,
         parameters=parameters,
-        notes=remarks_on_materials(loaded),
+        notes=[*remarks_on_materials(loaded), *suns_below_the_horizon(loaded)],
         sensors=list(loaded.sensors()),
         path=path,
     )

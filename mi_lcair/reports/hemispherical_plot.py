@@ -54,7 +54,7 @@ def figure(view: HemisphericalView):
     axes.tick_params(labelsize=8)
     axes.set_title(
         plain(
-            f"{view.scene}: what facet {view.facet} sees (group {view.group(view.facet)}, "
+            f"{view.scene_name}: what facet {view.facet} sees (group {view.group(view.facet)}, "
             f"{view.facets.material[view.facet]})"
         ),
         fontsize=11,

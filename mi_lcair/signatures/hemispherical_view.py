@@ -5,6 +5,7 @@ The view holds the solid angle and the view factor of every other facet, and a m
 
 from dataclasses import dataclass
 from math import ceil, log2
+from typing import ClassVar
 
 import drjit as dr
 import mitsuba as mi
@@ -13,20 +14,21 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.scene import Scene
+from mi_lcair.results import Result
 
 MAP_THETA, MAP_PHI = 360, 1440  # pixels of the map, a quarter of a degree each
 NOTHING = -1  # number that stands for no facet, in directions in which there is no surface
 
 
-@dataclass(frozen=True)
-class HemisphericalView:
+@dataclass(frozen=True, repr=False)
+class HemisphericalView(Result):
     """What a facet of a scene sees.
 
     Both sides of a surface hide what is behind it.
 
     Attributes
     ----------
-    scene : str
+    scene_name : str
         Name of the scene.
     facet : int
         Number of the facet.
@@ -47,7 +49,7 @@ class HemisphericalView:
         Origin of the loaded scene in the coordinates of its file [m].
     """
 
-    scene: str
+    scene_name: str
     facet: int
     facets: FacetTable
     neighbour: np.ndarray
@@ -57,12 +59,34 @@ class HemisphericalView:
     rays: int
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
+    kind: ClassVar[str] = "hemispherical_view"
+    drawn_by: ClassVar[str] = "mi_lcair.reports.hemispherical_plot:figure"
+
+    def summary(self) -> str:
+        """One line with the number of neighbours and the largest view factor."""
+        text = f"hemispherical view of facet {self.facet} of {self.scene_name}: "
+        if len(self.neighbour) == 1:
+            return f"{text}it sees no other facet, {self.rays} rays"
+        return (
+            f"{text}sees {len(self.neighbour) - 1} facets, most of facet {self.neighbour[0]} with "
+            f"view factor {self.view_factor[0]:.6f}, {self.rays} rays"
+        )
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """A row for each neighbour; facet -1 stands for directions without a surface."""
+        return {
+            "facet": self.neighbour,
+            "group": np.array([self.group(number) for number in self.neighbour]),
+            "solid_angle_sr": self.solid_angle,
+            "view_factor": self.view_factor,
+        }
+
     def group(self, number: int) -> str:
         """Group of a facet; "nothing" for NOTHING."""
         return "nothing" if number == NOTHING else self.facets.group[number]
 
-    def as_dict(self) -> dict:
-        """The table, for JSON. `facet` is null in the row of directions without a surface."""
+    def entries(self) -> dict:
+        """Entries for JSON. `facet` is null in the row of directions without a surface."""
         table = self.facets
         rows = [
             {
@@ -79,7 +103,7 @@ class HemisphericalView:
         ]
         rows[-1] |= {"facet": None, "type": None, "group": self.group(NOTHING), "material": None}
         return {
-            "scene": self.scene,
+            "scene_name": self.scene_name,
             "facet": self.facet,
             "type": table.type[self.facet],
             "group": table.group[self.facet],
@@ -150,7 +174,7 @@ def hemispherical_view(
     neighbour = neighbour[np.argsort(-shares[1][neighbour], kind="stable")]
     neighbour = np.append(neighbour[neighbour != 0], 0)  # NOTHING comes last
     return HemisphericalView(
-        scene=scene.name,
+        scene_name=scene.name,
         facet=facet,
         facets=facets,
         neighbour=neighbour - 1,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from os import PathLike
 from pathlib import Path
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import mitsuba as mi
 import numpy as np
@@ -22,6 +22,9 @@ from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
 from mi_lcair.rendering.views import View, check_resolution
 from mi_lcair.results import Result, named
 from mi_lcair.signatures.trend_file import TrendFile, read_trend
+
+if TYPE_CHECKING:
+    import xarray
 
 # A batch may fill so many passes even with the fewest samples. This bounds the memory.
 MOST_PASSES = 16
@@ -191,7 +194,7 @@ class Trend(Result):
         """The table, with a row for each view."""
         return self.table
 
-    def to_xarray(self):
+    def to_xarray(self) -> "xarray.Dataset":
         """The table as an xarray Dataset over (elevation_deg, azimuth_deg).
 
         Raises InputError if xarray is not installed.

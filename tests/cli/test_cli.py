@@ -12,6 +12,7 @@ from types import ModuleType, SimpleNamespace
 import pytest
 
 import mi_lcair
+from mi_lcair.cli import COMMANDS, PURPOSES
 from mi_lcair.cli.options import progress_bar
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.rendering.image import read_exr
@@ -54,9 +55,45 @@ def test_help_and_version(run):
         assert (
             result.exit_code == 0
             and "render" in result.stdout
-            and "..." not in result.stdout.split("Commands:")[1]
+            and "..." not in result.stdout.split("Options:")[1]
         )
-    assert run("--version").stdout == f"mi-lcair {mi_lcair.__version__}\n"
+    for option in ("--version", "-V"):
+        assert run(option).stdout == f"mi-lcair {mi_lcair.__version__}\n"
+
+
+def test_commands_are_grouped_by_purpose(run):
+    """Each command stands once, below a purpose, with one line of what it does."""
+    lines = run().stdout.split("Options:")[1].splitlines()
+    assert set(PURPOSES) <= {line.rstrip(":") for line in lines}
+    listed = [line.split()[0] for line in lines if line.startswith("  ") and "-" not in line[:5]]
+    assert [name for name in listed if name in COMMANDS] == list(COMMANDS)
+
+
+@pytest.mark.parametrize("command", [[], *([name] for name in COMMANDS), ["chart", "reflectance"]])
+def test_short_options_of_every_command(run, command):
+    assert run(*command, "-h").stdout == run(*command, "--help").stdout
+    assert "-q, --quiet" in run(*command, "-h").stdout
+
+
+@pytest.mark.parametrize("args", [["-q", "render"], ["render", "-q"]])
+def test_quiet_prints_no_notes_and_no_progress(run, refused, renderer, args, monkeypatch):
+    renderer.remarks = ["material gloss: scaled down beyond 88 degrees"]
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    quiet = run(*args, "cavity", "-o", "out.exr")
+    assert quiet.exit_code == 0 and quiet.stderr == ""
+    assert "mean radiance" in quiet.stdout
+    assert "material gloss" in run("render", "cavity", "-o", "out.exr").stderr
+    refused(*args, "cavity", "-o", "out.png")  # errors are printed
+
+
+def test_python_m_mi_lcair():
+    done = subprocess.run(
+        [sys.executable, "-m", "mi_lcair", "render"],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(CHECKOUT)},
+    )
+    assert done.returncode == 2 and done.stderr.startswith("mi-lcair: Missing argument 'SCENE'")
 
 
 # ---- render

@@ -42,6 +42,7 @@ def test_files_and_tables(run, folder, figures):
         "MTF at Nyquist          predicted 0.183, measured 0.18",
         "the same in all frames; 18 paths through a pixel",
         "range m  pixels on target  electrons  signal to noise, even  detected",
+        "no, too few: pixels",
         "detected up to 23492 m, with a signal-to-noise ratio of 10 and 1 pixels on the target",
     ):
         assert text in result.stdout
@@ -68,6 +69,14 @@ def test_json_and_seed(run, folder):
     counts = read_exr(folder / "seen.exr")[0]["counts.Y"]
     assert first["measures"]["saturated"] == 0
     assert first["scenario"]["camera"]["nuc"] is True
+    rows = first["ranges"]
+    for row in rows:
+        lacks = [
+            *(["signal to noise"] if row["snr"] < 10 else []),
+            *(["pixels"] if row["pixels"] < 1 else []),
+        ]
+        assert row["lacks"] == " and ".join(lacks) and row["detected"] is (not lacks)
+    assert {row["lacks"] for row in rows} > {"", "signal to noise and pixels"}
     again = json.loads(run(*quick).stdout)
     assert np.array_equal(read_exr(folder / "seen.exr")[0]["counts.Y"], counts)
     assert again["measures"] == first["measures"]

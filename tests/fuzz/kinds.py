@@ -43,6 +43,56 @@ OBJ = Kind(
     words=tuple(b"v f o g vn 1/1 1//1 / 1/ \\ # f*bareAl*300* t** group=x -1 -9 99999999".split()),
 )
 
+# ---------------------------------------------------------------- Models of other programs
+
+BLENDER = Path(__file__).parents[1] / "data" / "blender"
+
+
+def use_names(path: Path) -> None:
+    """Imports a model with a table of names."""
+    with tempfile.TemporaryDirectory() as folder:
+        model = Path(folder) / "cube.obj"
+        model.write_text(cube(label="Hull"))
+        assert 60 < read(model, names=path).temperature.min() <= 10_000
+
+
+NAMES = Kind(
+    "names",
+    ".csv",
+    (
+        b"name,type,material,kelvin,group,elevation_deg\nHull.001,s,blackbody,250,ring,4.5\n"
+        b"Wing,f,bare_aluminum,300,,\n",
+        b"name;kelvin;material\nHull;300,5;gloss_black\n",
+    ),
+    use_names,
+    tuple(b'name type material kelvin group f s t , ; # nan 1e308 Hull Hull.002 .json "'.split()),
+)
+NAMES_TOML = Kind(
+    "names_toml",
+    ".toml",
+    (b"[Hull]\nmaterial = 'gloss_black'\nkelvin = 300\n['Hot steel.001']\ngroup = 'hot'\n",),
+    use_names,
+    tuple(b"[ ] [[ {} = true 1e999 inf type 's' kelvin group '' 'a.json'".split()),
+)
+
+
+def use_other_model(path: Path) -> None:
+    """Imports a model without labels from a glTF, PLY or STL file."""
+    result = report(read(path, material="blackbody", temperature=300.0))
+    assert result["facets"] >= 1 and math.isfinite(result["volume"])
+
+
+GLB, STL, MODEL_PLY = (
+    Kind(
+        f"model_{suffix}",
+        f".{suffix}",
+        ((BLENDER / f"plain.{suffix}").read_bytes(),),
+        use_other_model,
+        tuple(b'"nodes" "mesh":9 "count":-1 "max" {} [] null 1e999 solid facet nan -1'.split()),
+    )
+    for suffix in ("glb", "stl", "ply")
+)
+
 # ---------------------------------------------------------------- Meshes
 
 
@@ -159,4 +209,4 @@ XML = Kind(
     value=re.compile(rb'(?<==")[^"<>]*(?=")|(?<=<)\w+'),
 )
 
-KINDS = (OBJ, PLY, XML, *TEXT_KINDS)
+KINDS = (OBJ, NAMES, NAMES_TOML, GLB, STL, MODEL_PLY, PLY, XML, *TEXT_KINDS)

@@ -73,7 +73,7 @@ def test_temperature_from_a_contrast(tmp_path, table):
         result = CliRunner().invoke(main, [*map(str, command), "--json"])
         assert result.exit_code == 0, result.output
         row = json.loads(result.stdout)["rows"][0]
-        assert row["total"]["value"] == pytest.approx(measured, rel=5e-3)
+        assert row["total_W_m2"]["value"] == pytest.approx(measured, rel=5e-3)
 
 
 @pytest.mark.parametrize(

@@ -47,6 +47,8 @@ def refused(tree, message):
         ({"scale": 1e4}, "check unit, band and scale"),
         ({"saturation": 1.0}, "all pixels are masked, saturated or not finite"),
         ({"sensor": 3}, "sensor 3 does not exist"),
+        ({"netd_mK": None, "sigma": 1e-30}, "the noise 1e-30 is below the single precision"),
+        ({"netd_mK": 1e-9}, "is below the single precision of the renderer"),
     ],
 )
 def test_bad_data(entry, changes, message):

@@ -59,7 +59,7 @@ def test_command_and_render_with_the_solution(folder, tmp_path):
     result = run("render", scene, "-D", "R=0.3", "--solution", solution, "--json", "-o", image)
     assert result.exit_code == 0, result.output
     direct = mi_lcair.render(mi_lcair.load(scene, R=0.3, T=kelvin), split=None).mean
-    assert json.loads(result.stdout)["mean"] == pytest.approx(direct, rel=1e-6)
+    assert json.loads(result.stdout)["mean_radiance_W_m2_sr"] == pytest.approx(direct, rel=1e-6)
     result = run("render", scene, "--solution", f"{solution}:hot", "-o", image)
     assert result.exit_code == 2 and "unknown state" in result.stderr
     result = run("render", "furnace", "--solution", solution, "-o", image)
@@ -135,7 +135,7 @@ def test_a_trend_as_data(tmp_path):
     """Intensities from three aspects determine the temperature of the hottest stripe."""
     scene = mi_lcair.load("cylinder_ir_range", **CYLINDER)
     trend = mi_lcair.trend(scene, [100, 140, 180], resolution=64, spp=16, path=tmp_path / "t.csv")
-    assert len(trend.columns["azimuth_deg"]) == 3
+    assert len(trend.table["azimuth_deg"]) == 3
     entry = {
         "scene": "cylinder_ir_range",
         "parameters": CYLINDER,

@@ -7,14 +7,21 @@ import click
 from mi_lcair.cli.charts.output import chart_options, print_cheapest
 from mi_lcair.cli.options import progress_bar
 from mi_lcair.cli.output import print_json
+from mi_lcair.cli.usage.examples import examples
 
 
-@click.command("propagation")
+@click.command(
+    "propagation",
+    epilog=examples(
+        "mi-lcair chart propagation --quick -o charts",
+    ),
+)
 @chart_options("propagation.png, .csv and .md, and propagation_closure.png and .csv")
 def command(folder, quick, json):
     """Compare methods that follow radiation from facet to facet.
 
     The methods are those of the thesis, path tracing and Mitsuba's own integrator, on six scenes.
+    Printed and written are relative rms errors against rays and time in s.
     """
     from mi_lcair.benchmark import propagation_chart
     from mi_lcair.files import filling

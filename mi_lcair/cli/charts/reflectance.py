@@ -7,12 +7,21 @@ import click
 from mi_lcair.cli.charts.output import chart_options, print_cheapest
 from mi_lcair.cli.options import progress_bar
 from mi_lcair.cli.output import print_json
+from mi_lcair.cli.usage.examples import examples
 
 
-@click.command("reflectance")
+@click.command(
+    "reflectance",
+    epilog=examples(
+        "mi-lcair chart reflectance --quick -o charts",
+    ),
+)
 @chart_options("reflectance.png, .csv and .md")
 def command(folder, quick, json):
-    """Compare eight methods that integrate a BRDF over the hemisphere."""
+    """Compare eight methods that integrate a BRDF over the hemisphere.
+
+    Printed and written are relative rms errors against samples and time in s.
+    """
     from mi_lcair.benchmark import reflectance_chart
     from mi_lcair.files import filling
     from mi_lcair.reports import reflectance_page

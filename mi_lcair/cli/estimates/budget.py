@@ -5,7 +5,6 @@ from pathlib import Path
 import click
 
 import mi_lcair
-from mi_lcair.cli import completion
 from mi_lcair.cli.options import (
     POSITIVE,
     changes_option,
@@ -27,11 +26,18 @@ from mi_lcair.cli.output import (
     print_json,
     print_written,
 )
+from mi_lcair.cli.usage import completion
+from mi_lcair.cli.usage.examples import examples
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 
 
-@click.command("budget")
+@click.command(
+    "budget",
+    epilog=examples(
+        "mi-lcair budget box.toml -u sigma.toml -D render.max_bounces=1 --spp 16",
+    ),
+)
 @click.argument("what", shell_complete=completion.scenes_and_scenarios)
 @click.option(
     "-u",
@@ -82,10 +88,10 @@ def command(
     """Uncertainty budget of WHAT.
 
     WHAT is a Mitsuba XML file or the name of a bundled scene, or a TOML file or the name of a
-    bundled contrast scenario. The result is the intensity of the scene's target, or the contrast.
-    The command lists what contributes to the standard uncertainty of the result, the largest share
-    of the variance first. It checks the contributions that matter with renders at plus and minus
-    one standard deviation.
+    bundled contrast scenario. The result is the intensity of the scene's target in W/sr, or the
+    contrast in W/m^2. The command lists, in the same unit, what contributes to the standard
+    uncertainty of the result, the largest share of the variance first. It checks the contributions
+    that matter with renders at plus and minus one standard deviation.
     """
     from mi_lcair.uncertainty.uncertainties import Uncertainties
 

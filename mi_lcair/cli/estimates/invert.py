@@ -13,13 +13,21 @@ from mi_lcair.cli.output import (
     print_json,
     print_written,
 )
+from mi_lcair.cli.usage.examples import examples
 from mi_lcair.drawing import PICTURES
 
 MOST_ROWS = 40  # unknowns in the table; of more, the facets are summed up
 MOST_LINES = 5  # sentences of advice
 
 
-@click.command("invert")
+@click.command(
+    "invert",
+    epilog=examples(
+        "mi-lcair render box/scene.xml -D azimuth_deg=30 -D elevation_deg=30 -D resolution=64 "
+        "-o camera.exr",
+        "mi-lcair invert problem.toml --no-advice -o solution.json",
+    ),
+)
 @click.argument("problem", type=click.Path(path_type=Path))
 @click.option(
     "-o",
@@ -41,9 +49,9 @@ def command(problem, output, plot, no_advice, variant, threads, json):
 
     PROBLEM is a TOML file. It names the measurements with their scenes and their noise, and the
     unknowns: temperatures of groups or facets, parameters of materials, radiances. The command
-    prints the values with their standard errors, what the data do not determine, and which further
-    measurement would help most. With [goal] in place of measurements, it looks for the values that
-    give a wanted intensity or contrast.
+    prints the values with their standard errors (temperatures in K, radiances in W m^-2 sr^-1),
+    what the data do not determine, and which further measurement would help most. With [goal] in
+    place of measurements, it looks for the values that give a wanted intensity or contrast.
     """
     check_outputs((output, ".json"), (plot, PICTURES))
     prepare_renderer(variant, threads)

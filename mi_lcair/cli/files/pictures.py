@@ -198,7 +198,7 @@ def facet_view(what, output, facet, parameters, json):
             ("picture", output),
             (
                 "facet",
-                f"{facet} of {table['scene']}: {table['type']}, group {table['group']}, "
+                f"{facet} of {table['scene_name']}: {table['type']}, group {table['group']}, "
                 f"{table['material']}, {table['area_m2']:.6g} m^2",
             ),
         ]

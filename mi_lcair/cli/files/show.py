@@ -6,6 +6,8 @@ import click
 
 from mi_lcair.cli.files import pictures, sources
 from mi_lcair.cli.options import Assignment, json_option
+from mi_lcair.cli.usage import completion
+from mi_lcair.cli.usage.examples import examples
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 from mi_lcair.files import check_suffix, check_writable
@@ -27,8 +29,14 @@ KINDS = {
 }
 
 
-@click.command("show")
-@click.argument("what")
+@click.command(
+    "show",
+    epilog=examples(
+        "mi-lcair show open_box.exr -o open_box.png",
+        "mi-lcair show gloss_black --band LWIR -o brdf.png",
+    ),
+)
+@click.argument("what", shell_complete=completion.pictured)
 @click.option(
     "-o",
     "--output",

@@ -23,11 +23,18 @@ from mi_lcair.cli.output import (
     print_json,
     print_written,
 )
+from mi_lcair.cli.usage.examples import examples
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 
 
-@click.command("contrast")
+@click.command(
+    "contrast",
+    epilog=examples(
+        "mi-lcair contrast box.toml -D render.max_bounces=2 --range",
+        "mi-lcair contrast a340_landing/position_1 --spp 4",
+    ),
+)
 @scenario_argument
 @changes_option("Change an entry of the scenario, such as sensor.band=LWIR")
 @click.option(
@@ -57,9 +64,9 @@ def command(scenario, changes, ranges, plot, solution, variant, threads, json, *
     """Measure a target against its background.
 
     SCENARIO is a TOML file or the name of a bundled scenario. It states the target, the observer,
-    the atmosphere, the background and the sensor. The command prints the irradiances at the sensor,
-    the contrast, and the largest noise at which the target is detected. The options of the sampling
-    override [render] of the scenario.
+    the atmosphere, the background and the sensor. Printed are the irradiances at the sensor, the
+    contrast, and the largest noise at which the target is detected, all in W/m^2, and ranges in m.
+    The options of the sampling override [render] of the scenario.
     """
     from mi_lcair.detection.scenario import Scenario
 

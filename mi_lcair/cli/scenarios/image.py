@@ -26,10 +26,16 @@ from mi_lcair.cli.output import (
     print_json,
     print_written,
 )
+from mi_lcair.cli.usage.examples import examples
 from mi_lcair.drawing import PICTURES
 
 
-@click.command("image")
+@click.command(
+    "image",
+    epilog=examples(
+        "mi-lcair image box.toml --spp 4 -o seen.exr --plot seen.png",
+    ),
+)
 @scenario_argument
 @click.option(
     "-o",
@@ -59,9 +65,10 @@ from mi_lcair.drawing import PICTURES
 def command(scenario, output, changes, frames, seed, plot, variant, threads, json, **sampling):
     """Record the target of a scenario with its camera.
 
-    SCENARIO is a TOML file as for `contrast`, with a table [camera]. The image has the radiance at
-    the aperture, electrons, counts and apparent temperature. Printed are the camera's noise and
-    sharpness, predicted and measured, and the target's signal over range.
+    SCENARIO is a TOML file as for `contrast`, with a table [camera]. FILE.exr has the radiance at
+    the aperture in W m^-2 sr^-1, electrons, counts and apparent temperature in K; FILE.tif has the
+    counts of all frames. Printed are the camera's noise in mK and its sharpness, predicted and
+    measured, and the target's electrons and signal-to-noise ratio over range in m.
     """
     from mi_lcair.camera.image import write_counts
     from mi_lcair.detection.scenario import Scenario
@@ -155,7 +162,7 @@ def _print_tables(result):
                     f"{row.pixels:.4g}",
                     f"{row.electrons:.4g}",
                     f"{row.snr:.4g}",
-                    "yes" if row.detected else "no",
+                    "yes" if row.detected else f"no, too few: {row.lacks}",
                 )
                 for row in result.ranges
             ),

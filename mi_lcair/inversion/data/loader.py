@@ -22,6 +22,7 @@ from mi_lcair.signatures.signature import signature
 from mi_lcair.table import read_table
 
 DETAIL = 1e-3  # deviation from a goal that counts as one standard deviation, relative
+SINGLE_PRECISION = 2.0**-24  # relative rounding error of the renderer's numbers
 RESOLUTION = 64  # pixels along each side of an aspect's view, which `spp` counts by
 ASPECT, INTENSITY, ERROR = (
     ("azimuth_deg", "elevation_deg"),
@@ -71,6 +72,8 @@ class Loader:
         else:
             measured, views = np.array([place.intensity]), (scene,)
         noise = noise_model(place, scene.band, sigma)
+        if not isinstance(place, Candidate):
+            check_noise(noise(measured), measured)
         where = Where(
             place.name,
             scene.band.name,
@@ -128,6 +131,19 @@ def noise_model(place: Place, band, sigma) -> Callable:
     if place.netd_mK is not None:
         return lambda predicted: noise_of_netd(band, predicted, place.netd_mK)
     return lambda predicted: np.full(len(predicted), place.sigma)
+
+
+def check_noise(noise: np.ndarray, measured: np.ndarray) -> None:
+    """Raise InputError for a standard deviation that the render's single precision cannot resolve.
+
+    Rounding would then count as a difference of many standard deviations.
+    """
+    resolved = SINGLE_PRECISION * np.sqrt(np.mean(np.square(measured)))
+    if np.max(noise) < resolved:
+        raise InputError(
+            f"the noise {np.max(noise):.2g} is below the single precision of the renderer, "
+            f"{resolved:.2g}; give a standard deviation that an instrument can have"
+        )
 
 
 def from_trend(place, scene: Scene):

@@ -103,8 +103,9 @@ class NameTable:
 def labels_of(obj: Obj, table: NameTable | None, **options) -> tuple[list[Label], np.ndarray]:
     """The Labels of a file's faces, and the index (F,) of each face's label.
 
-    The table's entry for a face's material, group or object goes before the label in its names. A
-    face with neither is a model facet, if material and temperatures are given.
+    The table's entry for a face's material, group or object goes before the label in the name of
+    its group or object, and that before the label in the name of its material. A face with none of
+    them is a model facet, if material and temperatures are given.
 
     Parameters
     ----------
@@ -118,15 +119,15 @@ def labels_of(obj: Obj, table: NameTable | None, **options) -> tuple[list[Label]
     InputError
         For a label or entry that is invalid, and for a face that has none.
     """
-    texts = {text for _, _, text in obj.names}
+    texts = {text for _, _, text in obj.names} | {material for material, _, _ in obj.parts}
     pairs, label = np.unique(np.stack([obj.name, obj.part]), axis=1, return_inverse=True)
     label = label.ravel()
     labels = []
     for number, (name, part) in enumerate(pairs.T):
         if table and (entry := table.find(obj.parts[part])):
             labels.append(table.label(*entry, **options))
-        elif name >= 0:
-            line, kind, text = obj.names[name]
+        elif name >= 0 or "*" in obj.parts[part][0]:
+            line, kind, text = obj.names[name] if name >= 0 else (0, "material", obj.parts[part][0])
             try:
                 bare = without_number(text, texts)
                 labels.append(parse(bare, folder=obj.path.parent, **options))

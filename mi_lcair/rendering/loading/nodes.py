@@ -3,13 +3,17 @@
 They find values out of bounds, and errors that would end the process or that Mitsuba would ignore.
 """
 
+from difflib import get_close_matches
+
 import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
+from mi_lcair.physics.reflection import MODELS
+from mi_lcair.plugins import bounce_path, plume_bsdf, reflection_bsdf, sky_dome, sun, thermal
 from mi_lcair.plugins.beside_scene import beside_scene
-from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST
+from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST, Property
 
 FARTHEST = 1e9  # largest coordinate [m], whose square is far below the largest Float32 number
 MOST_SAMPLES = 2**32 - 1  # largest number of samples per pixel
@@ -30,6 +34,18 @@ BOUNDS = {
     mi.ObjectType.Shape: {"radius": POSITIVE},
     mi.ObjectType.Sensor: {"near_clip": POSITIVE, "far_clip": POSITIVE},
     mi.ObjectType.Sampler: {"sample_count": (1, MOST_SAMPLES)},
+}
+# Declared properties by plugin.
+DECLARED = {
+    "bounce_path": bounce_path.PROPERTIES,
+    "plume": plume_bsdf.PROPERTIES,
+    "sky_dome": sky_dome.PROPERTIES,
+    "sun": sun.PROPERTIES,
+    "thermal": thermal.PROPERTIES,
+    "material": reflection_bsdf.PROPERTIES,
+} | {
+    name: (*reflection_bsdf.PROPERTIES, *(Property(own, "float") for own in model.names))
+    for name, model in MODELS.items()
 }
 NUMBERS_OF_TEXTURES = ("value", "color", "color0", "color1", "values")
 SURFACE_EMITTERS = ("thermal", "area", "directionalarea")  # emitters that must belong to a shape
@@ -54,6 +70,7 @@ def check_nodes(state) -> None:
     }
     for number, (node, values) in enumerate(nodes):
         try:
+            check_names(node.props.plugin_name(), values)
             check_values(node, values, nodes)
             check_complete(node, values, nodes)
             plugin = node.props.plugin_name()
@@ -81,6 +98,22 @@ def references(values: dict) -> list[int]:
         for value in values.values()
         if isinstance(value, mi.Properties.ResolvedReference)
     ]
+
+
+def check_names(plugin: str, values: dict) -> None:
+    """Raise InputError for a property of this project's plugins whose name is misspelt.
+
+    Mitsuba rejects every unknown property, but only after the plugin has missed one that it needs,
+    and without the name that was meant.
+    """
+    declared = DECLARED.get(plugin)
+    if declared is None:
+        return
+    known = {entry.name for entry in declared}
+    for name, value in values.items():
+        near = get_close_matches(name, known - values.keys(), 1, 0.7)
+        if near and name not in known and isinstance(value, bool | int | float | str):
+            raise InputError(f"{plugin}: unknown property '{name}'; is {near[0]} meant?")
 
 
 def numbers(value) -> np.ndarray:

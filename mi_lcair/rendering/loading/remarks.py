@@ -60,6 +60,16 @@ def remarks_on_loaded(scene: mi.Scene) -> list[str]:
     return lines
 
 
+def suns_below_the_horizon(scene: mi.Scene) -> list[str]:
+    """Remarks on suns that shine from below the x-y plane, as if there were no ground."""
+    return [
+        f"{sun.group}: elevation_deg = {sun.elevation_deg:g} is below the horizon, and the sun "
+        "lights the scene from below; choose one above 0"
+        for sun in scene.emitters()
+        if getattr(sun, "is_sun", False) and sun.elevation_deg <= 0
+    ]
+
+
 def surfaces_that_emit_nothing(scene: mi.Scene) -> list[str]:
     """Remarks on thermal emitters whose surface has an emissivity of 0."""
     cos = np.tile([1.0, 0.5, 0.1, -1.0, -0.5, -0.1], 16)

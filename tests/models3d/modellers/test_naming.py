@@ -60,6 +60,16 @@ def test_which_name_goes_first(load):
     assert model.temperature[5:].tolist() == [301, 301, 302, 303, 303, 310, 301]
 
 
+def test_labels_of_materials(load):
+    """A material's name is a label where no group or object has one."""
+    face = "f -1 -2 -3\n"
+    text = "usemtl f*gloss_black*301*\n" + cube(label="Hull") + "o f*bareAl*310*\n" + face
+    text += "o Hull\nusemtl f*gloss_black*302\n" + face + "usemtl f*gloss_black*302.001\n" + face
+    assert load(text).temperature[5:].tolist() == [301, 310, 302, 302]
+    with pytest.raises(InputError, match="model.obj: material 'f.gold.300.': unknown material"):
+        load("usemtl f*gold*300*\n" + cube(label="Hull"))
+
+
 def test_a_table_overrides_labels(load):
     names = "name;type;kelvin;material;group\nbright paint;t;290,5;gloss_black;ground\n"
     text = "usemtl bright_paint.003\n" + cube(label="f*bareAl*310*")

@@ -4,11 +4,13 @@ right, before Mitsuba, which would end the process or pass over it in silence, s
 
 import re
 
+import mitsuba as mi
 import numpy as np
 import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
+from mi_lcair.rendering.loading.remarks import thin_sheets
 from tests.rendering.loading.scene_text import (
     FACETS,
     HALVES,
@@ -253,3 +255,81 @@ def test_thin_sheets_are_remarked(tmp_path):
         write(tmp_path, PATH, SENSOR, mesh(PAINT + THERMAL), mesh(apart + PAINT + THERMAL))
     )
     assert not any("triangles" in remark for remark in scene.remarks)
+
+
+def test_triangles_are_compared_once_for_each_state_of_the_scene(tmp_path, monkeypatch):
+    """Remarks are asked for often. They follow the values of the scene: here a facet comes to lie
+    on another one, leaves it, and comes back.
+    """
+    apart = placed('<translate z="0.5"/>')
+    write_ply(tmp_path / "plate.ply", SQUARE, HALVES)
+    scene = mi_lcair.load(
+        write(tmp_path, PATH, SENSOR, mesh(PAINT + THERMAL), mesh(apart + PAINT + THERMAL))
+    )
+    calls = []
+    monkeypatch.setattr(
+        "mi_lcair.rendering.scene.thin_sheets",
+        lambda loaded: (calls.append(1), thin_sheets(loaded))[1],
+    )
+    overlap = lambda: any("triangles" in remark for remark in scene.remarks)
+    assert not overlap() and not overlap() and len(calls) == 1
+    parameters = mi.traverse(scene.mi)
+    (key,) = [
+        key
+        for key in parameters.keys()  # noqa: SIM118 SceneParameters is no dict
+        if key.endswith("vertex_positions") and parameters[key].numpy()[2] > 0.4
+    ]
+    high = parameters[key].numpy().copy()
+    low = high.copy()
+    low[2::3] -= 0.5
+    for number, (values, expected) in enumerate(((low, True), (high, False), (low, True)), 2):
+        parameters[key] = values
+        parameters.update()
+        assert overlap() is expected and overlap() is expected and len(calls) == number
+
+
+# ---------------------------------------------------------------- Misspelt names
+
+
+@pytest.mark.parametrize(
+    "element, message",
+    [
+        (
+            '<emitter type="sun"> <float name="azimut_deg" value="1"/> '
+            '<float name="elevation_deg" value="1"/> <string name="band" value="MWIR"/> </emitter>',
+            "sun: unknown property 'azimut_deg'; is azimuth_deg meant",
+        ),
+        (
+            shape(PAINT + THERMAL.replace('"temperature"', '"temperatur"')),
+            "thermal: unknown property 'temperatur'; is temperature meant",
+        ),
+        (
+            shape('<bsdf type="material"> <string name="materal" value="blackbody"/> </bsdf>'),
+            "material: unknown property 'materal'; is material meant",
+        ),
+        (
+            shape('<bsdf type="sandford_robertson"> <float name="epsilom" value="0.1"/> </bsdf>'),
+            "sandford_robertson: unknown property 'epsilom'; is epsilon meant",
+        ),
+    ],
+)
+def test_a_misspelt_property_is_named_with_the_one_that_is_meant(tmp_path, element, message):
+    refused(write(tmp_path, PATH, SENSOR, element), PLACE + message)
+
+
+def test_a_name_that_is_like_no_other_is_left_to_mitsuba(tmp_path):
+    element = shape(PAINT + THERMAL.replace("</emitter>", '<float name="x" value="1"/></emitter>'))
+    refused(write(tmp_path, PATH, SENSOR, element), "unreferenced property")
+
+
+# ---------------------------------------------------------------- Sun
+
+
+@pytest.mark.parametrize("elevation, is_remarked", [(-20, True), (0, True), (20, False)])
+def test_a_sun_below_the_horizon_is_remarked(tmp_path, elevation, is_remarked):
+    sun = (
+        f'<emitter type="sun"> <float name="elevation_deg" value="{elevation}"/> '
+        '<float name="azimuth_deg" value="60"/> <string name="band" value="LWIR"/> </emitter>'
+    )
+    scene = mi_lcair.load(write(tmp_path, PATH, SENSOR, shape(PAINT + THERMAL), sun))
+    assert any("below the horizon" in remark for remark in scene.remarks) is is_remarked

@@ -1,0 +1,99 @@
+"""mi-lcair report: a page in HTML of results, scenes and scenarios."""
+
+import shlex
+from pathlib import Path
+
+import click
+
+import mi_lcair
+from mi_lcair.cli.options import (
+    POSITIVE,
+    Fraction,
+    changes_option,
+    prepare_renderer,
+    progress_bar,
+    renderer_options,
+)
+from mi_lcair.cli.output import note
+from mi_lcair.cli.usage import completion
+from mi_lcair.cli.usage.examples import examples
+from mi_lcair.errors import InputError
+
+
+class Called(click.Command):
+    """A command that keeps its arguments, so that a page can say how it was made."""
+
+    def make_context(self, info_name, args, parent=None, **extra):
+        call = shlex.join(["mi-lcair", info_name, *args])
+        context = super().make_context(info_name, args, parent, **extra)
+        context.obj = call
+        return context
+
+
+@click.command(
+    "report",
+    cls=Called,
+    epilog=examples(
+        "mi-lcair report two_plates --spp 16 -o two_plates.html",
+    ),
+)
+@click.argument("what", nargs=-1, required=True, shell_complete=completion.scenes_and_scenarios)
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    required=True,
+    help="The page to write, FILE.html.",
+)
+@click.option("--scene", metavar="SCENE", help="Scene whose model shows the facets of a FILE.csv.")
+@changes_option("Set a $-parameter of the scene, or an entry of the scenario", "parameters")
+@click.option(
+    "-s", "--sensor", type=click.IntRange(min=0), help="Number of the scene's sensor (default: 0)."
+)
+@click.option(
+    "--spp", type=POSITIVE, help="Samples per pixel (default: the scene's or scenario's own)."
+)
+@click.option(
+    "--tolerance",
+    type=Fraction(),
+    help="Trace paths until half of the 95 % interval of the signature's intensity, or of the "
+    "scenario's contrast, is at most this fraction of it.",
+)
+@click.option("--max-spp", type=POSITIVE, help="Largest --spp for --tolerance (default: 65536).")
+@click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="Seed of the random numbers.")
+@click.option(
+    "--plan", type=click.Choice(["auto"]), help="Plan the signature of a scene; show the plan."
+)
+@renderer_options
+@click.pass_obj
+def command(call, what, output, parameters, variant, threads, **options):
+    """Write a page of WHAT, with images to hover and models to turn.
+
+    \b
+    FILE.exr             images with the values of every channel
+    FILE.json            tables of a signature; data and curves of a fit
+    FILE.csv             polar curves of a trend; facets; spectra
+    SCENE                image, signature, facets, spectrum, audit
+    SCENARIO             image through the air, contrast, ranges, and the rest
+
+    SCENE is an XML file or a bundled name, SCENARIO a TOML file or a bundled name. Several WHAT
+    share one page. The page is one file that needs no network. Radiances are in W m^-2 sr^-1,
+    temperatures in K, intensities in W/sr, contrasts in W/m^2.
+    """
+    if options["spp"] and (options["tolerance"] or options["plan"]):
+        raise InputError("--spp sets a fixed number of samples; --tolerance and --plan choose one")
+    if options["max_spp"] and not (options["tolerance"] or options["plan"]):
+        raise InputError("--max-spp needs --tolerance; --spp sets a fixed number of samples")
+    prepare_renderer(variant, threads)
+    with progress_bar() as progress:
+        notes = mi_lcair.report(
+            what,
+            output,
+            parameters=dict(parameters),
+            command=call,
+            progress=progress,
+            **options,
+        )
+    for remark in notes:
+        note(remark)
+    click.echo(output)

@@ -1,0 +1,1 @@
+"""How a command is used: examples in its help, and completion in the shell."""

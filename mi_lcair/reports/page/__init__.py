@@ -1,0 +1,1 @@
+"""Report pages: one HTML file for each, with pictures to hover and turn, and no network."""

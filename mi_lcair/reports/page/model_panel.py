@@ -1,0 +1,100 @@
+"""Panel of a facet model: its facets in space, coloured by a column of the facets table."""
+
+import numpy as np
+
+from mi_lcair.errors import InputError
+from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.reports.page.arrays import rounded
+from mi_lcair.reports.page.image_panel import extent, limits
+from mi_lcair.reports.page.page import Panel
+from mi_lcair.reports.page.tables import column_data
+
+EMISSIVITY = "emissivity_toward_the_sensor"
+FIRST = ("radiance_W_m2_sr", "temperature_K", "group")  # columns to colour by at first, if present
+
+
+def model_panel(triangles, triangle_facet, columns: dict[str, np.ndarray], toward=None) -> Panel:
+    """The panel of a model.
+
+    Parameters
+    ----------
+    triangles : ndarray, shape (T, 3, 3)
+        Corners of the triangles, m. Those of facets without a row are not shown.
+    triangle_facet : ndarray, shape (T,)
+        Number of each triangle's facet.
+    columns : dict of str to ndarray, shape (rows,)
+        Facets table: `facet`, the number, and other columns by name with unit.
+    toward : ndarray, shape (3,), optional
+        Direction toward the sensor, from which the model is seen at first.
+
+    Raises
+    ------
+    InputError
+        If the table has a facet that the model lacks.
+    """
+    facet, count = np.asarray(columns["facet"]), int(np.max(triangle_facet, initial=-1)) + 1
+    whole = (facet >= 0) & (facet < count) & (facet == np.round(facet))
+    if not whole.all() or len(np.unique(facet)) < len(facet):
+        raise InputError(
+            f"the facets table does not fit the model, whose facets are 0 to {count - 1}, each in "
+            "one row; give the scene and the parameters from which the table was made"
+        )
+    row = np.full(count, -1)
+    row[facet.astype(int)] = np.arange(len(facet))
+    of_triangle = row[triangle_facet]
+    chosen = of_triangle >= 0
+    described = [
+        described_column(name, values, columns.get("area_m2")) for name, values in columns.items()
+    ]
+    names = [column["name"] for column in described]
+    first = next((names.index(name) for name in FIRST if name in names), 0)
+    return Panel(
+        "model",
+        {
+            "corners": np.asarray(triangles)[chosen].ravel(),
+            "rows": of_triangle[chosen],
+            "columns": described,
+            "shown": first,
+            "toward": None if toward is None else [float(value) for value in toward],
+        },
+        height=640,
+    )
+
+
+def described_column(name: str, values, areas=None) -> dict:
+    """A column for the script, with the limits of its scale if it holds numbers.
+
+    areas: areas of the facets, by which the quantiles of the limits are weighted.
+    """
+    column = column_data(name, values)
+    if "names" in column:
+        return column
+    numbers = rounded(np.asarray(values, dtype=float)).astype(float)
+    return column | {
+        "limits": limits(numbers, weights=areas),
+        "log_limits": limits(numbers, log=True, weights=areas),
+        "extent": extent(numbers),
+    }
+
+
+def with_emissivity(columns: dict[str, np.ndarray], band) -> dict[str, np.ndarray]:
+    """The columns with the emissivity toward the sensor, if it can be known.
+
+    It is what a facet emits divided by a blackbody's radiance at its temperature, both in the band.
+    """
+    if not {"emitted_W_m2_sr", "temperature_K"} <= columns.keys():
+        return columns
+    emitted = np.asarray(columns["emitted_W_m2_sr"], dtype=float)
+    kelvin = np.asarray(columns["temperature_K"], dtype=float)
+    radiance = np.full(len(kelvin), np.nan)
+    for value in np.unique(kelvin[np.isfinite(kelvin) & (kelvin > 0)]):
+        radiance[kelvin == value] = in_band_radiance(band, float(value))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        emissivity = emitted / radiance
+    names = list(columns)
+    at = names.index("temperature_K") + 1
+    return {
+        **{name: columns[name] for name in names[:at]},
+        EMISSIVITY: np.where(np.isfinite(emissivity), emissivity, np.nan),
+        **{name: columns[name] for name in names[at:]},
+    }

@@ -1,0 +1,46 @@
+"""The reference names everything public, and the manuals of all plugins can be converted."""
+
+import re
+
+import pytest
+
+import mi_lcair
+from docs.site_pages import manual, mathml, on_page_content, on_page_markdown
+from tests.docs.fences import ROOT
+
+REGISTRATION = re.compile(r"^mi\.register_(\w+)\(\"(\w+)\"", re.MULTILINE)
+PLUGINS = {
+    file.stem: found.groups()
+    for file in sorted((ROOT / "plugins").glob("*.py"))
+    if (found := REGISTRATION.search(file.read_text(encoding="utf-8")))
+}
+
+
+@pytest.mark.parametrize("file", PLUGINS)
+def test_manual_is_that_of_the_plugin(file):
+    kind, name = PLUGINS[file]
+    assert manual(file).startswith(f"## {kind} `{name}`\n")
+
+
+def test_all_plugins_have_a_manual():
+    page = (ROOT / "docs" / "reference" / "plugins.md").read_text(encoding="utf-8")
+    assert sorted(re.findall(r"^::: plugin (\w+)$", page, re.MULTILINE)) == sorted(PLUGINS)
+
+
+def test_all_public_functions_are_in_the_reference():
+    page = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
+    for name, home in mi_lcair._HOME.items():
+        package = "" if home.startswith("fitting") else "mi_lcair."
+        assert f"\n::: {package}{home}.{name}\n" in page, name
+
+
+def test_a_page_gets_manuals_and_equations():
+    page = on_page_markdown("# Title\n\n::: plugin plume_bsdf\n")
+    assert "transmittance" in page and ":::" not in page
+    content = on_page_content(r'<p>with <span class="arithmatex">\(\sigma T^4 &gt; 0\)</span></p>')
+    assert content.startswith("<p>with <math") and "arithmatex" not in content
+
+
+def test_equations_are_mathml():
+    assert mathml(r"\varepsilon", as_block=False).startswith("<math")
+    assert 'display="block"' in mathml(r"\frac{a}{b}", as_block=True)
