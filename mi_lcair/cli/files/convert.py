@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import click
-import numpy as np
 
 import mi_lcair
 from mi_lcair.cli.files import sources
@@ -11,7 +10,7 @@ from mi_lcair.cli.options import Assignment
 from mi_lcair.cli.output import print_written
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import check_suffix, check_writable
-from mi_lcair.formats import csv, netcdf, tiff, vtk
+from mi_lcair.formats import VTK
 
 FILE = click.Path(path_type=Path)
 
@@ -75,14 +74,14 @@ def _way(source: str, scene):
     """
     suffix = Path(source).suffix.lower()
     if suffix == ".csv" and scene:
-        return _facets, vtk.SUFFIXES, ("scene", "parameters")
+        return _facets, VTK, ("scene", "parameters")
     if suffix in (".csv", ".nc"):
         return _table, (".nc",) if suffix == ".csv" else (".csv",), ()
     kind = sources.kind_of(source)
     ways = {
         sources.IMAGE: (_image, (".tif", ".tiff", ".nc"), ("channel",)),
-        sources.MODEL: (_model, vtk.SUFFIXES, ()),
-        sources.SCENE: (_scene, vtk.SUFFIXES, ("parameters",)),
+        sources.MODEL: (_model, VTK, ()),
+        sources.SCENE: (_scene, VTK, ("parameters",)),
     }
     if kind not in ways:
         raise InputError(
@@ -94,6 +93,9 @@ def _way(source: str, scene):
 
 def _image(source, output, suffix, channel):
     """A channel of an EXR image as a TIFF, or all channels as netCDF."""
+    import numpy as np
+
+    from mi_lcair.formats import netcdf, tiff
     from mi_lcair.rendering.image import read_exr, window_of
     from mi_lcair.rendering.render import column_name
 
@@ -124,6 +126,8 @@ def _image(source, output, suffix, channel):
 
 def _table(source, output, suffix):
     """A table of this project from CSV to netCDF or back."""
+    from mi_lcair.formats import csv, netcdf
+
     columns = sources.read_columns(Path(source))
     if suffix == ".csv":
         csv.write(output, columns)
@@ -133,6 +137,9 @@ def _table(source, output, suffix):
 
 def _facets(source, output, suffix, scene, parameters):
     """A table of facets and their polygons."""
+    import numpy as np
+
+    from mi_lcair.formats import vtk
     from mi_lcair.rendering.facet_image import FACET, by_facet
     from mi_lcair.rendering.facet_table import FacetTable
     from mi_lcair.rendering.facets.polygons import FacetPolygons
@@ -157,6 +164,8 @@ def _facets(source, output, suffix, scene, parameters):
 
 def _model(source, output, suffix):
     """The facets of a model file with their labels."""
+    import numpy as np
+
     from mi_lcair import models3d
 
     model = models3d.read(Path(source))
@@ -166,6 +175,9 @@ def _model(source, output, suffix):
 
 def _scene(source, output, suffix, parameters):
     """The facets of a scene with their groups, materials and temperatures."""
+    import numpy as np
+
+    from mi_lcair.formats import vtk
     from mi_lcair.rendering.facet_table import FacetTable
     from mi_lcair.rendering.facets.polygons import FacetPolygons
 
@@ -189,6 +201,9 @@ def _scene(source, output, suffix, parameters):
 
 def _write_model(output, model, vertices, faces):
     """Write a `Model` with a row of cell data for each facet."""
+    import numpy as np
+
+    from mi_lcair.formats import vtk
     from mi_lcair.reports.model_picture import TYPES
 
     labels = [model.labels[k] for k in model.label]
