@@ -21,7 +21,7 @@ from mi_lcair.rendering.many_views import FAINT, render_views, views_per_batch
 from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
 from mi_lcair.rendering.views import View, check_resolution
 from mi_lcair.results import Result, named
-from mi_lcair.signatures.trend_file import TrendFile
+from mi_lcair.signatures.trend_file import TrendFile, read_trend
 
 if TYPE_CHECKING:
     import xarray
@@ -145,6 +145,15 @@ class Trend(Result):
 
     kind: ClassVar[str] = "trend"
     drawn_by: ClassVar[str] = "mi_lcair.reports.trend_plot:figure"
+
+    @staticmethod
+    def read(path) -> "Trend":
+        """The trend in a .csv or .nc file that `save` or the command `trend` wrote.
+
+        The scene's name and the band of a CSV are in the file beside it, if there is one. Raises
+        InputError for a file of another kind.
+        """
+        return Trend(*read_trend(path))
 
     @property
     def missed(self) -> int:

@@ -22,7 +22,7 @@ class ImagePanel {
         button("add a picture", () => this.add(this.shown[0]))),
       element("div", { className: "beside" }, this.box, this.readout.element),
       element("p", { className: "note", textContent:
-        "Limits are at first the 0.5 % and 99.5 % quantiles of the pixels, so that a few bright ones do not set the scale. " +
+        `Limits are at first the 0.5 % and 99.5 % quantiles of the pixels${this.part ? " around the target" : ""}, so that a few bright ones do not set the scale. ` +
         "Pixels beyond the limits have the colours at the ends of the bar; grey ones have no value there." }));
     this.shown.forEach((channel) => this.add(channel, false));
   }

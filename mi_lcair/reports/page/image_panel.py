@@ -22,6 +22,7 @@ QUANTITIES = {
 LOW, HIGH = 0.005, 0.995  # quantiles of the pixels that are the default limits of a scale
 LOG_DECADES = 6  # largest extent of a logarithmic scale
 SEEN = "seen."
+WHOLE = slice(None), slice(None)  # all rows and columns
 
 
 def image_panel(channels: dict[str, np.ndarray], shown=(), orthographic_m=None) -> Panel:
@@ -37,6 +38,7 @@ def image_panel(channels: dict[str, np.ndarray], shown=(), orthographic_m=None) 
         Width and height of the window that an orthographic sensor sees, m.
     """
     values = {name: with_gaps(name, pixels) for name, pixels in channels.items()}
+    part = around_target(channels)
     height, width = next(iter(values.values())).shape
     names = list(values)
     chosen = [name for name in shown if name in values] or names[:2]
@@ -57,17 +59,30 @@ def image_panel(channels: dict[str, np.ndarray], shown=(), orthographic_m=None) 
                     "quantity": quantity(name)[0],
                     "unit": quantity(name)[1],
                     "values": pixels.ravel(),
-                    "limits": limits(pixels),
-                    "log_limits": limits(pixels, log=True),
+                    "limits": limits(pixels[part]),
+                    "log_limits": limits(pixels[part], log=True),
                     "extent": extent(pixels),
                 }
                 for name, pixels in values.items()
             ],
+            "part": part != WHOLE,
             "shown": [names.index(name) for name in chosen],
             "seen": {"names": list(seen), "channels": list(seen.values())},
         },
         height=620,
     )
+
+
+def around_target(channels: dict) -> tuple[slice, slice]:
+    """Rows and columns of the part of a camera's frame that was rendered, around the target.
+
+    A small target would lie beyond the quantiles of the whole frame. For other images it is WHOLE.
+    """
+    error = channels.get("stderr_K.Y")
+    if error is None or not (np.asarray(error) > 0).any():
+        return WHOLE
+    rows, columns = np.nonzero(np.asarray(error) > 0)
+    return slice(rows.min(), rows.max() + 1), slice(columns.min(), columns.max() + 1)
 
 
 def quantity(name: str) -> tuple[str, str]:

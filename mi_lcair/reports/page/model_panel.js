@@ -3,7 +3,7 @@ PANELS.model = (place, data) => new ModelPanel(place, data).draw();
 
 const VIEWS = { "sensor": null, "ahead, left and above": [1, 0.8, 0.6], "nose": [1, 0, 0], "left side": [0, 1, 0], "right side": [0, -1, 0], "tail": [-1, 0, 0], "top": [0, 0, 1], "below": [0, 0, -1] };
 
-const FILLED = 3.2;  // length of the diagonal of a model as plotly draws it
+const COMPACT = 2.1, FLAT = 3.1;  // lengths of the diagonals of a cube and of a plate as plotly draws them
 
 class ModelPanel {
   constructor(place, data) {
@@ -48,7 +48,8 @@ class ModelPanel {
   get box() {
     const size = Math.hypot(...this.ranges.map(([low, high]) => high - low)) || 1;
     const ranges = this.ranges.map(([low, high]) => [low - 0.02 * size, high + 0.02 * size]);
-    const [x, y, z] = ranges.map(([low, high]) => FILLED * (high - low) / size);
+    const lengths = ranges.map(([low, high]) => high - low), flat = 1 - Math.min(...lengths) / Math.max(...lengths);
+    const [x, y, z] = lengths.map((length) => (COMPACT + (FLAT - COMPACT) * flat) * length / size);
     return { ranges, aspectratio: { x, y, z } };
   }
 

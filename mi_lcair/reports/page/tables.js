@@ -33,7 +33,7 @@ PANELS.table = (place, data) => {
   const { columns } = data, count = columns[0].values.length;
   const value = (k, row) => (columns[k].names ? columns[k].names[columns[k].values[row]] : columns[k].values[row]);
   const whole = columns.map(({ values, names }) => !names && values.every(Number.isInteger));
-  const cell = (k, row) => (columns[k].names || whole[k] ? String(value(k, row)) : shown(value(k, row)));
+  const cell = (k, row) => (columns[k].names || (whole[k] && Math.abs(value(k, row)) < 1e7) ? String(value(k, row)) : shown(value(k, row)));
   let order = Array.from({ length: count }, (_, row) => row), page = 0;
   const body = element("tbody"), where = element("span");
   const draw = () => {

@@ -141,7 +141,9 @@ def column_data(name: str, values) -> dict:
     values = np.asarray(values)
     words, unit = heading(name)
     entries = {"name": name, "title": words, "unit": unit}
-    if values.dtype.kind in "fiub":
+    if values.dtype.kind == "b":
+        values = np.where(values, "yes", "no")
+    if values.dtype.kind in "fiu":
         return entries | {"values": values if values.dtype.kind == "f" else values.astype(int)}
     names, codes = np.unique(values.astype(str), return_inverse=True)
     return entries | {"values": codes, "names": [printable(text) for text in names]}

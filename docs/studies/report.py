@@ -1,0 +1,64 @@
+"""The picture of a report page, taken in Chromium.
+
+python -m docs.studies.report
+
+It needs Chromium and the package playwright; the environment variable MI_LCAIR_BROWSER names another
+browser. The picture is docs/pictures/report.png.
+"""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from PIL import Image
+from playwright.sync_api import sync_playwright
+
+import mi_lcair
+from tests.reports.page.conftest import COMPLETE, FLAGS, PATIENCE, browser_path
+
+PICTURE = Path(__file__).parents[1] / "pictures" / "report.png"
+WIDTH = 1200  # pixels of the page
+# Panels that are shown, and where the pointer is, as fractions of the picture's width and height
+CHOSEN = {"image": (0.47, 0.44), "model": (0.57, 0.52)}
+
+
+def main():
+    with TemporaryDirectory() as folder:
+        page = Path(folder) / "page.html"
+        mi_lcair.report("a340_landing", page, parameters={"position": 3}, spp=256)
+        panels = photographs(page, Path(folder))
+    height = sum(panel.height for panel in panels)
+    picture = Image.new("RGB", (WIDTH, height), "white")
+    top = 0
+    for panel in panels:
+        picture.paste(panel, (0, top))
+        top += panel.height
+    picture.save(PICTURE, optimize=True)
+    print(f"{PICTURE}: {PICTURE.stat().st_size / 1000:.0f} kB")
+
+
+def photographs(page: Path, folder: Path) -> list[Image.Image]:
+    """Pictures of the panels, with the pointer on the aircraft."""
+    found = []
+    with sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=browser_path(), args=FLAGS)
+        view = browser.new_page(viewport={"width": WIDTH, "height": 900})
+        view.goto(page.as_uri())
+        view.wait_for_selector(COMPLETE, timeout=PATIENCE)
+        for kind, place in CHOSEN.items():
+            panel = view.locator(f".panel[data-kind={kind}]").first
+            panel.evaluate("(panel) => panel.scrollIntoView()")
+            box = view.locator(f".panel[data-kind={kind}] .plot").first.bounding_box()
+            x, y = (box[side] * share for side, share in zip(("width", "height"), place))
+            view.mouse.move(box["x"] + x - 3, box["y"] + y)
+            view.mouse.move(box["x"] + x, box["y"] + y)
+            view.wait_for_timeout(1500)
+            area = panel.bounding_box()
+            file = folder / f"{kind}.png"
+            view.screenshot(path=file, clip=area | {"x": 0, "width": WIDTH})
+            found.append(Image.open(file).convert("RGB"))
+        browser.close()
+    return found
+
+
+if __name__ == "__main__":
+    main()
