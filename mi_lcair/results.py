@@ -5,7 +5,9 @@ import json
 from base64 import b64encode
 from html import escape
 from io import BytesIO
+from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -13,6 +15,11 @@ from mi_lcair.drawing import PICTURES, write_figure
 from mi_lcair.errors import InputError, printable
 from mi_lcair.extras import optional
 from mi_lcair.files import check_writable, replacing
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+    from matplotlib.figure import Figure
 
 LONGEST = 199  # largest length of `repr` [characters]
 MOST_ROWS = 12  # rows of a table in a notebook
@@ -46,15 +53,15 @@ class Result:
         Functions that write files of further suffixes: write(path, result, **options).
     """
 
-    kind = ""
-    drawn_by = ""
-    saved_by: dict[str, str] = {}
+    kind: ClassVar[str] = ""
+    drawn_by: ClassVar[str] = ""
+    saved_by: ClassVar[dict[str, str]] = {}
 
     def summary(self) -> str:
         """One line with the result's value, error and unit."""
         raise NotImplementedError
 
-    def entries(self) -> dict:
+    def entries(self) -> dict[str, Any]:
         """Entries of `as_dict` after `kind`, of which arrays and NaN may be part."""
         raise NotImplementedError
 
@@ -67,30 +74,33 @@ class Result:
 
     def _repr_html_(self) -> str:
         """The summary, and the picture or the table, for a notebook."""
-        body = self._picture_html() if self.drawn_by else table_html(self.columns())
+        try:
+            body = self._picture_html()
+        except InputError:  # without a picture, or with values that cannot be drawn
+            body = table_html(self.columns())
         return f"<div><p>{escape(printable(self.summary()))}</p>{body}</div>"
 
     def _picture_html(self) -> str:
-        file = BytesIO()
-        self.plot().savefig(file, format="png", dpi=NOTEBOOK_DPI)
+        figure, file = self.plot(), BytesIO()
+        figure.savefig(file, format="png", dpi=NOTEBOOK_DPI)
         data = b64encode(file.getvalue()).decode()
         return f'<img alt="{escape(self.kind)}" src="data:image/png;base64,{data}"/>'
 
-    def as_dict(self) -> dict:
+    def as_dict(self) -> dict[str, Any]:
         """The result for JSON: numbers, texts, lists and dictionaries, with units in the names.
 
         A number that does not exist (NaN, infinite) is None.
         """
         return strict({"kind": self.kind, **self.entries()})
 
-    def to_dataframe(self):
+    def to_dataframe(self) -> "pandas.DataFrame":
         """The table of `columns` as a pandas DataFrame.
 
         Raises InputError if pandas is not installed.
         """
-        return optional("pandas", f"the data frame of a {self.kind}").DataFrame(self.columns())
+        return optional("pandas", f"the data frame of {self._named()}").DataFrame(self.columns())
 
-    def to_xarray(self):
+    def to_xarray(self) -> "xarray.Dataset":
         """The table of `columns` as an xarray Dataset, whose variables carry their units.
 
         Raises InputError if xarray is not installed.
@@ -101,12 +111,12 @@ class Result:
         """Attributes of the Dataset."""
         return {"kind": self.kind, "title": printable(self.summary())}
 
-    def dataset(self, variables: dict, coordinates: dict):
+    def dataset(self, variables: dict, coordinates: dict) -> "xarray.Dataset":
         """An xarray Dataset of {name: (dimensions, values)}, with units from the ends of the names.
 
         Raises InputError if xarray is not installed.
         """
-        xarray = optional("xarray", f"the dataset of a {self.kind}")
+        xarray = optional("xarray", f"the dataset of {self._named()}")
         unit_of = named("mi_lcair.formats.units:unit_of")
         described = lambda table: {
             name: (dimensions, values, {"units": unit} if (unit := unit_of(name)) else {})
@@ -114,7 +124,7 @@ class Result:
         }
         return xarray.Dataset(described(variables), described(coordinates), self.attributes())
 
-    def plot(self, path=None, **options):
+    def plot(self, path: str | PathLike[str] | None = None, **options: Any) -> "Figure":
         """The picture of the result, as a Matplotlib Figure.
 
         Parameters
@@ -129,11 +139,11 @@ class Result:
         InputError
             If the result has no picture, or if the file cannot be written.
         """
-        if path is not None:
-            self._check_suffix(Path(path), [suffix for suffix in PICTURES if self.drawn_by])
-            check_writable(path)
         if not self.drawn_by:
-            raise InputError(f"a {self.kind} has no picture; it can be saved as {self._known()}")
+            raise InputError(f"{self._named()} has no picture; it can be saved as {self._known()}")
+        if path is not None:
+            self._check_suffix(Path(path), PICTURES)
+            check_writable(path)
         figure = named(self.drawn_by)(self, **options)
         if path is not None:
             write_figure(figure, path)
@@ -143,7 +153,7 @@ class Result:
         """Suffixes of the files that `save` can write."""
         return [".json", *WRITERS, *(PICTURES if self.drawn_by else ()), *(PAGE | self.saved_by)]
 
-    def save(self, path, **options) -> None:
+    def save(self, path: str | PathLike[str], **options: Any) -> None:
         """Write the result to a file, whose suffix chooses the format (`suffixes`).
 
         Parameters
@@ -179,9 +189,12 @@ class Result:
         """The suffix of a path, in lower case. Raises InputError if it is not allowed."""
         suffix = path.suffix.lower()
         if suffix not in allowed:
-            possible = ", ".join(allowed) or f"no picture, but as {self._known()}"
-            raise InputError(f"'{path}': a {self.kind} can be saved as {possible}")
+            raise InputError(f"'{path}': {self._named()} can be saved as {', '.join(allowed)}")
         return suffix
+
+    def _named(self) -> str:
+        """The result as messages name it."""
+        return f"a result of kind '{self.kind}'"
 
     def _known(self) -> str:
         return ", ".join(self.suffixes())

@@ -58,10 +58,11 @@ def parameters(name: str) -> dict[str, Parameter]:
 def scenarios(name: str | None = None) -> list[str]:
     """Return the names of the bundled scenarios, SCENE/FILE, in alphabetical order.
 
-    name: a scene, or None for all scenes.
+    name: a scene, or None for all scenes. Folders without a scene, such as examples/, have none.
     """
+    folders = names() if name is None else [name]
     return sorted(
-        f"{file.parent.name}/{file.stem}" for file in FOLDER.glob(f"{name or '*'}/*.toml")
+        f"{scene}/{file.stem}" for scene in folders for file in (FOLDER / scene).glob("*.toml")
     )
 
 

@@ -7,18 +7,23 @@ import sys
 import typing
 from pathlib import Path
 
+import pandas
 import pytest
+import xarray
+from matplotlib.figure import Figure
 
 import mi_lcair
 from mi_lcair.planning.plan import Plan
 
 ROOT = Path(__file__).resolve().parents[1]
+# Names that modules import for type checkers only
+LATER = {"Figure": Figure, "Plan": Plan, "pandas": pandas, "xarray": xarray}
 
 
 def public_classes(annotation, module, found) -> dict:
     """The classes of mi_lcair that an annotation names, with those of their fields, by name."""
     if isinstance(annotation, str):
-        annotation = eval(annotation, vars(sys.modules[module]) | {"Plan": Plan})
+        annotation = eval(annotation, vars(sys.modules[module]) | LATER)
     for part in typing.get_args(annotation):
         public_classes(part, module, found)
     is_ours = inspect.isclass(annotation) and annotation.__module__.startswith("mi_lcair.")
@@ -35,7 +40,10 @@ def public_classes(annotation, module, found) -> dict:
 
 def methods(cls) -> dict:
     """The public methods and properties of a class, as functions by name."""
-    own = {name: getattr(value, "fget", None) or value for name, value in vars(cls).items()}
+    own = {}
+    for base in reversed([base for base in cls.__mro__ if base.__module__.startswith("mi_lcair.")]):
+        own |= vars(base)
+    own = {name: getattr(value, "fget", None) or value for name, value in own.items()}
     own = {name: getattr(value, "__func__", value) for name, value in own.items()}
     return {
         name: value

@@ -20,7 +20,7 @@ SIGMA = {"sigma": {TEMPERATURE: 1.0}}
 FUNCTIONS = {
     "render": lambda scene, **p: mi_lcair.render(scene, **p).mean,
     "signature": lambda scene, **p: mi_lcair.signature(scene, **p).target.intensity,
-    "trend": lambda scene, **p: mi_lcair.trend(scene, [0], [90], spp=4, **p).columns[
+    "trend": lambda scene, **p: mi_lcair.trend(scene, [0], [90], spp=4, **p).columns()[
         "intensity_W_sr"
     ][0],
     "plan": lambda scene, **p: mi_lcair.plan(scene, "5%", **p).max_bounces,

@@ -2,7 +2,9 @@
 
 import json
 import re
+import sys
 from base64 import b64decode
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -11,6 +13,7 @@ from PIL import Image
 
 import mi_lcair
 from mi_lcair.detection.scenario import Scenario
+from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 from mi_lcair.formats.units import unit_of
 from mi_lcair.physics.brdf_view import brdf_view
@@ -236,18 +239,23 @@ def test_every_format_that_a_result_names_is_written(result, tmp_path):
         ".png": b"\x89PNG",
         ".svg": b"<?xml",
         ".pdf": b"%PDF",
+        ".html": b"<!DOCTYPE html>",
         ".tif": b"II*\0",
         ".vtp": b"<?xml",
         ".vtu": b"<?xml",
         ".html": b"<!DOCTYPE html>",
     }
-    assert {".json", ".csv", ".nc"} <= set(result.suffixes())
-    for suffix in result.suffixes():
+    suffixes = set(result.suffixes())
+    assert {".json", ".csv", ".nc"} <= suffixes
+    assert suffixes & set(PICTURES) == set(PICTURES if result.drawn_by else ())
+    if result.kind != "signature":
+        suffixes -= {".png", ".pdf"}  # drawing is slow, and the writer is the same for all
+    for suffix in suffixes:
         path = tmp_path / f"result{suffix.upper()}"
         result.save(path)
         assert path.read_bytes().startswith(beginnings[suffix]), suffix
     assert json.loads((tmp_path / "result.JSON").read_text()) == result.as_dict()
-    assert len(list(tmp_path.iterdir())) == len(result.suffixes())
+    assert len(list(tmp_path.iterdir())) == len(suffixes)
 
 
 @pytest.mark.parametrize("name", ["result.xyz", "result", ".json", "missing/result.json"])
@@ -264,6 +272,21 @@ def test_a_picture_is_no_table(result, tmp_path):
     with pytest.raises(InputError):
         result.plot(tmp_path / "picture.csv")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("library, convert", [("pandas", "to_dataframe"), ("xarray", "to_xarray")])
+def test_a_missing_library_is_named(results, monkeypatch, library, convert):
+    monkeypatch.setitem(sys.modules, library, None)
+    for name in ("render", "signature", "trend"):
+        with pytest.raises(InputError, match=rf"needs {library}; python -m pip install"):
+            getattr(results(name), convert)()
+
+
+def test_values_that_cannot_be_drawn_are_shown_as_a_table(results):
+    render = results("render")
+    bright = replace(render, channels=render.channels | {"Y": render.channels["Y"] + np.inf})
+    huge = replace(render, channels=render.channels | {"Y": np.full((8, 8), 2e37, np.float32)})
+    assert "<img" in bright._repr_html_() and "<table>" in huge._repr_html_()
 
 
 def test_an_image_is_saved_whole(results, tmp_path):

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from os import PathLike
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -36,6 +36,9 @@ from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.rendering.views import View, hidden_share
 from mi_lcair.results import Result
+
+if TYPE_CHECKING:
+    import xarray
 
 # Temperature of the blackbody whose spectrum weights the diffraction, K.
 DIFFRACTION_K = 300.0
@@ -168,7 +171,7 @@ class Image(Result):
         rows = [asdict(row) for row in self.ranges]
         return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
-    def to_xarray(self):
+    def to_xarray(self) -> "xarray.Dataset":
         """The channels as an xarray Dataset over (row, column), and the frames' counts.
 
         Raises InputError if xarray is not installed.

@@ -30,7 +30,11 @@ PURPOSES = {
         "import": "import_model",  # a module cannot be named `import`
         "fit": "fit",
     },
-    "Pictures and pages": {"show": "show", "report": "report"},
+    "Pictures, pages and files": {
+        "show": "files.show",
+        "report": "report",
+        "convert": "files.convert",
+    },
     "Errors, and what they depend on": {
         "plan": "plan",
         "audit": "audit",

@@ -19,6 +19,7 @@ COLD = 200.0  # lower temperatures, K, are remarked because they are rare on a s
     epilog=examples(
         "mi-lcair import box.obj -o box",
         "mi-lcair import box.obj --check",
+        "mi-lcair import drone.obj --names drone.csv --forward -Z --up Y -o drone",
     ),
 )
 @click.argument("file", type=FILE, metavar="MODEL")
@@ -38,10 +39,13 @@ COLD = 200.0  # lower temperatures, K, are remarked because they are rare on a s
 @click.option(
     "--forward",
     type=AXIS,
-    help="Forward axis that the export dialogue of Blender showed (-Z by default).",
+    help="Forward Axis in the export dialogue of Blender, which has -Z unless it is changed. "
+    "Without --forward and --up, x, y and z are those of Blender; glTF is turned by itself.",
 )
 @click.option(
-    "--up", type=AXIS, help="Up axis that the export dialogue of Blender showed (Y by default)."
+    "--up",
+    type=AXIS,
+    help="Up Axis in the export dialogue of Blender, which has Y unless it is changed.",
 )
 @click.option(
     "--nose",
@@ -108,11 +112,12 @@ def command(file, output, check, overwrite, materials, sky, json, **reading):
     """
     if bool(output) == check:
         raise click.UsageError("give either -o FOLDER or --check", click.get_current_context())
-    if check and sky:
-        raise click.UsageError(
-            "--sky goes into what -o FOLDER writes; --check writes nothing",
-            click.get_current_context(),
-        )
+    for option, given in (("--sky", sky), ("--overwrite", overwrite)):
+        if check and given:
+            raise click.UsageError(
+                f"{option} goes into what -o FOLDER writes; --check writes nothing",
+                click.get_current_context(),
+            )
     from mi_lcair import models3d as facets
 
     model = facets.read(file, materials=materials, **reading)

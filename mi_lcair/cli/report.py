@@ -8,13 +8,14 @@ import click
 import mi_lcair
 from mi_lcair.cli.options import (
     POSITIVE,
-    Assignment,
     Fraction,
+    changes_option,
     prepare_renderer,
     progress_bar,
     renderer_options,
 )
 from mi_lcair.cli.output import note
+from mi_lcair.cli.usage import completion
 from mi_lcair.cli.usage.examples import examples
 from mi_lcair.errors import InputError
 
@@ -36,7 +37,7 @@ class Called(click.Command):
         "mi-lcair report two_plates --spp 16 -o two_plates.html",
     ),
 )
-@click.argument("what", nargs=-1, required=True)
+@click.argument("what", nargs=-1, required=True, shell_complete=completion.scenes_and_scenarios)
 @click.option(
     "-o",
     "--output",
@@ -45,13 +46,7 @@ class Called(click.Command):
     help="The page to write, FILE.html.",
 )
 @click.option("--scene", metavar="SCENE", help="Scene whose model shows the facets of a FILE.csv.")
-@click.option(
-    "-D",
-    "parameters",
-    type=Assignment(),
-    multiple=True,
-    help="Set a $-parameter of the scene, or an entry of the scenario; may be repeated.",
-)
+@changes_option("Set a $-parameter of the scene, or an entry of the scenario", "parameters")
 @click.option(
     "-s", "--sensor", type=click.IntRange(min=0), help="Number of the scene's sensor (default: 0)."
 )
@@ -82,7 +77,8 @@ def command(call, what, output, parameters, variant, threads, **options):
     SCENARIO             image through the air, contrast, ranges, and the rest
 
     SCENE is an XML file or a bundled name, SCENARIO a TOML file or a bundled name. Several WHAT
-    share one page. The page is one file that needs no network.
+    share one page. The page is one file that needs no network. Radiances are in W m^-2 sr^-1,
+    temperatures in K, intensities in W/sr, contrasts in W/m^2.
     """
     if options["spp"] and (options["tolerance"] or options["plan"]):
         raise InputError("--spp sets a fixed number of samples; --tolerance and --plan choose one")

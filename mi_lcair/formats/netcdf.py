@@ -79,7 +79,7 @@ def table(columns: dict[str, np.ndarray], dimension: str = "", **attributes):
     xarray = optional("xarray", "a netCDF file or an xarray Dataset")
     dimension = dimension or next((name for name in KEYS if name in columns), "row")
     variables = {name: ((dimension,), values) for name, values in _arrays(columns).items()}
-    return _described(xarray.Dataset(variables, attrs=attributes))
+    return described(xarray.Dataset(variables, attrs=attributes))
 
 
 def grid(columns: dict[str, np.ndarray], axes: tuple[str, ...], **attributes):
@@ -104,7 +104,7 @@ def grid(columns: dict[str, np.ndarray], axes: tuple[str, ...], **attributes):
             spread = np.full(shape, "", object)
         spread[places] = values
         variables[name] = (axes, spread)
-    return _described(xarray.Dataset(variables, dict(zip(axes, ticks)), attributes))
+    return described(xarray.Dataset(variables, dict(zip(axes, ticks)), attributes))
 
 
 def dataset(columns: dict[str, np.ndarray], **attributes):
@@ -118,7 +118,7 @@ def _arrays(columns) -> dict[str, np.ndarray]:
     return {name: np.asarray(values) for name, values in columns.items()}
 
 
-def _described(dataset):
+def described(dataset):
     """The Dataset with `units` and `long_name` of each variable, from its name."""
     for name, variable in dataset.variables.items():
         if unit := unit_of(name):
@@ -133,3 +133,17 @@ def _storable(array):
     if kind in "iu" and array.size and np.abs(array.values.astype(float)).max() > LARGEST_WHOLE:
         return array.astype(np.float64)
     return array.astype(str) if kind == "O" else array
+
+
+def read_columns(path) -> dict[str, np.ndarray]:
+    """The columns of a netCDF file that `write` made from `dataset`, by name.
+
+    Raises InputError for a file that cannot be read, and if xarray is not installed.
+    """
+    xarray = optional("xarray", "a netCDF file")
+    try:
+        with xarray.open_dataset(path, engine="scipy") as dataset:
+            frame = dataset.load().to_dataframe().reset_index()
+    except (OSError, ValueError, TypeError, KeyError, IndexError, AssertionError) as error:
+        raise InputError(f"{path}: cannot be read as netCDF-3: {error}") from None
+    return {str(name): frame[name].to_numpy() for name in frame}

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from drjit.llvm.ad import Array3f64, Float64
@@ -13,6 +13,9 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.materials import Material, material
 from mi_lcair.results import Result
+
+if TYPE_CHECKING:
+    import xarray
 
 HORIZON = 89.9  # largest tabulated theta_r [degrees]
 
@@ -83,7 +86,7 @@ class BRDFView(Result):
         """BRDF in the plane of incidence over the signed angle, positive at the mirror's side."""
         return {"theta_r_deg": self.cut_theta_r, "brdf_per_sr": self.cut}
 
-    def to_xarray(self):
+    def to_xarray(self) -> "xarray.Dataset":
         """BRDF over (theta_r_deg, azimuth_deg) as an xarray Dataset.
 
         Raises InputError if xarray is not installed.

@@ -108,6 +108,12 @@ def material(
     )
 
 
+def bands_of(name: str, file: str | Path | None = None) -> list[str]:
+    """Bands of the entries of a material, "any" for one of all bands; arguments as `material`."""
+    entries = _fits(name) if is_json(name) else _toml_entries(name, file)
+    return [entry.band for entry in entries]
+
+
 def names(file: str | Path | None = None) -> list[str]:
     """Names of all materials, those of the user's `file` first.
 

@@ -76,6 +76,18 @@ def write_exr(
         OpenEXR.File(attributes, pixels).write(str(partial))
 
 
+def window_of(header: dict) -> tuple[float, float] | None:
+    """Width and height [m] of an orthographic sensor's window, from the header of its image.
+
+    None for another sensor, and for images of other programs.
+    """
+    try:
+        width, height = map(float, str(header.get("window_m", "")).split())
+    except ValueError:
+        return None
+    return (width, height) if 0 < width < np.inf and 0 < height < np.inf else None
+
+
 def write_render(path: str | Path, result) -> None:
     """Write the channels and the header of a result, such as a `Render`, as an OpenEXR file."""
     write_exr(path, result.channels, result.header)

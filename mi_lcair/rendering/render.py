@@ -30,6 +30,8 @@ from mi_lcair.rendering.window import window_size
 from mi_lcair.results import Result
 
 if TYPE_CHECKING:
+    import xarray
+
     from mi_lcair.planning.plan import Plan
 
 BOUNCE_CHANNELS = 17  # bounce channels in the image; the last holds all counts from 16 on
@@ -125,7 +127,8 @@ class Render(Result):
     def entries(self) -> dict:
         """Entries for JSON: the means, the errors and the channels, without their pixels."""
         height, width = self.channels["Y"].shape
-        return {
+        plan = {} if self.plan is None else {"plan": self.plan.as_dict()}
+        return plan | {
             "scene_name": self.scene_name,
             "band": self.band.name,
             "width": width,
@@ -184,7 +187,7 @@ class Render(Result):
         }
         return {name: values.ravel() for name, values in (places | images).items()}
 
-    def to_xarray(self):
+    def to_xarray(self) -> "xarray.Dataset":
         """The channels as an xarray Dataset over (row, column), with x_m and y_m [m] if known.
 
         Raises InputError if xarray is not installed.

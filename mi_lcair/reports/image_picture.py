@@ -1,12 +1,15 @@
 """Picture of the channels of a radiance image, with colour bars in physical units."""
 
+import re
 from math import ceil, sqrt
 from pathlib import Path
 
 import numpy as np
 
 from mi_lcair.drawing import new_figure, plain, write_figure
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, unknown
+from mi_lcair.formats import units
+from mi_lcair.reports.pictures.colour_scale import limits_of
 
 RADIANCE = r"W m$^{-2}$ sr$^{-1}$"
 QUANTITIES = {
@@ -21,16 +24,7 @@ QUANTITIES = {
     "sigma": ("standard uncertainty of radiance", RADIANCE),
     "d": ("derivative of radiance", f"{RADIANCE} per unit"),
 }
-# Units of the columns of a table, by the end of their name.
-UNITS = {
-    "_W_m2_sr": RADIANCE,
-    "_W_sr": r"W sr$^{-1}$",
-    "_K": "K",
-    "_m2": r"m$^2$",
-    "_m": "m",
-    "_sr": "sr",
-}
-LOG_DECADES = 6  # largest extent of a logarithmic scale
+NOTHING = {"grey": "0.6", "blue": "steelblue"}  # colours of pixels without a value
 LARGEST = 1e37  # largest value that is drawn; differences and ratios of larger ones overflow
 SMALLEST = 1e-45  # smaller values are drawn as 0, as in Float32
 LEFT, RIGHT, BOTTOM, TOP = 0.75, 1.25, 0.55, 0.4  # margins of an image, inches
@@ -47,19 +41,15 @@ def column_quantity(name: str) -> tuple[str, str]:
 
     The unit is "" for a number without one.
     """
-    suffix = next((suffix for suffix in UNITS if name.endswith(suffix)), "")
-    return name.removesuffix(suffix).replace("_", " "), UNITS.get(suffix, "")
+    unit = re.sub(
+        r"(-\d)", r"$^{\1}$", re.sub(r"(?<!-)(\d)", r"$^\1$", units.unit_of(name))
+    ).replace("um", "µm")
+    return units.quantity_of(name), unit
 
 
-def save_picture(
-    path: str | Path,
-    channels: dict[str, np.ndarray],
-    title: str = "",
-    log: bool = False,
-    quantity=channel_quantity,
-) -> None:
+def save_picture(path: str | Path, channels: dict[str, np.ndarray], *args, **options) -> None:
     """Write the picture of `figure` as a .png, .svg or .pdf file."""
-    write_figure(figure(channels, title, log, quantity), path)
+    write_figure(figure(channels, *args, **options), path)
 
 
 def figure(
@@ -67,11 +57,19 @@ def figure(
     title: str = "",
     log: bool = False,
     quantity=channel_quantity,
+    *,
+    vmin: float | None = None,
+    vmax: float | None = None,
+    cmap: str | None = None,
+    common_scale: bool = True,
+    window_m: tuple[float, float] | None = None,
+    outlines: np.ndarray | None = None,
 ):
     """Figure with one panel and one colour bar for each channel.
 
     Pixels without a value are grey. These are NaN, infinite values, ranges and temperatures of 0,
-    and on a logarithmic scale all values that are not positive.
+    and on a logarithmic scale all values that are not positive. Single pixels that stretch a scale
+    are cut off (`colour_scale`): the colour bar has an arrow there, and the panel states it.
 
     Parameters
     ----------
@@ -80,21 +78,37 @@ def figure(
     title : str
         Title of the picture.
     log : bool
-        Make the scales logarithmic, over LOG_DECADES at most.
+        Make the scales logarithmic, over `colour_scale.LOG_DECADES` at most.
     quantity : callable
         Function that gives the quantity and the unit of a channel from its name.
+    vmin, vmax : float, optional
+        Ends of the scales.
+    cmap : str, optional
+        Name of a colour map of Matplotlib.
+    common_scale : bool
+        Channels of one quantity have the same scale.
+    window_m : tuple of float, optional
+        Width and height of the sensor's window [m], for axes in metres from its middle.
+    outlines : ndarray of int, shape (H, W), optional
+        Number of the facet in each pixel, for lines between the facets.
 
     Raises
     ------
     InputError
-        If a value exceeds LARGEST.
+        If a value exceeds LARGEST, or for a colour map or limits that cannot be used.
     """
+    check_cmap(cmap)
     channels = {name: drawable(name, values) for name, values in channels.items()}
+    drawn = {name: _drawn(name, values, log) for name, values in channels.items()}
+    scale_of = {name: quantity(name) if common_scale else name for name in channels}
+    scales = {
+        key: limits_of([drawn[name] for name in channels if scale_of[name] == key], log, vmin, vmax)
+        for key in dict.fromkeys(scale_of.values())
+    }
     single = len(channels) == 1
     height, width = next(iter(channels.values())).shape
-    image = np.maximum(np.array([width, height]) / max(width, height), 1 / 30) * (
-        6 if single else 3.6
-    )
+    sides = np.array([width, height] if window_m is None else window_m, dtype=float)
+    image = np.maximum(sides / sides.max(), 1 / 30) * (6 if single else 3.6)
     cell = image + (LEFT + RIGHT, BOTTOM + TOP)
     columns = min(ceil(sqrt(len(channels) * cell[1] / cell[0])), len(channels))
     rows = ceil(len(channels) / columns)
@@ -112,7 +126,10 @@ def figure(
                 image[1] / size[1],
             )
         )
-        _draw(panel, bar, name, values, log, *quantity(name))
+        limits = scales[scale_of[name]]
+        _draw(panel, bar, name, values, log, quantity(name), limits, cmap, window_m)
+        if outlines is not None:
+            _draw_outlines(panel, outlines, window_m)
     if single:
         panel.set_title(plain(", ".join(filter(None, (title, name)))), fontsize=11)
     else:
@@ -127,6 +144,14 @@ def figure(
     return figure
 
 
+def check_cmap(name: str | None) -> None:
+    """Raise InputError for a colour map that Matplotlib does not have."""
+    from matplotlib import colormaps
+
+    if name is not None and name not in colormaps:
+        raise unknown("colour map", name, [own for own in colormaps if not own.endswith("_r")])
+
+
 def drawable(name: str, values: np.ndarray) -> np.ndarray:
     """The values, with those below SMALLEST set to 0.
 
@@ -138,49 +163,61 @@ def drawable(name: str, values: np.ndarray) -> np.ndarray:
     return np.where((size > 0) & (size < SMALLEST), 0, values)
 
 
-def _draw(panel, bar_axes, name: str, values: np.ndarray, log: bool, what: str, unit: str) -> None:
+def _has_value(name: str, values: np.ndarray, log: bool) -> np.ndarray:
+    """Which pixels have a value that can be drawn."""
+    has_value = np.isfinite(values)
+    if name.split(".")[0] in ("temperature", "range"):
+        has_value &= values != 0
+    return has_value & (values > 0) if log else has_value
+
+
+def _drawn(name: str, values: np.ndarray, log: bool) -> np.ndarray:
+    return values[_has_value(name, values, log)]
+
+
+def _draw(panel, bar_axes, name, values, log, quantity, limits, cmap, window_m) -> None:
     """Draw a channel in the axes `panel`, and its colour bar in `bar_axes`.
 
-    `what` and `unit` are the quantity of the channel and its unit.
+    quantity: the channel's quantity and its unit. limits: `Limits` of the scale. The others are
+    those of `figure`.
     """
     from matplotlib.colors import LogNorm, Normalize
     from matplotlib.ticker import MaxNLocator
 
-    kind = name.split(".")[0]
-    has_value = np.isfinite(values)
-    if kind in ("temperature", "range"):
-        has_value &= values != 0
-    if log:
-        has_value &= values > 0
-    lower, upper, clipped = _limits(values[has_value], log)
-
-    panel.set_facecolor("0.6")
+    kind, (what, unit) = name.split(".")[0], quantity
+    has_value = _has_value(name, values, log)
+    height, width = values.shape
     picture = panel.imshow(
         np.ma.array(values, mask=~has_value),
-        norm=(LogNorm if log else Normalize)(lower, upper),
+        norm=(LogNorm if log else Normalize)(limits.lower, limits.upper),
         aspect="auto",
-        cmap="viridis" if kind in ("range", "stderr") else "inferno",
+        cmap=cmap or ("viridis" if kind in ("range", "stderr") else "inferno"),
+        extent=_extent(width, height, window_m),
+        interpolation="nearest",
     )
     panel.set_title(plain(name), fontsize=9)
-    panel.set_xlabel(
-        "column (pixel)" if has_value.all() else "column (pixel); grey: no value", fontsize=8
-    )
-    panel.set_ylabel("row (pixel)", fontsize=8)
-    height, width = values.shape
+    # Grey cannot mean "no value" where it is a colour of the scale
+    nothing = "blue" if np.ptp(picture.cmap(0.5)[:3]) < 0.1 else "grey"
+    panel.set_facecolor(NOTHING[nothing])
+    remarks = [] if has_value.all() else [f"{nothing}: no value"]
+    remarks += filter(None, [limits.remark])
+    across, along = ("column (pixel)", "row (pixel)") if window_m is None else ("x (m)", "y (m)")
+    panel.set_xlabel("; ".join([across, *remarks]), fontsize=8)
+    panel.set_ylabel(along, fontsize=8)
     for axis, length in ((panel.xaxis, width), (panel.yaxis, height)):
+        share = length / max(height, width)
+        if window_m is not None:
+            share = window_m[axis is panel.yaxis] / max(window_m)
         axis.set_major_locator(
             MaxNLocator(
-                ceil(5 * length / max(height, width)),
-                steps=[1, 2, 5, 10],
-                integer=True,
-                min_n_ticks=1,
+                ceil(5 * share), steps=[1, 2, 5, 10], integer=window_m is None, min_n_ticks=1
             )
         )
 
-    bar = panel.figure.colorbar(picture, cax=bar_axes, extend="min" if clipped else "neither")
+    bar = panel.figure.colorbar(picture, cax=bar_axes, extend=limits.extend)
     bar.set_label(f"{plain(what)} ({unit})" if unit else plain(what), fontsize=8)
     if log:
-        log_ticks(bar, lower, upper)
+        log_ticks(bar, limits.lower, limits.upper)
     else:
         bar.formatter.set_useOffset(False)
     for axes in (panel, bar_axes):
@@ -188,17 +225,29 @@ def _draw(panel, bar_axes, name: str, values: np.ndarray, log: bool, what: str, 
     bar_axes.yaxis.get_offset_text().set_fontsize(8)
 
 
-def _limits(values: np.ndarray, log: bool) -> tuple[float, float, bool]:
-    """Lower and upper end of the colour scale, and whether smaller values are clipped."""
-    if values.size == 0 or not values.any():
-        return (0.1 if log else 0.0), 1.0, False
-    lower, upper = float(values.min()), float(values.max())
-    if lower == upper:
-        # A scale needs an extent. It is centred on the only value.
-        return lower - 0.05 * abs(lower), lower + 0.05 * abs(lower), False
-    if log and lower < upper * 10.0**-LOG_DECADES:
-        return upper * 10.0**-LOG_DECADES, upper, True
-    return lower, upper, False
+def _extent(width: int, height: int, window_m) -> tuple[float, float, float, float]:
+    """Left, right, lower and upper end of an image in its axes."""
+    if window_m is None:
+        return -0.5, width - 0.5, height - 0.5, -0.5
+    return -window_m[0] / 2, window_m[0] / 2, -window_m[1] / 2, window_m[1] / 2
+
+
+def _draw_outlines(panel, facets: np.ndarray, window_m) -> None:
+    """Draw lines between pixels that show different facets (H, W)."""
+    from matplotlib.collections import LineCollection
+
+    height, width = facets.shape
+    row, column = np.nonzero(facets[:, 1:] != facets[:, :-1])
+    upright = np.stack([column + 1, row, column + 1, row + 1], axis=-1)
+    row, column = np.nonzero(facets[1:] != facets[:-1])
+    level = np.stack([column, row + 1, column + 1, row + 1], axis=-1)
+    ends = np.concatenate([upright, level]).reshape(-1, 2, 2).astype(float)
+    left, right, lower, upper = _extent(width, height, window_m)
+    ends = (left, upper) + ends / (width, height) * (right - left, lower - upper)
+    panel.add_collection(
+        LineCollection(ends, colors="white", linewidths=0.4, alpha=0.7, rasterized=True),
+        autolim=False,
+    )
 
 
 def log_ticks(bar, lower: float, upper: float) -> None:

@@ -13,9 +13,17 @@ def save_plot(path, areas: EffectiveAreas) -> None:
 
 def figure(areas: EffectiveAreas):
     """Figure of the spectral intensity of target and scene, and of their groups."""
-    wavelengths = areas.wavelengths_um()
-    intensities = areas.curves(wavelengths)
-    response = areas.band.response_at(wavelengths)
+    return figure_of(areas.columns(), f"{areas.scene_name}, {areas.band.label}")
+
+
+def figure_of(columns: dict[str, np.ndarray], title: str):
+    """Figure of the table of a spectrum, whose columns are those of `EffectiveAreas.columns`."""
+    wavelengths, response = columns["wavelength_um"], columns.get("response", 1.0)
+    intensities = {
+        name.removesuffix("_W_sr_um"): values
+        for name, values in columns.items()
+        if name.endswith("_W_sr_um")
+    }
     figure = new_figure((11, 4.5), layout="constrained")
     for panel, part in zip(figure.subplots(1, 2), PARTS):
         panel.plot(wavelengths, intensities[part], color="black", linewidth=1.5, label="total")
@@ -26,10 +34,9 @@ def figure(areas: EffectiveAreas):
         panel.set_title(f"{part}: {in_band:.5g} W/sr in band", fontsize=10)
         panel.set_xlabel("wavelength (µm)")
         panel.set_ylabel(r"spectral intensity (W sr$^{-1}$ µm$^{-1}$)")
-        panel.set_xlim(areas.band.lower_um, areas.band.upper_um)
+        panel.set_xlim(wavelengths.min(), wavelengths.max())
         # A quarter more than the largest value leaves room for the legend.
         panel.set_ylim(0, 1.25 * max(intensities[part].max(), 1e-30))
         panel.legend(fontsize=8, frameon=False, ncols=3, loc="upper center")
-    title = f"{areas.scene_name}, {areas.band.label}, by what emitted it"
-    figure.suptitle(plain(title), fontsize=11)
+    figure.suptitle(plain(f"{title}, by what emitted it"), fontsize=11)
     return figure

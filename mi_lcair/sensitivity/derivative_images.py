@@ -2,12 +2,15 @@
 
 import json
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from mi_lcair.results import Result
 from mi_lcair.sensitivity.sensitivities import per_unit
+
+if TYPE_CHECKING:
+    import xarray
 
 
 @dataclass(frozen=True, repr=False)
@@ -125,7 +128,7 @@ class DerivativeImages(Result):
             "method": np.array(["", *self.method]),
         }
 
-    def to_xarray(self):
+    def to_xarray(self) -> "xarray.Dataset":
         """The images as an xarray Dataset over (row, column), one variable for each.
 
         The derivatives and their errors are over (parameter, row, column). Raises InputError if

@@ -100,7 +100,7 @@ class EffectiveAreas(Result):
             **{f"{name}_W_sr_um": values for name, values in self.curves(wavelengths).items()},
         }
 
-    def curves(self, wavelengths_um) -> dict[str, np.ndarray]:
+    def curves(self, wavelengths_um: ArrayLike) -> dict[str, np.ndarray]:
         """Spectral intensity of target and scene, and of each of their groups.
 
         Returns {name: values}, W sr^-1 um^-1, with the names "target", "scene", "target.GROUP" and

@@ -187,6 +187,8 @@ class Signature(Result):
             "tolerance": self.tolerance,
             "reached": self.reached,
         }
+        if self.plan is not None:
+            entries["plan"] = self.plan.as_dict()
         if self.effective_areas is not None:
             entries["effective_areas"] = self.effective_areas.as_list()
             entries["spectrum"] = self.effective_areas.columns()

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from os import PathLike
 from pathlib import Path
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import mitsuba as mi
 import numpy as np
@@ -21,7 +21,10 @@ from mi_lcair.rendering.many_views import FAINT, render_views, views_per_batch
 from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
 from mi_lcair.rendering.views import View, check_resolution
 from mi_lcair.results import Result, named
-from mi_lcair.signatures.trend_file import TrendFile
+from mi_lcair.signatures.trend_file import TrendFile, read_trend
+
+if TYPE_CHECKING:
+    import xarray
 
 # A batch may fill so many passes even with the fewest samples. This bounds the memory.
 MOST_PASSES = 16
@@ -143,6 +146,15 @@ class Trend(Result):
     kind: ClassVar[str] = "trend"
     drawn_by: ClassVar[str] = "mi_lcair.reports.trend_plot:figure"
 
+    @staticmethod
+    def read(path) -> "Trend":
+        """The trend in a .csv or .nc file that `save` or the command `trend` wrote.
+
+        The scene's name and the band of a CSV are in the file beside it, if there is one. Raises
+        InputError for a file of another kind.
+        """
+        return Trend(*read_trend(path))
+
     @property
     def missed(self) -> int:
         """Number of views that did not reach the tolerance."""
@@ -182,7 +194,7 @@ class Trend(Result):
         """The table, with a row for each view."""
         return self.table
 
-    def to_xarray(self):
+    def to_xarray(self) -> "xarray.Dataset":
         """The table as an xarray Dataset over (elevation_deg, azimuth_deg).
 
         Raises InputError if xarray is not installed.

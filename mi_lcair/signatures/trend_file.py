@@ -12,9 +12,12 @@ import numpy as np
 
 from mi_lcair.errors import InputError, escaped, printable
 from mi_lcair.files import check_writable, read_text, replacing
+from mi_lcair.formats import netcdf
 from mi_lcair.formats.csv import cell
 from mi_lcair.rendering.views import View
-from mi_lcair.table import safe_cell
+from mi_lcair.table import read_table, safe_cell
+
+NEEDED = ("azimuth_deg", "elevation_deg", "intensity_W_sr")
 
 
 def beside(path: Path) -> Path:
@@ -175,6 +178,27 @@ class TrendFile:
         """The known rows as columns, in the order of the views."""
         rows = self.ordered()
         return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+
+def read_trend(path) -> tuple[str, dict[str, np.ndarray], str]:
+    """Scene's name, columns and band of a trend in a .csv or .nc file.
+
+    Raises InputError for a file of another kind.
+    """
+    path = Path(path)
+    made = {}
+    if path.suffix.lower() == ".nc":
+        columns = netcdf.read_columns(path)
+    else:
+        table = read_table(path, NEEDED)
+        columns = table.numbers(table.columns, may_lack=True)
+        if beside(path).exists():
+            made, _ = TrendFile(path, {}, [])._made()
+    if not set(NEEDED) <= set(columns):
+        raise InputError(f"{path}: is no trend, which has the columns {', '.join(NEEDED)}")
+    rows = np.isfinite(columns["intensity_W_sr"])  # others are points of a grid without a view
+    columns = {name: values[rows] for name, values in columns.items()}
+    return str(made.get("scene", path.stem)), columns, str(made.get("band", ""))
 
 
 def cells(view: View) -> tuple[str, str]:

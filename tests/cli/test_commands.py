@@ -267,7 +267,9 @@ def pictures(monkeypatch):
     drawn = []
     monkeypatch.setattr(
         "mi_lcair.reports.image_picture.save_picture",
-        lambda path, channels, title, log: drawn.append((str(path), list(channels), title, log)),
+        lambda path, channels, title, log, **_: drawn.append(
+            (str(path), list(channels), title, log)
+        ),
     )
     return drawn
 

@@ -61,6 +61,7 @@ def test_parameters_of_the_scene_on_the_line(folder):
     assert completions("render", "cavity", "-D", "op") == ["opening="]
     assert "finish=" in completions("signature", "cylinder_ir_range", "--spp", "4", "-D", "")
     assert completions("budget", "open_box", "-D", "ref") == ["reflector="]
+    assert completions("report", "cavity", "-D", "op") == ["opening="]  # one of several WHAT
     assert completions("render", "-D", "op") == []  # no scene yet
     assert completions("render", "cavity", "-D", "opening=") == []  # a value
     assert completions("render", "none.xml", "-D", "o") == []

@@ -342,6 +342,7 @@ def test_two_fits_of_one_name(refused, folder):
         (BOXES, ["-o", "out", "--scale", "-1"], "scale -1 must be positive"),
         (BOXES, ["-o", "out", "--sky", "sky.csv"], "no sky facet says"),
         (BOXES, ["--check", "--sky", "sky.csv"], "--check writes nothing"),
+        (BOXES, ["--check", "--overwrite"], "--check writes nothing"),
         (
             cube(at=(5000, 0, 0)),
             ["-o", "out"],

@@ -1,6 +1,7 @@
 """Tests of `show` for a facet, a table of facets, and a material."""
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -102,14 +103,14 @@ def test_material(run, folder, figures):
         ),
         (["two_plates", "--facet", "-1"], "--facet"),
         (["two_plates", "--facet", "one"], "--facet"),
-        (["two_plates"], "give --facet N or --facets FILE.csv"),
-        (["own.xml"], "give --facet N or --facets"),
+        (["two_plates", "--vmin", "1"], "--vmin does not go with a scene"),
+        (["own.xml"], "no such file"),
         (["nowhere.xml", "--facet", "0"], "no such file"),
         (["two_plates", "--facet", "0", "-D", "bnad=LWIR"], "unknown parameter"),
         (["two_plates", "--facet", "0", "--facets", "t.csv"], "--facets does not go with --facet"),
         (["two_plates", "--facet", "0", "--log"], "--log does not go with --facet"),
         (["two_plates", "--facet", "0", "-s", "0"], "--sensor does not go with --facet"),
-        (["two_plates", "--facet", "0", "-o", "a.csv"], ".png"),
+        (["two_plates", "--facet", "0", "-o", "a.csv"], "does not end in .png, .svg or .pdf"),
         (["two_plates", "--facet", "0", "-o", "nowhere/a.png"], "does not exist"),
         (["two_plates", "--facets", "t.csv"], "say which column with -c; it has facet, area_m2"),
         (
@@ -127,7 +128,16 @@ def test_material(run, folder, figures):
         (["two_plates", "--facets", "none.csv", "-c", "a"], "No such file"),
         (["diffuse"], "give its --band"),
         (["diffuse", "--band", "XWIR"], "XWIR"),
-        (["difuse", "--band", "MWIR"], "'difuse' is no image (.exr), no scene"),
+        (["difuse", "--band", "MWIR"], "'difuse' is no image (.exr), no trend"),
+        (["t.csv"], "'t.csv' is a table of facets; name its scene"),
+        (["none.csv"], "No such file"),
+        (["none.nc"], "cannot be read as netCDF-3"),
+        (["none.obj"], "No such file"),
+        (["none.toml"], "No such file"),
+        (["picture.png"], "'picture.png' is no image (.exr)"),
+        (["two_plates", "--facets", "t.csv", "-c", "area_m2", "--cmap", "nope"], "'nope'"),
+        (["two_plates", "--facets", "t.csv", "-c", "area_m2", "--scene", "a"], "--scene does not"),
+        (["image.exr", "--scene", "two_plates"], "--scene names the scene whose facets"),
         (["none.json", "--band", "MWIR"], "No such file"),
         (["gloss_black", "--band", "SWIR"], "not measured for band SWIR"),
         (["diffuse", "--band", "MWIR", "--theta-deg", "90"], "--theta-deg"),
@@ -139,3 +149,66 @@ def test_show_refuses(refused, folder, args, reason):
     (folder / "t.csv").write_text("facet,area_m2\n0,1\n")
     assert reason in refused("show", *args)
     assert [file.name for file in folder.iterdir()] == ["t.csv"]
+
+
+TREND = "azimuth_deg,elevation_deg,intensity_W_sr,group.a_W_sr\n0,0,1,1\n90,0,2,2\n180,0,3,1\n"
+SPECTRUM = "wavelength_um,response,target_W_sr_um,scene_W_sr_um\n3,1,1,2\n5,1,3,4\n"
+BOX = Path(__file__).parents[2] / "scenes" / "examples" / "box.obj"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("text, title", [(TREND, "by elevation"), (SPECTRUM, "target: 4 W/sr")])
+def test_tables(run, folder, figures, text, title):
+    (folder / "t.csv").write_text(text)
+    result = run("show", "t.csv", "-o", "t.svg")
+    assert (result.exit_code, result.stdout) == (0, "t.svg\n"), result.output
+    assert figures[0].axes[0].get_title().startswith(title)
+    # The same from netCDF
+    assert run("convert", "t.csv", "t.nc").exit_code == 0
+    assert run("show", "t.nc", "-o", "n.svg").exit_code == 0
+    assert figures[1].axes[0].get_title() == figures[0].axes[0].get_title()
+    assert (folder / "n.svg").read_text().count("</text>") > 10
+
+
+@pytest.mark.slow
+def test_models_and_scenes(run, folder, figures):
+    """An OBJ, what import made of it, and a bundled scene."""
+    assert run("show", str(BOX), "-o", "box.png").exit_code == 0
+    assert run("import", str(BOX), "-o", "made").exit_code == 0
+    assert run("show", "made").stdout == "made.png\n"
+    assert run("show", "two_plates", "-o", "plates.pdf").exit_code == 0
+    assert len(figures[0].axes) >= 3 and figures[0].get_suptitle() == "box.obj: 7 facets"
+    assert "2 facets" in figures[-1].get_suptitle()
+    assert (folder / "plates.pdf").read_bytes().startswith(b"%PDF")
+
+
+@pytest.mark.slow
+def test_scenario(run, folder, figures):
+    slant = BOX.parent / "slant.toml"
+    result = run("show", str(slant), "-D", "observer.range_m=4000")
+    assert result.exit_code == 0 and "range_m = 4000" in result.stdout
+    assert "4000 m, azimuth 180" in figures[-1].get_suptitle() and (folder / "slant.png").exists()
+
+
+@pytest.mark.slow
+def test_outlines_of_an_image(run, refused, folder, figures):
+    assert (
+        run("render", "two_plates", "-D", "resolution=8", "--spp", 2, "-o", "a.exr").exit_code == 0
+    )
+    assert run("show", "a.exr", "--outlines").exit_code == 0
+    assert figures[-1].axes[0].collections and figures[-1].axes[0].get_xlabel() == "x (m)"
+    assert "sensor of two_plates 9 x 9" in refused(
+        "show", "a.exr", "--outlines", "-D", "resolution=9"
+    )
+
+
+def test_a_fit_of_one_band_needs_no_band(run, folder, figures):
+    fit = {
+        "band": "3-5",
+        "form": "thesis",
+        "model": "sandford_robertson",
+        "parameters": {"epsilon": 0.3, "rho_d": 0.2, "b": 0.4, "e": 0.1},
+    }
+    (folder / "fit.json").write_text(json.dumps(fit))
+    result = run("show", "fit.json")
+    assert (result.exit_code, result.stdout) == (0, "fit_3-5_30deg.png\n"), result.output

@@ -61,11 +61,13 @@ def test_trend(run, folder):
 @pytest.mark.slow
 def test_json(run):
     result = json.loads(run("trend", "cylinder_ir_range", *FEW, "-o", "t.csv", "--json").stdout)
-    assert result["azimuth_deg"] == [0, 90, 180, 270] and len(result["intensity_W_sr"]) == 4
-    assert result["tolerance"] is None and result["reached"] == [1] * 4
+    columns = result["columns"]
+    assert (result["kind"], result["scene_name"]) == ("trend", "cylinder_ir_range")
+    assert columns["azimuth_deg"] == [0, 90, 180, 270] and len(columns["intensity_W_sr"]) == 4
+    assert result["tolerance"] is result["reached"] is None and columns["reached"] == [1] * 4
     assert all(
         half > error > 0
-        for half, error in zip(result["half_width_W_sr"], result["standard_error_W_sr"])
+        for half, error in zip(columns["half_width_W_sr"], columns["standard_error_W_sr"])
     )
 
 

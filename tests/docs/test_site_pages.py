@@ -31,7 +31,7 @@ def test_all_public_functions_are_in_the_reference():
     page = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
     for name, home in mi_lcair._HOME.items():
         package = "" if home.startswith("fitting") else "mi_lcair."
-        assert f"\n::: {package}{home}.{name}\n" in f"{page}\n", name
+        assert f"\n::: {package}{home}.{name}\n" in page, name
 
 
 def test_a_page_gets_manuals_and_equations():

@@ -16,7 +16,6 @@ NOT_RUN = {
     ("README.md", "installs packages"): 1,
     ("README.md", "runs the tests"): 1,
     ("docs/start.md", "installs packages"): 1,
-    ("docs/start.md", "changes the shell in which it is typed"): 1,
     ("docs/gallery.md", "takes minutes at the picture's resolution"): 3,
     ("docs/gallery.md", "takes minutes"): 1,
     ("docs/gallery.md", "long study"): 5,

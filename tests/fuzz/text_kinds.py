@@ -10,6 +10,7 @@ import numpy as np
 
 import mi_lcair
 from mi_lcair.detection.scenario import Scenario
+from mi_lcair.errors import InputError
 from mi_lcair.fitting.scatterometer import reading
 from mi_lcair.models3d import read as read_model
 from mi_lcair.physics import materials, tape7
@@ -23,7 +24,7 @@ from mi_lcair.rendering.image import read_exr, write_exr
 from mi_lcair.rendering.render import DEFAULT_MAX_SPP
 from mi_lcair.rendering.views import View
 from mi_lcair.reports.image_picture import save_picture
-from mi_lcair.signatures.trend_file import TrendFile
+from mi_lcair.signatures.trend_file import TrendFile, beside
 from mi_lcair.table import read_table
 from tests.fuzz.mutants import Kind
 from tests.models3d.shapes import cube
@@ -307,30 +308,58 @@ ROWS = {
 }
 
 
-def trend_bytes() -> bytes:
+def trend_bytes() -> tuple[bytes, bytes]:
+    """Contents of the CSV and of the file beside it."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "trend.csv"
         file = TrendFile(path, TREND_HEADER, BATCHES)
         for _, views in BATCHES[:2]:
             file.add({view: ROWS[view] for view in views})
-        return path.read_bytes()
+        return path.read_bytes(), beside(path).read_bytes()
+
+
+TREND_CSV, TREND_MADE = trend_bytes()
 
 
 def use_trend(path: Path) -> None:
     """Nothing is resumed that was not rendered."""
-    with numbers_that_behave():
+    beside(path).write_bytes(TREND_MADE)
+    resume_trend(path)
+
+
+def use_made(path: Path) -> None:
+    """The same, where the file beside the CSV is damaged."""
+    table = path.with_suffix("")
+    table.write_bytes(TREND_CSV)
+    assert beside(table) == path
+    resume_trend(table)
+
+
+def resume_trend(path: Path) -> None:
+    """Resume; the warning that batches do not match counts as a refusal."""
+    with numbers_that_behave(), warnings.catch_warnings(record=True) as remarks:
+        warnings.simplefilter("always", category=UserWarning)
         file = TrendFile(path, TREND_HEADER, BATCHES)
         file.resume()
     for view, row in file.rows.items():
         assert row == ROWS[view], f"{row} was not rendered"
+    if remarks:
+        raise InputError(remarks[0].message)
 
 
 TREND = Kind(
     "trend",
     ".csv",
-    (trend_bytes(),),
+    (TREND_CSV,),
     use_trend,
-    tuple(b"azimuth_deg intensity_W_sr 60,0, # batch 0: 1: done seed 0 nan -5".split()),
+    tuple(b"azimuth_deg intensity_W_sr 60,0, 1: 0 nan -5".split()),
+)
+MADE = Kind(
+    "trend_made",
+    ".csv.json",
+    (TREND_MADE,),
+    use_made,
+    tuple(b'{} [] null "made" "batches" "0" "1" "seed" 1e999 NaN'.split()),
 )
 
 # ---------------------------------------------------------------- Images
@@ -376,5 +405,6 @@ TEXT_KINDS = (
     MATERIALS,
     FIT,
     TREND,
+    MADE,
     EXR,
 )

@@ -187,7 +187,7 @@ def test_loads(tmp_path):
                 SENSOR,
             ],
             {},
-            "unreferenced property.*bounces",
+            "bounce_path: unknown property .bounces.; is max_bounces meant",
         ),
     ],
 )

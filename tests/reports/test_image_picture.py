@@ -174,7 +174,7 @@ def test_names_are_one_short_line(tmp_path, figures):
 def test_a_montage_gives_each_channel_its_own_scale(tmp_path, figures):
     """Each channel has a panel and a colour bar, in the given order and without overlaps."""
     channels = {f"bounce{k:02d}.Y": np.linspace(0, 10.0**-k, 12).reshape(3, 4) for k in range(5)}
-    save_picture(tmp_path / "a.png", channels, "cavity")
+    save_picture(tmp_path / "a.png", channels, "cavity", common_scale=False)
     panels, bars = figures[0].axes[::2], figures[0].axes[1::2]
     assert [panel.get_title() for panel in panels] == list(channels)
     assert [bar.get_ylim()[1] for bar in bars] == pytest.approx([10.0**-k for k in range(5)])
@@ -204,3 +204,57 @@ def test_an_interrupted_picture_leaves_nothing(tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         save_picture(tmp_path / "a.png", {"Y": np.ones((2, 2))})
     assert list(tmp_path.iterdir()) == []
+
+
+def test_channels_of_one_quantity_share_a_scale(tmp_path, figures):
+    """Two different radiances must not look the same; temperatures have a scale of their own."""
+    ones = np.ones((2, 2))
+    channels = {"Y": ones, "target.Y": 5 * ones, "temperature.Y": 300 * ones}
+    save_picture(tmp_path / "a.png", channels)
+    first, second, kelvin = (bar.get_ylim() for bar in figures[0].axes[1::2])
+    assert first == second == (1, 5) and kelvin == pytest.approx((285, 315))
+
+
+def test_fireflies_do_not_stretch_the_scale(tmp_path, figures):
+    values = np.random.default_rng(0).random((50, 50)) + 1
+    values[7, 7], values[8, 8] = 1e4, 2e4
+    save_picture(tmp_path / "a.png", {"Y": values})
+    panel, bar = figures[0].axes
+    assert 1.9 < bar.get_ylim()[1] < 2.1 and bar.get_ylim()[0] == pytest.approx(1, abs=0.01)
+    assert panel.get_xlabel().endswith("values to 2e+04")
+    # A target of few pixels on an even background keeps its scale
+    values = np.ones((50, 50))
+    values[7, 7] = 100
+    save_picture(tmp_path / "b.png", {"Y": values})
+    assert figures[1].axes[1].get_ylim() == (1, 100)
+
+
+def test_limits_and_colours_that_are_given(tmp_path, figures):
+    values = np.array([[1.0, 2.0, 3.0]])
+    save_picture(tmp_path / "a.svg", {"Y": values}, vmin=1.5, vmax=2.5, cmap="gray")
+    panel, bar = figures[0].axes
+    assert bar.get_ylim() == (1.5, 2.5) and panel.images[0].get_cmap().name == "gray"
+    assert panel.images[0].colorbar.extend == "both"
+    for options, message in (
+        ({"vmin": 5.0}, "vmin = 5.0: the scale must rise"),
+        ({"vmin": 2.0, "vmax": 2.0}, "vmin = 2 and vmax = 2"),
+        ({"vmax": float("nan")}, "vmax = nan"),
+        ({"vmin": 0.0, "log": True}, "above 0 on a logarithmic scale"),
+        ({"cmap": "infrno"}, "unknown colour map 'infrno'; known: inferno"),
+    ):
+        with pytest.raises(InputError, match=message):
+            save_picture(tmp_path / "b.png", {"Y": values}, **options)
+    assert not (tmp_path / "b.png").exists()
+
+
+def test_axes_in_metres_and_outlines(tmp_path, figures):
+    """The line between two facets is where the pixels change, in metres from the middle."""
+    facets = np.array([[0, 0, 1, 1], [0, 0, 1, 1]])
+    save_picture(tmp_path / "a.png", {"Y": facets + 1.0}, window_m=(8.0, 2.0), outlines=facets)
+    panel = figures[0].axes[0]
+    assert panel.get_xlabel() == "x (m)" and panel.get_ylabel() == "y (m)"
+    assert panel.get_xlim() == (-4, 4) and panel.get_ylim() == (-1, 1)
+    ends = np.concatenate(panel.collections[0].get_segments())
+    assert set(ends[:, 0]) == {0.0} and set(ends[:, 1]) == {-1.0, 0.0, 1.0}
+    box = panel.get_window_extent()
+    assert box.width / box.height == pytest.approx(4, rel=1e-6)

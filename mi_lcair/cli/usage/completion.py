@@ -72,8 +72,11 @@ def pictured(ctx, param, incomplete: str) -> list[CompletionItem]:
 def keys(ctx, param, incomplete: str) -> list[CompletionItem]:
     """Keys of -D, `key=`, of the scene or scenario that stands before it on the line."""
     # An option at the end of the line lacks its value. click then leaves the arguments in ctx.args.
-    subjects = [*(ctx.params.get(name) for name in ("scene", "scenario", "what")), *ctx.args]
-    subject = next(filter(None, subjects), None)
+    subjects = []
+    for name in ("scene", "scenario", "what"):
+        given = ctx.params.get(name) or ()
+        subjects += [given] if isinstance(given, str) else given
+    subject = next(iter([*subjects, *ctx.args]), None)
     if subject is None or "=" in incomplete:
         return []
     try:

@@ -17,9 +17,13 @@ PLUGINS = ("material", "plume", "thermal", "sun", "sky_dome", "bounce_path")
 
 @contextmanager
 def searching(folder: Path):
-    """Context manager in which Mitsuba searches for files in this folder first."""
+    """Context manager in which Mitsuba searches for files in this folder first.
+
+    The working folder comes next. Mitsuba itself would search the one in which the process started.
+    """
     resolver = mi.file_resolver()
     beside = mi.FileResolver(resolver)
+    beside.prepend(str(Path.cwd()))
     beside.prepend(str(folder))
     mi.set_file_resolver(beside)
     try:

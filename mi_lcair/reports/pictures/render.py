@@ -25,6 +25,7 @@ def figure(render: Render, channels=DEFAULT, log: bool = False, **options):
     InputError
         If the image has no such channel.
     """
+    options.setdefault("window_m", render.window_m)
     return image_picture.figure(
         chosen(render.channels, channels, render.scene_name),
         f"{render.scene_name}, {render.band.label}",

@@ -1,12 +1,15 @@
 """Files that a scene names: only regular ones of bearable size are opened."""
 
 import os
+from pathlib import Path
 
+import mitsuba as mi
 import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.files import LARGEST_MESH
+from mi_lcair.rendering.loading.parsing import searching
 from tests.rendering.loading.scene_text import PAINT, PATH, SENSOR, THERMAL, mesh, shape, write
 
 SCENE = (PATH, SENSOR, shape(PAINT + THERMAL))
@@ -88,3 +91,25 @@ def test_includes_in_folders_of_the_scene(tmp_path):
 def test_not_xml(tmp_path, content):
     (tmp_path / "scene.xml").write_bytes(content)
     refused(tmp_path / "scene.xml", "scene.xml: is not XML")
+
+
+def test_the_present_working_folder_comes_before_that_of_the_start(tmp_path, monkeypatch):
+    """Mitsuba's resolver keeps the folder in which the process started, also after a change."""
+    for name in ("start", "present", "scene"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / f"{name}.csv").write_text(name)
+    for name in ("start", "present"):
+        (tmp_path / name / "paint.csv").write_text(name)
+    started, resolver = mi.file_resolver(), mi.FileResolver(mi.file_resolver())
+    resolver.prepend(str(tmp_path / "start"))
+    mi.set_file_resolver(resolver)
+    monkeypatch.chdir(tmp_path / "present")
+    try:
+        with searching(tmp_path / "scene"):
+            found = [
+                Path(str(mi.file_resolver().resolve(f"{name}.csv"))).read_text()
+                for name in ("paint", "start", "scene")
+            ]
+    finally:
+        mi.set_file_resolver(started)
+    assert found == ["present", "start", "scene"]

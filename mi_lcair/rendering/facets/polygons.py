@@ -39,6 +39,11 @@ class FacetPolygons:
             facet += [number] * len(polygons)
         return FacetPolygons(vertices, faces, np.array(facet, dtype=np.int64))
 
+    def only(self, kept: np.ndarray) -> "FacetPolygons":
+        """The polygons of the facets for which the mask `kept` (facets,) holds."""
+        rows = np.flatnonzero(kept[self.facet])
+        return FacetPolygons(self.vertices, [self.faces[k] for k in rows], self.facet[rows])
+
 
 def _merged(vertices: np.ndarray, triangles: np.ndarray) -> list[np.ndarray]:
     """The outline of some triangles (n, 3) as one polygon, or the triangles themselves."""

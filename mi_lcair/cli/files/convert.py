@@ -1,0 +1,211 @@
+"""mi-lcair convert: files of this project as files that other programs read."""
+
+from pathlib import Path
+
+import click
+import numpy as np
+
+import mi_lcair
+from mi_lcair.cli.files import sources
+from mi_lcair.cli.options import Assignment
+from mi_lcair.cli.output import print_written
+from mi_lcair.errors import InputError, unknown
+from mi_lcair.files import check_suffix, check_writable
+from mi_lcair.formats import csv, netcdf, tiff, vtk
+
+FILE = click.Path(path_type=Path)
+
+
+@click.command("convert")
+@click.argument("source", metavar="IN")
+@click.argument("output", metavar="OUT", type=FILE)
+@click.option(
+    "-c",
+    "--channel",
+    default="Y",
+    show_default=True,
+    help="Channel of FILE.exr for a TIFF, such as temperature.Y.",
+)
+@click.option("--scene", help="Scene of a table of facets.")
+@click.option(
+    "-D",
+    "parameters",
+    type=Assignment(),
+    multiple=True,
+    help="Set a $-parameter of the scene; may be repeated.",
+)
+@click.pass_context
+def command(ctx, source, output, channel, scene, parameters):
+    """Write the content of IN as OUT, whose suffix chooses the format:
+
+    \b
+    FILE.exr -> FILE.tif          a channel as 32-bit numbers, in kelvin for
+                                  temperature.Y, else in W m^-2 sr^-1 (or m)
+    FILE.exr -> FILE.nc           all channels, netCDF
+    FILE.csv -> FILE.nc           a trend, spectrum or other table
+    FILE.nc -> FILE.csv           and back
+    facets.csv -> FILE.vtp, .vtu  facets with all columns, for ParaView; with
+                                  --scene SCENE
+    SCENE, MODEL.obj, FOLDER -> FILE.vtp, .vtu
+                                  the facets of a model
+
+    Pictures are made by show.
+    """
+    given = {
+        parameter.name
+        for parameter in ctx.command.params
+        if ctx.get_parameter_source(parameter.name) is click.core.ParameterSource.COMMANDLINE
+    }
+    convert, suffixes, own = _way(source, scene)
+    for name in given - {"source", "output", *own}:
+        raise click.UsageError(f"the option for {name} does not go with '{source}'", ctx)
+    suffix = check_suffix(output, suffixes, f"'{source}' becomes {', '.join(suffixes)}; output")
+    check_writable(output)
+    if Path(source).exists() and output.exists() and output.samefile(source):
+        raise InputError(f"'{source}' and the output are the same file")
+    options = {"channel": channel, "scene": scene, "parameters": dict(parameters)}
+    convert(source, output, suffix, **{name: options[name] for name in own})
+    print_written(output)
+
+
+def _way(source: str, scene):
+    """Function that converts `source`, the suffixes that it writes, and the options that it takes.
+
+    Raises InputError for a source that cannot be converted.
+    """
+    suffix = Path(source).suffix.lower()
+    if suffix == ".csv" and scene:
+        return _facets, vtk.SUFFIXES, ("scene", "parameters")
+    if suffix in (".csv", ".nc"):
+        return _table, (".nc",) if suffix == ".csv" else (".csv",), ()
+    kind = sources.kind_of(source)
+    ways = {
+        sources.IMAGE: (_image, (".tif", ".tiff", ".nc"), ("channel",)),
+        sources.MODEL: (_model, vtk.SUFFIXES, ()),
+        sources.SCENE: (_scene, vtk.SUFFIXES, ("parameters",)),
+    }
+    if kind not in ways:
+        raise InputError(
+            f"'{source}' is {kind}, which is not converted; convert takes an image (.exr), a table "
+            "(.csv, .nc), a scene or a model"
+        )
+    return ways[kind]
+
+
+def _image(source, output, suffix, channel):
+    """A channel of an EXR image as a TIFF, or all channels as netCDF."""
+    from mi_lcair.rendering.image import read_exr, window_of
+    from mi_lcair.rendering.render import column_name
+
+    channels, header = read_exr(source)
+    if suffix != ".nc":
+        if channel not in channels:
+            raise unknown("channel", channel, channels)
+        what = {"temperature": "K", "range": "m"}.get(channel.split(".")[0], "W m^-2 sr^-1")
+        own = what if "units" in header or "band" in header else "units of the image"
+        tiff.write(output, channels[channel], f"{channel}, {own}")
+        return
+    from mi_lcair.extras import optional
+
+    xarray = optional("xarray", "a netCDF file")
+    height, width = next(iter(channels.values())).shape
+    coordinates = {"row": np.arange(height), "column": np.arange(width)}
+    if window_m := window_of(header):
+        coordinates["x_m"] = ("column", ((np.arange(width) + 0.5) / width - 0.5) * window_m[0])
+        coordinates["y_m"] = ("row", (0.5 - (np.arange(height) + 0.5) / height) * window_m[1])
+    names = {name: column_name(name) if "band" in header else name for name in channels}
+    dataset = xarray.Dataset(
+        {names[name]: (("row", "column"), values) for name, values in channels.items()},
+        coordinates,
+        header,
+    )
+    netcdf.write(output, netcdf.described(dataset))
+
+
+def _table(source, output, suffix):
+    """A table of this project from CSV to netCDF or back."""
+    columns = sources.read_columns(Path(source))
+    if suffix == ".csv":
+        csv.write(output, columns)
+    else:
+        netcdf.write(output, netcdf.dataset(columns))
+
+
+def _facets(source, output, suffix, scene, parameters):
+    """A table of facets and their polygons."""
+    from mi_lcair.rendering.facet_image import FACET, by_facet
+    from mi_lcair.rendering.facet_table import FacetTable
+    from mi_lcair.rendering.facets.polygons import FacetPolygons
+    from mi_lcair.table import read_table
+
+    table = read_table(source, (FACET,))
+    facets = FacetTable(mi_lcair.load(sources.scene_in(Path(scene)) or scene, **parameters))
+    rows = by_facet(table, FACET, facets.count)  # also checks the numbers
+    polygons = FacetPolygons.of(facets.triangles, facets.triangle_facet)
+    polygons = polygons.only(np.isfinite(rows))
+    columns = sources.read_columns(Path(source))
+    row = np.zeros(facets.count, int)
+    row[columns[FACET].astype(int)] = np.arange(len(columns[FACET]))
+    columns[FACET] = columns[FACET].astype(int)
+    vtk.write_facets(
+        output,
+        polygons.vertices,
+        polygons.faces,
+        {name: values[row[polygons.facet]] for name, values in columns.items()},
+    )
+
+
+def _model(source, output, suffix):
+    """The facets of a model file with their labels."""
+    from mi_lcair import models3d
+
+    model = models3d.read(Path(source))
+    used, corners = np.unique(model.corners, return_inverse=True)
+    _write_model(output, model, model.vertices[used], np.split(corners, model.first[1:-1]))
+
+
+def _scene(source, output, suffix, parameters):
+    """The facets of a scene with their groups, materials and temperatures."""
+    from mi_lcair.rendering.facet_table import FacetTable
+    from mi_lcair.rendering.facets.polygons import FacetPolygons
+
+    facets = FacetTable(mi_lcair.load(sources.scene_in(Path(source)) or source, **parameters))
+    polygons = FacetPolygons.of(facets.triangles, facets.triangle_facet)
+    columns = {
+        "facet": np.arange(facets.count),
+        "type": facets.type,
+        "group": facets.group,
+        "material": facets.material,
+        "temperature_K": facets.temperature,
+        "area_m2": facets.area,
+    }
+    vtk.write_facets(
+        output,
+        polygons.vertices,
+        polygons.faces,
+        {name: values[polygons.facet] for name, values in columns.items()},
+    )
+
+
+def _write_model(output, model, vertices, faces):
+    """Write a `Model` with a row of cell data for each facet."""
+    from mi_lcair.reports.model_picture import TYPES
+
+    labels = [model.labels[k] for k in model.label]
+    corners = model.vertices[model.triangles]
+    areas = np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
+    vtk.write_facets(
+        output,
+        vertices,
+        faces,
+        {
+            "facet": np.arange(model.count),
+            "type": np.array([TYPES[label.type] for label in labels]),
+            "group": np.array([label.group for label in labels]),
+            "material": np.array([label.material for label in labels]),
+            "temperature_K": model.temperature,
+            "area_m2": np.bincount(model.triangle_facet, areas / 2, model.count),
+        },
+    )

@@ -1,0 +1,265 @@
+"""Pictures of the command `show`. Each function draws one kind and prints its path."""
+
+from dataclasses import fields
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+import click
+
+import mi_lcair
+from mi_lcair.cli.files import sources
+from mi_lcair.cli.output import print_columns, print_json
+from mi_lcair.errors import InputError, unknown
+from mi_lcair.files import check_writable
+
+MOST_NEIGHBOURS = 20  # largest number of facets in the table; the others are summed
+
+
+def image(what, output, channels, outlines, scene, parameters, sensor, **scale):
+    """Draw channels of an image."""
+    from mi_lcair.rendering.image import read_exr, window_of
+    from mi_lcair.reports.image_picture import save_picture
+
+    file = Path(what)
+    output = output or file.with_suffix(".png")
+    image_channels, header = read_exr(file)
+    chosen = choose("channel", image_channels, channels or ("Y",))
+    title = ", ".join(str(header[key]) for key in ("scene", "band") if key in header) or file.stem
+    drawn = {name: image_channels[name] for name in chosen}
+    if outlines:
+        shape = drawn[chosen[0]].shape
+        scale["outlines"] = _outlines_of(file, header, shape, scene, dict(parameters), sensor)
+    save_picture(output, drawn, title, window_m=window_of(header), **scale)
+    click.echo(output)
+
+
+def _outlines_of(file, header, shape, scene, parameters, sensor):
+    """Number of the facet in each pixel of an image, as the image's scene has them."""
+    from json import loads
+
+    from mi_lcair import scenes
+    from mi_lcair.rendering.facet_image import seen_facets
+    from mi_lcair.rendering.facet_table import FacetTable
+
+    scene = scene or header.get("scene", "")
+    if scene not in scenes.names() and not Path(scene).is_file():
+        raise InputError(f"{file}: the scene of its facets is unknown; name it with --scene")
+    given = loads(header.get("parameters", "{}")) | parameters
+    loaded = mi_lcair.load(scene, **given)
+    seen = seen_facets(loaded, FacetTable(loaded), sensor or int(header.get("sensor", 0)))
+    if seen.shape != shape:
+        raise InputError(
+            f"{file}: has {shape[1]} x {shape[0]} pixels, and the sensor of {loaded.name} "
+            f"{seen.shape[1]} x {seen.shape[0]}; name the scene that was rendered, with its -D"
+        )
+    return seen
+
+
+def facet_columns(what, output, facets, channels, parameters, sensor, outlines, **scale):
+    """Draw a scene with its facets coloured by columns of a table."""
+    from mi_lcair.rendering.facet_image import FACET, facet_images, seen_facets
+    from mi_lcair.rendering.facet_table import FacetTable
+    from mi_lcair.rendering.window import window_size
+    from mi_lcair.reports.image_picture import column_quantity, save_picture
+    from mi_lcair.table import read_table
+
+    table = read_table(facets, (FACET,))
+    if not channels:
+        raise InputError(f"{facets}: say which column with -c; it has {', '.join(table.columns)}")
+    chosen = choose(f"column of {facets}", table.columns, channels)
+    output = output or facets.with_suffix(".png")
+    check_writable(output)
+    scene = mi_lcair.load(sources.scene_in(Path(what)) or what, **dict(parameters))
+    images = facet_images(scene, table, chosen, sensor)
+    if outlines:
+        scale["outlines"] = seen_facets(scene, FacetTable(scene), sensor)
+    save_picture(
+        output,
+        images,
+        scene.name,
+        quantity=column_quantity,
+        window_m=window_size(scene.sensor(sensor)),
+        **scale,
+    )
+    click.echo(output)
+
+
+def trend(what, output):
+    """Draw a trend."""
+    from mi_lcair.reports.trend_plot import save_plot
+    from mi_lcair.signatures.trend import Trend
+
+    output = output or Path(what).with_suffix(".png")
+    save_plot(output, Trend.read(what))
+    click.echo(output)
+
+
+def spectrum(what, output):
+    """Draw the spectral intensity of a signature."""
+    from mi_lcair.drawing import write_figure
+    from mi_lcair.reports.spectrum_plot import figure_of
+
+    file = Path(what)
+    output = output or file.with_suffix(".png")
+    write_figure(figure_of(sources.read_columns(file), file.stem), output)
+    click.echo(output)
+
+
+def model(what, output, materials):
+    """Draw the model in a file from three sides."""
+    from mi_lcair import models3d
+    from mi_lcair.drawing import write_figure
+    from mi_lcair.reports.model_picture import figure
+
+    file = Path(what)
+    output = output or file.with_suffix(".png")
+    check_writable(output)
+    read = models3d.read(file, materials=materials)
+    write_figure(figure(read, f"{file.name}: {read.count} facets"), output)
+    click.echo(output)
+
+
+def scene(what, output, parameters):
+    """Draw the model of a scene from three sides."""
+    from mi_lcair.drawing import write_figure
+    from mi_lcair.rendering.facets.model import model_of
+    from mi_lcair.reports.model_picture import figure
+
+    output = output or Path(f"{Path(what).stem}.png")
+    check_writable(output)
+    loaded = mi_lcair.load(sources.scene_in(Path(what)) or what, **dict(parameters))
+    found = model_of(loaded)
+    write_figure(figure(found, f"{loaded.name}: {found.count} facets"), output)
+    click.echo(output)
+
+
+def scenario(what, output, parameters):
+    """Print what a scenario states, and draw its target from three sides."""
+    from mi_lcair.detection.scenario import Scenario
+    from mi_lcair.drawing import write_figure
+    from mi_lcair.rendering.facets.model import model_of
+    from mi_lcair.reports.model_picture import figure
+
+    stated = Scenario.read(what, **dict(parameters))
+    output = output or Path(f"{Path(what).stem}.png")
+    check_writable(output)
+    loaded = mi_lcair.load(
+        stated.target.scene, **stated.scene_parameters() | {"band": stated.sensor.band}
+    )
+    observer = stated.observer
+    where = f"{observer.range_m:g} m"
+    if observer.azimuth_deg is not None:
+        where += f", azimuth {observer.azimuth_deg:g}, elevation {observer.elevation_deg:g} degrees"
+    name = ": ".join(filter(None, (stated.name, stated.title.rstrip("."))))
+    write_figure(figure(model_of(loaded), f"{name}; seen from {where}"), output)
+    print_columns([("picture", output), ("scenario", name)])
+    click.echo()
+    print_columns(
+        [
+            (f"[{part}]", ", ".join(f"{key} = {value}" for key, value in entries))
+            for part in (
+                "target",
+                "pose",
+                "observer",
+                "atmosphere",
+                "background",
+                "sensor",
+                "render",
+            )
+            for entries in [
+                [
+                    (field.name, value)
+                    for field in fields(getattr(stated, part))
+                    for value in [getattr(getattr(stated, part), field.name)]
+                    if value not in (None, (), {})
+                ]
+            ]
+            if entries
+        ]
+    )
+
+
+def facet_view(what, output, facet, parameters, json):
+    """Draw a map of what a facet of a scene sees, and print a table of its neighbours."""
+    from mi_lcair.reports.hemispherical_plot import save_plot
+    from mi_lcair.signatures.hemispherical_view import hemispherical_view
+
+    output = output or Path(f"{Path(what).stem}_facet_{facet}.png")
+    check_writable(output)
+    view = hemispherical_view(mi_lcair.load(what, **dict(parameters)), facet)
+    save_plot(output, view)
+    table = view.as_dict()
+    if json:
+        print_json({"file": str(output), **table})
+        return
+    *neighbours, nothing = table["neighbours"]
+    print_columns(
+        [
+            ("picture", output),
+            (
+                "facet",
+                f"{facet} of {table['scene_name']}: {table['type']}, group {table['group']}, "
+                f"{table['material']}, {table['area_m2']:.6g} m^2",
+            ),
+        ]
+    )
+    click.echo()
+    rows = [
+        (row["facet"], row["group"], row["material"], row) for row in neighbours[:MOST_NEIGHBOURS]
+    ]
+    rest = neighbours[MOST_NEIGHBOURS:]
+    if rest:
+        rows.append(
+            (
+                f"{len(rest)} more",
+                "",
+                "",
+                {key: sum(row[key] for row in rest) for key in ("solid_angle_sr", "view_factor")},
+            )
+        )
+    rows += [("nothing", "", "", nothing), ("all", "", "", table)]
+    print_columns(
+        [
+            ("sees", "group", "material", "solid angle (sr)", "view factor"),
+            *(
+                (*names, f"{row['solid_angle_sr']:.6f}", f"{row['view_factor']:.6f}")
+                for *names, row in rows
+            ),
+        ]
+    )
+
+
+def brdf(what, output, band, theta_deg, materials):
+    """Draw the BRDF of a material."""
+    from mi_lcair.physics.materials import bands_of
+
+    if band is None:
+        bands = bands_of(what, materials)
+        if len(bands) > 1 or bands == ["any"]:
+            raise InputError(f"material '{what}': give its --band; it has {', '.join(bands)}")
+        (band,) = bands
+    from mi_lcair.physics.brdf_view import brdf_view
+    from mi_lcair.reports.brdf_plot import save_plot
+
+    view = brdf_view(what, band, theta_deg, materials)
+    output = output or Path(f"{Path(what).stem}_{view.band.name}_{theta_deg:g}deg.png")
+    save_plot(output, view)
+    click.echo(output)
+
+
+def choose(kind: str, known, patterns) -> list[str]:
+    """Known names that match the patterns, in the order of the patterns, each once.
+
+    Raises InputError for a pattern without a match. `kind` names it in the message.
+    """
+    chosen = {}
+    for pattern in patterns:
+        matches = (
+            [pattern]
+            if pattern in known
+            else [name for name in known if fnmatchcase(name, pattern)]
+        )
+        if not matches:
+            raise unknown(kind, pattern, known)
+        chosen |= dict.fromkeys(matches)
+    return list(chosen)

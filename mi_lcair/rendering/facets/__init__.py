@@ -1,0 +1,1 @@
+"""Facets of a loaded scene as polygons and as a model."""

@@ -1,0 +1,100 @@
+"""Limits of colour scales: robust against single hot pixels, common to panels, or given."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mi_lcair.errors import InputError
+
+LOG_DECADES = 6  # largest extent of a logarithmic scale
+# Single pixels that stretch the scale are cut off: more than STRETCH times the scale of the middle
+# 99.8 % of the values. Few pixels have no such percentiles.
+PERCENTILES, STRETCH, FEW = (0.1, 99.9), 3.0, 1000
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Ends of a colour scale, and the least and the greatest value of the pixels."""
+
+    lower: float
+    upper: float
+    least: float
+    greatest: float
+
+    @property
+    def extend(self) -> str:
+        """Matplotlib's name of the ends of the colour bar that get an arrow."""
+        below, above = self.least < self.lower, self.greatest > self.upper
+        return {(0, 0): "neither", (1, 0): "min", (0, 1): "max", (1, 1): "both"}[below, above]
+
+    @property
+    def remark(self) -> str:
+        """What the scale leaves out, in words; "" if it leaves out nothing."""
+        parts = []
+        if self.least < self.lower:
+            parts.append(f"scale from {self.lower:.4g}, values from {self.least:.4g}")
+        if self.greatest > self.upper:
+            parts.append(f"scale to {self.upper:.4g}, values to {self.greatest:.4g}")
+        return "; ".join(parts)
+
+
+def limits_of(
+    panels: list[np.ndarray], log: bool, vmin: float | None = None, vmax: float | None = None
+) -> Limits:
+    """The limits of one scale for the values of one or more panels.
+
+    Parameters
+    ----------
+    panels : list of ndarray
+        Values that are drawn, without missing ones; on a logarithmic scale all are positive.
+    log : bool
+        Whether the scale is logarithmic. It then extends over LOG_DECADES at most.
+    vmin, vmax : float, optional
+        Ends that are given.
+
+    Raises
+    ------
+    InputError
+        If the ends that are given are no scale.
+    """
+    if log and vmin is not None and vmin <= 0:
+        raise InputError(f"vmin = {vmin:g} must be above 0 on a logarithmic scale")
+    ends = [_ends(values, log) for values in panels if values.size and values.any()]
+    values = [v for v in panels if v.size]
+    least = float(min((v.min() for v in values), default=0.0))
+    greatest = float(max((v.max() for v in values), default=0.0))
+    lower = min((end[0] for end in ends), default=0.1 if log else 0.0)
+    upper = max((end[1] for end in ends), default=1.0)
+    if ends and lower == upper:
+        # A scale needs an extent. It is centred on the only value.
+        lower, upper = lower - 0.05 * abs(lower), lower + 0.05 * abs(lower)
+    lower = lower if vmin is None else vmin
+    upper = upper if vmax is None else vmax
+    if log and vmin is None and lower < upper * 10.0**-LOG_DECADES:
+        lower = upper * 10.0**-LOG_DECADES
+    if not (np.isfinite([lower, upper]).all() and lower < upper):
+        given = f"vmin = {vmin}" if vmax is None else f"vmax = {vmax}"
+        if vmin is not None and vmax is not None:
+            given = f"vmin = {vmin:g} and vmax = {vmax:g}"
+        raise InputError(
+            f"{given}: the scale must rise from vmin to vmax, and would go from {lower:.6g} to "
+            f"{upper:.6g}"
+        )
+    return Limits(lower, upper, least, greatest)
+
+
+def _ends(values: np.ndarray, log: bool) -> tuple[float, float]:
+    """Lower and upper end for one panel, without single pixels that stretch the scale."""
+    least, greatest = float(values.min()), float(values.max())
+    if values.size < FEW:
+        return least, greatest
+    lower, upper = map(float, np.percentile(values, PERCENTILES))
+    place = np.log if log else (lambda value: value)
+    extent = place(upper) - place(lower)
+    if not extent > 0:
+        return least, greatest
+    limit = (STRETCH - 1) * extent
+    return (
+        lower if place(lower) - place(least) > limit else least,
+        upper if place(greatest) - place(upper) > limit else greatest,
+    )

@@ -1,0 +1,110 @@
+"""Tests of `convert`: files that meshio, xarray, pandas and Pillow read."""
+
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pandas
+import pytest
+import xarray
+from PIL import Image
+
+from mi_lcair.rendering.image import read_exr, write_exr
+
+BOX = Path(__file__).parents[2] / "scenes" / "examples" / "box.obj"
+
+
+def area(points) -> float:
+    """Area of a planar polygon, by Newell's formula."""
+    points = points - points[0]
+    return np.linalg.norm(sum(np.cross(a, b) for a, b in zip(points, np.roll(points, -1, 0)))) / 2
+
+
+def areas(mesh) -> np.ndarray:
+    return np.array([area(mesh.points[row]) for block in mesh.cells for row in block.data])
+
+
+@pytest.mark.slow
+def test_facets_are_those_of_the_csv(run, folder):
+    """`signature --facets` and `convert facets.csv` write the same cell data as the CSV has."""
+    sample = ("signature", "cavity", "-D", "resolution=16", "--spp", 4)
+    for name in ("f.csv", "f.vtu"):
+        assert run(*sample, "--facets", name).exit_code == 0
+    assert run("convert", "f.csv", "g.vtu", "--scene", "cavity").exit_code == 0
+    table = pandas.read_csv(folder / "f.csv")
+    for name in ("f.vtu", "g.vtu"):
+        mesh = meshio.read(folder / name)
+        data = {key: np.concatenate(values) for key, values in mesh.cell_data.items()}
+        assert len(data["facet"]) == len(table)
+        for column in table.select_dtypes("number"):
+            expected = table[column].to_numpy()
+            np.testing.assert_allclose(data[column], expected, rtol=1e-8, err_msg=column)
+        np.testing.assert_allclose(areas(mesh), table.area_m2, rtol=1e-6)
+        assert {"type_number", "group_number", "material_number"} <= set(data)
+
+
+@pytest.mark.slow
+def test_models(run, folder):
+    """The same polygons from the OBJ and from the scene that import made of it."""
+    assert run("import", str(BOX), "-o", "box").exit_code == 0
+    for source, name in ((str(BOX), "a.vtu"), ("box", "b.vtu")):
+        assert run("convert", source, name).exit_code == 0
+        mesh = meshio.read(folder / name)
+        assert [block.type for block in mesh.cells] == ["quad"] and len(areas(mesh)) == 7
+        data = {key: np.concatenate(values) for key, values in mesh.cell_data.items()}
+        np.testing.assert_allclose(areas(mesh), data["area_m2"], rtol=1e-6)
+        assert sorted(data["temperature_K"]) == [290, 310, 310, 310, 310, 310, 330]
+
+
+def test_images(run, folder):
+    pixels = np.linspace(280, 320, 12, dtype=np.float32).reshape(3, 4)
+    header = {"band": "MWIR", "scene": "x", "units": "W m^-2 sr^-1", "window_m": "4 3"}
+    write_exr("seen.exr", {"Y": pixels / 100, "temperature.Y": pixels}, header)
+    assert run("convert", "seen.exr", "kelvin.tif", "-c", "temperature.Y").exit_code == 0
+    with Image.open("kelvin.tif") as image:
+        assert image.mode == "F" and image.tag_v2[270] == "temperature.Y, K"
+        np.testing.assert_array_equal(np.array(image), pixels)
+    assert run("convert", "seen.exr", "seen.nc").exit_code == 0
+    with xarray.open_dataset("seen.nc") as data:
+        assert data.temperature_K.units == "K" and data.radiance_W_m2_sr.units == "W m-2 sr-1"
+        np.testing.assert_array_equal(data.temperature_K, pixels)
+        assert data.x_m.values.tolist() == [-1.5, -0.5, 0.5, 1.5]
+        assert data.y_m.values.tolist() == [1, 0, -1] and data.attrs["scene"] == "x"
+    assert list(read_exr("seen.exr")[0]) == ["Y", "temperature.Y"]  # the source is as it was
+
+
+def test_tables_there_and_back(run, folder):
+    text = "azimuth_deg,elevation_deg,intensity_W_sr\n0,0,1\n90,0,2\n0,10,3\n90,10,4\n"
+    (folder / "t.csv").write_text(text)
+    assert run("convert", "t.csv", "t.nc").exit_code == 0
+    with xarray.open_dataset("t.nc") as data:
+        assert data.intensity_W_sr.sel(elevation_deg=10, azimuth_deg=90) == 4
+    assert run("convert", "t.nc", "u.csv").exit_code == 0
+    columns = ["azimuth_deg", "elevation_deg", "intensity_W_sr"]
+    back = pandas.read_csv("u.csv")[columns].sort_values(columns[1::-1], ignore_index=True)
+    pandas.testing.assert_frame_equal(back, pandas.read_csv("t.csv"), check_dtype=False)
+
+
+@pytest.mark.parametrize(
+    "args, reason",
+    [
+        (["t.csv", "t.vtp"], "becomes .nc; output 't.vtp' does not end in .nc"),
+        (["f.csv", "f.vtp", "--scene", "two_plates"], "facet '7.0' is not in the scene"),
+        (["f.csv", "f.png", "--scene", "two_plates"], "does not end in .vtp or .vtu"),
+        (["t.csv", "t.nc", "-c", "Y"], "does not go with 't.csv'"),
+        (["none.exr", "a.tif"], "No such file"),
+        (["none.csv", "a.nc"], "No such file"),
+        (["empty.csv", "a.nc"], "empty.csv"),
+        (["gloss_black", "a.vtp"], "'gloss_black' is a material, which is not converted"),
+        (["t.csv", "no/t.nc"], "does not exist"),
+        (["nothing", "a.vtp"], "'nothing' is no image"),
+        (["two_plates", "a.vtk"], "does not end in .vtp or .vtu"),
+    ],
+)
+def test_refused(refused, folder, args, reason):
+    (folder / "t.csv").write_text("a,b\n1,2\n")
+    (folder / "empty.csv").write_text("a,b\n")
+    (folder / "f.csv").write_text("facet,b\n7.0,2\n")
+    before = sorted(folder.iterdir())
+    assert reason in refused("convert", *args)
+    assert sorted(folder.iterdir()) == before
