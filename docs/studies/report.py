@@ -1,4 +1,4 @@
-"""The picture of a report page, taken in Chromium.
+"""The picture of a report page, taken in Chromium, and how long the page takes to open.
 
 python -m docs.studies.report
 
@@ -44,6 +44,10 @@ def photographs(page: Path, folder: Path) -> list[Image.Image]:
         view = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
         view.goto(page.as_uri())
         view.wait_for_selector(COMPLETE, timeout=PATIENCE)
+        drawn = view.evaluate("performance.now()") / 1000
+        print(
+            f"{page.stat().st_size / 1e6:.1f} MB, drawn {drawn:.1f} s after the browser opened it"
+        )
         for kind, place in CHOSEN.items():
             panel = view.locator(f".panel[data-kind={kind}]").first
             panel.evaluate("(panel) => panel.scrollIntoView({behavior: 'instant'})")
