@@ -8,8 +8,8 @@ import numpy as np
 from mi_lcair.formats import VTK, vtk
 from mi_lcair.plugins.paths.channels import MAX_BOUNCE_CHANNELS, entries
 from mi_lcair.plugins.paths.launch import Launch
-from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.facets.polygons import FacetPolygons
+from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.render import BOUNCE_CHANNELS
 from mi_lcair.results import Result
 

@@ -140,9 +140,9 @@ def _facets(source, output, suffix, scene, parameters):
     import numpy as np
 
     from mi_lcair.formats import vtk
-    from mi_lcair.rendering.facet_image import FACET, by_facet
-    from mi_lcair.rendering.facet_table import FacetTable
+    from mi_lcair.rendering.facets.image import FACET, by_facet
     from mi_lcair.rendering.facets.polygons import FacetPolygons
+    from mi_lcair.rendering.facets.table import FacetTable
     from mi_lcair.table import read_table
 
     table = read_table(source, (FACET,))
@@ -178,8 +178,8 @@ def _scene(source, output, suffix, parameters):
     import numpy as np
 
     from mi_lcair.formats import vtk
-    from mi_lcair.rendering.facet_table import FacetTable
     from mi_lcair.rendering.facets.polygons import FacetPolygons
+    from mi_lcair.rendering.facets.table import FacetTable
 
     facets = FacetTable(mi_lcair.load(sources.scene_in(Path(source)) or source, **parameters))
     polygons = FacetPolygons.of(facets.triangles, facets.triangle_facet)
