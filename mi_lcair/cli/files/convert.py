@@ -8,6 +8,7 @@ import mi_lcair
 from mi_lcair.cli.files import sources
 from mi_lcair.cli.options import Assignment
 from mi_lcair.cli.output import print_written
+from mi_lcair.cli.usage.examples import examples
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import check_suffix, check_writable
 from mi_lcair.formats import VTK
@@ -15,7 +16,13 @@ from mi_lcair.formats import VTK
 FILE = click.Path(path_type=Path)
 
 
-@click.command("convert")
+@click.command(
+    "convert",
+    epilog=examples(
+        "mi-lcair convert open_box.exr open_box.tif -c temperature.Y",
+        "mi-lcair convert box.obj box.vtp",
+    ),
+)
 @click.argument("source", metavar="IN")
 @click.argument("output", metavar="OUT", type=FILE)
 @click.option(
