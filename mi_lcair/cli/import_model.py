@@ -136,7 +136,7 @@ def _write(model, output, materials, sky, overwrite):
     from mi_lcair import models3d as facets
     from mi_lcair.reports import model_picture
 
-    title = f"{output.resolve().name}: x forward (nose), y left, z up"
+    title = f"{output.resolve().name}: {model_picture.TITLE}"
     picture = {"model.png": model_picture.png(model, title)}
     return [str(path) for path in facets.export(model, output, materials, sky, overwrite, picture)]
 

@@ -3,18 +3,20 @@
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
 from mi_lcair.errors import InputError, shown
 from mi_lcair.files import read_text
-from mi_lcair.models3d.label import Label, find_material, kelvin
+from mi_lcair.models3d.label import TYPES, Label, find_material, kelvin
 from mi_lcair.models3d.modellers import axes, exchange
 from mi_lcair.models3d.modellers.naming import NameTable, labels_of
 from mi_lcair.models3d.obj import Obj, read_obj
 from mi_lcair.models3d.polygons import MOST_CLIPPED, triangulate
 from mi_lcair.models3d.welding import weld
 from mi_lcair.physics import materials as known_materials
+from mi_lcair.results import Result, named
 from mi_lcair.table import read_table
 
 FARTHEST = 1e9  # largest coordinate [m], whose square is far below the largest Float32 number
@@ -23,8 +25,8 @@ FARTHEST = 1e9  # largest coordinate [m], whose square is far below the largest 
 SIZES_AWAY = 1000
 
 
-@dataclass(frozen=True)
-class Model:
+@dataclass(frozen=True, repr=False)
+class Model(Result):
     """A welded facet model, lengths in m.
 
     vertices: (V, 3); welding leaves some unused. corners: indices of the vertices, facet after
@@ -45,6 +47,38 @@ class Model:
     triangle_facet: np.ndarray
     off_plane: np.ndarray
     remarks: tuple[str, ...] = ()
+
+    kind: ClassVar[str] = "model"
+    drawn_by: ClassVar[str] = "mi_lcair.reports.model_picture:figure"
+
+    def summary(self) -> str:
+        """One line with the number of facets, the size and the temperatures."""
+        size = " x ".join(f"{length:.4g}" for length in np.diff(self.box, axis=0)[0])
+        low, high = self.temperature.min(), self.temperature.max()
+        return (
+            f"model of {self.count} facets ({len(self.triangles)} triangles), {size} m, "
+            f"{low:g} to {high:g} K"
+        )
+
+    def entries(self) -> dict:
+        """Entries for JSON: the figures of `report`."""
+        return named("mi_lcair.models3d.report:report")(self)
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """A row for each facet: its number, type, material, group, temperature and area."""
+        areas = named("mi_lcair.models3d.checks:triangle_areas")(self)
+        labels = [
+            (TYPES[label.type], Path(label.material).name, label.group) for label in self.labels
+        ]
+        kinds, materials, groups = np.array(labels)[self.label].T
+        return {
+            "facet": np.arange(self.count),
+            "type": kinds,
+            "material": materials,
+            "group": groups,
+            "temperature_K": self.temperature,
+            "area_m2": np.bincount(self.triangle_facet, areas, self.count),
+        }
 
     @property
     def count(self) -> int:

@@ -38,10 +38,11 @@ VIEWS = (
     View("front (azimuth 0)", (1, 1), (2, 1), (0, 1)),
     View("top (elevation 90)", (0, -1), (1, -1), (2, 1)),
 )
+TITLE = "x forward (nose), y left, z up"
 ARROWS = {0: "nose", 2: "up"}  # words at the arrows along +x and +z
 
 
-def png(model: Model, title: str = "") -> bytes:
+def png(model: Model, title: str = TITLE) -> bytes:
     """The picture of `figure` as the content of a PNG file."""
     content = BytesIO()
     with warnings.catch_warnings():
@@ -50,7 +51,7 @@ def png(model: Model, title: str = "") -> bytes:
     return content.getvalue()
 
 
-def figure(model: Model, title: str = ""):
+def figure(model: Model, title: str = TITLE):
     """Matplotlib Figure of a model from its left side, from the front and from above.
 
     The first row shows materials. A second row shows temperatures if they differ. Sky and terrain

@@ -1,0 +1,184 @@
+# %% [markdown]
+# # From a Blender model to signature and trend
+#
+# At the end of this tutorial you have the intensity of a small aircraft toward an observer, with its
+# error, and a polar plot of the intensity all around it. You have both as tables for pandas and
+# ParaView. It takes a quarter of an hour to read, and the computer needs about ten seconds. Your own
+# model takes the place of the aircraft.
+#
+# The aircraft `drone.obj` was exported from Blender 5.0.1 with the settings that its dialogue shows
+# at first. It is one of the sample files of mi_lcair. This cell copies them to a new folder and goes
+# there.
+
+# %%
+import os
+import shutil
+from importlib.resources import files
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+import mi_lcair
+from mi_lcair import models3d
+from mi_lcair.physics.blackbody import in_band_radiance
+
+folder = TemporaryDirectory()
+shutil.copytree(files("mi_lcair.scenes") / "examples", folder.name, dirs_exist_ok=True)
+os.chdir(folder.name)
+
+# %% [markdown]
+# ## Read the model
+#
+# The faces of the model have the Blender materials `Skin` and `Nozzle`. A table says what these
+# names mean: a reflection model, a temperature, and a group whose share we want to know.
+
+# %%
+with open("drone.csv") as table:
+    print(table.read())
+
+# %%
+model = models3d.read("drone.obj", names="drone.csv")
+print(*model.remarks)
+
+# %% [markdown]
+# The reader has a remark. Blender's OBJ export turns y up unless one changes its settings. The two
+# axes of the export dialogue go into `forward` and `up`. The model then has its nose along +x and
+# its top along +z.
+
+# %%
+model = models3d.read("drone.obj", names="drone.csv", forward="-Z", up="Y")
+model
+
+# %% [markdown]
+# Look at this picture before anything else. The nose is at the arrow and the fin points up. The
+# nozzle at the tail has 600 K. Backs of facets would be pink, because a facet emits and reflects on
+# one side only. There are none.
+#
+# The report counts what else may be wrong with a model.
+
+# %%
+report = models3d.report(model)
+for name in ("open_edges", "inward", "degenerate", "duplicate", "non_planar"):
+    print(f"{name:10s} {report[name]}")
+    assert report[name] == 0
+
+# %% [markdown]
+# ## Make a scene of it
+#
+# `export` writes the meshes and the Mitsuba scene `drone/scene.xml`. On the command line,
+# `mi-lcair import drone.obj --names drone.csv --forward -Z --up Y -o drone` does all of this.
+#
+# The scene has parameters. `azimuth_deg` and `elevation_deg` say from where the model is seen:
+# azimuth 0 sees the nose, and 90 the left side. We look from the left, from behind and from above.
+
+# %%
+models3d.export(model, "drone")
+scene = mi_lcair.load("drone/scene.xml", azimuth_deg=140, elevation_deg=20)
+image = mi_lcair.render(scene, spp=32)
+image.plot(channels=["temperature.Y"])
+
+# %% [markdown]
+# The brightness temperature of a surface lies below its own temperature, because no surface but the
+# nozzle is black, and there is nothing around the aircraft that it could reflect.
+#
+# ## The signature
+#
+# The signature is the radiance, integrated over the area that the observer sees. We want it to 1 %.
+# That is half of the 95 % interval.
+
+# %%
+signature = mi_lcair.signature(scene, tolerance="1%", facets=True)
+signature
+
+# %%
+assert signature.reached and signature.half_width <= 0.01 * signature.intensity
+nozzle = signature.target.by_group["exhaust"]
+print(f"{nozzle / signature.intensity:.0%} of the intensity comes from the nozzle")
+
+# %% [markdown]
+# ## Which facet sends how much?
+#
+# With `facets=True` the same paths also give a table with a row for each facet of the model, that
+# is, for each polygon in Blender.
+
+# %%
+facets = signature.facets.to_dataframe().sort_values("intensity_W_sr", ascending=False)
+facets[["facet", "material", "temperature_K", "intensity_W_sr", "standard_error_W_sr"]].head(6)
+
+# %% [markdown]
+# The facets add up to the target. The brightest one is the rear of the nozzle. It is a blackbody, so
+# its radiance must be Planck's, and its projected area is what one can work out by hand.
+
+# %%
+np.testing.assert_allclose(facets.intensity_W_sr.sum(), signature.intensity, rtol=1e-6)
+
+brightest = facets.iloc[0]
+planck = float(in_band_radiance(scene.band, 600.0))
+print(f"facet {brightest.facet}: {brightest.radiance_W_m2_sr:.2f} W m^-2 sr^-1, Planck {planck:.2f}")
+np.testing.assert_allclose(brightest.radiance_W_m2_sr, planck, rtol=1e-5)
+
+# %% [markdown]
+# The table and the geometry go into one file for ParaView. Other suffixes give other files, such as
+# `.csv`, `.json` and `.vtu`.
+
+# %%
+signature.facets.save("facets.vtp")
+signature.facets.save("facets.csv")
+print(*sorted(name for name in os.listdir() if name.startswith("facets")))
+
+# %% [markdown]
+# ## The trend
+#
+# A trend is the intensity toward many observers. These are 36 azimuths at two elevations, each to
+# 1 %.
+
+# %%
+trend = mi_lcair.trend(scene, range(0, 360, 10), [0, 20], tolerance="1%")
+trend
+
+# %% [markdown]
+# From behind, the nozzle alone is brighter than everything else. From the front it is hidden, and
+# what remains is the skin. The model is symmetric, so left and right must agree within their
+# errors. So must the trend and the signature where their aspects are the same.
+
+# %%
+table = trend.to_dataframe().set_index(["elevation_deg", "azimuth_deg"])
+view = table.loc[20, 140]
+print(f"trend     {view.intensity_W_sr:.2f} +- {view.half_width_W_sr:.2f} W/sr")
+print(f"signature {signature.intensity:.2f} +- {signature.half_width:.2f} W/sr")
+difference = abs(view.intensity_W_sr - signature.intensity)
+assert difference < view.half_width_W_sr + signature.half_width
+
+level = table.loc[0]  # all azimuths at elevation 0
+left = level.loc[10:170]
+right = level.loc[350:190:-1].set_index(left.index)
+error = np.hypot(left.half_width_W_sr, right.half_width_W_sr)
+ratio = abs(left.intensity_W_sr - right.intensity_W_sr) / error
+print(f"left and right differ by at most {ratio.max():.1f} half widths")
+assert ratio.max() < 2
+assert level.intensity_W_sr[180] > 5 * level.intensity_W_sr[0]
+
+# %% [markdown]
+# ## A check without an oven
+#
+# Give all facets the same temperature and make them black. Then the intensity is Planck's radiance
+# times the projected area, toward every observer. This checks axes, normals and units of a model
+# in a few lines. `material` and `temperature` take the place of the table.
+
+# %%
+black = models3d.read("drone.obj", material="blackbody", temperature=300, forward="-Z", up="Y")
+models3d.export(black, "black")
+even = mi_lcair.trend("black/scene.xml", range(0, 360, 30), tolerance="1%").table
+radiance = even["intensity_W_sr"] / even["projected_area_m2"]
+planck = float(in_band_radiance(scene.band, 300.0))
+print(f"{radiance.min():.4f} to {radiance.max():.4f} W m^-2 sr^-1, Planck {planck:.4f}")
+np.testing.assert_allclose(radiance, planck, rtol=1e-5)
+
+# %% [markdown]
+# ## Where to go on
+#
+# - [From Blender](../howto/blender.md): export settings, names, other file formats.
+# - [Labels and facets](../howto/labels.md): a temperature for each facet, sky and terrain.
+# - [Trend and cluster](../howto/trend.md): large trends that are written to a file and resumed.
+# - [A scatterometer's data become a material](material.py): your own paint on this model.
+# - [From a scenario to a detection range](detection_range.py): the air, the sun and a camera.
