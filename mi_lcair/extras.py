@@ -7,7 +7,6 @@ from mi_lcair.errors import InputError
 
 # Extra of pyproject.toml that brings each optional library.
 EXTRA = {
-    "meshio": "exchange",
     "pandas": "exchange",
     "plotly": "report",
     "trimesh": "exchange",

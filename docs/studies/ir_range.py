@@ -20,8 +20,8 @@ from docs.studies.page import write_page
 from mi_lcair.drawing import drawing
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.rendering.facet_image import pixel_rays
-from mi_lcair.rendering.facet_table import FacetTable
+from mi_lcair.rendering.facets.image import pixel_rays
+from mi_lcair.rendering.facets.table import FacetTable
 
 BOUNCES, RESOLUTION, SPP, FACET_SPP = 10, 192, 128, 512
 CASES = [

@@ -1,9 +1,9 @@
-"""The picture of a report page, taken in Chromium.
+"""The picture of a report page, taken in Chromium, and how long the page takes to open.
 
 python -m docs.studies.report
 
-It needs Chromium and the package playwright; the environment variable MI_LCAIR_BROWSER names another
-browser. The picture is docs/pictures/report.png.
+It needs Chromium and the package playwright. The environment variable MI_LCAIR_BROWSER names
+another browser. The picture is docs/pictures/report.png.
 """
 
 from pathlib import Path
@@ -16,7 +16,7 @@ import mi_lcair
 from tests.reports.page.conftest import COMPLETE, FLAGS, PATIENCE, browser_path
 
 PICTURE = Path(__file__).parents[1] / "pictures" / "report.png"
-WIDTH = 1200  # pixels of the page
+WIDTH, HEIGHT = 1200, 1000  # pixels of the window
 # Panels that are shown, and where the pointer is, as fractions of the picture's width and height
 CHOSEN = {"image": (0.47, 0.44), "model": (0.57, 0.52)}
 
@@ -41,21 +41,27 @@ def photographs(page: Path, folder: Path) -> list[Image.Image]:
     found = []
     with sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=browser_path(), args=FLAGS)
-        view = browser.new_page(viewport={"width": WIDTH, "height": 900})
+        view = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
         view.goto(page.as_uri())
         view.wait_for_selector(COMPLETE, timeout=PATIENCE)
+        drawn = view.evaluate("performance.now()") / 1000
+        print(
+            f"{page.stat().st_size / 1e6:.1f} MB, drawn {drawn:.1f} s after the browser opened it"
+        )
         for kind, place in CHOSEN.items():
             panel = view.locator(f".panel[data-kind={kind}]").first
-            panel.evaluate("(panel) => panel.scrollIntoView()")
+            panel.evaluate("(panel) => panel.scrollIntoView({behavior: 'instant'})")
             box = view.locator(f".panel[data-kind={kind}] .plot").first.bounding_box()
             x, y = (box[side] * share for side, share in zip(("width", "height"), place))
             view.mouse.move(box["x"] + x - 3, box["y"] + y)
             view.mouse.move(box["x"] + x, box["y"] + y)
-            view.wait_for_timeout(1500)
+            view.wait_for_function("!document.getElementById('tip').hidden", timeout=PATIENCE)
+            view.wait_for_timeout(500)
             area = panel.bounding_box()
             file = folder / f"{kind}.png"
-            view.screenshot(path=file, clip=area | {"x": 0, "width": WIDTH})
-            found.append(Image.open(file).convert("RGB"))
+            view.screenshot(path=file)  # a part would be taken in a window of another size
+            seen = Image.open(file).convert("RGB")
+            found.append(seen.crop((0, area["y"], WIDTH, area["y"] + area["height"])))
         browser.close()
     return found
 

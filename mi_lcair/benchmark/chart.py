@@ -1,12 +1,11 @@
 """Charts of error against cost: their points, and how these are written as CSV and tables."""
 
-import csv
 import math
 from dataclasses import astuple, dataclass, fields
 
 import numpy as np
 
-from mi_lcair.files import replacing
+from mi_lcair.formats import csv
 
 TOLERANCES = (
     0.05,
@@ -210,19 +209,11 @@ def cheapest(points, case: str, tolerance: float) -> Point | None:
 # ---- files
 
 
-def write_csv(path, points, remark: str) -> None:
-    """Write a CSV file with a row for each point.
-
-    The columns are the fields of `Point`. remark: text of the comment in the first line.
-    """
-    with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
-        file.write(f"# {remark}\n")
-        rows = csv.writer(file, lineterminator="\n")
-        rows.writerow(field.name for field in fields(Point))
-        rows.writerows(
-            [cell if isinstance(cell, str) else f"{cell:.6g}" for cell in astuple(p)]
-            for p in points
-        )
+def write_csv(path, points) -> None:
+    """Write a CSV file with a row for each point; its columns are the fields of `Point`."""
+    rows = [astuple(point) for point in points]
+    names = [field.name for field in fields(Point)]
+    csv.write(path, {name: [row[k] for row in rows] for k, name in enumerate(names)})
 
 
 # ---- Markdown

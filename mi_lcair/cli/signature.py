@@ -19,7 +19,7 @@ from mi_lcair.cli.plan import rows as plan_rows
 from mi_lcair.cli.usage.examples import examples
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
-from mi_lcair.formats import vtk
+from mi_lcair.formats import VTK
 
 
 @click.command(
@@ -64,7 +64,7 @@ def command(options, spectrum, plot, facets):
         raise InputError("--plot draws the spectral intensity; give --spectrum FILE.csv too")
     if spectrum and spectrum == facets:
         raise InputError(f"--spectrum and --facets both name '{spectrum}'; give each its own file")
-    check_outputs((spectrum, (".csv", ".nc")), (plot, PICTURES), (facets, (".csv", *vtk.SUFFIXES)))
+    check_outputs((spectrum, (".csv", ".nc")), (plot, PICTURES), (facets, (".csv", *VTK)))
 
     result = options.run_planned(
         mi_lcair.signature, each_pixel=False, by_spectrum=bool(spectrum), facets=bool(facets)

@@ -12,8 +12,8 @@ import numpy as np
 
 from mi_lcair.errors import escaped
 from mi_lcair.files import check_suffix, replacing
+from mi_lcair.formats import VTK
 
-SUFFIXES = (".vtp", ".vtu")
 TRIANGLE, POLYGON, QUAD = 5, 7, 9  # VTK's numbers of cell types
 TYPES = {"i": "Int64", "u": "Int64", "b": "Int64", "f": "Float64"}  # by NumPy's kind of type
 
@@ -43,7 +43,7 @@ def write_facets(
     InputError
         If the suffix is neither of both, or if the file cannot be written.
     """
-    suffix = check_suffix(path, SUFFIXES)
+    suffix = check_suffix(path, VTK)
     texts, numbers = {}, {}
     for name, values in columns.items():
         values = np.asarray(values)

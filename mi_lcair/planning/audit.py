@@ -21,7 +21,7 @@ from mi_lcair.plugins.emission.emissivity import emissivity_of
 from mi_lcair.plugins.emission.triangles import pointer_id
 from mi_lcair.plugins.reflection_bsdf import reflection_layers
 from mi_lcair.progress import Progress
-from mi_lcair.rendering.facet_table import FacetTable
+from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
 from mi_lcair.rendering.views import corners
 from mi_lcair.results import Result

@@ -1,6 +1,5 @@
 """Page of the chart of propagation methods: pictures, CSVs and Markdown."""
 
-import csv
 from pathlib import Path
 
 import drjit as dr
@@ -16,6 +15,7 @@ from mi_lcair.benchmark.propagation_chart import (
 )
 from mi_lcair.drawing import drawing
 from mi_lcair.files import replacing
+from mi_lcair.formats import csv
 from mi_lcair.reports import method_chart
 
 
@@ -30,13 +30,9 @@ def write(folder, result: Chart) -> None:
         samples="rays",
         floor=1e-6,
     )
-    chart.write_csv(
-        folder / "propagation.csv",
-        result.points,
-        f"{command}; samples are rays, errors relative, times in s",
-    )
+    chart.write_csv(folder / "propagation.csv", result.points)
     draw_closures(folder / "propagation_closure.png", result.closures)
-    write_closures(folder / "propagation_closure.csv", result.closures, command)
+    write_closures(folder / "propagation_closure.csv", result.closures)
     template = Path(__file__).with_name("propagation_page.template.md").read_text(encoding="utf-8")
     with replacing(folder / "propagation.md") as partial:
         partial.write_text(template.format(**fields(result, command)), encoding="utf-8")
@@ -47,25 +43,17 @@ def label(bounces: int, closure: str) -> str:
     return f"N = {bounces}" + ("" if closure == "none" else f", {closure}")
 
 
-def write_closures(path, closures, command: str) -> None:
-    """Write a CSV with the error of each closure; `command` is the command line for its comment."""
-    with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
-        file.write(f"# {command}; signed relative errors of the intensity\n")
-        rows = csv.writer(file, lineterminator="\n")
-        rows.writerow(
-            ["case", "opening_share_of_sphere", "bounces", "closure", "error", "standard_error"]
-        )
-        rows.writerows(
-            [
-                c.case,
-                "" if c.opening is None else f"{c.opening:.6f}",
-                c.bounces,
-                c.closure,
-                f"{c.error:.4e}",
-                f"{c.standard_error:.1e}",
-            ]
-            for c in closures
-        )
+def write_closures(path, closures) -> None:
+    """Write a CSV with the error of each closure, relative to the intensity and with its sign."""
+    columns = {
+        "case": [c.case for c in closures],
+        "opening_share_of_sphere": [np.nan if c.opening is None else c.opening for c in closures],
+        "bounces": [c.bounces for c in closures],
+        "closure": [c.closure for c in closures],
+        "error": [c.error for c in closures],
+        "standard_error": [c.standard_error for c in closures],
+    }
+    csv.write(path, columns)
 
 
 def draw_closures(path, closures) -> None:

@@ -5,7 +5,6 @@ from pathlib import Path
 import drjit as dr
 import numpy as np
 
-import mi_lcair
 from mi_lcair.benchmark import chart
 from mi_lcair.benchmark.chart import digits, duration
 from mi_lcair.benchmark.reflectance import METHODS, half_vector, lattice, sobol
@@ -32,12 +31,7 @@ def write(folder, points, quick: bool) -> None:
         f"Reflectance DHR({THETA_DEG}°) by eight methods: median error, quartiles, and rms (dashed)"
     )
     method_chart.draw(folder / "reflectance.png", points, title, samples="evaluations of the BRDF")
-    chart.write_csv(
-        folder / "reflectance.csv",
-        points,
-        f"DHR at {THETA_DEG} degrees by method and effort, relative errors, seconds; mi_lcair "
-        f"{mi_lcair.__version__}",
-    )
+    chart.write_csv(folder / "reflectance.csv", points)
     (folder / "reflectance.md").write_text(page(points, quick), encoding="utf-8")
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.derivatives import members, own_memory
 from mi_lcair.plugins.emission.triangles import is_faceted
-from mi_lcair.rendering.facet_table import FacetTable
+from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.scene import Scene
 
 

@@ -20,7 +20,7 @@ from mi_lcair.plugins.paths.facet_columns import (
     unit_radiance,
 )
 from mi_lcair.plugins.paths.launch import Launch
-from mi_lcair.rendering.facet_table import FacetTable
+from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.limits import check_paths
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import check_valid

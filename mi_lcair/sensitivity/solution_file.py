@@ -5,7 +5,7 @@ from pathlib import Path
 
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import read_text
-from mi_lcair.rendering.facet_table import FacetTable
+from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.sensitivity.facet_temperatures import set_facets
 from mi_lcair.sensitivity.parameters import parameters, set_values

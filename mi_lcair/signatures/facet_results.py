@@ -5,11 +5,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from mi_lcair.formats import vtk
+from mi_lcair.formats import VTK, vtk
 from mi_lcair.plugins.paths.channels import MAX_BOUNCE_CHANNELS, entries
 from mi_lcair.plugins.paths.launch import Launch
-from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.facets.polygons import FacetPolygons
+from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.render import BOUNCE_CHANNELS
 from mi_lcair.results import Result
 
@@ -42,7 +42,7 @@ class FacetResults(Result):
 
     kind: ClassVar[str] = "facets"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.facets:figure"
-    saved_by: ClassVar[dict[str, str]] = dict.fromkeys(vtk.SUFFIXES, f"{__name__}:write_vtk")
+    saved_by: ClassVar[dict[str, str]] = dict.fromkeys(VTK, f"{__name__}:write_vtk")
 
     def summary(self) -> str:
         """One line with the number of facets and the intensity of the brightest one."""

@@ -10,7 +10,7 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.fraction import fraction
 from mi_lcair.progress import Progress
-from mi_lcair.rendering.facet_table import FacetTable
+from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.limits import check_paths, check_samples
 from mi_lcair.rendering.render import DEFAULT_MAX_SPP, check_bounded, check_reachable
 from mi_lcair.rendering.scene import Scene, SceneLike, scene_of

@@ -147,7 +147,7 @@ class Trend(Result):
     drawn_by: ClassVar[str] = "mi_lcair.reports.trend_plot:figure"
 
     @staticmethod
-    def read(path) -> "Trend":
+    def read(path: str | PathLike[str]) -> "Trend":
         """The trend in a .csv or .nc file that `save` or the command `trend` wrote.
 
         The scene's name and the band of a CSV are in the file beside it, if there is one. Raises

@@ -19,7 +19,7 @@ from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.directional_table import over_the_hemisphere, read_directional_table
 from mi_lcair.physics.spectrum import has_elevations, spectrum
-from mi_lcair.rendering.facet_image import by_facet
+from mi_lcair.rendering.facets.image import by_facet
 from mi_lcair.rendering.image import read_exr, write_exr
 from mi_lcair.rendering.render import DEFAULT_MAX_SPP
 from mi_lcair.rendering.views import View

@@ -18,7 +18,7 @@ from mi_lcair.inversion.solve import solve
 from mi_lcair.inversion.unknowns import Unknown, unknowns
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
-from mi_lcair.rendering.facet_table import FacetTable
+from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.sensitivity.solution_file import apply_solution
 from tests.inversion.plate import UNKNOWNS, datum, write_scene
 from tests.sensitivity.waist import VIEWS, smooth_temperatures

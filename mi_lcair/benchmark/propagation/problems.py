@@ -13,7 +13,7 @@ import mi_lcair
 from mi_lcair.benchmark.propagation import exact, path_tracing
 from mi_lcair.benchmark.propagation.problem import Problem
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.rendering.facet_table import FacetTable
+from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.window import window
 

@@ -3,20 +3,26 @@
 from pathlib import Path
 
 import click
-import numpy as np
 
 import mi_lcair
 from mi_lcair.cli.files import sources
 from mi_lcair.cli.options import Assignment
 from mi_lcair.cli.output import print_written
+from mi_lcair.cli.usage.examples import examples
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import check_suffix, check_writable
-from mi_lcair.formats import csv, netcdf, tiff, vtk
+from mi_lcair.formats import VTK
 
 FILE = click.Path(path_type=Path)
 
 
-@click.command("convert")
+@click.command(
+    "convert",
+    epilog=examples(
+        "mi-lcair convert open_box.exr open_box.tif -c temperature.Y",
+        "mi-lcair convert box.obj box.vtp",
+    ),
+)
 @click.argument("source", metavar="IN")
 @click.argument("output", metavar="OUT", type=FILE)
 @click.option(
@@ -75,14 +81,14 @@ def _way(source: str, scene):
     """
     suffix = Path(source).suffix.lower()
     if suffix == ".csv" and scene:
-        return _facets, vtk.SUFFIXES, ("scene", "parameters")
+        return _facets, VTK, ("scene", "parameters")
     if suffix in (".csv", ".nc"):
         return _table, (".nc",) if suffix == ".csv" else (".csv",), ()
     kind = sources.kind_of(source)
     ways = {
         sources.IMAGE: (_image, (".tif", ".tiff", ".nc"), ("channel",)),
-        sources.MODEL: (_model, vtk.SUFFIXES, ()),
-        sources.SCENE: (_scene, vtk.SUFFIXES, ("parameters",)),
+        sources.MODEL: (_model, VTK, ()),
+        sources.SCENE: (_scene, VTK, ("parameters",)),
     }
     if kind not in ways:
         raise InputError(
@@ -94,6 +100,9 @@ def _way(source: str, scene):
 
 def _image(source, output, suffix, channel):
     """A channel of an EXR image as a TIFF, or all channels as netCDF."""
+    import numpy as np
+
+    from mi_lcair.formats import netcdf, tiff
     from mi_lcair.rendering.image import read_exr, window_of
     from mi_lcair.rendering.render import column_name
 
@@ -124,6 +133,8 @@ def _image(source, output, suffix, channel):
 
 def _table(source, output, suffix):
     """A table of this project from CSV to netCDF or back."""
+    from mi_lcair.formats import csv, netcdf
+
     columns = sources.read_columns(Path(source))
     if suffix == ".csv":
         csv.write(output, columns)
@@ -133,9 +144,12 @@ def _table(source, output, suffix):
 
 def _facets(source, output, suffix, scene, parameters):
     """A table of facets and their polygons."""
-    from mi_lcair.rendering.facet_image import FACET, by_facet
-    from mi_lcair.rendering.facet_table import FacetTable
+    import numpy as np
+
+    from mi_lcair.formats import vtk
+    from mi_lcair.rendering.facets.image import FACET, by_facet
     from mi_lcair.rendering.facets.polygons import FacetPolygons
+    from mi_lcair.rendering.facets.table import FacetTable
     from mi_lcair.table import read_table
 
     table = read_table(source, (FACET,))
@@ -157,6 +171,8 @@ def _facets(source, output, suffix, scene, parameters):
 
 def _model(source, output, suffix):
     """The facets of a model file with their labels."""
+    import numpy as np
+
     from mi_lcair import models3d
 
     model = models3d.read(Path(source))
@@ -166,8 +182,11 @@ def _model(source, output, suffix):
 
 def _scene(source, output, suffix, parameters):
     """The facets of a scene with their groups, materials and temperatures."""
-    from mi_lcair.rendering.facet_table import FacetTable
+    import numpy as np
+
+    from mi_lcair.formats import vtk
     from mi_lcair.rendering.facets.polygons import FacetPolygons
+    from mi_lcair.rendering.facets.table import FacetTable
 
     facets = FacetTable(mi_lcair.load(sources.scene_in(Path(source)) or source, **parameters))
     polygons = FacetPolygons.of(facets.triangles, facets.triangle_facet)
@@ -189,6 +208,9 @@ def _scene(source, output, suffix, parameters):
 
 def _write_model(output, model, vertices, faces):
     """Write a `Model` with a row of cell data for each facet."""
+    import numpy as np
+
+    from mi_lcair.formats import vtk
     from mi_lcair.reports.model_picture import TYPES
 
     labels = [model.labels[k] for k in model.label]

@@ -38,8 +38,8 @@ def _outlines_of(file, header, shape, scene, parameters, sensor):
     from json import loads
 
     from mi_lcair import scenes
-    from mi_lcair.rendering.facet_image import seen_facets
-    from mi_lcair.rendering.facet_table import FacetTable
+    from mi_lcair.rendering.facets.image import seen_facets
+    from mi_lcair.rendering.facets.table import FacetTable
 
     scene = scene or header.get("scene", "")
     if scene not in scenes.names() and not Path(scene).is_file():
@@ -57,8 +57,8 @@ def _outlines_of(file, header, shape, scene, parameters, sensor):
 
 def facet_columns(what, output, facets, channels, parameters, sensor, outlines, **scale):
     """Draw a scene with its facets coloured by columns of a table."""
-    from mi_lcair.rendering.facet_image import FACET, facet_images, seen_facets
-    from mi_lcair.rendering.facet_table import FacetTable
+    from mi_lcair.rendering.facets.image import FACET, facet_images, seen_facets
+    from mi_lcair.rendering.facets.table import FacetTable
     from mi_lcair.rendering.window import window_size
     from mi_lcair.reports.image_picture import column_quantity, save_picture
     from mi_lcair.table import read_table

@@ -104,7 +104,7 @@ KINDS = {
 @json_option
 @click.pass_context
 def command(ctx, what, output, **options):
-    """Make a picture of WHAT, one of these:
+    """Write a picture of WHAT, one of these:
 
     \b
     FILE.exr                            channels of an image

@@ -2,11 +2,8 @@
 
 from pathlib import Path
 
-import numpy as np
-
 from mi_lcair.errors import InputError
 from mi_lcair.files import read_text
-from mi_lcair.table import column_names, read_table
 
 # Kinds, as messages name them
 IMAGE, TREND, SPECTRUM = "an image", "a trend", "a spectrum"
@@ -82,6 +79,8 @@ def columns_of(path: Path) -> list[str]:
     """Names of the columns of a CSV file, or of the variables of a netCDF file."""
     if path.suffix.lower() == ".nc":
         return list(read_columns(path))
+    from mi_lcair.table import column_names
+
     lines = read_text(path).splitlines()
     first = next((n for n, line in enumerate(lines) if line.strip() and line[0] != "#"), None)
     if first is None:
@@ -89,7 +88,7 @@ def columns_of(path: Path) -> list[str]:
     return column_names(str(path), first + 1, lines[first], ("azimuth_deg", "intensity_W_sr"))[0]
 
 
-def read_columns(path: Path) -> dict[str, np.ndarray]:
+def read_columns(path: Path) -> dict:
     """Columns of a CSV or netCDF file by name; a column of texts in a CSV is left out.
 
     Raises InputError for a file that cannot be read.
@@ -98,6 +97,10 @@ def read_columns(path: Path) -> dict[str, np.ndarray]:
         from mi_lcair.formats import netcdf
 
         return netcdf.read_columns(path)
+    import numpy as np
+
+    from mi_lcair.table import read_table
+
     table = read_table(path, ())
     found = {}
     for name in table.columns:

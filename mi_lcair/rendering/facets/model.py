@@ -5,7 +5,7 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.models3d.label import Label
 from mi_lcair.models3d.model import Model
-from mi_lcair.rendering.facet_table import FacetTable
+from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.scene import Scene
 
 TYPES = {"model": "f", "sky": "s", "terrain": "t"}  # letters of labels

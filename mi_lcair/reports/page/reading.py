@@ -300,7 +300,7 @@ def facets_on_model(what: str, columns: dict, request: Request, band: str = "") 
     if request.scene is None:
         request.notes.append(f"{what}: give --scene SCENE to show the facets on its model")
         return facets_section(columns, band=known_band(band) if band else None)
-    from mi_lcair.rendering.facet_table import FacetTable
+    from mi_lcair.rendering.facets.table import FacetTable
     from mi_lcair.rendering.scene import scene_of
 
     scene = scene_of(request.scene, request.parameters)

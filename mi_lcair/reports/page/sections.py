@@ -293,7 +293,11 @@ def is_plain(value) -> bool:
 
 def table_page(result):
     """Title and sections of a result that has no panels of its own: its table."""
-    rows = [(words_of(name), value) for name, value in result.as_dict().items() if is_plain(value)]
+    rows = [
+        (words_of(name), value)
+        for name, value in result.as_dict().items()
+        if is_plain(value) and not name.endswith("time_s")  # a page tells no durations
+    ]
     title = result.kind.replace("_", " ").capitalize()
     pieces = [paragraph(result.summary()), long_table(result.columns())]
     return title, [Section(title, pieces), Section("How it was made", [facts(rows)])]

@@ -12,7 +12,7 @@ from mi_lcair.plugins.derivatives import nodes
 from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.paths.recording import OFF
-from mi_lcair.rendering.facet_table import FacetTable
+from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.scene import load
 from mi_lcair.rendering.views import Target, View, cameras
 from mi_lcair.signatures.facet_results import FacetSums

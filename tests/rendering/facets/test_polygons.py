@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import mi_lcair
-from mi_lcair.rendering.facet_table import FacetTable
 from mi_lcair.rendering.facets.polygons import FacetPolygons
+from mi_lcair.rendering.facets.table import FacetTable
 
 
 def newell(points) -> float:

@@ -9,7 +9,7 @@ import pytest
 import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.triangles import ABSENT
-from mi_lcair.rendering.facet_table import FacetTable
+from mi_lcair.rendering.facets.table import FacetTable
 
 SCENE = """<scene version="3.0.0"> <integrator type="bounce_path"/> \
 <sensor type="orthographic"/> {shapes} </scene>"""

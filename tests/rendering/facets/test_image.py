@@ -5,8 +5,8 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
-from mi_lcair.rendering.facet_image import facet_images, seen_facets
-from mi_lcair.rendering.facet_table import FacetTable
+from mi_lcair.rendering.facets.image import facet_images, seen_facets
+from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.table import read_table
 
 

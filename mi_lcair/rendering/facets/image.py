@@ -4,7 +4,7 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError, shown
-from mi_lcair.rendering.facet_table import FacetTable
+from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.table import Table
 
