@@ -76,7 +76,7 @@ night = mi_lcair.contrast("airliner.toml")
 night
 
 # %% [markdown]
-# The first panel is the airliner without air, in W/sr and µm. The hot exhausts dominate. In the
+# The first panel is the spectral intensity of the airliner, before the air. In the
 # second panel the air removes all of it near 4.3 µm, where carbon dioxide absorbs. The third panel
 # has the terms of the contrast.
 
