@@ -166,8 +166,8 @@ assert level.intensity_W_sr[180] > 5 * level.intensity_W_sr[0]
 # ## A check with one temperature
 #
 # Give all facets the same temperature and make them black. Then the intensity is Planck's radiance
-# times the projected area, toward every observer. This checks axes, normals and units of a model
-# in a few lines. `material` and `temperature` take the place of the table.
+# times the projected area, toward every observer. A facet that faces inward would be dark and break
+# this. `material` and `temperature` take the place of the table.
 
 # %%
 black = models3d.read("drone.obj", material="blackbody", temperature=300, forward="-Z", up="Y")

@@ -146,13 +146,13 @@ results = {
 pd.DataFrame(
     {
         light: {
-            "contrast (W/m²)": result.rows[-1].total.value,
-            "half of its 95 % interval (W/m²)": result.rows[-1].half_width,
+            "contrast (µW/m²)": 1e6 * result.rows[-1].total.value,
+            "half of its 95 % interval (µW/m²)": 1e6 * result.rows[-1].half_width,
             "detection range (m)": result.detection_ranges()[-1].largest_m,
         }
         for light, result in results.items()
     }
-).T
+).T.round(1)
 
 # %% [markdown]
 # With the sun at azimuth 60 a flat facet of the nose mirrors it to us. This glint raises the

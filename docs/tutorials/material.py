@@ -128,8 +128,9 @@ axis.legend()
 plt.show()
 
 # %% [markdown]
-# Both curves lie within 1.5 standard deviations of the measurement. The paint is nearly black from
-# the front, and loses emissivity toward grazing angles, as Fresnel's equations say.
+# Up to 80 degrees, both curves lie within 1.5 standard deviations of the measurement. The paint is
+# nearly black from the front, and loses emissivity toward grazing angles, as Fresnel's equations
+# say.
 #
 # ## Save the material
 #
