@@ -3,7 +3,7 @@
 #
 # At the end of this tutorial you know from how far two sensors see a landing airliner, by night
 # and by day: a detector that integrates its whole field of view, and a camera with pixels, blur
-# and noise. It takes twenty minutes to read, and the computer needs about fifteen seconds.
+# and noise. It takes twenty minutes to read, and the computer needs about twenty seconds.
 #
 # Everything goes into one TOML file, the scenario. Its first table names a scene and its
 # parameters, here a bundled airliner under a clear sky. Your own scene takes its place, such as
