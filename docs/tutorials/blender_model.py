@@ -114,7 +114,9 @@ np.testing.assert_allclose(facets.intensity_W_sr.sum(), signature.intensity, rto
 
 brightest = facets.iloc[0]
 planck = float(in_band_radiance(scene.band, 600.0))
-print(f"facet {brightest.facet}: {brightest.radiance_W_m2_sr:.2f} W m^-2 sr^-1, Planck {planck:.2f}")
+print(
+    f"facet {brightest.facet}: {brightest.radiance_W_m2_sr:.2f} W m^-2 sr^-1, Planck {planck:.2f}"
+)
 np.testing.assert_allclose(brightest.radiance_W_m2_sr, planck, rtol=1e-5)
 
 # %% [markdown]
