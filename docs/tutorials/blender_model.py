@@ -13,6 +13,7 @@
 # %%
 import os
 import shutil
+from pathlib import Path
 from importlib.resources import files
 from tempfile import TemporaryDirectory
 
@@ -33,7 +34,7 @@ os.chdir(folder.name)
 # names mean: a reflection model, a temperature, and a group whose share we want to know.
 
 # %%
-with open("drone.csv") as table:
+with Path("drone.csv").open() as table:
     print(table.read())
 
 # %%

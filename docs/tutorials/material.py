@@ -13,6 +13,7 @@
 # %%
 import os
 import shutil
+from pathlib import Path
 from importlib.resources import files
 from tempfile import TemporaryDirectory
 
@@ -34,7 +35,7 @@ os.chdir(folder.name)
 # them. `theta_r` is positive on the side of the mirror direction.
 
 # %%
-with open("paint.csv") as table:
+with Path("paint.csv").open() as table:
     print(*[next(table) for line in range(10)], sep="")
 
 # %%
