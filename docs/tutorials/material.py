@@ -13,8 +13,8 @@
 # %%
 import os
 import shutil
-from pathlib import Path
 from importlib.resources import files
+from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import matplotlib.pyplot as plt
