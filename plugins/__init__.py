@@ -2,7 +2,8 @@
 `sky_dome`, `bounce_path`.
 
 Mitsuba's base classes belong to the variant that is set while a class statement runs. The modules
-are therefore loaded again whenever the variant changes.
+are therefore loaded again for each further variant. Functions that other modules have imported
+find the classes of the current variant, because a module's names are replaced in place.
 """
 
 import importlib
@@ -43,6 +44,8 @@ MODULES = (
     "bounce_path",
 )
 
+_names: dict[str, dict[str, dict]] = {}  # names of each module, by variant
+
 
 def register() -> None:
     """Register the plugins for the current variant and for every variant that is set later.
@@ -58,15 +61,22 @@ def register() -> None:
 def define(old: str | None, new: str) -> None:
     """Load the plugins' modules under the variant `new`; a callback of Mitsuba.
 
-    Variants without derivatives get no plugins.
+    A variant that was set before gets its first classes again, which its loaded scenes and other
+    modules hold. Variants without derivatives get no plugins.
     """
     if "_ad_" not in new:
         return
-    for name in (f"{__name__}.{module}" for module in MODULES):
+    if new in _names:
+        for name, names in _names[new].items():
+            vars(sys.modules[name]).update(names)
+        return
+    modules = [f"{__name__}.{module}" for module in MODULES]
+    for name in modules:
         if name in sys.modules:
             importlib.reload(sys.modules[name])
         else:
             importlib.import_module(name)
+    _names[new] = {name: dict(vars(sys.modules[name])) for name in modules}
 
 
 register()

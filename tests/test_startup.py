@@ -325,6 +325,26 @@ def test_functions_that_take_scenes_stay_when_the_variant_changes():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("other", ["scalar_rgb", "llvm_ad_rgb"])
+@pytest.mark.parametrize("first", ["llvm_ad_mono", "llvm_ad_rgb"])
+def test_derivatives_after_another_variant(first, other):
+    """A scene that was loaded before keeps its surfaces and its derivatives."""
+    done = python(
+        f"import mitsuba as mi; mi.set_variant('{first}')\n"
+        "from mi_lcair.sensitivity.window import sensitivities\n"
+        "import mi_lcair; mi.set_variant('llvm_ad_mono')\n"
+        "scene = mi_lcair.load('two_plates', resolution=4)\n"
+        "names = [name for name in mi_lcair.parameters(scene) if 'blackbody' in name]\n"
+        "surfaces, before = len(scene.surfaces()), sensitivities(scene, names, spp=16)\n"
+        f"mi.set_variant('{other}'); mi.set_variant('llvm_ad_mono')\n"
+        "assert len(scene.surfaces()) == surfaces > 0\n"
+        "for again in (scene, mi_lcair.load('two_plates', resolution=4)):\n"
+        "    print(abs(sensitivities(again, names, spp=16).derivative - before.derivative).max())"
+    )
+    assert done.stdout.split() == ["0.0", "0.0"], done.stderr
+
+
+@pytest.mark.slow
 def test_plugins_imported_before_mitsuba():
     done = python(f"import mi_lcair.plugins, mitsuba as mi\nmi.load_dict({SANDFORD_ROBERTSON})")
     assert done.returncode == 0, done.stderr

@@ -10,12 +10,11 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.derivatives import own_memory
 from mi_lcair.plugins.emission.sources import spectra
+from mi_lcair.plugins.paths.column_kinds import MaterialColumn, SourceColumn
 from mi_lcair.plugins.paths.columns import (
     CELLS,
     SIZES,
     ColumnTables,
-    MaterialColumn,
-    SourceColumn,
     column_tables,
 )
 from mi_lcair.plugins.paths.launch import Launch

@@ -27,30 +27,12 @@ from mi_lcair.errors import InputError
 from mi_lcair.plugins.derivatives import nodes, own_memory
 from mi_lcair.plugins.emission.triangles import pointer_id
 from mi_lcair.plugins.paths.channels import add_to, entries
+from mi_lcair.plugins.paths.column_kinds import MaterialColumn
 from mi_lcair.plugins.paths.surface_slopes import Slopes, Vertex, kind_of, names_of, places_of
 
 # Numbers of columns of one launch. There are few, because each needs its own kernel.
 SIZES = (4, 8, 16, 32, 64)
 CELLS = 32  # cells along each side of the film that have their own mean incoming radiance
-
-
-@dataclass(frozen=True)
-class MaterialColumn:
-    """A parameter of a material. surfaces: all BSDFs that share it. parameter: its name."""
-
-    surfaces: tuple
-    parameter: str
-
-
-@dataclass(frozen=True)
-class SourceColumn:
-    """A parameter in which only the radiance of sources changes, such as a temperature.
-
-    relative: for each emitter the derivative of its radiance, divided by the radiance. It is one
-    number, or one for each facet.
-    """
-
-    relative: dict
 
 
 @dataclass
