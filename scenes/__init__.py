@@ -8,6 +8,7 @@ A scenario is a TOML file in the folder with its scene's name (mi_lcair/detectio
 first comment of the file is its title.
 """
 
+import os
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
@@ -64,6 +65,12 @@ def scenarios(name: str | None = None) -> list[str]:
     return sorted(
         f"{scene}/{file.stem}" for scene in folders for file in (FOLDER / scene).glob("*.toml")
     )
+
+
+def scene_in(folder: Path) -> Path | None:
+    """Return the scene in a folder that `import` wrote; None for anything else."""
+    file = folder / "scene.xml"
+    return file if os.path.isfile(file) else None  # also for a text too long to be a path
 
 
 def scenario_path(name: str) -> Path:

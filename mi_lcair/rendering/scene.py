@@ -172,6 +172,13 @@ class Scene:
 
 
 # What functions take for a scene: a loaded one, a bundled name, a file, or Mitsuba's own
+# Files that are named in place of a scene, by suffix, and what is done with them.
+MODEL_FILE = "it is a model, of which mi-lcair import makes a scene"
+NO_SCENES = dict.fromkeys((".obj", ".glb", ".gltf", ".ply", ".stl"), MODEL_FILE) | {
+    ".toml": "a scenario is for contrast, image and budget",
+    ".exr": "it is an image, which show and report take",
+}
+
 SceneLike = Scene | mi.Scene | str | PathLike[str]
 
 
@@ -181,8 +188,9 @@ def load(scene: str | PathLike[str] | mi.Scene, /, **parameters: object) -> Scen
     Parameters
     ----------
     scene : str, Path or mi.Scene
-        Path of the file, a name that `mi-lcair scenes` lists, or a scene that Mitsuba's functions
-        load_file, load_dict or load_string returned. Its integrator must be `bounce_path`.
+        Path of the file or of a folder that `mi-lcair import` wrote, a name that `mi-lcair scenes`
+        lists, or a scene that Mitsuba's functions load_file, load_dict or load_string returned. Its
+        integrator must be `bounce_path`.
     **parameters
         Values of the scene's $-parameters.
 
@@ -287,11 +295,15 @@ def parsed_and_checked(path: Path, texts: dict[str, str]) -> Scene:
 
 
 def find(scene: str | PathLike[str]) -> Path:
-    """The XML file of a path or a bundled scene's name."""
+    """The XML file of a path, of a folder that `import` wrote, or of a bundled scene's name."""
     path = Path(scene)
+    if str(scene) not in scenes.names() and (own := scenes.scene_in(path)):
+        return own
     if path.suffix or path.parent != Path("."):
         if not os.path.isfile(path):  # also False for a text too long to be a path
             raise InputError(f"scene '{scene}': no such file{hint(str(scene))}")
+        if path.suffix.lower() in NO_SCENES:
+            raise InputError(f"'{scene}' is no scene: {NO_SCENES[path.suffix.lower()]}")
         return path
     return scenes.path(str(scene))
 

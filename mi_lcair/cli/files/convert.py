@@ -153,7 +153,7 @@ def _facets(source, output, suffix, scene, parameters):
     from mi_lcair.table import read_table
 
     table = read_table(source, (FACET,))
-    facets = FacetTable(mi_lcair.load(sources.scene_in(Path(scene)) or scene, **parameters))
+    facets = FacetTable(mi_lcair.load(scene, **parameters))
     rows = by_facet(table, FACET, facets.count)  # also checks the numbers
     polygons = FacetPolygons.of(facets.triangles, facets.triangle_facet)
     polygons = polygons.only(np.isfinite(rows))
@@ -188,7 +188,7 @@ def _scene(source, output, suffix, parameters):
     from mi_lcair.rendering.facets.polygons import FacetPolygons
     from mi_lcair.rendering.facets.table import FacetTable
 
-    facets = FacetTable(mi_lcair.load(sources.scene_in(Path(source)) or source, **parameters))
+    facets = FacetTable(mi_lcair.load(source, **parameters))
     polygons = FacetPolygons.of(facets.triangles, facets.triangle_facet)
     columns = {
         "facet": np.arange(facets.count),

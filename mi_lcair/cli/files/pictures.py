@@ -42,7 +42,8 @@ def _outlines_of(file, header, shape, scene, parameters, sensor):
     from mi_lcair.rendering.facets.table import FacetTable
 
     scene = scene or header.get("scene", "")
-    if scene not in scenes.names() and not Path(scene).is_file():
+    place = Path(scene)
+    if scene not in scenes.names() and not place.is_file() and not scenes.scene_in(place):
         raise InputError(f"{file}: the scene of its facets is unknown; name it with --scene")
     given = loads(header.get("parameters", "{}")) | parameters
     loaded = mi_lcair.load(scene, **given)
@@ -69,7 +70,7 @@ def facet_columns(what, output, facets, channels, parameters, sensor, outlines, 
     chosen = choose(f"column of {facets}", table.columns, channels)
     output = output or facets.with_suffix(".png")
     check_writable(output)
-    scene = mi_lcair.load(sources.scene_in(Path(what)) or what, **dict(parameters))
+    scene = mi_lcair.load(what, **dict(parameters))
     images = facet_images(scene, table, chosen, sensor)
     if outlines:
         scale["outlines"] = seen_facets(scene, FacetTable(scene), sensor)
@@ -127,7 +128,7 @@ def scene(what, output, parameters):
 
     output = output or Path(f"{Path(what).stem}.png")
     check_writable(output)
-    loaded = mi_lcair.load(sources.scene_in(Path(what)) or what, **dict(parameters))
+    loaded = mi_lcair.load(what, **dict(parameters))
     found = model_of(loaded)
     write_figure(figure(found, f"{loaded.name}: {found.count} facets"), output)
     click.echo(output)

@@ -36,9 +36,9 @@ def kind_of(what: str, facet=None, facets=None, materials=None) -> str:
         return kind_of_table(path)
     if suffix in MODELS:
         return MODEL
-    if suffix == ".xml" or what in scenes.names() or scene_in(path):
+    if suffix == ".xml" or what in scenes.names() or scenes.scene_in(path):
         return SCENE
-    if suffix == ".toml":
+    if suffix == ".toml" or what in scenes.scenarios():
         return SCENARIO
     if suffix == ".json" or what in names(materials):
         return MATERIAL
@@ -46,12 +46,6 @@ def kind_of(what: str, facet=None, facets=None, materials=None) -> str:
         f"'{what}' is no {TAKEN}; scenes are {', '.join(scenes.names())}, "
         f"materials {', '.join(names(materials))}"
     )
-
-
-def scene_in(folder: Path) -> Path | None:
-    """The scene in a folder that `import` wrote; None for anything else."""
-    scene = folder / "scene.xml"
-    return scene if folder.is_dir() and scene.is_file() else None
 
 
 def kind_of_table(path: Path) -> str:

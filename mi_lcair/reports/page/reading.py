@@ -72,7 +72,7 @@ def kind_of(what: str) -> str:
     }
     if suffix in by_suffix:
         return by_suffix[suffix]
-    if what in scenes.names():
+    if what in scenes.names() or scenes.scene_in(Path(what)):
         return "scene"
     if what in scenes.scenarios():
         return "scenario"
