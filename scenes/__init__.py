@@ -8,6 +8,8 @@ A scenario is a TOML file in the folder with its scene's name (mi_lcair/detectio
 first comment of the file is its title.
 """
 
+import os
+from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
@@ -34,6 +36,15 @@ def path(name: str) -> Path:
     if name not in names():
         raise unknown("bundled scene", name, names())
     return FOLDER / f"{name}.xml"
+
+
+def in_folder(folder: str | PathLike[str]) -> Path | None:
+    """Return the scene in a folder that `mi-lcair import` wrote, and None for anything else.
+
+    The name of a bundled scene means that scene, also where a folder has the same name.
+    """
+    scene = Path(folder) / "scene.xml"
+    return scene if str(folder) not in names() and os.path.isfile(scene) else None
 
 
 def title(name: str) -> str:

@@ -7,7 +7,6 @@ from pathlib import Path
 import click
 
 import mi_lcair
-from mi_lcair.cli.files import sources
 from mi_lcair.cli.output import print_columns, print_json
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import check_writable
@@ -69,7 +68,7 @@ def facet_columns(what, output, facets, channels, parameters, sensor, outlines, 
     chosen = choose(f"column of {facets}", table.columns, channels)
     output = output or facets.with_suffix(".png")
     check_writable(output)
-    scene = mi_lcair.load(sources.scene_in(Path(what)) or what, **dict(parameters))
+    scene = mi_lcair.load(what, **dict(parameters))
     images = facet_images(scene, table, chosen, sensor)
     if outlines:
         scale["outlines"] = seen_facets(scene, FacetTable(scene), sensor)
@@ -97,11 +96,12 @@ def trend(what, output):
 def spectrum(what, output):
     """Draw the spectral intensity of a signature."""
     from mi_lcair.drawing import write_figure
+    from mi_lcair.formats.tables import read_columns
     from mi_lcair.reports.spectrum_plot import figure_of
 
     file = Path(what)
     output = output or file.with_suffix(".png")
-    write_figure(figure_of(sources.read_columns(file), file.stem), output)
+    write_figure(figure_of(read_columns(file), file.stem), output)
     click.echo(output)
 
 
@@ -127,7 +127,7 @@ def scene(what, output, parameters):
 
     output = output or Path(f"{Path(what).stem}.png")
     check_writable(output)
-    loaded = mi_lcair.load(sources.scene_in(Path(what)) or what, **dict(parameters))
+    loaded = mi_lcair.load(what, **dict(parameters))
     found = model_of(loaded)
     write_figure(figure(found, f"{loaded.name}: {found.count} facets"), output)
     click.echo(output)
