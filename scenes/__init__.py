@@ -9,6 +9,7 @@ first comment of the file is its title.
 """
 
 import os
+from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
@@ -35,6 +36,15 @@ def path(name: str) -> Path:
     if name not in names():
         raise unknown("bundled scene", name, names())
     return FOLDER / f"{name}.xml"
+
+
+def in_folder(folder: str | PathLike[str]) -> Path | None:
+    """Return the scene in a folder that `mi-lcair import` wrote, and None for anything else.
+
+    The name of a bundled scene means that scene, also where a folder has the same name.
+    """
+    scene = Path(folder) / "scene.xml"
+    return scene if str(folder) not in names() and os.path.isfile(scene) else None
 
 
 def title(name: str) -> str:
@@ -65,12 +75,6 @@ def scenarios(name: str | None = None) -> list[str]:
     return sorted(
         f"{scene}/{file.stem}" for scene in folders for file in (FOLDER / scene).glob("*.toml")
     )
-
-
-def scene_in(folder: Path) -> Path | None:
-    """Return the scene in a folder that `import` wrote; None for anything else."""
-    file = folder / "scene.xml"
-    return file if os.path.isfile(file) else None  # also for a text too long to be a path
 
 
 def scenario_path(name: str) -> Path:

@@ -26,6 +26,7 @@ from mi_lcair.detection.contrast import setting_of
 from mi_lcair.detection.scenario import Scenario, scenario_of
 from mi_lcair.errors import InputError
 from mi_lcair.formats import tiff
+from mi_lcair.formats.channels import column_of
 from mi_lcair.fraction import fraction
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import spectral_radiance
@@ -47,17 +48,6 @@ DIFFRACTION_K = 300.0
 COLDEST_K = 100.0
 MOST_FRAMES = 10_000
 BYTES_PER_PIXEL = 400  # memory for a pixel of the frame beside its counts [bytes]
-
-# Names of the channels as columns of a table, which end in the unit
-IMAGES = {
-    "apparent.Y": "apparent_radiance_W_m2_sr",
-    "electrons.Y": "electrons",
-    "counts.Y": "counts_of_first_frame",
-    "temperature.Y": "apparent_temperature_K",
-    "mean_temperature.Y": "mean_apparent_temperature_K",
-    "stderr_K.Y": "standard_error_K",
-    "noise_K.Y": "noise_K",
-}
 
 
 @dataclass(frozen=True, repr=False)
@@ -179,8 +169,8 @@ class Image(Result):
         _, height, width = self.counts.shape
         over = ("row", "column")
         return self.dataset(
-            {IMAGES[name]: (over, values) for name, values in self.channels.items()}
-            | {"counts": (("frame", *over), self.counts)},
+            {column_of(name): (over, values) for name, values in self.channels.items()}
+            | {"counts": (("frame", *over), self.counts)},  # of all frames
             {"row": ("row", np.arange(height)), "column": ("column", np.arange(width))},
         )
 

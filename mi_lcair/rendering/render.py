@@ -14,6 +14,7 @@ import numpy as np
 import mi_lcair
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.formats import tiff
+from mi_lcair.formats.channels import column_of
 from mi_lcair.fraction import fraction
 from mi_lcair.physics.atmosphere import Atmosphere
 from mi_lcair.physics.atmosphere import atmosphere as read_atmosphere
@@ -158,7 +159,7 @@ class Render(Result):
 
     def images(self) -> dict[str, np.ndarray]:
         """The channels, (H, W) each, by the names of their columns, which end in the unit."""
-        return {column_name(name): values for name, values in self.channels.items()}
+        return {column_of(name): values for name, values in self.channels.items()}
 
     def positions(self) -> dict[str, np.ndarray]:
         """Numbers of the pixels, and their centres [m] if the sensor is orthographic.
@@ -470,15 +471,7 @@ def write_tiff(path, render: Render, channel: str = "temperature.Y") -> None:
     """
     if channel not in render.channels:
         raise unknown(f"channel of the render of {render.scene_name}", channel, render.channels)
-    tiff.write(path, render.channels[channel], f"{column_name(channel)} of {render.scene_name}")
-
-
-def column_name(channel: str) -> str:
-    """Name of a channel of the radiance EXR as a column of a table, which ends in the unit."""
-    name = channel.removesuffix("Y").removesuffix(".") or "radiance"
-    if name in ("temperature", "range"):
-        return f"{name}_{'K' if name == 'temperature' else 'm'}"
-    return f"{'standard_error' if name == 'stderr' else name}_W_m2_sr"
+    tiff.write(path, render.channels[channel], f"{column_of(channel)} of {render.scene_name}")
 
 
 def image_channels(total: Totals, band: Band) -> dict[str, np.ndarray]:

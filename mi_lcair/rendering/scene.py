@@ -188,9 +188,9 @@ def load(scene: str | PathLike[str] | mi.Scene, /, **parameters: object) -> Scen
     Parameters
     ----------
     scene : str, Path or mi.Scene
-        Path of the file or of a folder that `mi-lcair import` wrote, a name that `mi-lcair scenes`
-        lists, or a scene that Mitsuba's functions load_file, load_dict or load_string returned. Its
-        integrator must be `bounce_path`.
+        Path of the file, or of the folder that `mi-lcair import` wrote; a name that `mi-lcair
+        scenes` lists; or a scene that Mitsuba's functions load_file, load_dict or load_string
+        returned. Its integrator must be `bounce_path`.
     **parameters
         Values of the scene's $-parameters.
 
@@ -297,8 +297,8 @@ def parsed_and_checked(path: Path, texts: dict[str, str]) -> Scene:
 def find(scene: str | PathLike[str]) -> Path:
     """The XML file of a path, of a folder that `import` wrote, or of a bundled scene's name."""
     path = Path(scene)
-    if str(scene) not in scenes.names() and (own := scenes.scene_in(path)):
-        return own
+    if in_folder := scenes.in_folder(scene):
+        return in_folder
     if path.suffix or path.parent != Path("."):
         if not os.path.isfile(path):  # also False for a text too long to be a path
             raise InputError(f"scene '{scene}': no such file{hint(str(scene))}")

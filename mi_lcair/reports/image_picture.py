@@ -8,22 +8,11 @@ import numpy as np
 
 from mi_lcair.drawing import new_figure, plain, write_figure
 from mi_lcair.errors import InputError, unknown
-from mi_lcair.formats import units
+from mi_lcair.formats.channels import has_value
+from mi_lcair.formats.channels import quantity_of as quantity_of_channel
+from mi_lcair.formats.units import quantity_of, unit_of
 from mi_lcair.reports.pictures.colour_scale import limits_of
 
-RADIANCE = r"W m$^{-2}$ sr$^{-1}$"
-QUANTITIES = {
-    "temperature": ("brightness temperature", "K"),
-    "range": ("range", "m"),
-    "stderr": ("standard error of radiance", RADIANCE),
-    "mean_temperature": ("apparent temperature without noise", "K"),
-    "stderr_K": ("standard error of the rendering", "K"),
-    "noise_K": ("noise of the camera", "K"),
-    "electrons": ("electrons", ""),
-    "counts": ("counts", ""),
-    "sigma": ("standard uncertainty of radiance", RADIANCE),
-    "d": ("derivative of radiance", f"{RADIANCE} per unit"),
-}
 NOTHING = {"grey": "0.6", "blue": "steelblue"}  # colours of pixels without a value
 LARGEST = 1e37  # largest value that is drawn; differences and ratios of larger ones overflow
 SMALLEST = 1e-45  # smaller values are drawn as 0, as in Float32
@@ -33,7 +22,8 @@ BAR = 0.15  # width of the colour bar, and its distance from the image, inches
 
 def channel_quantity(name: str) -> tuple[str, str]:
     """Quantity of a channel of a radiance image, and its unit."""
-    return QUANTITIES.get(name.split(".")[0], ("radiance", RADIANCE))
+    quantity, unit = quantity_of_channel(name)
+    return quantity, formula(unit)
 
 
 def column_quantity(name: str) -> tuple[str, str]:
@@ -41,10 +31,13 @@ def column_quantity(name: str) -> tuple[str, str]:
 
     The unit is "" for a number without one.
     """
-    unit = re.sub(
-        r"(-\d)", r"$^{\1}$", re.sub(r"(?<!-)(\d)", r"$^\1$", units.unit_of(name))
-    ).replace("um", "µm")
-    return units.quantity_of(name), unit
+    return quantity_of(name), formula(unit_of(name))
+
+
+def formula(unit: str) -> str:
+    """A unit of UDUNITS as a formula of Matplotlib."""
+    unit = re.sub(r"(-\d)", r"$^{\1}$", re.sub(r"(?<!-)(\d)", r"$^\1$", unit))
+    return unit.replace("um", "µm")
 
 
 def save_picture(path: str | Path, channels: dict[str, np.ndarray], *args, **options) -> None:
@@ -165,10 +158,8 @@ def drawable(name: str, values: np.ndarray) -> np.ndarray:
 
 def _has_value(name: str, values: np.ndarray, log: bool) -> np.ndarray:
     """Which pixels have a value that can be drawn."""
-    has_value = np.isfinite(values)
-    if name.split(".")[0] in ("temperature", "range"):
-        has_value &= values != 0
-    return has_value & (values > 0) if log else has_value
+    known = has_value(name, values)
+    return known & (values > 0) if log else known
 
 
 def _drawn(name: str, values: np.ndarray, log: bool) -> np.ndarray:
@@ -185,10 +176,10 @@ def _draw(panel, bar_axes, name, values, log, quantity, limits, cmap, window_m) 
     from matplotlib.ticker import MaxNLocator
 
     kind, (what, unit) = name.split(".")[0], quantity
-    has_value = _has_value(name, values, log)
+    with_value = _has_value(name, values, log)
     height, width = values.shape
     picture = panel.imshow(
-        np.ma.array(values, mask=~has_value),
+        np.ma.array(values, mask=~with_value),
         norm=(LogNorm if log else Normalize)(limits.lower, limits.upper),
         aspect="auto",
         cmap=cmap or ("viridis" if kind in ("range", "stderr") else "inferno"),
@@ -199,7 +190,7 @@ def _draw(panel, bar_axes, name, values, log, quantity, limits, cmap, window_m) 
     # Grey cannot mean "no value" where it is a colour of the scale
     nothing = "blue" if np.ptp(picture.cmap(0.5)[:3]) < 0.1 else "grey"
     panel.set_facecolor(NOTHING[nothing])
-    remarks = [] if has_value.all() else [f"{nothing}: no value"]
+    remarks = [] if with_value.all() else [f"{nothing}: no value"]
     remarks += filter(None, [limits.remark])
     across, along = ("column (pixel)", "row (pixel)") if window_m is None else ("x (m)", "y (m)")
     panel.set_xlabel("; ".join([across, *remarks]), fontsize=8)

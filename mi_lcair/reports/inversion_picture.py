@@ -3,7 +3,8 @@
 import numpy as np
 
 from mi_lcair.drawing import new_figure, plain, write_figure
-from mi_lcair.reports.image_picture import RADIANCE
+from mi_lcair.formats.channels import RADIANCE
+from mi_lcair.reports.image_picture import formula
 
 SIDE = 2.9  # width of a panel, inches
 MOST_ROWS = 12  # data that are drawn
@@ -58,7 +59,7 @@ def _draw_image(part, fitted) -> None:
         drawn = panel.imshow(image, vmin=low, vmax=high, cmap="inferno")
         panel.set_title(title, fontsize=9)
     bar = part.colorbar(drawn, ax=[measured, predicted], shrink=0.85, extend="both", pad=0.01)
-    bar.set_label(f"radiance ({RADIANCE})", fontsize=8)
+    bar.set_label(f"radiance ({formula(RADIANCE)})", fontsize=8)
     drawn = residual.imshow(fitted.residual, vmin=-SIGMAS, vmax=SIGMAS, cmap="RdBu_r")
     rms = np.sqrt(np.nanmean(fitted.residual**2))
     residual.set_title(f"measured - predicted, rms {rms:.2f}", fontsize=9)

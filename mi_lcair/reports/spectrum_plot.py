@@ -25,7 +25,8 @@ def figure_of(columns: dict[str, np.ndarray], title: str):
         if name.endswith("_W_sr_um")
     }
     figure = new_figure((11, 4.5), layout="constrained")
-    for panel, part in zip(figure.subplots(1, 2), PARTS):
+    parts = [part for part in PARTS if part in intensities]
+    for panel, part in zip(figure.subplots(1, len(parts), squeeze=False)[0], parts):
         panel.plot(wavelengths, intensities[part], color="black", linewidth=1.5, label="total")
         for name, values in intensities.items():
             if name.startswith(f"{part}.") and values.any():

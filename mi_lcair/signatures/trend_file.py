@@ -12,12 +12,12 @@ import numpy as np
 
 from mi_lcair.errors import InputError, escaped, printable
 from mi_lcair.files import check_writable, read_text, replacing
-from mi_lcair.formats import netcdf
+from mi_lcair.formats import netcdf, tables
 from mi_lcair.formats.csv import cell
 from mi_lcair.rendering.views import View
 from mi_lcair.table import read_table, safe_cell
 
-NEEDED = ("azimuth_deg", "elevation_deg", "intensity_W_sr")
+NEEDED = tables.KNOWN_BY[tables.TREND]
 
 
 def beside(path: Path) -> Path:

@@ -137,7 +137,7 @@ def test_results_in_memory_are_saved_as_pages(folder):
         ('{"kind": "fit"}', "a.json", "an incomplete fit"),
         ('{"kind": "fit", "materials": {}}', "a.json", "an incomplete fit"),
         ("azimuth_deg,elevation_deg,intensity_W_sr\n", "a.csv", "no rows of data"),
-        ("azimuth_deg,elevation_deg,intensity_W_sr\n0,0,x\n", "a.csv", "must hold numbers"),
+        ("azimuth_deg,elevation_deg,intensity_W_sr\n0,0,x\n", "a.csv", "is not a number"),
         ("a,b\n1,2\n", "a.csv", "neither a trend"),
         ("", "a.csv", "a.csv"),
         ("[target]\n", "a.toml", "a.toml"),

@@ -103,16 +103,16 @@ def _image(source, output, suffix, channel):
     import numpy as np
 
     from mi_lcair.formats import netcdf, tiff
+    from mi_lcair.formats.channels import column_of, quantity_of
     from mi_lcair.rendering.image import read_exr, window_of
-    from mi_lcair.rendering.render import column_name
 
     channels, header = read_exr(source)
     if suffix != ".nc":
         if channel not in channels:
             raise unknown("channel", channel, channels)
-        what = {"temperature": "K", "range": "m"}.get(channel.split(".")[0], "W m^-2 sr^-1")
-        own = what if "units" in header or "band" in header else "units of the image"
-        tiff.write(output, channels[channel], f"{channel}, {own}")
+        is_own = "units" in header or "band" in header
+        unit = quantity_of(channel)[1] if is_own else "units of the image"
+        tiff.write(output, channels[channel], ", ".join(filter(None, (channel, unit))))
         return
     from mi_lcair.extras import optional
 
@@ -122,7 +122,7 @@ def _image(source, output, suffix, channel):
     if window_m := window_of(header):
         coordinates["x_m"] = ("column", ((np.arange(width) + 0.5) / width - 0.5) * window_m[0])
         coordinates["y_m"] = ("row", (0.5 - (np.arange(height) + 0.5) / height) * window_m[1])
-    names = {name: column_name(name) if "band" in header else name for name in channels}
+    names = {name: column_of(name) if "band" in header else name for name in channels}
     dataset = xarray.Dataset(
         {names[name]: (("row", "column"), values) for name, values in channels.items()},
         coordinates,
@@ -134,8 +134,9 @@ def _image(source, output, suffix, channel):
 def _table(source, output, suffix):
     """A table of this project from CSV to netCDF or back."""
     from mi_lcair.formats import csv, netcdf
+    from mi_lcair.formats.tables import read_columns
 
-    columns = sources.read_columns(Path(source))
+    columns = read_columns(source)
     if suffix == ".csv":
         csv.write(output, columns)
     else:
@@ -147,6 +148,7 @@ def _facets(source, output, suffix, scene, parameters):
     import numpy as np
 
     from mi_lcair.formats import vtk
+    from mi_lcair.formats.tables import read_columns
     from mi_lcair.rendering.facets.image import FACET, by_facet
     from mi_lcair.rendering.facets.polygons import FacetPolygons
     from mi_lcair.rendering.facets.table import FacetTable
@@ -157,7 +159,7 @@ def _facets(source, output, suffix, scene, parameters):
     rows = by_facet(table, FACET, facets.count)  # also checks the numbers
     polygons = FacetPolygons.of(facets.triangles, facets.triangle_facet)
     polygons = polygons.only(np.isfinite(rows))
-    columns = sources.read_columns(Path(source))
+    columns = read_columns(source)
     row = np.zeros(facets.count, int)
     row[columns[FACET].astype(int)] = np.arange(len(columns[FACET]))
     columns[FACET] = columns[FACET].astype(int)

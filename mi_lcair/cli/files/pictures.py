@@ -7,7 +7,6 @@ from pathlib import Path
 import click
 
 import mi_lcair
-from mi_lcair.cli.files import sources
 from mi_lcair.cli.output import print_columns, print_json
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import check_writable
@@ -43,7 +42,7 @@ def _outlines_of(file, header, shape, scene, parameters, sensor):
 
     scene = scene or header.get("scene", "")
     place = Path(scene)
-    if scene not in scenes.names() and not place.is_file() and not scenes.scene_in(place):
+    if scene not in scenes.names() and not place.is_file() and not scenes.in_folder(place):
         raise InputError(f"{file}: the scene of its facets is unknown; name it with --scene")
     given = loads(header.get("parameters", "{}")) | parameters
     loaded = mi_lcair.load(scene, **given)
@@ -98,11 +97,12 @@ def trend(what, output):
 def spectrum(what, output):
     """Draw the spectral intensity of a signature."""
     from mi_lcair.drawing import write_figure
+    from mi_lcair.formats.tables import read_columns
     from mi_lcair.reports.spectrum_plot import figure_of
 
     file = Path(what)
     output = output or file.with_suffix(".png")
-    write_figure(figure_of(sources.read_columns(file), file.stem), output)
+    write_figure(figure_of(read_columns(file), file.stem), output)
     click.echo(output)
 
 

@@ -1,9 +1,9 @@
-"""Kinds of files and names that `show` and `convert` take, and the reading of tables."""
+"""Kinds of files and names that `show` and `convert` take."""
 
 from pathlib import Path
 
 from mi_lcair.errors import InputError
-from mi_lcair.files import read_text
+from mi_lcair.formats import tables
 
 # Kinds, as messages name them
 IMAGE, TREND, SPECTRUM = "an image", "a trend", "a spectrum"
@@ -36,7 +36,7 @@ def kind_of(what: str, facet=None, facets=None, materials=None) -> str:
         return kind_of_table(path)
     if suffix in MODELS:
         return MODEL
-    if suffix == ".xml" or what in scenes.names() or scenes.scene_in(path):
+    if suffix == ".xml" or what in scenes.names() or scenes.in_folder(path):
         return SCENE
     if suffix == ".toml" or what in scenes.scenarios():
         return SCENARIO
@@ -49,58 +49,14 @@ def kind_of(what: str, facet=None, facets=None, materials=None) -> str:
 
 
 def kind_of_table(path: Path) -> str:
-    """TREND, SPECTRUM or FACETS, by the names of the columns of a CSV or netCDF file.
+    """TREND or SPECTRUM, by the columns of a CSV or netCDF file.
 
     Raises InputError for another table.
     """
-    names = columns_of(path)
-    if {"azimuth_deg", "elevation_deg", "intensity_W_sr"} <= set(names):
-        return TREND
-    if {"wavelength_um", "target_W_sr_um", "scene_W_sr_um"} <= set(names):
-        return SPECTRUM
-    if "facet" in names:
+    kind = tables.kind_of(path, tables.read_columns(path))
+    if kind == tables.FACETS:
         raise InputError(
             f"'{path}' is a table of facets; name its scene: mi-lcair show SCENE --facets {path} "
             "-c COLUMN"
         )
-    raise InputError(
-        f"'{path}' is no table of a trend (azimuth_deg, elevation_deg, intensity_W_sr) and no "
-        "spectrum of a signature (wavelength_um, target_W_sr_um, scene_W_sr_um)"
-    )
-
-
-def columns_of(path: Path) -> list[str]:
-    """Names of the columns of a CSV file, or of the variables of a netCDF file."""
-    if path.suffix.lower() == ".nc":
-        return list(read_columns(path))
-    from mi_lcair.table import column_names
-
-    lines = read_text(path).splitlines()
-    first = next((n for n, line in enumerate(lines) if line.strip() and line[0] != "#"), None)
-    if first is None:
-        raise InputError(f"{path}: holds no table")
-    return column_names(str(path), first + 1, lines[first], ("azimuth_deg", "intensity_W_sr"))[0]
-
-
-def read_columns(path: Path) -> dict:
-    """Columns of a CSV or netCDF file by name; a column of texts in a CSV is left out.
-
-    Raises InputError for a file that cannot be read.
-    """
-    if path.suffix.lower() == ".nc":
-        from mi_lcair.formats import netcdf
-
-        return netcdf.read_columns(path)
-    import numpy as np
-
-    from mi_lcair.table import read_table
-
-    table = read_table(path, ())
-    found = {}
-    for name in table.columns:
-        try:
-            found[name] = table.numbers([name], may_lack=True)[name]
-        except InputError:
-            place = table.columns.index(name)
-            found[name] = np.array([cells[place] for _, cells in table.rows])
-    return found
+    return {tables.TREND: TREND, tables.SPECTRUM: SPECTRUM}[kind]

@@ -2,25 +2,13 @@
 
 import numpy as np
 
+from mi_lcair.formats.channels import has_value, quantity_of
 from mi_lcair.reports.page.arrays import rounded
 from mi_lcair.reports.page.page import Panel
+from mi_lcair.reports.page.tables import written
+from mi_lcair.reports.pictures.colour_scale import LOG_DECADES
 
-RADIANCE = "W m⁻² sr⁻¹"
-# Quantity and unit of a channel, by the first part of its name.
-QUANTITIES = {
-    "temperature": ("brightness temperature", "K"),
-    "range": ("range", "m"),
-    "stderr": ("standard error of radiance", RADIANCE),
-    "mean_temperature": ("apparent temperature without noise", "K"),
-    "stderr_K": ("standard error of the rendering", "K"),
-    "noise_K": ("noise of the camera", "K"),
-    "electrons": ("electrons", ""),
-    "counts": ("counts", ""),
-    "sigma": ("standard uncertainty of radiance", RADIANCE),
-    "d": ("derivative of radiance", f"{RADIANCE} per unit"),
-}
 LOW, HIGH = 0.005, 0.995  # quantiles of the pixels that are the default limits of a scale
-LOG_DECADES = 6  # largest extent of a logarithmic scale
 SEEN = "seen."
 WHOLE = slice(None), slice(None)  # all rows and columns
 
@@ -86,18 +74,16 @@ def around_target(channels: dict) -> tuple[slice, slice]:
 
 
 def quantity(name: str) -> tuple[str, str]:
-    """Quantity of a channel of a radiance image, and its unit."""
-    return QUANTITIES.get(name.split(".")[0], ("radiance", RADIANCE))
+    """Quantity of a channel of a radiance image, and its unit as people write it."""
+    words, unit = quantity_of(name)
+    return words, written(unit)
 
 
 def with_gaps(name: str, pixels: np.ndarray) -> np.ndarray:
     """The pixels of a channel with NaN for those without a value."""
     # As the page holds them, so that limits and pixels are rounded alike
     pixels = rounded(np.asarray(pixels)).reshape(pixels.shape).astype(np.float64)
-    has_value = np.isfinite(pixels)
-    if name.split(".")[0] in ("temperature", "range"):
-        has_value &= pixels != 0
-    return np.where(has_value, pixels, np.nan)
+    return np.where(has_value(name, pixels), pixels, np.nan)
 
 
 def limits(values: np.ndarray, log: bool = False, weights=None) -> tuple[float, float]:

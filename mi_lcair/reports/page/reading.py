@@ -10,9 +10,9 @@ import numpy as np
 from mi_lcair import scenes
 from mi_lcair.errors import InputError
 from mi_lcair.files import read_bytes, read_text
+from mi_lcair.formats import tables
 from mi_lcair.reports.page.page import Section
 from mi_lcair.reports.page.sections import (
-    SPECTRAL,
     facets_section,
     image_sections,
     intensity_section,
@@ -22,14 +22,15 @@ from mi_lcair.reports.page.sections import (
     trend_sections,
 )
 from mi_lcair.reports.page.tables import facts, heading, table, unpacked, words_of
+from mi_lcair.signatures.trend import Trend
 from mi_lcair.signatures.trend_file import beside
-from mi_lcair.table import lines_of, read_table
+from mi_lcair.table import lines_of
 
 TAKEN = (
     "report takes a radiance image (.exr), a signature's or a fit's .json, the .csv of a trend, of "
-    "facets or of a spectrum, a scene (.xml or bundled name) and a scenario (.toml or bundled name)"
+    "facets or of a spectrum, a scene (.xml, bundled name or the folder of an import) and a "
+    "scenario (.toml or bundled name)"
 )
-TREND = ("azimuth_deg", "elevation_deg", "intensity_W_sr")
 
 
 @dataclass
@@ -72,7 +73,7 @@ def kind_of(what: str) -> str:
     }
     if suffix in by_suffix:
         return by_suffix[suffix]
-    if what in scenes.names() or scenes.scene_in(Path(what)):
+    if what in scenes.names() or scenes.in_folder(what):
         return "scene"
     if what in scenes.scenarios():
         return "scenario"
@@ -208,31 +209,12 @@ def data_of(what: str, report: dict):
 
 
 def csv_file(what: str, request: Request):
-    """The table of a trend, of facets or of a spectrum, as its header says."""
-    columns = read_columns(what)
-    names = set(columns)
-    if set(TREND) <= names:
-        return trend(what, columns)
-    if "facet" in names:
+    """The table of a trend, of facets or of a spectrum, as its columns say."""
+    columns = tables.read_columns(what)
+    kind = tables.kind_of(what, columns)
+    if kind == tables.FACETS:
         return facets(what, columns, request)
-    if "wavelength_um" in names and any(name.endswith(SPECTRAL) for name in names):
-        return spectrum(what, columns)
-    raise InputError(
-        f"'{what}': the header names neither a trend ({', '.join(TREND)}), nor facets (facet), nor "
-        f"a spectrum (wavelength_um, target{SPECTRAL}); found: {', '.join(columns)}"
-    )
-
-
-def read_columns(what: str) -> dict[str, np.ndarray]:
-    """The columns of a CSV file: numbers, NaN for what is missing, or texts."""
-    read = read_table(what, ())
-    columns = {}
-    for place, name in enumerate(read.columns):
-        try:
-            columns[name] = read.numbers([name], may_lack=True)[name]
-        except InputError:
-            columns[name] = np.array([cells[place] for _, cells in read.rows], dtype=object)
-    return columns
+    return trend(what) if kind == tables.TREND else spectrum(what, columns)
 
 
 def made_rows(what: str) -> list[tuple[str, object]]:
@@ -260,20 +242,19 @@ def numeric(what: str, columns: dict, needed) -> dict[str, np.ndarray]:
     return numbers
 
 
-def trend(what: str, columns: dict):
+def trend(what: str):
     """A trend's CSV."""
-    columns = numeric(what, columns, TREND)
+    read = Trend.read(what)
     made = dict(made_rows(what))
-    sections = trend_sections(columns, str(made.get("band", "not stated beside the file")))
+    band = read.band or str(made.get("band", "not stated beside the file"))
+    sections = trend_sections(read.columns(), band)
     sections.append(Section("How it was made", [facts([*of_file(what), *made.items()])]))
     return f"Trend of {made['scene']}" if "scene" in made else f"Trend ({what})", sections
 
 
 def spectrum(what: str, columns: dict):
     """A spectrum's CSV."""
-    columns = numeric(what, columns, ("wavelength_um",))
-    if not {f"target{SPECTRAL}", f"scene{SPECTRAL}"} & columns.keys():
-        raise InputError(f"'{what}': needs a column target{SPECTRAL} or scene{SPECTRAL}")
+    columns = numeric(what, columns, tables.KNOWN_BY[tables.SPECTRUM])
     made = [*of_file(what), *made_rows(what)]
     return f"Spectrum ({Path(what).name})", [
         spectrum_section(columns),

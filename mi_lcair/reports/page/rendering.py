@@ -55,18 +55,10 @@ def of_scene(what, request: Request):
 def signature_of(scene, request: Request, planned) -> list[Section]:
     """Sections of a scene's signature, with its facets and, in a band with limits, its spectrum."""
     options = {"by_spectrum": not scene.band.is_total, "facets": True}
-    sampling, sensor = dict(request.sampling), request.sampling.get("sensor", 0)
-    if planned:
-        sampling["tolerance"] = planned.noise_tolerance
-    if "tolerance" in sampling:
-        sampling.pop("spp", None)
-    call = lambda: mi_lcair.signature(scene, **sampling, **options, progress=request.progress)
-    if planned:
-        with planned.applied(scene):
-            result = call()
-    else:
-        result = call()
-    return signature_sections(result, scene, sensor)
+    result = mi_lcair.signature(
+        scene, **request.sampling, **options, plan=planned, progress=request.progress
+    )
+    return signature_sections(result, scene, request.sampling.get("sensor", 0))
 
 
 def audit_of(scene, request: Request) -> list[Section]:

@@ -19,13 +19,16 @@ SUPERSCRIPT = str.maketrans("-123456789", "⁻¹²³⁴⁵⁶⁷⁸⁹")
 
 def heading(name: str) -> tuple[str, str]:
     """Words and unit of a column or entry from its name, such as ("intensity", "W sr⁻¹")."""
-    return quantity_of(name), " ".join(map(written, unit_of(name).split()))
+    return quantity_of(name), written(unit_of(name))
 
 
 def written(unit: str) -> str:
-    """A part of a unit as people write it, such as "sr⁻¹" for "sr-1"."""
-    base, minus, power = unit.partition("-")
-    return WRITTEN.get(base, base) + (minus + power).translate(SUPERSCRIPT)
+    """A unit of UDUNITS as people write it, such as "W sr⁻¹" for "W sr-1"."""
+    parts = (part.partition("-") for part in unit.split())
+    return " ".join(
+        WRITTEN.get(base, base) + (minus + power).translate(SUPERSCRIPT)
+        for base, minus, power in parts
+    )
 
 
 def words_of(name: str) -> str:

@@ -1,0 +1,45 @@
+"""Channels of radiance images: what they hold, in which unit, and where they have no value."""
+
+import numpy as np
+
+from mi_lcair.formats.units import UNITS
+
+RADIANCE = "W m-2 sr-1"
+# Quantity and UDUNITS unit by the beginning of a channel's name. Other channels are radiances.
+CHANNELS = {
+    "temperature": ("brightness temperature", "K"),
+    "range": ("range", "m"),
+    "stderr": ("standard error of radiance", RADIANCE),
+    "stderr.d": ("standard error of derivative", f"{RADIANCE} per unit"),
+    "mean_temperature": ("apparent temperature without noise", "K"),
+    "stderr_K": ("standard error of the rendering", "K"),
+    "noise_K": ("noise of the camera", "K"),
+    "electrons": ("electrons", ""),
+    "counts": ("counts", ""),
+    "sigma": ("standard uncertainty of radiance", RADIANCE),
+    "d": ("derivative of radiance", f"{RADIANCE} per unit"),
+}
+EMPTY_AT_0 = ("temperature", "range")  # channels in which 0 means that nothing was hit
+ENDS = {unit: end for end, unit in UNITS.items()}  # ends of columns' names by unit
+
+
+def quantity_of(channel: str) -> tuple[str, str]:
+    """Quantity of a channel of a radiance image in words, and its unit as UDUNITS writes it."""
+    first, *rest = channel.split(".")
+    radiance = ("radiance", RADIANCE)
+    return CHANNELS.get(".".join([first, *rest[:1]]), CHANNELS.get(first, radiance))
+
+
+def column_of(channel: str) -> str:
+    """Name of a channel as a column of a table, which ends in the unit if that has an end."""
+    name = channel.removesuffix("Y").removesuffix(".") or "radiance"
+    if name.startswith("stderr"):
+        name = name.replace("stderr", "standard_error", 1)
+    end = ENDS.get(quantity_of(channel)[1], "")
+    return name.removesuffix(end) + end
+
+
+def has_value(channel: str, values: np.ndarray) -> np.ndarray:
+    """Which pixels of a channel have a value. NaN and infinite values are none."""
+    known = np.isfinite(values)
+    return known & (values != 0) if channel.split(".")[0] in EMPTY_AT_0 else known
