@@ -16,8 +16,8 @@ from tqdm import tqdm
 import mi_lcair
 from docs.studies.landing import CASES, number
 from docs.studies.page import write_page
-from mi_lcair.camera.image import Image
-from mi_lcair.detection.contrast import Contrast
+from mi_lcair.camera.image_result import Image
+from mi_lcair.detection.contrast_result import Contrast
 from mi_lcair.detection.irradiance import TERMS, Estimate
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.drawing import drawing

@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 import mi_lcair
 from docs.studies.page import write_page
-from mi_lcair.detection.contrast import Contrast
+from mi_lcair.detection.contrast_result import Contrast
 from mi_lcair.detection.irradiance import Estimate, Irradiance
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.drawing import drawing

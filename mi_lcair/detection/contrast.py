@@ -7,30 +7,26 @@ effective areas.
 
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
 from os import PathLike
-from typing import ClassVar
 
 import numpy as np
 
-from mi_lcair.detection.detection_range import DetectionRange, detection_range
+from mi_lcair.detection.contrast_result import Contrast, Row
 from mi_lcair.detection.irradiance import Backdrop, Estimate, Irradiance
-from mi_lcair.detection.line_of_sight import Sight, backdrop
 from mi_lcair.detection.scenario import Sampling, Scenario, scenario_of
+from mi_lcair.detection.setting import setting_of
 from mi_lcair.errors import InputError
 from mi_lcair.fraction import fraction
 from mi_lcair.physics.atmosphere import Atmosphere, LineOfSight
 from mi_lcair.physics.detector import Detector
-from mi_lcair.plugins.emission.one_sun import check_fits, one_sun
+from mi_lcair.plugins.emission.one_sun import one_sun
 from mi_lcair.progress import Progress
-from mi_lcair.rendering.loading.files import survey
-from mi_lcair.rendering.scene import Scene, find, load
+from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.statistics import invalid_remark
-from mi_lcair.rendering.views import Target, View, hidden_share, seen_from
-from mi_lcair.results import Result
-from mi_lcair.sensitivity.solution_file import apply_solution
-from mi_lcair.signatures.signature import Signature, signature
+from mi_lcair.rendering.views import Target, hidden_share
+from mi_lcair.signatures.signature import signature
+from mi_lcair.signatures.signature_result import Signature
 
 THERMAL_UM = 5.0  # wavelength from which on a sky scatters no sunlight worth mentioning, um
 SIGNIFICANT = 3  # standard errors by which a contrast must differ from zero
@@ -45,236 +41,6 @@ REMEDIES = {
     False: "no fraction of zero can be reached, so give tolerance_W_m2 of [render]",
 }
 NEAR = 10  # range, in radii of the target, below which rays to the observer are not parallel
-
-
-@dataclass(frozen=True)
-class Row:
-    """Contrast of a target, rendered with one number of reflections.
-
-    Irradiances are at the aperture and weighted with the response of the detector.
-
-    Attributes
-    ----------
-    max_bounces : int
-        Number of reflections.
-    intensity : Estimate
-        Intensity of the target before the air, W/sr (3.13).
-    target : Estimate
-        Apparent irradiance of the target, W m^-2 (3.16).
-    path : Estimate
-        Irradiance of the air before the target, W m^-2.
-    background : Estimate
-        Irradiance of the background that the target hides, W m^-2.
-    total : Estimate
-        Contrast, W m^-2, positive or negative (3.19).
-    half_width : float
-        Half of the 95 % interval of the contrast, W m^-2.
-    reached : bool or None
-        Whether the half width is within a tolerance; None without one.
-    nei_max : Estimate
-        Largest noise-equivalent irradiance that detects the target, W m^-2, behind the optics
-        (3.14).
-    projected_area : Estimate
-        Projected area of the target, m^2.
-    solid_angle : float
-        Solid angle of the target, sr (3.17).
-    observed : float or None
-        Irradiance of the field of view with the target, W m^-2 (3.18). None without a field of
-        view, or if the target may overfill it.
-    detected : bool or None
-        Whether the target is detected; None without a nei.
-    irradiance : Irradiance
-        Irradiances of the target at any range.
-    """
-
-    max_bounces: int
-    intensity: Estimate
-    target: Estimate
-    path: Estimate
-    background: Estimate
-    total: Estimate
-    half_width: float
-    reached: bool | None
-    nei_max: Estimate
-    projected_area: Estimate
-    solid_angle: float
-    observed: float | None
-    detected: bool | None
-    irradiance: Irradiance = field(repr=False)
-
-    def estimates(self) -> dict[str, Estimate]:
-        """Values with standard errors by name with the unit, in the order of the console's table.
-
-        They are those of the attributes of the same names.
-        """
-        return {
-            "intensity_W_sr": self.intensity,
-            "target_W_m2": self.target,
-            "background_W_m2": self.background,
-            "path_W_m2": self.path,
-            "total_W_m2": self.total,
-            "nei_max_W_m2": self.nei_max,
-            "projected_area_m2": self.projected_area,
-        }
-
-    def numbers(self) -> dict:
-        """The other entries by name with the unit, such as half_width_W_m2."""
-        return {
-            "half_width_W_m2": self.half_width,
-            "solid_angle_sr": self.solid_angle,
-            "observed_W_m2": self.observed,
-            "reached": self.reached,
-            "detected": self.detected,
-        }
-
-    def as_dict(self) -> dict:
-        """The row as a dictionary, for JSON."""
-        estimates = {name: value._asdict() for name, value in self.estimates().items()}
-        return {"max_bounces": self.max_bounces, **estimates, **self.numbers()}
-
-
-@dataclass(frozen=True, repr=False)
-class Contrast(Result):
-    """Contrast of a scenario.
-
-    Attributes
-    ----------
-    scenario : Scenario
-        Scenario as it was read.
-    detector : Detector
-        Detector of the sensor.
-    air : Atmosphere
-        Atmosphere of the scenario.
-    path : LineOfSight
-        Path from the target to the sensor.
-    sight_elevation_deg : float
-        Elevation of the line of sight, degrees, upward from the sensor.
-    observer_height_m, target_height_m : float or None
-        Heights above the ground, m. None where neither the scenario nor its air states them.
-    background_name : str
-        Name of the background.
-    transmittance : float
-        Mean transmittance of the path in the band.
-    path_radiance, background_radiance : float
-        Radiance of the path and of the background, W m^-2 sr^-1, weighted with the response.
-    no_target : float or None
-        Irradiance of the background in the whole field of view, W m^-2 (3.15). None without a field
-        of view.
-    radius_m : float
-        Radius of the sphere that holds the target, m.
-    rows : list of Row
-        One row for each number of reflections.
-    remarks : list of str
-        Limits of the results, one line each.
-    seconds : float
-        Time of the calculation, s.
-    """
-
-    scenario: Scenario
-    detector: Detector
-    air: Atmosphere
-    path: LineOfSight
-    sight_elevation_deg: float
-    observer_height_m: float | None
-    target_height_m: float | None
-    background_name: str
-    transmittance: float
-    path_radiance: float
-    background_radiance: float
-    no_target: float | None
-    radius_m: float
-    rows: list[Row]
-    remarks: list[str]
-    seconds: float
-
-    kind: ClassVar[str] = "contrast"
-    drawn_by: ClassVar[str] = "mi_lcair.reports.contrast_plot:figure"
-
-    @property
-    def reached(self) -> bool | None:
-        """Whether all rows have reached a tolerance; None without one."""
-        return all(row.reached for row in self.rows) if self.scenario.render.has_tolerance else None
-
-    def detection_ranges(self) -> list[DetectionRange]:
-        """Detection range of each row, along the line of sight. Raises InputError without a nei."""
-        return [
-            detection_range(row.irradiance, self.detector, self.air, self.radius_m)
-            for row in self.rows
-        ]
-
-    def summary(self) -> str:
-        """One line with the contrast of the last row and its 95 % interval."""
-        row = self.rows[-1]
-        detected = {None: "", True: ", detected", False: ", not detected"}[row.detected]
-        return (
-            f"contrast of {self.scenario.name}, {self.detector.band.label}: {row.total.value:.5g} "
-            f"+- {row.half_width:.2g} W m^-2 (95 %) at {self.path.range_m:.6g} m, up to "
-            f"{row.max_bounces} reflections{detected}"
-        )
-
-    def entries(self) -> dict:
-        """Entries for JSON: the scenario as it was read, the results, the rows, and the spectra.
-
-        The spectra are those of the last row.
-        """
-        render = self.scenario.render
-        return {
-            "scenario_name": self.scenario.name,
-            "scenario": asdict(self.scenario),
-            "band": self.detector.band.label,
-            "range_m": self.path.range_m,
-            "atmosphere": self.air.name,
-            "background": self.background_name,
-            "tolerance": render.tolerance,
-            "tolerance_W_m2": render.tolerance_W_m2,
-            "reached": self.reached,
-            "sight_elevation_deg": self.sight_elevation_deg,
-            "observer_height_m": self.observer_height_m,
-            "target_height_m": self.target_height_m,
-            "transmittance": self.transmittance,
-            "path_radiance_W_m2_sr": self.path_radiance,
-            "background_radiance_W_m2_sr": self.background_radiance,
-            "no_target_W_m2": self.no_target,
-            "radius_m": self.radius_m,
-            "remarks": self.remarks,
-            "time_s": self.seconds,
-            "rows": [row.as_dict() for row in self.rows],
-            "spectrum": self.spectrum(),
-        }
-
-    def columns(self) -> dict[str, np.ndarray]:
-        """A row for each number of reflections, with values and standard errors."""
-        columns = {"max_bounces": np.array([row.max_bounces for row in self.rows])}
-        for name in self.rows[0].estimates():
-            estimates = np.array([row.estimates()[name] for row in self.rows])
-            quantity, unit = name.rsplit("_W_" if "_W_" in name else "_", 1)
-            unit = f"W_{unit}" if "_W_" in name else unit
-            columns[name] = estimates[:, 0]
-            columns[f"{quantity}_standard_error_{unit}"] = estimates[:, 1]
-        for name in self.rows[0].numbers():
-            values = [row.numbers()[name] for row in self.rows]
-            columns[name] = np.array([np.nan if own is None else own for own in values], float)
-        return columns
-
-    def spectrum(self, number: int = -1) -> dict[str, np.ndarray]:
-        """Spectra of a row, by name with the unit: columns over wavelength_um.
-
-        They are the response of the detector, the transmittance of the path, the intensity of the
-        target before the air, and the irradiances of target, path, hidden background and contrast.
-        """
-        irradiance = self.rows[number].irradiance
-        wavelengths = irradiance.wavelengths_um
-        spectral = irradiance.spectral(self.path)
-        return {
-            "wavelength_um": wavelengths,
-            "response": irradiance.response,
-            "transmittance": self.path.at(wavelengths)[0],
-            "intensity_W_sr_um": spectral["intensity"],
-            **{
-                f"{name}_W_m2_um": spectral[name]
-                for name in ("target", "path", "background", "total")
-            },
-        }
 
 
 def contrast(
@@ -364,62 +130,6 @@ def measured(scenario: Scenario, progress) -> Contrast:
         ],
         seconds=time.perf_counter() - start,
     )
-
-
-@dataclass(frozen=True)
-class Setting:
-    """What the contrast of a scenario is computed from, after all checks and before any render.
-
-    Attributes
-    ----------
-    detector : Detector
-    sight : Sight
-        Line of sight with its air.
-    air : Atmosphere
-        Air between target and sensor.
-    path : LineOfSight
-        Path from the target to the sensor.
-    backdrop : Backdrop
-        Background of the target.
-    target : Target
-        Sphere that holds the target.
-    view : Scene
-        Scene with the sensor of the observer.
-    """
-
-    detector: Detector
-    sight: Sight
-    air: Atmosphere
-    path: LineOfSight
-    backdrop: Backdrop
-    target: Target
-    view: Scene
-
-
-def setting_of(scenario: Scenario) -> Setting:
-    """The setting of a scenario; raises InputError if the scenario cannot be used."""
-    observer, detector = scenario.observer, scenario.sensor.detector()
-    sight = Sight.of(scenario)
-    air = sight.air
-    air.check_covers(detector.band)
-    path = air.path(observer.range_m, scenario.atmosphere.extrapolate)
-    behind = backdrop(scenario, detector, sight)
-    if behind.path_at is not None:
-        behind.path_at(observer.range_m)  # raises InputError if the table ends before the ground
-    scene = target_scene(scenario, detector)
-    sun = one_sun(scene.mi.emitters())
-    if sun is not None and scenario.background.daytime_sky is not None:
-        check_fits(sun, scenario.background, "the daytime_sky of [background]")
-    target = Target.of(scene)
-    if observer.range_m <= target.radius:
-        raise InputError(
-            f"the observer is inside the target: range {observer.range_m:g} m, but {scene.name} "
-            f"reaches {target.radius:.4g} m from its middle"
-        )
-    view = seen_from(
-        scene, View(observer.azimuth_deg, observer.elevation_deg), scenario.render.resolution
-    )
-    return Setting(detector, sight, air, path, behind, target, view)
 
 
 def rendered(
@@ -519,26 +229,6 @@ def check_met(result: Signature, target: Target) -> None:
     """Raise InputError if the paths of a render met no more of the target than by rounding."""
     if not result.effective_areas.projected_area > SMALLEST_TARGET * target.radius**2:
         raise InputError("no ray met the target; raise resolution or spp of [render]")
-
-
-def target_scene(scenario: Scenario, detector: Detector) -> Scene:
-    """The scene with the parameters of the scenario, in a band that holds the detector's."""
-    parameters, source = scenario.scene_parameters(), scenario.target.scene
-    if "band" in survey(find(source), parameters):
-        parameters["band"] = scenario.sensor.band
-    scene = load(source, **parameters)
-    if scenario.target.solution is not None:
-        apply_solution(scene, scenario.target.solution)
-    wanted, has = detector.band, scene.band
-    if has.is_total or wanted.lower_um < has.lower_um or wanted.upper_um > has.upper_um:
-        raise InputError(
-            f"the sensor's band {wanted.label} is not within that of {scene.name}, {has.label}"
-        )
-    if scenario.render.lobe is not None and not scene.surfaces():
-        raise InputError(
-            f"{scene.name} has no material with a fidelity ladder to set a lobe of; leave lobe out"
-        )
-    return scene
 
 
 def row(

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mi_lcair.camera.image import Image
+from mi_lcair.camera.image_result import Image
 from mi_lcair.drawing import new_figure, plain, write_figure
 
 SIZE = (11, 7.6)  # inches

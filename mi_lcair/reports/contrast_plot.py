@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mi_lcair.detection.contrast import Contrast
+from mi_lcair.detection.contrast_result import Contrast
 from mi_lcair.drawing import new_figure, plain, write_figure
 
 IRRADIANCE = r"irradiance (W m$^{-2}$ µm$^{-1}$)"

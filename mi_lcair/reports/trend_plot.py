@@ -3,7 +3,7 @@
 import numpy as np
 
 from mi_lcair.drawing import new_figure, plain, write_figure
-from mi_lcair.signatures.trend import Trend
+from mi_lcair.signatures.trend_result import Trend
 
 NEGLIGIBLE = 1e-3  # parts below this share of the largest intensity are not drawn
 UNIT = r"W sr$^{-1}$"

@@ -11,8 +11,8 @@ from typing import ClassVar
 import numpy as np
 
 from mi_lcair import scenes
-from mi_lcair.detection.contrast import setting_of
 from mi_lcair.detection.scenario import Scenario, scenario_of
+from mi_lcair.detection.setting import setting_of
 from mi_lcair.errors import InputError
 from mi_lcair.fraction import fraction
 from mi_lcair.progress import Progress

@@ -4,9 +4,9 @@ from functools import partial
 
 import numpy as np
 
-from mi_lcair.detection.contrast import Setting
 from mi_lcair.detection.irradiance import TERMS, Backdrop, Irradiance
 from mi_lcair.detection.scenario import Scenario
+from mi_lcair.detection.setting import Setting
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.rendering.statistics import Totals

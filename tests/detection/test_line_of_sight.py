@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mi_lcair.detection.contrast import contrast, setting_of, unlit_sky
+from mi_lcair.detection.contrast import contrast, unlit_sky
 from mi_lcair.detection.detection_range import detection_range
 from mi_lcair.detection.line_of_sight import Sight
 from mi_lcair.detection.scenario import Background
+from mi_lcair.detection.setting import setting_of
 from mi_lcair.errors import InputError
 from mi_lcair.physics.atmosphere import atmosphere
 from mi_lcair.physics.daytime_sky import daytime_sky

@@ -87,7 +87,7 @@ def facet_columns(what, output, facets, channels, parameters, sensor, outlines, 
 def trend(what, output):
     """Draw a trend."""
     from mi_lcair.reports.trend_plot import save_plot
-    from mi_lcair.signatures.trend import Trend
+    from mi_lcair.signatures.trend_result import Trend
 
     output = output or Path(what).with_suffix(".png")
     save_plot(output, Trend.read(what))

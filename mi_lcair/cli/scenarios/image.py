@@ -70,7 +70,7 @@ def command(scenario, output, changes, frames, seed, plot, variant, threads, jso
     counts of all frames. Printed are the camera's noise in mK and its sharpness, predicted and
     measured, and the target's electrons and signal-to-noise ratio over range in m.
     """
-    from mi_lcair.camera.image import write_counts
+    from mi_lcair.camera.image_result import write_counts
     from mi_lcair.detection.scenario import Scenario
     from mi_lcair.rendering.image import write_exr
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mi_lcair.detection.contrast import Setting, setting_of
 from mi_lcair.detection.scenario import Scenario
+from mi_lcair.detection.setting import Setting, setting_of
 from mi_lcair.errors import InputError
 from mi_lcair.rendering.settings import changed
 from mi_lcair.sensitivity.parameters import parameters

@@ -22,8 +22,8 @@ from mi_lcair.reports.page.sections import (
     trend_sections,
 )
 from mi_lcair.reports.page.tables import facts, heading, table, unpacked, words_of
-from mi_lcair.signatures.trend import Trend
 from mi_lcair.signatures.trend_file import beside
+from mi_lcair.signatures.trend_result import Trend
 from mi_lcair.table import lines_of
 
 TAKEN = (

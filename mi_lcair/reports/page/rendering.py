@@ -77,8 +77,8 @@ def of_scenario(what: str, request: Request):
     They are the image through the air (of the camera, if the scenario has one), the contrast with
     its ranges and spectra, the facets, the audit, and how all was made.
     """
-    from mi_lcair.detection.contrast import setting_of
     from mi_lcair.detection.scenario import Scenario
+    from mi_lcair.detection.setting import setting_of
     from mi_lcair.rendering.settings import changed
 
     own = ("spp", "tolerance", "max_spp", "seed")

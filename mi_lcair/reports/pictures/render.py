@@ -1,7 +1,7 @@
 """Picture of a rendered image."""
 
 from mi_lcair.errors import unknown
-from mi_lcair.rendering.render import Render
+from mi_lcair.rendering.render_result import Render
 from mi_lcair.reports import image_picture
 
 DEFAULT = ("Y", "temperature.Y")

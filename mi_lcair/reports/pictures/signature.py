@@ -4,7 +4,7 @@ import numpy as np
 
 from mi_lcair.drawing import new_figure, plain
 from mi_lcair.signatures.effective_areas import PARTS
-from mi_lcair.signatures.signature import Signature
+from mi_lcair.signatures.signature_result import Signature
 
 COLORS = {"target": "C3", "scene": "C0"}
 MOST_BARS = 16  # bars in a panel; the smaller ones are left out

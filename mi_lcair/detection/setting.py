@@ -1,0 +1,91 @@
+"""What the contrast of a scenario is computed from, after all checks."""
+
+from dataclasses import dataclass
+
+from mi_lcair.detection.irradiance import Backdrop
+from mi_lcair.detection.line_of_sight import Sight, backdrop
+from mi_lcair.detection.scenario import Scenario
+from mi_lcair.errors import InputError
+from mi_lcair.physics.atmosphere import Atmosphere, LineOfSight
+from mi_lcair.physics.detector import Detector
+from mi_lcair.plugins.emission.one_sun import check_fits, one_sun
+from mi_lcair.rendering.loading.files import survey
+from mi_lcair.rendering.scene import Scene, find, load
+from mi_lcair.rendering.views import Target, View, seen_from
+from mi_lcair.sensitivity.solution_file import apply_solution
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What the contrast of a scenario is computed from, after all checks and before any render.
+
+    Attributes
+    ----------
+    detector : Detector
+    sight : Sight
+        Line of sight with its air.
+    air : Atmosphere
+        Air between target and sensor.
+    path : LineOfSight
+        Path from the target to the sensor.
+    backdrop : Backdrop
+        Background of the target.
+    target : Target
+        Sphere that holds the target.
+    view : Scene
+        Scene with the sensor of the observer.
+    """
+
+    detector: Detector
+    sight: Sight
+    air: Atmosphere
+    path: LineOfSight
+    backdrop: Backdrop
+    target: Target
+    view: Scene
+
+
+def setting_of(scenario: Scenario) -> Setting:
+    """The setting of a scenario; raises InputError if the scenario cannot be used."""
+    observer, detector = scenario.observer, scenario.sensor.detector()
+    sight = Sight.of(scenario)
+    air = sight.air
+    air.check_covers(detector.band)
+    path = air.path(observer.range_m, scenario.atmosphere.extrapolate)
+    behind = backdrop(scenario, detector, sight)
+    if behind.path_at is not None:
+        behind.path_at(observer.range_m)  # raises InputError if the table ends before the ground
+    scene = target_scene(scenario, detector)
+    sun = one_sun(scene.mi.emitters())
+    if sun is not None and scenario.background.daytime_sky is not None:
+        check_fits(sun, scenario.background, "the daytime_sky of [background]")
+    target = Target.of(scene)
+    if observer.range_m <= target.radius:
+        raise InputError(
+            f"the observer is inside the target: range {observer.range_m:g} m, but {scene.name} "
+            f"reaches {target.radius:.4g} m from its middle"
+        )
+    view = seen_from(
+        scene, View(observer.azimuth_deg, observer.elevation_deg), scenario.render.resolution
+    )
+    return Setting(detector, sight, air, path, behind, target, view)
+
+
+def target_scene(scenario: Scenario, detector: Detector) -> Scene:
+    """The scene with the parameters of the scenario, in a band that holds the detector's."""
+    parameters, source = scenario.scene_parameters(), scenario.target.scene
+    if "band" in survey(find(source), parameters):
+        parameters["band"] = scenario.sensor.band
+    scene = load(source, **parameters)
+    if scenario.target.solution is not None:
+        apply_solution(scene, scenario.target.solution)
+    wanted, has = detector.band, scene.band
+    if has.is_total or wanted.lower_um < has.lower_um or wanted.upper_um > has.upper_um:
+        raise InputError(
+            f"the sensor's band {wanted.label} is not within that of {scene.name}, {has.label}"
+        )
+    if scenario.render.lobe is not None and not scene.surfaces():
+        raise InputError(
+            f"{scene.name} has no material with a fidelity ladder to set a lobe of; leave lobe out"
+        )
+    return scene

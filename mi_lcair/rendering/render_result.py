@@ -1,0 +1,185 @@
+"""The image that `render` returns."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from mi_lcair.errors import unknown
+from mi_lcair.formats import tiff
+from mi_lcair.formats.channels import column_of
+from mi_lcair.physics.bands import Band
+from mi_lcair.results import Result
+
+if TYPE_CHECKING:
+    import xarray
+
+    from mi_lcair.planning.plan import Plan
+
+
+@dataclass(frozen=True, repr=False)
+class Render(Result):
+    """A rendered scene.
+
+    Attributes
+    ----------
+    channels : dict
+        Channels of the radiance EXR by name, float32 (H, W) [W m^-2 sr^-1; temperature.Y: K;
+        range.Y: m].
+    header : dict
+        Header of the radiance EXR.
+    band : Band
+    spp : int
+        Samples per pixel.
+    mean, mean_error : float
+        Mean radiance and its standard error [W m^-2 sr^-1].
+    rms_error : float or None
+        Rms standard error over the pixels, as a fraction of the mean, see `Totals.rms_error`.
+        None for one sample per pixel.
+    reached : bool or None
+        Whether the tolerance was reached. None if none was given.
+    invalid : int
+        Number of NaN or infinite samples, which are left out.
+    paths : int
+    closure_error : float or None
+        Estimated error of closure = tail [W m^-2 sr^-1]. None for another closure.
+    seconds : float
+        Duration of the render.
+    scene_name : str
+        Name of the scene.
+    window_m : tuple of float or None
+        Width and height of an orthographic sensor's window [m]. None for another sensor.
+    tolerance : float or None
+        Tolerance that was asked for.
+    plan : Plan or None
+        Plan under whose settings the scene was rendered.
+    """
+
+    channels: dict[str, np.ndarray]
+    header: dict[str, str | int | float]
+    band: Band
+    spp: int
+    mean: float
+    mean_error: float | None
+    rms_error: float | None
+    reached: bool | None
+    invalid: int
+    paths: int
+    closure_error: float | None
+    seconds: float
+    scene_name: str
+    window_m: tuple[float, float] | None
+    tolerance: float | None
+    plan: "Plan | None" = None
+
+    kind: ClassVar[str] = "render"
+    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.render:figure"
+    saved_by: ClassVar[dict[str, str]] = {
+        ".exr": "mi_lcair.rendering.image:write_render",
+        ".tif": "mi_lcair.rendering.render_result:write_tiff",
+    }
+
+    @property
+    def by_bounce(self) -> list[float]:
+        """Mean radiance of the paths with 0, 1, ... reflections [W m^-2 sr^-1].
+
+        The last entry holds all from the 16th on. It is empty without the channels bounceNN.Y.
+        """
+        names = sorted(name for name in self.channels if name.startswith("bounce"))
+        return [float(self.channels[name].mean(dtype=float)) for name in names]
+
+    def summary(self) -> str:
+        """One line with the size of the image and its mean radiance."""
+        height, width = self.channels["Y"].shape
+        error = "" if self.mean_error is None else f" +- {self.mean_error:.2g}"
+        return (
+            f"render of {self.scene_name}, {self.band.label}: {width} x {height} pixels, mean "
+            f"radiance {self.mean:.6g}{error} W m^-2 sr^-1 (standard error), "
+            f"{self.spp} samples per pixel"
+        )
+
+    def entries(self) -> dict:
+        """Entries for JSON: the means, the errors and the channels, without their pixels."""
+        height, width = self.channels["Y"].shape
+        plan = {} if self.plan is None else {"plan": self.plan.as_dict()}
+        return plan | {
+            "scene_name": self.scene_name,
+            "band": self.band.name,
+            "width": width,
+            "height": height,
+            "window_m": self.window_m,
+            "mean_radiance_W_m2_sr": float(self.mean),
+            "standard_error_W_m2_sr": self.mean_error,
+            "rms_error": self.rms_error,
+            "by_bounce_W_m2_sr": self.by_bounce,
+            "spp": self.spp,
+            "tolerance": self.tolerance,
+            "reached": self.reached,
+            "invalid": self.invalid,
+            "closure_error_W_m2_sr": self.closure_error,
+            "paths": self.paths,
+            "time_s": self.seconds,
+            "header": self.header,
+            "channels": {
+                name: {
+                    "least": values.min(),
+                    "mean": values.mean(dtype=float),
+                    "greatest": values.max(),
+                }
+                for name, values in self.images().items()
+            },
+        }
+
+    def images(self) -> dict[str, np.ndarray]:
+        """The channels, (H, W) each, by the names of their columns, which end in the unit."""
+        return {column_of(name): values for name, values in self.channels.items()}
+
+    def positions(self) -> dict[str, np.ndarray]:
+        """Numbers of the pixels, and their centres [m] if the sensor is orthographic.
+
+        row, (H,), and column, (W,), begin with 0 at the upper left. x_m and y_m begin in the middle
+        of the window; x is to the right and y upward.
+        """
+        height, width = self.channels["Y"].shape
+        row, column = np.arange(height), np.arange(width)
+        if self.window_m is None:
+            return {"row": row, "column": column}
+        return {
+            "row": row,
+            "column": column,
+            "x_m": ((column + 0.5) / width - 0.5) * self.window_m[0],
+            "y_m": (0.5 - (row + 0.5) / height) * self.window_m[1],
+        }
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """A row for each pixel: its place and its channels."""
+        images, shape = self.images(), self.channels["Y"].shape
+        along = {"row": 0, "y_m": 0, "column": 1, "x_m": 1}
+        places = {
+            name: np.broadcast_to(np.expand_dims(values, 1 - along[name]), shape)
+            for name, values in self.positions().items()
+        }
+        return {name: values.ravel() for name, values in (places | images).items()}
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """The channels as an xarray Dataset over (row, column), with x_m and y_m [m] if known.
+
+        Raises InputError if xarray is not installed.
+        """
+        along = {"row": "row", "y_m": "row", "column": "column", "x_m": "column"}
+        positions = self.positions()
+        return self.dataset(
+            {name: (("row", "column"), values) for name, values in self.images().items()},
+            {name: (along[name], values) for name, values in positions.items()},
+        )
+
+
+def write_tiff(path, render: Render, channel: str = "temperature.Y") -> None:
+    """Write a channel of a render as a 32-bit floating point TIFF.
+
+    It is the brightness temperature [K], or another channel such as "Y". Raises InputError if the
+    render has no such channel.
+    """
+    if channel not in render.channels:
+        raise unknown(f"channel of the render of {render.scene_name}", channel, render.channels)
+    tiff.write(path, render.channels[channel], f"{column_of(channel)} of {render.scene_name}")
