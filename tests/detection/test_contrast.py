@@ -11,6 +11,7 @@ import pytest
 
 import mi_lcair
 from mi_lcair.detection import contrast as module
+from mi_lcair.detection import setting
 from mi_lcair.detection.contrast import contrast
 from mi_lcair.detection.irradiance import Backdrop, Estimate, Irradiance
 from mi_lcair.detection.scenario import Scenario
@@ -193,8 +194,8 @@ def test_errors_over_seeds(folder):
 
 def totals(monkeypatch, folder, seeds: int, **changes):
     """Contrasts of the disc over seeds: errors and half widths as fractions of the closed form."""
-    loaded = module.load(folder / "disc.xml", temperature="400", band="MWIR")
-    monkeypatch.setattr(module, "load", lambda *_, **__: loaded)
+    loaded = setting.load(folder / "disc.xml", temperature="400", band="MWIR")
+    monkeypatch.setattr(setting, "load", lambda *_, **__: loaded)
     # The search for overlapping triangles takes three times as long as such a render
     monkeypatch.setattr("mi_lcair.rendering.scene.thin_sheets", lambda _: [])
     changes |= {"target__parameters__temperature": 400, "sensor__band": "MWIR"}
@@ -481,7 +482,7 @@ def test_contrast_within_the_noise_is_remarked(folder):
     ],
 )
 def test_refused_before_anything_is_loaded(folder, monkeypatch, changes, message):
-    monkeypatch.setattr(module, "load", None)
+    monkeypatch.setattr(setting, "load", None)
     with pytest.raises(InputError, match=message):
         contrast(disc(folder, **changes))
 
