@@ -4,6 +4,7 @@ import importlib
 import json
 from base64 import b64encode
 from html import escape
+from inspect import signature
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from mi_lcair.drawing import PICTURES, notebook_png, write_figure
-from mi_lcair.errors import InputError, printable
+from mi_lcair.errors import InputError, printable, unknown
 from mi_lcair.extras import optional
 from mi_lcair.files import check_writable, replacing
 
@@ -133,14 +134,17 @@ class Result:
         Raises
         ------
         InputError
-            If the result has no picture, or if the file cannot be written.
+            If the result has no picture, if it has no such option, or if the file cannot be
+            written.
         """
         if not self.drawn_by:
             raise InputError(f"{self._named()} has no picture; it can be saved as {self._known()}")
         if path is not None:
             self._check_suffix(Path(path), PICTURES)
             check_writable(path)
-        figure = named(self.drawn_by)(self, **options)
+        draw = named(self.drawn_by)
+        check_options(f"the picture of {self._named()}", draw, options)
+        figure = draw(self, **options)
         if path is not None:
             write_figure(figure, path)
         return figure
@@ -162,24 +166,25 @@ class Result:
         Raises
         ------
         InputError
-            If the result has no such format, or if the file cannot be written.
+            If the result has no such format, if the format has no such option, or if the file
+            cannot be written.
         """
         path = Path(path)
         suffix = self._check_suffix(path, self.suffixes())
         if suffix in PICTURES:
             self.plot(path, **options)
         elif suffix == ".json":
+            check_options(f"{suffix} of {self._named()}", self.as_dict, options)
             with replacing(path) as partial:
                 text = json.dumps(self.as_dict(), indent=2, allow_nan=False)
                 partial.write_text(f"{text}\n", encoding="utf-8")
         else:
             check_writable(path)
             own = PAGE | self.saved_by
-            if suffix in own:
-                named(own[suffix])(path, self, **options)
-            else:
-                writer, content = WRITERS[suffix]
-                named(writer)(path, getattr(self, content)(), **options)
+            writer, content = WRITERS.get(suffix, ("", ""))
+            write = named(own.get(suffix, writer))
+            check_options(f"{suffix} of {self._named()}", write, options)
+            write(path, self if suffix in own else getattr(self, content)(), **options)
 
     def _check_suffix(self, path: Path, allowed) -> str:
         """The suffix of a path, in lower case. Raises InputError if it is not allowed."""
@@ -194,6 +199,20 @@ class Result:
 
     def _known(self) -> str:
         return ", ".join(self.suffixes())
+
+
+def check_options(what: str, function, options: dict) -> None:
+    """Raise InputError for an option that the function of a picture or format does not take.
+
+    A function that passes any options on checks them itself.
+    """
+    parameters = signature(function).parameters.values()
+    if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
+        return
+    known = [entry.name for entry in parameters if entry.default is not entry.empty]
+    for name in options:
+        if name not in known:
+            raise unknown(f"option of {what}", name, known)
 
 
 def named(text: str):

@@ -325,6 +325,27 @@ def test_an_unknown_channel_is_named(results, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_an_unknown_option_is_named(results, tmp_path):
+    """An option that a format does not have is not ignored, and nothing is written."""
+    render, path = results("render"), tmp_path / "image"
+    with pytest.raises(InputError, match="option of the picture .* 'channel'; known: channels, "):
+        render.plot(channel="Y")
+    for suffix in (".json", ".csv", ".nc", ".exr", ".tif", ".html", ".png"):
+        with pytest.raises(InputError, match=r"^unknown option of .* 'chanel'; known: "):
+            render.save(path.with_suffix(suffix), chanel="Y")
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_page_of_a_signature_takes_a_scene_by_name(results, tmp_path):
+    pytest.importorskip("plotly")
+    signature = results("signature with spectrum")
+    assert signature.scene_name == "cylinder_ir_range"
+    signature.save(tmp_path / "page.html", scene=signature.scene_name)
+    with pytest.raises(InputError, match="option of the page .* 'scen'; known: scene, sensor"):
+        signature.save(tmp_path / "other.html", scen="cavity")
+    assert [file.name for file in tmp_path.iterdir()] == ["page.html"]
+
+
 def test_a_signature_holds_its_spectrum_and_its_facets(results):
     """They are part of the JSON, so that a report can be made from the file."""
     result = results("signature with spectrum")

@@ -6,7 +6,7 @@ import click
 
 import mi_lcair
 from mi_lcair.cli.options import POSITIVE, Fraction, loading_options, sensor_option
-from mi_lcair.cli.output import print_columns, print_json
+from mi_lcair.cli.output import percent, print_columns, print_json
 from mi_lcair.cli.usage.examples import examples
 
 
@@ -73,11 +73,11 @@ def rows(plan):
     yield (
         "error",
         (
-            f"at most {plan.bias:.2%} of the mean (95 %), "
+            f"at most {percent(plan.bias)} of the mean (95 %), "
             + ("rms over the pixels" if plan.each_pixel else "of the target's intensity")
         ),
     )
-    yield "left for noise", f"{plan.noise_tolerance:.2%}"
+    yield "left for noise", percent(plan.noise_tolerance)
     yield "probes", f"{plan.probe_seconds:.2g} s"
     for sentence in plan.left_out or ["nothing"]:
         yield "left out", sentence

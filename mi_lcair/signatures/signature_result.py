@@ -144,9 +144,11 @@ class Signature(Result):
         return self.main.half_width
 
     def __getattr__(self, name):
-        """Raise AttributeError; for an entry of Intensity it says where that is found."""
+        """Raise AttributeError; it says where an entry of Intensity or the spectrum is found."""
         is_of_part = name == "up_to_bounce" or name in Intensity.__dataclass_fields__
         where = f"; see .target.{name} and .scene.{name}" if is_of_part else ""
+        if name in ("spectrum", "by_spectrum"):
+            where = "; see .effective_areas"
         raise AttributeError(f"a signature has no attribute '{name}'{where}")
 
     def summary(self) -> str:

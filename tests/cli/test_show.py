@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from mi_lcair.cli.files.sources import SCENARIO, kind_of
+from mi_lcair.cli.files.sources import MATERIAL, SCENARIO, kind_of
+from mi_lcair.errors import InputError
 
 
 def written(folder):
@@ -194,6 +195,15 @@ def test_scenario(run, folder, figures):
 
 def test_a_bundled_scenario_by_its_name():
     assert kind_of("a340_landing/position_1") == SCENARIO
+
+
+def test_the_json_of_another_result(tmp_path):
+    path = tmp_path / "signature.json"
+    path.write_text('{"kind": "signature"}')
+    with pytest.raises(InputError, match="is the JSON of a result of kind 'signature'; show draws"):
+        kind_of(str(path))
+    path.write_text('{"parameters": {}}')
+    assert kind_of(str(path)) == MATERIAL
 
 
 @pytest.mark.slow

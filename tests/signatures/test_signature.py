@@ -101,6 +101,8 @@ def test_a_part_of_the_intensity_is_that_of_target_or_scene():
     for name in ("by_bounce", "up_to_bounce", "by_group", "by_seen_error", "closure"):
         with pytest.raises(AttributeError, match=f"see .target.{name} and .scene.{name}"):
             getattr(result, name)
+    with pytest.raises(AttributeError, match="'spectrum'; see .effective_areas"):
+        _ = result.spectrum
     assert not hasattr(result, "no_such_name")
 
 

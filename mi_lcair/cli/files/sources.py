@@ -1,5 +1,6 @@
 """Kinds of files and names that `show` and `convert` take."""
 
+import json
 from pathlib import Path
 
 from mi_lcair.errors import InputError
@@ -40,12 +41,27 @@ def kind_of(what: str, facet=None, facets=None, materials=None) -> str:
         return SCENE
     if suffix == ".toml" or what in scenes.scenarios():
         return SCENARIO
+    if suffix == ".json":
+        check_material(path)
     if suffix == ".json" or what in names(materials):
         return MATERIAL
     raise InputError(
         f"'{what}' is no {TAKEN}; scenes are {', '.join(scenes.names())}, "
         f"materials {', '.join(names(materials))}"
     )
+
+
+def check_material(path: Path) -> None:
+    """Raise InputError for the JSON of a result that is no fit; reading finds other errors."""
+    try:
+        kind = json.loads(read_text(path)).get("kind", "fit")
+    except (InputError, ValueError, AttributeError, RecursionError):
+        return
+    if kind != "fit":
+        raise InputError(
+            f"'{path}' is the JSON of a result of kind '{kind}'; show draws that of a fit, and "
+            "report shows those of a signature and a fit"
+        )
 
 
 def kind_of_table(path: Path) -> str:

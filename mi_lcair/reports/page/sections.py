@@ -18,7 +18,7 @@ from mi_lcair.reports.page.tables import (
     words_of,
 )
 from mi_lcair.reports.page.trend_panel import trend_panel
-from mi_lcair.results import Result
+from mi_lcair.results import Result, check_options
 
 IMAGE_FIRST = ("apparent.Y", "Y", "temperature.Y")  # channels that are shown first, at most two
 SPECTRAL = "_W_sr_um"  # end of the names of a spectrum's columns
@@ -33,10 +33,10 @@ def of_result(result, **options) -> tuple[str, list[Section]]:
     result.
     """
     kind = type(result).__name__
-    if kind in RESULTS:
-        return RESULTS[kind](result, **options)
-    if isinstance(result, Result):
-        return table_page(result)
+    if kind in RESULTS or isinstance(result, Result):
+        page = RESULTS.get(kind, table_page)
+        check_options(f"the page of a result of kind '{result.kind}'", page, options)
+        return page(result, **options)
     raise InputError(f"report has no page for {printable(result, 60)}; it takes results, or files")
 
 
@@ -150,7 +150,7 @@ def spectrum_section(columns: dict[str, np.ndarray]) -> Section:
 def signature_sections(signature, scene=None, sensor: int = 0) -> list[Section]:
     """All that a Signature in memory holds.
 
-    scene: the Scene it was made from, from whose sensor the model is seen at first.
+    scene: the scene it was made from, from whose sensor the model is seen at first.
     """
     sections = [intensity_section(signature.as_dict())]
     if signature.effective_areas is not None:
@@ -178,10 +178,11 @@ def known_band(name: str):
 
 
 def toward_sensor(scene, sensor: int = 0):
-    """Direction from a scene toward its sensor, (3,)."""
+    """Direction from a scene, in any form that `load` takes, toward its sensor, (3,)."""
+    from mi_lcair.rendering.scene import scene_of
     from mi_lcair.rendering.window import window
 
-    return -window(scene.sensor(sensor))[3]
+    return -window(scene_of(scene).sensor(sensor))[3]
 
 
 def trend_sections(columns: dict, band: str) -> list[Section]:

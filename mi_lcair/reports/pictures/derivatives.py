@@ -7,10 +7,20 @@ from mi_lcair.sensitivity.derivative_images import DerivativeImages
 MOST_PANELS = 9  # the radiance and derivatives that are drawn without a choice
 
 
-def figure(images: DerivativeImages, channels=None, log: bool = False, **options):
+def figure(
+    images: DerivativeImages,
+    channels=None,
+    log: bool = False,
+    *,
+    vmin: float | None = None,
+    vmax: float | None = None,
+    cmap: str | None = None,
+    common_scale: bool = True,
+):
     """Figure with one panel for each channel, see `image_picture.figure`.
 
-    channels: names of channels; by default the radiance and the first derivatives.
+    channels: names of channels; by default the radiance and the first derivatives. The other
+    options are those of `image_picture.figure`.
     """
     known = images.channels
     if channels is None:
@@ -19,5 +29,8 @@ def figure(images: DerivativeImages, channels=None, log: bool = False, **options
         chosen(known, channels, images.scene_name),
         f"{images.scene_name}, {images.band}",
         log,
-        **options,
+        vmin=vmin,
+        vmax=vmax,
+        cmap=cmap,
+        common_scale=common_scale,
     )

@@ -1,5 +1,7 @@
 """Picture of a rendered image."""
 
+import numpy as np
+
 from mi_lcair.errors import unknown
 from mi_lcair.rendering.render_result import Render
 from mi_lcair.reports import image_picture
@@ -7,7 +9,17 @@ from mi_lcair.reports import image_picture
 DEFAULT = ("Y", "temperature.Y")
 
 
-def figure(render: Render, channels=DEFAULT, log: bool = False, **options):
+def figure(
+    render: Render,
+    channels=DEFAULT,
+    log: bool = False,
+    *,
+    vmin: float | None = None,
+    vmax: float | None = None,
+    cmap: str | None = None,
+    common_scale: bool = True,
+    outlines: np.ndarray | None = None,
+):
     """Figure with one panel for each channel, see `image_picture.figure`.
 
     Parameters
@@ -17,20 +29,24 @@ def figure(render: Render, channels=DEFAULT, log: bool = False, **options):
         Names of channels of the image.
     log : bool
         Make the scales logarithmic.
-    **options
-        Further options of `image_picture.figure`.
+    vmin, vmax, cmap, common_scale, outlines
+        As in `image_picture.figure`.
 
     Raises
     ------
     InputError
         If the image has no such channel.
     """
-    options.setdefault("window_m", render.window_m)
     return image_picture.figure(
         chosen(render.channels, channels, render.scene_name),
         f"{render.scene_name}, {render.band.label}",
         log,
-        **options,
+        vmin=vmin,
+        vmax=vmax,
+        cmap=cmap,
+        common_scale=common_scale,
+        outlines=outlines,
+        window_m=render.window_m,
     )
 
 
