@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 from mi_lcair.errors import InputError
+from mi_lcair.files import read_text
 from mi_lcair.formats import tables
 
 # Kinds, as messages name them
