@@ -65,7 +65,11 @@ if not TYPE_CHECKING:  # type checkers would take it for any misspelt name
     def __getattr__(name):
         if name in _HOME:
             return getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
-        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+        # With the name and the module, Python suggests the nearest name
+
+    raise AttributeError(
+        f"module '{__name__}' has no attribute '{name}'", name=name, obj=sys.modules[__name__]
+    )
 
 
 def __dir__() -> list[str]:

@@ -311,7 +311,7 @@ def test_an_image_is_saved_whole(results, tmp_path):
 
 def test_a_channel_is_saved_as_tiff(results, tmp_path):
     render = results("render")
-    for options, channel in (({}, "temperature.Y"), ({"channel": "Y"}, "Y")):
+    for options, channel in (({}, "Y"), ({"channel": "temperature.Y"}, "temperature.Y")):
         render.save(tmp_path / "image.tif", **options)
         with Image.open(tmp_path / "image.tif") as image:
             np.testing.assert_array_equal(np.array(image), render.channels[channel])

@@ -174,11 +174,11 @@ class Render(Result):
         )
 
 
-def write_tiff(path, render: Render, channel: str = "temperature.Y") -> None:
+def write_tiff(path, render: Render, channel: str = "Y") -> None:
     """Write a channel of a render as a 32-bit floating point TIFF.
 
-    It is the brightness temperature [K], or another channel such as "Y". Raises InputError if the
-    render has no such channel.
+    It is the radiance [W m^-2 sr^-1], or another channel such as "temperature.Y" [K]. Raises
+    InputError if the render has no such channel.
     """
     if channel not in render.channels:
         raise unknown(f"channel of the render of {render.scene_name}", channel, render.channels)
