@@ -1,20 +1,24 @@
-"""What `mkdocs build` does beside its plugins: manuals of the plugins, and equations as MathML.
+"""What `mkdocs build` does beside its plugins: manuals of plugins, MathML, links of tutorials.
 
-Both are made by docutils, without JavaScript and without a network. A line `::: plugin FILE` on a
-page becomes the manual of the plugin in plugins/FILE.py. The manual is the docstring of the class
-that the file registers with Mitsuba. The file is parsed and not imported, because plugins exist
-once for each Mitsuba variant.
+Manuals and equations are made by docutils, without JavaScript and without a network. A line
+`::: plugin FILE` on a page becomes the manual of the plugin in plugins/FILE.py. The manual is the
+docstring of the class that the file registers with Mitsuba. The file is parsed and not imported,
+because plugins exist once for each Mitsuba variant. Tutorials name pages by their source files, as
+Markdown does, and mkdocs-jupyter leaves these links as they are.
 """
 
 import ast
 import html
+import posixpath
 import re
 from pathlib import Path
 
 from docutils.core import publish_parts
+from mkdocs.exceptions import PluginError
 
 PLUGINS = Path(__file__).parents[1] / "plugins"
 MANUAL = re.compile(r"^::: plugin (\w+)$", re.MULTILINE)
+LINK = re.compile(r'href="(?!\w+:)([^"#]+\.(?:md|py))(?=["#])')  # to a source file on this site
 EQUATION = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 
 
@@ -23,9 +27,22 @@ def on_page_markdown(markdown: str, **_) -> str:
     return MANUAL.sub(lambda line: manual(line[1]), markdown)
 
 
-def on_page_content(content: str, **_) -> str:
-    """Return the page's HTML with MathML in place of the equations between dollar signs."""
+def on_page_content(content: str, page=None, files=None, **_) -> str:
+    """Return the page's HTML with MathML in place of the equations between dollar signs.
+
+    Links to source files become links to their pages. Raises PluginError if a file is no page.
+    """
+    content = LINK.sub(lambda found: f'href="{address(found[1], page, files)}', content)
     return EQUATION.sub(lambda found: mathml(html.unescape(found[2]), found[1] == "div"), content)
+
+
+def address(source: str, page, files) -> str:
+    """Return the address, relative to a page, of the page whose source file it names."""
+    path = posixpath.join(posixpath.dirname(page.file.src_uri), source)
+    linked = files.get_file_from_path(posixpath.normpath(path))
+    if linked is None:
+        raise PluginError(f"{page.file.src_uri}: links to '{source}', which is no page")
+    return linked.url_relative_to(page.file)
 
 
 def manual(file: str) -> str:

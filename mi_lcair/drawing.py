@@ -2,10 +2,13 @@
 
 import warnings
 from contextlib import contextmanager
+from functools import partial
+from io import BytesIO
 
 from mi_lcair.errors import printable
 from mi_lcair.files import check_suffix, replacing
 
+NOTEBOOK_DPI = 75  # pixels per inch of a picture in a notebook
 LONGEST = 120  # characters of a name in a title or legend
 PICTURES = (".png", ".svg", ".pdf")  # suffixes of the files that `write_figure` writes
 # The entries that would hold the time of writing. Equal pictures are equal files without them.
@@ -13,7 +16,7 @@ NO_DATE = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}, ".png": {}}
 
 
 def new_figure(size, dpi: int = 150, **options):
-    """An empty Matplotlib figure. No display is needed.
+    """An empty Matplotlib figure. No display is needed, and a notebook shows it.
 
     size: (width, height) in inches. dpi: pixels per inch in a PNG. options: further arguments of
     Figure.
@@ -23,7 +26,18 @@ def new_figure(size, dpi: int = 150, **options):
 
     figure = Figure(figsize=size, dpi=dpi, **options)
     FigureCanvasAgg(figure)
+    # IPython itself shows figures only after an import of pyplot, and then does not ask for this
+    figure._repr_png_ = partial(notebook_png, figure)
     return figure
+
+
+def notebook_png(figure) -> bytes:
+    """A figure as the content of a PNG file, in the size for a notebook."""
+    content = BytesIO()
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from")  # it is drawn as a box
+        figure.savefig(content, format="png", dpi=NOTEBOOK_DPI)
+    return content.getvalue()
 
 
 def write_figure(figure, path) -> None:

@@ -9,15 +9,17 @@ def fraction(value: float | str | None) -> float | None:
     Parameters
     ----------
     value : float, str or None
-        A number, which is returned as it is, or a text between 0 and 1 such as "0.01" or "1%".
-        None stays None.
+        A number below 1, which is returned as it is, or a text between 0 and 1 such as "0.01" or
+        "1%". None stays None.
 
     Raises
     ------
     InputError
-        If a text is not such a fraction.
+        If a text is not such a fraction, or if a number is 1 or more, as 5 is where 5 % is meant.
     """
     if not isinstance(value, str):
+        if value is not None and value >= 1:
+            raise InputError(f"{value} is not a fraction between 0 and 1, such as 0.01 or '1%'")
         return value
     number, percent, rest = value.partition("%")
     try:

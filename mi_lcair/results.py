@@ -4,14 +4,13 @@ import importlib
 import json
 from base64 import b64encode
 from html import escape
-from io import BytesIO
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from mi_lcair.drawing import PICTURES, write_figure
+from mi_lcair.drawing import PICTURES, notebook_png, write_figure
 from mi_lcair.errors import InputError, printable
 from mi_lcair.extras import optional
 from mi_lcair.files import check_writable, replacing
@@ -23,7 +22,6 @@ if TYPE_CHECKING:
 
 LONGEST = 199  # largest length of `repr` [characters]
 MOST_ROWS = 12  # rows of a table in a notebook
-NOTEBOOK_DPI = 75  # pixels per inch of a picture in a notebook
 # Writers of any result's table by suffix, and the method that gives what they write
 WRITERS = {
     ".csv": ("mi_lcair.formats.csv:write", "columns"),
@@ -81,9 +79,7 @@ class Result:
         return f"<div><p>{escape(printable(self.summary()))}</p>{body}</div>"
 
     def _picture_html(self) -> str:
-        figure, file = self.plot(), BytesIO()
-        figure.savefig(file, format="png", dpi=NOTEBOOK_DPI)
-        data = b64encode(file.getvalue()).decode()
+        data = b64encode(notebook_png(self.plot())).decode()
         return f'<img alt="{escape(self.kind)}" src="data:image/png;base64,{data}"/>'
 
     def as_dict(self) -> dict[str, Any]:

@@ -52,3 +52,10 @@ def test_another_suffix(tmp_path):
     with pytest.raises(InputError, match="does not end in .png, .svg or .pdf"):
         write_figure(picture(), tmp_path / "a.jpg")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_notebook_shows_a_figure_without_pyplot():
+    from IPython.core.formatters import DisplayFormatter  # of Jupyter, which comes with [docs]
+
+    shown, _ = DisplayFormatter().format(picture())
+    assert shown["image/png"].startswith(b"\x89PNG")

@@ -1,6 +1,7 @@
 """What the public functions take: a scene in every form, "1%", an atmosphere by name, a plan."""
 
 import shutil
+from pathlib import Path
 
 import mitsuba as mi
 import numpy as np
@@ -12,7 +13,7 @@ from mi_lcair.detection.scenario import Scenario
 from mi_lcair.fitting.scatterometer.reading import read, read_directional
 from mi_lcair.fraction import fraction
 from mi_lcair.physics.atmosphere import atmosphere
-from mi_lcair.rendering.scene import of_mitsuba
+from mi_lcair.rendering.scene import find, of_mitsuba
 
 SMALL = {"resolution": 8, "spp": 16}
 TEMPERATURE = "plate.temperature"
@@ -255,3 +256,57 @@ def test_fit_takes_files(tmp_path):
     assert files.parameters == data.parameters
     with pytest.raises(InputError, match="no_such.csv"):
         mi_lcair.fit(tmp_path / "no_such.csv")
+
+
+def test_the_folder_of_an_import_is_its_scene(tmp_path, monkeypatch):
+    """A folder with the name of a bundled scene does not stand for it."""
+    for name in ("own", "cavity"):
+        (tmp_path / name).mkdir()
+        shutil.copy(scenes.path("two_plates"), tmp_path / name / "scene.xml")
+    monkeypatch.chdir(tmp_path)
+    assert find("own") == Path("own/scene.xml") and find(Path("own")) == Path("own/scene.xml")
+    assert find("cavity") == scenes.path("cavity")
+
+
+@pytest.mark.parametrize(
+    "name, reason",
+    [
+        ("box.obj", "it is a model, of which mi-lcair import makes a scene"),
+        ("box.toml", "a scenario is for contrast, image and budget"),
+    ],
+)
+def test_files_of_another_kind(name, reason):
+    with pytest.raises(InputError, match=f"{name}' is no scene: {reason}"):
+        mi_lcair.load(scenes.FOLDER / "examples" / name)
+
+
+@pytest.mark.parametrize(
+    "what, reason",
+    [
+        ("cavity", "'cavity' is a scene and no scenario"),
+        ("own/scene.xml", "'own/scene.xml' is a scene and no scenario"),
+        (3, "int is no scenario; a scenario is a TOML file"),
+    ],
+)
+def test_a_scene_is_no_scenario(what, reason):
+    with pytest.raises(InputError, match=reason):
+        mi_lcair.contrast(what)
+
+
+@pytest.mark.parametrize("value", [1, 5.0])
+def test_a_number_that_may_be_in_percent(value, scene):
+    """5 for 5 % would otherwise be reached by any render."""
+    with pytest.raises(InputError, match=f"^{value} is not a fraction between 0 and 1, such as"):
+        mi_lcair.signature(scene, tolerance=value)
+
+
+@pytest.mark.parametrize("angles", ["0:360:90", 30, [None]])
+def test_angles_of_a_trend(angles, scene):
+    for given in ({"azimuths_deg": angles}, {"azimuths_deg": [0], "elevations_deg": angles}):
+        with pytest.raises(InputError, match=f"^{list(given)[-1]} = .* is no sequence of angles"):
+            mi_lcair.trend(scene, **given)
+
+
+def test_one_name_without_brackets(scene):
+    with pytest.raises(InputError, match=r"one text; give a sequence of names: \['plate"):
+        mi_lcair.sensitivities(scene, TEMPERATURE)

@@ -1,19 +1,20 @@
 # %% [markdown]
 # # From a Blender model to signature and trend
 #
-# At the end of this tutorial you have the intensity of a small aircraft toward an observer, with its
-# error, and a polar plot of the intensity all around it. You have both as tables for pandas and
-# ParaView. It takes a quarter of an hour to read, and the computer needs about ten seconds. Your own
-# model takes the place of the aircraft.
+# At the end of this tutorial you have the intensity of a small aircraft toward an observer, with
+# its error, and a polar plot of the intensity all around it. You have both as tables for pandas
+# and ParaView. It takes a quarter of an hour to read, and the computer needs about ten seconds.
+# Your own model takes the place of the aircraft.
 #
-# The aircraft `drone.obj` was exported from Blender 5.0.1 with the settings that its dialogue shows
-# at first. It is one of the sample files of mi_lcair. This cell copies them to a new folder and goes
-# there.
+# The aircraft `drone.obj` was exported from Blender 5.0.1 with the settings that its dialogue
+# shows at first. It is one of the sample files of mi_lcair. This cell copies them to a new folder
+# and goes there.
 
 # %%
 import os
 import shutil
 from importlib.resources import files
+from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
@@ -33,8 +34,7 @@ os.chdir(folder.name)
 # names mean: a reflection model, a temperature, and a group whose share we want to know.
 
 # %%
-with open("drone.csv") as table:
-    print(table.read())
+print(Path("drone.csv").read_text())
 
 # %%
 model = models3d.read("drone.obj", names="drone.csv")
@@ -50,9 +50,9 @@ model = models3d.read("drone.obj", names="drone.csv", forward="-Z", up="Y")
 model
 
 # %% [markdown]
-# Look at this picture before anything else. The nose is at the arrow and the fin points up. The
-# nozzle at the tail has 600 K. Backs of facets would be pink, because a facet emits and reflects on
-# one side only. There are none.
+# Look at this picture before anything else. The nose is at the arrow and the fin points up. Backs
+# of facets would be pink, because a facet emits and reflects on one side only. There are none. The
+# nozzle with its 600 K is at the tail, which none of the three views shows.
 #
 # The report counts what else may be wrong with a model.
 
@@ -78,13 +78,13 @@ image = mi_lcair.render(scene, spp=32)
 image.plot(channels=["temperature.Y"])
 
 # %% [markdown]
-# The brightness temperature of a surface lies below its own temperature, because no surface but the
-# nozzle is black, and there is nothing around the aircraft that it could reflect.
+# The brightness temperature of a surface lies below its own temperature, because no surface but
+# the nozzle is black, and there is nothing around the aircraft that it could reflect.
 #
 # ## The signature
 #
-# The signature is the radiance, integrated over the area that the observer sees. We want it to 1 %.
-# That is half of the 95 % interval.
+# The signature is the radiance, integrated over the area that the observer sees. We want it to 1
+# %. That is half of the 95 % interval.
 
 # %%
 signature = mi_lcair.signature(scene, tolerance="1%", facets=True)
@@ -106,25 +106,29 @@ facets = signature.facets.to_dataframe().sort_values("intensity_W_sr", ascending
 facets[["facet", "material", "temperature_K", "intensity_W_sr", "standard_error_W_sr"]].head(6)
 
 # %% [markdown]
-# The facets add up to the target. The brightest one is the rear of the nozzle. It is a blackbody, so
-# its radiance must be Planck's, and its projected area is what one can work out by hand.
+# The facets add up to the target. The brightest one is the rear of the nozzle. It is a blackbody
+# that faces backward, so its intensity is known: Planck's radiance, times its area, times the
+# cosine between its normal and the observer's direction.
 
 # %%
 np.testing.assert_allclose(facets.intensity_W_sr.sum(), signature.intensity, rtol=1e-6)
 
 brightest = facets.iloc[0]
-planck = float(in_band_radiance(scene.band, 600.0))
-print(f"facet {brightest.facet}: {brightest.radiance_W_m2_sr:.2f} W m^-2 sr^-1, Planck {planck:.2f}")
-np.testing.assert_allclose(brightest.radiance_W_m2_sr, planck, rtol=1e-5)
+planck = float(in_band_radiance(scene.band, 600.0))  # W m^-2 sr^-1
+cosine = -np.cos(np.radians(140)) * np.cos(np.radians(20))
+exact = planck * model.to_dataframe().area_m2[brightest.facet] * cosine
+rendered, error = brightest.intensity_W_sr, brightest.standard_error_W_sr
+print(f"rendered {rendered:.2f} +- {error:.2f} W/sr, closed form {exact:.2f} W/sr")
+assert abs(rendered - exact) < 4 * error
 
 # %% [markdown]
-# The table and the geometry go into one file for ParaView. Other suffixes give other files, such as
-# `.csv`, `.json` and `.vtu`.
+# The table and the geometry go into one file for ParaView. Other suffixes give other files, such
+# as `.csv`, `.json` and `.vtu`.
 
 # %%
 signature.facets.save("facets.vtp")
 signature.facets.save("facets.csv")
-print(*sorted(name for name in os.listdir() if name.startswith("facets")))
+print(*sorted(Path().glob("facets*")))
 
 # %% [markdown]
 # ## The trend
@@ -159,11 +163,11 @@ assert ratio.max() < 2
 assert level.intensity_W_sr[180] > 5 * level.intensity_W_sr[0]
 
 # %% [markdown]
-# ## A check without an oven
+# ## A check with one temperature
 #
 # Give all facets the same temperature and make them black. Then the intensity is Planck's radiance
-# times the projected area, toward every observer. This checks axes, normals and units of a model
-# in a few lines. `material` and `temperature` take the place of the table.
+# times the projected area, toward every observer. A facet that faces inward would be dark and break
+# this. `material` and `temperature` take the place of the table.
 
 # %%
 black = models3d.read("drone.obj", material="blackbody", temperature=300, forward="-Z", up="Y")

@@ -1,19 +1,21 @@
 # %% [markdown]
 # # From a scatterometer's data to a material in a scene
 #
-# At the end of this tutorial a measured paint is a material that every scene takes, and you know how
-# far it can be trusted. It takes a quarter of an hour to read, and the computer needs about fifteen
-# seconds.
+# At the end of this tutorial a measured paint is a material that every scene takes, and you know
+# how far it can be trusted. It takes a quarter of an hour to read, and the computer needs about
+# fifteen seconds.
 #
-# `paint.csv` holds the BRDF of a real, rough paint in the plane of incidence. It was measured from 2
-# to 5.7 µm with a goniometer and an infrared camera (its source and its licence, CC0, stand in the
-# file). `paint_emissivity.csv` holds the emissivity of the same paint, which was measured in another
-# way. Both are sample files of mi_lcair. This cell copies them to a new folder and goes there.
+# `paint.csv` holds the BRDF of a real, rough paint in the plane of incidence. It was measured from
+# 2 to 5.7 µm with a goniometer and an infrared camera (its source and its licence, CC0, stand in
+# the file). `paint_emissivity.csv` holds the emissivity of the same paint, which was measured in
+# another way. Both are sample files of mi_lcair. This cell copies them to a new folder and goes
+# there.
 
 # %%
 import os
 import shutil
 from importlib.resources import files
+from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import matplotlib.pyplot as plt
@@ -34,8 +36,7 @@ os.chdir(folder.name)
 # them. `theta_r` is positive on the side of the mirror direction.
 
 # %%
-with open("paint.csv") as table:
-    print(*[next(table) for line in range(10)], sep="")
+print(*Path("paint.csv").read_text().splitlines()[:10], sep="\n")
 
 # %%
 data = read("paint.csv")
@@ -47,22 +48,22 @@ assert len(data.brdf) == 870
 #
 # `fit` compares all reflection models that it knows, and takes the simplest one that describes the
 # data not significantly worse than the best of all. For this paint that is the microfacet model,
-# with a complex refractive index n + ik, a roughness alpha, a tail exponent gamma and a diffuse part
-# rho_d.
+# with a complex refractive index n + ik, a roughness alpha, a tail exponent gamma and a diffuse
+# part rho_d.
 
 # %%
 brdf_alone = mi_lcair.fit(data, starts=16)  # starting points of the search; 64 if it is left out
 brdf_alone
 
 # %% [markdown]
-# Dots are measured and lines are fitted, one colour for each position of the camera. The panel below
-# has their ratio. Three things are worth reading before the numbers:
+# Dots are measured and lines are fitted, one colour for each position of the camera. The panel
+# below has their ratio. Three things are worth reading before the numbers:
 #
-# - `LACK OF FIT`. The residuals are no noise, because neighbouring ones are alike. A model with five
-#   parameters follows this paint to about 24 %. The standard errors account for it.
+# - `LACK OF FIT`. The residuals are no noise, because neighbouring ones are alike. A model with
+#   five parameters follows this paint to about 24 %. The standard errors account for it.
 # - The verdict beside each parameter says how well these data determine it.
-# - The emissivity in the last panel was not measured here. It is what Kirchhoff's law says about the
-#   fitted BRDF.
+# - The emissivity in the last panel was not measured here. It is what Kirchhoff's law says about
+#   the fitted BRDF.
 
 # %%
 brdf_alone.to_dataframe()[["parameter", "value", "standard_error", "low", "high"]].round(4)
@@ -93,8 +94,8 @@ for parameter, verdict in paint.verdict.items():
 # %% [markdown]
 # No parameter is at its bound any more, and the misfit of the BRDF has not grown. Both kinds of
 # data agree on one surface. Still k is only known to lie between 0 and 0.6. The correlation says
-# why: a smaller n with a larger k reflects as much. The data determine the reflectance, and not the
-# two numbers behind it.
+# why: a smaller n with a larger k reflects as much. The data determine the reflectance, and not
+# the two numbers behind it.
 
 # %%
 order = list(paint.parameters)
@@ -106,8 +107,8 @@ assert not any("bound" in verdict for verdict in paint.verdict.values())
 # %% [markdown]
 # ## Emissivity against angle
 #
-# The first fit did not know the measured emissivity. Its prediction is therefore a test of the model
-# and of the measurement together.
+# The first fit did not know the measured emissivity. Its prediction is therefore a test of the
+# model and of the measurement together.
 
 # %%
 angle, measured, deviation = np.loadtxt("paint_emissivity.csv", delimiter=",", skiprows=5).T
@@ -127,8 +128,9 @@ axis.legend()
 plt.show()
 
 # %% [markdown]
-# Both curves lie within 1.5 standard deviations of the measurement. The paint is nearly black from the front, and
-# loses emissivity toward grazing angles, as Fresnel's equations say.
+# Up to 80 degrees, both curves lie within 1.5 standard deviations of the measurement. The paint is
+# nearly black from the front, and loses emissivity toward grazing angles, as Fresnel's equations
+# say.
 #
 # ## Save the material
 #
@@ -141,7 +143,7 @@ paint.save("paint.json")
 try:
     mi_lcair.load("furnace", material="paint.json", band="LWIR")
 except mi_lcair.InputError as error:
-    print(error)
+    print(str(error).partition("paint.json': ")[2])
 else:
     raise AssertionError("a material without data in LWIR was accepted")
 
@@ -174,7 +176,8 @@ image.plot(channels=["bounce00.Y", "bounce01.Y", "bounce02.Y", "Y"])
 # ## Where to go on
 #
 # - [Fit a material](../howto/fit.md): file formats, several bands, options.
-# - [Your own reflection model](../howto/reflection_model.md): if neither model follows your surface.
+# - [Your own reflection model](../howto/reflection_model.md): if neither model follows your
+#   surface.
 # - [Real surfaces](../validation/real_data.md): six of them, and what the models cannot represent.
-# - [From a Blender model to its signature](blender_model.py): there, `material="paint.json"` paints
-#   the whole model.
+# - [From a Blender model to its signature](blender_model.py): there, `material="paint.json"`
+#   paints the whole model.

@@ -20,6 +20,8 @@ from mi_lcair.physics.detector import LOCK_ON, Detector
 from mi_lcair.physics.imager import Imager
 from mi_lcair.toml_table import filled, required
 
+STATED = "a scenario is a TOML file that names a scene, its observer and the sensor"
+
 # Entries that hold the name of a file or a bundled name.
 FILES = (
     ("target", "scene"),
@@ -420,7 +422,11 @@ class Scenario:
         InputError
             If the file or a change cannot be used.
         """
+        if not isinstance(source, (str, PathLike)):
+            raise InputError(f"{type(source).__name__} is no scenario; {STATED}")
         path, name = Path(source), Path(source).stem
+        if path.suffix.lower() == ".xml" or str(source) in scenes.names():
+            raise InputError(f"'{source}' is a scene and no scenario; {STATED}")
         if not path.suffix and not os.path.isfile(path):
             path, name = scenes.scenario_path(str(source)), str(source)
         text = read_text(path, f"scenario '{source}'")

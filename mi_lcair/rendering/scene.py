@@ -172,6 +172,13 @@ class Scene:
 
 
 # What functions take for a scene: a loaded one, a bundled name, a file, or Mitsuba's own
+# Files that are named in place of a scene, by suffix, and what is done with them.
+MODEL_FILE = "it is a model, of which mi-lcair import makes a scene"
+NO_SCENES = dict.fromkeys((".obj", ".glb", ".gltf", ".ply", ".stl"), MODEL_FILE) | {
+    ".toml": "a scenario is for contrast, image and budget",
+    ".exr": "it is an image, which show and report take",
+}
+
 SceneLike = Scene | mi.Scene | str | PathLike[str]
 
 
@@ -295,6 +302,8 @@ def find(scene: str | PathLike[str]) -> Path:
     if path.suffix or path.parent != Path("."):
         if not os.path.isfile(path):  # also False for a text too long to be a path
             raise InputError(f"scene '{scene}': no such file{hint(str(scene))}")
+        if path.suffix.lower() in NO_SCENES:
+            raise InputError(f"'{scene}' is no scene: {NO_SCENES[path.suffix.lower()]}")
         return path
     return scenes.path(str(scene))
 

@@ -33,7 +33,7 @@ def figure(contrast: Contrast):
 
     through.plot(x, spectra["target"], color="C3", linewidth=1.2, label="apparent target")
     through.set_title(
-        f"(b) target through {contrast.path.range_m:.5g} m of {plain(contrast.air.name)}: "
+        f"(b) target through {contrast.path.range_m:.5g} m of {plain(contrast.air.name)}:\n"
         f"{row.target.value:.4g} W/m² in band",
         fontsize=10,
     )

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.drawing import plain
+from mi_lcair.drawing import new_figure, plain
 from mi_lcair.models3d.label import TYPES
 from mi_lcair.models3d.model import Model
 
@@ -58,9 +58,6 @@ def figure(model: Model, title: str = TITLE):
     are drawn behind the model where they face the observer. Backs of model facets have a colour of
     their own.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     box, longest = _window(model)
     sizes = np.diff(box, axis=0)[0]
     images = [_triangles_seen(model, view, box, longest / PIXELS) for view in VIEWS]
@@ -73,8 +70,7 @@ def figure(model: Model, title: str = TITLE):
         scale * sum(widths) + 4.2,
         (1 + differ) * (scale * max(heights) + 0.7) + 0.3,
     )
-    drawn = Figure(figsize=np.maximum(size, (8, 3)), layout="constrained")
-    FigureCanvasAgg(drawn)
+    drawn = new_figure(np.maximum(size, (8, 3)), dpi=100, layout="constrained")
     rows = drawn.subplots(1 + differ, 3, squeeze=False, width_ratios=widths)
     _draw_materials(drawn, rows[0], model, label, images, box, longest)
     if differ:

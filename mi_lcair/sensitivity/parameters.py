@@ -25,7 +25,7 @@ from contextlib import contextmanager
 
 import mitsuba as mi
 
-from mi_lcair.errors import unknown
+from mi_lcair.errors import InputError, unknown
 from mi_lcair.plugins.derivatives import own_memory
 from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
 from mi_lcair.sensitivity.entries import (
@@ -137,6 +137,8 @@ def replace(arrays: Mapping[tuple[mi.Object, str], mi.Float]) -> None:
 
 
 def chosen(scene, names) -> list[Entry]:
+    if isinstance(names, str):
+        raise InputError(f"names = '{names}' is one text; give a sequence of names: ['{names}']")
     known = entries(scene)
     for name in names:
         if name not in known:

@@ -188,10 +188,10 @@ def trend(
             "Mitsuba; leave dask out, or give the file"
         )
     check_samples(spp, tolerance, max_spp)
-    azimuths = list(azimuths_deg)
+    azimuths = angles("azimuths_deg", azimuths_deg)
     views = tuple(
-        View(float(azimuth), float(elevation))
-        for elevation in elevations_deg
+        View(azimuth, elevation)
+        for elevation in angles("elevations_deg", elevations_deg)
         for azimuth in azimuths
     )
     if len(set(views)) < len(views) or not views:
@@ -229,6 +229,19 @@ def trend(
         if progress:
             progress(len(file.rows), len(views))
     return Trend(scene.name, file.columns(), scene.band.label, None if spp else sweep.tolerance)
+
+
+def angles(name: str, values: Iterable[float]) -> list[float]:
+    """Angles in degrees as numbers; raises InputError for what is no sequence of numbers."""
+    try:
+        if isinstance(values, str):
+            raise ValueError(values)
+        return [float(value) for value in values]
+    except (TypeError, ValueError):
+        raise InputError(
+            f"{name} = {values!r} is no sequence of angles in degrees, such as range(0, 360, 10) "
+            "or [0, 30]"
+        ) from None
 
 
 def whole_path(value: str) -> str:

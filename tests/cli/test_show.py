@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from mi_lcair.cli.files.sources import SCENARIO, kind_of
+
 
 def written(folder):
     return sorted(
@@ -188,6 +190,10 @@ def test_scenario(run, folder, figures):
     result = run("show", str(slant), "-D", "observer.range_m=4000")
     assert result.exit_code == 0 and "range_m = 4000" in result.stdout
     assert "4000 m, azimuth 180" in figures[-1].get_suptitle() and (folder / "slant.png").exists()
+
+
+def test_a_bundled_scenario_by_its_name():
+    assert kind_of("a340_landing/position_1") == SCENARIO
 
 
 @pytest.mark.slow

@@ -21,7 +21,7 @@ from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.plugins.emission.sources import Source
 from mi_lcair.rendering.views import Target, View, seen_from
-from mi_lcair.reports.contrast_plot import save_plot
+from mi_lcair.reports.contrast_plot import figure, save_plot
 from mi_lcair.signatures.effective_areas import EffectiveAreas
 from tests.detection.disc_scenario import AREA, disc, triangles, write_disc
 
@@ -616,6 +616,22 @@ def test_plot(folder, figures, tmp_path):
         and "W/sr in band" in intensity.get_title()
         and "MWIR 3-5 um" in figures[0].get_suptitle()
     )
+
+
+@pytest.mark.slow
+def test_titles_of_a_plot_fit_into_it(folder):
+    result = contrast(
+        disc(
+            folder,
+            atmosphere__table="slant_midlat_summer",
+            observer__elevation_deg=-11.3,
+            render__resolution=8,
+        )
+    )
+    picture = figure(result)
+    for axes in picture.axes:
+        box = axes.title.get_window_extent()
+        assert picture.bbox.x0 <= box.x0 and box.x1 <= picture.bbox.x1, axes.get_title()
 
 
 @pytest.mark.slow

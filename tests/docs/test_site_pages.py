@@ -3,6 +3,8 @@
 import re
 
 import pytest
+from mkdocs.exceptions import PluginError
+from mkdocs.structure.files import File, Files
 
 import mi_lcair
 from docs.site_pages import manual, mathml, on_page_content, on_page_markdown
@@ -44,3 +46,14 @@ def test_a_page_gets_manuals_and_equations():
 def test_equations_are_mathml():
     assert mathml(r"\varepsilon", as_block=False).startswith("<math")
     assert 'display="block"' in mathml(r"\frac{a}{b}", as_block=True)
+
+
+def test_links_of_a_tutorial_lead_to_pages():
+    sources = ("tutorials/cavity.py", "howto/fit.md")
+    files = Files([File(name, "docs", "site", use_directory_urls=False) for name in sources])
+    page = type("Page", (), {"file": files.get_file_from_path("tutorials/cavity.py")})
+    content = '<a href="../howto/fit.md#files">fit</a> <a href="https://a.org/b.md">b</a>'
+    linked = on_page_content(content, page=page, files=files)
+    assert linked == content.replace("fit.md", "fit.html")
+    with pytest.raises(PluginError, match=r"cavity.py: links to '../howto/fitt.md'"):
+        on_page_content(content.replace("fit.md", "fitt.md"), page=page, files=files)

@@ -32,10 +32,10 @@ def day():
 
 def test_the_sun_is_added(night, day):
     _, by_day = day
-    assert "sun" not in night.by_group and by_day.by_group["sun"] > 0
-    for group, intensity in night.by_group.items():
-        error = np.hypot(night.by_group_error[group], by_day.by_group_error[group])
-        assert by_day.by_group[group] == pytest.approx(intensity, abs=6 * error), group
+    assert "sun" not in night.scene.by_group and by_day.scene.by_group["sun"] > 0
+    for group, intensity in night.scene.by_group.items():
+        error = np.hypot(night.scene.by_group_error[group], by_day.scene.by_group_error[group])
+        assert by_day.scene.by_group[group] == pytest.approx(intensity, abs=6 * error), group
 
 
 def test_irradiance_of_the_bundled_air(day):
@@ -47,4 +47,4 @@ def test_irradiance_of_the_bundled_air(day):
 def test_the_sun_lights_one_side(day):
     """From the left a sun on the right adds less."""
     _, right = seen(**SUN | {"sun_azimuth_deg": -60})
-    assert right.by_group["sun"] < 0.7 * day[1].by_group["sun"]
+    assert right.scene.by_group["sun"] < 0.7 * day[1].scene.by_group["sun"]

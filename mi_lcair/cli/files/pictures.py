@@ -41,7 +41,8 @@ def _outlines_of(file, header, shape, scene, parameters, sensor):
     from mi_lcair.rendering.facets.table import FacetTable
 
     scene = scene or header.get("scene", "")
-    if scene not in scenes.names() and not Path(scene).is_file():
+    place = Path(scene)
+    if scene not in scenes.names() and not place.is_file() and not scenes.in_folder(place):
         raise InputError(f"{file}: the scene of its facets is unknown; name it with --scene")
     given = loads(header.get("parameters", "{}")) | parameters
     loaded = mi_lcair.load(scene, **given)

@@ -51,6 +51,11 @@ def read_mesh(path: str | Path) -> Mesh:
         scene = trimesh.load_scene(path, process=False)
         pieces = _pieces(trimesh, scene, path)
     except Exception as error:  # trimesh raises what its parsers raise
+        if "unexpected length" in str(error):  # its binary PLY has facets of one size only
+            raise InputError(
+                f"{path}: a binary PLY that is cut off, or whose facets differ in their number of "
+                "corners; export it triangulated or as ASCII"
+            ) from None
         raise InputError(f"{path}: cannot be read as {kind}: {error or type(error)}") from None
     if not pieces:
         raise InputError(f"{path}: no faces; the {kind} file must contain a mesh of triangles")

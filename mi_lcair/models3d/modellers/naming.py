@@ -15,6 +15,7 @@ from mi_lcair.models3d.obj import Obj
 from mi_lcair.table import read_table
 
 COLUMNS = ("type", "material", "kelvin", "group", "elevation_deg")  # of a table, beside the name
+MOST_FOUND = 8  # names of a file that an error lists
 COPY = re.compile(r"(.*)\.[0-9]{3}", re.DOTALL)  # a name that Blender has numbered
 NUMBER_AT_END = re.compile(r"(?:.*[*=])?\s*[0-9]+\.[0-9]{3}", re.DOTALL)
 
@@ -169,13 +170,27 @@ def _no_label(obj, face, table, options):
         if name
     ]
     if table and called:
-        reason = f"the table {table.path} names neither its {' nor its '.join(called)}"
+        neither = ("does not name its " if len(called) == 1 else "names neither its ") + (
+            " nor its ".join(called)
+        )
+        reason, way = f"the table {table.path} {neither}", "add one of them to the table"
+        if len(called) == 1:
+            way = "add it to the table"
     else:
-        reason = "the face has no label"
+        reason, way = "the face has no label", "give --names with a table of names"
+        if found := _found(obj):
+            way += f" (here {found})"
     return InputError(
         f"{obj.place(face)}: {reason}; name its object or group {{f|s|t}}*{{material}}*{{kelvin}}*,"
-        f" such as f*bare_aluminum*300*, give --names with a table of names, or give {missing}"
+        f" such as f*bare_aluminum*300*, {way}, or give {missing}"
     )
+
+
+def _found(obj):
+    """The first names that a table of names could have, without the numbers of copies."""
+    names = [_plain(next(filter(None, part), "")) for part in obj.parts]
+    names = [name for name in dict.fromkeys(names) if name and "*" not in name]
+    return ", ".join(names[:MOST_FOUND]) + ", ..." * (len(names) > MOST_FOUND)
 
 
 def _plain(name):

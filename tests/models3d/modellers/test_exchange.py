@@ -102,3 +102,19 @@ def test_without_trimesh(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "trimesh", None)
     with pytest.raises(InputError, match=r"needs trimesh; python -m pip install 'mi_lcair\["):
         read_mesh(tmp_path / "box.glb")
+
+
+def test_a_binary_ply_of_triangles_and_squares(tmp_path):
+    """Blender writes one unless it triangulates; trimesh reads facets of one size."""
+    header = (
+        b"ply\nformat binary_little_endian 1.0\nelement vertex 5\nproperty float x\n"
+        b"property float y\nproperty float z\nelement face 2\n"
+        b"property list uchar uint vertex_indices\nend_header\n"
+    )
+    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0]], "<f4")
+    faces = b"".join(
+        bytes([len(face)]) + np.array(face, "<u4").tobytes() for face in ([0, 1, 2, 3], [1, 4, 2])
+    )
+    (tmp_path / "mixed.ply").write_bytes(header + points.tobytes() + faces)
+    with pytest.raises(InputError, match="corners; export it triangulated or as ASCII"):
+        read(tmp_path / "mixed.ply", **PAINTED)

@@ -124,7 +124,7 @@ def test_a_fit_beside_the_table(load, tmp_path):
         (
             "name,material,kelvin\nWing,blackbody,300\n",
             ".csv",
-            "line 10: the table .*names.csv names neither its object 'Hull'; name its object",
+            "line 10: the table .*names.csv does not name its object 'Hull'; name its object",
         ),
         ("[Hull]\nmaterial = 'blackbody'\n", ".toml", "names.toml: name 'Hull': lacks kelvin"),
         ("Hull = 3\n", ".toml", r"name 'Hull': needs a table \[Hull\]"),
@@ -153,3 +153,8 @@ def test_entries_of_a_table(tmp_path):
     table = NameTable(tmp_path / "names.toml")
     assert table.find(("", "", "Hull.001"))[1] == {"kelvin": "300"}
     assert table.find(("Wing",)) is None and table.unused() == ["Hot steel"]
+
+
+def test_the_error_without_labels_lists_the_names_for_a_table(load):
+    with pytest.raises(InputError, match=r"--names with a table of names \(here Hot_steel\)"):
+        load(cube(label="Hot steel.001"))
