@@ -9,9 +9,7 @@ import mitsuba as mi
 import pytest
 
 import mi_lcair
-from mi_lcair import scenes
 from mi_lcair.errors import InputError
-from mi_lcair.rendering.scene import find
 
 SENSOR = (
     '<sensor type="orthographic"><film type="hdrfilm"><integer name="width" value="4"/>'
@@ -299,16 +297,3 @@ def test_other_variants_are_refused():
         "variant scalar_rgb cannot render thermal scenes; set one of llvm_ad_mono, cuda_ad_mono"
         in result.stderr
     )
-
-
-def test_the_folder_of_an_import_is_its_scene(tmp_path, monkeypatch):
-    """A folder with the name of a bundled scene does not hide that scene."""
-    for name in ("drone", "two_plates"):
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "scene.xml").write_text("<scene/>")
-    monkeypatch.chdir(tmp_path)
-    for scene in ("drone", tmp_path / "drone"):
-        assert find(scene).resolve() == tmp_path / "drone" / "scene.xml"
-    assert find("two_plates") == scenes.path("two_plates")
-    with pytest.raises(InputError, match="no such file"):
-        find(tmp_path)
