@@ -66,10 +66,9 @@ if not TYPE_CHECKING:  # type checkers would take it for any misspelt name
         if name in _HOME:
             return getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
         # With the name and the module, Python suggests the nearest name
-
-    raise AttributeError(
-        f"module '{__name__}' has no attribute '{name}'", name=name, obj=sys.modules[__name__]
-    )
+        raise AttributeError(
+            f"module '{__name__}' has no attribute '{name}'", name=name, obj=sys.modules[__name__]
+        )
 
 
 def __dir__() -> list[str]:

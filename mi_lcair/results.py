@@ -138,7 +138,9 @@ class Result:
             written.
         """
         if not self.drawn_by:
-            raise InputError(f"{self._named()} has no picture; it can be saved as {self._known()}")
+            raise InputError(
+                f"{self._named()} has no picture; it can be saved as {', '.join(self.suffixes())}"
+            )
         if path is not None:
             self._check_suffix(Path(path), PICTURES)
             check_writable(path)
@@ -196,9 +198,6 @@ class Result:
     def _named(self) -> str:
         """The result as messages name it."""
         return f"a result of kind '{self.kind}'"
-
-    def _known(self) -> str:
-        return ", ".join(self.suffixes())
 
 
 def check_options(what: str, function, options: dict) -> None:

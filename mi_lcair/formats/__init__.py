@@ -1,3 +1,4 @@
 """Files that other programs read, written from plain arrays: CSV, netCDF, VTK and TIFF."""
 
 VTK = (".vtp", ".vtu")  # suffixes of the files that `formats.vtk` writes
+MODELS = (".obj", ".glb", ".gltf", ".ply", ".stl")  # suffixes of models that `models3d` reads

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mi_lcair.errors import InputError, unknown
+from mi_lcair.errors import InputError, shown, unknown
 from mi_lcair.files import read_text
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
@@ -242,6 +242,10 @@ def _reports(name):
 
 def _check_report(name, report):
     """Raise InputError for a report of a fit that lacks what a material needs."""
+    if (kind := report.get("kind", "fit")) != "fit":
+        raise InputError(
+            f"{name}: its kind is {shown(str(kind))}; a material needs the JSON of a fit"
+        )
     if report.get("band", "") is None:
         raise InputError(
             f"{name}: the fitted data did not state their band; add '# band_um: 3 5' to their file "

@@ -13,6 +13,7 @@ import numpy as np
 
 from mi_lcair import scenes
 from mi_lcair.errors import InputError, mitsuba_error, unknown
+from mi_lcair.formats import MODELS
 from mi_lcair.physics.bands import Band
 from mi_lcair.plugins.derivatives import deriving_plugins
 from mi_lcair.plugins.paths.launch import numbers
@@ -171,14 +172,14 @@ class Scene:
             surface.set_lobe(lobe)
 
 
-# What functions take for a scene: a loaded one, a bundled name, a file, or Mitsuba's own
 # Files that are named in place of a scene, by suffix, and what is done with them.
-MODEL_FILE = "it is a model, of which mi-lcair import makes a scene"
-NO_SCENES = dict.fromkeys((".obj", ".glb", ".gltf", ".ply", ".stl"), MODEL_FILE) | {
+NO_SCENES = {
+    **dict.fromkeys(MODELS, "it is a model, of which mi-lcair import makes a scene"),
     ".toml": "a scenario is for contrast, image and budget",
     ".exr": "it is an image, which show and report take",
 }
 
+# What functions take for a scene: a loaded one, a bundled name, a file, or Mitsuba's own
 SceneLike = Scene | mi.Scene | str | PathLike[str]
 
 

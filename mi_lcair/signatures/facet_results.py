@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from mi_lcair.formats import VTK, vtk
+from mi_lcair.formats import VTK
 from mi_lcair.plugins.paths.channels import MAX_BOUNCE_CHANNELS, entries
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.rendering.facets.polygons import FacetPolygons
@@ -65,21 +65,10 @@ class FacetResults(Result):
         """The table, with a row for each facet."""
         return self.table
 
-    def polygons(self) -> FacetPolygons:
-        """The facets of the table as polygons, without shapes that are not meshes."""
-        return FacetPolygons.of(self.triangles, self.triangle_facet)
-
 
 def write_vtk(path, facets: FacetResults) -> None:
     """Write facets with all columns of their table as a .vtp or .vtu file."""
-    polygons = facets.polygons()
-    rows = np.searchsorted(facets.table["facet"], polygons.facet)
-    vtk.write_facets(
-        path,
-        polygons.vertices,
-        polygons.faces,
-        {name: values[rows] for name, values in facets.table.items()},
-    )
+    FacetPolygons.of(facets.triangles, facets.triangle_facet).write(path, facets.table)
 
 
 class FacetSums:

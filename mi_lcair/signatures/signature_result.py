@@ -5,7 +5,9 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from mi_lcair.formats import VTK
 from mi_lcair.results import Result
+from mi_lcair.signatures import facet_results
 from mi_lcair.signatures.effective_areas import EffectiveAreas
 from mi_lcair.signatures.facet_results import FacetResults
 
@@ -117,6 +119,12 @@ class Signature(Result):
 
     kind: ClassVar[str] = "signature"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.signature:figure"
+    saved_by: ClassVar[dict[str, str]] = dict.fromkeys(VTK, f"{__name__}:write_vtk")
+
+    def suffixes(self) -> list[str]:
+        """Suffixes of the files that `save` can write; those of ParaView need `facets=True`."""
+        known = super().suffixes()
+        return [suffix for suffix in known if suffix not in VTK or self.facets is not None]
 
     @property
     def main_part(self) -> str:
@@ -219,3 +227,8 @@ class Signature(Result):
             "scene_W_sr": values[:, 1, 0],
             "scene_standard_error_W_sr": values[:, 1, 1],
         }
+
+
+def write_vtk(path, signature: Signature) -> None:
+    """Write the facets of a signature as a .vtp or .vtu file."""
+    facet_results.write_vtk(path, signature.facets)

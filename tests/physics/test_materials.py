@@ -257,6 +257,7 @@ def test_an_unusable_entry_is_one_line_that_names_file_material_and_key(user_fil
             '{"form": "thesis", "band": "MWIR"}',
             "key 'parameters' is missing or no table; a fit has parameters, form and band",
         ),
+        ('{"kind": "signature"}', "its kind is 'signature'; a material needs the JSON of a fit"),
         ('{"parameters": {}, "form": "thesis"}', "key 'band' is missing or no string"),
         (
             '{"parameters": {}, "form": "thesis", "band": null}',

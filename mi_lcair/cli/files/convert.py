@@ -145,30 +145,17 @@ def _table(source, output, suffix):
 
 def _facets(source, output, suffix, scene, parameters):
     """A table of facets and their polygons."""
-    import numpy as np
-
-    from mi_lcair.formats import vtk
     from mi_lcair.formats.tables import read_columns
     from mi_lcair.rendering.facets.image import FACET, by_facet
     from mi_lcair.rendering.facets.polygons import FacetPolygons
     from mi_lcair.rendering.facets.table import FacetTable
     from mi_lcair.table import read_table
 
-    table = read_table(source, (FACET,))
     facets = FacetTable(mi_lcair.load(scene, **parameters))
-    rows = by_facet(table, FACET, facets.count)  # also checks the numbers
-    polygons = FacetPolygons.of(facets.triangles, facets.triangle_facet)
-    polygons = polygons.only(np.isfinite(rows))
+    by_facet(read_table(source, (FACET,)), FACET, facets.count)  # checks the numbers
     columns = read_columns(source)
-    row = np.zeros(facets.count, int)
-    row[columns[FACET].astype(int)] = np.arange(len(columns[FACET]))
     columns[FACET] = columns[FACET].astype(int)
-    vtk.write_facets(
-        output,
-        polygons.vertices,
-        polygons.faces,
-        {name: values[row[polygons.facet]] for name, values in columns.items()},
-    )
+    FacetPolygons.of(facets.triangles, facets.triangle_facet).write(output, columns)
 
 
 def _model(source, output, suffix):
@@ -186,12 +173,10 @@ def _scene(source, output, suffix, parameters):
     """The facets of a scene with their groups, materials and temperatures."""
     import numpy as np
 
-    from mi_lcair.formats import vtk
     from mi_lcair.rendering.facets.polygons import FacetPolygons
     from mi_lcair.rendering.facets.table import FacetTable
 
     facets = FacetTable(mi_lcair.load(source, **parameters))
-    polygons = FacetPolygons.of(facets.triangles, facets.triangle_facet)
     columns = {
         "facet": np.arange(facets.count),
         "type": facets.type,
@@ -200,12 +185,7 @@ def _scene(source, output, suffix, parameters):
         "temperature_K": facets.temperature,
         "area_m2": facets.area,
     }
-    vtk.write_facets(
-        output,
-        polygons.vertices,
-        polygons.faces,
-        {name: values[polygons.facet] for name, values in columns.items()},
-    )
+    FacetPolygons.of(facets.triangles, facets.triangle_facet).write(output, columns)
 
 
 def _write_model(output, model, vertices, faces):

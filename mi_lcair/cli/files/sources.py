@@ -5,13 +5,12 @@ from pathlib import Path
 
 from mi_lcair.errors import InputError
 from mi_lcair.files import read_text
-from mi_lcair.formats import tables
+from mi_lcair.formats import MODELS, tables
 
 # Kinds, as messages name them
 IMAGE, TREND, SPECTRUM = "an image", "a trend", "a spectrum"
 FACET, FACETS, MODEL, SCENE = "--facet", "--facets", "a model", "a scene"
 SCENARIO, MATERIAL = "a scenario", "a material"
-MODELS = (".obj", ".ply", ".stl", ".glb", ".gltf")
 TAKEN = (
     "image (.exr), no trend or spectrum (.csv, .nc), no model (.obj, .glb, .gltf, .ply, .stl or "
     "the folder of an import), no scene (.xml), no scenario (.toml) and no material"
@@ -70,6 +69,7 @@ def kind_of_table(path: Path) -> str:
 
     Raises InputError for another table.
     """
+
     kind = tables.kind_of(path, tables.read_columns(path))
     if kind == tables.FACETS:
         raise InputError(

@@ -14,8 +14,7 @@ TYPES = {"model": "f", "sky": "s", "terrain": "t"}  # letters of labels
 def model_of(scene: Scene) -> Model:
     """The facets of a scene's meshes as a `Model`, in the scene's axes.
 
-    Shapes that are not meshes have no facets. Raises
-    InputError if the scene has no mesh.
+    Shapes that are not meshes have no facets. Raises InputError if the scene has no mesh.
     """
     table = FacetTable(scene)
     if not len(table.triangles):

@@ -1,8 +1,11 @@
 """Facets as polygons, put together from their triangles."""
 
 from dataclasses import dataclass
+from os import PathLike
 
 import numpy as np
+
+from mi_lcair.formats import vtk
 
 PLANAR = 1e-7  # relative error of the area up to which an outline stands for its triangles
 
@@ -39,10 +42,18 @@ class FacetPolygons:
             facet += [number] * len(polygons)
         return FacetPolygons(vertices, faces, np.array(facet, dtype=np.int64))
 
-    def only(self, kept: np.ndarray) -> "FacetPolygons":
-        """The polygons of the facets for which the mask `kept` (facets,) holds."""
-        rows = np.flatnonzero(kept[self.facet])
-        return FacetPolygons(self.vertices, [self.faces[k] for k in rows], self.facet[rows])
+    def write(self, path: str | PathLike[str], columns: dict[str, np.ndarray]) -> None:
+        """Write the polygons as a .vtp or .vtu file with the columns of a table of facets.
+
+        columns: `facet`, the number of each row's facet, and others by name with the unit. Facets
+        without a row are left out. Raises InputError as `vtk.write_facets`.
+        """
+        row = np.full(1 + max(self.facet.max(initial=0), columns["facet"].max(initial=0)), -1)
+        row[columns["facet"]] = np.arange(len(columns["facet"]))
+        places = row[self.facet]
+        faces = [face for face, place in zip(self.faces, places) if place >= 0]
+        cells = {name: values[places[places >= 0]] for name, values in columns.items()}
+        vtk.write_facets(path, self.vertices, faces, cells)
 
 
 def _merged(vertices: np.ndarray, triangles: np.ndarray) -> list[np.ndarray]:
