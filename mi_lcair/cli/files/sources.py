@@ -5,7 +5,7 @@ from pathlib import Path
 
 from mi_lcair.errors import InputError
 from mi_lcair.files import read_text
-from mi_lcair.formats import MODELS, tables
+from mi_lcair.formats import MODELS
 
 # Kinds, as messages name them
 IMAGE, TREND, SPECTRUM = "an image", "a trend", "a spectrum"
@@ -69,6 +69,8 @@ def kind_of_table(path: Path) -> str:
 
     Raises InputError for another table.
     """
+
+    from mi_lcair.formats import tables
 
     kind = tables.kind_of(path, tables.read_columns(path))
     if kind == tables.FACETS:
