@@ -1,5 +1,6 @@
 // Unpack the numbers and plotly, then draw the panels: first those in view, then the others.
-// The root element tells by data-ready and data-complete how far this is.
+// The root element tells by data-ready and data-complete how far this is, and marks of the browser's
+// clock with these names tell when.
 (async () => {
   document.querySelectorAll("main table.sortable").forEach(makeSortable);
   const root = document.documentElement, places = [...document.querySelectorAll(".panel")];
@@ -21,6 +22,7 @@
       const first = places.filter(isInView);
       for (const place of first) await draw(place, numbers);
       root.dataset.ready = "yes";
+      performance.mark("ready");
       for (const place of places.filter((place) => !first.includes(place))) {
         await new Promise((resolve) => setTimeout(resolve));  // lets the reader scroll and point
         await draw(place, numbers);
@@ -30,4 +32,5 @@
     places.forEach((place) => failed(place, error));
   }
   root.dataset.ready = root.dataset.complete = "yes";
+  performance.mark("complete");
 })();
