@@ -120,8 +120,8 @@ class Plan(Result):
         of = "rms over the pixels" if self.each_pixel else "of the target's intensity"
         return (
             f"plan for {self.scene_name}: {self.max_bounces} reflections, closure {self.closure}, "
-            f"lobes {', '.join(lobes) or 'none'}, error at most {self.bias:.2%} of the mean "
-            f"(95 %), {of}"
+            f"lobes {', '.join(lobes) or 'none'}, error at most {100 * self.bias:.2g} % of the "
+            f"mean (95 %), {of}"
         )
 
     def entries(self) -> dict:

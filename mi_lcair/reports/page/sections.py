@@ -246,12 +246,12 @@ def plan_section(plan) -> Section:
         [
             facts(
                 [
-                    ("tolerance", f"{plan.tolerance:.2%}"),
+                    ("tolerance", f"{100 * plan.tolerance:.4g} %"),
                     ("lobes", lobes or "no material with a fidelity ladder"),
                     ("reflections", f"{plan.max_bounces}, closure {closure}"),
                     ("emitter sampling", "on" if plan.emitter_sampling else "off"),
-                    ("error", f"at most {plan.bias:.2%} of the mean (95 %), {of}"),
-                    ("left for noise", f"{plan.noise_tolerance:.2%}"),
+                    ("error", f"at most {100 * plan.bias:.2g} % of the mean (95 %), {of}"),
+                    ("left for noise", f"{100 * plan.noise_tolerance:.2g} %"),
                     *(("left out", line) for line in plan.left_out or ["nothing"]),
                     *(("not tried", line) for line in plan.untried),
                 ]
