@@ -1,4 +1,4 @@
-"""Fractions that are written as a number or in percent."""
+"""Fractions that are read as a number or in percent, and written in percent."""
 
 from mi_lcair.errors import InputError
 
@@ -29,3 +29,8 @@ def fraction(value: float | str | None) -> float | None:
     if rest.strip() or not 0 < result < 1:
         raise InputError(f"'{value}' is not a fraction between 0 and 1, such as 0.01 or 1%")
     return result
+
+
+def percent(value: float) -> str:
+    """A fraction as text, in percent with two digits."""
+    return f"{float(f'{100 * value:.2g}'):g} %"

@@ -11,6 +11,7 @@ import click
 
 from mi_lcair.errors import escaped, printable
 from mi_lcair.files import check_suffix, check_writable
+from mi_lcair.fraction import percent
 
 QUIET = "mi_lcair.quiet"  # key in the context of click
 
@@ -44,11 +45,6 @@ def print_columns(rows) -> None:
     widths = [max(map(len, column)) for column in zip(*rows)]
     for row in rows:
         click.echo("  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip())
-
-
-def percent(fraction: float) -> str:
-    """A fraction as text, in percent with two digits."""
-    return f"{float(f'{100 * fraction:.2g}'):g} %"
 
 
 def interval(half_width: float, value: float, unit: str, of: str, absolute: bool = False) -> str:

@@ -6,8 +6,9 @@ import click
 
 import mi_lcair
 from mi_lcair.cli.options import POSITIVE, Fraction, loading_options, sensor_option
-from mi_lcair.cli.output import percent, print_columns, print_json
+from mi_lcair.cli.output import print_columns, print_json
 from mi_lcair.cli.usage.examples import examples
+from mi_lcair.fraction import percent
 
 
 @click.command(

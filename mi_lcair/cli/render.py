@@ -6,10 +6,11 @@ import click
 
 import mi_lcair
 from mi_lcair.cli.options import scene_options
-from mi_lcair.cli.output import Verdict, note_invalid, percent, print_columns, print_json
+from mi_lcair.cli.output import Verdict, note_invalid, print_columns, print_json
 from mi_lcair.cli.plan import rows as plan_rows
 from mi_lcair.cli.usage.examples import examples
 from mi_lcair.errors import InputError
+from mi_lcair.fraction import percent
 
 
 @click.command(

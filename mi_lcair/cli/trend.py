@@ -17,7 +17,6 @@ from mi_lcair.cli.output import (
     check_outputs,
     error_row,
     note,
-    percent,
     print_columns,
     print_json,
     print_written,
@@ -25,6 +24,7 @@ from mi_lcair.cli.output import (
 from mi_lcair.cli.usage.examples import examples
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
+from mi_lcair.fraction import percent
 
 MOST_ANGLES = 100_000  # largest number of angles in START:STOP:STEP
 

@@ -23,7 +23,7 @@ from typing import ClassVar
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.fraction import fraction
+from mi_lcair.fraction import fraction, percent
 from mi_lcair.planning.bounces import check_bounces, fewer_bounces, truncation_error
 from mi_lcair.planning.emitter_sampling import cheaper_emitter_sampling
 from mi_lcair.planning.lobes import candidates, simpler_lobes
@@ -120,7 +120,7 @@ class Plan(Result):
         of = "rms over the pixels" if self.each_pixel else "of the target's intensity"
         return (
             f"plan for {self.scene_name}: {self.max_bounces} reflections, closure {self.closure}, "
-            f"lobes {', '.join(lobes) or 'none'}, error at most {100 * self.bias:.2g} % of the "
+            f"lobes {', '.join(lobes) or 'none'}, error at most {percent(self.bias)} of the "
             f"mean (95 %), {of}"
         )
 

@@ -62,6 +62,8 @@ def test_parameters_of_the_scene_on_the_line(folder):
     assert "finish=" in completions("signature", "cylinder_ir_range", "--spp", "4", "-D", "")
     assert completions("budget", "open_box", "-D", "ref") == ["reflector="]
     assert completions("report", "cavity", "-D", "op") == ["opening="]  # one of several WHAT
+    assert completions("show", "cavity", "-D", "op") == ["opening="]
+    assert completions("convert", "f.csv", "f.vtp", "--scene", "cavity", "-D", "op") == ["opening="]
     assert completions("render", "-D", "op") == []  # no scene yet
     assert completions("render", "cavity", "-D", "opening=") == []  # a value
     assert completions("render", "none.xml", "-D", "o") == []
@@ -74,6 +76,7 @@ def test_parameters_of_an_imported_scene(folder):
     export(read(folder / "model.obj"), folder / "out")
     found = completions("render", "out/scene.xml", "-D", "a")
     assert found == ["allow_band=", "azimuth_deg="]
+    assert completions("render", "out", "-D", "a") == found  # the folder stands for its scene
 
 
 def test_entries_of_the_scenario_on_the_line():

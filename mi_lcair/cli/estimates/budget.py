@@ -21,7 +21,6 @@ from mi_lcair.cli.options import (
 from mi_lcair.cli.output import (
     check_outputs,
     note,
-    percent,
     print_columns,
     print_json,
     print_written,
@@ -30,6 +29,7 @@ from mi_lcair.cli.usage import completion
 from mi_lcair.cli.usage.examples import examples
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
+from mi_lcair.fraction import percent
 
 
 @click.command(

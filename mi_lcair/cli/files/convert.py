@@ -6,7 +6,7 @@ import click
 
 import mi_lcair
 from mi_lcair.cli.files import sources
-from mi_lcair.cli.options import Assignment
+from mi_lcair.cli.options import changes_option
 from mi_lcair.cli.output import print_written
 from mi_lcair.cli.usage.examples import examples
 from mi_lcair.errors import InputError, unknown
@@ -33,13 +33,7 @@ FILE = click.Path(path_type=Path)
     help="Channel of FILE.exr for a TIFF, such as temperature.Y.",
 )
 @click.option("--scene", help="Scene of a table of facets.")
-@click.option(
-    "-D",
-    "parameters",
-    type=Assignment(),
-    multiple=True,
-    help="Set a $-parameter of the scene; may be repeated.",
-)
+@changes_option("Set a $-parameter of the scene", "parameters")
 @click.pass_context
 def command(ctx, source, output, channel, scene, parameters):
     """Write the content of IN as OUT, whose suffix chooses the format:

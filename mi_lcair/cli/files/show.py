@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from mi_lcair.cli.files import pictures, sources
-from mi_lcair.cli.options import Assignment, json_option
+from mi_lcair.cli.options import changes_option, json_option, sensor_option
 from mi_lcair.cli.usage import completion
 from mi_lcair.cli.usage.examples import examples
 from mi_lcair.drawing import PICTURES
@@ -77,21 +77,8 @@ KINDS = {
     metavar="FILE.csv",
     help="Table with a column `facet` and others to colour the facets by.",
 )
-@click.option(
-    "-D",
-    "parameters",
-    type=Assignment(),
-    multiple=True,
-    help="Set a $-parameter of the scene, or change an entry of the scenario; may be repeated.",
-)
-@click.option(
-    "-s",
-    "--sensor",
-    type=click.IntRange(min=0),
-    default=0,
-    show_default=True,
-    help="Number of the scene's sensor, from 0.",
-)
+@changes_option("Set a $-parameter of the scene, or change an entry of the scenario", "parameters")
+@sensor_option
 @click.option("--band", help="Band of the material (default: that of a fit of one band).")
 @click.option("--materials", type=FILE, metavar="TOML", help="Your own materials.")
 @click.option(

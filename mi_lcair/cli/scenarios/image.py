@@ -21,13 +21,13 @@ from mi_lcair.cli.output import (
     check_outputs,
     error_row,
     note,
-    percent,
     print_columns,
     print_json,
     print_written,
 )
 from mi_lcair.cli.usage.examples import examples
 from mi_lcair.drawing import PICTURES
+from mi_lcair.fraction import percent
 
 
 @click.command(

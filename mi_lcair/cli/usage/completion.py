@@ -97,7 +97,8 @@ def parameters_of_scene(scene: str) -> dict[str, str]:
 
     is_bundled = scene in bundled.names()
     meanings = bundled.parameters(scene) if is_bundled else {}
-    found = survey(bundled.path(scene) if is_bundled else Path(scene), {})
+    file = bundled.path(scene) if is_bundled else bundled.in_folder(scene) or Path(scene)
+    found = survey(file, {})
     others = sorted(found - meanings.keys())
     return {key: meaning.description for key, meaning in meanings.items()} | dict.fromkeys(
         others, ""

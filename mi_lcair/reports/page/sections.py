@@ -3,6 +3,7 @@
 import numpy as np
 
 from mi_lcair.errors import InputError, printable
+from mi_lcair.fraction import percent
 from mi_lcair.reports.page.image_panel import image_panel
 from mi_lcair.reports.page.model_panel import model_panel, with_emissivity
 from mi_lcair.reports.page.page import Section, paragraph
@@ -204,9 +205,7 @@ def trend_sections(columns: dict, band: str) -> list[Section]:
 
 def audit_section(audit) -> Section:
     """Energy of a scene: what is emitted, absorbed and escapes, by material."""
-    percent = lambda name, key: "{:.3f} ± {:.1g}".format(
-        *(100 * v for v in audit.shares[name][key])
-    )
+    share = lambda name, key: "{:.3f} ± {:.1g}".format(*(100 * v for v in audit.shares[name][key]))
     keys = ("absorbed", "escaped", "behind", "created", "unfinished", "balance")
     shares = ("absorbed", "reflected", "behind", "created", "scaled")
     return Section(
@@ -218,14 +217,14 @@ def audit_section(audit) -> Section:
             ),
             table(
                 [("emitted", "W"), *((key, "%") for key in keys)],
-                [[with_error(*audit.total["emitted"]), *(percent("scene", key) for key in keys)]],
+                [[with_error(*audit.total["emitted"]), *(share("scene", key) for key in keys)]],
             ),
             table(
                 ["material", ("emitted", "W"), ("incident", "W")]
                 + [(f"{key}, of incident", "%") for key in shares],
                 [
                     [name, flux["emitted"][0], flux["incident"][0]]
-                    + [percent(name, key) for key in shares]
+                    + [share(name, key) for key in shares]
                     for name, flux in audit.materials.items()
                 ],
             ),
@@ -250,8 +249,8 @@ def plan_section(plan) -> Section:
                     ("lobes", lobes or "no material with a fidelity ladder"),
                     ("reflections", f"{plan.max_bounces}, closure {closure}"),
                     ("emitter sampling", "on" if plan.emitter_sampling else "off"),
-                    ("error", f"at most {100 * plan.bias:.2g} % of the mean (95 %), {of}"),
-                    ("left for noise", f"{100 * plan.noise_tolerance:.2g} %"),
+                    ("error", f"at most {percent(plan.bias)} of the mean (95 %), {of}"),
+                    ("left for noise", percent(plan.noise_tolerance)),
                     *(("left out", line) for line in plan.left_out or ["nothing"]),
                     *(("not tried", line) for line in plan.untried),
                 ]
