@@ -1,6 +1,7 @@
 """The command `report`: which pages it makes, and what it refuses."""
 
 import json
+import re
 import sys
 
 import numpy as np
@@ -31,6 +32,15 @@ def test_page_of_an_image(run, image, folder):
     assert "two_plates (a.exr)" in page
     assert "mi-lcair report a.exr -o &#x27;a b.html&#x27;" in page
     assert '<th scope="row">seed</th><td>7</td>' in page
+
+
+@pytest.mark.parametrize("window", ["2 1.5", None])
+def test_an_image_file_has_axes_in_metres_if_its_header_states_them(run, folder, window):
+    header = {"scene": "two_plates"} | ({"window_m": window} if window else {})
+    write_exr("a.exr", CHANNELS, header)
+    assert run("report", "a.exr", "-o", "a.html").exit_code == 0
+    stated = re.search(r'"size_m": ?(null|\[[^]]*\])', (folder / "a.html").read_text())[1]
+    assert json.loads(stated) == ([2.0, 1.5] if window else None)
 
 
 def test_same_input_gives_the_same_page(run, image, folder):

@@ -41,7 +41,7 @@ def of_scene(what, request: Request):
         )
     of_image = {name: sampling[name] for name in ("spp", "seed", "sensor") if name in sampling}
     image = mi_lcair.render(scene, **of_image, progress=request.progress)
-    *images, made = image_sections(image.channels, image.header, size_m)
+    *images, made = image_sections(image.channels, image.header)
     sections += images
     if size_m is not None:
         sections += signature_of(scene, request, planned)
@@ -112,7 +112,7 @@ def of_scenario(what: str, request: Request):
         )
         audit = audit_of(view, request)
     if scenario.camera is None:
-        *images, made = image_sections(image.channels, image.header, image.window_m)
+        *images, made = image_sections(image.channels, image.header)
     else:
         *images, made = camera_sections(image)
     sections = [

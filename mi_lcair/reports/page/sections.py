@@ -4,6 +4,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError, printable
 from mi_lcair.fraction import percent
+from mi_lcair.rendering.image import window_of
 from mi_lcair.reports.page.image_panel import image_panel
 from mi_lcair.reports.page.model_panel import model_panel, with_emissivity
 from mi_lcair.reports.page.page import Section, paragraph
@@ -41,8 +42,11 @@ def of_result(result, **options) -> tuple[str, list[Section]]:
     raise InputError(f"report has no page for {printable(result, 60)}; it takes results, or files")
 
 
-def image_sections(channels: dict, header: dict, size_m=None) -> list[Section]:
-    """The images of an EXR or of a render, and its header as how it was made."""
+def image_sections(channels: dict, header: dict) -> list[Section]:
+    """The images of an EXR or of a render, and its header as how it was made.
+
+    Axes are in metres if the header states the window of an orthographic sensor.
+    """
     first = CAMERA_FIRST if "counts.Y" in channels else IMAGE_FIRST
     shown = [name for name in first if name in channels][:2]
     height, width = next(iter(channels.values())).shape
@@ -50,7 +54,10 @@ def image_sections(channels: dict, header: dict, size_m=None) -> list[Section]:
     return [
         Section(
             "Image",
-            [paragraph(words + image_words(channels)), image_panel(channels, shown, size_m)],
+            [
+                paragraph(words + image_words(channels)),
+                image_panel(channels, shown, window_of(header)),
+            ],
         ),
         Section("How the image was made", [header_table(header)]),
     ]
@@ -261,7 +268,7 @@ def plan_section(plan) -> Section:
 
 def render_page(result):
     """Title and sections of a Render."""
-    return result.scene_name, image_sections(result.channels, result.header, result.window_m)
+    return result.scene_name, image_sections(result.channels, result.header)
 
 
 def camera_page(result):
