@@ -6,7 +6,6 @@ imported before mi_lcair, both are done afterwards, see `mi_lcair.llvm.prepare_l
 """
 
 import importlib
-import os
 import sys
 from typing import TYPE_CHECKING
 
@@ -52,13 +51,6 @@ _HOME = {
     "report": "reports.page.report",
 }
 __all__ = ["__version__", *_HOME]
-
-# In a checkout, plugins/, fitting/ and scenes/ are beside this folder; in a wheel, inside it. The
-# parent folder is searched only in a checkout. In site-packages, another project's package with one
-# of these names would be taken instead.
-if not os.path.isdir(os.path.join(__path__[0], "plugins")):
-    __path__.append(os.path.dirname(__path__[0]))
-
 
 if not TYPE_CHECKING:  # type checkers would take it for any misspelt name
 

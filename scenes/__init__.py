@@ -16,7 +16,7 @@ from xml.etree import ElementTree
 
 from mi_lcair.errors import unknown
 
-FOLDER = Path(__file__).parent
+FOLDER = Path(__file__).resolve().parent
 
 
 class Parameter(NamedTuple):

@@ -95,7 +95,8 @@ def copy(tmp_path_factory):
     """A copy of the project with the model added as CONTRIBUTING.md says."""
     root = tmp_path_factory.mktemp("project")
     for folder in ("mi_lcair", "plugins", "fitting", "scenes", "tests"):
-        shutil.copytree(ROOT / folder, root / folder, ignore=shutil.ignore_patterns("__pycache__"))
+        ignore = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(ROOT / folder, root / folder, symlinks=True, ignore=ignore)
     shutil.copy(ROOT / "pyproject.toml", root)
     shutil.copy(FILES / "minnaert.py", root / "mi_lcair" / "physics" / "reflection")
     shutil.copy(FILES / "minnaert_bsdf.py", root / "plugins")
