@@ -6,7 +6,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
-from mi_lcair.physics.daytime_sky import daytime_sky, sky_air_names
+from mi_lcair.physics.sun.daytime_sky import daytime_sky, sky_air_names
 from mi_lcair.plugins.properties import Property, read
 
 PROPERTIES = (

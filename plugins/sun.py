@@ -7,8 +7,8 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.spectrum import Spectrum
-from mi_lcair.physics.sun_position import sun_position
-from mi_lcair.physics.sunlight import NO_AIR, air_names, sunlight
+from mi_lcair.physics.sun.position import sun_position
+from mi_lcair.physics.sun.sunlight import NO_AIR, air_names, sunlight
 from mi_lcair.plugins.properties import Property, read
 
 PROPERTIES = (

@@ -22,7 +22,7 @@ from mi_lcair.detection.irradiance import TERMS, Estimate
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.drawing import drawing
 from mi_lcair.physics.bands import band as band_of
-from mi_lcair.physics.sunlight import sunlight
+from mi_lcair.physics.sun.sunlight import sunlight
 
 BOUNCES, SPP, IMAGE_SPP, AZIMUTH_SPP = 4, 128, 64, 16
 SUN_ELEVATION_DEG, SUN_AZIMUTH_DEG = 45, 60

@@ -7,19 +7,19 @@ from os import PathLike
 
 import numpy as np
 
-from mi_lcair.camera.calibration import Correction, two_point
+from mi_lcair.camera.electronics.calibration import Correction, two_point
+from mi_lcair.camera.electronics.frames import Pattern, counts, frame, signal_of
+from mi_lcair.camera.electronics.response import (
+    apparent_temperature,
+    electron_band,
+    in_kelvin,
+)
 from mi_lcair.camera.exposure import detector_mean, exposure
-from mi_lcair.camera.frames import Pattern, counts, frame, signal_of
 from mi_lcair.camera.image_result import Image
 from mi_lcair.camera.notes import header, remarks
 from mi_lcair.camera.optics import MARGIN, Optics
 from mi_lcair.camera.quality import measured
 from mi_lcair.camera.range_table import backgrounds, fine_ranges, range_rows, table_ranges
-from mi_lcair.camera.response import (
-    apparent_temperature,
-    electron_band,
-    in_kelvin,
-)
 from mi_lcair.camera.view import CameraView
 from mi_lcair.detection.scenario import Scenario, scenario_of
 from mi_lcair.detection.setting import setting_of

@@ -5,14 +5,14 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from mi_lcair.camera.calibration import Correction
-from mi_lcair.camera.exposure import Exposure
-from mi_lcair.camera.frames import signal_of
-from mi_lcair.camera.quality import Measures
-from mi_lcair.camera.range_table import RangeRow
-from mi_lcair.camera.response import (
+from mi_lcair.camera.electronics.calibration import Correction
+from mi_lcair.camera.electronics.frames import signal_of
+from mi_lcair.camera.electronics.response import (
     apparent_temperature,
 )
+from mi_lcair.camera.exposure import Exposure
+from mi_lcair.camera.quality import Measures
+from mi_lcair.camera.range_table import RangeRow
 from mi_lcair.camera.view import CameraView
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.formats import tiff

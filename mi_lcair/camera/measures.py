@@ -4,9 +4,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mi_lcair.camera.frames import Pattern, counts, frame, signal_of
+from mi_lcair.camera.electronics.frames import Pattern, counts, frame, signal_of
+from mi_lcair.camera.electronics.response import (
+    apparent_temperature,
+    electrons,
+    electrons_per_kelvin,
+)
 from mi_lcair.camera.optics import MARGIN, OVERSAMPLING, Optics
-from mi_lcair.camera.response import apparent_temperature, electrons, electrons_per_kelvin
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.imager import Imager
 

@@ -3,7 +3,7 @@
 from dataclasses import asdict
 
 import mi_lcair
-from mi_lcair.camera.calibration import AVERAGED
+from mi_lcair.camera.electronics.calibration import AVERAGED
 from mi_lcair.camera.exposure import Exposure
 from mi_lcair.camera.quality import Measures
 from mi_lcair.camera.view import CameraView

@@ -4,10 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mi_lcair.camera.frames import saturated
+from mi_lcair.camera.electronics.frames import saturated
+from mi_lcair.camera.electronics.response import electrons
 from mi_lcair.camera.measures import measured_mtf, measured_netd, netd, shot_noise_netd
 from mi_lcair.camera.optics import Optics
-from mi_lcair.camera.response import electrons
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.imager import Imager
 

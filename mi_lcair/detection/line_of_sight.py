@@ -14,12 +14,12 @@ from mi_lcair.detection.scenario import Background, Scenario
 from mi_lcair.errors import InputError
 from mi_lcair.physics.atmosphere import Atmosphere, LineOfSight, atmosphere
 from mi_lcair.physics.blackbody import spectral_radiance
-from mi_lcair.physics.daytime_sky import SUN_ELEVATION_DEG, daytime_sky
 from mi_lcair.physics.detector import Detector
 from mi_lcair.physics.slant.air import SlantAir, is_slant, slant_air
 from mi_lcair.physics.slant.geometry import extended_down, height_along, lower_end
 from mi_lcair.physics.spectrum import Spectrum, has_elevations, spectrum
-from mi_lcair.physics.sunlight import sunlight
+from mi_lcair.physics.sun.daytime_sky import SUN_ELEVATION_DEG, daytime_sky
+from mi_lcair.physics.sun.sunlight import sunlight
 
 SKY_NODES = 8  # elevations at which the sky that the ground reflects is integrated
 CLOSE_M = 0.5  # difference of two ranges that is rounding of a table in km

@@ -1,7 +1,7 @@
 """The sun of a scene, and whether it fits the sky."""
 
 from mi_lcair.errors import InputError
-from mi_lcair.physics.daytime_sky import SUN_ELEVATION_DEG
+from mi_lcair.physics.sun.daytime_sky import SUN_ELEVATION_DEG
 
 # Largest difference of the elevations of a sun and of the sun of a daytime sky [degrees].
 ELEVATION_RANGE_DEG = 5.0

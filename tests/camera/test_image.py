@@ -4,9 +4,9 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
+from mi_lcair.camera.electronics.response import electron_band, electrons
 from mi_lcair.camera.image import image
 from mi_lcair.camera.optics import OVERSAMPLING
-from mi_lcair.camera.response import electron_band, electrons
 from mi_lcair.camera.view import CameraView
 from mi_lcair.detection.contrast import contrast
 from mi_lcair.errors import InputError
@@ -19,7 +19,7 @@ from mi_lcair.physics.blackbody import (
     spectral_radiance,
 )
 from mi_lcair.physics.imager import Imager
-from mi_lcair.physics.sunlight import sunlight
+from mi_lcair.physics.sun.sunlight import sunlight
 from mi_lcair.rendering.scene import load
 from mi_lcair.rendering.views import Target, View
 from tests.detection.disc_scenario import AREA, disc, write_disc

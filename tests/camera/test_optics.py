@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from mi_lcair.camera.electronics.response import electron_band
 from mi_lcair.camera.measures import measured_mtf
 from mi_lcair.camera.optics import MARGIN, OVERSAMPLING, Optics, defocus, diffraction, jitter
-from mi_lcair.camera.response import electron_band
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.imager import Imager

@@ -12,8 +12,8 @@ from mi_lcair.detection.scenario import Background
 from mi_lcair.detection.setting import setting_of
 from mi_lcair.errors import InputError
 from mi_lcair.physics.atmosphere import atmosphere
-from mi_lcair.physics.daytime_sky import daytime_sky
 from mi_lcair.physics.spectrum import BUNDLED, spectrum
+from mi_lcair.physics.sun.daytime_sky import daytime_sky
 from tests.detection.disc_scenario import AREA, disc, write_disc
 from tests.physics.test_tape7 import block
 

@@ -10,7 +10,7 @@ import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.physics.sunlight import sunlight
+from mi_lcair.physics.sun.sunlight import sunlight
 from mi_lcair.rendering.scene import checked
 from tests.plugins.conftest import plate  # noqa: F401, a fixture
 from tests.plugins.small_scenes import SQUARE, camera

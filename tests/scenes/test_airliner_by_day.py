@@ -5,7 +5,7 @@ import pytest
 
 import mi_lcair
 from mi_lcair.physics.bands import band
-from mi_lcair.physics.sunlight import sunlight
+from mi_lcair.physics.sun.sunlight import sunlight
 from mi_lcair.signatures.signature import signature
 
 SUN = {"light": "day", "sun_azimuth_deg": 60, "sun_elevation_deg": 45}

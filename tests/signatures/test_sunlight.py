@@ -5,7 +5,7 @@ import pytest
 
 from mi_lcair import scenes
 from mi_lcair.physics.bands import band
-from mi_lcair.physics.sunlight import sunlight
+from mi_lcair.physics.sun.sunlight import sunlight
 from mi_lcair.rendering.scene import load
 from mi_lcair.sensitivity.parameters import parameters, set_values
 from mi_lcair.sensitivity.window import sensitivities

@@ -7,7 +7,7 @@ import pytest
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
-from mi_lcair.physics.daytime_sky import daytime_sky, from_sun
+from mi_lcair.physics.sun.daytime_sky import daytime_sky, from_sun
 
 AIRS = "midlat_summer", "us_standard"
 MWIR = band("MWIR")

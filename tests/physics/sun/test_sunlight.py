@@ -5,7 +5,7 @@ import pytest
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
-from mi_lcair.physics.sunlight import air_names, air_table, sunlight, transmitted
+from mi_lcair.physics.sun.sunlight import air_names, air_table, sunlight, transmitted
 
 AIRS = "midlat_summer", "us_standard"
 # Irradiances [W m^-2] of the table's own summary, in 3-5 um and 8-12 um

@@ -5,7 +5,7 @@ import sys
 import pytest
 
 from mi_lcair.errors import InputError
-from mi_lcair.physics.sun_position import sun_position, utc
+from mi_lcair.physics.sun.position import sun_position, utc
 
 
 def test_against_the_solar_position_algorithm():

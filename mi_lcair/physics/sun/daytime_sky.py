@@ -7,7 +7,7 @@ import numpy as np
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.spectrum import BUNDLED, Spectrum
-from mi_lcair.physics.sunlight import air_mass
+from mi_lcair.physics.sun.sunlight import air_mass
 from mi_lcair.table import read_table
 
 SUN_ELEVATION_DEG = 45.0  # of the tables

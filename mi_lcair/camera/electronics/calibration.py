@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mi_lcair.camera.frames import Pattern, frame
-from mi_lcair.camera.response import electrons
+from mi_lcair.camera.electronics.frames import Pattern, frame
+from mi_lcair.camera.electronics.response import electrons
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.imager import Imager

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mi_lcair.camera.calibration import two_point
-from mi_lcair.camera.frames import Pattern, counts, frame, saturated, signal_of
-from mi_lcair.camera.measures import photon_transfer
-from mi_lcair.camera.response import (
+from mi_lcair.camera.electronics.calibration import two_point
+from mi_lcair.camera.electronics.frames import Pattern, counts, frame, saturated, signal_of
+from mi_lcair.camera.electronics.response import (
     apparent_temperature,
     electron_band,
     electrons,
     electrons_per_kelvin,
 )
+from mi_lcair.camera.measures import photon_transfer
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.imager import Imager

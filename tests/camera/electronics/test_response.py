@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from mi_lcair.camera.frames import signal_of
-from mi_lcair.camera.measures import measured_netd, netd, shot_noise_netd, uniform_frames
-from mi_lcair.camera.response import (
+from mi_lcair.camera.electronics.frames import signal_of
+from mi_lcair.camera.electronics.response import (
     apparent_temperature,
     electron_band,
     electrons,
     electrons_per_kelvin,
 )
+from mi_lcair.camera.measures import measured_netd, netd, shot_noise_netd, uniform_frames
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import BOLTZMANN, LIGHT_SPEED, PLANCK

@@ -1,0 +1,1 @@
+"""The sun: its position, its light through the air, and the sky that it lights."""
