@@ -111,7 +111,7 @@ class Fit(Result):
     directional: dict[str, DirectionalData]
 
     kind = report.KIND
-    drawn_by = "mi_lcair.reports.fit_plot:figure"
+    drawn_by = "mi_lcair.reports.pictures.fit:figure"
 
     def summary(self) -> str:
         """One line: model, surface, parameters with standard errors, misfit."""

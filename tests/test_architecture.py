@@ -28,6 +28,8 @@ FLOORS = {  # the longest name that fits counts
     "mi_lcair": 0,
 }
 MOST_FILES = 15
+# Folders with one file for each picture, or each kind of result, may have more
+EXEMPT = ("mi_lcair/reports/pictures", "mi_lcair/reports/sections")
 
 
 def floor(module: str) -> int:
@@ -89,7 +91,9 @@ def test_folders_are_small():
     for folder in ("mi_lcair", "plugins", "fitting", "scenes"):
         for path in (ROOT / folder).rglob("*.py"):
             counts[path.parent] = counts.get(path.parent, 0) + 1
-    assert {str(folder): count for folder, count in counts.items() if count > MOST_FILES} == {}
+    exempt = {ROOT / folder for folder in EXEMPT}
+    large = {folder for folder, count in counts.items() if count > MOST_FILES}
+    assert large - exempt == set()
 
 
 def test_modules_with_classes_of_mitsuba_are_loaded_again():

@@ -12,7 +12,6 @@ from pathlib import Path
 import mi_lcair
 from docs.studies.page import label, write_page
 from mi_lcair.detection.scenario import Scenario
-from mi_lcair.reports.budget_plot import save_plot
 from mi_lcair.sensitivity.parameters import parameters
 from mi_lcair.uncertainty.budget import Budget
 
@@ -142,7 +141,7 @@ def main(page: Path) -> None:
     for case in CASES:
         budgets[case] = mi_lcair.budget(scenario(*case), STATED)
         if case in DRAWN:
-            save_plot(folder / "position_{}_{}.png".format(*case), budgets[case])
+            budgets[case].plot(folder / "position_{}_{}.png".format(*case))
     write_page(
         page,
         "budget",

@@ -12,7 +12,7 @@ from pathlib import Path
 import mi_lcair
 from mi_lcair.cli.output import print_columns
 from mi_lcair.detection.scenario import Scenario
-from mi_lcair.reports.camera_plot import save_pictures
+from mi_lcair.reports.pictures.camera import save_pictures
 
 RANGES_M = (500.0, 2000.0, 5000.0)
 CAMERA = {

@@ -18,7 +18,6 @@ from mi_lcair.fitting import fit
 from mi_lcair.inversion.data.images import noise_of_netd
 from mi_lcair.physics.reflection import MODELS
 from mi_lcair.rendering.views import View, seen_from
-from mi_lcair.reports.inversion_picture import save_picture
 from mi_lcair.sensitivity.parameters import changed, parameters
 from tests.fitting.synthetic import THESIS_SETS, scan_of
 from tests.inversion.plate import XML
@@ -79,7 +78,7 @@ def stripes() -> dict:
         deviations.append([one.value - T for one, T in zip(found.answers, true)])
         renders.add(found.renders)
     deviations, errors = np.array(deviations), np.array(errors)
-    save_picture(FOLDER / "stripes.png", found)
+    found.plot(FOLDER / "stripes.png")
     cover = (np.abs(deviations) < 1.96 * errors).mean(axis=0)
     bias = deviations.mean(axis=0) / errors.mean(axis=0)
     rows = "\n".join(
@@ -142,7 +141,7 @@ def plate() -> dict:
     for problem in (PLATE, TWO_SKIES):
         measure(problem, 1)
     one, two = mi_lcair.invert(PLATE), mi_lcair.invert(TWO_SKIES)
-    save_picture(FOLDER / "two_skies.png", two)
+    two.plot(FOLDER / "two_skies.png")
     two_rows = "\n".join(
         f"| {answer.label} | {TRUE[answer.label]:g} | {answer.value:.6g} | "
         f"{answer.standard_error:.2g} | {answer.verdict} |"

@@ -22,7 +22,6 @@ from mi_lcair.detection.scenario import Scenario
 from mi_lcair.drawing import drawing
 from mi_lcair.physics.atmosphere import atmosphere
 from mi_lcair.physics.spectrum import spectrum
-from mi_lcair.reports import contrast_plot
 
 BOUNCES, SPP, IMAGE_SPP, VARIED_SPP = (1, 2, 3, 4, 10), 256, 128, 64
 CASES = [(position, band) for position in (1, 2, 3) for band in ("MWIR", "LWIR")]
@@ -381,7 +380,7 @@ def main(page: Path) -> None:
         save_images(folder / f"position_{position}_{band}.png", position, band)
         steps.update()
     for band in ("MWIR", "LWIR"):
-        contrast_plot.save_plot(folder / f"spectra_{band}.png", cases[1, band])
+        cases[1, band].plot(folder / f"spectra_{band}.png")
     save_bounces(folder / "bounces.png")
     save_variations(folder / "assumptions.png", changes)
     steps.close()

@@ -23,7 +23,7 @@ from mi_lcair.fitting.model import Hemispherical
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
 from mi_lcair.fitting.scatterometer.reading import read, read_directional
 from mi_lcair.physics.reflection import MODELS
-from mi_lcair.reports.fit_plot import directional, predicted, save_plot
+from mi_lcair.reports.pictures.fit import directional, predicted, save_plot
 
 TITLES = {
     "aluminium": "Aluminium",

@@ -79,7 +79,7 @@ class Image(Result):
     render_seconds: float
 
     kind: ClassVar[str] = "image"
-    drawn_by: ClassVar[str] = "mi_lcair.reports.camera_plot:figure"
+    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.camera:figure"
     saved_by: ClassVar[dict[str, str]] = {
         ".exr": "mi_lcair.rendering.image:write_render",
         ".tif": "mi_lcair.camera.image_result:write_counts",

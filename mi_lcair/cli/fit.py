@@ -161,7 +161,7 @@ def command(
     results = list(zip(measurements, fits, joint))
     result = report.as_dict(results)
     if plot:
-        from mi_lcair.reports.fit_plot import save_plot
+        from mi_lcair.reports.pictures.fit import save_plot
 
         save_plot(plot, results)
     if output:

@@ -134,7 +134,7 @@ def command(file, output, check, overwrite, materials, sky, json, **reading):
 def _write(model, output, materials, sky, overwrite):
     """Write a model and its picture into a folder; returns the paths."""
     from mi_lcair import models3d as facets
-    from mi_lcair.reports import model_picture
+    from mi_lcair.reports.pictures import model as model_picture
 
     title = f"{output.resolve().name}: {model_picture.TITLE}"
     picture = {"model.png": model_picture.png(model, title)}

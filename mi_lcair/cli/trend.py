@@ -158,9 +158,7 @@ def command(options, azimuth, elevation, output, plot, resume, overwrite, **sett
     if not is_table:
         result.save(output)
     if plot:
-        from mi_lcair.reports.trend_plot import save_plot
-
-        save_plot(plot, result)
+        result.plot(plot)
     if options.json:
         print_json(result.as_dict())
     else:

@@ -154,7 +154,7 @@ class Contrast(Result):
     seconds: float
 
     kind: ClassVar[str] = "contrast"
-    drawn_by: ClassVar[str] = "mi_lcair.reports.contrast_plot:figure"
+    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.contrast:figure"
 
     @property
     def reached(self) -> bool | None:

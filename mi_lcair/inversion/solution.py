@@ -136,7 +136,7 @@ class Solution(Result):
     seconds: float
 
     kind: ClassVar[str] = KIND
-    drawn_by: ClassVar[str] = "mi_lcair.reports.inversion_picture:figure"
+    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.solution:figure"
 
     def __getitem__(self, label: str) -> Answer:
         """The answer for the unknown with this label."""

@@ -49,7 +49,7 @@ class Model(Result):
     remarks: tuple[str, ...] = ()
 
     kind: ClassVar[str] = "model"
-    drawn_by: ClassVar[str] = "mi_lcair.reports.model_picture:figure"
+    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.model:figure"
 
     def summary(self) -> str:
         """One line with the number of facets, the size and the temperatures."""

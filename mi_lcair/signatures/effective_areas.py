@@ -66,7 +66,7 @@ class EffectiveAreas(Result):
     scene_name: str = ""
 
     kind: ClassVar[str] = "effective_areas"
-    drawn_by: ClassVar[str] = "mi_lcair.reports.spectrum_plot:figure"
+    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.spectrum:figure"
 
     def summary(self) -> str:
         """One line with the number of sources and the projected area of the target."""

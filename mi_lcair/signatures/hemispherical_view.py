@@ -60,7 +60,7 @@ class HemisphericalView(Result):
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     kind: ClassVar[str] = "hemispherical_view"
-    drawn_by: ClassVar[str] = "mi_lcair.reports.hemispherical_plot:figure"
+    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.hemispherical_view:figure"
 
     def summary(self) -> str:
         """One line with the number of neighbours and the largest view factor."""

@@ -40,7 +40,7 @@ class Trend(Result):
     tolerance: float | None = None
 
     kind: ClassVar[str] = "trend"
-    drawn_by: ClassVar[str] = "mi_lcair.reports.trend_plot:figure"
+    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.trend:figure"
 
     @staticmethod
     def read(path: str | PathLike[str]) -> "Trend":

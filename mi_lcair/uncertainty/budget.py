@@ -82,7 +82,7 @@ class Budget(Result):
     seconds: float
 
     kind: ClassVar[str] = "budget"
-    drawn_by: ClassVar[str] = "mi_lcair.reports.budget_plot:figure"
+    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.budget:figure"
 
     @property
     def sigma_of_quantities(self) -> float:

@@ -266,7 +266,7 @@ def pictures(monkeypatch):
     """List of the pictures that show draws."""
     drawn = []
     monkeypatch.setattr(
-        "mi_lcair.reports.image_picture.save_picture",
+        "mi_lcair.reports.pictures.image_channels.save_picture",
         lambda path, channels, title, log, **_: drawn.append(
             (str(path), list(channels), title, log)
         ),

@@ -21,7 +21,7 @@ from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.plugins.emission.sources import Source
 from mi_lcair.rendering.views import Target, View, seen_from
-from mi_lcair.reports.contrast_plot import figure, save_plot
+from mi_lcair.reports.pictures.contrast import figure
 from mi_lcair.signatures.effective_areas import EffectiveAreas
 from tests.detection.disc_scenario import AREA, disc, triangles, write_disc
 
@@ -601,7 +601,7 @@ def test_plot(folder, figures, tmp_path):
             render__resolution=8,
         )
     )
-    save_plot(tmp_path / "spectra.png", result)
+    result.plot(tmp_path / "spectra.png")
     intensity, through, parts, beside = figures[0].axes
     lines = {
         line.get_label(): line.get_ydata()

@@ -23,7 +23,7 @@ from mi_lcair.rendering.facets.image import by_facet
 from mi_lcair.rendering.image import read_exr, write_exr
 from mi_lcair.rendering.render import DEFAULT_MAX_SPP
 from mi_lcair.rendering.views import View
-from mi_lcair.reports.image_picture import save_picture
+from mi_lcair.reports.pictures.image_channels import save_picture
 from mi_lcair.signatures.trend_file import TrendFile, beside
 from mi_lcair.table import read_table
 from tests.fuzz.mutants import Kind

@@ -5,7 +5,7 @@ import pytest
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.brdf_view import brdf_view
-from mi_lcair.reports.brdf_plot import save_plot, scale
+from mi_lcair.reports.pictures.brdf import scale
 from tests.physics import thesis
 
 
@@ -63,7 +63,7 @@ def test_ideal_surfaces():
 @pytest.mark.parametrize("name, theta_i", [("gloss_black", 75), ("diffuse", 0), ("blackbody", 30)])
 def test_picture(tmp_path, name, theta_i):
     """A picture is drawn without a warning, also for a constant BRDF and for one that is 0."""
-    save_plot(tmp_path / "brdf.png", brdf_view(name, "LWIR", theta_i))
+    brdf_view(name, "LWIR", theta_i).plot(tmp_path / "brdf.png")
     assert (tmp_path / "brdf.png").read_bytes().startswith(b"\x89PNG")
 
 

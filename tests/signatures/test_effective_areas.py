@@ -12,7 +12,6 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.rendering.scene import checked
-from mi_lcair.reports.spectrum_plot import save_plot
 from tests.plugins.conftest import plate  # noqa: F401, a fixture
 from tests.plugins.small_scenes import SQUARE, camera
 from tests.scenes.view_factors import WALLS, cube
@@ -245,7 +244,7 @@ def test_csv_and_plot(many, tmp_path):
         table["scene_W_sr_um"],
         rtol=1e-7,
     )
-    save_plot(tmp_path / "s.png", result.effective_areas)
+    result.effective_areas.plot(tmp_path / "s.png")
     assert (tmp_path / "s.png").stat().st_size > 10000
 
 

@@ -8,7 +8,7 @@ import pytest
 import mi_lcair
 from mi_lcair.benchmark.propagation import exact
 from mi_lcair.errors import InputError
-from mi_lcair.reports.hemispherical_plot import places, save_plot
+from mi_lcair.reports.pictures.hemispherical_view import places
 from mi_lcair.scenes import build_meshes
 from mi_lcair.signatures.hemispherical_view import (
     MAP_PHI,
@@ -175,7 +175,7 @@ def test_picture(tmp_path):
     assert {0, 1, 3, 4, 5} <= set(labels)
     for number, (column, row) in labels.items():
         assert view.map[int(row), int(column)] == number
-    save_plot(tmp_path / "view.png", view)
+    view.plot(tmp_path / "view.png")
     assert (tmp_path / "view.png").read_bytes().startswith(b"\x89PNG")
 
 

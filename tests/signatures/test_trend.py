@@ -19,7 +19,6 @@ from mi_lcair import scenes
 from mi_lcair.errors import InputError
 from mi_lcair.rendering.scene import checked
 from mi_lcair.rendering.views import View, seen_from
-from mi_lcair.reports import trend_plot
 from mi_lcair.signatures import cluster
 from mi_lcair.signatures.trend_file import beside
 from tests.plugins.conftest import plate  # noqa: F401, a fixture
@@ -441,7 +440,7 @@ def test_a_cluster_without_workers(cylinder, monkeypatch):
 @pytest.mark.slow
 def test_plot(cylinder, figures, tmp_path):
     result = trend(cylinder, elevations_deg=(0, 30))
-    trend_plot.save_plot(tmp_path / "trend.png", result)
+    result.plot(tmp_path / "trend.png")
     by_elevation, by_group, by_bounce = figures[0].axes
     azimuth, values = by_elevation.lines[1].get_data()
     # The curve of all azimuths is closed.

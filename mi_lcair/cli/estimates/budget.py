@@ -109,9 +109,7 @@ def command(
     if image:
         _write_image(image, subject, result, arguments)
     if plot:
-        from mi_lcair.reports.budget_plot import save_plot
-
-        save_plot(plot, result)
+        result.plot(plot)
     if common["json"]:
         print_json(result.as_dict())
     else:

@@ -60,9 +60,7 @@ def command(problem, output, plot, no_advice, variant, threads, json):
     for remark in solution.remarks:
         note(remark)
     if plot:
-        from mi_lcair.reports.inversion_picture import save_picture
-
-        save_picture(plot, solution)
+        solution.plot(plot)
     if output:
         solution.write(output)
     if json:

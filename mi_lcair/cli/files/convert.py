@@ -187,7 +187,7 @@ def _write_model(output, model, vertices, faces):
     import numpy as np
 
     from mi_lcair.formats import vtk
-    from mi_lcair.reports.model_picture import TYPES
+    from mi_lcair.reports.pictures.model import TYPES
 
     labels = [model.labels[k] for k in model.label]
     corners = model.vertices[model.triangles]

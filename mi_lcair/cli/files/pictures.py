@@ -17,7 +17,7 @@ MOST_NEIGHBOURS = 20  # largest number of facets in the table; the others are su
 def image(what, output, channels, outlines, scene, parameters, sensor, **scale):
     """Draw channels of an image."""
     from mi_lcair.rendering.image import read_exr, window_of
-    from mi_lcair.reports.image_picture import save_picture
+    from mi_lcair.reports.pictures.image_channels import save_picture
 
     file = Path(what)
     output = output or file.with_suffix(".png")
@@ -60,7 +60,7 @@ def facet_columns(what, output, facets, channels, parameters, sensor, outlines, 
     from mi_lcair.rendering.facets.image import FACET, facet_images, seen_facets
     from mi_lcair.rendering.facets.table import FacetTable
     from mi_lcair.rendering.window import window_size
-    from mi_lcair.reports.image_picture import column_quantity, save_picture
+    from mi_lcair.reports.pictures.image_channels import column_quantity, save_picture
     from mi_lcair.table import read_table
 
     table = read_table(facets, (FACET,))
@@ -86,11 +86,10 @@ def facet_columns(what, output, facets, channels, parameters, sensor, outlines, 
 
 def trend(what, output):
     """Draw a trend."""
-    from mi_lcair.reports.trend_plot import save_plot
     from mi_lcair.signatures.trend_result import Trend
 
     output = output or Path(what).with_suffix(".png")
-    save_plot(output, Trend.read(what))
+    Trend.read(what).plot(output)
     click.echo(output)
 
 
@@ -98,7 +97,7 @@ def spectrum(what, output):
     """Draw the spectral intensity of a signature."""
     from mi_lcair.drawing import write_figure
     from mi_lcair.formats.tables import read_columns
-    from mi_lcair.reports.spectrum_plot import figure_of
+    from mi_lcair.reports.pictures.spectrum import figure_of
 
     file = Path(what)
     output = output or file.with_suffix(".png")
@@ -110,7 +109,7 @@ def model(what, output, materials):
     """Draw the model in a file from three sides."""
     from mi_lcair import models3d
     from mi_lcair.drawing import write_figure
-    from mi_lcair.reports.model_picture import figure
+    from mi_lcair.reports.pictures.model import figure
 
     file = Path(what)
     output = output or file.with_suffix(".png")
@@ -124,7 +123,7 @@ def scene(what, output, parameters):
     """Draw the model of a scene from three sides."""
     from mi_lcair.drawing import write_figure
     from mi_lcair.rendering.facets.model import model_of
-    from mi_lcair.reports.model_picture import figure
+    from mi_lcair.reports.pictures.model import figure
 
     output = output or Path(f"{Path(what).stem}.png")
     check_writable(output)
@@ -139,7 +138,7 @@ def scenario(what, output, parameters):
     from mi_lcair.detection.scenario import Scenario
     from mi_lcair.drawing import write_figure
     from mi_lcair.rendering.facets.model import model_of
-    from mi_lcair.reports.model_picture import figure
+    from mi_lcair.reports.pictures.model import figure
 
     stated = Scenario.read(what, **dict(parameters))
     output = output or Path(f"{Path(what).stem}.png")
@@ -182,13 +181,12 @@ def scenario(what, output, parameters):
 
 def facet_view(what, output, facet, parameters, json):
     """Draw a map of what a facet of a scene sees, and print a table of its neighbours."""
-    from mi_lcair.reports.hemispherical_plot import save_plot
     from mi_lcair.signatures.hemispherical_view import hemispherical_view
 
     output = output or Path(f"{Path(what).stem}_facet_{facet}.png")
     check_writable(output)
     view = hemispherical_view(mi_lcair.load(what, **dict(parameters)), facet)
-    save_plot(output, view)
+    view.plot(output)
     table = view.as_dict()
     if json:
         print_json({"file": str(output), **table})
@@ -240,11 +238,10 @@ def brdf(what, output, band, theta_deg, materials):
             raise InputError(f"material '{what}': give its --band; it has {', '.join(bands)}")
         (band,) = bands
     from mi_lcair.physics.brdf_view import brdf_view
-    from mi_lcair.reports.brdf_plot import save_plot
 
     view = brdf_view(what, band, theta_deg, materials)
     output = output or Path(f"{Path(what).stem}_{view.band.name}_{theta_deg:g}deg.png")
-    save_plot(output, view)
+    view.plot(output)
     click.echo(output)
 
 

@@ -89,9 +89,7 @@ def command(scenario, changes, ranges, plot, solution, variant, threads, json, *
         note(remark)
     detections = result.detection_ranges() if ranges else []
     if plot:
-        from mi_lcair.reports.contrast_plot import save_plot
-
-        save_plot(plot, result)
+        result.plot(plot)
     if json:
         data = result.as_dict()
         for row, detection in zip(data["rows"], detections):

@@ -88,9 +88,7 @@ def command(scenario, output, changes, frames, seed, plot, variant, threads, jso
     write_exr(output, result.channels, result.header)
     write_counts(pages, result)
     if plot:
-        from mi_lcair.reports.camera_plot import save_plot
-
-        save_plot(plot, result)
+        result.plot(plot)
     if json:
         print_json({"file": str(output), "counts_file": str(pages), **result.as_dict()})
     else:

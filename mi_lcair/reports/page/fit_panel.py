@@ -6,10 +6,10 @@ import numpy as np
 
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData
 from mi_lcair.physics import reflection
-from mi_lcair.reports.fit_plot import MOST_CURVES, directional, predicted
 from mi_lcair.reports.page.figures import INK, LINE, figure_panel, graph_objects, subplots
 from mi_lcair.reports.page.page import Panel, Section, paragraph
 from mi_lcair.reports.page.tables import facts, number, table, unpacked, words_of
+from mi_lcair.reports.pictures.fit import MOST_CURVES, directional, predicted
 
 SYMBOLS = {"theta_i": "θi", "theta_r": "θr"}
 POINTS = 300  # points of a fitted curve

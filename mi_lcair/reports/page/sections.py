@@ -20,7 +20,7 @@ from mi_lcair.reports.page.tables import (
     words_of,
 )
 from mi_lcair.reports.page.trend_panel import trend_panel
-from mi_lcair.results import Result, check_options
+from mi_lcair.results.result import Result, check_options
 
 IMAGE_FIRST = ("apparent.Y", "Y", "temperature.Y")  # channels that are shown first, at most two
 SPECTRAL = "_W_sr_um"  # end of the names of a spectrum's columns

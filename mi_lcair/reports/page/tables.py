@@ -6,8 +6,8 @@ from html import escape
 import numpy as np
 
 from mi_lcair.errors import printable
-from mi_lcair.formats.units import quantity_of, unit_of
 from mi_lcair.reports.page.page import Panel
+from mi_lcair.results.units import quantity_of, unit_of
 from mi_lcair.table import NUMBER
 
 NO_VALUE = "no value"

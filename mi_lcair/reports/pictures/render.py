@@ -4,7 +4,7 @@ import numpy as np
 
 from mi_lcair.errors import unknown
 from mi_lcair.rendering.render_result import Render
-from mi_lcair.reports import image_picture
+from mi_lcair.reports.pictures import image_channels
 
 DEFAULT = ("Y", "temperature.Y")
 
@@ -20,7 +20,7 @@ def figure(
     common_scale: bool = True,
     outlines: np.ndarray | None = None,
 ):
-    """Figure with one panel for each channel, see `image_picture.figure`.
+    """Figure with one panel for each channel, see `image_channels.figure`.
 
     Parameters
     ----------
@@ -30,14 +30,14 @@ def figure(
     log : bool
         Make the scales logarithmic.
     vmin, vmax, cmap, common_scale, outlines
-        As in `image_picture.figure`.
+        As in `image_channels.figure`.
 
     Raises
     ------
     InputError
         If the image has no such channel.
     """
-    return image_picture.figure(
+    return image_channels.figure(
         chosen(render.channels, channels, render.scene_name),
         f"{render.scene_name}, {render.band.label}",
         log,

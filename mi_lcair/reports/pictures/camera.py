@@ -9,11 +9,6 @@ SIZE = (11, 7.6)  # inches
 SMALLEST_ERROR = 1e-2  # smallest error of the rendering that is drawn, in noises of the camera
 
 
-def save_plot(path, image: Image) -> None:
-    """Write the picture of `figure` as a .png, .svg or .pdf file."""
-    write_figure(figure(image), path)
-
-
 def figure(image: Image):
     """Figure of a camera's image, with four panels.
 

@@ -2,16 +2,11 @@
 
 import re
 
-from mi_lcair.drawing import new_figure, plain, write_figure
+from mi_lcair.drawing import new_figure, plain
 from mi_lcair.uncertainty.budget import Budget
 
 MOST_ROWS = 20  # rows that are drawn; the smaller ones are left out
 RAISES, LOWERS, NEUTRAL = "C3", "C0", "C7"  # colours
-
-
-def save_plot(path, budget: Budget) -> None:
-    """Write the picture of `figure` as a .png, .svg or .pdf file."""
-    write_figure(figure(budget), path)
 
 
 def figure(budget: Budget):

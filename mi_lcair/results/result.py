@@ -114,7 +114,7 @@ class Result:
         Raises InputError if xarray is not installed.
         """
         xarray = optional("xarray", f"the dataset of {self._named()}")
-        unit_of = named("mi_lcair.formats.units:unit_of")
+        unit_of = named("mi_lcair.results.units:unit_of")
         described = lambda table: {
             name: (dimensions, values, {"units": unit} if (unit := unit_of(name)) else {})
             for name, (dimensions, values) in table.items()

@@ -7,8 +7,8 @@ import pytest
 from PIL import Image
 
 from mi_lcair.models3d import read
-from mi_lcair.reports import model_picture
-from mi_lcair.reports.model_picture import BEHIND, NOTHING, VIEWS, figure, nearest_triangles, png
+from mi_lcair.reports.pictures import model as model_picture
+from mi_lcair.reports.pictures.model import BEHIND, NOTHING, VIEWS, figure, nearest_triangles, png
 from tests.models3d.shapes import SIDES, cube, obj
 
 SIDE_NAMES = ("tail", "nose", "right", "left", "bottom", "top")

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from mi_lcair.errors import InputError
-from mi_lcair.reports.image_picture import save_picture
+from mi_lcair.reports.pictures.image_channels import save_picture
 
 GREY = (0.6, 0.6, 0.6)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mi_lcair.drawing import new_figure, plain, write_figure
+from mi_lcair.drawing import new_figure, plain
 from mi_lcair.signatures.hemispherical_view import MAP_PHI, MAP_THETA, NOTHING, HemisphericalView
 
 PAPER = (0.93, 0.93, 0.93)  # colour of directions without a surface
@@ -11,11 +11,6 @@ MOST_GROUPS = 16  # largest number of groups in the legend
 MOST_LABELS = 24  # largest number of facets that are labelled with their number
 ROOM = 4.5  # distance of a label from the edges of its facet, degrees
 COARSE = 4  # step, in pixels of the map, of the search for places of labels
-
-
-def save_plot(path, view: HemisphericalView) -> None:
-    """Write the picture of `figure` as a .png, .svg or .pdf file."""
-    write_figure(figure(view), path)
 
 
 def figure(view: HemisphericalView):

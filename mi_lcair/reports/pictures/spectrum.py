@@ -2,13 +2,8 @@
 
 import numpy as np
 
-from mi_lcair.drawing import new_figure, plain, write_figure
+from mi_lcair.drawing import new_figure, plain
 from mi_lcair.signatures.effective_areas import PARTS, EffectiveAreas
-
-
-def save_plot(path, areas: EffectiveAreas) -> None:
-    """Write the picture of `figure` as a .png, .svg or .pdf file."""
-    write_figure(figure(areas), path)
 
 
 def figure(areas: EffectiveAreas):

@@ -2,19 +2,14 @@
 
 import numpy as np
 
-from mi_lcair.drawing import new_figure, plain, write_figure
+from mi_lcair.drawing import new_figure, plain
 from mi_lcair.formats.channels import RADIANCE
-from mi_lcair.reports.image_picture import formula
+from mi_lcair.reports.pictures.image_channels import formula
 
 SIDE = 2.9  # width of a panel, inches
 MOST_ROWS = 12  # data that are drawn
 SIGMAS = 4.0  # end of the scale of residuals, standard deviations
 TALLEST = 2.0  # largest ratio of a panel's height to its width
-
-
-def save_picture(path, solution) -> None:
-    """Write the picture of `figure` as a .png, .svg or .pdf file."""
-    write_figure(figure(solution), path)
 
 
 def figure(solution):

@@ -3,14 +3,9 @@
 import numpy as np
 
 from mi_lcair.detection.contrast_result import Contrast
-from mi_lcair.drawing import new_figure, plain, write_figure
+from mi_lcair.drawing import new_figure, plain
 
 IRRADIANCE = r"irradiance (W m$^{-2}$ µm$^{-1}$)"
-
-
-def save_plot(path, contrast: Contrast) -> None:
-    """Write the picture of `figure` as a .png, .svg or .pdf file."""
-    write_figure(figure(contrast), path)
 
 
 def figure(contrast: Contrast):

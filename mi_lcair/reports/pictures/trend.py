@@ -2,16 +2,11 @@
 
 import numpy as np
 
-from mi_lcair.drawing import new_figure, plain, write_figure
+from mi_lcair.drawing import new_figure, plain
 from mi_lcair.signatures.trend_result import Trend
 
 NEGLIGIBLE = 1e-3  # parts below this share of the largest intensity are not drawn
 UNIT = r"W sr$^{-1}$"
-
-
-def save_plot(path, trend: Trend) -> None:
-    """Write the picture of `figure` as a .png, .svg or .pdf file."""
-    write_figure(figure(trend), path)
 
 
 def figure(trend: Trend):

@@ -2,17 +2,12 @@
 
 import numpy as np
 
-from mi_lcair.drawing import new_figure, plain, write_figure
+from mi_lcair.drawing import new_figure, plain
 from mi_lcair.physics.brdf_view import BRDFView
-from mi_lcair.reports.image_picture import log_ticks
+from mi_lcair.reports.pictures.image_channels import log_ticks
 
 GRAZING = 80.0  # degrees; smaller values at larger angles do not extend the scale
 PALE = "0.45"  # grey of secondary lines and text
-
-
-def save_plot(path, view: BRDFView) -> None:
-    """Write the picture of `figure` as a .png, .svg or .pdf file."""
-    write_figure(figure(view), path)
 
 
 def figure(view: BRDFView):

@@ -10,8 +10,8 @@ from mi_lcair.drawing import new_figure, plain, write_figure
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.formats.channels import has_value
 from mi_lcair.formats.channels import quantity_of as quantity_of_channel
-from mi_lcair.formats.units import quantity_of, unit_of
 from mi_lcair.reports.pictures.colour_scale import limits_of
+from mi_lcair.results.units import quantity_of, unit_of
 
 NOTHING = {"grey": "0.6", "blue": "steelblue"}  # colours of pixels without a value
 LARGEST = 1e37  # largest value that is drawn; differences and ratios of larger ones overflow
