@@ -1,8 +1,8 @@
 """Import of facet models from Wavefront OBJ, glTF, PLY and STL files; needs no Mitsuba.
 
 `read` reads the file, `report` describes its content and its errors, `export` writes the meshes and
-scene files. A facet is one face of the OBJ, or one triangle of the other formats, numbered from 0
-in the file's order. Source of the labels: Harkiss 2007, section 3.2.
+scene files. A facet is one face of an OBJ or PLY file, or one triangle of the other formats,
+numbered from 0 in the file's order. Source of the labels: Harkiss 2007, section 3.2.
 """
 
 from mi_lcair.models3d.export import export

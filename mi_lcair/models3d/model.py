@@ -12,7 +12,7 @@ from mi_lcair.files import read_text
 from mi_lcair.models3d.label import TYPES, Label, find_material, kelvin
 from mi_lcair.models3d.modellers import axes, exchange
 from mi_lcair.models3d.modellers.naming import NameTable, labels_of
-from mi_lcair.models3d.obj import Obj, read_obj
+from mi_lcair.models3d.modellers.obj import Obj, read_obj
 from mi_lcair.models3d.polygons import MOST_CLIPPED, triangulate
 from mi_lcair.models3d.welding import weld
 from mi_lcair.physics import materials as known_materials

@@ -9,7 +9,7 @@ from mi_lcair.models3d.model import Model
 
 
 def report(model: Model) -> dict:
-    """Figures of a model; a facet is one face of the OBJ.
+    """Figures of a model; facets are those of `read`.
 
     Counts of facets: facets, degenerate (no area), duplicate (the corners of an earlier one,
     whichever way it faces), inward (model facets that face the wrong way), non_planar (farther from

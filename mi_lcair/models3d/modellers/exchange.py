@@ -1,4 +1,4 @@
-"""Reader of glTF, PLY and STL files, by trimesh: triangles with the names of their objects."""
+"""Reader of glTF, PLY and STL files: faces with the names of their objects."""
 
 import re
 from pathlib import Path
@@ -9,7 +9,8 @@ from mi_lcair.errors import InputError
 from mi_lcair.extras import optional
 from mi_lcair.files import check_file
 from mi_lcair.models3d.modellers.axes import AS_BLENDER, EXPORTED
-from mi_lcair.models3d.obj import Obj
+from mi_lcair.models3d.modellers.obj import Obj
+from mi_lcair.models3d.modellers.ply import read_ply
 
 # Kinds of file by suffix, and the axes `forward` and `up` of their coordinates. glTF has y up by
 # its specification; Blender writes the others in its own axes.
@@ -24,7 +25,7 @@ OF_PRIMITIVE = re.compile(r"_[0-9a-f]{6}$")
 
 
 class Mesh(Obj):
-    """The content of a file whose facets are triangles that stand in no line of a text."""
+    """The content of a file whose facets are not lines of a text."""
 
     def place(self, face: int) -> str:
         """Where a face stands in the file, for messages."""
@@ -34,15 +35,18 @@ class Mesh(Obj):
 def read_mesh(path: str | Path) -> Mesh:
     """Read a glTF, PLY or STL file. The transforms of the file's scene are applied.
 
-    Facets are triangles, mesh after mesh in the file's order. The names of nodes and meshes are
-    those of object and group, and labels if they contain '*'. The objects of a PLY or STL file
-    without names are called as the file.
+    Facets are the faces of a PLY file. In the other formats they are triangles, mesh after mesh in
+    the file's order. The names of nodes and meshes are those of object and group, and labels if
+    they contain '*'. The objects of a PLY or STL file without names are called as the file.
 
-    Raises InputError if trimesh is not installed, and for a file that it cannot read, that has no
-    triangles, or coordinates that are not finite.
+    Raises InputError for a file that cannot be read, that has no faces, or coordinates that are not
+    finite, and if trimesh is not installed, which reads glTF and STL.
     """
     path = Path(path)
     kind, _ = KINDS[path.suffix.lower()]
+    if kind == "PLY":
+        faces = read_ply(path)
+        return _mesh(path, [(faces.vertices, faces.sizes, faces.corners, ("", "", path.stem))])
     trimesh = optional("trimesh", f"{path}: a {kind} file")
     check_file(path)
     if not path.is_file():
@@ -51,38 +55,40 @@ def read_mesh(path: str | Path) -> Mesh:
         scene = trimesh.load_scene(path, process=False)
         pieces = _pieces(trimesh, scene, path)
     except Exception as error:  # trimesh raises what its parsers raise
-        if "unexpected length" in str(error):  # its binary PLY has facets of one size only
-            raise InputError(
-                f"{path}: a binary PLY that is cut off, or whose facets differ in their number of "
-                "corners; export it triangulated or as ASCII"
-            ) from None
         raise InputError(f"{path}: cannot be read as {kind}: {error or type(error)}") from None
     if not pieces:
         raise InputError(f"{path}: no faces; the {kind} file must contain a mesh of triangles")
-    points, faces, parts = zip(*pieces)
-    for piece in points:
-        if not np.isfinite(piece).all():
-            raise InputError(f"{path}: a coordinate is not finite")
-    sizes = [len(own) for own in faces]
+    if not all(np.isfinite(points).all() for points, *_ in pieces):
+        raise InputError(f"{path}: a coordinate is not finite")
+    return _mesh(path, pieces)
+
+
+def _mesh(path, pieces):
+    """The Mesh of some pieces: (points, sizes, corners, (material, group, object)) each.
+
+    points: (V, 3). sizes: number of corners of each face, (F,). corners: indices of the piece's
+    points, face after face, (N,).
+    """
+    points, sizes, corners, parts = zip(*pieces)
     offsets = np.cumsum([0, *map(len, points)])
+    counts = [len(size) for size in sizes]
     known = list(dict.fromkeys(parts))
     labels = list(dict.fromkeys(filter(None, map(_label, known))))
-    count = sum(sizes)
     return Mesh(
         path,
         np.concatenate(points),
-        np.concatenate([own + offset for own, offset in zip(faces, offsets)]).ravel(),
-        3 * np.arange(count + 1),
-        np.arange(count),
+        np.concatenate([corner + offset for corner, offset in zip(corners, offsets)]),
+        np.concatenate([[0], *sizes]).cumsum(),
+        np.arange(sum(counts)),
         [(0, kind, text) for kind, text in labels],
-        np.repeat([labels.index(_label(part)) if _label(part) else -1 for part in parts], sizes),
+        np.repeat([labels.index(_label(part)) if _label(part) else -1 for part in parts], counts),
         known,
-        np.repeat([known.index(part) for part in parts], sizes),
+        np.repeat([known.index(part) for part in parts], counts),
     )
 
 
 def _pieces(trimesh, scene, path):
-    """Points (V, 3), triangles (T, 3) and (material, group, object) of each mesh of a scene."""
+    """The meshes of a scene, as `_mesh` takes them."""
     order = {name: number for number, name in enumerate(scene.geometry)}
     placed = sorted((order[scene.graph[node][1]], node) for node in scene.graph.nodes_geometry)
     pieces = []
@@ -102,7 +108,7 @@ def _pieces(trimesh, scene, path):
         is_named = "from_gltf_primitive" in mesh.metadata or mesh.metadata.get("name")
         material = getattr(getattr(mesh.visual, "material", None), "name", None) or ""
         part = (material, name, node) if is_named else ("", "", path.stem)
-        pieces.append((points, faces, part))
+        pieces.append((points, np.full(len(faces), 3), faces.ravel(), part))
     return pieces
 
 

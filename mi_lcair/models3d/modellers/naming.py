@@ -11,7 +11,7 @@ import numpy as np
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import read_text
 from mi_lcair.models3d.label import Label, parse, unlabelled
-from mi_lcair.models3d.obj import Obj
+from mi_lcair.models3d.modellers.obj import Obj
 from mi_lcair.table import read_table
 
 COLUMNS = ("type", "material", "kelvin", "group", "elevation_deg")  # of a table, beside the name

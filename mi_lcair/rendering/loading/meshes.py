@@ -7,8 +7,8 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.models3d.obj import check_obj
-from mi_lcair.models3d.ply import check_ply
+from mi_lcair.models3d.modellers.obj import check_obj
+from mi_lcair.models3d.modellers.ply import check_ply
 from mi_lcair.plugins.beside_scene import beside_scene
 from mi_lcair.plugins.derivatives import children, members
 from mi_lcair.plugins.emission.triangles import is_faceted

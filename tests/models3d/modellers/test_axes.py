@@ -8,7 +8,7 @@ import pytest
 import mi_lcair.scenes
 from mi_lcair.errors import InputError
 from mi_lcair.models3d.modellers import axes
-from mi_lcair.models3d.obj import read_obj
+from mi_lcair.models3d.modellers.obj import read_obj
 from tests.models3d.shapes import cube
 
 MODELS = Path(mi_lcair.scenes.__path__[0]) / "models"

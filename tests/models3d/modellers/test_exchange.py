@@ -75,17 +75,17 @@ def test_the_name_of_a_file_without_names(tmp_path):
             "points.ply",
             b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
             b"property float z\nend_header\n0 0 0\n",
-            "points.ply: no faces",
+            "points.ply: its header must have one element vertex and one element face",
         ),
         (
             "nan.ply",
             TRIANGLE + b"0 0 0\n1 0 nan\n0 1 0\n3 0 1 2\n",
-            "nan.ply: a coordinate is not finite",
+            "nan.ply: vertex 1 is not finite",
         ),
         (
             "index.ply",
             TRIANGLE + b"0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n",
-            "index.ply: ",
+            "index.ply: face 0 names vertex 7; the mesh has 3",
         ),
     ],
 )
@@ -104,8 +104,9 @@ def test_without_trimesh(tmp_path, monkeypatch):
         read_mesh(tmp_path / "box.glb")
 
 
-def test_a_binary_ply_of_triangles_and_squares(tmp_path):
-    """Blender writes one unless it triangulates; trimesh reads facets of one size."""
+def test_a_binary_ply_of_triangles_and_squares(tmp_path, monkeypatch):
+    """Blender writes one unless it triangulates. Its faces are facets, and no extra is needed."""
+    monkeypatch.setitem(sys.modules, "trimesh", None)
     header = (
         b"ply\nformat binary_little_endian 1.0\nelement vertex 5\nproperty float x\n"
         b"property float y\nproperty float z\nelement face 2\n"
@@ -116,5 +117,6 @@ def test_a_binary_ply_of_triangles_and_squares(tmp_path):
         bytes([len(face)]) + np.array(face, "<u4").tobytes() for face in ([0, 1, 2, 3], [1, 4, 2])
     )
     (tmp_path / "mixed.ply").write_bytes(header + points.tobytes() + faces)
-    with pytest.raises(InputError, match="corners; export it triangulated or as ASCII"):
-        read(tmp_path / "mixed.ply", **PAINTED)
+    model = read(tmp_path / "mixed.ply", **PAINTED)
+    assert model.count == 2 and len(model.triangles) == 3
+    assert model.columns()["area_m2"] == pytest.approx([1.0, 0.5])

@@ -3,8 +3,8 @@
 import pytest
 
 from mi_lcair.errors import InputError
-from mi_lcair.models3d import obj
-from mi_lcair.models3d.obj import read_obj
+from mi_lcair.models3d.modellers import obj
+from mi_lcair.models3d.modellers.obj import read_obj
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 

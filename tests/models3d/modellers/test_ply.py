@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mi_lcair.errors import InputError
-from mi_lcair.models3d.ply import check_ply
+from mi_lcair.models3d.modellers.ply import check_ply, read_ply
 from tests.rendering.loading.scene_text import HALVES, SQUARE, write_ply
 
 TEXT = """ply
@@ -61,7 +61,7 @@ def test_extent(tmp_path):
         ("element vertex 4", "element vertex -4", "'element vertex -4' cannot be understood"),
         ("element vertex 4", "element vertex 99999999999999", "cannot be understood"),
         ("element vertex 4", "element vertex 999999", "ends within its 999999 elements 'vertex'"),
-        ("element face 2", "element face 9", "ends early or has lists of different lengths"),
+        ("element face 2", "element face 9", "ends within its 9 elements 'face'"),
         ("element face 2", "element face 0", "has no faces"),
         ("element face", "element faces", "one element vertex and one element face"),
         ("property double z\n", "property double w\n", "its vertices lack z"),
@@ -70,7 +70,8 @@ def test_extent(tmp_path):
         ("3 0 2 3 310", "3 0 2 4 310", "face 1 names vertex 4; the mesh has 4"),
         ("3 0 2 3 310", "3 0 2 -1 310", "face 1 names vertex -1"),
         ("3 0 2 3 310", "3 0 2 nan 310", "face 1 names vertex -1"),
-        ("3 0 2 3 310", "4 0 2 3 1 310", "lists of different lengths; all faces must be triangles"),
+        ("3 0 2 3 310", "4 0 2 3 1 310", "its faces have 4 corners; they must be triangles"),
+        ("3 0 2 3 310", "2 0 2 310", "face 1 has fewer than three corners"),
         ("3 0 1 2 300\n3 0 2 3 310", "4 0 1 2 3 9\n4 0 1 2 3 9", "have 4 corners; .* triangles"),
         ("2 3 0 7", "2 inf 0 7", "vertex 2 is not finite"),
         ("2 3 0 7", "2 three 0 7", "a word that is no number"),
@@ -88,6 +89,50 @@ def test_refused(tmp_path, old, new, message):
     assert old in TEXT
     with pytest.raises(InputError, match=f"mesh.ply: .*{message}"):
         check(tmp_path, TEXT.replace(old, new, 1))
+
+
+FACES = [[0, 1, 2], [0, 1, 2, 3], [3, 2, 1, 0, 4], [2, 3, 4]]
+MIXED = """ply
+format {} 1.0
+element vertex 5
+property float x
+property float y
+property float z
+element face 4
+property uchar shade
+property list uchar short vertex_index
+property list uint double weights
+property float temperature_0
+end_header
+"""
+
+
+@pytest.mark.parametrize("order", ["ascii", "binary_little_endian", "binary_big_endian"])
+def test_faces_of_different_sizes(tmp_path, order):
+    """Two lists whose lengths vary, between other properties."""
+    points = np.arange(15.0).reshape(5, 3)
+    if order == "ascii":
+        rows = [" ".join(map(str, row)) for row in points]
+        for k, face in enumerate(FACES):
+            weights = [0.5] * k
+            rows.append(" ".join(map(str, [7, len(face), *face, k, *weights, 300])))
+        body = "\n".join(rows).encode()
+    else:
+        mark = "<" if "little" in order else ">"
+        body = points.astype(f"{mark}f4").tobytes()
+        for k, face in enumerate(FACES):
+            body += bytes([7, len(face)]) + np.array(face, f"{mark}i2").tobytes()
+            body += np.array(k, f"{mark}u4").tobytes() + np.full(k, 0.5, f"{mark}f8").tobytes()
+            body += np.array(300, f"{mark}f4").tobytes()
+    path = tmp_path / "mixed.ply"
+    path.write_bytes(MIXED.format(order).encode() + body)
+    faces = read_ply(path)
+    assert np.array_equal(faces.vertices, points)
+    assert faces.sizes.tolist() == [3, 4, 5, 3]
+    assert faces.corners.tolist() == sum(FACES, [])
+    path.write_bytes(MIXED.format(order).encode() + body[:-4])
+    with pytest.raises(InputError, match="ends within its 4 elements 'face'"):
+        read_ply(path)
 
 
 def test_missing(tmp_path):
