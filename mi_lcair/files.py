@@ -68,6 +68,18 @@ def read_text(path: str | Path, what: str = "") -> str:
     return text
 
 
+def revision(path: str | Path) -> tuple[int, int] | None:
+    """Time of the last change and size of a file, by which caches notice that it was edited.
+
+    It is None for a path that does not exist.
+    """
+    try:
+        status = os.stat(path)
+    except (OSError, ValueError):
+        return None
+    return status.st_mtime_ns, status.st_size
+
+
 def check_suffix(path: str | Path, suffixes, what: str = "output") -> str:
     """The suffix of a path in lower case; raises InputError if it is none of `suffixes`.
 

@@ -3,6 +3,8 @@
 The base class provides the tables of HDR, the simplified lobes, the emissivity and the derivatives.
 """
 
+from functools import lru_cache
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -175,7 +177,10 @@ class ReflectionBSDF(mi.BSDF):
     def derive(self) -> None:
         """Compute the tables that `eval` and `sample` use, in Float64 and with derivatives."""
         dr.make_opaque(*self.sources())
-        self.derived = tables(self.model, self.sources(), self.form)
+        if attached(self.sources()):
+            self.derived = tables(self.model, self.sources(), self.form)
+        else:
+            self.derived = stored_tables(self.model, self.values, self.form)
         dr.make_opaque(self.derived)
 
     def refresh(self) -> None:
@@ -203,9 +208,7 @@ class ReflectionBSDF(mi.BSDF):
     def raw_HDR(self, cos, sin2):
         """Floor and lobe parts of the model's HDR(theta_r) (thesis Eq 2.9), not limited to 1."""
         check_attached(self)
-        S = self.surface
-        lobe = self.model.lobe_scale(S, cos, sin2) * interpolate(self.derived[1], dr.sqrt(cos))
-        return self.model.floor_HDR(S, cos, sin2), lobe
+        return parts_of_HDR(self.model, self.derived, cos, sin2)
 
     def HDR(self, w):
         """HDR as rendered: at most 1; 0 for a direction below the surface."""
@@ -214,10 +217,7 @@ class ReflectionBSDF(mi.BSDF):
 
     def first_saturated_angle_deg(self) -> float | None:
         """Smallest angle [degrees] at which the model's HDR exceeds 1; None if there is none."""
-        theta = np.linspace(0, 0.5 * np.pi, 1801)[:-1]
-        floor, lobe = self.raw_HDR(mi.Float(np.cos(theta)), mi.Float(np.sin(theta) ** 2))
-        above = dr.detach(floor + lobe).numpy() > 1 + ALARM
-        return float(np.degrees(theta[above.argmax()])) if above.any() else None
+        return first_saturated_angle_deg(self.model, self.values, self.form)
 
     def lobe_probability(self, w):
         """Probability of sampling the lobe instead of the floor, at the angle of `w`."""
@@ -327,6 +327,42 @@ def tables(model: reflection.ReflectionModel, values: tuple, form: str) -> tuple
         refine(coarse, STEPS_PER_QUADRATURE),
     )
     return S.cast(mi.Float), mi.Float(lobe)
+
+
+# Scenes repeat a material on many shapes. What it needs is therefore computed once for equal
+# parameters. It is kept as NumPy arrays, of which each BSDF takes a copy.
+
+
+@lru_cache(maxsize=128)
+def table_numbers(model: reflection.ReflectionModel, values: tuple, form: str) -> tuple:
+    """`tables` as NumPy arrays."""
+    S, lobe = tables(model, tuple(map(mi.Float, values)), form)
+    return S.map(lambda number: number.numpy()), lobe.numpy()
+
+
+def stored_tables(model: reflection.ReflectionModel, values: tuple, form: str) -> tuple:
+    """`tables` without derivatives. values: the parameters, as Python's floats."""
+    S, lobe = table_numbers(model, values, form)
+    return S.cast(mi.Float), mi.Float(lobe)
+
+
+@lru_cache(maxsize=128)
+def first_saturated_angle_deg(
+    model: reflection.ReflectionModel, values: tuple, form: str
+) -> float | None:
+    """Smallest angle [degrees] at which a model's HDR exceeds 1; None if there is none."""
+    theta = np.linspace(0, 0.5 * np.pi, 1801)[:-1]
+    cos, sin2 = mi.Float(np.cos(theta)), mi.Float(np.sin(theta) ** 2)
+    floor, lobe = parts_of_HDR(model, stored_tables(model, values, form), cos, sin2)
+    above = (floor + lobe).numpy() > 1 + ALARM
+    return float(np.degrees(theta[above.argmax()])) if above.any() else None
+
+
+def parts_of_HDR(model: reflection.ReflectionModel, derived: tuple, cos, sin2) -> tuple:
+    """Floor and lobe parts of a model's HDR(theta_r), not limited to 1; derived: from `tables`."""
+    S, table = derived
+    lobe = model.lobe_scale(S, cos, sin2) * interpolate(table, dr.sqrt(cos))
+    return model.floor_HDR(S, cos, sin2), lobe
 
 
 def is_reflection_bsdf(plugin) -> bool:

@@ -6,13 +6,14 @@ A band is a set of wavelengths with quadrature weights.
 import os.path
 import re
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mi_lcair.errors import InputError, unknown
+from mi_lcair.files import revision
 from mi_lcair.physics.spectral_table import LONGEST_UM, SHORTEST_UM, spectral_table
 from mi_lcair.table import LARGEST
 
@@ -156,12 +157,17 @@ def band(spec: str | Path | Band) -> Band:
         return _band("total", [], [], 0.0, np.inf)
     for name, (lower, upper) in LIMITS_UM.items():
         if text.lower() == name.lower():
-            return _band(name, *_gauss(lower, upper), lower, upper)
+            return _from_limits(name, lower, upper)
     number = r"([+-]?\d*\.?\d+(?:e[+-]?\d+)?|[+-]?\d+\.)"
     if limits := re.fullmatch(rf"{number}\s*-\s*{number}", text, re.IGNORECASE):
-        return _from_limits(text, float(limits[1]), float(limits[2]))
+        lower, upper = float(limits[1]), float(limits[2])
+        if not SHORTEST_UM <= lower < upper <= LONGEST_UM:
+            raise InputError(
+                f"band '{text}': the limits must rise, within {SHORTEST_UM:g} to {LONGEST_UM:g} um"
+            )
+        return _from_limits(_limits(lower, upper), lower, upper)
     if isinstance(spec, Path) or text.lower().endswith(".csv") or os.path.exists(text):
-        return _from_response(Path(text))
+        return _from_response(Path(text), revision(text))
     raise unknown(
         "band", text, [*LIMITS_UM, "total", "limits in um such as 3.5-4.2", "a .csv file"]
     )
@@ -173,17 +179,15 @@ def _limits(lower, upper):
 
 def _band(name, nodes, weights, lower, upper, response=None):
     arrays = np.array(nodes, dtype=float), np.array(weights, dtype=float)
-    for array in arrays:
+    for array in (*arrays, *([] if response is None else [response])):
         array.setflags(write=False)
     return Band(name, *arrays, lower, upper, response)
 
 
-def _from_limits(text, lower, upper):
-    if not SHORTEST_UM <= lower < upper <= LONGEST_UM:
-        raise InputError(
-            f"band '{text}': the limits must rise, within {SHORTEST_UM:g} to {LONGEST_UM:g} um"
-        )
-    return _band(_limits(lower, upper), *_gauss(lower, upper), lower, upper)
+# A scene names its band in each emitter, so that bands are made once.
+@lru_cache(maxsize=64)
+def _from_limits(name, lower, upper):
+    return _band(name, *_gauss(lower, upper), lower, upper)
 
 
 # Quadrature
@@ -263,7 +267,9 @@ def _gauss_of_measure(nodes, weights, count):
 # A detector's response
 
 
-def _from_response(path):
+@lru_cache(maxsize=8)
+def _from_response(path, revision):
+    """The band of a response file; the revision makes an edited file be read again."""
     wavelengths, response = _read_response(path)
     # The response is above 0 up to the neighbours of its first and last value above 0.
     used = np.flatnonzero(response)

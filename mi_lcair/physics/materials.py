@@ -3,13 +3,14 @@
 import json
 import tomllib
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mi_lcair.errors import InputError, shown, unknown
-from mi_lcair.files import read_text
+from mi_lcair.files import read_text, revision
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 
@@ -193,8 +194,8 @@ def _materials(path) -> dict:
     material, named as the file.
     """
     if not is_json(path):
-        return _read(path, tomllib.loads)
-    file = _read(path, json.loads)
+        return _read(path)
+    file = _read(path)
     if _is_solution(file) and isinstance(file.get("materials"), dict):
         return file["materials"]
     if not _is_solution(file) and {"materials", "parameters"} & file.keys():
@@ -222,7 +223,7 @@ def _reports(name):
     reports for each of its materials; it must have only one.
     """
     name = str(name)
-    file = _read(name, json.loads)
+    file = _read(name)
     reports = file.get("materials", {"": file})
     if (
         not isinstance(reports, dict)
@@ -307,11 +308,17 @@ def _entry(where, name, band, keys, file):
     )
 
 
-def _read(path, parse):
-    """The table in a TOML or JSON file."""
+def _read(path) -> dict:
+    """The table in a TOML or JSON file, which the caller must not change."""
+    return _parsed(path, revision(path))
+
+
+@lru_cache(maxsize=32)
+def _parsed(path, revision):
+    """The table in a file; the revision in the cache's key makes an edited file be read again."""
     text = read_text(path, f"materials file {path}")
     try:
-        table = parse(text)
+        table = (json if is_json(path) else tomllib).loads(text)
     # Both parsers raise ValueError. Deeply nested files raise RecursionError.
     except (ValueError, RecursionError) as error:
         raise InputError(f"materials file {path}: {error}") from None

@@ -4,7 +4,6 @@ A file has # comments, a header of named columns, and rows of numbers. It holds 
 spectrum for each value of a key column.
 """
 
-import os
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -12,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.files import revision
 from mi_lcair.table import LARGEST, read_table
 
 WAVELENGTH = "wavelength_um"
@@ -70,13 +70,11 @@ def spectral_table(
     InputError
         With the line that cannot be used.
     """
-    # The time of the last change is part of the cache's key, so that an edited file is read again.
-    written = path.stat().st_mtime_ns if os.path.exists(path) else None
-    return _read(path, written, kind, columns, key, keyless)
+    return _read(path, revision(path), kind, columns, key, keyless)
 
 
 @lru_cache(maxsize=8)
-def _read(path, written, kind, columns, key, keyless) -> SpectralTable:
+def _read(path, revision, kind, columns, key, keyless) -> SpectralTable:
     what = f"{kind} {path}"
     largest = {WAVELENGTH: LONGEST_UM, **({key: LARGEST} if key else {}), **dict(columns)}
     file = read_table(path, [name for name in largest if name != key or not keyless], kind)

@@ -1,5 +1,6 @@
 """Bands: meaning of specifications, error of the quadrature, and refused specifications."""
 
+import os
 from pathlib import Path
 
 import mpmath
@@ -151,6 +152,18 @@ def test_a_wide_response_is_thinned_panel_by_panel(tmp_path):
     assert rule.wavelengths_um.size <= 3 * 66
     for temperature in (30, 300, 6000):
         assert abs(by_rule(rule, temperature) / by_rule(band("1-20"), temperature) - 1) < 1e-9
+
+
+def test_an_edited_response_is_read_again(tmp_path):
+    path = csv(tmp_path, [3, 3.1, 3.2], [1, 1, 1])
+    first = band(path)
+    assert band(path) is first
+    csv(tmp_path, [3, 3.1, 3.2], [2, 2, 2])  # the same size, at another time
+    os.utime(path, ns=(1, 1))
+    assert band(path).weights_um.sum() == pytest.approx(2 * first.weights_um.sum(), rel=1e-12)
+    csv(tmp_path, [3, 3.1, 3.2, 3.3], [2, 2, 2, 2])  # another size, at the same time
+    os.utime(path, ns=(1, 1))
+    assert band(path).upper_um == 3.3
 
 
 def test_rows_of_zeros_at_the_ends_are_outside_the_band(tmp_path):

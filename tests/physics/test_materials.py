@@ -1,6 +1,7 @@
 """Materials: parameters of the thesis and of fitted surfaces, their bands, and users' files."""
 
 import json
+import os
 import re
 import tomllib
 from pathlib import Path
@@ -166,6 +167,15 @@ def test_the_narrowest_entry_that_covers_the_band_is_taken(user_file):
 def test_an_average_over_the_whole_spectrum_is_not_one_over_a_band(user_file):
     with pytest.raises(InputError, match="not measured for band MWIR 3-5 um, only for total"):
         material("paint", band("MWIR"), user_file(f"[paint.total]\n{NUMBERS}"))
+
+
+def test_an_edited_file_is_read_again(tmp_path):
+    """By its time if the size is the same, and by its size if the time is the same."""
+    file = tmp_path / "edited.toml"
+    for e, time in (("0.2", 1), ("0.3", 2), ("0.125", 2)):
+        file.write_text(f"[paint.MWIR]\nepsilon = 0.5\nrho_d = 0.1\nb = 0.1\ne = {e}\n")
+        os.utime(file, ns=(time, time))
+        assert material("paint", band("MWIR"), file).parameters["e"] == float(e)
 
 
 def test_a_fit_serves_as_a_material(user_file):

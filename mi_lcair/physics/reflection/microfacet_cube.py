@@ -10,7 +10,6 @@ from math import log
 
 import drjit as dr
 import numpy as np
-from scipy.stats import qmc
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.reflection.interface import Parameter, ReflectionModel, Restriction
@@ -88,6 +87,8 @@ class MicrofacetCube(ReflectionModel):
         Half of the points are metals with k of 1..50. The floor's reflectance is spread evenly in
         its logarithm over 1e-4..1.
         """
+        from scipy.stats import qmc  # takes a second to import, and only searches need it
+
         u = qmc.LatinHypercube(5, rng=np.random.default_rng(seed)).random(count)
         decades = lambda low, high, place: low * (high / low) ** place
         k = np.where(u[:, 3] < 0.5, decades(1e-3, 1, 2 * u[:, 3]), decades(1, 50, 2 * u[:, 3] - 1))

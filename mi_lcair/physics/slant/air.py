@@ -26,6 +26,7 @@ from pathlib import Path
 import numpy as np
 
 from mi_lcair.errors import InputError, unknown
+from mi_lcair.files import revision
 from mi_lcair.physics.atmosphere import (
     CLEAR,
     RANGE,
@@ -299,12 +300,11 @@ def slant_air(source) -> SlantAir:
         path = BUNDLED / f"{source}.csv"
     elif not path.suffix and not os.path.exists(path):
         raise unknown("slant table", str(source), slant_names())
-    written = path.stat().st_mtime_ns if os.path.exists(path) else None
-    return _read(str(source), path, written)
+    return _read(str(source), path, revision(path))
 
 
 @lru_cache(maxsize=4)
-def _read(name, path, written) -> SlantAir:
+def _read(name, path, revision) -> SlantAir:
     limits = {  # smallest and largest value of each column
         ELEVATION: (0, 90),
         RANGE: (0, LARGEST),
