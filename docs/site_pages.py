@@ -1,10 +1,10 @@
 """What `mkdocs build` does beside its plugins: manuals of plugins, MathML, links of tutorials.
 
 Manuals and equations are made by docutils, without JavaScript and without a network. A line
-`::: plugin FILE` on a page becomes the manual of the plugin in plugins/FILE.py. The manual is the
-docstring of the class that the file registers with Mitsuba. The file is parsed and not imported,
-because plugins exist once for each Mitsuba variant. Tutorials name pages by their source files, as
-Markdown does, and mkdocs-jupyter leaves these links as they are.
+`::: plugin NAME` on a page becomes the manual of the plugin in plugins/KIND/NAME.py. The manual is
+the docstring of the class that the file registers with Mitsuba. The file is parsed and not
+imported, because plugins exist once for each Mitsuba variant. Tutorials name pages by
+their source files, as Markdown does, and mkdocs-jupyter leaves these links as they are.
 """
 
 import ast
@@ -45,9 +45,10 @@ def address(source: str, page, files) -> str:
     return linked.url_relative_to(page.file)
 
 
-def manual(file: str) -> str:
-    """Return heading and manual of the plugin in plugins/FILE.py, as Markdown and HTML."""
-    tree = ast.parse((PLUGINS / f"{file}.py").read_text(encoding="utf-8"))
+def manual(plugin: str) -> str:
+    """Return heading and manual of the plugin in plugins/KIND/NAME.py, as Markdown and HTML."""
+    (file,) = PLUGINS.glob(f"*s/{plugin}.py")
+    tree = ast.parse(file.read_text(encoding="utf-8"))
     kind, name, owner = registered(tree)
     text = next(
         ast.get_docstring(node)

@@ -1,48 +1,54 @@
-"""Mitsuba plugins: BSDFs `material`, `plume` and one per reflection model, `thermal`, `sun`,
-`sky_dome`, `bounce_path`.
+"""Mitsuba plugins, registered with Mitsuba when this package is imported.
 
-Mitsuba's base classes belong to the variant that is set while a class statement runs. The modules
-are therefore loaded again for each further variant. Functions that other modules have imported
-find the classes of the current variant, because a module's names are replaced in place.
+Mitsuba's base classes belong to the variant that is set while a class statement runs. Modules that
+use Mitsuba are therefore loaded again for each further variant. Functions that other modules have
+imported find the classes of the current variant, because a module's names are replaced in place.
 """
 
 import importlib
 import sys
+from dataclasses import dataclass
+from graphlib import TopologicalSorter
+from types import FunctionType
 
 import mitsuba as mi
 
 from mi_lcair.physics.reflection import NAMES
 
 DEFAULT_VARIANT = "llvm_ad_mono"
-MODULES = (
-    "beside_scene",
-    "derivatives",
-    "emission.triangles",
-    "emission.emissivity",
-    "uniform_table",
-    "reflection_bsdf",
-    *(f"{name}_bsdf" for name in NAMES),
-    "plume_bsdf",
-    "thermal",
-    "sun",
-    "sky_dome",
-    "paths.rounding",
-    "emission.sources",
-    "emission.radiance_bound",
-    "emission.field_of_view",
-    "paths.tail",
-    "emission.emitter_table",
-    "paths.channels",
-    "lattice_sampler",
-    "paths.surface_slopes",
-    "paths.columns",
-    "paths.aim",
-    "paths.launch",
-    "paths.rays",
-    "paths.sums",
-    "paths.facet_columns",
-    "bounce_path",
-)
+
+
+@dataclass(frozen=True)
+class Plugin:
+    """A plugin: its kind (bsdf, emitter, integrator or sampler) and its name in scene files.
+
+    Plugin `sky_dome` of the kind emitter is the class `SkyDome` in emitters/sky_dome.py. The last
+    line of that file registers it with Mitsuba.
+    """
+
+    kind: str
+    name: str
+
+    @property
+    def module(self) -> str:
+        return f"{__name__}.{self.kind}s.{self.name}"
+
+    @property
+    def type(self) -> type:
+        """The plugin's class in the current variant."""
+        return vars(sys.modules[self.module])[self.name.title().replace("_", "")]
+
+
+PLUGINS = {
+    name: Plugin(kind, name)
+    for kind, names in {
+        "bsdf": ("material", "plume", *NAMES),
+        "emitter": ("sky_dome", "sun", "thermal"),
+        "integrator": ("bounce_path",),
+        "sampler": ("lattice",),
+    }.items()
+    for name in names
+}
 
 _names: dict[str, dict[str, dict]] = {}  # names of each module, by variant
 
@@ -70,13 +76,26 @@ def define(old: str | None, new: str) -> None:
         for name, names in _names[new].items():
             vars(sys.modules[name]).update(names)
         return
-    modules = [f"{__name__}.{module}" for module in MODULES]
-    for name in modules:
-        if name in sys.modules:
+    if _names:
+        for name in bound_to_variant():
             importlib.reload(sys.modules[name])
-        else:
-            importlib.import_module(name)
-    _names[new] = {name: dict(vars(sys.modules[name])) for name in modules}
+    for plugin in PLUGINS.values():
+        importlib.import_module(plugin.module)
+    _names[new] = {name: dict(vars(sys.modules[name])) for name in bound_to_variant()}
+
+
+def bound_to_variant() -> list[str]:
+    """Modules of this package that use Mitsuba, each after those from which it imports."""
+    modules = {
+        name: vars(module)
+        for name, module in sys.modules.items()
+        if name.startswith(f"{__name__}.") and vars(module).get("mi") is mi
+    }
+    uses = {
+        name: {v.__module__ for v in names.values() if isinstance(v, (type, FunctionType))}
+        for name, names in modules.items()
+    }
+    return list(TopologicalSorter({n: uses[n] & modules.keys() - {n} for n in uses}).static_order())
 
 
 register()

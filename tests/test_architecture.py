@@ -94,22 +94,3 @@ def test_folders_are_small():
     exempt = {ROOT / folder for folder in EXEMPT}
     large = {folder for folder, count in counts.items() if count > MOST_FILES}
     assert large - exempt == set()
-
-
-def test_modules_with_classes_of_mitsuba_are_loaded_again():
-    """What names Mitsuba's types when it is imported belongs to one variant."""
-    from mi_lcair.plugins import MODULES
-
-    def names_mitsuba(node) -> bool:
-        if isinstance(node, ast.FunctionDef):
-            return False
-        if isinstance(node, ast.Name) and node.id == "mi":
-            return True
-        return any(map(names_mitsuba, ast.iter_child_nodes(node)))
-
-    found = {
-        name.removeprefix("mi_lcair.plugins.")
-        for name, tree in modules()
-        if name.startswith("mi_lcair.plugins.") and any(map(names_mitsuba, tree.body))
-    }
-    assert found <= set(MODULES)

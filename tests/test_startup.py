@@ -420,7 +420,7 @@ def test_wheel_is_typed(tmp_path):
     names = zipfile.ZipFile(wheel).namelist()
     assert {
         "mi_lcair/py.typed",
-        "mi_lcair/plugins/bounce_path.py",
+        "mi_lcair/plugins/integrators/bounce_path.py",
         "mi_lcair/fitting/estimation.py",
         "mi_lcair/scenes/cavity.xml",
     } <= {*names}

@@ -99,7 +99,7 @@ def copy(tmp_path_factory):
         shutil.copytree(ROOT / folder, root / folder, symlinks=True, ignore=ignore)
     shutil.copy(ROOT / "pyproject.toml", root)
     shutil.copy(FILES / "minnaert.py", root / "mi_lcair" / "physics" / "reflection")
-    shutil.copy(FILES / "minnaert_bsdf.py", root / "plugins")
+    shutil.copy(FILES / "minnaert_bsdf.py", root / "plugins" / "bsdfs" / "minnaert.py")
     registry = root / "mi_lcair" / "physics" / "reflection" / "__init__.py"
     before = registry.read_text()
     after = before.replace(
@@ -126,7 +126,7 @@ def test_everything_takes_the_new_model(copy):
 @pytest.mark.slow
 def test_the_batteries_take_it_without_an_edit(copy):
     """Tests that run over the registry find the new model; all of them pass."""
-    files = ["tests/physics/reflection/test_models.py", "tests/plugins/test_bsdf_battery.py"]
+    files = ["tests/physics/reflection/test_models.py", "tests/plugins/bsdfs/test_battery.py"]
     done = python(copy, "-m", "pytest", "-q", "-k", "minnaert", *files)
     assert done.returncode == 0, done.stdout
     assert int(done.stdout.split(" passed")[0].split()[-1]) >= 20

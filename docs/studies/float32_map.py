@@ -16,8 +16,8 @@ from drjit.llvm.ad import Array3f64, Float64
 import mi_lcair  # noqa: F401  it chooses the LLVM and must precede the use of Dr.Jit
 from mi_lcair.physics.reflection import sandford_robertson_equations as sr
 from tests.physics.reflection.surfaces import direction, surface
+from tests.plugins.bsdfs.test_precision import theta_of
 from tests.plugins.reflection_models import exact_HDR, interaction, uniform
-from tests.plugins.test_precision import theta_of
 
 NAMES = ("epsilon", "rho_d", "b", "e")
 E = np.geomspace(1e-5, 1, 26)

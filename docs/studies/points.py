@@ -16,9 +16,9 @@ from tqdm import tqdm
 
 import mi_lcair
 from docs.studies.page import label, write_page
-from mi_lcair.plugins.lattice_sampler import LatticeSampler, hashed
 from mi_lcair.plugins.paths.channels import Channels
 from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.plugins.samplers.lattice import Lattice, hashed
 from mi_lcair.rendering import render, window_means
 from mi_lcair.rendering.statistics import student_factor
 
@@ -41,7 +41,7 @@ SPP, SEEDS = (16, 64, 256), 8
 # ---------------------------------------------------------------- Kinds of points
 
 
-class Korobov(LatticeSampler):
+class Korobov(Lattice):
     """A lattice whose generating vector are the powers of one number (L'Ecuyer's choice)."""
 
     MULTIPLIER = 71189  # 17797 * 4 + 1
@@ -53,7 +53,7 @@ class Korobov(LatticeSampler):
         return mi.Float(u >> 8) * 2.0**-24
 
 
-class Baker(LatticeSampler):
+class Baker(Lattice):
     """The lattice with the baker's transform, which makes an integrand periodic."""
 
     def next_1d(self, active=True):
@@ -61,7 +61,7 @@ class Baker(LatticeSampler):
         return dr.minimum(1 - dr.abs(2 * u - 1), 1 - 2.0**-24)
 
 
-class Table(LatticeSampler):
+class Table(Lattice):
     """Numbers from a table, `numbers`: those of a dimension follow each other, `stride` of them."""
 
     def next_1d(self, active=True):
@@ -88,7 +88,7 @@ def samplers(points: int, tracer):
     independent.seed(1, paths)
     yield "independent", independent
     for name, kind in (
-        ("lattice", LatticeSampler),
+        ("lattice", Lattice),
         ("lattice, baker", Baker),
         ("Korobov", Korobov),
         ("Sobol", Table),

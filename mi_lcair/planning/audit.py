@@ -25,8 +25,8 @@ from mi_lcair.planning.photons import (
     passive_emissivity,
     scaling_cosines,
 )
+from mi_lcair.plugins.bsdfs.reflection_bsdf import reflection_layers
 from mi_lcair.plugins.emission.triangles import pointer_id
-from mi_lcair.plugins.reflection_bsdf import reflection_layers
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.scene import Scene, SceneLike, scene_of

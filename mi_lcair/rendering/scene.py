@@ -15,9 +15,9 @@ from mi_lcair import scenes
 from mi_lcair.errors import InputError, mitsuba_error, unknown
 from mi_lcair.formats import MODELS
 from mi_lcair.physics.bands import Band
+from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
 from mi_lcair.plugins.derivatives import deriving_plugins
 from mi_lcair.plugins.paths.launch import numbers
-from mi_lcair.plugins.reflection_bsdf import is_reflection_bsdf
 from mi_lcair.plugins.scene_state import SceneState
 from mi_lcair.rendering.loading.files import survey
 from mi_lcair.rendering.loading.fingerprint import described_digest, fingerprint, source_digest

@@ -8,6 +8,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.plugins.bsdfs.plume import is_plume
 from mi_lcair.plugins.derivatives import own_memory
 from mi_lcair.plugins.emission.sources import spectra
 from mi_lcair.plugins.paths.column_kinds import MaterialColumn, SourceColumn
@@ -18,7 +19,6 @@ from mi_lcair.plugins.paths.columns import (
     column_tables,
 )
 from mi_lcair.plugins.paths.launch import Launch
-from mi_lcair.plugins.plume_bsdf import is_plume
 from mi_lcair.sensitivity.entries import Entry
 from mi_lcair.sensitivity.parameters import chosen
 

@@ -7,12 +7,12 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.plugins.bsdfs.plume import is_plume
+from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
 from mi_lcair.plugins.derivatives import nodes
 from mi_lcair.plugins.emission.sources import kelvin, rounded
 from mi_lcair.plugins.emission.triangles import is_faceted, triangle_corners
-from mi_lcair.plugins.plume_bsdf import is_plume
 from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST
-from mi_lcair.plugins.reflection_bsdf import is_reflection_bsdf
 
 RADIANCE_UNIT = "W m^-2 sr^-1"
 # Units of the arrays that multiply the radiance of a source.

@@ -7,6 +7,7 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.plugins.bsdfs.plume import is_passed
 from mi_lcair.plugins.emission.field_of_view import FieldOfView
 from mi_lcair.plugins.emission.one_sun import one_sun
 from mi_lcair.plugins.emission.radiance_bound import radiance_bound
@@ -19,7 +20,6 @@ from mi_lcair.plugins.emission.triangles import (
     random_integer,
     triangle_corners,
 )
-from mi_lcair.plugins.plume_bsdf import is_passed
 
 # Smallest offset of a ray's start from a surface, relative to the scene's extent. It is larger than
 # the rounding error of a hit's position.

@@ -7,8 +7,8 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.plugins.derivatives import own_memory
-from mi_lcair.plugins.lattice_sampler import VECTOR, LatticeSampler, hashed
 from mi_lcair.plugins.paths.aim import Aim, place
+from mi_lcair.plugins.samplers.lattice import VECTOR, Lattice, hashed
 
 
 def numbers(sampler) -> str:
@@ -101,7 +101,7 @@ class Paths:
             sampler = Random(start, self.lane)
         else:
             number = window * self.randomisations + randomisation % self.randomisations
-            sampler = LatticeSampler.at(number, point, self.seed, self.vector)
+            sampler = Lattice.at(number, point, self.seed, self.vector)
         position, weight = sampler.next_2d(), mi.Float(1)
         if self.aim is not None:
             position, weight = place(*self.aim, position)

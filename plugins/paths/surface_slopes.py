@@ -15,11 +15,11 @@ import numpy as np
 
 from mi_lcair.physics import reflection
 from mi_lcair.physics.reflection.directions import cos_theta, sin2_theta
+from mi_lcair.plugins.bsdfs.plume import is_plume
+from mi_lcair.plugins.bsdfs.reflection_bsdf import STEPS, is_reflection_bsdf, tables
+from mi_lcair.plugins.bsdfs.uniform_table import interpolate_row
 from mi_lcair.plugins.derivatives import children, flatten, own_memory
 from mi_lcair.plugins.emission.triangles import pointer_id
-from mi_lcair.plugins.plume_bsdf import is_plume
-from mi_lcair.plugins.reflection_bsdf import STEPS, is_reflection_bsdf, tables
-from mi_lcair.plugins.uniform_table import interpolate_row
 
 DIFFUSE = "SmoothDiffuse"  # Mitsuba's `diffuse`
 REFLECTANCE = "reflectance.value"  # its parameter

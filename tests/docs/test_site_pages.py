@@ -13,7 +13,7 @@ from tests.docs.fences import ROOT
 REGISTRATION = re.compile(r"^mi\.register_(\w+)\(\"(\w+)\"", re.MULTILINE)
 PLUGINS = {
     file.stem: found.groups()
-    for file in sorted((ROOT / "plugins").glob("*.py"))
+    for file in sorted((ROOT / "plugins").glob("*/*.py"))
     if (found := REGISTRATION.search(file.read_text(encoding="utf-8")))
 }
 
@@ -37,7 +37,7 @@ def test_all_public_functions_are_in_the_reference():
 
 
 def test_a_page_gets_manuals_and_equations():
-    page = on_page_markdown("# Title\n\n::: plugin plume_bsdf\n")
+    page = on_page_markdown("# Title\n\n::: plugin plume\n")
     assert "transmittance" in page and ":::" not in page
     content = on_page_content(r'<p>with <span class="arithmatex">\(\sigma T^4 &gt; 0\)</span></p>')
     assert content.startswith("<p>with <math") and "arithmatex" not in content

@@ -2,7 +2,6 @@
 and each plugin's manual page says what its declaration says.
 """
 
-import importlib
 import re
 
 import mitsuba as mi
@@ -10,24 +9,8 @@ import pytest
 
 from mi_lcair.errors import InputError, mitsuba_error
 from mi_lcair.physics import reflection
-from mi_lcair.plugins import bounce_path, plume_bsdf, reflection_bsdf, sky_dome, sun, thermal
+from mi_lcair.plugins import PLUGINS
 
-PLUGINS = {
-    "thermal": thermal,
-    "sun": sun,
-    "sky_dome": sky_dome,
-    "bounce_path": bounce_path,
-    "material": reflection_bsdf,
-    "plume": plume_bsdf,
-}
-CLASSES = {
-    "thermal": "Thermal",
-    "sun": "Sun",
-    "sky_dome": "SkyDome",
-    "bounce_path": "BouncePath",
-    "material": "ReflectionBSDF",
-    "plume": "Plume",
-}
 WRONG = {
     "float": (True, "300 K", mi.ScalarColor3d(1, 2, 3), float("nan"), float("inf")),
     "float or texture": (True, "300 K", mi.ScalarColor3d(1, 2, 3), float("nan")),
@@ -46,7 +29,7 @@ BESIDE = {
 
 
 def declared():
-    return [(name, entry) for name, module in PLUGINS.items() for entry in module.PROPERTIES]
+    return [(name, entry) for name in BESIDE for entry in PLUGINS[name].type.PROPERTIES]
 
 
 def load(plugin, **properties):
@@ -92,13 +75,13 @@ def test_strings(plugin, properties, message):
         load(plugin, **properties)
 
 
-@pytest.mark.parametrize("plugin", PLUGINS)
+@pytest.mark.parametrize("plugin", BESIDE)
 def test_manual(plugin):
     """The table in a plugin's docstring has the declared names, kinds and defaults."""
-    module = PLUGINS[plugin]
-    rows = manual(getattr(module, CLASSES[plugin]).__doc__)
-    assert {entry.name for entry in module.PROPERTIES} == set(rows)
-    for entry in module.PROPERTIES:
+    plugin_class = PLUGINS[plugin].type
+    rows = manual(plugin_class.__doc__)
+    assert {entry.name for entry in plugin_class.PROPERTIES} == set(rows)
+    for entry in plugin_class.PROPERTIES:
         kind, text = rows[entry.name]
         assert kind == entry.kind, entry.name
         default = re.search(r"\((\S+)\)", text)
@@ -110,13 +93,8 @@ def test_manual(plugin):
 def test_parameters_of_models(name):
     """A model's own plugin takes its parameters as floats, and says so in its manual."""
     model = reflection.model(name)
-    module = importlib.import_module(f"mi_lcair.plugins.{name}_bsdf")
-    plugin = next(
-        entry
-        for entry in vars(module).values()
-        if isinstance(entry, type) and issubclass(entry, reflection_bsdf.ReflectionBSDF)
-    )
-    floats = [key for key, (kind, _) in manual(plugin.__doc__).items() if kind == "float"]
+    rows = manual(PLUGINS[name].type.__doc__)
+    floats = [key for key, (kind, _) in rows.items() if kind == "float"]
     assert floats == list(model.names)
     for parameter in model.names:
         for value in WRONG["float"][:3]:

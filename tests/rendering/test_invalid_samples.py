@@ -6,7 +6,7 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.bounce_path import PathTracer
+from mi_lcair.plugins.integrators.bounce_path import PathTracer
 from tests.detection.disc_scenario import write_disc
 
 

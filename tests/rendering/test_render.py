@@ -12,7 +12,7 @@ import pytest
 import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.plugins.bounce_path import PathTracer
+from mi_lcair.plugins.integrators.bounce_path import PathTracer
 from mi_lcair.rendering import render as passes
 
 

@@ -1,7 +1,7 @@
 """The Sandford-Robertson BSDF at the limits of its parameters and angles.
 
 Lobe widths are 1e-5 to 1, angles up to 90 - 1e-6 degrees, b = 0 and 1, and epsilon + rho_d on its
-bound. tests/plugins/test_precision.py covers e >= 0.0015 up to 89.5 degrees.
+bound. tests/plugins/bsdfs/test_precision.py covers e >= 0.0015 up to 89.5 degrees.
 """
 
 import mitsuba as mi
@@ -13,8 +13,8 @@ from docs.studies.float32_map import errors, feasible, load
 from mi_lcair.physics.reflection import sandford_robertson_equations as sr
 from mi_lcair.physics.reflection import sandford_robertson_hemispherical as hemispherical
 from tests.physics.reflection.surfaces import direction, surface
+from tests.plugins.bsdfs.test_precision import theta_of
 from tests.plugins.reflection_models import exact_HDR, seen_at, uniform
-from tests.plugins.test_precision import theta_of
 
 WIDTHS = [1e-5, 1e-4, 1e-3, 4.2e-3, 0.1, 1]
 ANGLES_DEG = np.array([0, 1e-3, 30, 60, 80, 85, 89, 89.9, 89.99, 89.999, 90 - 1e-6])

@@ -15,7 +15,7 @@ from scipy.sparse import csr_array
 
 from mi_lcair.benchmark.propagation.primary import part_corners, part_index, visible_points
 from mi_lcair.benchmark.propagation.problem import Method, Problem, emitted
-from mi_lcair.plugins.lattice_sampler import LatticeSampler
+from mi_lcair.plugins.samplers.lattice import Lattice
 
 
 def intensity(problem: Problem, patches: int, rays: int, seed: int) -> tuple[float, int]:
@@ -103,7 +103,7 @@ def view_factors(
     patches = len(corners)
     index = dr.arange(mi.UInt32, patches * rays)
     patch, k = index // dr.opaque(mi.UInt32, rays), index % dr.opaque(mi.UInt32, rays)
-    sampler = LatticeSampler.at(patch, k, dr.opaque(mi.UInt32, seed))
+    sampler = Lattice.at(patch, k, dr.opaque(mi.UInt32, seed))
     p0, p1, p2 = (
         dr.gather(mi.Point3f, mi.Point3f(corners[:, corner].T), patch) for corner in range(3)
     )

@@ -9,13 +9,13 @@ from drjit.llvm import Float64
 
 from mi_lcair.benchmark.reflectance.half_vector import EFFORTS, weights
 from mi_lcair.benchmark.reflectance.method import Method, lanes, mean
-from mi_lcair.plugins.lattice_sampler import LatticeSampler
+from mi_lcair.plugins.samplers.lattice import Lattice
 
 
 def run(problem, samples, repetitions, seed):
     """Return `repetitions` estimates of the DHR, each from `samples` directions."""
     repetition, sample = (mi.UInt32(number) for number in lanes(samples, repetitions))
-    sampler = LatticeSampler.at(repetition, sample, dr.opaque(mi.UInt32, seed))
+    sampler = Lattice.at(repetition, sample, dr.opaque(mi.UInt32, seed))
     # The problem's arrays have no derivatives, so those of the sampler lose them
     numbers = (Float64(dr.detach(sampler.next_1d(), preserve_type=False)) for _ in range(3))
     return mean(weights(problem, *numbers), samples)

@@ -2,7 +2,7 @@
 
 A model is registered by its name in `NAMES`. The file NAME.py in this folder holds the model as
 `MODEL`. Long models are split into files NAME_*.py. The Mitsuba plugin of the model is
-plugins/NAME_bsdf.py.
+plugins/bsdfs/NAME.py.
 """
 
 import importlib

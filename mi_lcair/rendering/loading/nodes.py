@@ -10,10 +10,9 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
-from mi_lcair.physics.reflection import MODELS
-from mi_lcair.plugins import bounce_path, plume_bsdf, reflection_bsdf, sky_dome, sun, thermal
+from mi_lcair.plugins import PLUGINS
 from mi_lcair.plugins.beside_scene import beside_scene
-from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST, Property
+from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST
 
 FARTHEST = 1e9  # largest coordinate [m], whose square is far below the largest Float32 number
 MOST_SAMPLES = 2**32 - 1  # largest number of samples per pixel
@@ -34,18 +33,6 @@ BOUNDS = {
     mi.ObjectType.Shape: {"radius": POSITIVE},
     mi.ObjectType.Sensor: {"near_clip": POSITIVE, "far_clip": POSITIVE},
     mi.ObjectType.Sampler: {"sample_count": (1, MOST_SAMPLES)},
-}
-# Declared properties by plugin.
-DECLARED = {
-    "bounce_path": bounce_path.PROPERTIES,
-    "plume": plume_bsdf.PROPERTIES,
-    "sky_dome": sky_dome.PROPERTIES,
-    "sun": sun.PROPERTIES,
-    "thermal": thermal.PROPERTIES,
-    "material": reflection_bsdf.PROPERTIES,
-} | {
-    name: (*reflection_bsdf.PROPERTIES, *(Property(own, "float") for own in model.names))
-    for name, model in MODELS.items()
 }
 NUMBERS_OF_TEXTURES = ("value", "color", "color0", "color1", "values")
 SURFACE_EMITTERS = ("thermal", "area", "directionalarea")  # emitters that must belong to a shape
@@ -106,13 +93,14 @@ def check_names(plugin: str, values: dict) -> None:
     Mitsuba rejects every unknown property, but only after the plugin has missed one that it needs,
     and without the name that was meant.
     """
-    declared = DECLARED.get(plugin)
-    if declared is None:
+    if plugin not in PLUGINS:
         return
-    known = {entry.name for entry in declared}
+    known = {entry.name for entry in PLUGINS[plugin].type.PROPERTIES}
     for name, value in values.items():
+        if name in known or not isinstance(value, bool | int | float | str):
+            continue
         near = get_close_matches(name, known - values.keys(), 1, 0.7)
-        if near and name not in known and isinstance(value, bool | int | float | str):
+        if near:
             raise InputError(f"{plugin}: unknown property '{name}'; is {near[0]} meant?")
 
 

@@ -8,11 +8,9 @@ from pathlib import Path
 import mitsuba as mi
 
 from mi_lcair.errors import InputError
-from mi_lcair.physics.reflection import NAMES
+from mi_lcair.plugins import PLUGINS
 from mi_lcair.rendering.loading.names import name_objects
 from mi_lcair.rendering.loading.samplers import add_samplers
-
-PLUGINS = ("material", "plume", "thermal", "sun", "sky_dome", "bounce_path")
 
 
 @contextmanager
@@ -70,5 +68,5 @@ def with_known_plugins(error: Exception) -> Exception:
     if not match:
         return error
     installed = [file.stem for file in (Path(mi.__file__).parent / "plugins").glob("*.*")]
-    nearest = get_close_matches(match[1], [*NAMES, *PLUGINS, *installed], n=5, cutoff=0.4)
+    nearest = get_close_matches(match[1], [*PLUGINS, *installed], n=5, cutoff=0.4)
     return InputError(f"{error}; the nearest known are: {', '.join(nearest) or 'none'}")

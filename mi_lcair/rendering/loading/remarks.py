@@ -5,11 +5,11 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.models3d.coincident import overlaps
+from mi_lcair.plugins.bsdfs.plume import is_passed
+from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf, reflection_layers
 from mi_lcair.plugins.derivatives import deriving_plugins, members
 from mi_lcair.plugins.emission.triangles import is_faceted
 from mi_lcair.plugins.paths.launch import numbers
-from mi_lcair.plugins.plume_bsdf import is_passed
-from mi_lcair.plugins.reflection_bsdf import is_reflection_bsdf, reflection_layers
 from mi_lcair.rendering.loading.nodes import properties, references
 from mi_lcair.rendering.loading.origin import far_origin
 from mi_lcair.rendering.loading.samplers import INDEPENDENT

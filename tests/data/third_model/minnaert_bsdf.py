@@ -3,10 +3,10 @@ r"""BSDF `minnaert`: the Minnaert reflection model."""
 import mitsuba as mi
 
 from mi_lcair.physics import reflection
-from mi_lcair.plugins import reflection_bsdf
+from mi_lcair.plugins.bsdfs.reflection_bsdf import ReflectionBSDF
 
 
-class Minnaert(reflection_bsdf.ReflectionBSDF):
+class Minnaert(ReflectionBSDF):
     r"""Minnaert BRDF.
 
     ============== ======= ==================================================================

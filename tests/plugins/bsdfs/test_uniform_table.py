@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from drjit.llvm.ad import Float64
 
-from mi_lcair.plugins.uniform_table import interpolate, refine
+from mi_lcair.plugins.bsdfs.uniform_table import interpolate, refine
 
 
 def test_straight_lines():

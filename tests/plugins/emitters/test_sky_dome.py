@@ -7,8 +7,8 @@ import pytest
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.sun.daytime_sky import daytime_sky
+from tests.plugins.emitters.test_sun import BOTH, IDS, E, direction, path, sun
 from tests.plugins.small_scenes import GREY, SQUARE, camera, runs, scene
-from tests.plugins.test_sun import BOTH, IDS, E, direction, path, sun
 
 MWIR = band("MWIR")
 SKY = daytime_sky("midlat_summer")

@@ -6,6 +6,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mi_lcair.plugins.properties import Property
+
 VECTOR = np.loadtxt(Path(__file__).with_name("lattice_vector.txt"), dtype=np.uint32).ravel()
 # The golden ratio times 2^32. Its multiples give successive dimensions unrelated hash values.
 GOLDEN = 0x9E3779B9
@@ -19,7 +21,7 @@ def hashed(x: mi.UInt32) -> mi.UInt32:
     return x ^ (x >> 16)
 
 
-class LatticeSampler(mi.Sampler):
+class Lattice(mi.Sampler):
     r"""Points of an embedded rank-1 lattice with a random shift in each dimension.
 
     Number d of point i of a randomisation is the fraction
@@ -44,6 +46,8 @@ class LatticeSampler(mi.Sampler):
     Source: R. Cools, F. Y. Kuo, D. Nuyens, SIAM J. Sci. Comput. 28 (2006) 2162.
     """
 
+    PROPERTIES = (Property("sample_count", "integer", 4, lower=1),)  # read by Mitsuba's class
+
     def __init__(self, props, vector=None):
         super().__init__(props)
         self.vector = mi.UInt32(VECTOR) if vector is None else vector
@@ -52,12 +56,12 @@ class LatticeSampler(mi.Sampler):
     @staticmethod
     def at(
         randomisation: mi.UInt32, point: mi.UInt32, seed: mi.UInt32, vector: mi.UInt32 | None = None
-    ) -> "LatticeSampler":
+    ) -> "Lattice":
         """A sampler whose lanes have these numbers of a randomisation and of a point in it.
 
         vector: a copy of `VECTOR` to use; None makes one.
         """
-        sampler = LatticeSampler(mi.Properties(), vector)
+        sampler = Lattice(mi.Properties(), vector)
         sampler.place(randomisation, point, seed)
         return sampler
 
@@ -92,7 +96,7 @@ class LatticeSampler(mi.Sampler):
 
     def fork(self):
         """A sampler with the same sample count, not seeded."""
-        sampler = LatticeSampler(mi.Properties())
+        sampler = Lattice(mi.Properties())
         sampler.set_sample_count(self.sample_count())
         return sampler
 
@@ -108,7 +112,7 @@ class LatticeSampler(mi.Sampler):
         dr.schedule(self.reversed_index, self.key, self.dimension)
 
     def to_string(self):
-        return f"LatticeSampler[sample_count = {self.sample_count()}]"
+        return f"Lattice[sample_count = {self.sample_count()}]"
 
 
-mi.register_sampler("lattice", LatticeSampler)
+mi.register_sampler("lattice", Lattice)

@@ -9,12 +9,6 @@ from mi_lcair.physics.bands import band
 from mi_lcair.physics.sun.daytime_sky import daytime_sky, sky_air_names
 from mi_lcair.plugins.properties import Property, read
 
-PROPERTIES = (
-    Property("sun_azimuth_deg", "float", 0.0),
-    Property("band", "string", is_file=True),
-    Property("air", "string", "midlat_summer", choices=tuple(sky_air_names())),
-    Property("group", "string", "sky", is_label=True),
-)
 DISTANCE = 1e12  # of a point of the dome in Mitsuba's samples of directions [m]
 # Cells of the table of radiances over the sine of the elevation and over the azimuth from the sun,
 # 0 to 180 degrees. Between its nodes the radiance is bilinear.
@@ -45,6 +39,13 @@ class SkyDome(mi.Emitter):
     whole dome has the spectrum of its irradiance on the ground.
     """
 
+    PROPERTIES = (
+        Property("sun_azimuth_deg", "float", 0.0),
+        Property("band", "string", is_file=True),
+        Property("air", "string", "midlat_summer", choices=tuple(sky_air_names())),
+        Property("group", "string", "sky", is_label=True),
+    )
+
     facet_type = "sky"  # part of the background
     multiplied_by = "scale"  # the parameter that multiplies the radiance
     temperature = texture = derived = None  # as for emitter `thermal`, a source with a spectrum
@@ -52,7 +53,7 @@ class SkyDome(mi.Emitter):
     def __init__(self, props):
         mi.Emitter.__init__(self, props)
         self.m_flags = mi.EmitterFlags.Infinite | mi.EmitterFlags.SpatiallyVarying
-        values = read(props, "sky_dome", PROPERTIES)
+        values = read(props, "sky_dome", self.PROPERTIES)
         if values["band"] is None:
             raise InputError("sky_dome: give its `band`")
         self.group, self.band = values["group"], band(values["band"])

@@ -3,10 +3,10 @@ r"""BSDF `sandford_robertson`: the Sandford-Robertson reflection model."""
 import mitsuba as mi
 
 from mi_lcair.physics import reflection
-from mi_lcair.plugins import reflection_bsdf
+from mi_lcair.plugins.bsdfs.reflection_bsdf import ReflectionBSDF
 
 
-class SandfordRobertson(reflection_bsdf.ReflectionBSDF):
+class SandfordRobertson(ReflectionBSDF):
     r"""Sandford-Robertson BRDF with GGX half-vector sampling.
 
     ============== ======= =========================================================================

@@ -10,7 +10,7 @@ from mi_lcair.physics import reflection
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.sun.position import SunPosition
 from mi_lcair.physics.sun.sunlight import sunlight
-from mi_lcair.plugins import sun as sun_plugin
+from mi_lcair.plugins.emitters import sun as sun_plugin
 from tests.plugins.small_scenes import GREY, SQUARE, camera, runs, scene
 
 E = sunlight().in_band_irradiance(band("MWIR"))

@@ -3,10 +3,10 @@ r"""BSDF `microfacet`: microfacets with Fresnel reflection and a diffuse floor."
 import mitsuba as mi
 
 from mi_lcair.physics import reflection
-from mi_lcair.plugins import reflection_bsdf
+from mi_lcair.plugins.bsdfs.reflection_bsdf import ReflectionBSDF
 
 
-class Microfacet(reflection_bsdf.ReflectionBSDF):
+class Microfacet(ReflectionBSDF):
     r"""Microfacet BRDF: generalised Trowbridge-Reitz distribution, Fresnel reflectance, floor.
 
     ============== ======= =========================================================================

@@ -18,18 +18,6 @@ from mi_lcair.plugins.emission.emissivity import Table, emissivity_of, reflects
 from mi_lcair.plugins.emission.triangles import Choice, TriangleTable, is_faceted
 from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST, Property, read
 
-PROPERTIES = (
-    Property("temperature", "float or texture", upper=HOTTEST, is_positive=True, unit="K"),
-    Property("radiance", "float", lower=0, upper=BRIGHTEST, unit="W m^-2 sr^-1"),
-    Property("spectrum", "string", is_file=True),
-    Property("elevation_deg", "float", lower=0, upper=90),
-    Property("band", "string", is_file=True),
-    Property("emissivity", "float", lower=0, upper=1),
-    Property("group", "string", "self", is_label=True),
-    # Facet types of the thesis, section 3.2.1.5
-    Property("facet_type", "string", "model", choices=("model", "sky", "terrain")),
-)
-
 
 class Thermal(mi.Emitter):
     r"""Thermal emission of the shape that it belongs to.
@@ -66,10 +54,22 @@ class Thermal(mi.Emitter):
     report that a mesh has changed.
     """
 
+    PROPERTIES = (
+        Property("temperature", "float or texture", upper=HOTTEST, is_positive=True, unit="K"),
+        Property("radiance", "float", lower=0, upper=BRIGHTEST, unit="W m^-2 sr^-1"),
+        Property("spectrum", "string", is_file=True),
+        Property("elevation_deg", "float", lower=0, upper=90),
+        Property("band", "string", is_file=True),
+        Property("emissivity", "float", lower=0, upper=1),
+        Property("group", "string", "self", is_label=True),
+        # Facet types of the thesis, section 3.2.1.5
+        Property("facet_type", "string", "model", choices=("model", "sky", "terrain")),
+    )
+
     def __init__(self, props):
         mi.Emitter.__init__(self, props)
         self.m_flags = mi.EmitterFlags.Surface | mi.EmitterFlags.SpatiallyVarying
-        values = read(props, "thermal", PROPERTIES)
+        values = read(props, "thermal", self.PROPERTIES)
         self.group = values["group"]
         self.band = None if values["band"] is None else band(values["band"])
         self.facet_type = values["facet_type"]

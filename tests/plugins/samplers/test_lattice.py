@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from mi_lcair.plugins.lattice_sampler import VECTOR, LatticeSampler
+from mi_lcair.plugins.samplers.lattice import VECTOR, Lattice
 
 SEED = 3
 
@@ -14,7 +14,7 @@ SEED = 3
 def points(count, dimensions, randomisation=0, first=0):
     """Points of a randomisation, (count, dimensions)."""
     point = dr.arange(mi.UInt32, count) + first
-    sampler = LatticeSampler.at(mi.UInt32(randomisation), point, mi.UInt32(SEED))
+    sampler = Lattice.at(mi.UInt32(randomisation), point, mi.UInt32(SEED))
     return np.stack([sampler.next_1d().numpy() for _ in range(dimensions)], axis=1)
 
 
@@ -49,7 +49,7 @@ def test_randomisations_and_dimensions_are_independent():
     randomisations, and the two uses of one component of the generating vector.
     """
     count = 4000
-    sampler = LatticeSampler.at(dr.arange(mi.UInt32, count), mi.UInt32(0), mi.UInt32(SEED))
+    sampler = Lattice.at(dr.arange(mi.UInt32, count), mi.UInt32(0), mi.UInt32(SEED))
     shifts = np.stack([sampler.next_1d().numpy() for _ in range(len(VECTOR) + 3)], axis=1)
     for d in (0, 1, 2, 500, 1025):
         assert kstest(shifts[:, d], "uniform").pvalue > 1e-4
@@ -63,7 +63,7 @@ def test_randomisations_and_dimensions_are_independent():
 
 def test_numbers_never_reach_one():
     """Rounding 2^32 - 1 times 2^-32 to Float32 would give 1."""
-    sampler = LatticeSampler.at(mi.UInt32(0), mi.UInt32(0), mi.UInt32(0))
+    sampler = Lattice.at(mi.UInt32(0), mi.UInt32(0), mi.UInt32(0))
     sampler.reversed_index = mi.UInt32(0xFFFFFFFF) - dr.arange(mi.UInt32, 2**16)
     sampler.key = mi.UInt32(0)
     numbers = sampler.next_1d().numpy()

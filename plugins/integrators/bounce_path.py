@@ -12,6 +12,7 @@ from mitsuba.python.ad.integrators.common import RBIntegrator, mis_weight
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.plugins.bsdfs.plume import is_passed, is_plume
 from mi_lcair.plugins.derivatives import (
     attached,
     derivations,
@@ -32,18 +33,10 @@ from mi_lcair.plugins.paths.recording import Recorded
 from mi_lcair.plugins.paths.rounding import rounding_error
 from mi_lcair.plugins.paths.sums import BlockSums, Sums, block_size
 from mi_lcair.plugins.paths.tail import Tail
-from mi_lcair.plugins.plume_bsdf import is_passed, is_plume
 from mi_lcair.plugins.properties import HOTTEST, Property, read
 from mi_lcair.plugins.scene_state import SceneState
 
 MOST_KEPT = 8  # tracers of a scene that are kept, each with other settings
-
-PROPERTIES = (
-    Property("max_bounces", "integer", 4, lower=0, upper=10_000),
-    Property("emitter_sampling", "boolean", False),
-    Property("closure", "string", "none", choices=("none", "ambient", "tail")),
-    Property("ambient_temperature", "float", upper=HOTTEST, is_positive=True, unit="K"),
-)
 
 
 class BouncePath(RBIntegrator):
@@ -81,9 +74,16 @@ class BouncePath(RBIntegrator):
     reflections, by emitting group and by the group that is hit first, all from the same paths.
     """
 
+    PROPERTIES = (
+        Property("max_bounces", "integer", 4, lower=0, upper=10_000),
+        Property("emitter_sampling", "boolean", False),
+        Property("closure", "string", "none", choices=("none", "ambient", "tail")),
+        Property("ambient_temperature", "float", upper=HOTTEST, is_positive=True, unit="K"),
+    )
+
     def __init__(self, props):
         super().__init__(props)
-        for name, value in read(props, "bounce_path", PROPERTIES).items():
+        for name, value in read(props, "bounce_path", self.PROPERTIES).items():
             setattr(self, name, value)
         self.check()
 
@@ -92,7 +92,7 @@ class BouncePath(RBIntegrator):
 
         Raises InputError for a setting out of bounds and for settings that contradict each other.
         """
-        for entry in PROPERTIES:
+        for entry in self.PROPERTIES:
             value = getattr(self, entry.name)
             if value is not None:
                 entry.checked(value, "bounce_path")
@@ -139,7 +139,7 @@ class BouncePath(RBIntegrator):
 
         One is kept for each of the last MOST_KEPT settings of the integrator.
         """
-        settings = [getattr(self, entry.name) for entry in PROPERTIES]
+        settings = [getattr(self, entry.name) for entry in self.PROPERTIES]
         state, key = SceneState(scene, scene, *settings), (by_spectrum, *settings)
         if key in kept and kept[key][0] == state:
             return kept[key][1]

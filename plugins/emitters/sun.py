@@ -11,19 +11,6 @@ from mi_lcair.physics.sun.position import sun_position
 from mi_lcair.physics.sun.sunlight import NO_AIR, air_names, sunlight
 from mi_lcair.plugins.properties import Property, read
 
-PROPERTIES = (
-    Property("azimuth_deg", "float"),
-    Property("elevation_deg", "float", lower=-90, upper=90),
-    Property("latitude_deg", "float", lower=-90, upper=90),
-    Property("longitude_deg", "float", lower=-180, upper=180),
-    Property("time", "string"),
-    Property("north_deg", "float"),
-    Property("diameter_deg", "float", 0.53, is_positive=True, upper=10),
-    Property("band", "string", is_file=True),
-    Property("air", "string", NO_AIR, is_file=True),
-    Property("distance_au", "float", is_positive=True, upper=100),
-    Property("group", "string", "sun", is_label=True),
-)
 # Distance of a point on the disc in Mitsuba's samples of directions [m]. Its square must be a
 # Float32 number.
 DISTANCE = 1e12
@@ -74,6 +61,20 @@ class Sun(mi.Emitter):
     most. Mitsuba's own integrators see the sun only where they draw it.
     """
 
+    PROPERTIES = (
+        Property("azimuth_deg", "float"),
+        Property("elevation_deg", "float", lower=-90, upper=90),
+        Property("latitude_deg", "float", lower=-90, upper=90),
+        Property("longitude_deg", "float", lower=-180, upper=180),
+        Property("time", "string"),
+        Property("north_deg", "float"),
+        Property("diameter_deg", "float", 0.53, is_positive=True, upper=10),
+        Property("band", "string", is_file=True),
+        Property("air", "string", NO_AIR, is_file=True),
+        Property("distance_au", "float", is_positive=True, upper=100),
+        Property("group", "string", "sun", is_label=True),
+    )
+
     is_sun = True
     facet_type = "sky"  # part of the background
     multiplied_by = "irradiance"  # the parameter that multiplies the radiance
@@ -83,7 +84,7 @@ class Sun(mi.Emitter):
         mi.Emitter.__init__(self, props)
         # Mitsuba takes an infinite emitter without a delta flag for the scene's environment
         self.m_flags = mi.EmitterFlags.Infinite | mi.EmitterFlags.DeltaDirection
-        values = read(props, "sun", PROPERTIES)
+        values = read(props, "sun", self.PROPERTIES)
         if values["band"] is None:
             raise InputError("sun: give its `band`")
         self.group, self.band = values["group"], band(values["band"])

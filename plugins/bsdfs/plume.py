@@ -6,7 +6,6 @@ import mitsuba as mi
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.properties import Property, read
 
-PROPERTIES = (Property("transmittance", "float", lower=0, upper=1),)
 # What a BSDF may do with a ray. A surface whose flags hold only `Null` of these is passed.
 ANY_LOBE = int(mi.BSDFFlags.All)
 
@@ -37,11 +36,12 @@ class Plume(mi.BSDF):
     passes plumes and then hits nothing.
     """
 
+    PROPERTIES = (Property("transmittance", "float", lower=0, upper=1),)
     material = "plume"  # name of the material in tables of facets
 
     def __init__(self, props):
         mi.BSDF.__init__(self, props)
-        values = read(props, "plume", PROPERTIES)
+        values = read(props, "plume", self.PROPERTIES)
         if values["transmittance"] is None:
             raise InputError("plume: give `transmittance`, the share that passes, 0..1")
         self.transmittance = mi.Float(values["transmittance"])
@@ -51,7 +51,7 @@ class Plume(mi.BSDF):
         cb.put("transmittance", self.transmittance, mi.ParamFlags.Differentiable)
 
     def parameters_changed(self, keys=()):
-        PROPERTIES[0].checked(float(dr.detach(self.transmittance)[0]), "plume")
+        self.PROPERTIES[0].checked(float(dr.detach(self.transmittance)[0]), "plume")
         dr.make_opaque(self.transmittance)
         # An opaque plume has no lobe at all, so that paths end there as at a blackbody
         passes = mi.BSDFFlags.Null if self.transmits else mi.BSDFFlags.Empty

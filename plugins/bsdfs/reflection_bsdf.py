@@ -1,6 +1,6 @@
-"""BSDF `material`, and the base class of the BSDF plugins of all reflection models.
+"""Base class of the BSDF plugins of all reflection models.
 
-The base class provides the tables of HDR, the simplified lobes, the emissivity and the derivatives.
+It provides the tables of HDR, the simplified lobes, the emissivity and the derivatives.
 """
 
 from functools import lru_cache
@@ -15,9 +15,9 @@ from mi_lcair.physics.bands import band
 from mi_lcair.physics.directional_table import over_the_hemisphere, read_directional_table
 from mi_lcair.physics.reflection.directions import SMALLEST, cos_theta, sample_cosine, sin2_theta
 from mi_lcair.plugins.beside_scene import beside_scene
+from mi_lcair.plugins.bsdfs.uniform_table import gather, interpolate, refine
 from mi_lcair.plugins.derivatives import attached, check_attached, children, flatten
 from mi_lcair.plugins.properties import Property, read
-from mi_lcair.plugins.uniform_table import gather, interpolate, refine
 
 LOBES = ("brdf", "mirror", "diffuse")
 OF_MATERIALS = (
@@ -31,7 +31,6 @@ OF_EVERY_SURFACE = (
     Property("emissivity", "string", "kirchhoff"),
     Property("lobe", "string", "brdf", choices=LOBES),
 )
-PROPERTIES = OF_MATERIALS + OF_EVERY_SURFACE
 # Steps of the table of HDR. They are even in t, with cos(theta) = t^2. Linear interpolation between
 # the nodes has an error below 5e-6 up to 89.5 degrees.
 STEPS = 1024
@@ -45,28 +44,7 @@ ALARM = 1e-5
 
 
 class ReflectionBSDF(mi.BSDF):
-    r"""BSDF `material`: a named material, with the reflection model to which it was fitted.
-
-    ============== ======= =========================================================================
-    material       string  name of a material, or path of a fit's JSON file
-    band           string  band for which the material must have been measured
-    materials      string  TOML file with the user's materials, which is searched first
-    allow_band     boolean use the nearest band if there is no measurement for `band`        (false)
-    form           string  form of the model                                        (the material's)
-    emissivity     string  kirchhoff: 1 - HDR(theta); model: the model's own formula, if it
-                           has one; or a CSV file theta_deg,emissivity                   (kirchhoff)
-    lobe           string  brdf: the model's BRDF; mirror: HDR(theta) as a perfect mirror;
-                           diffuse: HDR(theta) as a Lambertian surface                        (brdf)
-    ============== ======= =========================================================================
-
-    .. code-block:: xml
-
-        <bsdf type="material">
-            <string name="material" value="gloss_black"/> <string name="band" value="MWIR"/>
-        </bsdf>
-
-    Each model also has a plugin with the model's name. That plugin takes these properties too, or
-    the model's parameters as numbers. All parameters are differentiable.
+    """BSDF of a reflection model: a subclass sets `model` and has the manual as its docstring.
 
     `si.wi` points to the observer and `wo` to the source. A model may violate reciprocity, so the
     order of the directions matters; TransportMode.Importance swaps them. The surface is one-sided:
@@ -77,6 +55,14 @@ class ReflectionBSDF(mi.BSDF):
 
     # Plugins of a model set it. In BSDF `material` it is None until the material is read.
     model: reflection.ReflectionModel | None = None
+    PROPERTIES: tuple[Property, ...] = ()
+
+    def __init_subclass__(cls):
+        """Declare the properties of a plugin: those of all surfaces and its model's parameters."""
+        super().__init_subclass__()
+        names = cls.model.names if cls.model else ()
+        numbers = (Property(name, "float") for name in names)
+        cls.PROPERTIES = (*OF_MATERIALS, *OF_EVERY_SURFACE, *numbers)
 
     def __init__(self, props):
         mi.BSDF.__init__(self, props)
@@ -377,6 +363,3 @@ def is_reflection_bsdf(plugin) -> bool:
 def reflection_layers(bsdf) -> list:
     """The BSDFs of reflection models in a BSDF: the BSDF itself, or those that it wraps."""
     return [layer for layer in (bsdf, *children(bsdf)) if is_reflection_bsdf(layer)]
-
-
-mi.register_bsdf("material", ReflectionBSDF)

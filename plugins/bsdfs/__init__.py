@@ -1,0 +1,1 @@
+"""BSDFs: one plugin a file, and what they share."""

@@ -1,0 +1,1 @@
+"""Emitters: one plugin a file, and what they share."""

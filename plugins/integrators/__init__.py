@@ -1,0 +1,1 @@
+"""Integrators: one plugin a file."""

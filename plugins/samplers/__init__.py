@@ -1,0 +1,1 @@
+"""Samplers: one plugin a file."""
