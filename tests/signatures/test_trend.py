@@ -1,12 +1,6 @@
 """Tests of trends: rows against signatures, resuming a file, and rendering on a Dask cluster."""
 
 import json
-import os
-import signal
-import socket
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import mitsuba as mi
@@ -348,93 +342,11 @@ def test_an_empty_file_is_resumed_from_nothing(cylinder, whole, tmp_path):
         ({"elevations_deg": [100]}, "-90..90"),
         ({"tolerance": 0.1}, "do not go with it"),
         ({"resume": True}, "needs a file"),
-        ({"dask": "tcp://127.0.0.1:1"}, "no Dask scheduler answers"),
     ],
 )
 def test_bad_input(cylinder, changes, message):
     with pytest.raises(InputError, match=message):
         trend(cylinder, **changes)
-
-
-@pytest.mark.slow
-def test_two_workers_of_which_one_dies(cylinder, tmp_path):
-    distributed = pytest.importorskip("dask.distributed")
-    path, apart, killed = tmp_path / "cluster.csv", tmp_path / "local.csv", []
-    many = {"azimuths_deg": np.arange(0, 360, 20.0), "resolution": 32, "spp": 64, "batch": 2}
-    trend(cylinder, apart, **many)
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None
-    ) as workers:
-        with distributed.Client(workers) as client:
-            victim = next(iter(client.run(os.getpid).values()))
-
-        def kill(done, views):
-            if not killed:
-                killed.append(done)
-                os.kill(victim, signal.SIGKILL)
-
-        trend(cylinder, path, dask=workers.scheduler_address, progress=kill, **many)
-    assert killed and killed[0] < 18
-    assert both(path) == both(apart)
-
-
-@pytest.mark.slow
-def test_a_scheduler_that_dies(tmp_path):
-    """A lost scheduler gives one line and exit status 1; the finished batches can be resumed."""
-    pytest.importorskip("dask.distributed")
-    port = free_port()
-    address = f"tcp://127.0.0.1:{port}"
-    environment = {**os.environ, "PYTHONPATH": str(Path(mi_lcair.__file__).parents[1])}
-
-    def start(*args, **streams):
-        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-        return subprocess.Popen(
-            [sys.executable, "-m", *map(str, args)],
-            env=environment,
-            cwd=tmp_path,
-            **quiet | streams,
-        )
-
-    dask = "distributed.cli.dask_"
-    processes = [
-        start(f"{dask}scheduler", "--port", port, "--no-dashboard"),
-        start(f"{dask}worker", address, "--nthreads", 1, "--no-dashboard"),
-    ]
-    try:
-        options = ("--azimuth", "0:359:1", "--spp", 256, "--batch", 2, "-o", "t.csv")
-        run = start(
-            *("mi_lcair", "trend", "cylinder_ir_range", *options, "--dask", address),
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        processes.append(run)
-        while not (tmp_path / "t.csv").exists() and run.poll() is None:
-            time.sleep(0.1)
-        processes[0].kill()
-        _, errors = run.communicate(timeout=60)
-    finally:
-        for process in processes:
-            process.kill()
-            process.wait()
-    assert run.returncode == 1 and "the Dask scheduler at" in errors and errors.count("\n") == 1
-    assert json.loads((tmp_path / "t.csv.json").read_text())["batches"]
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
-
-
-@pytest.mark.slow
-def test_a_cluster_without_workers(cylinder, monkeypatch):
-    distributed = pytest.importorskip("dask.distributed")
-    monkeypatch.setattr(cluster, "WORKER_TIMEOUT_S", 0.5)
-    with (
-        distributed.LocalCluster(n_workers=0, dashboard_address=None) as workers,
-        pytest.raises(InputError, match="has no worker; start one"),
-    ):
-        trend(cylinder, dask=workers.scheduler_address)
 
 
 @pytest.mark.slow
