@@ -4,7 +4,6 @@ A plugin declares its properties as a tuple of `Property` and reads all of them 
 test compares the declarations with the table in the plugin's docstring, which is the manual page.
 """
 
-import math
 import re
 from dataclasses import dataclass
 from numbers import Integral, Real
@@ -12,6 +11,7 @@ from numbers import Integral, Real
 import mitsuba as mi
 import numpy as np
 
+from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.beside_scene import beside_scene
 
@@ -31,26 +31,21 @@ WORDS = {
 
 
 @dataclass(frozen=True)
-class Property:
-    """One property of a plugin.
+class Property(Bounds):
+    """One property of a plugin. A number has the declared `Bounds`.
 
     name: its name in scene files. kind: "float", "integer", "boolean", "string" or "float or
-    texture". default: the value if a scene gives none; None if there is no default. lower, upper:
-    inclusive bounds of a number. is_positive: a number must be larger than 0. choices: the allowed
-    strings. is_label: a string must consist of letters, digits, '_' and '-'. is_file: a string may
-    name a file, which is searched beside the scene. unit: unit of a number in messages.
+    texture". default: the value if a scene gives none; None if there is no default. choices: the
+    allowed strings. is_label: a string must consist of letters, digits, '_' and '-'. is_file: a
+    string may name a file, which is searched beside the scene.
     """
 
     name: str
     kind: str
     default: object = None
-    lower: float = -math.inf
-    upper: float = math.inf
-    is_positive: bool = False
     choices: tuple[str, ...] = ()
     is_label: bool = False
     is_file: bool = False
-    unit: str = ""
 
     def checked(self, value, plugin: str):
         """The value in the type that the plugin uses.
@@ -66,9 +61,8 @@ class Property:
             raise InputError(f"{where}{number} is {kind}; it must be {self.article()}{self.kind}")
         if self.kind == "string":
             return self.checked_string(value, plugin)
-        if self.kind != "boolean" and not self.is_within(value):
-            unit = f" {self.unit}" if self.unit else ""
-            raise InputError(f"{where} = {value:g}{unit}; it must {self.bounds()}")
+        if self.kind != "boolean":
+            self.check(value, where)
         return float(value) if self.kind.startswith("float") else value
 
     def is_of_kind(self, value) -> bool:
@@ -79,24 +73,6 @@ class Property:
             return isinstance(value, str)
         number = Integral if self.kind == "integer" else Real
         return isinstance(value, number) and not is_boolean
-
-    def is_within(self, value) -> bool:
-        return (
-            math.isfinite(value)
-            and self.lower <= value <= self.upper
-            and not (self.is_positive and value <= 0)
-        )
-
-    def bounds(self) -> str:
-        """Description of the allowed numbers, to follow "must" in a message."""
-        upper = f", at most {self.upper:g}" if self.upper < math.inf else ""
-        if self.is_positive:
-            return f"be positive and finite{upper}"
-        if self.lower == -math.inf:
-            return f"be finite{upper}"
-        if self.upper == math.inf:
-            return f"be finite and >= {self.lower:g}"
-        return f"lie in {self.lower:g}..{self.upper:g}"
 
     def article(self) -> str:
         return "an " if self.kind == "integer" else "a "

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from mi_lcair import scenes
+from mi_lcair.declared import check_fields, within
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import read_text
 from mi_lcair.physics.bands import band as band_of
@@ -32,6 +33,8 @@ FILES = (
 )
 POLAR = ("range_m", "azimuth_deg", "elevation_deg")
 HIGHEST_M = 100_000.0  # largest height of a sensor, above all air
+KELVIN = within(is_positive=True, unit="K")
+COUNT = within(lower=2, upper=2**31)  # of samples per pixel
 DEFAULT_SPP = 64  # samples per pixel without a tolerance
 TO_A_TOLERANCE = ("tolerance", "tolerance_W_m2", "max_spp")  # entries that spp does not go with
 # Entries that are removed when a change sets the entry on the left.
@@ -117,11 +120,11 @@ class Observer:
         where the paths of the atmosphere's table begin.
     """
 
-    range_m: float | None = None
+    range_m: float | None = field(default=None, metadata=within(is_positive=True))
     azimuth_deg: float | None = None
-    elevation_deg: float | None = None
+    elevation_deg: float | None = field(default=None, metadata=within(lower=-90, upper=90))
     position_m: tuple[float, ...] | None = None
-    height_m: float | None = None
+    height_m: float | None = field(default=None, metadata=within(lower=0, upper=HIGHEST_M))
 
     def __post_init__(self):
         given = [name for name in POLAR if getattr(self, name) is not None]
@@ -148,21 +151,7 @@ class Observer:
                 ),
             ):
                 object.__setattr__(self, name, float(value))
-        if not self.range_m > 0:
-            raise InputError(
-                "[observer]: "
-                f"{'zero range' if self.range_m == 0 else f'range_m = {self.range_m:g}'}; must be "
-                "positive"
-            )
-        if not -90 <= self.elevation_deg <= 90:
-            raise InputError(
-                f"[observer]: elevation_deg = {self.elevation_deg:g}; must lie in -90..90"
-            )
-        if self.height_m is not None and not 0 <= self.height_m <= HIGHEST_M:
-            raise InputError(
-                f"[observer]: height_m = {self.height_m:g}; must lie in 0..{HIGHEST_M:g} "
-                "metres above the ground"
-            )
+        check_fields(self, "[observer]: ")
 
 
 @dataclass(frozen=True)
@@ -211,9 +200,9 @@ class Background:
     sky: str | None = None
     daytime_sky: str | None = None
     sun_azimuth_deg: float = 0.0
-    temperature: float | None = None
-    ground_temperature: float | None = None
-    ground_emissivity: float = 1.0
+    temperature: float | None = field(default=None, metadata=KELVIN)
+    ground_temperature: float | None = field(default=None, metadata=KELVIN)
+    ground_emissivity: float = field(default=1.0, metadata=within(is_positive=True, upper=1))
 
     def __post_init__(self):
         if self.sky is not None and self.daytime_sky is not None:
@@ -230,15 +219,7 @@ class Background:
         if has_own == (self.temperature is not None):
             mistake = f"has {own} and temperature" if has_own else "sky and temperature are missing"
             raise InputError(f"[background]: {mistake}; give one of them")
-        for name in ("temperature", "ground_temperature"):
-            value = getattr(self, name)
-            if value is not None and not value > 0:
-                raise InputError(f"[background]: {name} = {value:g} K; must be positive")
-        if not 0 < self.ground_emissivity <= 1:
-            raise InputError(
-                f"[background]: ground_emissivity = {self.ground_emissivity:g}; must be above 0, "
-                "at most 1"
-            )
+        check_fields(self, "[background]: ")
         has_sky = self.sky is not None or self.daytime_sky is not None
         if self.ground_emissivity < 1 and not (has_sky and self.ground_temperature is not None):
             missing = "ground_temperature" if has_sky else "sky"
@@ -326,14 +307,14 @@ class Sampling:
         Seed of the random numbers.
     """
 
-    max_bounces: tuple[int, ...] = ()
+    max_bounces: tuple[int, ...] = field(default=(), metadata=within(lower=0, upper=10_000))
     lobe: str | None = None
-    resolution: int = 256
-    spp: int | None = None
+    resolution: int = field(default=256, metadata=within(lower=1))
+    spp: int | None = field(default=None, metadata=COUNT)
     tolerance: float | None = None
-    tolerance_W_m2: float | None = None
-    max_spp: int | None = None
-    seed: int = 0
+    tolerance_W_m2: float | None = field(default=None, metadata=within(is_positive=True))
+    max_spp: int | None = field(default=None, metadata=COUNT)
+    seed: int = field(default=0, metadata=within(lower=0, upper=2**32 - 1))
 
     def __post_init__(self):
         given = [name for name in TO_A_TOLERANCE if getattr(self, name) is not None]
@@ -353,24 +334,7 @@ class Sampling:
             raise InputError(
                 f"[render]: tolerance = {self.tolerance:g}; must be a fraction between 0 and 1"
             )
-        if self.tolerance_W_m2 is not None and not self.tolerance_W_m2 > 0:
-            raise InputError(
-                f"[render]: tolerance_W_m2 = {self.tolerance_W_m2:g}; must be positive"
-            )
-        for name, least, most in (
-            ("max_bounces", 0, 10_000),
-            ("resolution", 1, np.inf),
-            ("spp", 2, 2**31),
-            ("max_spp", 2, 2**31),
-            ("seed", 0, 2**32 - 1),
-        ):
-            given = getattr(self, name)
-            for value in [] if given is None else np.ravel(given).tolist():
-                if not least <= value <= most:
-                    raise InputError(
-                        f"[render]: {name} = {value}; must "
-                        f"{f'lie in {least}..{most}' if most < np.inf else f'be {least} or more'}"
-                    )
+        check_fields(self, "[render]: ")
 
     @property
     def has_tolerance(self) -> bool:

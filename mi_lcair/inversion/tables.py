@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 
+from mi_lcair.declared import check_fields, within
 from mi_lcair.errors import InputError, unknown
 
 NUMBERS = ("intensity", "contrast")  # what a goal may be about, W/sr
@@ -71,20 +72,17 @@ class Goal:
     parameters: dict = field(default_factory=dict)
     value: float = 0.0
     at_most: bool = False
-    background_K: float | None = None
+    background_K: float | None = field(default=None, metadata=within(is_positive=True))
     azimuth_deg: tuple[float, ...] = (0.0,)
     elevation_deg: tuple[float, ...] = (0.0,)
-    starts: int = 1
+    starts: int = field(default=1, metadata=within(lower=1, upper=100))
 
     def __post_init__(self):
-        if not 1 <= self.starts <= 100:
-            raise InputError(f"starts = {self.starts}; must lie in 1..100")
+        check_fields(self)
         if self.quantity not in NUMBERS:
             raise unknown("quantity", self.quantity, NUMBERS)
         if (self.background_K is not None) != (self.quantity == "contrast"):
             raise InputError("background_K goes with quantity = 'contrast', and is needed there")
-        if self.background_K is not None and not self.background_K > 0:
-            raise InputError(f"background_K = {self.background_K:g}; must be positive")
         if self.at_most and not self.value > 0:
             raise InputError(f"value = {self.value:g}; must be positive with at_most")
 
@@ -111,21 +109,13 @@ class Sampling:
         Largest number of renders of each image.
     """
 
-    spp: int | None = None
-    seed: int = 0
-    randomisations: int = 4
-    iterations: int = 20
+    spp: int | None = field(default=None, metadata=within(lower=2, upper=2**31))
+    seed: int = field(default=0, metadata=within(lower=0, upper=2**32 - 1))
+    randomisations: int = field(default=4, metadata=within(lower=2, upper=64))
+    iterations: int = field(default=20, metadata=within(lower=1, upper=1000))
 
     def __post_init__(self):
-        for key, least, most in (
-            ("spp", 2, 2**31),
-            ("seed", 0, 2**32 - 1),
-            ("randomisations", 2, 64),
-            ("iterations", 1, 1000),
-        ):
-            value = getattr(self, key)
-            if value is not None and not least <= value <= most:
-                raise InputError(f"{key} = {value}; must lie in {least}..{most}")
+        check_fields(self)
 
 
 def check_prior(prior, key: str) -> None:

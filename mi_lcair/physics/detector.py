@@ -1,10 +1,11 @@
 """A detector with a single pixel, which integrates its whole field of view (thesis 3.8)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mi_lcair.declared import check_fields, within
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
@@ -40,25 +41,16 @@ class Detector:
     """
 
     band: Band
-    optics_transmittance: float = 1.0
-    field_of_view_deg: float | None = None
-    nei: float | None = None
-    snr: float = LOCK_ON
+    optics_transmittance: float = field(default=1.0, metadata=within(is_positive=True, upper=1))
+    field_of_view_deg: float | None = field(
+        default=None, metadata=within(is_positive=True, upper=180)
+    )
+    nei: float | None = field(default=None, metadata=within(is_positive=True, unit="W m^-2"))
+    snr: float = field(default=LOCK_ON, metadata=within(is_positive=True))
 
     def __post_init__(self):
         object.__setattr__(self, "band", band_of(self.band))
-        for name, largest in (
-            ("optics_transmittance", 1.0),
-            ("field_of_view_deg", 180.0),
-            ("nei", np.inf),
-            ("snr", np.inf),
-        ):
-            value = getattr(self, name)
-            if value is not None and not (0 < value <= largest and np.isfinite(value)):
-                raise InputError(
-                    f"sensor: {name} = {value}; must be positive and "
-                    f"{'finite' if largest == np.inf else f'at most {largest:g}'}"
-                )
+        check_fields(self, "sensor: ")
 
     @property
     def solid_angle(self) -> float | None:

@@ -1,10 +1,11 @@
 """Parameters of a staring infrared camera with optics, a detector array and electronics."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mi_lcair.declared import check_fields, within
 from mi_lcair.errors import InputError
 
 MOST_PIXELS = 8192  # pixels along each side of a frame
@@ -14,16 +15,9 @@ FASTEST = 0.5
 NARROWEST_DEG, WIDEST_DEG = 1e-4, 150.0  # width and height of a frame, degrees
 # Counts below zero signal, as a fraction of the largest count. Read noise would be clipped at 0.
 PEDESTAL = 1 / 64
-POSITIVE = ("focal_length_mm", "pitch_um", "f_number", "integration_time_ms", "well_Me")
-NOT_NEGATIVE = (
-    "read_noise_e",
-    "dark_current_e_s",
-    "jitter_urad",
-    "gain_nonuniformity",
-    "offset_nonuniformity_e",
-    "least_pixels",
-)
 PROJECTIONS = ("perspective", "orthographic")
+POSITIVE, NOT_NEGATIVE = within(is_positive=True), within(lower=0)
+SHARE, ASIDE = within(is_positive=True, upper=1), within(lower=-45, upper=45)
 
 
 @dataclass(frozen=True)
@@ -75,40 +69,30 @@ class Imager:
         If a value is out of its range.
     """
 
-    focal_length_mm: float
-    f_number: float
-    pitch_um: float
-    width: int
-    height: int
-    integration_time_ms: float
-    well_Me: float
-    quantum_efficiency: float = 1.0
-    fill_factor: float = 1.0
-    read_noise_e: float = 0.0
-    dark_current_e_s: float = 0.0
-    bits: int = 14
-    jitter_urad: float = 0.0
+    focal_length_mm: float = field(metadata=POSITIVE)
+    f_number: float = field(metadata=within(lower=FASTEST))
+    pitch_um: float = field(metadata=POSITIVE)
+    width: int = field(metadata=within(lower=1, upper=MOST_PIXELS))
+    height: int = field(metadata=within(lower=1, upper=MOST_PIXELS))
+    integration_time_ms: float = field(metadata=POSITIVE)
+    well_Me: float = field(metadata=POSITIVE)
+    quantum_efficiency: float = field(default=1.0, metadata=SHARE)
+    fill_factor: float = field(default=1.0, metadata=SHARE)
+    read_noise_e: float = field(default=0.0, metadata=NOT_NEGATIVE)
+    dark_current_e_s: float = field(default=0.0, metadata=NOT_NEGATIVE)
+    bits: int = field(default=14, metadata=within(lower=1, upper=16))
+    jitter_urad: float = field(default=0.0, metadata=NOT_NEGATIVE)
     defocus_um: float = 0.0
-    gain_nonuniformity: float = 0.0
-    offset_nonuniformity_e: float = 0.0
+    gain_nonuniformity: float = field(default=0.0, metadata=NOT_NEGATIVE)
+    offset_nonuniformity_e: float = field(default=0.0, metadata=NOT_NEGATIVE)
     nuc: bool = False
-    right_deg: float = 0.0
-    up_deg: float = 0.0
+    right_deg: float = field(default=0.0, metadata=ASIDE)
+    up_deg: float = field(default=0.0, metadata=ASIDE)
     projection: str = "perspective"
-    least_pixels: float = 1.0
+    least_pixels: float = field(default=1.0, metadata=NOT_NEGATIVE)
 
     def __post_init__(self):
-        for name in POSITIVE:
-            self.require(name, getattr(self, name) > 0, "positive")
-        for name in NOT_NEGATIVE:
-            self.require(name, getattr(self, name) >= 0, "0 or more")
-        for name in ("quantum_efficiency", "fill_factor"):
-            self.require(name, 0 < getattr(self, name) <= 1, "above 0 and at most 1")
-        for name, most in (("width", MOST_PIXELS), ("height", MOST_PIXELS), ("bits", 16)):
-            self.require(name, 1 <= getattr(self, name) <= most, f"within 1..{most}")
-        for name in ("right_deg", "up_deg"):
-            self.require(name, -45 <= getattr(self, name) <= 45, "within -45..45")
-        self.require("f_number", self.f_number >= FASTEST, f"{FASTEST:g} or more")
+        check_fields(self, "[camera]: ")
         if self.width * self.height > MOST_IN_FRAME:
             raise InputError(
                 f"[camera]: {self.width} x {self.height} pixels; a frame has at most "
@@ -121,14 +105,10 @@ class Imager:
                     f"[camera]: the {name} of the frame is {angle:.3g} degrees; must lie in "
                     f"{NARROWEST_DEG:g}..{WIDEST_DEG:g}; change focal_length_mm, pitch_um or {name}"
                 )
-        self.require("projection", self.projection in PROJECTIONS, " or ".join(PROJECTIONS))
-
-    def require(self, name: str, holds: bool, what: str) -> None:
-        """Raise InputError about the value `name` if `holds` is not true."""
-        if not holds:
-            value = getattr(self, name)
-            shown = value if isinstance(value, str) else f"{value:g}"
-            raise InputError(f"[camera]: {name} = {shown}; must be {what}")
+        if self.projection not in PROJECTIONS:
+            raise InputError(
+                f"[camera]: projection = {self.projection}; must be {' or '.join(PROJECTIONS)}"
+            )
 
     @property
     def solid_angle(self) -> float:

@@ -31,10 +31,12 @@ from pathlib import Path
 
 import numpy as np
 
+from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError, shown, unknown
 from mi_lcair.files import read_text
 
 RELATIVE = re.compile(r"\s*([0-9.eE+-]+)\s*%\s*")
+SIGMA = Bounds(is_positive=True)  # standard deviations
 TABLES = ("sigma", "scenario", "fits", "facets", "correlated")
 OF_A_FIT = ("model", "parameters", "standard_error", "correlation")
 # Largest relative difference of a scene's parameter, which is a Float32 number, and a fit's
@@ -159,8 +161,7 @@ def check_sigma(name: str, value) -> None:
             f"'{name}' = {shown(str(value))}; must be a standard deviation in the quantity's unit, "
             'or a relative one such as "5 %"'
         )
-    if not 0 < number < np.inf:
-        raise InputError(f"'{name}' = {value}; a standard deviation must be positive and finite")
+    SIGMA.check(number, f"'{name}'")
 
 
 def relative(text: str) -> float | None:

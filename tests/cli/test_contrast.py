@@ -189,7 +189,7 @@ def test_notes_on_stderr(run):
     "options, message",
     [
         (["-D", "sensor.bnad=LWIR"], "unknown key of [sensor] 'bnad'"),
-        (["-D", "observer.range_m=0"], "zero range"),
+        (["-D", "observer.range_m=0"], "range_m = 0; must be positive"),
         (["-D", "observer.range_m=1"], "inside the target"),
         (["-D", "sensor.band=total"], "band total"),
         (

@@ -306,8 +306,8 @@ def test_a_tape7_of_slant_paths(folder):
         ({"atmosphere__table": "slant_midlat"}, "unknown atmosphere 'slant_midlat'"),
         ({"background__ground_temperature": -1}, "ground_temperature = -1 K; must be positive"),
         ({"background__ground_emissivity": 0.5}, "ground_emissivity = 0.5 without sky"),
-        ({"background__ground_emissivity": 1.5} | GROUND, "ground_emissivity = 1.5; must be above"),
-        ({"observer__height_m": -1}, "height_m = -1; must lie in 0..100000 metres"),
+        ({"background__ground_emissivity": 1.5} | GROUND, "emissivity = 1.5; must be positive"),
+        ({"observer__height_m": -1}, "height_m = -1; must lie in 0..100000"),
     ],
 )
 def test_unusable(folder, changes, message):

@@ -93,7 +93,7 @@ def test_loads(tmp_path):
         (
             [PATH, SENSOR, shape(parameters(epsilon=0.9, rho_d=0.3, b=0.1, e=0.1) + THERMAL)],
             {},
-            r"epsilon \+ rho_d = 1.2 is outside its bounds; it must be <= G\(b\) = 0.96",
+            r"epsilon \+ rho_d = 1.2; must be at most G\(b\) = 0.96",
         ),
         (
             [PATH, SENSOR, shape(parameters(epsilon=-0.1, rho_d=0.3, b=0.1, e=0.1) + THERMAL)],

@@ -101,7 +101,7 @@ PAIR = ["self.temperature", "sky.radiance"]
         ),
         (
             {"sigma": {"self.temperature": 0}},
-            "'self.temperature' = 0; a standard deviation must be positive",
+            "'self.temperature' = 0; must be positive",
         ),
         (
             {"sigma": {"self.temperature": "two"}},

@@ -3,6 +3,7 @@
 import re
 from dataclasses import dataclass, field
 
+from mi_lcair.declared import check_fields, within
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.inversion.tables import check_prior
 
@@ -36,16 +37,13 @@ class Place:
     scene: str
     name: str = ""
     parameters: dict = field(default_factory=dict)
-    sensor: int = 0
+    sensor: int = field(default=0, metadata=within(lower=0))
     state: str = ""
-    netd_mK: float | None = None
-    sigma: float | None = None
+    netd_mK: float | None = field(default=None, metadata=within(is_positive=True))
+    sigma: float | None = field(default=None, metadata=within(is_positive=True))
 
     def __post_init__(self):
-        for key in ("netd_mK", "sigma"):
-            value = getattr(self, key)
-            if value is not None and not value > 0:
-                raise InputError(f"{key} = {value:g}; must be positive")
+        check_fields(self)
         for key, value in self.parameters.items():
             if type(value) not in (str, int, float, bool):
                 raise InputError(f"parameters: {key} = {value}; must be a text or a number")
@@ -54,8 +52,6 @@ class Place:
                 raise InputError(
                     f"{key} = '{text}'; must have 1 to 64 characters, without brackets and commas"
                 )
-        if self.sensor < 0:
-            raise InputError(f"sensor = {self.sensor}; sensors are counted from 0")
 
     def scene_parameters(self) -> dict[str, str]:
         """The scene's $-parameters as text."""

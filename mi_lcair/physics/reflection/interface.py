@@ -17,6 +17,7 @@ import drjit as dr
 import numpy as np
 from drjit.llvm.ad import Float64
 
+from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError
 from mi_lcair.physics.reflection.directions import cos_theta, sample_cosine
 
@@ -25,8 +26,10 @@ ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
-class Parameter:
+class Parameter(Bounds):
     """One parameter of a model.
+
+    Its unit and meaning are those of `Bounds`, and its bounds are those of a fit.
 
     Attributes
     ----------
@@ -34,12 +37,6 @@ class Parameter:
         Name in scene files, materials and reports.
     symbol
         Symbol for plots, in TeX.
-    meaning
-        Description in one line.
-    lower, upper
-        Bounds of a fit, in the parameter's unit.
-    unit
-        Unit; "1" for a dimensionless parameter.
     precision, absolute_precision
         A fit calls the parameter determined if half the width of its 95 % interval is at most
         `precision` times its value, or at most `absolute_precision` in its unit.
@@ -53,10 +50,6 @@ class Parameter:
 
     name: str
     symbol: str
-    meaning: str
-    lower: float
-    upper: float
-    unit: str = "1"
     precision: float = 0.25
     absolute_precision: float = 0.0
     advice: str = ""

@@ -11,7 +11,6 @@ from math import log
 import drjit as dr
 import numpy as np
 
-from mi_lcair.errors import InputError
 from mi_lcair.physics.reflection.interface import Parameter, ReflectionModel, Restriction
 
 KNEE2 = 0.01  # K^2: the coordinate of k is linear in k^2 below it and in log k above it
@@ -24,22 +23,41 @@ PARAMETERS = (
     Parameter(
         "alpha",
         r"$\alpha$",
-        "roughness: width of the lobe, for gamma = 2 its slope",
-        1e-4,
-        1,
+        meaning="roughness: width of the lobe, for gamma = 2 its slope",
+        lower=1e-4,
+        upper=1,
         at_lower="any lobe narrower than {high:.3g} fits",
     ),
-    Parameter("gamma", r"$\gamma$", "how fast the lobe falls off; 2 is Trowbridge-Reitz", 0.5, 4),
-    Parameter("n", r"$n$", "refractive index, effective in the band", 1, 50, advice=ADVICE),
+    Parameter(
+        "gamma",
+        r"$\gamma$",
+        meaning="how fast the lobe falls off; 2 is Trowbridge-Reitz",
+        lower=0.5,
+        upper=4,
+    ),
+    Parameter(
+        "n",
+        r"$n$",
+        meaning="refractive index, effective in the band",
+        lower=1,
+        upper=50,
+        advice=ADVICE,
+    ),
     Parameter(
         "k",
         r"$k$",
-        "absorption index, effective in the band; 0 for dielectrics",
-        0,
-        100,
+        meaning="absorption index, effective in the band; 0 for dielectrics",
+        lower=0,
+        upper=100,
         advice=ADVICE,
     ),
-    Parameter("rho_d", r"$\rho_d$", "reflectance of the diffuse floor below the facets", 0, 1),
+    Parameter(
+        "rho_d",
+        r"$\rho_d$",
+        meaning="reflectance of the diffuse floor below the facets",
+        lower=0,
+        upper=1,
+    ),
 )
 LOWER, UPPER = (
     np.array(bounds, dtype=float) for bounds in zip(*((p.lower, p.upper) for p in PARAMETERS))
@@ -56,12 +74,7 @@ class MicrofacetCube(ReflectionModel):
 
     def check_feasible(self, *values: float, form: str = "standard") -> None:
         for parameter, value in zip(self.parameters, values):
-            low, high = parameter.lower, parameter.upper
-            if not low * (1 - ROUNDING) <= value <= high * (1 + ROUNDING):
-                raise InputError(
-                    f"{self.name}: {parameter.name} = {value:g} is outside its bounds; "
-                    f"it must lie in {low:g}..{high:g}"
-                )
+            parameter.check(value, f"{self.name}: {parameter.name}", ROUNDING)
         self.check_form(form)
 
     def from_cube(self, u) -> tuple:

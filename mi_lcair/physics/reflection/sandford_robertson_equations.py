@@ -15,11 +15,18 @@ from typing import Any
 
 import drjit as dr
 
+from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError
 from mi_lcair.physics.reflection import interface
 from mi_lcair.physics.reflection.directions import SMALLEST, cos_theta, sin2_theta
 
 FORMS = ("thesis", "normalized")
+FEASIBLE = {
+    "epsilon": Bounds(lower=0),
+    "rho_d": Bounds(lower=0),
+    "b": Bounds(lower=0, upper=1),
+    "e": Bounds(is_positive=True, upper=1),
+}
 
 
 @dataclass
@@ -73,24 +80,13 @@ def check_feasible(epsilon: float, rho_d: float, b: float, e: float, form: str =
     The bounds are 0 <= epsilon, 0 <= rho_d, epsilon + rho_d <= G(b), 0 <= b <= 1 and 0 < e <= 1.
     Parameters that were rounded to Float32 may exceed G(b) by the rounding.
     """
-    for name, value in (("epsilon", epsilon), ("rho_d", rho_d)):
-        if not value >= 0:
-            raise InputError(
-                f"sandford_robertson: {name} = {value:g} is outside its bounds; it must be >= 0"
-            )
-    if not 0 <= b <= 1:
-        raise InputError(
-            f"sandford_robertson: b = {b:g} is outside its bounds; it must lie in 0..1"
-        )
-    if not 0 < e <= 1:
-        raise InputError(
-            f"sandford_robertson: e = {e:g} is outside its bounds; it must lie in 0..1, 0 excluded"
-        )
+    for (name, bounds), value in zip(FEASIBLE.items(), (epsilon, rho_d, b, e)):
+        bounds.check(value, f"sandford_robertson: {name}")
     bound = G(dr.scalar.ArrayXf64(b))[0]
     if not epsilon + rho_d <= bound + 1e-7:
         raise InputError(
-            f"sandford_robertson: epsilon + rho_d = {epsilon + rho_d:g} is outside its bounds; "
-            f"it must be <= G(b) = {bound:.6g} for b = {b:g}"
+            f"sandford_robertson: epsilon + rho_d = {epsilon + rho_d:g}; must be at most "
+            f"G(b) = {bound:.6g} for b = {b:g}"
         )
     if form not in FORMS:
         raise InputError(

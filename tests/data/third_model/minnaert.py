@@ -12,7 +12,6 @@ import drjit as dr
 import numpy as np
 from scipy.stats import qmc
 
-from mi_lcair.errors import InputError
 from mi_lcair.physics.reflection import interface
 from mi_lcair.physics.reflection.directions import SMALLEST, cos_theta
 
@@ -27,8 +26,12 @@ class Minnaert(interface.ReflectionModel):
     name = "minnaert"
     title = "Minnaert"
     parameters = (
-        interface.Parameter("rho", r"$\rho$", "reflectance seen along the normal", 0, 1),
-        interface.Parameter("k", r"$k$", "limb darkening; 1 is Lambertian", 1, 3),
+        interface.Parameter(
+            "rho", r"$\rho$", meaning="reflectance seen along the normal", lower=0, upper=1
+        ),
+        interface.Parameter(
+            "k", r"$k$", meaning="limb darkening; 1 is Lambertian", lower=1, upper=3
+        ),
     )
     restrictions = (interface.Restriction("k = 1", coordinate=1),)
 
@@ -37,11 +40,7 @@ class Minnaert(interface.ReflectionModel):
 
     def check_feasible(self, *values, form="standard"):
         for parameter, value in zip(self.parameters, values):
-            if not parameter.lower <= value <= parameter.upper:
-                raise InputError(
-                    f"minnaert: {parameter.name} = {value:g} is outside its bounds; "
-                    f"it must lie in {parameter.lower}..{parameter.upper}"
-                )
+            parameter.check(value, f"minnaert: {parameter.name}")
 
     def f(self, S, i, r):
         product = dr.maximum(cos_theta(i) * cos_theta(r), SMALLEST)

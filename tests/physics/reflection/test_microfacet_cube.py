@@ -35,13 +35,13 @@ def test_lobe_width_is_where_the_distribution_has_fallen_to_a_quarter():
 @pytest.mark.parametrize(
     "change, words",
     [
-        ({0: 0.0}, ("alpha = 0 ", "0.0001..1")),
-        ({0: 1.5}, ("alpha = 1.5 ", "0.0001..1")),
-        ({1: 0.4}, ("gamma = 0.4 ", "0.5..4")),
-        ({2: 0.9}, ("n = 0.9 ", "1..50")),
-        ({3: -0.1}, ("k = -0.1 ", "0..100")),
-        ({4: 1.1}, ("rho_d = 1.1 ", "0..1")),
-        ({4: float("nan")}, ("rho_d = nan ", "0..1")),
+        ({0: 0.0}, ("alpha = 0; ", "0.0001..1")),
+        ({0: 1.5}, ("alpha = 1.5; ", "0.0001..1")),
+        ({1: 0.4}, ("gamma = 0.4; ", "0.5..4")),
+        ({2: 0.9}, ("n = 0.9; ", "1..50")),
+        ({3: -0.1}, ("k = -0.1; ", "0..100")),
+        ({4: 1.1}, ("rho_d = 1.1; ", "0..1")),
+        ({4: float("nan")}, ("rho_d = nan; ", "0..1")),
     ],
 )
 def test_infeasible_parameters_are_named_with_value_and_bound(change, words):

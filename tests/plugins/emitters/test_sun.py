@@ -201,11 +201,11 @@ def test_the_irradiance_is_differentiable(plate, settings):
         ({"band": "total"}, "does not cover band total"),
         ({"band": "SWIR", "air": "midlat_summer"}, "does not cover band SWIR"),
         ({"elevation_deg": -1.0, "air": "midlat_summer"}, "-1.0 degrees must lie in 5..90"),
-        ({"elevation_deg": 91.0}, "elevation_deg = 91; it must lie in -90..90"),
+        ({"elevation_deg": 91.0}, "elevation_deg = 91; must lie in -90..90"),
         ({"air": "midlat"}, "air 'midlat'"),
         ({"air": "none.csv"}, "none.csv"),
-        ({"diameter_deg": 0.0}, "diameter_deg = 0; it must be positive"),
-        ({"distance_au": -1.0}, "distance_au = -1; it must be positive"),
+        ({"diameter_deg": 0.0}, "diameter_deg = 0; must be positive"),
+        ({"distance_au": -1.0}, "distance_au = -1; must be positive"),
     ],
 )
 def test_bad_input(changes, message):
@@ -252,7 +252,7 @@ def test_place_and_time(monkeypatch):
     assert given.irradiance[0] == pytest.approx(E / 4, rel=1e-6)
     with pytest.raises(RuntimeError, match="7.00 degrees below the horizon"):
         mi.load_dict({**by_place, "time": "night"})
-    with pytest.raises(RuntimeError, match="latitude_deg = 91; it must lie in -90..90"):
+    with pytest.raises(RuntimeError, match="latitude_deg = 91; must lie in -90..90"):
         mi.load_dict({**by_place, "latitude_deg": 91.0})
 
 

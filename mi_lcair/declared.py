@@ -1,0 +1,72 @@
+"""Declared numbers: bounds, unit and meaning, with one check and one message.
+
+Parameters of reflection models, properties of plugins and entries of TOML tables are declared with
+`Bounds`.
+"""
+
+import math
+from dataclasses import dataclass, fields
+
+from mi_lcair.errors import InputError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bounds:
+    """Bounds of a number, its unit and its meaning.
+
+    lower, upper: inclusive bounds. is_positive: whether the number must be larger than 0. unit: in
+    messages and tables; "1" for a dimensionless number, or if the number's name ends with the unit.
+    meaning: description in one line.
+    """
+
+    lower: float = -math.inf
+    upper: float = math.inf
+    is_positive: bool = False
+    unit: str = "1"
+    meaning: str = ""
+
+    def check(self, value: float, name: str, rounding: float = 0.0) -> None:
+        """Raise InputError if a number is not finite or lies outside the bounds.
+
+        name: the number's name in the message. rounding: relative excess that is allowed.
+        """
+        least = self.lower - rounding * abs(self.lower) if rounding else self.lower
+        most = self.upper + rounding * abs(self.upper) if rounding else self.upper
+        if not (
+            math.isfinite(value) and least <= value <= most and (value > 0 or not self.is_positive)
+        ):
+            unit = "" if self.unit == "1" else f" {self.unit}"
+            raise InputError(f"{name} = {in_words(value)}{unit}; must {self}")
+
+    def __str__(self) -> str:
+        """The allowed numbers, to follow "must" in a message."""
+        upper = f" and at most {in_words(self.upper)}" if self.upper < math.inf else ""
+        if self.is_positive:
+            return f"be positive{upper}" if upper else "be positive and finite"
+        if self.lower == -math.inf:
+            return f"be finite{upper}"
+        if upper:
+            return f"lie in {in_words(self.lower)}..{in_words(self.upper)}"
+        return f"be {in_words(self.lower)} or more, and finite"
+
+
+def in_words(number: float) -> str:
+    """An integer with all its digits, another number with six."""
+    return str(number) if isinstance(number, int) else f"{number:g}"
+
+
+def within(**bounds) -> dict[str, Bounds]:
+    """Metadata of a dataclass field whose numbers have these `Bounds`."""
+    return {"bounds": Bounds(**bounds)}
+
+
+def check_fields(table, where: str = "") -> None:
+    """Raise InputError if a dataclass has a number outside the bounds of its field.
+
+    Fields that are None are not checked; of a tuple each number is. where: begins the message.
+    """
+    for entry in fields(table):
+        value = getattr(table, entry.name)
+        if "bounds" in entry.metadata and value is not None:
+            for number in value if isinstance(value, tuple) else (value,):
+                entry.metadata["bounds"].check(number, f"{where}{entry.name}")
