@@ -18,6 +18,7 @@ import numpy as np
 
 from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.scene import load
 from mi_lcair.signatures.signature import signature
 
@@ -55,7 +56,7 @@ for name in sys.argv[1:] or SCENES:
         for seed, paths in ((seed, paths) for paths in PATHS for seed in range(REPETITIONS)):
             points = paths // RANDOMISATIONS
             launch = Launch(1, 1, seed, RANDOMISATIONS, points, aim=Aim.anywhere())
-            run = lambda: tracer.trace(scene.sensor(0), launch, "target")
+            run = lambda: tracer.trace(scene.sensor(0), launch, Channels("target"))
             anew = times.setdefault(f"{paths} paths, traced", [])
             anew.append(timed(lambda: traced(tracer, run)))
             times.setdefault(f"{paths} paths, recorded", []).append(timed(run))

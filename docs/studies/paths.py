@@ -25,6 +25,7 @@ from mi_lcair.benchmark.propagation import exact
 from mi_lcair.drawing import drawing
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.aiming import aim_at_model
 from mi_lcair.rendering.window import window_area
 from mi_lcair.rendering.window_means import RANDOMISATIONS
@@ -100,7 +101,7 @@ def aimed(scene):
         points = paths // RANDOMISATIONS
         launch = Launch(1, 1, seed, randomisations=RANDOMISATIONS, points=points, aim=aim)
         with scene.prepared() as tracer:
-            sums = tracer.trace(sensor, launch, "target")
+            sums = tracer.trace(sensor, launch, Channels("target"))
         return float(sums.channels["target"].sum() / sums.valid.sum()) * area
 
     return run

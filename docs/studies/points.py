@@ -16,8 +16,10 @@ from tqdm import tqdm
 
 import mi_lcair
 from docs.studies.page import label, write_page
-from mi_lcair.plugins.paths.channels import Channels
 from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.plugins.recorders.channels import Channels
+from mi_lcair.plugins.recorders.first_hit import FirstHit
+from mi_lcair.plugins.recorders.recorder import Recorders
 from mi_lcair.plugins.samplers.lattice import Lattice, hashed
 from mi_lcair.rendering import render, window_means
 from mi_lcair.rendering.statistics import student_factor
@@ -109,11 +111,10 @@ def variances(scene, points: int) -> dict[str, float]:
     with scene.prepared() as tracer, dr.suspend_grad():
         for name, sampler in samplers(points, tracer):
             ray, _ = sensor.sample_ray(0, 0, sampler.next_2d(), mi.Point2f(0.5))
-            channels = Channels.empty(tracer.max_bounces, tracer.closure, None, model_only=True)
-            (L, _), *_ = tracer.walk(
-                dr.ADMode.Primal, tracer.scene, sampler, ray, None, None, mi.Bool(True), channels
-            )
-            means = dr.block_sum(L[0] * channels.of_model, points).numpy().astype(float) / points
+            first_hit = FirstHit.of(tracer.scene, tracer.emitters, model_only=True)
+            L, recorders = tracer.radiance(sampler, ray, Recorders([first_hit]))
+            of_model = recorders.of(FirstHit).of_model
+            means = dr.block_sum(L * of_model, points).numpy().astype(float) / points
             found[name] = means.var(ddof=1)
     return found
 
@@ -139,7 +140,7 @@ def runs(scene, tracer, paths: int, randomisations: int, seed: int):
     parts = []
     for k in range(10):
         launch = Launch(1, 1, 100 * seed + k, RUNS * randomisations // 10, points)
-        parts.append(tracer.trace(scene.sensor(0), launch, "target").channels)
+        parts.append(tracer.trace(scene.sensor(0), launch, Channels("target")).channels)
     return {
         name: np.concatenate([part[name].ravel() for part in parts]).reshape(RUNS, -1) / points
         for name in parts[0]
@@ -219,7 +220,7 @@ def image_gains() -> str:
                         tracer.trace(
                             sensor,
                             Launch(resolution, resolution, seed, R, spp // R, windows=pixels),
-                            None,
+                            Channels(None),
                         ).radiance.sum(axis=1)
                         / spp
                         for seed in range(SEEDS)
@@ -229,7 +230,10 @@ def image_gains() -> str:
                     Launch(resolution, resolution, seed, spp, 1, windows=pixels)
                     for seed in range(SEEDS)
                 )
-                images = [tracer.trace(sensor, one, None).radiance.mean(axis=1) for one in launches]
+                images = [
+                    tracer.trace(sensor, one, Channels(None)).radiance.mean(axis=1)
+                    for one in launches
+                ]
                 independent = np.var(images, axis=0, ddof=1).mean()
                 rms = np.sqrt(independent) / np.mean(images)
                 ratios = " | ".join(f"{independent / variance:.1f}" for variance in found)

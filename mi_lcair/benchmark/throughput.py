@@ -11,6 +11,7 @@ from mi_lcair import scenes
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.materials import material
 from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.progress import stepper
 from mi_lcair.rendering.views import film
 
@@ -196,7 +197,7 @@ def observes(loaded, spp: int, split: str | None):
                 points=spp,
                 windows=width * height,
             )
-            return tracer.trace(sensor, launch, split).valid
+            return tracer.trace(sensor, launch, Channels(split)).valid
 
     return run
 

@@ -13,8 +13,9 @@ from math import gcd
 import numpy as np
 
 from mi_lcair.plugins.paths.aim import Aim
-from mi_lcair.plugins.paths.channels import SIZES
 from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.plugins.recorders.by_bounce import SIZES
+from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.statistics import student_factor
@@ -159,7 +160,7 @@ def probe(
         )
         split, prefix = "target", "target."
     with settings.applied(scene), scene.prepared() as tracer:
-        sums = tracer.trace(camera, launch, split, count_segments=count_segments, counted=counted)
+        sums = tracer.trace(camera, launch, Channels(split, counted, count_segments))
         chance = max(tracer.chance_contribution(camera), float(sums.chance.max()))
     valid = np.maximum(sums.valid, 1)
     mean = lambda values: (values / valid).T

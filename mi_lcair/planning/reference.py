@@ -15,7 +15,7 @@ from mi_lcair.planning.probe import (
     differ,
     half_width,
 )
-from mi_lcair.plugins.paths.channels import MAX_BOUNCE_CHANNELS
+from mi_lcair.plugins.recorders.by_bounce import MAX_BOUNCE_CHANNELS
 from mi_lcair.rendering.render import PILOT_SPP
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.window_means import FIRST_PATHS

@@ -5,6 +5,7 @@ import numpy as np
 from mi_lcair.plugins.emission.emitter_table import hulls
 from mi_lcair.plugins.paths.aim import CELLS, Aim
 from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.window import window
 
 POINTS = 4  # paths of the pilot in each cell
@@ -38,7 +39,7 @@ def aim_at_model(scene, tracer, sensor, seed: int, split: str) -> Aim:
         windows=CELLS**2,
         aim=Aim.anywhere(),
     )
-    found = tracer.trace(sensor, launch, split).channels
+    found = tracer.trace(sensor, launch, Channels(split)).channels
     hit = found["hit" if split == "model" else "target.hit"]
     importance = np.zeros((CELLS, CELLS))
     for values in (hit, found["target"]):

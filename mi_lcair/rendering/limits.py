@@ -4,7 +4,7 @@ from pathlib import Path
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.sources import WAVELENGTHS
-from mi_lcair.plugins.paths.channels import MAX_BOUNCE_CHANNELS
+from mi_lcair.plugins.recorders.by_bounce import MAX_BOUNCE_CHANNELS
 
 MOST_SPP = 2**32 - 1  # paths through a pixel, which are numbered by 32-bit integers
 MOST_PATHS = 2**40  # paths of one render; a processor traces about 10^7 paths in a second

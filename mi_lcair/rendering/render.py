@@ -19,6 +19,7 @@ from mi_lcair.physics.atmosphere import atmosphere as read_atmosphere
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import brightness_temperature
 from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.apparent import apparent
 from mi_lcair.rendering.limits import check_memory, check_paths, check_samples
@@ -252,7 +253,7 @@ def add_points(
             first=first,
             windows=min(run, columns * rows - first),
         )
-        total.add(launch, kept(tracer.trace(camera, launch, split, tables=tables)))
+        total.add(launch, kept(tracer.trace(camera, launch, Channels(split, tables=tables))))
         if progress:
             progress(first + launch.windows)
 

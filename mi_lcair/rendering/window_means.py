@@ -11,6 +11,7 @@ import numpy as np
 from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.paths.rays import ParallelRays
+from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.aiming import aim_at_model
 from mi_lcair.rendering.limits import check_memory
 from mi_lcair.rendering.render import PASS_SAMPLES
@@ -95,7 +96,7 @@ def window_means(
             aim=aim,
         )
 
-    rays = ParallelRays.of(sensor)
+    rays, channels = ParallelRays.of(sensor), Channels(split, tables=tables)
     # The results by facet and a sensor of several views need a constant density
     may_aim = aim is None and facets is None and sensor.class_name() == "OrthographicCamera"
     aim = aim or Aim.anywhere()
@@ -119,7 +120,7 @@ def window_means(
             chosen=tuple(active.tolist()),
             aim=aim,
         )
-        total.add(launch, tracer.trace(sensor, launch, split, facets, rays=rays, tables=tables))
+        total.add(launch, tracer.trace(sensor, launch, channels, facets, rays))
         done += points
         check_valid(total.invalid, int(total.traced.sum()), scene.name)
         if not paths and done >= goal:

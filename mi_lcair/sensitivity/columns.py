@@ -9,16 +9,17 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.bsdfs.plume import is_plume
-from mi_lcair.plugins.derivatives import own_memory
-from mi_lcair.plugins.emission.sources import spectra
-from mi_lcair.plugins.paths.column_kinds import MaterialColumn, SourceColumn
-from mi_lcair.plugins.paths.columns import (
+from mi_lcair.plugins.columns.kinds import MaterialColumn, SourceColumn
+from mi_lcair.plugins.columns.tables import (
     CELLS,
     SIZES,
     ColumnTables,
     column_tables,
 )
+from mi_lcair.plugins.derivatives import own_memory
+from mi_lcair.plugins.emission.sources import spectra
 from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.sensitivity.entries import Entry
 from mi_lcair.sensitivity.parameters import chosen
 
@@ -141,7 +142,7 @@ def recording(scene, tracer, sensor, columns: dict, split, weights, seed: int) -
             points=PILOT_POINTS,
             windows=CELLS**2,
         )
-        return tracer.trace(sensor, launch, split, tables=tables).channels
+        return tracer.trace(sensor, launch, Channels(split, tables=tables)).channels
 
     tables = with_incoming(tables, incoming_radiance(pilot(1), tables.surfaces))
     found, method = pilot(2), {}

@@ -12,14 +12,14 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.derivatives import members
 from mi_lcair.plugins.emission.triangles import is_faceted
-from mi_lcair.plugins.paths.facet_columns import (
+from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.plugins.recorders.contributions import (
     ColumnTable,
     Contributions,
     contributions,
     slots,
     unit_radiance,
 )
-from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.limits import check_paths
 from mi_lcair.rendering.scene import Scene

@@ -6,8 +6,8 @@ from typing import ClassVar
 import numpy as np
 
 from mi_lcair.formats import VTK
-from mi_lcair.plugins.paths.channels import MAX_BOUNCE_CHANNELS, entries
 from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.plugins.recorders.by_bounce import MAX_BOUNCE_CHANNELS
 from mi_lcair.rendering.facets.polygons import FacetPolygons
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.render import BOUNCE_CHANNELS
@@ -86,7 +86,7 @@ class FacetSums:
         self.by_bounce = None
         self.by_randomisation = None  # sums of the radiance, (randomisations, facets)
 
-    def add(self, facet, L, weight, channels, launch: Launch) -> None:
+    def add(self, facet, L, weight, by_bounce, launch: Launch) -> None:
         """Add the samples of a launch.
 
         Parameters
@@ -97,8 +97,8 @@ class FacetSums:
             Radiance of each path, W m^-2 sr^-1.
         weight : mitsuba.Float
             Weight of each path.
-        channels : Channels
-            Parts of the radiance of each path.
+        by_bounce : ByBounce
+            Radiance of each path by number of reflections.
         launch : Launch
             The launch, of one window.
         """
@@ -112,13 +112,13 @@ class FacetSums:
         )
         bounces = [
             np.bincount(facet, weight * values.numpy()[index], count)
-            for values in entries(channels.by_bounce)[: self.bounces]
+            for values in by_bounce.entries()[: self.bounces]
         ]
         if self.by_bounce is None:
             self.by_bounce, self.by_randomisation = np.zeros((len(bounces), count)), np.zeros(shape)
         self.hits += np.bincount(facet, minlength=count)
         self.weights += np.bincount(facet, weight, count)
-        self.closure += np.bincount(facet, weight * channels.closure.numpy()[index], count)
+        self.closure += np.bincount(facet, weight * by_bounce.closure.numpy()[index], count)
         self.by_bounce += bounces
         self.by_randomisation += sums.reshape(shape)
         self.samples += len(L)

@@ -6,7 +6,7 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.integrators.bounce_path import PathTracer
+from mi_lcair.plugins.paths.walk import Walk
 from tests.detection.disc_scenario import write_disc
 
 
@@ -15,14 +15,14 @@ def poison(monkeypatch):
     """poison(every): one path in `every` becomes NaN."""
 
     def to(every):
-        walk = PathTracer.walk
+        walk = Walk.walk
 
         def poisoned(self, *arguments, **keywords):
             (L, state), *others = walk(self, *arguments, **keywords)
             index = dr.arange(mi.UInt32, dr.width(L))
             return (dr.select(index % every == 0, dr.nan, L), state), *others
 
-        monkeypatch.setattr(PathTracer, "walk", poisoned)
+        monkeypatch.setattr(Walk, "walk", poisoned)
 
     return to
 

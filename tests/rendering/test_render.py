@@ -12,7 +12,7 @@ import pytest
 import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.plugins.integrators.bounce_path import PathTracer
+from mi_lcair.plugins.paths.walk import Walk
 from mi_lcair.rendering import render as passes
 
 
@@ -130,7 +130,7 @@ def test_invalid_samples_are_counted_and_left_out(monkeypatch):
     """A NaN or infinity in two of 10,000 samples: counted, reported, and the rest of the pixel
     stands.
     """
-    walk = PathTracer.walk
+    walk = Walk.walk
 
     def poisoned(self, *arguments, **keywords):
         (L, state), *others = walk(self, *arguments, **keywords)
@@ -139,7 +139,7 @@ def test_invalid_samples_are_counted_and_left_out(monkeypatch):
         return (L, state), *others
 
     clean = mi_lcair.render(load(), spp=200, seed=1)
-    monkeypatch.setattr(PathTracer, "walk", poisoned)
+    monkeypatch.setattr(Walk, "walk", poisoned)
     result = mi_lcair.render(load(), spp=200, seed=1)
     assert result.invalid == 2 * 6 and result.header["invalid_samples"] == "12"
     assert all(np.isfinite(channel).all() for channel in result.channels.values())

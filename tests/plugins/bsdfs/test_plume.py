@@ -7,6 +7,7 @@ import pytest
 
 from mi_lcair.errors import InputError, mitsuba_error
 from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.plugins.recorders.channels import Channels
 from tests.plugins.small_scenes import (
     GREY,
     INTEGRATORS,
@@ -74,7 +75,9 @@ def test_passages_are_no_reflections(plate, sampling):
     expected = {"group.plume": (1 - tau**2) * HOT, "group.ground": tau**2 * COLD}
     whole = sum(expected.values())
     with made.integrator().prepared(made) as tracer:
-        found = tracer.trace(made.sensors()[0], Launch(1, 1, 0, 4, 64), count_segments=True)
+        found = tracer.trace(
+            made.sensors()[0], Launch(1, 1, 0, 4, 64), Channels(counts_segments=True)
+        )
     values = {name: float(sums.sum()) / 256 for name, sums in found.channels.items()}
     expected |= {"bounce.0": whole, "seen.plume": whole, "seen.ground": 0, "target": whole}
     expected |= {"range": 16.0, "segments": 3.0}

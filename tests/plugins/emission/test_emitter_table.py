@@ -9,6 +9,7 @@ import pytest
 
 from mi_lcair.plugins.emission.triangles import Choice, TriangleTable, random_integer
 from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.plugins.recorders.channels import Channels
 from tests.plugins.conftest import plate  # noqa: F401, fixture
 from tests.plugins.small_scenes import camera, scene
 
@@ -76,7 +77,9 @@ def observed(loaded, spp, passes):
     with integrator.prepared(loaded) as tracer:
         means = [
             tracer.trace(
-                sensor, Launch(width, height, seed, 1, spp, windows=width * height), None
+                sensor,
+                Launch(width, height, seed, 1, spp, windows=width * height),
+                Channels(None),
             ).radiance.mean()
             / spp
             for seed in range(passes)

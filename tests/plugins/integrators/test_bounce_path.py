@@ -12,6 +12,7 @@ from mi_lcair.benchmark.propagation import exact
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.plugins.recorders.channels import Channels
 
 WHITE = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 1.0}}
 BLACK = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}
@@ -283,7 +284,7 @@ def test_a_pass_traces_its_paths_once(plate, closure, split):
     ):
         dr.kernel_history_clear()
         launch = Launch(16, 16, 0, randomisations=1, points=4, windows=256)
-        tracer.trace(built.sensors()[0], launch, split)
+        tracer.trace(built.sensors()[0], launch, Channels(split))
         sizes = sorted(
             kernel["operation_count"]
             for kernel in dr.kernel_history()

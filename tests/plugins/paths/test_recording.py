@@ -12,6 +12,7 @@ from mi_lcair.plugins.derivatives import nodes
 from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.paths.recording import OFF
+from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.scene import load
 from mi_lcair.rendering.views import Target, View, cameras
@@ -27,7 +28,7 @@ def both(scene, seed=1, split="target", points=POINTS, sensor=None, by_spectrum=
     """The tracer, and the sums of one launch, recorded and traced anew."""
     numbers = {"columns": 1, "rows": 1, "randomisations": 8} | numbers
     launch = Launch(seed=seed, points=points, **numbers)
-    trace = lambda tracer: tracer.trace(sensor or scene.sensor(0), launch, split)
+    trace = lambda tracer: tracer.trace(sensor or scene.sensor(0), launch, Channels(split))
     with scene.prepared(by_spectrum) as tracer:
         recorded = trace(tracer)
     # A tracer that no one has used before
@@ -272,9 +273,9 @@ def test_facets_are_traced():
     launch = Launch(1, 1, 1, 8, POINTS)
     with scene.prepared() as tracer:
         sums = FacetSums(FacetTable(scene), tracer.max_bounces)
-        found = tracer.trace(scene.sensor(0), launch, "target", sums)
+        found = tracer.trace(scene.sensor(0), launch, Channels("target"), sums)
         assert tracer.recorded.count == 0 and sums.samples == launch.paths
-        plain = tracer.trace(scene.sensor(0), launch, "target")
+        plain = tracer.trace(scene.sensor(0), launch, Channels("target"))
     np.testing.assert_allclose(found.radiance, plain.radiance, rtol=1e-6)
 
 

@@ -1,4 +1,4 @@
-"""Radiance of paths by the facet that emitted it, for a matrix that acts on facet radiances."""
+"""Recorder of the radiance by the facet that emitted it, for a matrix of facet radiances."""
 
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -11,6 +11,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.triangles import ABSENT, pointer_id
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.paths.rays import ParallelRays
+from mi_lcair.plugins.recorders.recorder import Emission, Recorder, Recorders
 
 
 class ColumnTable:
@@ -55,8 +56,8 @@ class Store:
 
 
 @dataclass
-class FacetColumns:
-    """Recorder of contributions by facet, used by `PathTracer.walk` in place of `Channels`.
+class ByFacet(Recorder):
+    """Contributions of each path by the facet that emitted them.
 
     rest: radiance from everything that has no column [W m^-2 sr^-1]. count: number of contributions
     of each path so far. store: the contributions.
@@ -66,18 +67,10 @@ class FacetColumns:
     count: mi.UInt32
     store: Store
 
-    model_only = False
-    segments = None
-
-    def meet(self, first, emitters, emitter, facets):
-        """Record nothing of the first hit."""
-
-    def add(self, value, bounce, sources, emitter, prim_index, max_bounces):
-        """Add radiance to its column or to the rest; the parameters are those of `Channels.add`."""
-        store = self.store
-        column = store.table.column(emitter, prim_index)
-        # Radiance with more reflections belongs to the closure
-        has_column = (column != ABSENT) & (bounce <= max_bounces)
+    def emission(self, emission: Emission) -> None:
+        store, value = self.store, emission.radiance
+        column = store.table.column(emission.emitter, emission.prim)
+        has_column = (column != ABSENT) & ~emission.beyond
         self.rest += dr.select(has_column, 0, value)
         adds = has_column & (value != 0)
         place = store.lane * store.slots + self.count
@@ -127,13 +120,12 @@ def contributions(tracer, sensor, launch: Launch, table: ColumnTable) -> Contrib
         sampler, *start, _ = paths.begin()
         ray = tracer.first_ray(paths, ParallelRays.of(sensor) or sensor, sampler, *start)
         store = Store(table, paths.lane, slots(tracer))
-        recorder = FacetColumns(mi.Float(0), mi.UInt32(0), store)
-        (L, _), _, recorder, *_ = tracer.walk(
-            dr.ADMode.Primal, tracer.scene, sampler, ray, None, None, mi.Bool(True), recorder
-        )
+        recorders = Recorders([ByFacet(mi.Float(0), mi.UInt32(0), store)])
+        L, recorders = tracer.radiance(sampler, ray, recorders)
+        rest = recorders.of(ByFacet).rest
         # One kernel traces the paths and fills the store
-        dr.eval(L, recorder.rest, store.column, store.value)
-    valid = np.isfinite(L[0].numpy()) & np.isfinite(recorder.rest.numpy())
+        dr.eval(L, rest, store.column, store.value)
+    valid = np.isfinite(L.numpy()) & np.isfinite(rest.numpy())
     column = store.column.numpy().reshape(launch.paths, -1)
     path, slot = np.nonzero((column != ABSENT) & valid[:, None])
     value = store.value.numpy().reshape(launch.paths, -1)
@@ -141,7 +133,7 @@ def contributions(tracer, sensor, launch: Launch, table: ColumnTable) -> Contrib
         path,
         column[path, slot].astype(np.int32),
         value[path, slot].astype(np.float64),
-        np.where(valid, recorder.rest.numpy(), 0).astype(np.float64),
+        np.where(valid, rest.numpy(), 0).astype(np.float64),
         valid,
     )
 

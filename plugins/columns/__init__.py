@@ -1,0 +1,1 @@
+"""Tables from which the derivatives of paths in parameters are recorded."""

@@ -1,0 +1,213 @@
+"""Path tracer of one scene: traces launches of paths and sums what recorders note."""
+
+from math import hypot
+
+import drjit as dr
+import mitsuba as mi
+from mitsuba.python.ad.integrators.common import RBIntegrator
+
+from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.plugins.bsdfs.plume import is_plume
+from mi_lcair.plugins.derivatives import attached, derivations, flatten, own_memory
+from mi_lcair.plugins.emission.emissivity import Table
+from mi_lcair.plugins.emission.emitter_table import EmitterTable
+from mi_lcair.plugins.paths.launch import Launch, Paths
+from mi_lcair.plugins.paths.rays import ParallelRays
+from mi_lcair.plugins.paths.recording import Recorded
+from mi_lcair.plugins.paths.rounding import rounding_error
+from mi_lcair.plugins.paths.sums import BlockSums, Sums, block_size
+from mi_lcair.plugins.paths.tail import Tail
+from mi_lcair.plugins.paths.walk import Walk
+from mi_lcair.plugins.recorders.by_bounce import SIZES, ByBounce
+from mi_lcair.plugins.recorders.channels import Channels, cell_of
+from mi_lcair.plugins.recorders.first_hit import FirstHit
+from mi_lcair.plugins.recorders.last_counts import LastCounts
+from mi_lcair.plugins.recorders.recorder import Recorders
+from mi_lcair.plugins.recorders.unmet_source import UnmetSource
+from mi_lcair.plugins.scene_state import SceneState
+
+
+class PathTracer(RBIntegrator):
+    """Integrator for one scene, with all data that a render derives from the scene.
+
+    `BouncePath.prepared` makes it. Its attributes cannot be set afterwards.
+
+    scene: the scene. emitters: its `EmitterTable`, with the band, the labels and the sources.
+    max_bounces, emitter_sampling, closure: the settings at the time when it was made. paths: the
+    `Walk` that follows paths. ambient_radiance: radiance beyond the last reflection for closure =
+    ambient [W m^-2 sr^-1]; None for another closure. systematic_error: relative error of a radiance
+    that more samples do not reduce. It comes from Float32 rounding and from tabulated emissivities.
+
+    This is a separate integrator because the render methods of RBIntegrator call `sample` with the
+    scene alone. The data derived from the scene must therefore belong to the integrator.
+    """
+
+    def __init__(self, settings, scene, by_spectrum: bool, state: SceneState):
+        """settings: the integrator `bounce_path`, with its properties."""
+        super().__init__(mi.Properties())
+        emitters = EmitterTable(scene, settings.emitter_sampling, by_spectrum)
+        own_memory(flatten(emitters))
+        ambient = None
+        if settings.closure == "ambient":
+            ambient = mi.Float(in_band_radiance(emitters.band, settings.ambient_temperature))
+        most, samples = settings.max_bounces, settings.emitter_sampling
+        tables = [part for part in derivations(scene) if isinstance(part, Table)]
+        of_tables = max((table.relative_error for table in tables), default=0.0)
+        vars(self).update(
+            scene=scene,
+            emitters=emitters,
+            max_bounces=most,
+            emitter_sampling=samples,
+            closure=settings.closure,
+            ambient_radiance=ambient,
+            paths=Walk(scene, emitters, most, samples, ambient),
+            systematic_error=hypot(rounding_error(most), of_tables),
+            recorded=Recorded(state),
+            is_complete=True,
+        )
+
+    def __setattr__(self, name, value):
+        if vars(self).get("is_complete"):
+            raise AttributeError(f"a PathTracer does not change: {name} cannot be set")
+        super().__setattr__(name, value)
+
+    def check_differentiable(self) -> None:
+        """Raise InputError for a parameter whose derivative a replay would not give."""
+        for bsdf in {shape.bsdf() for shape in self.scene.shapes()}:
+            if is_plume(bsdf) and attached([bsdf.transmittance]):
+                bsdf.check_derivative("plume: transmittance", self.emitters.draws)
+
+    # ---------------------------------------------------------------- Around the walk
+
+    def sample(self, mode, scene, sampler, ray, depth, δL, state_in, active, **kwargs):
+        recorders = Recorders([])
+        if self.closure == "tail":
+            first_hit = FirstHit.of(scene, self.emitters)
+            recorders = Recorders([first_hit, LastCounts.of(self.max_bounces)])
+        (L, state), valid, recorders = self.paths.walk(
+            mode, sampler, ray, (δL, state_in), active, recorders
+        )
+        if self.closure == "tail":
+            L += recorders.of(LastCounts).tail(recorders.of(FirstHit).of_model)[0]
+        return L, valid, [], state
+
+    def radiance(self, sampler, ray, recorders: Recorders) -> tuple[mi.Float, Recorders]:
+        """Radiance of each path [W m^-2 sr^-1], and what was recorded along it."""
+        (L, _), _, recorders = self.paths.walk(
+            dr.ADMode.Primal, sampler, ray, (None, None), mi.Bool(True), recorders
+        )
+        return L[0], recorders
+
+    def trace(
+        self,
+        sensor,
+        launch: Launch,
+        channels: Channels | None = None,
+        facets=None,
+        rays: ParallelRays | None = None,
+    ) -> Sums:
+        """Trace the paths of a launch; call it inside the context `prepared`.
+
+        Parameters
+        ----------
+        sensor : mi.Sensor
+        launch : Launch
+            Where the paths begin and which random numbers they use.
+        channels : Channels or None
+            What is recorded beside the radiance; None: the channels of an image.
+        facets : object or None
+            Numbering of facets with the methods `number(shape, prim_index, active)` and
+            `add(facet, L, weight, by_bounce, launch)`. The second one receives the samples, each
+            with the facet that its path hits first.
+        rays : ParallelRays or None
+            The rays of the sensor, for a caller of many launches; None makes them from the sensor.
+
+        Returns
+        -------
+        Sums
+            Sums over the points of each randomisation.
+        """
+        with dr.suspend_grad():
+            paths = launch.paths_from(sensor.sampler())
+            rays = ParallelRays.of(sensor) if rays is None else rays
+            channels = channels or Channels()
+            arguments = paths, rays or sensor, channels, block_size(launch)
+            if facets is not None or self.closure == "tail":
+                blocks, tail = self.whole_sums(*arguments, facets, launch)
+            elif rays is None:
+                # A recording would not see that a sensor of another kind has changed
+                blocks, tail = self.block_sums(*arguments), None
+            else:
+                blocks, tail = self.recorded(self, *arguments), None
+            sums = Sums.of(blocks, tail, launch)
+            return sums.without(f"bounce.{k}" for k in range(self.max_bounces + 1, SIZES[-1]))
+
+    def block_sums(self, paths: Paths, rays, channels: Channels, size: int) -> BlockSums:
+        """Sums over blocks of `size` paths of a launch.
+
+        It may be recorded. It therefore uses only the tracer and its arguments, and launches
+        kernels but reads no values. rays: ParallelRays or a sensor.
+        """
+        L, recorders, weight = self.follow(paths, rays, channels)
+        return block_sums(L, channels, recorders, weight, size)
+
+    def whole_sums(
+        self, paths: Paths, rays, channels: Channels, size: int, facets, launch: Launch
+    ) -> tuple[BlockSums, Tail | None]:
+        """As `block_sums`, also for facets and for closure = tail, which read values."""
+        L, recorders, weight = self.follow(paths, rays, channels, facets)
+        first_hit, by_bounce = recorders.of(FirstHit), recorders.of(ByBounce)
+        tail = None
+        if self.closure == "tail":
+            # The sums of a tail need evaluated arrays. Evaluating everything here traces the paths
+            # once; otherwise each sum would trace them again.
+            dr.eval(L, recorders)
+            added, tail = recorders.of(LastCounts).tail(first_hit.of_model)
+            L += added
+            if by_bounce is not None:
+                by_bounce.closure = added
+        if facets is not None:
+            # One kernel for all later uses of these arrays
+            dr.eval(L, recorders, channels.by_name(L, recorders))
+            facets.add(first_hit.facet, L, weight, by_bounce, launch)
+        return block_sums(L, channels, recorders, weight, size), tail
+
+    def follow(self, paths: Paths, rays, channels: Channels, facets=None) -> tuple:
+        """Radiance, recorders and weight of each path."""
+        sampler, column, row, position, weight = paths.begin()
+        ray = self.first_ray(paths, rays, sampler, column, row, position)
+        recorders = channels.recorders(self, facets, cell_of(paths, column, row, position))
+        L, recorders = self.radiance(sampler, ray, recorders)
+        return L, recorders, weight
+
+    def first_ray(self, paths: Paths, rays, sampler, column, row, position) -> mi.Ray3f:
+        """First ray of each path; `rays` as for `block_sums`, the others as `Paths.begin` gives."""
+        if isinstance(rays, ParallelRays):
+            return rays.at(column, row, position, paths.columns, paths.rows)
+        size = mi.Vector2f(paths.columns, paths.rows)
+        aperture = sampler.next_2d() if rays.needs_aperture_sample() else mi.Point2f(0.5)
+        film_position = (mi.Point2f(column, row) + position) / size
+        return rays.sample_ray(rays.shutter_open(), 0, film_position, aperture)[0]
+
+    def chance_contribution(self, sensor) -> float:
+        """Upper bound of the radiance from a source that no path has hit [W m^-2 sr^-1].
+
+        This is the part of the bound that is known before paths are traced. Without emitter
+        sampling it is the radiance of the brightest emitter. With emitter sampling it is the
+        radiance of the brightest emitter in the sensor's field of view, hidden or not. The part
+        that comes from reflections is estimated along the paths (`Sums.chance`).
+        """
+        if self.emitter_sampling:
+            return self.emitters.brightest_in_view(sensor)
+        return self.emitters.brightest
+
+
+def block_sums(L, channels: Channels, recorders: Recorders, weight, size: int) -> BlockSums:
+    """Sums over blocks of `size` paths of their radiance and channels."""
+    columns = channels.columns(L, recorders)
+    # A sample that is not finite in one column does not count at all
+    for value in columns.values():
+        L = dr.select(dr.isfinite(value), L, dr.nan)
+    unmet = recorders.of(UnmetSource)
+    by_name = columns | channels.by_name(L, recorders)
+    return BlockSums.of(L, by_name, weight, unmet and unmet.largest, size)

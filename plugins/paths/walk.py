@@ -1,0 +1,329 @@
+"""The walk: follows paths from the observer, from surface to surface.
+
+It knows what emits and what reflects, and tells recorders of the events of each path. It does not
+know what they note.
+"""
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+from mitsuba.python.ad.integrators.common import mis_weight
+
+from mi_lcair.plugins.bsdfs.plume import is_passed
+from mi_lcair.plugins.derivatives import value_along
+from mi_lcair.plugins.emission.emitter_table import (
+    MOST_PASSED,
+    DrawnDirection,
+    EmitterTable,
+)
+from mi_lcair.plugins.recorders.recorder import Emission, Recorders, Reflection
+
+
+@dataclass
+class PathState:
+    """What the loop carries along each path.
+
+    ray: the ray that is on its way. pi: its hit, of which only the primitive and the distance are
+    known. throughput: that of the path up to the ray's start. bounce: number of reflections before.
+    pdf: density of the ray's direction [1/sr]. is_delta: whether the direction came from a delta
+    lobe or from the sensor. Such a direction has no density, and cannot be drawn toward an emitter.
+    passed: surfaces passed since the last reflection. length: length of the rays before those.
+    """
+
+    ray: mi.Ray3f
+    pi: mi.PreliminaryIntersection3f
+    throughput: mi.Spectrum
+    bounce: mi.UInt32
+    pdf: mi.Float
+    is_delta: mi.Bool
+    passed: mi.UInt32
+    length: mi.Float
+
+
+@dataclass(frozen=True)
+class Hit:
+    """The hit of a path's ray: the interaction, its surface, its emitter, and who follows it.
+
+    emitter: that of the surface, or the environment where the ray escapes. active: the paths that
+    got here. reflects: those that reflect here. passes: those that go straight on.
+    """
+
+    si: mi.SurfaceInteraction3f
+    bsdf: mi.BSDFPtr
+    emitter: mi.EmitterPtr
+    active: mi.Bool
+    reflects: mi.Bool
+    passes: mi.Bool
+
+    @property
+    def goes_on(self) -> mi.Bool:
+        return self.reflects | self.passes
+
+
+@dataclass(frozen=True)
+class Scattering:
+    """What is sampled at a hit.
+
+    numbers: the random numbers. bs, weight: the sampled direction, and BSDF times cosine divided by
+    its density. drawn: direction drawn toward an emitter; None if none are drawn. brought: the
+    radiance that it brings to the sensor, with derivatives [W m^-2 sr^-1].
+    """
+
+    numbers: tuple
+    bs: mi.BSDFSample3f
+    weight: mi.Spectrum
+    drawn: DrawnDirection | None
+    brought: mi.Spectrum
+
+    @property
+    def is_delta(self) -> mi.Bool:
+        return mi.has_flag(self.bs.sampled_type, mi.BSDFFlags.Delta)
+
+
+class Walk:
+    """Follows paths through a scene.
+
+    emitters: the scene's emitters. max_bounces: number of reflections after which a path ends.
+    shares_hits: whether emitters that a ray can hit are also drawn. ambient_radiance: radiance of
+    any surface after one more reflection [W m^-2 sr^-1]; None: the path ends before.
+    """
+
+    def __init__(self, scene, emitters, max_bounces, emitter_sampling, ambient_radiance):
+        self.scene: mi.Scene = scene
+        self.emitters: EmitterTable = emitters
+        self.max_bounces: int = max_bounces
+        self.shares_hits: bool = emitter_sampling and emitters.draws
+        self.ambient_radiance: mi.Float | None = ambient_radiance
+
+    @dr.syntax
+    def walk(self, mode, sampler, ray, adjoint, active, recorders: Recorders):
+        """Trace paths from the observer.
+
+        Parameters
+        ----------
+        mode : dr.ADMode
+            Primal: the radiance. Forward, Backward: its derivative. The same paths are traced again
+            and the radiance of the primal pass is used up step by step (path replay).
+        sampler : mi.Sampler
+        ray : mi.Ray3f
+            The first ray of each path.
+        adjoint : tuple of mi.Spectrum or None
+            For a replay: the gradient of the objective with respect to the radiance of each path
+            (Backward, else None), and that radiance from the primal pass [W m^-2 sr^-1].
+        active : mi.Bool
+        recorders : Recorders
+
+        Returns
+        -------
+        (result, L) : tuple of mi.Spectrum
+            `result` is the radiance (Primal) or its derivative (Forward), `L` the state for a
+            replay.
+        valid : mi.Bool
+            Whether the first ray hits a surface.
+        recorders : Recorders
+        """
+        primal = mode == dr.ADMode.Primal
+        # An opaque number, so that one kernel serves every number of reflections
+        most = dr.opaque(mi.UInt32, self.max_bounces)
+        # Radiance: accumulated in the primal pass; in a replay, the part not yet accounted for
+        L = mi.Spectrum(0 if primal else adjoint[1])
+        δL = mi.Spectrum(0 if adjoint[0] is None else adjoint[0])
+        active = mi.Bool(active)
+        path = self.begin(ray, active)
+        valid = path.pi.is_valid()
+        active = recorders.begin(path.pi, path.ray, active)
+
+        while dr.hint(active, label=f"bounce_path ({mode.name})"):
+            hit, lost = self.hit(path, most, active)
+            recorders.meet(hit.bsdf, hit.si.wi)
+            Le = self.emitted(primal, path, hit, most, recorders)
+            # A replay subtracts what the primal pass added, so that after the subtractions L is the
+            # radiance from later vertices
+            L = L + Le if primal else L - Le
+            L = dr.select(lost, dr.nan, L)
+
+            scattering = self.scatter(primal, path, hit, most, sampler, recorders)
+            L = L + scattering.brought if primal else L - scattering.brought
+            self.report(path, hit, scattering, most, recorders)
+            # A path without throughput contributes nothing further
+            active = hit.goes_on & (dr.max(scattering.weight) != 0)
+            if dr.hint(not primal, mode="scalar"):
+                δL = replayed(mode, hit, scattering, Le, L, δL, active)
+
+            self.turn(path, hit, scattering, active)
+            recorders.turn()
+        return (L if primal else δL, L), valid, recorders
+
+    def begin(self, ray, active) -> PathState:
+        """Paths whose first ray is traced. The inputs are copied, since the loop changes them."""
+        ray = mi.Ray3f(ray)
+        pi = self.scene.ray_intersect_preliminary(ray, coherent=True, active=active)
+        # Dr.Jit 1.5 reads a path's own array wrongly if its index is a number that began as one for
+        # all paths, and becomes different between them
+        bounce = mi.UInt32(0)
+        if self.emitters.passes:
+            bounce = dr.zeros(mi.UInt32, dr.width(ray))
+            dr.make_opaque(bounce)
+        return PathState(
+            ray=ray,
+            pi=pi,
+            throughput=mi.Spectrum(1),
+            bounce=bounce,
+            pdf=mi.Float(0),
+            is_delta=mi.Bool(True),
+            passed=mi.UInt32(0),
+            length=mi.Float(0),
+        )
+
+    def hit(self, path: PathState, most, active) -> tuple[Hit, mi.Bool]:
+        """The hits of the paths' rays, and the paths that have passed too many surfaces.
+
+        The full interaction is computed here, so that the loop carries few variables.
+        """
+        si = path.pi.compute_surface_interaction(path.ray, mi.RayFlags.All, active)
+        bsdf = si.bsdf(path.ray)
+        # The ray beyond the last reflection only receives the ambient radiance
+        limit = most if self.ambient_radiance is None else most + 1
+        reflects = active & si.is_valid() & (path.bounce < limit)
+        passes, lost = mi.Bool(False), mi.Bool(False)
+        if self.emitters.passes:
+            # The ambient radiance comes from any surface that the ray hits
+            is_through = is_passed(bsdf.flags())
+            passes = active & si.is_valid() & is_through & (path.bounce <= most)
+            lost = passes & (path.passed >= MOST_PASSED)
+            passes &= path.passed < MOST_PASSED
+            reflects &= ~is_through
+        return Hit(si, bsdf, si.emitter(self.scene, active), active, reflects, passes), lost
+
+    def emitted(self, primal: bool, path: PathState, hit: Hit, most, recorders):
+        """Radiance that the rays have met, with derivatives in the temperature and emissivity."""
+        si, emitters, beyond = hit.si, self.emitters, path.bounce > most
+        # The emitter may have been drawn at the vertex before. Both estimates share its radiance.
+        share = mi.Float(1)
+        if self.shares_hits:
+            reachable = hit.active & ~path.is_delta
+            start, distance = path.ray.o, si.t
+            if emitters.passes:
+                start = path.ray.o - path.length * path.ray.d
+                distance = si.t + path.length
+            pdf = emitters.pdf(self.scene, start, distance, si, hit.emitter, reachable)
+            share = dr.select(reachable, mis_weight(path.pdf, pdf), 1)
+        # The throughput and the share are constants
+        with dr.resume_grad(when=not primal):
+            Le = path.throughput * share * hit.emitter.eval(si, hit.active)
+        if self.ambient_radiance is not None:
+            ambient = dr.select(si.is_valid(), path.throughput * self.ambient_radiance, 0)
+            Le = dr.select(beyond, ambient, Le)
+        weight = dr.select(beyond, 0, path.throughput[0] * share)
+        recorders.emission(
+            Emission(Le[0], path.bounce, beyond, hit.emitter, si.prim_index, weight, si)
+        )
+        # The sun is no surface. It is seen where the ray escapes, and through the sky.
+        if emitters.sun is not None:
+            sees = hit.active & ~beyond & emitters.shows_sun(si, hit.emitter)
+            with dr.resume_grad(when=not primal):
+                of_sun, pdf = emitters.sun_along(path.ray.d, sees)
+                share = dr.select(path.is_delta, 1, mis_weight(path.pdf, pdf))
+                of_sun *= path.throughput * share
+                Le += of_sun
+            sun = emitters.sun_pointer
+            recorders.emission(
+                Emission(of_sun[0], path.bounce, beyond, sun, si.prim_index, mi.Float(0), None)
+            )
+        return Le
+
+    def scatter(self, primal: bool, path: PathState, hit: Hit, most, sampler, recorders):
+        """Sample a direction at each hit, and what a direction drawn toward an emitter brings."""
+        ctx, si, bsdf = mi.BSDFContext(), hit.si, hit.bsdf
+        if not self.emitters.draws:
+            numbers = sampler.next_1d(), sampler.next_2d()
+            bs, weight = bsdf.sample(ctx, si, *numbers, hit.goes_on)
+            return Scattering(numbers, bs, weight, None, mi.Spectrum(0))
+        # A delta lobe does not reflect light from a drawn direction. Beyond the last reflection
+        # there is no emission, which the ambient radiance replaces.
+        is_smooth = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
+        draws = hit.goes_on & is_smooth & (path.bounce < most)
+        # Two 2D samples, for the emitter and for the point on it: the 23 bits of a Float32 number
+        # are too few for both
+        drawn = self.emitters.draw(si, sampler.next_2d(), sampler.next_2d(), draws)
+        numbers = sampler.next_1d(), sampler.next_2d()
+        to = si.to_local(drawn.ds.d)
+        with dr.resume_grad(when=not primal):
+            # One call is faster than one for the drawn and one for the next direction
+            f, pdf, bs, weight = bsdf.eval_pdf_sample(ctx, si, to, *numbers, hit.goes_on)
+            bs, weight = dr.detach((bs, weight))  # only `f` has derivatives
+            # No ray where nothing is emitted or reflected. A replay traces it even so, because a
+            # value of 0 may have a derivative.
+            if primal:
+                draws &= drawn.may_radiate & (dr.max(f) != 0)
+            direct = self.emitters.trace(self.scene, si, drawn, draws, recorders.needs_drawn_hit)
+            # A point source or a parallel beam cannot be hit by a reflected ray, so its whole
+            # radiance belongs to the drawn direction
+            share = dr.select(drawn.ds.delta, 1, mis_weight(drawn.ds.pdf, pdf)) / drawn.ds.pdf
+            brought = path.throughput * f * direct.radiance(si) * share
+            brought = dr.select(direct.counts, brought, 0)
+        weight_of_source = path.throughput[0] * f[0] * share
+        if direct.transmittance is not None:
+            weight_of_source *= direct.transmittance
+        recorders.emission(
+            Emission(
+                radiance=brought[0],
+                bounce=path.bounce + 1,
+                beyond=path.bounce >= most,
+                emitter=direct.emitter,
+                prim=direct.hit.prim_index,
+                weight=dr.select(direct.counts, weight_of_source, 0),
+                hit=direct.hit,
+                drawn_to=to,
+            )
+        )
+        return Scattering(numbers, bs, weight, drawn, brought)
+
+    def report(self, path: PathState, hit: Hit, scattering: Scattering, most, recorders):
+        """Tell the recorders of the sampled directions."""
+        recorders.reflect(
+            Reflection(
+                bsdf=hit.bsdf,
+                bounce=path.bounce,
+                throughput=path.throughput[0],
+                weight=scattering.weight[0],
+                to=scattering.bs.wo,
+                pdf=scattering.bs.pdf,
+                is_delta=scattering.is_delta,
+                drawn=scattering.drawn,
+                active=hit.goes_on,
+                receives=hit.reflects & (path.bounce < most),
+            )
+        )
+
+    def turn(self, path: PathState, hit: Hit, scattering: Scattering, active) -> None:
+        """Go on along the sampled direction, or straight on through a surface."""
+        si, bs, passes = hit.si, scattering.bs, hit.passes
+        path.throughput *= scattering.weight
+        to = dr.select(passes, path.ray.d, si.to_world(bs.wo))
+        path.pdf = dr.select(passes, path.pdf, bs.pdf)
+        path.is_delta = dr.select(passes, path.is_delta, scattering.is_delta)
+        path.passed = dr.select(passes, path.passed + 1, 0)
+        path.length = dr.select(passes, path.length + si.t, 0)
+        path.bounce += dr.select(passes, mi.UInt32(0), 1)
+        # The offset from the surface is smaller than Mitsuba's in a small scene
+        path.ray = self.emitters.spawn_ray(si, to)
+        path.pi = self.scene.ray_intersect_preliminary(path.ray, coherent=False, active=active)
+
+
+def replayed(mode, hit: Hit, scattering: Scattering, Le, L, δL, active) -> mi.Spectrum:
+    """The derivative of each path's radiance after this vertex; in reverse mode, its gradient.
+
+    L is the radiance from later vertices, times the throughput. It depends on the parameters at
+    this vertex through the BSDF value `f` alone, since the sampled direction and its density are
+    constants. Its relative derivative is therefore that of `f`.
+    """
+    with dr.resume_grad():
+        ctx, bs = mi.BSDFContext(), scattering.bs
+        f = value_along(hit.bsdf, ctx, hit.si, *scattering.numbers, bs, active)
+        Lo = Le + scattering.brought + L * dr.relative_grad(f)
+        if mode == dr.ADMode.Backward:
+            dr.backward_from(δL * Lo)
+            return δL
+        return δL + dr.forward_to(Lo)

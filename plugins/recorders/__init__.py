@@ -1,0 +1,1 @@
+"""Recorders of a walk: what is noted along each path, one kind in each file."""

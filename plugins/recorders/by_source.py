@@ -1,0 +1,52 @@
+"""Recorder of the radiance by what emitted it."""
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+
+from mi_lcair.plugins.emission.sources import WAVELENGTHS, Sources
+from mi_lcair.plugins.recorders.local_sums import add_to, entries, zeros
+from mi_lcair.plugins.recorders.recorder import Emission, Recorder
+
+
+@dataclass
+class BySource(Recorder):
+    """Radiance by source [W m^-2 sr^-1].
+
+    by_wavelength: radiance from blackbodies at the wavelengths of `Sources` [W m^-2 sr^-1 um^-1],
+    where there are too many blackbodies to record each separately. labels: the groups. Its channels
+    are group.LABEL and, `in_detail`, source.N and wavelength.N where they are recorded.
+    """
+
+    sources: Sources
+    labels: list
+    in_detail: bool
+    sums: dr.Local
+    by_wavelength: list
+
+    @staticmethod
+    def of(sources: Sources, labels: list, in_detail: bool) -> "BySource":
+        count = 0 if sources.share is None else WAVELENGTHS
+        wavelengths = [mi.Float(0) for _ in range(count)]
+        return BySource(sources, labels, in_detail, zeros(len(sources.list)), wavelengths)
+
+    def emission(self, emission: Emission) -> None:
+        value = dr.select(emission.beyond, 0, emission.radiance)
+        entry = self.sources.entry(emission.emitter, emission.prim)
+        add_to(self.sums, self.sources.number(entry), value)
+        if self.by_wavelength:
+            for k, share in enumerate(self.sources.shares(entry)):
+                self.by_wavelength[k] += value * share
+
+    def samples(self, L) -> dict:
+        groups = {label: mi.Float(0) for label in self.labels}
+        by_source = entries(self.sums)
+        for source, value in zip(self.sources.list, by_source):
+            groups[source.group] += value
+        channels = {f"group.{label}": value for label, value in groups.items()}
+        if self.in_detail:
+            if self.sources.by_spectrum:
+                channels |= {f"source.{k}": value for k, value in enumerate(by_source)}
+            channels |= {f"wavelength.{k}": value for k, value in enumerate(self.by_wavelength)}
+        return channels

@@ -1,0 +1,102 @@
+"""Channels: what is recorded along paths beside their radiance, and under which names."""
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+
+from mi_lcair.plugins.columns.tables import CELLS, ColumnTables
+from mi_lcair.plugins.paths.launch import Paths
+from mi_lcair.plugins.recorders.by_bounce import ByBounce
+from mi_lcair.plugins.recorders.by_source import BySource
+from mi_lcair.plugins.recorders.columns import Columns
+from mi_lcair.plugins.recorders.first_hit import FirstHit
+from mi_lcair.plugins.recorders.incoming import Incoming
+from mi_lcair.plugins.recorders.last_counts import LastCounts
+from mi_lcair.plugins.recorders.recorder import Recorders
+from mi_lcair.plugins.recorders.segments import Segments
+from mi_lcair.plugins.recorders.unmet_source import UnmetSource
+
+
+@dataclass
+class Channels:
+    """What is recorded beside the radiance of paths.
+
+    split: by what the radiance is split. None: by nothing. "image": by number of reflections
+    (bounce.N, closure), by emitting group (group.LABEL) and by the group that is hit first
+    (seen.LABEL), with range, hit (1 or 0) and target (the radiance of paths that first hit the
+    model). "target": also source.N and wavelength.N where the tracer has sources by spectrum, and
+    for each channel NAME the part of paths that first hit the model, target.NAME. "model": that
+    part alone, as NAME; paths that first hit something else are not followed.
+    counted: largest number of reflections whose radiance is recorded separately, in one of SIZES;
+    that of more reflections is added to the last channel. None: as many as the tracer follows.
+    counts_segments: whether the number of rays of each path is recorded, as `segments`.
+    tables: parameters in which the radiance is differentiated, see `Columns`; with `split` =
+    "target" and "model" those of the model's part.
+    """
+
+    split: str | None = "image"
+    counted: int | None = None
+    counts_segments: bool = False
+    tables: ColumnTables | None = None
+
+    def recorders(self, tracer, facets, cell) -> Recorders:
+        """Recorders of these channels, and of what a tracer needs itself.
+
+        facets: numbering of the facets that paths hit first, see `FirstHit`; or None. cell: cell of
+        the film in which each path begins, see `Columns`.
+        """
+        parts, is_tailed = [], tracer.closure == "tail"
+        if self.tables is not None:
+            incoming = self.tables.incoming is None
+            parts.append(Incoming.of(self.tables) if incoming else Columns.of(self.tables, cell))
+        if self.split or facets:
+            parts.append(
+                ByBounce.up_to(tracer.max_bounces if self.counted is None else self.counted)
+            )
+        if self.split:
+            emitters, in_detail = tracer.emitters, self.split != "image"
+            parts.append(BySource.of(emitters.sources, emitters.labels, in_detail))
+            parts += [Segments.none()] if self.counts_segments else []
+        if self.split or facets or is_tailed:
+            parts.append(FirstHit.of(tracer.scene, tracer.emitters, facets, self.split == "model"))
+        parts += [LastCounts.of(tracer.max_bounces)] if is_tailed else []
+        parts += [UnmetSource.of(tracer.emitters)] if tracer.emitters.draws else []
+        return Recorders(parts)
+
+    def by_name(self, L: mi.Float, recorders: Recorders) -> dict:
+        """The channels of each path by name; L: its radiance [W m^-2 sr^-1]."""
+        channels = {}
+        if self.split:
+            parts = recorders.without((Columns, Incoming)).samples(L)
+            of_model = recorders.of(FirstHit).of_model
+            on_model = {name: value * of_model for name, value in parts.items()}
+            if self.split == "model":
+                channels = on_model
+            elif self.split == "target":
+                channels = parts | {f"target.{name}": value for name, value in on_model.items()}
+            else:
+                channels = parts
+            channels["target"] = L * of_model
+        return channels
+
+    def columns(self, L: mi.Float, recorders: Recorders) -> dict:
+        """The derivatives of each path by name, and what a control variate needs."""
+        recorder = recorders.of((Columns, Incoming))
+        if recorder is None:
+            return {}
+        columns = recorder.samples(L)
+        if self.split == "target":
+            of_model = recorders.of(FirstHit).of_model
+            columns = {name: value * of_model for name, value in columns.items()}
+        return columns
+
+
+def cell_of(paths: Paths, column, row, position) -> mi.UInt32:
+    """Cell of the film in which each path begins, see `Columns`.
+
+    column, row, position: the path's window and its position in it, as `Paths.begin` gives them.
+    """
+    x = mi.UInt32((mi.Float(column) + position.x) * (CELLS / mi.Float(paths.columns)))
+    y = mi.UInt32((mi.Float(row) + position.y) * (CELLS / mi.Float(paths.rows)))
+    return dr.minimum(y, CELLS - 1) * CELLS + dr.minimum(x, CELLS - 1)

@@ -1,0 +1,135 @@
+"""What a recorder is: the events of a path of which the walk tells it, and what it gives.
+
+A recorder is a dataclass, because Dr.Jit carries its arrays through the loop. A path calls its
+methods in this order:
+
+    begin     the first ray has hit something, or has escaped
+    meet      the path is at a surface
+    emission  radiance reaches the sensor along the path, met by its ray or brought by a direction
+              that was drawn toward an emitter
+    reflect   the direction of the next ray is sampled
+    turn      the ray has been followed to its end
+"""
+
+from dataclasses import dataclass
+
+import mitsuba as mi
+
+from mi_lcair.plugins.emission.emitter_table import DrawnDirection
+
+
+@dataclass(frozen=True)
+class Emission:
+    """Radiance that reaches the sensor along a path.
+
+    radiance: part of the path's radiance [W m^-2 sr^-1]. bounce: number of its reflections. beyond:
+    whether these are more than the walk follows, so that it belongs to the closure. emitter, prim:
+    what emitted it. weight: the part of `radiance` per radiance of the emitting surface; 0 where no
+    surface emits. hit: the emitting surface; None for the sun. drawn_to: the direction in which it
+    was drawn from the surface where the path is, in that surface's frame; None if a ray met it.
+    """
+
+    radiance: mi.Float
+    bounce: mi.UInt32
+    beyond: mi.Bool
+    emitter: mi.EmitterPtr
+    prim: mi.UInt32
+    weight: mi.Float
+    hit: mi.SurfaceInteraction3f | None
+    drawn_to: mi.Vector3f | None = None
+
+
+@dataclass(frozen=True)
+class Reflection:
+    """A sampled direction.
+
+    bsdf: the surface. bounce: number of reflections before. throughput: that before. weight: BSDF
+    times cosine divided by the density. to: the direction, in the surface's frame. pdf: its density
+    [1/sr]. is_delta: whether it has none. drawn: the direction drawn toward an emitter; None if
+    none are drawn. active: whether the path goes on from here. receives: whether it is reflected
+    and then receives emission.
+    """
+
+    bsdf: mi.BSDFPtr
+    bounce: mi.UInt32
+    throughput: mi.Float
+    weight: mi.Float
+    to: mi.Vector3f
+    pdf: mi.Float
+    is_delta: mi.Bool
+    drawn: DrawnDirection | None
+    active: mi.Bool
+    receives: mi.Bool
+
+
+class Recorder:
+    """Base class of recorders. A recorder overrides the events that it needs.
+
+    needs_drawn_hit: whether the hit of a drawn direction must be known for every shape, not for
+    meshes only.
+    """
+
+    needs_drawn_hit = False
+
+    def begin(self, first: mi.PreliminaryIntersection3f, ray: mi.Ray3f, active) -> mi.Bool:
+        """Note the first hit; returns the paths that are followed."""
+        return active
+
+    def meet(self, bsdf: mi.BSDFPtr, wi: mi.Vector3f) -> None:
+        """Note the surface, seen from the direction `wi` in its frame."""
+
+    def emission(self, emission: Emission) -> None:
+        """Note radiance that reaches the sensor."""
+
+    def reflect(self, reflection: Reflection) -> None:
+        """Note a sampled direction."""
+
+    def turn(self) -> None:
+        """Note that the next ray was traced."""
+
+    def samples(self, L: mi.Float) -> dict:
+        """What was recorded, by name: one value for each path. L: radiance [W m^-2 sr^-1]."""
+        return {}
+
+
+@dataclass
+class Recorders:
+    """Several recorders, of which each is told of each event."""
+
+    parts: list
+
+    @property
+    def needs_drawn_hit(self) -> bool:
+        return any(part.needs_drawn_hit for part in self.parts)
+
+    def begin(self, first, ray, active) -> mi.Bool:
+        for part in self.parts:
+            active = part.begin(first, ray, active)
+        return active
+
+    def meet(self, bsdf, wi) -> None:
+        for part in self.parts:
+            part.meet(bsdf, wi)
+
+    def emission(self, emission: Emission) -> None:
+        for part in self.parts:
+            part.emission(emission)
+
+    def reflect(self, reflection: Reflection) -> None:
+        for part in self.parts:
+            part.reflect(reflection)
+
+    def turn(self) -> None:
+        for part in self.parts:
+            part.turn()
+
+    def samples(self, L) -> dict:
+        return {name: value for part in self.parts for name, value in part.samples(L).items()}
+
+    def of(self, kinds):
+        """The recorder of a class, or of one of several classes; None if there is none."""
+        return next((part for part in self.parts if isinstance(part, kinds)), None)
+
+    def without(self, kinds) -> "Recorders":
+        """The recorders that are not of these classes."""
+        return Recorders([part for part in self.parts if not isinstance(part, kinds)])

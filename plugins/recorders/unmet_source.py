@@ -1,0 +1,31 @@
+"""Recorder of what a source would add that no path has hit, for the error of a radiance."""
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+
+from mi_lcair.plugins.emission.emitter_table import EmitterTable
+from mi_lcair.plugins.recorders.recorder import Recorder, Reflection
+
+
+@dataclass
+class UnmetSource(Recorder):
+    """Largest contribution of a source that a path could have hit after a reflection.
+
+    The scatter of the paths' radiance cannot see a source that none of them has hit. Where emitters
+    are drawn, `EmitterTable.by_chance` bounds what one such hit would add.
+    """
+
+    emitters: EmitterTable
+    largest: mi.Float
+
+    @staticmethod
+    def of(emitters: EmitterTable) -> "UnmetSource":
+        return UnmetSource(emitters, mi.Float(0))
+
+    def reflect(self, reflection: Reflection) -> None:
+        throughput = reflection.throughput * reflection.weight
+        bound = self.emitters.by_chance(reflection.drawn, reflection.pdf, reflection.is_delta)
+        receives = reflection.receives & (reflection.weight != 0)
+        self.largest = dr.maximum(self.largest, dr.select(receives, throughput * bound, 0))
