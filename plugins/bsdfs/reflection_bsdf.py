@@ -16,7 +16,7 @@ from mi_lcair.physics.directional_table import over_the_hemisphere, read_directi
 from mi_lcair.physics.reflection.directions import SMALLEST, cos_theta, sample_cosine, sin2_theta
 from mi_lcair.plugins.beside_scene import beside_scene
 from mi_lcair.plugins.bsdfs.uniform_table import gather, interpolate, refine
-from mi_lcair.plugins.derivatives import attached, check_attached, children, flatten
+from mi_lcair.plugins.derivatives import attached, check_attached, children, flatten, own_memory
 from mi_lcair.plugins.properties import Property, read
 
 LOBES = ("brdf", "mirror", "diffuse")
@@ -329,7 +329,9 @@ def table_numbers(model: reflection.ReflectionModel, values: tuple, form: str) -
 def stored_tables(model: reflection.ReflectionModel, values: tuple, form: str) -> tuple:
     """`tables` without derivatives. values: the parameters, as Python's floats."""
     S, lobe = table_numbers(model, values, form)
-    return S.cast(mi.Float), mi.Float(lobe)
+    arrays = S.cast(mi.Float), mi.Float(lobe)
+    own_memory(flatten(arrays))
+    return arrays
 
 
 @lru_cache(maxsize=128)
