@@ -2,30 +2,22 @@
 
 import time
 from collections.abc import Mapping
-from functools import partial
 from os import PathLike
 
 import numpy as np
 
-from mi_lcair.camera.electronics.calibration import Correction, two_point
-from mi_lcair.camera.electronics.frames import Pattern, counts, frame, signal_of
-from mi_lcair.camera.electronics.response import (
-    apparent_temperature,
-    electron_band,
-    in_kelvin,
-)
-from mi_lcair.camera.exposure import detector_mean, exposure
+from mi_lcair.camera.camera import Camera
+from mi_lcair.camera.exposure import Exposure, detector_mean, exposure
 from mi_lcair.camera.image_result import Image
 from mi_lcair.camera.notes import header, remarks
-from mi_lcair.camera.optics import MARGIN, Optics
+from mi_lcair.camera.optics import MARGIN
 from mi_lcair.camera.quality import measured
-from mi_lcair.camera.range_table import backgrounds, fine_ranges, range_rows, table_ranges
+from mi_lcair.camera.range_table import RangedTarget, at_ranges, table_ranges
 from mi_lcair.camera.view import CameraView
 from mi_lcair.detection.scenario import Scenario, scenario_of
 from mi_lcair.detection.setting import setting_of
 from mi_lcair.errors import InputError
 from mi_lcair.fraction import fraction
-from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.imager import Imager
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.limits import GIB, available_memory
@@ -33,11 +25,6 @@ from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.rendering.views import View, hidden_share
 
-# Temperature of the blackbody whose spectrum weights the diffraction, K.
-DIFFRACTION_K = 300.0
-# Smallest temperature, K, at which the NETD is stated and the non-uniformity is corrected. It
-# stands for the background where that is colder, such as space.
-COLDEST_K = 100.0
 MOST_FRAMES = 10_000
 BYTES_PER_PIXEL = 400  # memory for a pixel of the frame beside its counts [bytes]
 
@@ -107,21 +94,14 @@ def recorded(scenario: Scenario, frames: int, seed: int, progress) -> Image:
             "integration_time_ms and well_Me in it"
         )
     setting = setting_of(scenario)
-    air, target, scene = setting.air, setting.target, setting.view
+    scene, target = setting.view, setting.target
     behind = setting.backdrop.at_sensor(observer.range_m)
-    air.check_covers(scene.band)
-    band = electron_band(setting.detector.band, imager, setting.detector.optics_transmittance)
+    setting.air.check_covers(scene.band)
+    check_frames(imager, frames)
+    camera = Camera.of(imager, setting.detector, behind, seed)
     view = CameraView.of(
         target, View(observer.azimuth_deg, observer.elevation_deg), observer.range_m, imager
     )
-    background = detector_mean(behind, band)
-    temperature = max(float(apparent_temperature(band, background)), COLDEST_K)
-    check_frames(imager, frames)
-    pattern = Pattern.of(imager, seed)
-    correction = two_point(imager, pattern, band, temperature, seed) if imager.nuc else Correction()
-
-    optics = Optics(imager, band, partial(spectral_radiance, temperature=DIFFRACTION_K))
-    optics.check_spread()
 
     rendering = time.perf_counter()
     bounces = max(scenario.render.max_bounces, default=scene.mi.integrator().max_bounces)
@@ -130,8 +110,8 @@ def recorded(scenario: Scenario, frames: int, seed: int, progress) -> Image:
             scene,
             view,
             scenario.render,
-            band,
-            air,
+            camera.band,
+            setting.air,
             behind,
             observer.range_m,
             scenario.atmosphere.extrapolate,
@@ -139,84 +119,78 @@ def recorded(scenario: Scenario, frames: int, seed: int, progress) -> Image:
         )
     render_seconds = time.perf_counter() - rendering
 
-    signal = background + framed(view, optics.seen(exposed.contrast))
-    signal = np.maximum(signal, 0)
-    error = np.sqrt(framed(view, optics.variance(exposed.error**2)))
-    radiance = detector_mean(behind, scene.band) + framed(view, optics.seen(exposed.radiance))
-    recorded_counts = np.array(
-        [counts(imager, frame(imager, pattern, signal, seed, k)) for k in range(frames)]
-    )
-    first = correction.applied(signal_of(imager, recorded_counts[0].astype(float)))
-    mean_temperature = apparent_temperature(band, signal)
-    share = framed(view, optics.seen(exposed.share))
-    channels = {
-        "apparent.Y": radiance,
-        "electrons.Y": signal,
-        "counts.Y": recorded_counts[0],
-        "temperature.Y": apparent_temperature(band, first),
-        "mean_temperature.Y": mean_temperature,
-        "stderr_K.Y": in_kelvin(band, signal, error),
-        "noise_K.Y": in_kelvin(band, signal, imager.noise(signal)),
-    }
+    radiance = detector_mean(behind, scene.band)
+    frame_counts, channels, share = developed(camera, view, exposed, radiance, frames)
     measures = measured(
-        imager,
-        band,
-        optics,
-        temperature,
-        background,
-        signal,
+        camera,
+        channels["electrons.Y"],
         share,
         channels["stderr_K.Y"],
         exposed.area / view.pixel_m**2,
-        seed,
     )
-    to_range = partial(
-        range_rows,
-        exposed,
-        optics,
-        scene.band,
-        band,
-        air,
-        noise=measures.noise,
-        snr=scenario.sensor.snr,
+    ranges, detected_to_m = at_ranges(
+        RangedTarget(camera, exposed, scene.band, setting.air, measures.noise, scenario.sensor.snr),
+        setting.backdrop,
+        table_ranges(setting.air, target.radius, observer.range_m),
     )
-    ranges, levels = backgrounds(
-        setting.backdrop, band, table_ranges(air, target.radius, observer.range_m)
-    )
-    fine = fine_ranges(ranges)
-    found = to_range(background=np.interp(fine, ranges, levels), ranges_m=fine)
-    detections = [row.range_m for row in found if row.detected]
+    hidden = hidden_share(scene, observer.range_m)
     return Image(
         scenario=scenario,
-        band=band,
-        counts=recorded_counts,
+        band=camera.band,
+        counts=frame_counts,
         channels={
             name: np.ascontiguousarray(values, dtype=np.float32)
             for name, values in channels.items()
         },
         header=header(scenario, scene, exposed, measures, bounces, frames, seed),
         measures=measures,
-        ranges=to_range(background=levels, ranges_m=ranges),
-        detected_to_m=max(detections, default=None),
+        ranges=ranges,
+        detected_to_m=detected_to_m,
         view=view,
-        mtf_parts=optics.parts(measures.mtf["frequency"]),
+        mtf_parts=camera.optics.parts(measures.mtf["frequency"]),
         exposure=exposed,
-        correction=correction,
+        correction=camera.correction,
         remarks=[
             *scene.remarks,
             *invalid_remark(exposed.invalid, exposed.paths),
-            *remarks(
-                imager,
-                view,
-                signal,
-                measures,
-                hidden_share(scene, observer.range_m),
-                exposed.reached,
-            ),
+            *remarks(imager, view, channels["electrons.Y"], measures, hidden, exposed.reached),
         ],
         seconds=time.perf_counter() - start,
         render_seconds=render_seconds,
     )
+
+
+def developed(
+    camera: Camera, view: CameraView, exposed: Exposure, radiance: float, frames: int
+) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]:
+    """What the optics and the electronics make of an exposure.
+
+    Parameters
+    ----------
+    camera, view, exposed : Camera, CameraView, Exposure
+    radiance : float
+        In-band radiance of the background, W m^-2 sr^-1.
+    frames : int
+        Number of frames.
+
+    Returns
+    -------
+    tuple
+        Counts (frames, H, W), the channels of `Image` in double precision, and the share of each
+        pixel that the target fills (H, W).
+    """
+    optics = camera.optics
+    signal = np.maximum(camera.background + framed(view, optics.seen(exposed.contrast)), 0)
+    error = np.sqrt(framed(view, optics.variance(exposed.error**2)))
+    frame_counts = camera.frames(signal, frames)
+    channels = {
+        "apparent.Y": radiance + framed(view, optics.seen(exposed.radiance)),
+        "electrons.Y": signal,
+        "counts.Y": frame_counts[0],
+        "temperature.Y": camera.temperatures(frame_counts[0]),
+        **camera.mean_temperatures(signal, error),
+    }
+    return frame_counts, channels, framed(view, optics.seen(exposed.share))
 
 
 def framed(view: CameraView, window) -> np.ndarray:

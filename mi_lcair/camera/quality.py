@@ -4,12 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mi_lcair.camera.camera import Camera
 from mi_lcair.camera.electronics.frames import saturated
 from mi_lcair.camera.electronics.response import electrons
 from mi_lcair.camera.measures import measured_mtf, measured_netd, netd, shot_noise_netd
-from mi_lcair.camera.optics import Optics
-from mi_lcair.physics.bands import Band
-from mi_lcair.physics.imager import Imager
 
 # Smallest noise of a pixel, in counts, that frames resolve. Below it the error of a count is not
 # the independent one that the closed form assumes.
@@ -78,60 +76,48 @@ class Measures:
 
 
 def measured(
-    imager: Imager,
-    band: Band,
-    optics: Optics,
-    temperature: float,
-    background: float,
-    signal,
-    share,
-    error_K,
+    camera: Camera,
+    signal: np.ndarray,
+    share: np.ndarray,
+    error_K: np.ndarray,
     pixels: float,
-    seed: int,
 ) -> Measures:
     """The measures of a camera and of the target in an image, see `Measures`.
 
     Parameters
     ----------
-    imager : Imager
-    band : Band
-        Band whose values are electrons.
-    optics : Optics
-    temperature : float
-        Temperature of the NETD, K.
-    background : float
-        Electrons of the background in a pixel.
+    camera : Camera
     signal, share, error_K : ndarray, shape (H, W)
         Mean electrons of each pixel, share of it that the target fills, and standard error of the
         rendering, K.
     pixels : float
         Number of pixels on the target.
-    seed : int
-        Seed of the frames of the uniform scene.
     """
+    imager, band, background = camera.imager, camera.band, camera.background
     pattern = 0.0
     if not imager.nuc:
         pattern = np.hypot(imager.gain_nonuniformity * background, imager.offset_nonuniformity_e)
     noise = float(np.hypot(imager.noise(background), pattern))
-    frequency, value = measured_mtf(optics)
+    frequency, value = measured_mtf(camera.optics)
     difference = signal - background
     on = share >= 0.5
     on = on if on.any() else share >= share.max()
     # The well must hold the uniform scene and its noise, and counts must resolve the noise
-    uniform_noise = imager.noise(electrons(band, temperature))
-    held = electrons(band, temperature) + imager.dark + 6 * uniform_noise < imager.well
+    uniform_signal = electrons(band, camera.temperature)
+    uniform_noise = imager.noise(uniform_signal)
+    held = uniform_signal + imager.dark + 6 * uniform_noise < imager.well
     resolved = uniform_noise > SMALLEST_NOISE * imager.electrons_per_count
     uniform = replace(imager, gain_nonuniformity=0.0, offset_nonuniformity_e=0.0)
     return Measures(
-        temperature=temperature,
+        temperature=camera.temperature,
         background=background,
         noise=noise,
-        netd=netd(imager, band, temperature),
-        netd_measured=measured_netd(uniform, band, temperature, seed)
+        netd=netd(imager, band, camera.temperature),
+        netd_measured=measured_netd(uniform, band, camera.temperature, camera.seed)
         if held and resolved
         else None,
-        netd_shot=float(shot_noise_netd(band, temperature)),
-        mtf={"frequency": frequency, "predicted": optics.mtf(frequency), "measured": value},
+        netd_shot=float(shot_noise_netd(band, camera.temperature)),
+        mtf={"frequency": frequency, "predicted": camera.optics.mtf(frequency), "measured": value},
         pixels=pixels,
         peak_snr=float(np.abs(difference).max() / noise),
         snr=float(np.sqrt(np.sum(difference**2)) / noise),

@@ -3,9 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from mi_lcair.camera.camera import Camera
 from mi_lcair.camera.exposure import Exposure, detector_mean
-from mi_lcair.camera.optics import Optics
 from mi_lcair.detection.irradiance import Backdrop
 from mi_lcair.errors import InputError
 from mi_lcair.physics.atmosphere import Atmosphere
@@ -35,18 +36,9 @@ class RangeRow:
     lacks: str
 
 
-def range_rows(
-    exposure: Exposure,
-    optics: Optics,
-    band: Band,
-    detector: Band,
-    air: Atmosphere,
-    background: np.ndarray,
-    noise: float,
-    snr: float,
-    ranges_m,
-) -> list[RangeRow]:
-    """The target at some ranges along the same line of sight.
+@dataclass(frozen=True)
+class RangedTarget:
+    """A target that a camera has rendered once, to be put at other ranges of its line of sight.
 
     The electrons of the whole target are E = sum of I(x) tau(x, R) response(x) / (w R^2), plus the
     path's less the background's that it hides, with the pixel's solid angle w. The ratio is that of
@@ -54,33 +46,66 @@ def range_rows(
     b pixels over which the camera spreads a point. It is exact for a point and for a large uniform
     target. A target with hot spots has more.
 
-    Parameters
+    Attributes
     ----------
+    camera : Camera
     exposure : Exposure
-    optics : Optics
-    band, detector : Band
-        Bands of the render, and of the camera, whose values are electrons.
+    band : Band
+        Band of the render.
     air : Atmosphere
-    background : ndarray, shape (r,)
-        Electrons of the background in a pixel, for a target at each range.
     noise : float
         Noise of a pixel, electrons.
     snr : float
         Ratio that a detection needs.
-    ranges_m : array_like, shape (r,)
     """
-    ranges_m = np.asarray(ranges_m, dtype=float)
-    arrival = Arrival.of(exposure.sources, band, detector, air, ranges_m, extrapolate=True)
-    contrast = arrival.of_parts(exposure.intensities) + exposure.area * (arrival.path - background)
-    covered = (ranges_m * optics.imager.pixel_angle) ** 2
-    electrons, pixels = contrast / covered, exposure.area / covered
-    ratio = np.abs(electrons) / (noise * np.sqrt(pixels + optics.noise_equivalent_pixels))
-    criteria = {"signal to noise": ratio >= snr, "pixels": pixels >= optics.imager.least_pixels}
-    rows = []
-    for k, row in enumerate(zip(ranges_m, pixels, electrons, ratio)):
-        lacking = [name for name, suffices in criteria.items() if not suffices[k]]
-        rows.append(RangeRow(*map(float, row), not lacking, " and ".join(lacking)))
-    return rows
+
+    camera: Camera
+    exposure: Exposure
+    band: Band
+    air: Atmosphere
+    noise: float
+    snr: float
+
+    def rows(self, ranges_m: ArrayLike, background: np.ndarray) -> list[RangeRow]:
+        """The target at some ranges.
+
+        ranges_m: ranges, m, (r,). background: electrons of the background in a pixel, for a target
+        at each range, (r,).
+        """
+        ranges_m = np.asarray(ranges_m, dtype=float)
+        camera, exposure = self.camera, self.exposure
+        arrival = Arrival.of(
+            exposure.sources, self.band, camera.band, self.air, ranges_m, extrapolate=True
+        )
+        seen = arrival.of_parts(exposure.intensities)
+        seen += exposure.area * (arrival.path - background)
+        covered = (ranges_m * camera.imager.pixel_angle) ** 2
+        electrons, pixels = seen / covered, exposure.area / covered
+        spread = np.sqrt(pixels + camera.optics.noise_equivalent_pixels)
+        ratio = np.abs(electrons) / (self.noise * spread)
+        criteria = {
+            "signal to noise": ratio >= self.snr,
+            "pixels": pixels >= camera.imager.least_pixels,
+        }
+        rows = []
+        for k, row in enumerate(zip(ranges_m, pixels, electrons, ratio)):
+            lacking = [name for name, suffices in criteria.items() if not suffices[k]]
+            rows.append(RangeRow(*map(float, row), not lacking, " and ".join(lacking)))
+        return rows
+
+
+def at_ranges(
+    target: RangedTarget, backdrop: Backdrop, ranges_m: np.ndarray
+) -> tuple[list[RangeRow], float | None]:
+    """The target at those ranges, m, at which the background is known.
+
+    The second value is the largest range at which it is detected, m; None for nowhere.
+    """
+    ranges, levels = backgrounds(backdrop, target.camera.band, ranges_m)
+    fine = fine_ranges(ranges)
+    fine_rows = target.rows(fine, np.interp(fine, ranges, levels))
+    detections = [row.range_m for row in fine_rows if row.detected]
+    return target.rows(ranges, levels), max(detections, default=None)
 
 
 def table_ranges(air: Atmosphere, radius_m: float, range_m: float) -> np.ndarray:

@@ -1,0 +1,96 @@
+"""A camera that looks at a background: its electrons, optics, fixed pattern and correction."""
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from mi_lcair.camera.electronics.calibration import Correction, two_point
+from mi_lcair.camera.electronics.frames import Pattern, counts, frame, signal_of
+from mi_lcair.camera.electronics.response import apparent_temperature, electron_band, in_kelvin
+from mi_lcair.camera.exposure import detector_mean
+from mi_lcair.camera.optics import Optics
+from mi_lcair.detection.irradiance import Backdrop
+from mi_lcair.physics.bands import Band
+from mi_lcair.physics.blackbody import spectral_radiance
+from mi_lcair.physics.detector import Detector
+from mi_lcair.physics.imager import Imager
+
+# Temperature of the blackbody whose spectrum weights the diffraction, K.
+DIFFRACTION_K = 300.0
+# Smallest temperature, K, at which the NETD is stated and the non-uniformity is corrected. It
+# stands for the background where that is colder, such as space.
+COLDEST_K = 100.0
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera that looks at a background.
+
+    Attributes
+    ----------
+    imager : Imager
+    band : Band
+        Band of the detector. Its in-band value of a spectral radiance is a number of electrons.
+    optics : Optics
+    background : float
+        Electrons of the background in a pixel.
+    temperature : float
+        Apparent temperature of the background, K, or COLDEST_K if that is more.
+    pattern : Pattern
+        Fixed pattern of the detector array.
+    correction : Correction
+        Non-uniformity correction, which changes nothing without `nuc`.
+    seed : int
+        Seed of the noise and of the fixed pattern.
+    """
+
+    imager: Imager
+    band: Band
+    optics: Optics
+    background: float
+    temperature: float
+    pattern: Pattern
+    correction: Correction
+    seed: int
+
+    @staticmethod
+    def of(imager: Imager, detector: Detector, behind: Backdrop, seed: int) -> "Camera":
+        """The camera with this detector in front of a background.
+
+        Raises InputError if the camera cannot be corrected, or spreads light too far.
+        """
+        band = electron_band(detector.band, imager, detector.optics_transmittance)
+        background = detector_mean(behind, band)
+        temperature = max(float(apparent_temperature(band, background)), COLDEST_K)
+        pattern, correction = Pattern.of(imager, seed), Correction()
+        if imager.nuc:
+            correction = two_point(imager, pattern, band, temperature, seed)
+        optics = Optics(imager, band, partial(spectral_radiance, temperature=DIFFRACTION_K))
+        optics.check_spread()
+        return Camera(imager, band, optics, background, temperature, pattern, correction, seed)
+
+    def frames(self, signal: np.ndarray, count: int) -> np.ndarray:
+        """Counts of frames of a scene with these mean electrons (H, W), (count, H, W)."""
+        return np.array(
+            [
+                counts(self.imager, frame(self.imager, self.pattern, signal, self.seed, number))
+                for number in range(count)
+            ]
+        )
+
+    def temperatures(self, frame_counts: np.ndarray) -> np.ndarray:
+        """Apparent temperatures, K, of a corrected frame of counts."""
+        recorded = signal_of(self.imager, frame_counts.astype(float))
+        return apparent_temperature(self.band, self.correction.applied(recorded))
+
+    def mean_temperatures(self, signal: np.ndarray, error: np.ndarray) -> dict[str, np.ndarray]:
+        """Channels, K, of the mean electrons of pixels, and of their standard error.
+
+        They are the apparent temperature, the rendering's standard error, and the noise in time.
+        """
+        return {
+            "mean_temperature.Y": apparent_temperature(self.band, signal),
+            "stderr_K.Y": in_kelvin(self.band, signal, error),
+            "noise_K.Y": in_kelvin(self.band, signal, self.imager.noise(signal)),
+        }
