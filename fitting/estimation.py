@@ -1,27 +1,25 @@
-"""`fit`, which determines a model's parameters from measurements, and its result `Fit`."""
+"""`fit`, which determines a model's parameters from measurements."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from os import PathLike
 from time import perf_counter
 
 import drjit as dr
 import numpy as np
 
-from mi_lcair.errors import InputError, unknown
-from mi_lcair.fitting import report
 from mi_lcair.fitting.cube import parameters_at
 from mi_lcair.fitting.data import Data, select, with_std
-from mi_lcair.fitting.loss import SCALES
+from mi_lcair.fitting.judgement.quality import quality
+from mi_lcair.fitting.judgement.verdict import judge
 from mi_lcair.fitting.model import Hemispherical
-from mi_lcair.fitting.quality import Quality, quality
+from mi_lcair.fitting.report import Fit
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
 from mi_lcair.fitting.scatterometer.reading import read, read_directional
 from mi_lcair.fitting.search import COARSE, Noise, compare, descend
-from mi_lcair.fitting.selection import AUTO, Candidate, Variant, variants
-from mi_lcair.fitting.verdict import judge
-from mi_lcair.physics.reflection import MODELS
+from mi_lcair.fitting.selection import AUTO, FittedVariant, Variant, variants
+from mi_lcair.fitting.settings import Settings
 from mi_lcair.progress import Progress, stepper
-from mi_lcair.results import Result
 
 CONVERGED = 1e-9  # relative gradient below which a fit is called converged
 JOINT_STARTS = 16  # largest number of starts of a fit with an emissivity or DHR
@@ -30,122 +28,6 @@ JOINT_STARTS = 16  # largest number of starts of a fit with an emissivity or DHR
 LARGEST_RMS_RATIO = 1.2
 # Angles at which the emissivity is predicted if none was measured [radians].
 EMISSIVITY_ANGLES = np.radians(np.arange(0.0, 86.0, 5.0))
-
-
-@dataclass(repr=False)
-class Fit(Result):
-    """Parameters of a surface, how well they are determined, and how they were found.
-
-    Attributes
-    ----------
-    parameters
-        Values by parameter name, in the model's units.
-    standard_error
-        Standard errors by parameter name.
-    interval
-        95 % intervals (low, high) by parameter name.
-    verdict
-        How well each parameter is determined, in words.
-    correlation
-        Correlation matrix of the parameters in their order, (n, n).
-    model, form
-        Names of the reflection model and of the form of its equations.
-    restriction
-        Name of the simpler case; None for the whole model.
-    rms_dex
-        Root mean square of log10(data / model) [decades].
-    used, used_points
-        Number of fitted points, and their mask over the measurements.
-    dropped
-        Number of points that were left out, by reason.
-    effective_points
-        Number of independent points that the correlated points are worth.
-    outliers
-        Number of points that lie far from the model.
-    converged, gradient_norm
-        Whether the minimum was reached, and the relative gradient there.
-    starts_in_basin
-        Share of the starts that reached this minimum.
-    candidates
-        The variants that were compared, one report each.
-    emissivity
-        Angles [radians] and the emissivities 1 - HDR that the model predicts there.
-    emissivity_rms
-        Root mean square error of the predicted emissivity up to the largest fitted angle; None
-        without a measured one.
-    seconds, compile_seconds
-        Time of the whole fit, and the part of it spent on compiling kernels.
-    settings
-        The settings of the fit.
-    quality
-        Whether the model describes the data, see `Quality`.
-    measurements, directional
-        The data, and the tables of "emissivity" and "dhr" that were given, by quantity.
-    """
-
-    parameters: dict[str, float]
-    standard_error: dict[str, float]
-    interval: dict[str, tuple[float, float]]
-    verdict: dict[str, str]
-    correlation: np.ndarray
-    model: str
-    form: str
-    restriction: str | None
-    rms_dex: float
-    used: int
-    used_points: np.ndarray
-    dropped: dict[str, int]
-    effective_points: float
-    outliers: int
-    converged: bool
-    gradient_norm: float
-    starts_in_basin: float
-    candidates: list[dict]
-    emissivity: tuple[np.ndarray, np.ndarray]
-    emissivity_rms: float | None
-    seconds: float
-    compile_seconds: float
-    settings: dict
-    quality: Quality
-    measurements: Measurements
-    directional: dict[str, DirectionalData]
-
-    kind = report.KIND
-    drawn_by = "mi_lcair.reports.pictures.fit:figure"
-
-    def summary(self) -> str:
-        """One line: model, surface, parameters with standard errors, misfit."""
-        values = ", ".join(
-            f"{name} {value:.4g} +- {self.standard_error[name]:.1g}"
-            for name, value in self.parameters.items()
-        )
-        judged = {True: "; LACK OF FIT", False: "", None: "; fit not judged"}
-        return (
-            f"fit of {self.model} to {self.measurements.name}: {values}; rms {self.rms_dex:.3g} "
-            f"decades{judged[self.quality.lack_of_fit]}"
-        )
-
-    def entries(self) -> dict:
-        """Entries of the JSON report, which is a material for scenes."""
-        return report.entries(self.measurements, self, self.directional)
-
-    def columns(self) -> dict[str, np.ndarray]:
-        """A row for each parameter: value, standard error, 95 % interval, unit and verdict.
-
-        The unit "1" is that of a number without one.
-        """
-        units = {own.name: own.unit for own in MODELS[self.model].parameters}
-        names = list(self.parameters)
-        low, high = np.array([self.interval[name] for name in names], dtype=float).T
-        return {
-            "parameter": np.array(names),
-            "value": np.array([self.parameters[name] for name in names], dtype=float),
-            "standard_error": np.array([self.standard_error[name] for name in names], dtype=float),
-            "low": low,
-            "high": high,
-            "unit": np.array([units[name] for name in names]),
-            "verdict": np.array([self.verdict[name] for name in names]),
-        }
 
 
 def fit(
@@ -215,90 +97,88 @@ def fit(
     began = perf_counter()
     if isinstance(measurements, (str, PathLike)):
         measurements = read(measurements, quantity, theta_r_positive)
-    if isinstance(emissivity, (str, PathLike)):
-        emissivity = read_directional(emissivity, "emissivity")
-    if isinstance(dhr, (str, PathLike)):
-        dhr = read_directional(dhr, "dhr")
-    half_angle = (
-        measurements.source_half_angle
-        if source_half_angle_deg is None
-        else np.radians(source_half_angle_deg)
-    )
-    compared = variants(model, form)
-    check_settings(starts, loss, max_angle_deg, min_brdf, half_angle)
-    sizes = {variant.model: len(variant.model.parameters) for variant in compared}
-    data, used, dropped = select(
-        measurements, loss, float(half_angle), max_angle_deg, min_brdf, min(sizes.values())
-    )
-    selected = data
-    compared = [variant for variant in compared if sizes[variant.model] <= data.points]
-    tables = [
-        with_std(table, quantity)
-        for table, quantity in ((emissivity, "emissivity"), (dhr, "dhr"))
+    directional = {
+        name: read_directional(table, name) if isinstance(table, (str, PathLike)) else table
+        for name, table in (("emissivity", emissivity), ("dhr", dhr))
         if table
-    ]
-    # This is the largest number of steps: the last comparison of a joint fit is not always needed.
-    joint_steps = len(compared) + sum(variant.restriction is None for variant in compared)
-    total = len(compared) + (joint_steps if tables else 0) + 1
-    data, best, candidates, noise, compile_seconds = search_variants(
-        data, compared, tables, starts, seed, robust, stepper(progress, total)
+    }
+    half_angle = measurements.source_half_angle
+    if source_half_angle_deg is not None:
+        half_angle = np.radians(source_half_angle_deg)
+    compared = variants(model, form)
+    settings = Settings(
+        model=model,
+        form=form,
+        starts=starts,
+        seed=seed,
+        loss=loss,
+        robust=robust,
+        max_angle_deg=max_angle_deg,
+        min_brdf=min_brdf,
+        half_angle=float(half_angle),
     )
-    certainty = judge(data, best, noise, robust)
-    fit_quality = quality(selected, best, robust, measurements.sigma_freedom)
+    fewest = min(len(variant.model.parameters) for variant in compared)
+    selected, used, dropped = select(
+        measurements, loss, settings.half_angle, max_angle_deg, min_brdf, fewest
+    )
+    compared = [v for v in compared if len(v.model.parameters) <= selected.points]
+    steps = largest_steps(compared, bool(directional))
+    search = searched(selected, compared, directional, settings, stepper(progress, steps))
+    certainty = judge(search.data, search.best, search.noise, robust)
+    fit_quality = quality(selected, search.best, robust, measurements.sigma_freedom)
     if progress:
-        progress(total, total)
-    theta = EMISSIVITY_ANGLES if emissivity is None else np.asarray(emissivity.theta, dtype=float)
-    chosen = best.variant
-    predicted = Hemispherical(chosen.model, chosen.form, theta, "emissivity")(best.u[None])[0][0]
+        progress(steps, steps)
     return Fit(
-        parameters=parameters_of(best),
         **certainty,
-        **names_of(chosen),
-        rms_dex=rms_dex(data, best),
-        used=data.points,
+        **described(search),
+        **emissivity_of(search.best, directional.get("emissivity"), max_angle_deg),
+        used=selected.points,
         used_points=used,
         dropped=dropped,
-        effective_points=noise.effective,
-        outliers=noise.outliers,
-        converged=bool(best.gradient < CONVERGED),
-        gradient_norm=best.gradient,
-        starts_in_basin=best.share,
-        candidates=[as_row(candidate, data, candidate is best) for candidate in candidates],
-        emissivity=(theta, predicted),
-        emissivity_rms=emissivity_error(emissivity, predicted, max_angle_deg),
-        seconds=perf_counter() - began,
-        compile_seconds=compile_seconds,
-        settings={
-            "model": model,
-            "form": form,
-            "starts": starts,
-            "seed": seed,
-            "loss": loss,
-            "robust": robust,
-            "max_angle_deg": max_angle_deg,
-            "min_brdf": min_brdf,
-            "source_half_angle_deg": float(np.degrees(half_angle)),
-            "joint": {
-                table.quantity: {"std_factor": data.std_factor} for table in data.directional
-            },
-        },
+        settings=settings.as_dict() | {"joint": search.joint},
         quality=fit_quality,
         measurements=measurements,
-        directional={
-            name: table for name, table in (("emissivity", emissivity), ("dhr", dhr)) if table
-        },
+        directional=directional,
+        seconds=perf_counter() - began,
     )
 
 
-def search_variants(
+@dataclass(frozen=True)
+class Search:
+    """What a search of all variants found.
+
+    Attributes
+    ----------
+    data
+        The BRDF points with the directional tables.
+    best, candidates
+        The chosen candidate, and all candidates.
+    noise
+        The noise that the chosen one leaves.
+    compile_seconds
+        Time spent on compiling kernels.
+    """
+
+    data: Data
+    best: FittedVariant
+    candidates: list[FittedVariant]
+    noise: Noise
+    compile_seconds: float
+
+    @property
+    def joint(self) -> dict[str, dict[str, float]]:
+        """The weights of the directional tables, by quantity."""
+        tables = self.data.directional
+        return {table.quantity: {"std_factor": self.data.std_factor} for table in tables}
+
+
+def searched(
     data: Data,
     compared: list[Variant],
-    tables: list[DirectionalData],
-    starts: int,
-    seed: int,
-    robust: bool,
-    step,
-) -> tuple[Data, Candidate, list[Candidate], Noise, float]:
+    directional: dict[str, DirectionalData],
+    settings: Settings,
+    step: Callable[[], None],
+) -> Search:
     """Search all variants, and join the directional tables to the BRDF points.
 
     Parameters
@@ -307,53 +187,36 @@ def search_variants(
         The BRDF points.
     compared
         Variants to compare, whole ones first.
-    tables
-        Directional tables to be fitted with the points; may be empty.
-    starts, seed, robust
-        As in `fit`.
+    directional
+        Directional tables to be fitted with the points, by quantity; may be empty.
+    settings
+        The settings of the fit.
     step
         Function that is called after each search.
-
-    Returns
-    -------
-    tuple
-        The data with the tables, the chosen candidate, all candidates, the noise, and the seconds
-        spent on compiling.
     """
     whole = [variant for variant in compared if variant.restriction is None]
+    tables = [with_std(table, quantity) for quantity, table in directional.items()]
     compile_seconds, candidates = warm_up(data, whole), []
     if tables:
         # The misfit of the BRDF alone gives the weight of a BRDF point beside an emissivity.
-        alone, candidates, noise = compare(data, whole, starts, seed, robust, step)
+        alone, candidates, noise = compare(data, whole, settings, step)
         largest_rms = LARGEST_RMS_RATIO * rms_dex(data, alone)
         data = data.jointly(noise.variance, tables)
         compile_seconds += warm_up(data, whole)
-        starts = min(starts, JOINT_STARTS)  # hemispherical integrals cost much more than BRDFs
-    best, candidates, noise = compare(data, compared, starts, seed, robust, step, candidates)
+        # Hemispherical integrals cost much more than BRDFs.
+        settings = replace(settings, starts=min(settings.starts, JOINT_STARTS))
+    best, candidates, noise = compare(data, compared, settings, step, candidates)
     if tables and rms_dex(data, best) > largest_rms:
         # The tables spoil the BRDF too much. They get less weight, and the search is repeated.
         data = relieved(data, best, largest_rms)
-        best, candidates, noise = compare(data, compared, starts, seed, robust, step, candidates)
-    return data, best, candidates, noise, compile_seconds
+        best, candidates, noise = compare(data, compared, settings, step, candidates)
+    return Search(data, best, candidates, noise, compile_seconds)
 
 
-def check_settings(starts, loss, max_angle_deg, min_brdf, half_angle) -> None:
-    """Raise InputError for the first setting that is out of its range."""
-    if loss not in SCALES:
-        raise unknown("loss", loss, list(SCALES))
-    for name, value, valid, right in (
-        ("starts", starts, starts >= 1, "at least 1"),
-        ("max_angle_deg", max_angle_deg, 0 < max_angle_deg <= 90, "in 0..90, 0 excluded"),
-        ("min_brdf", min_brdf, min_brdf >= 0, "at least 0"),
-        (
-            "source_half_angle_deg",
-            np.degrees(half_angle),
-            0 <= half_angle < 0.5 * np.pi,
-            "in 0..90, 90 excluded",
-        ),
-    ):
-        if not valid:
-            raise InputError(f"{name} = {value:g} is out of range; it must be {right}")
+def largest_steps(compared: list[Variant], is_joint: bool) -> int:
+    """Largest number of steps of a fit: the last comparison of a joint one is not always needed."""
+    whole = sum(variant.restriction is None for variant in compared)
+    return len(compared) + is_joint * (len(compared) + whole) + 1
 
 
 def warm_up(data: Data, variants: list[Variant]) -> float:
@@ -372,7 +235,7 @@ def warm_up(data: Data, variants: list[Variant]) -> float:
         )
 
 
-def relieved(data: Data, best: Candidate, most: float) -> Data:
+def relieved(data: Data, best: FittedVariant, most: float) -> Data:
     """Raise the tables' standard deviations until the BRDF's rms deviation is acceptable.
 
     A model that cannot describe both BRDF and tables fits both worse. This limits how much worse it
@@ -403,7 +266,7 @@ def relieved(data: Data, best: Candidate, most: float) -> Data:
     return data.with_std_factor(high)
 
 
-def rms_dex(data: Data, candidate: Candidate) -> float:
+def rms_dex(data: Data, candidate: FittedVariant) -> float:
     """Root mean square of log10(model / data) over the BRDF points [decades], for any loss."""
     f = data.residuals(candidate.variant).instrument(candidate.u[None])[0][0]
     return float(np.sqrt(np.mean(np.square(np.log10(np.maximum(f, 1e-30) / data.brdf)))))
@@ -415,21 +278,49 @@ def names_of(variant: Variant) -> dict[str, str | None]:
     return {"model": variant.model.name, "form": variant.form, "restriction": restriction}
 
 
-def parameters_of(candidate: Candidate) -> dict[str, float]:
+def parameters_of(candidate: FittedVariant) -> dict[str, float]:
     """A candidate's parameters by name."""
     model = candidate.variant.model
     return dict(zip(model.names, parameters_at(model, candidate.u[None])[0][0].tolist()))
 
 
-def as_row(candidate: Candidate, data: Data, chosen: bool) -> dict:
-    """The report on one candidate of the comparison."""
+def described(search: Search) -> dict:
+    """What a search found, as attributes of `Fit`."""
+    best, noise = search.best, search.noise
     return {
-        **names_of(candidate.variant),
-        "free_parameters": candidate.size,
-        "rms_dex": rms_dex(data, candidate),
-        "criterion": candidate.criterion,
-        "parameters": parameters_of(candidate),
-        "chosen": chosen,
+        **names_of(best.variant),
+        "parameters": parameters_of(best),
+        "rms_dex": rms_dex(search.data, best),
+        "effective_points": noise.effective,
+        "outliers": noise.outliers,
+        "converged": bool(best.gradient < CONVERGED),
+        "gradient_norm": best.gradient,
+        "starts_in_basin": best.share,
+        "candidates": [
+            {
+                **names_of(candidate.variant),
+                "free_parameters": candidate.size,
+                "rms_dex": rms_dex(search.data, candidate),
+                "criterion": candidate.criterion,
+                "parameters": parameters_of(candidate),
+                "chosen": candidate is best,
+            }
+            for candidate in search.candidates
+        ],
+        "compile_seconds": search.compile_seconds,
+    }
+
+
+def emissivity_of(
+    best: FittedVariant, measured: DirectionalData | None, max_angle_deg: float
+) -> dict:
+    """The predicted emissivity and its error, as attributes of `Fit`."""
+    theta = EMISSIVITY_ANGLES if measured is None else np.asarray(measured.theta, dtype=float)
+    model, form = best.variant.model, best.variant.form
+    predicted = Hemispherical(model, form, theta, "emissivity")(best.u[None])[0][0]
+    return {
+        "emissivity": (theta, predicted),
+        "emissivity_rms": emissivity_error(measured, predicted, max_angle_deg),
     }
 
 

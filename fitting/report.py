@@ -1,27 +1,174 @@
-"""Reports of fits in JSON, which scenes can use as materials."""
+"""The result `Fit`, and reports of fits in JSON, which scenes can use as materials."""
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
 import mi_lcair
 from mi_lcair.errors import InputError
-from mi_lcair.fitting.scatterometer.measurements import Measurements
+from mi_lcair.fitting.judgement.quality import Quality
+from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
+from mi_lcair.physics.reflection import MODELS
+from mi_lcair.results import Result
 
 KIND = "fit"  # value of the key `kind` in a fit's JSON file
 
 
-def as_dict(results) -> dict:
+@dataclass(repr=False)
+class Fit(Result):
+    """Parameters of a surface, how well they are determined, and how they were found.
+
+    Attributes
+    ----------
+    parameters
+        Values by parameter name, in the model's units.
+    standard_error
+        Standard errors by parameter name.
+    interval
+        95 % intervals (low, high) by parameter name.
+    verdict
+        How well each parameter is determined, in words.
+    correlation
+        Correlation matrix of the parameters in their order, (n, n).
+    model, form
+        Names of the reflection model and of the form of its equations.
+    restriction
+        Name of the simpler case; None for the whole model.
+    rms_dex
+        Root mean square of log10(data / model) [decades].
+    used, used_points
+        Number of fitted points, and their mask over the measurements.
+    dropped
+        Number of points that were left out, by reason.
+    effective_points
+        Number of independent points that the correlated points are worth.
+    outliers
+        Number of points that lie far from the model.
+    converged, gradient_norm
+        Whether the minimum was reached, and the relative gradient there.
+    starts_in_basin
+        Share of the starts that reached this minimum.
+    candidates
+        The variants that were compared, one report each.
+    emissivity
+        Angles [radians] and the emissivities 1 - HDR that the model predicts there.
+    emissivity_rms
+        Root mean square error of the predicted emissivity up to the largest fitted angle; None
+        without a measured one.
+    seconds, compile_seconds
+        Time of the whole fit, and the part of it spent on compiling kernels.
+    settings
+        The settings of the fit.
+    quality
+        Whether the model describes the data, see `Quality`.
+    measurements, directional
+        The data, and the tables of "emissivity" and "dhr" that were given, by quantity.
+    """
+
+    parameters: dict[str, float]
+    standard_error: dict[str, float]
+    interval: dict[str, tuple[float, float]]
+    verdict: dict[str, str]
+    correlation: np.ndarray
+    model: str
+    form: str
+    restriction: str | None
+    rms_dex: float
+    used: int
+    used_points: np.ndarray
+    dropped: dict[str, int]
+    effective_points: float
+    outliers: int
+    converged: bool
+    gradient_norm: float
+    starts_in_basin: float
+    candidates: list[dict]
+    emissivity: tuple[np.ndarray, np.ndarray]
+    emissivity_rms: float | None
+    seconds: float
+    compile_seconds: float
+    settings: dict
+    quality: Quality
+    measurements: Measurements
+    directional: dict[str, DirectionalData]
+
+    kind = KIND
+    drawn_by = "mi_lcair.reports.pictures.fit:figure"
+
+    def summary(self) -> str:
+        """One line: model, surface, parameters with standard errors, misfit."""
+        values = ", ".join(
+            f"{name} {value:.4g} +- {self.standard_error[name]:.1g}"
+            for name, value in self.parameters.items()
+        )
+        judged = {True: "; LACK OF FIT", False: "", None: "; fit not judged"}
+        return (
+            f"fit of {self.model} to {self.measurements.name}: {values}; rms {self.rms_dex:.3g} "
+            f"decades{judged[self.quality.lack_of_fit]}"
+        )
+
+    def entries(self) -> dict:
+        """Entries of the JSON report, which is a material for scenes."""
+        theta, emissivity = self.emissivity
+        measured = self.directional.get("emissivity")
+        alike = (
+            *("model", "parameters", "form", "restriction", "standard_error", "interval"),
+            *("verdict", "correlation", "rms_dex", "quality", "used", "dropped"),
+            *("effective_points", "outliers", "converged", "gradient_norm", "starts_in_basin"),
+            "candidates",
+        )
+        return {
+            "name": self.measurements.name,
+            "band": band_name(self.measurements),
+            "band_um": self.measurements.band_um,
+            **{name: getattr(self, name) for name in alike},
+            "quality": asdict(self.quality),
+            "dropped": self.measurements.dropped | self.dropped,
+            "emissivity": {
+                "theta_deg": np.degrees(theta),
+                "predicted": emissivity,
+                "measured": measured and measured.value,
+                "rms_error": self.emissivity_rms,
+            },
+            "settings": {
+                "min_brdf_per_sr" if key == "min_brdf" else key: value
+                for key, value in self.settings.items()
+            },
+            "reading": self.measurements.reading,
+            "source": self.measurements.source
+            + [source for data in self.directional.values() for source in data.source],
+            "version": mi_lcair.__version__,
+        }
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """A row for each parameter: value, standard error, 95 % interval, unit and verdict.
+
+        The unit "1" is that of a number without one.
+        """
+        units = {parameter.name: parameter.unit for parameter in MODELS[self.model].parameters}
+        names = list(self.parameters)
+        low, high = np.array([self.interval[name] for name in names], dtype=float).T
+        return {
+            "parameter": np.array(names),
+            "value": np.array([self.parameters[name] for name in names], dtype=float),
+            "standard_error": np.array([self.standard_error[name] for name in names], dtype=float),
+            "low": low,
+            "high": high,
+            "unit": np.array([units[name] for name in names]),
+            "verdict": np.array([self.verdict[name] for name in names]),
+        }
+
+
+def as_dict(fits: list[Fit]) -> dict:
     """The report on one fit or on several.
 
     The keys `model`, `parameters`, `form` and `band` make a report a material. Times are left out,
     so that the same data and settings give the same report.
 
-    results: tuples (Measurements, Fit, {quantity: DirectionalData}). Returns the report of a single
-    fit, or {"kind": "fit", "materials": {band: report}} for several.
+    Returns the report of a single fit, or {"kind": "fit", "materials": {band: report}} for several.
     """
-    reports = [{"kind": KIND, **entries(*result)} for result in results]
+    reports = [{"kind": KIND, **fit.entries()} for fit in fits]
     return (
         reports[0]
         if len(reports) == 1
@@ -36,8 +183,8 @@ def bands(report: dict) -> list[str]:
     file holds no fit.
     """
     reports = report.get("materials", {"": report})
-    found = [own.get("band") for own in reports.values() if isinstance(own, dict)]
-    return [band for band in found if isinstance(band, str)]
+    stated = [entry.get("band") for entry in reports.values() if isinstance(entry, dict)]
+    return [band for band in stated if isinstance(band, str)]
 
 
 def to_json(report: dict) -> str:
@@ -78,46 +225,3 @@ def check_bands(measurements: list[Measurements]) -> None:
                 f"scans of one surface into one file, and fit different surfaces one by one"
             )
         file_of_band[band] = file
-
-
-def entries(measurements: Measurements, fit, directional: dict) -> dict:
-    """Entries of the report on one fit, after `kind`."""
-    theta, emissivity = fit.emissivity
-    measured = directional.get("emissivity")
-    return {
-        "name": measurements.name,
-        "band": band_name(measurements),
-        "band_um": measurements.band_um,
-        "model": fit.model,
-        "parameters": fit.parameters,
-        "form": fit.form,
-        "restriction": fit.restriction,
-        "standard_error": fit.standard_error,
-        "interval": fit.interval,
-        "verdict": fit.verdict,
-        "correlation": fit.correlation,
-        "rms_dex": fit.rms_dex,
-        "quality": asdict(fit.quality),
-        "used": fit.used,
-        "dropped": measurements.dropped | fit.dropped,
-        "effective_points": fit.effective_points,
-        "outliers": fit.outliers,
-        "converged": fit.converged,
-        "gradient_norm": fit.gradient_norm,
-        "starts_in_basin": fit.starts_in_basin,
-        "candidates": fit.candidates,
-        "emissivity": {
-            "theta_deg": np.degrees(theta),
-            "predicted": emissivity,
-            "measured": measured and measured.value,
-            "rms_error": fit.emissivity_rms,
-        },
-        "settings": {
-            "min_brdf_per_sr" if key == "min_brdf" else key: value
-            for key, value in fit.settings.items()
-        },
-        "reading": measurements.reading,
-        "source": measurements.source
-        + [source for data in directional.values() for source in data.source],
-        "version": mi_lcair.__version__,
-    }

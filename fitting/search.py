@@ -6,9 +6,10 @@ import numpy as np
 
 from mi_lcair.fitting.data import Data
 from mi_lcair.fitting.descent import ROUND_OFF, explore, levenberg_marquardt
+from mi_lcair.fitting.judgement.uncertainty import effective_count
 from mi_lcair.fitting.loss import Cauchy
-from mi_lcair.fitting.selection import Candidate, Variant, choose, criterion
-from mi_lcair.fitting.uncertainty import effective_count
+from mi_lcair.fitting.selection import FittedVariant, Variant, choose, criterion
+from mi_lcair.fitting.settings import Settings
 
 # Relative gradient at which the descents from all starts stop. The best then continues to
 # round-off.
@@ -25,7 +26,7 @@ FAR = 4.0
 ROUND_OFF_DEX = 1e-9  # rounding error of a residual [decades]
 
 
-@dataclass
+@dataclass(frozen=True)
 class Noise:
     """The noise of the residuals of a fit.
 
@@ -55,8 +56,8 @@ class Noise:
 
 
 def compare(
-    data: Data, variants: list[Variant], starts: int, seed: int, robust: bool, step, before=()
-) -> tuple[Candidate, list[Candidate], Noise]:
+    data: Data, variants: list[Variant], settings: Settings, step, before=()
+) -> tuple[FittedVariant, list[FittedVariant], Noise]:
     """Search each variant and choose the one that the data require.
 
     A restricted variant starts from few random points, and from the minimum of the whole variant.
@@ -67,10 +68,8 @@ def compare(
         The data of the fit.
     variants
         Variants to compare, whole ones first.
-    starts, seed
-        Number of random starts, and their seed.
-    robust
-        Whether outliers get little weight.
+    settings
+        The settings of the fit.
     step
         Function that is called after each search.
     before
@@ -79,12 +78,12 @@ def compare(
     Returns
     -------
     tuple
-        The chosen `Candidate`, all candidates, and the `Noise` that the chosen one leaves.
+        The chosen `FittedVariant`, all candidates, and the `Noise` that the chosen one leaves.
     """
     candidates = []
     for variant in variants:
-        count = min(starts, FEW_STARTS) if variant.restriction else starts
-        start = variant.model.starting_points(count, seed)
+        count = min(settings.starts, FEW_STARTS) if variant.restriction else settings.starts
+        start = variant.model.starting_points(count, settings.seed)
         near = [
             candidate.u
             for candidate in (*before, *candidates)
@@ -94,7 +93,7 @@ def compare(
         step()
     best = min(candidates, key=lambda candidate: candidate.cost)
     c = None
-    if robust:
+    if settings.robust:
         # The scale c of the loss depends on the residuals of the best fit, and these depend on c.
         for _ in range(ROBUST_ROUNDS):
             rows = data.residuals(best.variant)(best.u[None])[0][0]
@@ -114,7 +113,7 @@ def compare(
     return chosen, candidates, assess(data, chosen, c)
 
 
-def search(data: Data, variant: Variant, start: np.ndarray) -> Candidate:
+def search(data: Data, variant: Variant, start: np.ndarray) -> FittedVariant:
     """The lowest minimum of a variant that is found from the starts (m, n)."""
     free, start = variant.free, variant.restrict(start)
     residuals = point = data.residuals(variant)
@@ -128,7 +127,7 @@ def search(data: Data, variant: Variant, start: np.ndarray) -> Candidate:
         best = minima.u[np.argsort(minima.cost, kind="stable")[:APERTURE_STARTS]]
         minima = levenberg_marquardt(residuals, best, free, tolerance=COARSE)
     best = int(np.argmin(minima.cost))
-    return Candidate(
+    return FittedVariant(
         variant,
         residuals,
         minima.u[best],
@@ -138,7 +137,7 @@ def search(data: Data, variant: Variant, start: np.ndarray) -> Candidate:
     )
 
 
-def descend(candidate: Candidate, residuals, tolerance: float) -> Candidate:
+def descend(candidate: FittedVariant, residuals, tolerance: float) -> FittedVariant:
     """Continue a candidate to the nearest minimum of `residuals`, up to the relative gradient."""
     minimum = levenberg_marquardt(
         residuals, candidate.u[None], candidate.variant.free, tolerance=tolerance
@@ -152,7 +151,7 @@ def descend(candidate: Candidate, residuals, tolerance: float) -> Candidate:
     )
 
 
-def assess(data: Data, candidate: Candidate, c: float | None = None) -> Noise:
+def assess(data: Data, candidate: FittedVariant, c: float | None = None) -> Noise:
     """The noise in the residuals of a candidate.
 
     The variance of the BRDF rows is that of the residuals. It is at least 1 if the rows are in

@@ -40,7 +40,7 @@ class Variant:
 
 
 @dataclass
-class Candidate:
+class FittedVariant:
     """A variant at its minimum.
 
     Attributes
@@ -81,10 +81,10 @@ def variants(model_name: str, form: str) -> list[Variant]:
     """
     models = list(MODELS.values()) if model_name == AUTO else [model(model_name)]
     whole = [
-        Variant(candidate_model, own_form)
-        for candidate_model in models
-        for own_form in candidate_model.forms
-        if form in (AUTO, own_form)
+        Variant(compared, name)
+        for compared in models
+        for name in compared.forms
+        if form in (AUTO, name)
     ]
     if not whole:
         known = "; ".join(f"{listed.name} has {', '.join(listed.forms)}" for listed in models)
@@ -97,7 +97,7 @@ def variants(model_name: str, form: str) -> list[Variant]:
     ]
 
 
-def criterion(candidate: Candidate, rows: int, effective: float) -> float:
+def criterion(candidate: FittedVariant, rows: int, effective: float) -> float:
     """Bayesian information criterion, n ln(sum of squares / rows) + k ln n.
 
     k is the number of free parameters.
@@ -120,7 +120,7 @@ def criterion(candidate: Candidate, rows: int, effective: float) -> float:
     return effective * np.log(mean) + candidate.size * np.log(effective)
 
 
-def choose(candidates: list[Candidate], criteria) -> int:
+def choose(candidates: list[FittedVariant], criteria) -> int:
     """Index of the simplest candidate that is not significantly worse than the best.
 
     Of several equally simple candidates, it is the one with the lower criterion.

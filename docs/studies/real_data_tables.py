@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mi_lcair.fitting.estimation import Fit
+from mi_lcair.fitting.report import Fit
 from mi_lcair.physics.reflection import MODELS
 from mi_lcair.reports.pictures.fit import model_of
 

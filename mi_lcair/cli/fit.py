@@ -158,12 +158,11 @@ def command(
             fit(data, **directional, **settings, progress=progress)
             for data, directional in zip(measurements, joint)
         ]
-    results = list(zip(measurements, fits, joint))
-    result = report.as_dict(results)
+    result = report.as_dict(fits)
     if plot:
         from mi_lcair.reports.pictures.fit import save_plot
 
-        save_plot(plot, results)
+        save_plot(plot, list(zip(measurements, fits, joint)))
     if output:
         with replacing(output) as partial:
             partial.write_text(report.to_json(result), encoding="utf-8")

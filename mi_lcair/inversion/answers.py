@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from scipy import stats
 
-from mi_lcair.fitting.verdict import UNDETERMINED
+from mi_lcair.fitting.judgement.verdict import UNDETERMINED
 from mi_lcair.inversion.prediction import Block, product
 from mi_lcair.inversion.unknowns import Unknown
 

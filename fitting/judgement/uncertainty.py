@@ -1,10 +1,14 @@
 """Uncertainty of the parameters of a fit: covariance and profile intervals."""
 
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
 from scipy import stats
 
 from mi_lcair.fitting.cube import parameters_at
 from mi_lcair.fitting.descent import levenberg_marquardt
+from mi_lcair.physics.reflection.interface import ReflectionModel
 
 CONFIDENCE = 0.95  # probability that an interval contains the parameter
 # Distances from the minimum at which profiles are computed [standard errors].
@@ -63,56 +67,75 @@ def effective_count(rows, theta_i, theta_r, fewest: int = 1) -> tuple[float, flo
     return float(max(count, fewest)), correlation
 
 
-def cube_covariance(slopes, free, variance: float):
-    """Covariance (n, n) of the coordinates.
+@dataclass(frozen=True)
+class Linearized:
+    """A fit near its minimum, where the rows are linear in the coordinates.
 
-    The prior of a coordinate is uniform in 0..1, so that the covariance is finite even if the data
-    do not determine the coordinate. Arguments are those of `covariance`.
-    """
-    slopes = slopes * free
-    prior = 12 * np.eye(len(free))  # a uniform coordinate has the variance 1/12
-    return np.linalg.inv(slopes.T @ slopes / variance + prior) * np.outer(free, free)
+    The prior of a coordinate is uniform in 0..1, so that its covariance is finite even if the data
+    do not determine it.
 
-
-def covariance(model, slopes, u, free, variance: float, level) -> np.ndarray:
-    """Covariance of the parameters at a minimum.
-
-    Parameters
+    Attributes
     ----------
     model
         The reflection model.
-    slopes
-        Derivatives of the rows with respect to the coordinates, (r, n).
     u
         Coordinates of the minimum, (n,).
     free
         Mask of the coordinates that the variant lets move, (n,).
+    slopes
+        Derivatives of the rows with respect to the coordinates, (r, n).
     variance
         Variance of a row.
     level
         Change of the rows for one standard deviation of the common scale of all BRDFs, (r,). This
         error does not average out over the points.
-
-    Returns
-    -------
-    numpy.ndarray
-        Covariance, (n, n); 0 for coordinates that are not free.
     """
-    cube = cube_covariance(slopes, free, variance)
-    shift = cube @ (slopes.T @ level) / variance
-    derivative = parameters_at(model, u[None])[1][0] * free
-    return derivative @ (cube + np.outer(shift, shift)) @ derivative.T
 
+    model: ReflectionModel
+    u: np.ndarray
+    free: np.ndarray
+    slopes: np.ndarray
+    variance: float
+    level: np.ndarray
 
-def level_shift(model, slopes, u, free, variance: float, level) -> np.ndarray:
-    """Largest change of the parameters (n,) for one standard deviation of the BRDFs' common scale.
+    @cached_property
+    def parameters(self) -> np.ndarray:
+        """Parameters at the minimum, (n,)."""
+        return parameters_at(self.model, self.u[None])[0][0]
 
-    It is computed with finite steps in both directions, so that a parameter at a bound can leave
-    it. Arguments are those of `covariance`.
-    """
-    shift = cube_covariance(slopes, free, variance) @ (slopes.T @ level) / variance
-    ends = parameters_at(model, np.clip([u, u + shift, u - shift], 0, 1))[0]
-    return np.max(np.abs(ends[1:] - ends[0]), axis=0)
+    @cached_property
+    def cube_covariance(self) -> np.ndarray:
+        """Covariance of the coordinates, (n, n), without the error of the common scale."""
+        slopes = self.slopes * self.free
+        prior = 12 * np.eye(len(self.free))  # a uniform coordinate has the variance 1/12
+        inverse = np.linalg.inv(slopes.T @ slopes / self.variance + prior)
+        return inverse * np.outer(self.free, self.free)
+
+    @cached_property
+    def shift(self) -> np.ndarray:
+        """Change of the coordinates (n,) for one standard deviation of the common scale."""
+        return self.cube_covariance @ (self.slopes.T @ self.level) / self.variance
+
+    def covariance(self, with_level: bool = True) -> np.ndarray:
+        """Covariance of the parameters, (n, n); 0 for coordinates that are not free.
+
+        with_level: whether the error of the common scale is part of it.
+        """
+        cube = self.cube_covariance
+        if with_level:
+            cube = cube + np.outer(self.shift, self.shift)
+        derivative = parameters_at(self.model, self.u[None])[1][0] * self.free
+        return derivative @ cube @ derivative.T
+
+    def level_shift(self) -> np.ndarray:
+        """Largest change of the parameters (n,) for one standard deviation of the common scale.
+
+        It is computed with finite steps in both directions, so that a parameter at a bound can
+        leave it.
+        """
+        steps = np.clip([self.u, self.u + self.shift, self.u - self.shift], 0, 1)
+        ends = parameters_at(self.model, steps)[0]
+        return np.max(np.abs(ends[1:] - ends[0]), axis=0)
 
 
 def standard_errors(model, matrix) -> np.ndarray:
@@ -162,43 +185,38 @@ class Held:
 
 
 def profile_intervals(
-    model, residuals, u, cost: float, free, matrix, variance: float, dof: float, systematic
+    near: Linearized, residuals, cost: float, curvature: float, dof: float
 ) -> np.ndarray:
     """Confidence intervals: how far each parameter can move while the others are refitted.
 
-    Within an interval the cost rises by at most variance t^2 / 2, with Student's t.
+    Within an interval the cost rises by at most variance t^2 / 2, with Student's t. The error of
+    the common scale is added in squares.
 
     Parameters
     ----------
-    model
-        The reflection model.
-    residuals
-        Residuals that were minimized.
-    u, cost
-        Coordinates (n,) and cost of the minimum.
-    free
-        Mask of the coordinates that the chosen variant lets move, (n,).
-    matrix
-        Covariance of the parameters, (n, n).
-    variance
-        Variance of a row.
+    near
+        The fit near its minimum.
+    residuals, cost
+        Residuals that were minimized, and the cost at the minimum.
+    curvature
+        Mean second derivative of a row's loss, 1 for squares.
     dof
         Degrees of freedom.
-    systematic
-        Standard errors from the common scale of the BRDFs, (n,). They are added in squares.
 
     Returns
     -------
     numpy.ndarray
         Lower and upper ends of the intervals, (n, 2).
     """
-    best, errors = parameters_at(model, u[None])[0][0], standard_errors(model, matrix)
+    model, best, matrix = near.model, near.parameters, near.covariance(with_level=False)
+    errors, variance = standard_errors(model, matrix), near.variance * curvature
+    systematic = near.level_shift()
     lower, upper = model.feasible_range(best)
     t = stats.t.ppf(0.5 + CONFIDENCE / 2, dof)
     which, side, distance = profile_lanes(best, errors, lower, upper)
     value = best[which] + side * distance
     start = np.stack([neighbour(model, best, matrix, k, target) for k, target in zip(which, value)])
-    may_move = free | (np.arange(len(best)) == which[:, None])
+    may_move = near.free | (np.arange(len(best)) == which[:, None])
     stiffness = 1e4 * np.sqrt(variance) / distance
     # All points of all profiles are refitted at once, with one parameter held in each lane.
     minima = levenberg_marquardt(
@@ -212,16 +230,16 @@ def profile_intervals(
     intervals = np.column_stack([lower, upper])
     for k in range(len(best)):
         for column, sign in ((0, -1), (1, 1)):
-            chosen = (which == k) & (side == sign)
-            if not chosen.any():
+            profile = (which == k) & (side == sign)
+            if not profile.any():
                 continue
             # The first point of the profile at which the rise exceeds t.
-            reached = np.flatnonzero(np.append(rise[chosen], np.inf) > t)[0]
-            if reached == chosen.sum():
+            reached = np.flatnonzero(np.append(rise[profile], np.inf) > t)[0]
+            if reached == profile.sum():
                 continue  # there is none: the interval ends at the parameter's bound
             # The end of the interval is interpolated linearly between this point and the one
             # before.
-            x, y = np.append(0, distance[chosen]), np.append(0, rise[chosen])
+            x, y = np.append(0, distance[profile]), np.append(0, rise[profile])
             width = x[reached] + (t - y[reached]) * (x[reached + 1] - x[reached]) / (
                 y[reached + 1] - y[reached]
             )

@@ -4,11 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mi_lcair.fitting.cube import parameters_at
-from mi_lcair.fitting.uncertainty import (
+from mi_lcair.fitting.judgement.uncertainty import (
+    Linearized,
     correlation,
-    covariance,
-    level_shift,
     profile_intervals,
     standard_errors,
 )
@@ -39,7 +37,7 @@ def judge(data, candidate, noise, robust: bool) -> dict:
     data
         The `Data` of the fit.
     candidate
-        The chosen `Candidate` at its minimum.
+        The chosen `FittedVariant` at its minimum.
     noise
         The `Noise` that the candidate leaves.
     robust
@@ -50,25 +48,19 @@ def judge(data, candidate, noise, robust: bool) -> dict:
     dict
         standard_error, interval and verdict by parameter name, and the correlation matrix (n, n).
     """
-    u, model, free = candidate.u, candidate.variant.model, candidate.variant.free
+    model, u = candidate.variant.model, candidate.u
     residuals = data.residuals(candidate.variant)
-    slopes = residuals(u[None])[1][0]
-    level = data.per_decade(residuals.instrument(u[None])[0][0]) * noise.level_dex
-    matrix = covariance(model, slopes, u, free, noise.variance, level)
-    alone = covariance(model, slopes, u, free, noise.variance, 0 * level)
-    dof = max(noise.effective - candidate.size, LEAST_DOF)
-    intervals = profile_intervals(
-        model,
-        candidate.residuals,
-        u,
-        candidate.cost,
-        free,
-        alone,
-        noise.variance * noise.curvature,
-        dof,
-        level_shift(model, slopes, u, free, noise.variance, level),
+    near = Linearized(
+        model=model,
+        u=u,
+        free=candidate.variant.free,
+        slopes=residuals(u[None])[1][0],
+        variance=noise.variance,
+        level=data.per_decade(residuals.instrument(u[None])[0][0]) * noise.level_dex,
     )
-    values = parameters_at(model, u[None])[0][0]
+    matrix, values = near.covariance(), near.parameters
+    dof = max(noise.effective - candidate.size, LEAST_DOF)
+    intervals = profile_intervals(near, candidate.residuals, candidate.cost, noise.curvature, dof)
     bounds, at_bounds = np.stack(model.feasible_range(values), axis=1), model.bound_names(u)
     errors = np.where(
         [name is not None for name in at_bounds] | (np.diag(matrix) == 0),

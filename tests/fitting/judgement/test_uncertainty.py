@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import curve_fit
 
-from mi_lcair.fitting.uncertainty import effective_count
+from mi_lcair.fitting.judgement.uncertainty import effective_count
 from tests.fitting.numpy_model import brdf
 from tests.fitting.synthetic import NAMES, ROUGH, fit, scan
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mi_lcair.fitting.quality import NEGLIGIBLE_DEX, judged
+from mi_lcair.fitting.judgement.quality import NEGLIGIBLE_DEX, judged
 from mi_lcair.fitting.scatterometer.measurements import Measurements
 from mi_lcair.fitting.scatterometer.reading import pool
 from mi_lcair.physics.reflection import MODELS

@@ -15,8 +15,8 @@ import numpy as np
 from scipy import stats
 
 from mi_lcair.fitting.data import Data
-from mi_lcair.fitting.selection import Candidate
-from mi_lcair.fitting.uncertainty import BY_CHANCE, neighbour_correlation
+from mi_lcair.fitting.judgement.uncertainty import BY_CHANCE, neighbour_correlation
+from mi_lcair.fitting.selection import FittedVariant
 
 SIGNIFICANCE = 0.001  # probability of a false alarm of the test of chi-square
 # Largest reduced chi-square that is no lack of fit if the standard deviations come from repeats.
@@ -63,7 +63,9 @@ class Quality:
     systematic_dex: float
 
 
-def quality(data: Data, best: Candidate, robust: bool, sigma_freedom: float = np.inf) -> Quality:
+def quality(
+    data: Data, best: FittedVariant, robust: bool, sigma_freedom: float = np.inf
+) -> Quality:
     """The `Quality` of a candidate at its minimum.
 
     Parameters

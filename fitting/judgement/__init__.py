@@ -1,0 +1,1 @@
+"""Whether a model describes the data, and how well these determine its parameters."""
