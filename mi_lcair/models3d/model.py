@@ -151,9 +151,10 @@ def read(
             f"scale {scale:g} must be positive: metres in the file's unit of length, such as 0.001"
         )
     is_solution = bool(temperatures) and Path(temperatures).suffix.lower() == ".json"
+    table_of_temperatures = None if is_solution or not temperatures else Path(temperatures)
     if temperature is not None:
         temperature = kelvin(f"{temperature:.9g}")
-        if temperatures and not is_solution:
+        if table_of_temperatures:
             raise InputError("--temperature and --temperatures exclude each other; give one")
     kind, usual = exchange.KINDS.get(Path(path).suffix.lower(), ("OBJ", axes.AS_BLENDER))
     turn = axes.rotation(forward or usual[0], up or usual[1], nose)
@@ -164,62 +165,75 @@ def read(
         table,
         materials=known,
         material=material,
-        has_temperatures=bool(temperatures) and not is_solution,
+        has_temperatures=table_of_temperatures is not None,
         temperature=temperature,
     )
-    remarks = _remarks(obj, labels, label, table, ask_axes=kind != "glTF" and not (forward or up))
-    if temperatures and not is_solution:
-        kelvins = _read_temperatures(Path(temperatures), len(label))
+    if table_of_temperatures:
+        kelvins = _read_temperatures(table_of_temperatures, len(label))
     else:
         kelvins = np.array([entry.temperature for entry in labels])[label]
     if is_solution:
         kelvins = _solved_temperatures(Path(temperatures), kelvins)
+    return Model(
+        **_welded(obj, scale, turn),
+        labels=labels,
+        label=label,
+        temperature=kelvins,
+        remarks=_remarks(obj, labels, label, table, kind != "glTF" and not (forward or up)),
+    )
 
+
+def _welded(obj: Obj, scale: float, turn: np.ndarray) -> dict:
+    """The geometry of a Model, from the faces of a file, its unit [m] and a rotation (3, 3).
+
+    Raises InputError for faces that are too far away, that cross themselves or have no area.
+    """
     vertices = obj.vertices * scale
     if (turn != np.eye(3)).any():
         vertices = vertices @ turn.T
-    used = np.zeros(len(vertices), bool)
-    used[obj.corners] = True
-    used = np.flatnonzero(used)
-    if abs(vertices[used]).max() > FARTHEST:
-        raise InputError(
-            f"{path}: a corner lies {abs(vertices[used]).max():g} m from the origin, "
-            f"more than {FARTHEST:g} m; see --scale"
-        )
+    used = np.unique(obj.corners)
     away, size = abs(vertices[used]).max(), np.ptp(vertices[used], axis=0).max()
+    if away > FARTHEST:
+        raise InputError(
+            f"{obj.path}: a corner lies {away:g} m from the origin, more than {FARTHEST:g} m; see "
+            "--scale"
+        )
     if away > SIZES_AWAY * size > 0:
         raise InputError(
-            f"{path}: the model, {size:g} m in size, lies {away:g} m from the origin, too far for "
-            "the renderer's single precision; move it to the origin"
+            f"{obj.path}: the model, {size:g} m in size, lies {away:g} m from the origin, too far "
+            "for the renderer's single precision; move it to the origin"
         )
     weld_to = np.arange(len(vertices))
     weld_to[used] = used[weld(vertices[used])]
     corners = weld_to[obj.corners]
     triangles, triangle_facet, off_plane, crossed = triangulate(vertices, corners, obj.first)
     if crossed.any():
-        size = int(np.diff(obj.first)[crossed.argmax()])
-        if size > MOST_CLIPPED:
-            raise InputError(
-                f"{obj.place(crossed.argmax())}: the face has {size} corners and is "
-                f"not convex; split it into polygons of at most {MOST_CLIPPED}"
-            )
-        raise InputError(
-            f"{obj.place(crossed.argmax())}: the face crosses itself or folds back "
-            f"on itself{_others(int(crossed.sum()) - 1)}; split it into simple polygons"
-        )
+        raise _crossed(obj, crossed)
     if len(triangles) == 0:
-        raise InputError(f"{path}: no face has an area; all corners of each lie on a line")
-    return Model(
-        vertices,
-        corners,
-        obj.first,
-        labels,
-        label,
-        kelvins,
-        triangles,
-        triangle_facet,
-        off_plane,
-        remarks,
+        raise InputError(f"{obj.path}: no face has an area; all corners of each lie on a line")
+    return {
+        "vertices": vertices,
+        "corners": corners,
+        "first": obj.first,
+        "triangles": triangles,
+        "triangle_facet": triangle_facet,
+        "off_plane": off_plane,
+    }
+
+
+def _crossed(obj, crossed):
+    """The error for faces, in a mask, that `triangulate` cannot divide."""
+    place, size = obj.place(crossed.argmax()), int(np.diff(obj.first)[crossed.argmax()])
+    if size > MOST_CLIPPED:
+        return InputError(
+            f"{place}: the face has {size} corners and is not convex; split it into polygons of at "
+            f"most {MOST_CLIPPED}"
+        )
+    more = int(crossed.sum()) - 1
+    others = f" ({more} more do{'es' * (more == 1)})" if more else ""
+    return InputError(
+        f"{place}: the face crosses itself or folds back on itself{others}; split it into simple "
+        "polygons"
     )
 
 
@@ -228,8 +242,8 @@ def _remarks(obj: Obj, labels, label, table, ask_axes):
     lines = []
     if ask_axes:
         of_model = np.array([entry.type == "f" for entry in labels])[label]
-        chosen = np.repeat(of_model | ~of_model.any(), np.diff(obj.first))
-        points = obj.vertices[np.unique(obj.corners[chosen])]
+        judged = np.repeat(of_model | ~of_model.any(), np.diff(obj.first))
+        points = obj.vertices[np.unique(obj.corners[judged])]
         lines.append(axes.remark(points, obj.blender))
     if table and (unused := table.unused()):
         lines.append(f"{table.path}: nothing in {obj.path} is called {', '.join(unused)}")
@@ -268,26 +282,22 @@ def _solved_temperatures(path, given):
     """The labels' temperatures `given` (F,), with those of facets in an inversion's solution."""
     try:
         data = [entry["facets"] for entry in json.loads(read_text(path))["data"]]
-        groups = [own for of_datum in data for own in of_datum.values()]
-        found = [(int(facet), float(value)) for own in groups for facet, value in own.items()]
+        groups = [facets for of_datum in data for facets in of_datum.values()]
+        solved = [(int(facet), float(value)) for group in groups for facet, value in group.items()]
     except (ValueError, RecursionError, KeyError, TypeError, AttributeError):
         raise InputError(f"{path}: is no solution of an inversion; a table needs .csv") from None
-    if not found:
+    if not solved:
         raise InputError(f"{path}: has no temperatures of facets; make GROUP.facets unknown")
     temperature = given.copy()
-    for facet, value in dict(found).items():
+    for facet, value in dict(solved).items():
         if not 0 <= facet < len(given):
             raise InputError(
                 f"{path}: facet {facet} does not exist; facets are numbered 0..{len(given) - 1}"
             )
         temperature[facet] = kelvin(f"{value:.9g}")
-    several = {facet for facet, value in found if dict(found)[facet] != value}
+    several = {facet for facet, value in solved if dict(solved)[facet] != value}
     if several:
         raise InputError(
             f"{path}: facet {min(several)} has several temperatures, one for each state"
         )
     return temperature
-
-
-def _others(count):
-    return f" ({count} more do{'es' * (count == 1)})" if count else ""
