@@ -6,7 +6,7 @@ from functools import partial
 from io import BytesIO
 
 from mi_lcair.errors import printable
-from mi_lcair.files import check_suffix, replacing
+from mi_lcair.files import check_suffix, write_bytes
 
 NOTEBOOK_DPI = 75  # pixels per inch of a picture in a notebook
 LONGEST = 120  # characters of a name in a title or legend
@@ -50,9 +50,11 @@ def write_figure(figure, path) -> None:
 
     suffix = check_suffix(path, PICTURES)
     settings = {"svg.fonttype": "none", "svg.hashsalt": "mi_lcair", "pdf.fonttype": 42}
-    with warnings.catch_warnings(), rc_context(settings), replacing(path) as partial:
+    content = BytesIO()
+    with warnings.catch_warnings(), rc_context(settings):
         warnings.filterwarnings("ignore", message="Glyph .* missing from")  # it is drawn as a box
-        figure.savefig(partial, format=suffix[1:], metadata=NO_DATE[suffix])
+        figure.savefig(content, format=suffix[1:], metadata=NO_DATE[suffix])
+    write_bytes(path, content.getvalue())
 
 
 @contextmanager

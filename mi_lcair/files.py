@@ -1,19 +1,30 @@
 """Reading of whole files, and writing of files that appear completely or not at all."""
 
+import json
 import os
 import re
-import shutil
 import stat
-from contextlib import contextmanager
+import tomllib
+from contextlib import contextmanager, nullcontext
+from contextvars import ContextVar
 from pathlib import Path
 
 from mi_lcair.errors import InputError
-from mi_lcair.interrupts import held_back
+from mi_lcair.interrupts import held_back, remove, temporary
 
 LARGEST = 2**28  # largest size of a text file [bytes]
 LARGEST_MESH = 2**34  # largest size of a mesh, an image or another file of numbers [bytes]
+DEEPEST = 64  # largest number of dots in a key of a TOML file, whose time grows with its square
+PART = ".part"  # suffix of temporary files and folders
 # Characters of Latin-1 that do not occur in a text file.
 NO_TEXT = re.compile(r"[\x00-\x08\x0e-\x1f\x7f-\x9f]")
+DEEP_KEY = re.compile(
+    r"""(?<![\w-])(?:(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+)"""
+    f"{{{DEEPEST + 1}}}"
+)
+
+# Within a block of `together`: the temporary path of each written file, and what it replaces.
+_waiting: ContextVar[dict[Path, Path] | None] = ContextVar("_waiting", default=None)
 
 
 def check_file(path: Path, largest: int = LARGEST_MESH, what: str = "") -> None:
@@ -80,6 +91,33 @@ def revision(path: str | Path) -> tuple[int, int] | None:
     return status.st_mtime_ns, status.st_size
 
 
+def parse_toml(text: str, what: str) -> dict:
+    """The tables of a text in TOML; raises InputError for any other text.
+
+    what: name of the text in messages.
+    """
+    if DEEP_KEY.search(text):
+        raise InputError(f"{what}: a key has more than {DEEPEST} dots")
+    return _parsed(tomllib.loads, text, what)
+
+
+def parse_json(text: str, what: str):
+    """The value of a text in JSON; raises InputError for any other text.
+
+    what: name of the text in messages.
+    """
+    return _parsed(json.loads, text, what)
+
+
+def _parsed(parse, text: str, what: str):
+    try:
+        return parse(text)
+    except RecursionError:
+        raise InputError(f"{what}: nested too deeply") from None
+    except ValueError as error:
+        raise InputError(f"{what}: {error}") from None
+
+
 def check_suffix(path: str | Path, suffixes, what: str = "output") -> str:
     """The suffix of a path in lower case; raises InputError if it is none of `suffixes`.
 
@@ -98,20 +136,21 @@ def check_writable(path: str | Path) -> None:
 
     The check leaves no file behind. It is fast, so a command can do it before it renders.
     """
-    path = Path(path)
+    target = _target(path)
     try:
-        if path.exists() and not path.is_file():
+        if target.exists() and not target.is_file():
             raise InputError(f"output '{path}' is not a file; name a file to write")
-        if not path.parent.is_dir():
+        if not target.parent.is_dir():
             raise InputError(
-                f"output folder '{path.parent}' does not exist; create it or name another"
+                f"output folder '{target.parent}' does not exist; create it or name another"
             )
         # Only an attempt is reliable, because permission bits do not account for root and for
         # read-only file systems.
-        probe = _partial(path)
+        probe = _partial(target)
         with held_back():
-            probe.touch()
-            probe.unlink()
+            if not probe.exists():  # otherwise it waits for the end of a block of `together`
+                probe.touch()
+                probe.unlink()
     except OSError as error:
         raise InputError(
             f"cannot write '{path}': {error.strerror}; name a folder that can be written"
@@ -122,17 +161,60 @@ def check_writable(path: str | Path) -> None:
 def replacing(path: str | Path):
     """Context manager that gives a temporary path, which replaces `path` at the end of the block.
 
-    If the block is interrupted, also by Ctrl-C, the temporary file is removed and `path` is not
-    changed. Raises InputError if `path` cannot be written.
+    Within a block of `together` it replaces `path` at the end of that block. If the block is
+    interrupted, also by Ctrl-C, the temporary file is removed and `path` is not changed. Where
+    `path` is a link, the file that it points to is replaced. Temporary files that earlier processes
+    left behind when they were killed are removed.
+
+    Raises
+    ------
+    InputError
+        If `path` cannot be written.
+    OSError
+        With the name `path`, if the disk is full or the folder vanishes.
     """
     check_writable(path)
-    partial = _partial(Path(path))
+    target = _target(path)
+    _remove_abandoned(target)
+    partial, waiting = _partial(target), _waiting.get()
+    with together() if waiting is None else nullcontext(waiting) as waiting, _naming(path, partial):
+        waiting[partial] = target
+        temporary.add(partial)
+        try:
+            yield partial
+        except BaseException:
+            del waiting[partial]
+            _discard(partial)
+            raise
+
+
+def write_bytes(path: str | Path, content: bytes) -> None:
+    """Write a file, completely or not at all; raises as `replacing`.
+
+    A library that writes to memory first raises no errors of its own on a full disk.
+    """
+    with replacing(path) as partial:
+        partial.write_bytes(content)
+
+
+@contextmanager
+def together():
+    """Context manager: what `replacing` writes within the block appears at the end of the block.
+
+    All files appear, or none if the block is interrupted. They must not be read within the block.
+    """
+    waiting = {}  # temporary path of each file, and the path that it replaces
+    token = _waiting.set(waiting)
     try:
-        yield partial
-        os.replace(partial, path)
-    finally:
+        yield waiting
         with held_back():
-            partial.unlink(missing_ok=True)
+            for partial, target in waiting.items():
+                with _naming(target, partial):
+                    os.replace(partial, target)
+    finally:
+        _waiting.reset(token)
+        for partial in waiting:
+            _discard(partial)
 
 
 @contextmanager
@@ -142,7 +224,7 @@ def filling(folder: str | Path):
     `folder` is created if it does not exist. Other files in it are not changed. If the block is
     interrupted, nothing is left behind. Raises InputError if `folder` cannot be written.
     """
-    folder = Path(folder)
+    folder = _target(folder)
     if folder.exists() and not folder.is_dir():
         raise InputError(f"output '{folder}' is not a folder; name a folder to write to")
     if not folder.resolve().parent.is_dir():
@@ -150,8 +232,11 @@ def filling(folder: str | Path):
             f"output folder '{folder.parent}' does not exist; create it or name another"
         )
     is_new = not folder.exists()
-    partial = _partial(folder if is_new else folder / "files")
+    written = folder if is_new else folder / "files"
+    partial = _partial(written)
+    temporary.add(partial)
     try:
+        _remove_abandoned(written)
         partial.mkdir()
         yield partial
         if is_new:
@@ -172,9 +257,63 @@ def filling(folder: str | Path):
             f"cannot write '{folder}': {error.strerror}; name a folder that can be written"
         ) from error
     finally:
-        with held_back():
-            shutil.rmtree(partial, ignore_errors=True)
+        _discard(partial)
+
+
+@contextmanager
+def _naming(path, partial: Path):
+    """Context manager: errors of the temporary file name the file that it is to replace."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is None or error.filename not in (None, str(partial)):
+            raise
+        raise OSError(error.errno, error.strerror, str(path)) from None
+    except RuntimeError as error:  # OpenEXR's
+        if str(partial) not in str(error):
+            raise
+        raise RuntimeError(str(error).replace(str(partial), str(path))) from None
+
+
+def _target(path: str | Path) -> Path:
+    """The file that is written for a path: where the path is a link, what it points to."""
+    return Path(os.path.realpath(path) if os.path.islink(path) else path)
 
 
 def _partial(path: Path) -> Path:
-    return path.with_name(f".{path.name}.{os.getpid()}.part")
+    """Temporary path of this process beside a file or folder."""
+    return path.with_name(f".{path.name}.{os.getpid()}{PART}")
+
+
+def _remove_abandoned(path: Path) -> None:
+    """Remove the temporary files and folders of `path` whose processes have ended."""
+    beginning = f".{path.name}."
+    with os.scandir(path.parent) as entries:
+        names = [
+            entry.name
+            for entry in entries
+            if entry.name.startswith(beginning) and entry.name.endswith(PART)
+        ]
+    for name in names:
+        process = name[len(beginning) : -len(PART)]
+        if process.isdecimal() and not _is_alive(int(process)):
+            remove(path.with_name(name))
+
+
+def _discard(partial: Path) -> None:
+    with held_back():
+        remove(partial)
+        temporary.discard(partial)
+
+
+def _is_alive(process: int) -> bool:
+    """Whether a process of this machine has the number; True where that cannot be asked."""
+    if os.name != "posix":
+        return True
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except OSError:  # it belongs to another user
+        return True
+    return True

@@ -15,7 +15,18 @@ import pytest
 import mi_lcair
 from mi_lcair.drawing import drawing
 from mi_lcair.errors import InputError
-from mi_lcair.files import check_file, check_writable, filling, read_text, replacing
+from mi_lcair.files import (
+    DEEPEST,
+    check_file,
+    check_writable,
+    filling,
+    parse_json,
+    parse_toml,
+    read_text,
+    replacing,
+    together,
+)
+from mi_lcair.formats import tiff
 from mi_lcair.rendering.image import write_exr
 from mi_lcair.rendering.views import View
 from mi_lcair.signatures.trend_file import TrendFile
@@ -38,6 +49,10 @@ def png(path):
         figure.subplots().imshow(np.random.default_rng(0).random((256, 256)))
 
 
+def tif(path):
+    tiff.write(path, np.random.default_rng(0).integers(0, 60000, (256, 256)).astype(np.uint16))
+
+
 def trend(path):
     views = tuple(View(float(azimuth), 0.0) for azimuth in range(360))
     file = TrendFile(path, {"scene": "x"}, [(0, views)])
@@ -50,28 +65,37 @@ def trend(path):
 
 
 @contextmanager
-def full_disk():
-    """Within: no file of this process grows beyond LIMIT.
+def full_disk(limit=LIMIT):
+    """Within: no file of this process grows beyond a limit.
 
     It ends before the test does, because pytest itself may write its report into a longer file.
     """
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (LIMIT, before[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, before[1]))
     try:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-@pytest.mark.parametrize("write", [text, exr, png, trend])
+@pytest.mark.parametrize("write", [text, exr, png, tif, trend])
 def test_a_full_disk(tmp_path, write):
-    """An error, the old file as it was, and nothing beside it."""
+    """An error that names the file, the old file as it was, and nothing beside it."""
     path = tmp_path / "file.png"
     path.write_text("old")
-    with pytest.raises((OSError, RuntimeError)), full_disk():
+    with pytest.raises((OSError, RuntimeError)) as raised, full_disk():
         write(path)
+    assert str(path) in str(raised.value) and ".part" not in str(raised.value)
     assert [file.name for file in tmp_path.iterdir()] == ["file.png"]
     assert path.read_text() == "old"
+
+
+def test_a_disk_that_is_full_before_a_picture_begins(tmp_path):
+    """Matplotlib would say that its stream has no position."""
+    full = pytest.raises(OSError, match=r"file\.pdf")
+    with full, full_disk(0), drawing(tmp_path / "file.pdf", (8, 8)) as figure:
+        figure.subplots().plot([0, 1])
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_full_disk_while_a_folder_is_filled(tmp_path):
@@ -103,19 +127,40 @@ def test_a_folder_that_vanishes(tmp_path, write, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_kill_9_while_a_file_is_written(tmp_path):
-    """The old file stays; what was begun lies hidden beside it, under another name."""
+WRITING = """
+import time
+from mi_lcair.files import filling, replacing
+with {writer} as partial:
+    {write}
+    print('writing', flush=True)
+    time.sleep(60)
+"""
+
+
+def write_all(folder):
+    """Write what the processes below write."""
+    with replacing(folder / "out.csv") as partial:
+        partial.write_text("old")
+    with filling(folder / "new"), filling(folder / "old"):
+        pass
+    (folder / "new").rmdir()
+
+
+@pytest.mark.parametrize(
+    "writer, write",
+    [
+        ("replacing('out.csv')", "partial.write_text('half')"),
+        ("filling('new')", "(partial / 'a').write_text('half')"),
+        ("filling('old')", "(partial / 'a').write_text('half')"),
+    ],
+)
+def test_kill_9_while_a_file_is_written(tmp_path, writer, write):
+    """The old file stays; what was begun lies hidden beside it, until it is written again."""
     (tmp_path / "out.csv").write_text("old")
-    code = (
-        "import time\n"
-        "from mi_lcair.files import replacing\n"
-        "with replacing('out.csv') as partial:\n"
-        "    partial.write_text('half')\n"
-        "    print('writing', flush=True)\n"
-        "    time.sleep(60)\n"
-    )
+    (tmp_path / "old").mkdir()
+    before = sorted(tmp_path.rglob("*"))
     process = subprocess.Popen(
-        [sys.executable, "-c", code],
+        [sys.executable, "-c", WRITING.format(writer=writer, write=write)],
         stdout=subprocess.PIPE,
         text=True,
         cwd=tmp_path,
@@ -123,9 +168,81 @@ def test_kill_9_while_a_file_is_written(tmp_path):
     )
     with process:
         assert process.stdout.readline() == "writing\n"
+        during = sorted(tmp_path.rglob("*"))
+        write_all(tmp_path)
+        kept = set(during) <= set(tmp_path.rglob("*"))
         process.send_signal(signal.SIGKILL)
+    assert kept, "files of a process that still writes were removed"
     assert (tmp_path / "out.csv").read_text() == "old"
-    assert all(file.name.startswith(".") for file in tmp_path.iterdir() if file.name != "out.csv")
+    abandoned = [path for path in tmp_path.rglob("*") if path not in before]
+    assert abandoned and all(".part" in str(path) for path in abandoned)
+    write_all(tmp_path)
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_files_that_appear_together(tmp_path):
+    """Also the file that is written twice; not those of a block that fails."""
+    first, second = tmp_path / "first.png", tmp_path / "second"
+    with together():
+        for content in ("a", "b"):
+            with replacing(second) as partial:
+                partial.write_text(content)
+            check_writable(second)
+        with drawing(first, (1, 1)):
+            pass
+        assert not first.exists() and not second.exists()
+    assert first.read_bytes() and second.read_text() == "b"
+    with pytest.raises(KeyboardInterrupt), together():
+        with replacing(second) as partial:
+            partial.write_text("new")
+        raise KeyboardInterrupt
+    with together(), pytest.raises(KeyError), replacing(second) as partial:
+        partial.write_text("new")
+        raise KeyError
+    assert second.read_text() == "b" and sorted(tmp_path.iterdir()) == [first, second]
+
+
+def test_a_link_is_written_through(tmp_path):
+    """The file that an output points to is replaced, and the link stays."""
+    (tmp_path / "data").mkdir()
+    target = tmp_path / "data" / "file"
+    target.write_text("old")
+    link, to_folder = tmp_path / "link", tmp_path / "folder"
+    link.symlink_to(target)
+    to_folder.symlink_to(tmp_path / "data")
+    with replacing(link) as partial:
+        partial.write_text("new")
+    assert link.is_symlink() and target.read_text() == "new"
+    with filling(to_folder) as partial:
+        (partial / "file").write_text("newer")
+    assert to_folder.is_symlink() and target.read_text() == "newer"
+    target.unlink()
+    with replacing(link) as partial:
+        partial.write_text("newest")
+    assert link.is_symlink() and target.read_text() == "newest"
+    assert [file.name for file in target.parent.iterdir()] == ["file"]
+
+
+@pytest.mark.parametrize("part", ["a", '"a b"', "'a.b'", r'"\""', "a "])
+@pytest.mark.parametrize("place", ["{}=1", "[{}]", "x = {{ {} = 1 }}"])
+def test_a_key_with_very_many_parts(part, place):
+    """The time of Python's parser grows with their square: 50,000 took more than a minute."""
+    long = ".".join([part] * 50_000)
+    with pytest.raises(InputError, match=f"x: a key has more than {DEEPEST} dots"):
+        parse_toml(place.format(long), "x")
+    assert parse_toml(place.format(".".join([part] * (DEEPEST + 1))), "x")
+
+
+def test_dots_that_are_no_key():
+    numbers = ",".join(["1.5"] * 1000)
+    text = f"a = [{numbers}]\nb = '{'. ' * 1000}'"
+    assert parse_toml(text, "x")["a"] == [1.5] * 1000
+
+
+def test_texts_that_are_nested_deeply():
+    for parse, text in ((parse_json, "[" * 10**5), (parse_toml, "a = " + "[" * 10**5)):
+        with pytest.raises(InputError, match="^x: nested too deeply$"):
+            parse(text, "x")
 
 
 def test_what_cannot_be_written_is_refused_before(tmp_path):

@@ -117,3 +117,45 @@ def test_a_signal_that_is_ignored_stays_ignored(tmp_path):
         tmp_path,
     )
     assert (done.stdout, done.stderr) == ("goes on\n", "")
+
+
+BUSY = """
+import time
+from pathlib import Path
+from mi_lcair import interrupts
+from mi_lcair.files import filling, replacing
+interrupts.install()
+interrupts.end_soon()
+with replacing('file') as partial, filling('folder') as folder:
+    partial.write_text('half')
+    (folder / 'file').write_text('half')
+    Path('busy.py').write_text('import time; print("busy", flush=True); time.sleep(300)')
+    {step}
+"""
+
+
+@pytest.mark.parametrize(
+    "step",
+    [
+        "print('busy', flush=True); import hashlib; hashlib.pbkdf2_hmac('sha512', b'', b'', 10**9)",
+        "import sys; sys.path.append('.'); import busy",
+        "print('busy', flush=True)\n    while True:\n"
+        "        try: time.sleep(300)\n        except KeyboardInterrupt: pass",
+    ],
+    ids=["a long step of a library", "a long import", "a library that catches the exception"],
+)
+def test_a_program_that_does_not_answer(tmp_path, step):
+    """It ends, says so, and leaves no temporary files."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", BUSY.format(step=step)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=ENVIRONMENT,
+        cwd=tmp_path,
+    )
+    assert process.stdout.readline() == "busy\n"
+    process.send_signal(signal.SIGTERM)
+    _, errors = process.communicate(timeout=60)
+    assert (process.returncode, errors) == (130, "mi-lcair: interrupted\n")
+    assert {path.name for path in tmp_path.iterdir()} <= {"busy.py", "__pycache__"}

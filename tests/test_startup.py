@@ -279,6 +279,61 @@ def test_a_disk_without_room(tmp_path, monkeypatch, caplog):
     assert caplog.messages[-1].endswith("kernels are compiled anew in each run")
 
 
+@pytest.fixture
+def temporary_cache(tmp_path, monkeypatch):
+    """The predictable folder that takes the place of a cache that cannot be written."""
+    no_folder = tmp_path / "file"
+    no_folder.touch()
+    monkeypatch.setenv(kernel_cache.VARIABLE, str(no_folder))
+    monkeypatch.setattr(kernel_cache.tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(kernel_cache.atexit, "register", lambda *call, **options: None)
+    return tmp_path / f"drjit-{os.getuid()}"
+
+
+def prepared() -> Path:
+    kernel_cache.prepare()
+    return Path(os.environ[kernel_cache.VARIABLE])
+
+
+def test_a_cache_among_the_temporary_files_is_private(temporary_cache):
+    for _ in range(2):
+        assert prepared() == temporary_cache
+        assert temporary_cache.stat().st_mode & 0o777 == 0o700
+
+
+@pytest.mark.parametrize("mode", [0o777, 0o755, 0o770])
+def test_a_cache_that_others_may_enter(temporary_cache, mode):
+    """Compiled kernels are run: a folder that others prepared is not used."""
+    temporary_cache.mkdir()
+    temporary_cache.chmod(mode)
+    folder = prepared()
+    assert folder != temporary_cache and folder.stat().st_mode & 0o777 == 0o700
+
+
+def test_a_cache_that_is_a_link_or_a_file(temporary_cache, tmp_path):
+    (tmp_path / "elsewhere").mkdir(mode=0o700)
+    for target in ("elsewhere", "nowhere"):
+        temporary_cache.symlink_to(tmp_path / target)
+        assert prepared().resolve() not in (temporary_cache, tmp_path / target)
+        temporary_cache.unlink()
+    temporary_cache.touch()
+    assert prepared().is_dir()
+
+
+def test_a_cache_of_another_user(temporary_cache, monkeypatch):
+    temporary_cache.mkdir(mode=0o700)
+    lstat = Path.lstat
+    other = lambda path: SimpleNamespace(st_mode=lstat(path).st_mode, st_uid=os.getuid() + 1)
+    monkeypatch.setattr(Path, "lstat", other)
+    assert prepared() != temporary_cache
+
+
+def test_a_cache_that_all_users_may_write(tmp_path):
+    (tmp_path / "open").mkdir()
+    (tmp_path / "open").chmod(0o777)
+    assert "all users may write there" in kernel_cache.trouble(tmp_path / "open")
+
+
 @pytest.mark.skipif(os.getuid() == 0, reason="root may write anywhere")
 def test_a_cache_that_is_read_only(tmp_path, monkeypatch):
     tmp_path.chmod(0o500)

@@ -12,9 +12,11 @@ import sys
 import click
 
 import mi_lcair
+from mi_lcair import interrupts
 from mi_lcair.cli.output import quiet_option, warnings_as_notes
 from mi_lcair.cli.usage import completion  # noqa: F401  registers its script for Bash
 from mi_lcair.errors import InputError, mitsuba_error, printable, unknown
+from mi_lcair.interrupts import INTERRUPTED
 
 # Module of each command, by what the commands are for.
 PURPOSES = {
@@ -44,7 +46,7 @@ PURPOSES = {
     },
 }
 COMMANDS = {name: module for group in PURPOSES.values() for name, module in group.items()}
-FAILED, UNUSABLE, INTERRUPTED = 1, 2, 130
+FAILED, UNUSABLE = 1, 2
 
 
 class Main(click.Group):
@@ -85,7 +87,10 @@ class Main(click.Group):
             if os.environ.get("MI_LCAIR_DEBUG"):
                 raise
             status, message = _verdict(error)
-            click.echo(f"mi-lcair: {printable(message)}", err=True)
+            if status == INTERRUPTED:
+                interrupts.announce()
+            else:
+                click.echo(f"mi-lcair: {printable(message)}", err=True)
         sys.exit(status)
 
 

@@ -10,7 +10,7 @@ from mi_lcair.cli.output import note, print_columns, print_json, print_written
 from mi_lcair.cli.usage.examples import examples
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
-from mi_lcair.files import check_writable, replacing
+from mi_lcair.files import check_writable, replacing, together
 from mi_lcair.physics.reflection import NAMES
 
 FILE = click.Path(path_type=Path)
@@ -159,13 +159,14 @@ def command(
             for data, directional in zip(measurements, joint)
         ]
     result = report.as_dict(fits)
-    if plot:
-        from mi_lcair.reports.pictures.fit import save_plot
+    with together():
+        if plot:
+            from mi_lcair.reports.pictures.fit import save_plot
 
-        save_plot(plot, list(zip(measurements, fits, joint)))
-    if output:
-        with replacing(output) as partial:
-            partial.write_text(report.to_json(result), encoding="utf-8")
+            save_plot(plot, list(zip(measurements, fits, joint)))
+        if output:
+            with replacing(output) as partial:
+                partial.write_text(report.to_json(result), encoding="utf-8")
 
     for data, fitted in zip(measurements, fits):
         if fitted.quality.lack_of_fit:

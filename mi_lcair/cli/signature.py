@@ -19,6 +19,7 @@ from mi_lcair.cli.plan import rows as plan_rows
 from mi_lcair.cli.usage.examples import examples
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
+from mi_lcair.files import together
 from mi_lcair.formats import VTK
 
 
@@ -70,12 +71,13 @@ def command(options, spectrum, plot, facets):
         mi_lcair.signature, each_pixel=False, by_spectrum=bool(spectrum), facets=bool(facets)
     )
     note_invalid(result)
-    if spectrum:
-        result.effective_areas.save(spectrum)
-        if plot:
-            result.effective_areas.plot(plot)
-    if facets:
-        result.facets.save(facets)
+    with together():
+        if spectrum:
+            result.effective_areas.save(spectrum)
+            if plot:
+                result.effective_areas.plot(plot)
+        if facets:
+            result.facets.save(facets)
     verdict = Verdict.on(options, result.reached)
     if options.json:
         print_json(result.as_dict() | verdict.as_dict() | options.planned())

@@ -24,6 +24,7 @@ from mi_lcair.cli.output import (
 from mi_lcair.cli.usage.examples import examples
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
+from mi_lcair.files import together
 from mi_lcair.fraction import percent
 
 MOST_ANGLES = 100_000  # largest number of angles in START:STOP:STEP
@@ -155,10 +156,11 @@ def command(options, azimuth, elevation, output, plot, resume, overwrite, **sett
             overwrite=overwrite,
             progress=progress,
         )
-    if not is_table:
-        result.save(output)
-    if plot:
-        result.plot(plot)
+    with together():
+        if not is_table:
+            result.save(output)
+        if plot:
+            result.plot(plot)
     if options.json:
         print_json(result.as_dict())
     else:

@@ -4,7 +4,6 @@ A scenario is read from a TOML file and checked. Each table of the file is a dat
 """
 
 import os
-import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from os import PathLike
@@ -15,7 +14,7 @@ import numpy as np
 from mi_lcair import scenes
 from mi_lcair.declared import check_fields, within
 from mi_lcair.errors import InputError, unknown
-from mi_lcair.files import read_text
+from mi_lcair.files import parse_toml, read_text
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.detector import LOCK_ON, Detector
 from mi_lcair.physics.imager import Imager
@@ -394,10 +393,7 @@ class Scenario:
         if not path.suffix and not os.path.isfile(path):
             path, name = scenes.scenario_path(str(source)), str(source)
         text = read_text(path, f"scenario '{source}'")
-        try:
-            tree = tomllib.loads(text)
-        except (ValueError, RecursionError) as error:
-            raise InputError(f"scenario '{source}': {error}") from None
+        tree = parse_toml(text, f"scenario '{source}'")
         try:
             known = {
                 entry.name: kind
@@ -502,6 +498,6 @@ def change(tree: dict, keys: list[str], value) -> None:
 def parsed(text: str):
     """The TOML value that a text denotes, or the text itself."""
     try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+        return parse_toml(f"value = {text}", "value")["value"]
+    except InputError:
         return text

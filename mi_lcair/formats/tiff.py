@@ -1,10 +1,11 @@
 """TIFF images: 32-bit floating point numbers as thermography tools read them, 16-bit counts."""
 
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.files import replacing
+from mi_lcair.files import write_bytes
 
 
 def write(path: str | Path, values: np.ndarray, description: str = "") -> None:
@@ -34,12 +35,13 @@ def write(path: str | Path, values: np.ndarray, description: str = "") -> None:
         Image.fromarray(np.ascontiguousarray(page, np.uint16 if counts else np.float32))
         for page in values.reshape(-1, *values.shape[-2:])
     ]
-    with replacing(path) as partial:
-        pages[0].save(
-            partial,
-            format="TIFF",
-            save_all=True,
-            append_images=pages[1:],
-            compression="tiff_adobe_deflate" if counts else None,
-            description=description.encode("ascii", "replace").decode(),
-        )
+    content = BytesIO()
+    pages[0].save(
+        content,
+        format="TIFF",
+        save_all=True,
+        append_images=pages[1:],
+        compression="tiff_adobe_deflate" if counts else None,
+        description=description.encode("ascii", "replace").decode(),
+    )
+    write_bytes(path, content.getvalue())

@@ -5,13 +5,12 @@ Its tables are the dataclasses of `measurement` and `tables`.
 
 import os
 import re
-import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from mi_lcair import scenes
 from mi_lcair.errors import InputError, unknown
-from mi_lcair.files import read_text
+from mi_lcair.files import parse_toml, read_text
 from mi_lcair.inversion.data.measurement import Candidate, Measurement
 from mi_lcair.inversion.tables import Entry, Goal, Sampling
 from mi_lcair.toml_table import filled
@@ -46,10 +45,7 @@ class Problem:
         """
         path = Path(source)
         text = read_text(path, f"problem '{source}'")
-        try:
-            tree = tomllib.loads(text)
-        except (ValueError, RecursionError) as error:
-            raise InputError(f"problem '{source}': {error}") from None
+        tree = parse_toml(text, f"problem '{source}'")
         return Problem.of(tree, path.parent, str(source), scenes.first_comment(text))
 
     @staticmethod

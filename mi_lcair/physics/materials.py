@@ -1,7 +1,5 @@
 """Named materials: a reflection model with its parameters for each band, and their source."""
 
-import json
-import tomllib
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -10,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mi_lcair.errors import InputError, shown, unknown
-from mi_lcair.files import read_text, revision
+from mi_lcair.files import parse_json, parse_toml, read_text, revision
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 
@@ -316,12 +314,8 @@ def _read(path) -> dict:
 @lru_cache(maxsize=32)
 def _parsed(path, revision):
     """The table in a file; the revision in the cache's key makes an edited file be read again."""
-    text = read_text(path, f"materials file {path}")
-    try:
-        table = (json if is_json(path) else tomllib).loads(text)
-    # Both parsers raise ValueError. Deeply nested files raise RecursionError.
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"materials file {path}: {error}") from None
+    what = f"materials file {path}"
+    table = (parse_json if is_json(path) else parse_toml)(read_text(path, what), what)
     if not isinstance(table, dict):
-        raise InputError(f"materials file {path}: must be a table of keys")
+        raise InputError(f"{what}: must be a table of keys")
     return table

@@ -1,10 +1,9 @@
 """The file of an inversion's solution, and its use in other scenes."""
 
-import json
 from pathlib import Path
 
 from mi_lcair.errors import InputError, unknown
-from mi_lcair.files import read_text
+from mi_lcair.files import parse_json, read_text
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.sensitivity.facet_temperatures import set_facets
@@ -45,12 +44,7 @@ def apply_solution(scene: Scene, file: str | Path, state: str | None = None) -> 
 
 def read_solution(file: str | Path) -> dict:
     """The content of a solution's file; raises InputError for any other file."""
-    try:
-        content = json.loads(read_text(file, f"solution {file}"))
-    except (ValueError, RecursionError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"solution {file}: {error}") from None
+    content = parse_json(read_text(file, f"solution {file}"), f"solution {file}")
     if not isinstance(content, dict) or content.get("kind") != KIND:
         raise InputError(f"solution {file}: is no file that mi-lcair invert wrote")
     return content

@@ -6,12 +6,14 @@ import threading
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from functools import lru_cache
+from urllib.parse import urlsplit
 
 import mi_lcair
 from mi_lcair.errors import InputError
 
 RETRIES = 3  # attempts for a batch that failed on a worker; Dask itself replaces dead workers
-TIMEOUT_S = 10  # time to reach the scheduler, s
+CONNECTION_S = 3  # time until the scheduler's machine takes a connection, s
+TIMEOUT_S = 10  # time until the scheduler answers on it, s
 WORKER_TIMEOUT_S = 60  # time until the scheduler has a worker, s
 # Mitsuba renders with all threads of a worker, so that a worker renders one batch at a time.
 _one_at_a_time = threading.Lock()
@@ -41,6 +43,7 @@ def rendered(sweep, batches, address: str):
     ConnectionError
         If the connection to the scheduler is lost later.
     """
+    check_scheduler(address)
     try:
         from dask.distributed import Client, as_completed
     except ImportError:
@@ -50,10 +53,7 @@ def rendered(sweep, batches, address: str):
     try:
         client = Client(address, timeout=TIMEOUT_S)
     except (OSError, ValueError) as error:
-        raise InputError(
-            f"no Dask scheduler answers at '{address}' ({error.__class__.__name__}); start one "
-            "with `dask scheduler` and give its address, such as tcp://127.0.0.1:8786"
-        ) from None
+        raise no_scheduler(address, type(error).__name__) from None
     with quiet(), client:
         try:
             client.wait_for_workers(1, timeout=WORKER_TIMEOUT_S)
@@ -74,6 +74,31 @@ def rendered(sweep, batches, address: str):
                     f"the Dask scheduler at '{address}' was lost; the batches done so far are "
                     "kept, and resume goes on with the others"
                 ) from None
+
+
+def check_scheduler(address: str) -> None:
+    """Raise InputError if nothing answers at the address of a scheduler.
+
+    Dask itself tries again for TIMEOUT_S, also where the machine refuses the connection at once.
+    Addresses without a port, and those of protocols that are not based on TCP, are not checked.
+    """
+    protocol, _, place = address.rpartition("://")
+    if protocol not in ("", "tcp", "tls"):
+        return
+    try:
+        host, port = urlsplit(f"//{place}").hostname, urlsplit(f"//{place}").port
+        if host and port:
+            socket.create_connection((host, port), CONNECTION_S).close()
+    except (OSError, ValueError) as error:
+        raise no_scheduler(address, str(error)) from None
+
+
+def no_scheduler(address: str, reason: str) -> InputError:
+    """The error for an address at which no scheduler answers."""
+    return InputError(
+        f"no Dask scheduler answers at '{address}' ({reason}); start one with `dask scheduler` and "
+        "give its address, such as tcp://127.0.0.1:8786"
+    )
 
 
 @contextmanager

@@ -24,7 +24,6 @@
 
 import json
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,7 +32,7 @@ import numpy as np
 
 from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError, shown, unknown
-from mi_lcair.files import read_text
+from mi_lcair.files import parse_toml, read_text
 
 RELATIVE = re.compile(r"\s*([0-9.eE+-]+)\s*%\s*")
 SIGMA = Bounds(is_positive=True)  # standard deviations
@@ -102,12 +101,7 @@ class Uncertainties:
             tree, name, folder = source, "uncertainties", Path()
         else:
             name, folder = str(source), Path(source).parent
-            try:
-                tree = tomllib.loads(read_text(source, f"uncertainties '{name}'"))
-            except (ValueError, RecursionError) as error:
-                if isinstance(error, InputError):
-                    raise
-                raise InputError(f"{name}: {error}") from None
+            tree = parse_toml(read_text(source, f"uncertainties '{name}'"), name)
         try:
             return parsed(tree, name, folder)
         except InputError as error:

@@ -142,6 +142,7 @@ def test_results_in_memory_are_saved_as_pages(folder):
         ("text", "notes.txt", "report takes a radiance image"),
         ("no image", "a.exr", "is not an OpenEXR image"),
         ("{", "a.json", "not JSON"),
+        ("[" * 100_000, "a.json", "'a.json': not JSON: nested too deeply"),
         ("[1]", "a.json", "neither a signature's JSON"),
         ('{"kind": "signature"}', "a.json", "an incomplete signature"),
         ('{"kind": "fit"}', "a.json", "an incomplete fit"),

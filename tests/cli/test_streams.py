@@ -2,6 +2,8 @@
 
 import json
 import logging
+import subprocess
+import sys
 import warnings
 
 import pytest
@@ -72,3 +74,16 @@ def test_a_cell_that_is_no_line(capsys):
     assert len(lines) == 2 and lines[1].startswith(
         r"paint\nmi-lcair: note: all is well\x1b[31m $x^$"
     )
+
+
+@pytest.mark.slow
+def test_streams_that_are_closed(tmp_path):
+    """Notes and progress go nowhere, and not into the next file that is opened."""
+    command = f"{sys.executable} -m mi_lcair signature two_plates --spp 4 --facets facets.csv"
+    for closed, status in (("2>&-", 0), ("0<&- 1>&- 2>&-", 0), ("--no-such 2>&-", 2)):
+        done = subprocess.run(
+            f"{command} {closed}", shell=True, cwd=tmp_path, capture_output=True, text=True
+        )
+        assert done.returncode == status and done.stderr == ""
+        assert bool(done.stdout) == (closed == "2>&-")
+    assert (tmp_path / "facets.csv").read_text().startswith("facet,")

@@ -173,3 +173,13 @@ def test_bad_images(tmp_path, name, content, message):
     (tmp_path / name).write_text(content)
     with pytest.raises(InputError, match=message):
         read_values(str(tmp_path / name), None, "radiance", band("LWIR"))
+
+
+def test_an_image_that_is_larger_than_any_memory(tmp_path):
+    """The header of the file states 728 TiB."""
+    path = tmp_path / "a.npy"
+    np.save(path, np.zeros((8, 16)))
+    large = b"(10000000, 10000000), }"
+    path.write_bytes(path.read_bytes().replace(b"(8, 16), }".ljust(len(large)), large))
+    with pytest.raises(InputError, match="a.npy: states a size that does not fit into the memory"):
+        read_values(str(path), None, "radiance", band("LWIR"))

@@ -2,6 +2,7 @@
 
 import json
 import os
+import socket
 import subprocess
 import sys
 import threading
@@ -18,6 +19,7 @@ import mi_lcair
 from mi_lcair.cli import main
 from mi_lcair.errors import InputError
 from mi_lcair.signatures import cluster
+from mi_lcair.signatures.cluster import check_scheduler, rendered
 from mi_lcair.signatures.trend_file import beside
 
 distributed = pytest.importorskip("dask.distributed")
@@ -109,12 +111,6 @@ def test_a_scheduler_that_dies(tmp_path, monkeypatch):
     assert json.loads(Path("t.csv.json").read_text())["batches"]
 
 
-def test_no_scheduler(cylinder, monkeypatch):
-    monkeypatch.setattr(cluster, "TIMEOUT_S", 0.1)
-    with pytest.raises(InputError, match="no Dask scheduler answers"):
-        mi_lcair.trend(cylinder, [0], dask="tcp://127.0.0.1:1")
-
-
 def test_a_cluster_without_workers(cylinder, monkeypatch):
     monkeypatch.setattr(cluster, "WORKER_TIMEOUT_S", 0.1)
     with (
@@ -122,3 +118,33 @@ def test_a_cluster_without_workers(cylinder, monkeypatch):
         pytest.raises(InputError, match="has no worker; start one"),
     ):
         mi_lcair.trend(cylinder, [0], dask=workers.scheduler_address)
+
+
+@pytest.fixture
+def listening():
+    """A socket of this machine that takes connections."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield server
+
+
+def test_a_scheduler_that_is_absent_is_named_at_once(listening, monkeypatch):
+    """Dask, which is not asked here, would try for ten seconds."""
+    port = listening.getsockname()[1]
+    for address in (f"tcp://127.0.0.1:{port}", f"127.0.0.1:{port}", f"tls://localhost:{port}"):
+        check_scheduler(address)
+    listening.close()
+    monkeypatch.setitem(sys.modules, "dask", None)
+    for address in (f"tcp://127.0.0.1:{port}", f"127.0.0.1:{port}", f"tls://localhost:{port}"):
+        with pytest.raises(InputError, match=f"no Dask scheduler answers at '{address}' .*refused"):
+            next(rendered(None, [], address))
+
+
+def test_addresses_that_are_none():
+    for address in ("tcp://127.0.0.1:99999", "tcp://no.such.host.invalid:8786", "tcp://[::1:8786"):
+        with pytest.raises(InputError, match="no Dask scheduler answers"):
+            check_scheduler(address)
+
+
+def test_addresses_that_dask_itself_must_try():
+    for address in ("inproc://127.0.0.1/1/2", "ucx://127.0.0.1:1", "localhost"):
+        check_scheduler(address)

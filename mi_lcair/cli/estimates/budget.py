@@ -29,6 +29,7 @@ from mi_lcair.cli.usage import completion
 from mi_lcair.cli.usage.examples import examples
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
+from mi_lcair.files import together
 from mi_lcair.fraction import percent
 
 
@@ -106,10 +107,11 @@ def command(
         result = mi_lcair.budget(subject, stated, draws=draws, progress=progress, **arguments)
     for remark in result.remarks:
         note(remark)
-    if image:
-        _write_image(image, subject, result, arguments)
-    if plot:
-        result.plot(plot)
+    with together():
+        if image:
+            _write_image(image, subject, result, arguments)
+        if plot:
+            result.plot(plot)
     if common["json"]:
         print_json(result.as_dict())
     else:

@@ -15,6 +15,7 @@ from mi_lcair.cli.output import (
 )
 from mi_lcair.cli.usage.examples import examples
 from mi_lcair.drawing import PICTURES
+from mi_lcair.files import together
 
 MOST_ROWS = 40  # unknowns in the table; of more, the facets are summed up
 MOST_LINES = 5  # sentences of advice
@@ -59,10 +60,11 @@ def command(problem, output, plot, no_advice, variant, threads, json):
         solution = mi_lcair.invert(problem, advise=not no_advice, progress=progress)
     for remark in solution.remarks:
         note(remark)
-    if plot:
-        solution.plot(plot)
-    if output:
-        solution.write(output)
+    with together():
+        if plot:
+            solution.plot(plot)
+        if output:
+            solution.write(output)
     if json:
         print_json(solution.as_dict())
     else:

@@ -27,6 +27,7 @@ from mi_lcair.cli.output import (
 )
 from mi_lcair.cli.usage.examples import examples
 from mi_lcair.drawing import PICTURES
+from mi_lcair.files import together
 from mi_lcair.fraction import percent
 
 
@@ -85,10 +86,11 @@ def command(scenario, output, changes, frames, seed, plot, variant, threads, jso
         result = mi_lcair.image(parsed, frames=frames, seed=seed, progress=progress)
     for remark in result.remarks:
         note(remark)
-    write_exr(output, result.channels, result.header)
-    write_counts(pages, result)
-    if plot:
-        result.plot(plot)
+    with together():
+        write_exr(output, result.channels, result.header)
+        write_counts(pages, result)
+        if plot:
+            result.plot(plot)
     if json:
         print_json({"file": str(output), "counts_file": str(pages), **result.as_dict()})
     else:

@@ -173,6 +173,8 @@ def from_npy(path: str) -> np.ndarray:
     """The array in a NumPy file."""
     try:
         values = np.load(io.BytesIO(read_bytes(path)), allow_pickle=False)
+    except MemoryError:
+        raise InputError(f"{path}: states a size that does not fit into the memory") from None
     except (ValueError, EOFError) as error:
         raise InputError(f"{path}: is no NumPy array: {error}") from None
     if not isinstance(values, np.ndarray) or values.dtype.kind not in "fiub":

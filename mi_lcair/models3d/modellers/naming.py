@@ -3,13 +3,12 @@ and temperature for all.
 """
 
 import re
-import tomllib
 from pathlib import Path
 
 import numpy as np
 
 from mi_lcair.errors import InputError, unknown
-from mi_lcair.files import read_text
+from mi_lcair.files import parse_toml, read_text
 from mi_lcair.models3d.label import Label, parse, unlabelled
 from mi_lcair.models3d.modellers.obj import Obj
 from mi_lcair.table import read_table
@@ -53,10 +52,8 @@ class NameTable:
             yield f"{self.path}, line {line}", values.pop("name", ""), values
 
     def _toml(self):
-        try:
-            tables = tomllib.loads(read_text(self.path, f"table of names {self.path}"))
-        except (ValueError, RecursionError) as error:
-            raise InputError(f"table of names {self.path}: {error}") from None
+        what = f"table of names {self.path}"
+        tables = parse_toml(read_text(self.path, what), what)
         for name, values in tables.items():
             place = f"{self.path}: name '{name}'"
             if not isinstance(values, dict):

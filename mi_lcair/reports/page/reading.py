@@ -1,6 +1,5 @@
 """What a file or name is, and what a page shows of it."""
 
-import json
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -9,7 +8,7 @@ import numpy as np
 
 from mi_lcair import scenes
 from mi_lcair.errors import InputError
-from mi_lcair.files import read_bytes, read_text
+from mi_lcair.files import parse_json, read_bytes, read_text
 from mi_lcair.formats import tables
 from mi_lcair.reports.page.page import Section
 from mi_lcair.reports.page.sections import (
@@ -110,10 +109,7 @@ def image(what: str, request: Request):
 def json_file(what: str, request: Request):
     """A signature's or a fit's JSON."""
     text = read_text(what)
-    try:
-        entries = json.loads(text)
-    except ValueError as error:
-        raise InputError(f"'{what}': not JSON: {error}") from None
+    entries = parse_json(text, f"'{what}': not JSON")
     kind = entries.get("kind") if isinstance(entries, dict) else None
     readers = {"signature": signature, "fit": fit}
     if kind not in readers:
@@ -227,7 +223,7 @@ def made_rows(what: str) -> list[tuple[str, object]]:
     file = beside(Path(what))
     if file.is_file():
         try:
-            rows += json.loads(read_text(file))["made"].items()
+            rows += parse_json(read_text(file), str(file))["made"].items()
         except (ValueError, KeyError, TypeError, AttributeError):
             raise InputError(f"'{file}': does not state how '{what}' was made; remove it") from None
     return [(key, unpacked(value)) for key, value in rows]

@@ -103,7 +103,7 @@ def unpacked(value):
     if isinstance(value, str) and value.startswith("{"):
         try:
             value = json.loads(value)
-        except ValueError:
+        except (ValueError, RecursionError):
             return value
     if isinstance(value, dict):
         return ", ".join(f"{key}={item}" for key, item in value.items()) or "none given"
