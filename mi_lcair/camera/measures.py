@@ -1,6 +1,6 @@
 """Measures of a camera, as a laboratory takes them from frames of uniform scenes and of an edge."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -67,45 +67,6 @@ def measured_netd(imager: Imager, electron_band: Band, temperature: float, seed:
     recorded = signal_of(imager, uniform_frames(imager, signal, seed).astype(float))
     apparent = apparent_temperature(electron_band, recorded)
     return float(np.sqrt(apparent.var(axis=0, ddof=1).mean()))
-
-
-@dataclass(frozen=True)
-class PhotonTransfer:
-    """Photon transfer curve: variance of the counts in time against their mean above dark.
-
-    mean, variance: of each level, counts and squared counts, (n,). electrons_per_count: inverse of
-    the slope. read_noise_e: noise of the electronics without quantisation, electrons.
-    """
-
-    mean: np.ndarray
-    variance: np.ndarray
-    electrons_per_count: float
-    read_noise_e: float
-
-
-def photon_transfer(
-    imager: Imager, seed: int, levels: int = 8, most: float = 0.6, frames: int = 4 * FRAMES
-) -> PhotonTransfer:
-    """Photon transfer curve of uniform scenes, up to the fraction `most` of the full well.
-
-    The variance in counts is mean / K + (read noise / K)^2 + 1/12, with K electrons per count
-    (Janesick, Photon Transfer, 2007, chapter 5). K is the weighted slope, the read noise that of
-    frames without signal.
-    """
-    signals = most * imager.well * np.arange(levels + 1) / levels
-    mean, variance = np.empty((2, len(signals)))
-    for k, signal in enumerate(signals):
-        recorded = uniform_frames(imager, signal, seed, k * frames, frames).astype(float)
-        mean[k] = recorded.mean() - imager.pedestal - imager.dark / imager.electrons_per_count
-        variance[k] = recorded.var(axis=0, ddof=1).mean()
-    # The standard error of a variance is proportional to the variance
-    _, slope = np.polynomial.polynomial.polyfit(mean[1:], variance[1:], 1, w=1 / variance[1:])
-    per_count = 1 / slope
-    dark_shot = imager.dark / per_count**2
-    read = variance[0] - 1 / 12 - dark_shot
-    return PhotonTransfer(
-        mean[1:], variance[1:], float(per_count), float(per_count * np.sqrt(max(read, 0.0)))
-    )
 
 
 def edge_samples(size: int = EDGE_PIXELS, slope: float = EDGE_SLOPE) -> np.ndarray:

@@ -88,11 +88,6 @@ class Optics:
                     f"over {spread_um / camera.pitch_um:.3g} pixels; at most {MARGIN} are covered"
                 )
 
-    @property
-    def nyquist(self) -> float:
-        """Nyquist frequency of the pixels, cycles/mm."""
-        return 500 / self.imager.pitch_um
-
     def parts(self, frequency) -> dict[str, np.ndarray]:
         """The parts of the MTF along one axis by name, at these frequencies, cycles/mm."""
         return self.round_parts(np.abs(frequency)) | {
@@ -125,15 +120,15 @@ class Optics:
         The samples are means over their own squares, whose footprint is divided out.
         """
         step = self.imager.pitch_um / OVERSAMPLING
-        along = lambda frequency: (
-            footprint(frequency, self.pixel_width_um) / footprint(frequency, step)
-        )
         y, x = fft.fftfreq(shape[0], 1e-3 * step), fft.rfftfreq(shape[1], 1e-3 * step)
         distance = np.hypot(y[:, None], x)
         # The round parts are smooth, so that a table replaces them
         table = np.linspace(0, distance.max() * (1 + 1e-9), 8192)
         profile = np.prod(list(self.round_parts(table).values()), axis=0)
-        return np.interp(distance, table, profile) * along(y)[:, None] * along(x)
+        rows, columns = (
+            footprint(along, self.pixel_width_um) / footprint(along, step) for along in (y, x)
+        )
+        return np.interp(distance, table, profile) * rows[:, None] * columns
 
     def seen(self, samples) -> np.ndarray:
         """The image at the pixels' centres.

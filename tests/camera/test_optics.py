@@ -9,6 +9,7 @@ from scipy.integrate import quad
 from mi_lcair.camera.electronics.response import electron_band
 from mi_lcair.camera.measures import measured_mtf
 from mi_lcair.camera.optics import MARGIN, OVERSAMPLING, Optics, defocus, diffraction, jitter
+from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.imager import Imager
@@ -45,6 +46,38 @@ def test_diffraction_is_the_autocorrelation_of_the_aperture():
         assert value[0] == pytest.approx(lens / (np.pi / 4), abs=1e-7)
 
 
+def test_diffraction_is_a_mean_over_the_spectrum():
+    f = np.array([20.0, -20.0])
+    parts = [diffraction(f, 4.0, np.array([um]), np.ones(1)) for um in (3.0, 5.0)]
+    mean = diffraction(f, 4.0, np.array([3.0, 5.0]), np.array([2.0, 6.0]))
+    assert mean == pytest.approx(0.25 * parts[0] + 0.75 * parts[1], rel=1e-12)
+
+
+def test_parts_at_one_frequency():
+    """50 urad x 100 mm = 5 um; 40 um / 4 = 10 um; 15 um sqrt(0.64) = 12 um."""
+    camera = optics(jitter_urad=50.0, defocus_um=-40.0, fill_factor=0.64)
+    for frequency in (25.0, -25.0):
+        parts = camera.parts(np.array([frequency]))
+        assert parts["jitter"][0] == pytest.approx(np.exp(-2 * (np.pi * 0.125) ** 2), rel=1e-12)
+        assert parts["pixel"][0] == pytest.approx(np.sin(0.3 * np.pi) / (0.3 * np.pi), rel=1e-12)
+        assert parts["defocus"] == pytest.approx(defocus(np.array([25.0]), 10.0), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "fits, exceeds, message",
+    [
+        ({"jitter_urad": 1199}, {"jitter_urad": 1201}, "jitter_urad = 1201 spreads .* 32 pixels"),
+        ({"defocus_um": -1919}, {"defocus_um": -1921}, "defocus_um = -1921 spreads .* 32 pixels"),
+        ({"f_number": 48.0}, {"f_number": 48.1}, "f_number = 48.1 spreads .* 32.1 pixels"),
+    ],
+)
+def test_a_spread_over_32_pixels(fits, exceeds, message):
+    """Two standard deviations of jitter to each side, the disc of defocus, and 2 wavelength N."""
+    optics(**fits).check_spread()
+    with pytest.raises(InputError, match=message):
+        optics(**exceeds).check_spread()
+
+
 def test_jitter_and_defocus_are_transforms_of_their_spreads():
     frequency, sigma, diameter = 21.0, 6.0, 14.0
     turn = 2 * np.pi * frequency * 1e-3
@@ -61,7 +94,7 @@ def test_jitter_and_defocus_are_transforms_of_their_spreads():
 def test_slanted_edge_measures_the_product_of_the_parts(changes):
     camera = optics(**changes)
     frequency, value = measured_mtf(camera)
-    assert frequency[-1] == pytest.approx(camera.nyquist)
+    assert frequency[-1] == pytest.approx(500 / 15)
     assert value == pytest.approx(camera.mtf(frequency), abs=0.02)
     assert camera.mtf(frequency) == pytest.approx(
         np.prod(list(camera.parts(frequency).values()), axis=0)
@@ -86,18 +119,64 @@ def test_uniform_scene_stays_uniform():
 
 
 def test_variance_of_independent_samples():
-    camera, random = optics(), np.random.default_rng(2)
-    variances = np.zeros((24, 24))
-    variances[9:15, 6:18] = 4.0
-    images = [
-        camera.seen(np.sqrt(variances) * random.standard_normal(variances.shape))
-        for _ in range(150)
-    ]
-    predicted = camera.variance(variances)
-    assert np.var(images, axis=0).sum() == pytest.approx(predicted.sum(), rel=0.08)
+    """The sum over the samples of their variance times the square of their image."""
+    camera = optics()
+    variances = np.zeros((9, 12))
+    expected = 0
+    for row, column, variance in ((3, 5, 4.0), (4, 5, 1.0), (8, 11, 2.0)):
+        variances[row, column] = variance
+        point = np.zeros(variances.shape)
+        point[row, column] = 1
+        expected = expected + variance * camera.seen(point) ** 2
+    assert camera.variance(variances) == pytest.approx(expected, rel=1e-9, abs=1e-12)
+
+
+def test_a_sample_in_the_middle_of_a_pixel_is_seen_symmetrically():
+    samples = np.zeros((3 * OVERSAMPLING, 5 * OVERSAMPLING))
+    samples[OVERSAMPLING + 1, 2 * OVERSAMPLING + 1] = 1
+    image = optics(jitter_urad=50.0).seen(samples)
+    assert np.unravel_index(image.argmax(), image.shape) == (MARGIN + 1, MARGIN + 2)
+    assert image == pytest.approx(image[::-1], abs=1e-15)
+    assert image == pytest.approx(image[:, ::-1], abs=1e-15)
+
+
+def test_image_of_a_point_with_jitter():
+    """Integral of the MTF over both frequencies. The sample stands for the mean of its square."""
+    camera = optics(jitter_urad=150.0, f_number=1.0, fill_factor=0.5)
+    samples = np.zeros((OVERSAMPLING, OVERSAMPLING))
+    samples[1, 1] = 1
+    frequency = (np.arange(-400, 400) + 0.5) / 8  # cycles/mm, up to 50
+    fx, fy = np.meshgrid(frequency, frequency)
+    distance = np.hypot(fx, fy)
+    transfer = (
+        diffraction(distance, 1.0, camera.wavelengths_um, camera.weights)
+        * np.exp(-2 * (np.pi * 15e-3 * distance) ** 2)
+        * np.sinc(15e-3 * np.sqrt(0.5) * fx)
+        * np.sinc(15e-3 * np.sqrt(0.5) * fy)
+        / np.sinc(5e-3 * fx)
+        / np.sinc(5e-3 * fy)
+    )
+    for pixels in (0, 1, 2):  # to the right of the point
+        wave = np.cos(2 * np.pi * 15e-3 * pixels * fx)
+        expected = np.sum(transfer * wave) / 64 * 5e-3**2
+        assert camera.seen(samples)[MARGIN, MARGIN + pixels] == pytest.approx(expected, rel=2e-3)
 
 
 def test_noise_equivalent_pixels():
+    """1 / integral of the squared MTF over both frequencies, in cycles per pixel (Parseval)."""
+    for changes in ({"jitter_urad": 300.0}, {"jitter_urad": 200.0, "f_number": 2.0}):
+        camera = optics(**changes)
+        frequency = (np.arange(-300, 300) + 0.5) / 6
+        fx, fy = np.meshgrid(frequency, frequency)
+        round_parts = camera.round_parts(np.hypot(fx, fy))
+        squared = np.prod(list(round_parts.values()), axis=0) ** 2
+        squared *= (np.sinc(15e-3 * fx) * np.sinc(15e-3 * fy)) ** 2
+        assert camera.noise_equivalent_pixels == pytest.approx(
+            1 / (squared.sum() * (15e-3 / 6) ** 2), rel=1e-3
+        )
+
+
+def test_noise_equivalent_pixels_are_the_mean_over_the_places_of_a_point():
     """The mean over the places of a point in a pixel of 1 / (sum of squares) is its own inverse."""
     camera, squares = optics(), []
     for dy in range(OVERSAMPLING):

@@ -43,10 +43,10 @@ def two_point(
     Raises
     ------
     InputError
-        If the warmer blackbody saturates the camera, or there is no colder one.
+        If the warmer blackbody saturates the camera, or the noise hides the difference of both.
     """
     cold, warm = temperature - SPAN_K, temperature + SPAN_K
-    low, high = (float(electrons(electron_band, max(T, 0.0))) for T in (cold, warm))
+    low, high = (float(electrons(electron_band, T)) for T in (cold, warm))
     if not high - low > DISTINCT * float(imager.noise(high)):
         raise InputError(
             f"[camera]: nuc looks at blackbodies of {cold:.4g} and {warm:.4g} K, which differ by "

@@ -1,21 +1,12 @@
-"""Frames: seeds, photon transfer, saturation, non-uniformity correction."""
+"""Frames: seeds, photon transfer, noise, saturation, counts."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from mi_lcair.camera.electronics.calibration import two_point
 from mi_lcair.camera.electronics.frames import Pattern, counts, frame, saturated, signal_of
-from mi_lcair.camera.electronics.response import (
-    apparent_temperature,
-    electron_band,
-    electrons,
-    electrons_per_kelvin,
-)
-from mi_lcair.camera.measures import photon_transfer
-from mi_lcair.errors import InputError
-from mi_lcair.physics.bands import band
+from mi_lcair.camera.measures import uniform_frames
 from mi_lcair.physics.imager import Imager
 
 IMAGER = Imager(
@@ -31,22 +22,83 @@ IMAGER = Imager(
     gain_nonuniformity=0.02,
     offset_nonuniformity_e=5000.0,
 )
-BAND = electron_band(band("3.5-5"), IMAGER, 0.8)
+MANY = 10**8  # averaged frames, whose noise is below an electron
 
 
 def test_seed_and_number_make_the_frame():
+    """The numbers below were printed by the first version; a seed keeps its frames."""
     pattern = Pattern.of(IMAGER, 7)
-    one = lambda seed, number: frame(IMAGER, pattern, 1e6, seed, number)
-    assert np.array_equal(one(7, 3), one(7, 3))
-    assert not np.array_equal(one(7, 3), one(7, 4))
-    assert not np.array_equal(one(7, 3), one(8, 3))
+    assert pattern.gain[0, :2] == pytest.approx([0.9877976696219604, 1.0149712349220776], rel=1e-12)
+    assert pattern.offset[0, 0] == pytest.approx(9759.298898668736, rel=1e-12)
+
+    def recorded(seed, number):
+        return frame(IMAGER, pattern, 1e6, seed, number)
+
+    assert np.array_equal(recorded(7, 3), recorded(7, 3))
+    assert not np.array_equal(recorded(7, 3), recorded(7, 4))
+    assert not np.array_equal(recorded(7, 3), recorded(8, 3))
     assert np.array_equal(Pattern.of(IMAGER, 7).gain, pattern.gain)
+    assert np.array_equal(frame(IMAGER, pattern, 1e6, 7), recorded(7, 0))
+    assert recorded(7, 3)[0, 0] == pytest.approx(997180.4107912102, rel=1e-12)
+
+
+def test_fixed_pattern():
+    """Standard deviations as stated, gains around 1 and not negative, offsets around 0."""
+    imager = replace(IMAGER, width=400, height=300)
+    pattern = Pattern.of(imager, 3)
+    count = pattern.gain.size
+    assert pattern.gain.shape == pattern.offset.shape == (300, 400)
+    assert pattern.gain.std() == pytest.approx(0.02, rel=5 / np.sqrt(2 * count))
+    assert pattern.gain.mean() == pytest.approx(1, abs=5 * 0.02 / np.sqrt(count))
+    assert pattern.offset.std() == pytest.approx(5000, rel=5 / np.sqrt(2 * count))
+    assert abs(pattern.offset.mean()) < 5 * 5000 / np.sqrt(count)
+    assert abs(np.corrcoef(pattern.gain.ravel(), pattern.offset.ravel())[0, 1]) < 0.02
+    wild = Pattern.of(replace(imager, gain_nonuniformity=2.0), 3)
+    assert wild.gain.min() == 0 and np.mean(wild.gain == 0) == pytest.approx(0.3085, abs=0.01)
+
+
+def test_mean_of_a_pixel():
+    """(signal x gain + dark current, at most the well) + offset, without noise."""
+    camera = replace(IMAGER, dark_current_e_s=3e7, width=3, height=1)  # 3e5 electrons
+    pattern = Pattern(np.array([[0.5, 1.0, 2.0]]), np.array([[1e4, -2e4, 5e3]]))
+    for signal, electrons in (
+        (1e6, (5e5 + 3e5 + 1e4, 1e6 + 3e5 - 2e4, 2e6 + 3e5 + 5e3)),
+        (3e6, (1.5e6 + 3e5 + 1e4, 3.3e6 - 2e4, 4.98e6 + 5e3)),
+        (-1e6, (3e5 + 1e4, 3e5 - 2e4, 3e5 + 5e3)),
+    ):
+        recorded = frame(camera, pattern, signal, 1, averaged=MANY)
+        assert recorded[0] == pytest.approx(electrons, abs=2)
+
+
+def test_noise_of_averaged_frames():
+    """Shot noise of signal and dark current, and the electronics' noise, each over sqrt(n)."""
+    camera = replace(IMAGER, dark_current_e_s=2e6, gain_nonuniformity=0, offset_nonuniformity_e=0)
+    recorded = frame(camera, Pattern.of(camera, 0), 5e5, 0, averaged=16)
+    expected = np.sqrt((5e5 + 2e4 + 1000**2) / 16)
+    assert recorded.std() == pytest.approx(expected, rel=5 / np.sqrt(2 * recorded.size))
+
+
+def photon_transfer(imager, seed, levels=8, most=0.6, frames=64):
+    """Electrons per count and read noise by the photon transfer curve.
+
+    The variance in counts is mean / K + (read noise / K)^2 + 1/12, with K electrons per count
+    (Janesick, Photon Transfer, 2007, chapter 5). K is the weighted slope of variances that were
+    measured up to the fraction `most` of the full well. The read noise is that of frames without
+    signal.
+    """
+    mean, variance = np.empty((2, levels + 1))
+    for k, signal in enumerate(most * imager.well * np.arange(levels + 1) / levels):
+        recorded = uniform_frames(imager, signal, seed, k * frames, frames).astype(float)
+        mean[k], variance[k] = recorded.mean(), recorded.var(axis=0, ddof=1).mean()
+    # The standard error of a variance is proportional to the variance
+    _, slope = np.polynomial.polynomial.polyfit(mean[1:], variance[1:], 1, w=1 / variance[1:])
+    return 1 / slope, np.sqrt(variance[0] - 1 / 12) / slope
 
 
 def test_photon_transfer():
-    measured = photon_transfer(IMAGER, seed=1)
-    assert measured.electrons_per_count == pytest.approx(IMAGER.electrons_per_count, rel=0.01)
-    assert measured.read_noise_e == pytest.approx(1000, rel=0.03)
+    per_count, read_noise = photon_transfer(IMAGER, seed=1)
+    assert per_count == pytest.approx(4.98e6 / (16383 * 63 / 64), rel=0.01)
+    assert read_noise == pytest.approx(1000, rel=0.03)
 
 
 def test_noise_of_a_pixel():
@@ -58,7 +110,6 @@ def test_noise_of_a_pixel():
     ]
     noise = np.sqrt(np.var(frames, axis=0, ddof=1).mean())
     assert noise == pytest.approx(float(camera.noise(5e4)), rel=0.01)
-    assert camera.dark == pytest.approx(2e4)
 
 
 def test_full_well():
@@ -68,34 +119,29 @@ def test_full_well():
     assert np.all(recorded[:, :20] == quiet.largest_count)
     assert recorded.max() == recorded[0, 0] and recorded[0, 40] < quiet.largest_count
     assert saturated(quiet, signal) == 0.25
+    # The well holds the dark current, too
+    dark = replace(quiet, dark_current_e_s=3.99e8)
+    assert saturated(dark, np.array([0.98e6, 0.99e6, 1e6, 2e6])) == 0.75
 
 
-def test_non_uniformity_correction():
-    """What is left of the fixed pattern is the noise of the frames of the uniform scenes."""
-    pattern = Pattern.of(IMAGER, 5)
-    correction = two_point(IMAGER, pattern, BAND, 295.0, seed=5)
-    signal = float(electrons(BAND, 301.0))
-    frames = np.mean([frame(IMAGER, pattern, signal, 5, k) for k in range(64)], axis=0)
-    raw, corrected = (
-        np.std(apparent_temperature(BAND, values))
-        for values in (frames, correction.applied(frames))
-    )
-    slope = electrons_per_kelvin(BAND, 301.0)
-    assert raw == pytest.approx(np.hypot(0.02 * signal, 5000) / slope, rel=0.05)
-    # Each scene and the frames are means of 64; beyond the scenes' middle their errors grow
-    assert corrected < 2 * float(IMAGER.noise(signal)) / 8 / slope
-    assert correction.applied(frames).mean() == pytest.approx(signal, rel=1e-3)
+def test_an_absurd_signal_fills_the_well():
+    recorded = frame(IMAGER, Pattern.of(IMAGER, 0), 1e30, 0)
+    assert recorded.mean() == pytest.approx(4.98e6, rel=1e-3)
 
 
-def test_correction_that_saturates():
-    slow = replace(IMAGER, integration_time_ms=30.0)
-    band_of_slow = electron_band(band("3.5-5"), slow, 0.8)
-    with pytest.raises(InputError, match="305 K, which gives .* saturates the well of 4.98 Me"):
-        two_point(slow, Pattern.of(slow, 0), band_of_slow, 295.0, seed=0)
+def test_counts():
+    """16383 counts for the full well, 255.98 for none; 14 bits and a pedestal of a 64th."""
+    electrons = np.array([-1e9, 0.0, 2.49e6, 4.98e6, 1e9])
+    assert counts(IMAGER, electrons).tolist() == [0, 256, 8319, 16383, 16383]
+    assert counts(IMAGER, electrons).dtype == np.uint16
+    per_count = 4.98e6 / (16383 * 63 / 64)
+    assert counts(IMAGER, 100.4 * per_count) == 356 and counts(IMAGER, 100.6 * per_count) == 357
 
 
 def test_counts_are_inverted():
+    camera = replace(IMAGER, dark_current_e_s=2e7)
     signal = np.linspace(0, 4e6, 50)
-    assert signal_of(IMAGER, counts(IMAGER, signal).astype(float)) == pytest.approx(
-        signal, abs=0.51 * IMAGER.electrons_per_count
+    recorded = counts(camera, signal + 2e5).astype(float)
+    assert signal_of(camera, recorded) == pytest.approx(
+        signal, abs=0.501 * camera.electrons_per_count
     )

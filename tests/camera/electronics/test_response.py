@@ -10,6 +10,7 @@ from mi_lcair.camera.electronics.response import (
     electron_band,
     electrons,
     electrons_per_kelvin,
+    in_kelvin,
 )
 from mi_lcair.camera.measures import measured_netd, netd, shot_noise_netd, uniform_frames
 from mi_lcair.errors import InputError
@@ -90,6 +91,21 @@ def test_response_multiplies_the_quantum_efficiency(tmp_path):
     assert shaped.integral(x, x) == pytest.approx(
         shaped.weights_um @ shaped.wavelengths_um, rel=1e-3
     )
+
+
+def test_without_optics_nothing_is_lost():
+    assert electrons(electron_band(band("3.495-4.945"), UNSATURATED), 300.0) == pytest.approx(
+        electrons(BAND, 300.0) / 0.8, rel=1e-12
+    )
+
+
+def test_a_deviation_in_kelvin():
+    """One kelvin more, one kelvin less, and a pixel without electrons."""
+    at = electrons(BAND, np.array([300.0, 250.0]))
+    for step in (1.0, -1.0):
+        moved = electrons(BAND, np.array([300.0, 250.0]) + step)
+        assert in_kelvin(BAND, at, moved - at) == pytest.approx(step, rel=1e-8)
+    assert in_kelvin(BAND, 0.0, at[0]) == pytest.approx(300, rel=1e-9)
 
 
 def test_apparent_temperature_is_the_inverse():

@@ -1,0 +1,74 @@
+"""A camera's derived numbers, calculated by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mi_lcair.errors import InputError
+from mi_lcair.physics.imager import Imager
+
+IMAGER = Imager(
+    focal_length_mm=50.0,
+    f_number=2.5,
+    pitch_um=20.0,
+    width=200,
+    height=100,
+    integration_time_ms=4.0,
+    well_Me=3.0,
+    fill_factor=0.81,
+    read_noise_e=300.0,
+    dark_current_e_s=5e6,
+    bits=12,
+)
+
+
+def test_optics():
+    assert IMAGER.solid_angle == pytest.approx(0.125663706, rel=1e-8)  # pi / 25
+    assert IMAGER.pixel_area == pytest.approx(3.24e-10, rel=1e-12)
+    assert IMAGER.pixel_angle == pytest.approx(4e-4, rel=1e-12)
+    assert IMAGER.angle_deg(200) == pytest.approx(np.degrees(2 * np.arctan(0.04)))
+
+
+def test_electrons_and_counts():
+    assert (IMAGER.seconds, IMAGER.well) == (0.004, 3e6)
+    assert IMAGER.dark == pytest.approx(2e4, rel=1e-12)
+    assert IMAGER.largest_count == 4095
+    assert IMAGER.pedestal == pytest.approx(63.984375, rel=1e-12)
+    assert IMAGER.electrons_per_count == pytest.approx(3e6 / 4031.015625, rel=1e-12)
+
+
+def test_noise():
+    quantisation = (3e6 / 4031.015625) ** 2 / 12
+    expected = np.sqrt(1e6 + 2e4 + 9e4 + quantisation)
+    assert IMAGER.noise(1e6) == pytest.approx(expected, rel=1e-12)
+    assert IMAGER.noise(-5.0) == pytest.approx(np.sqrt(1.1e5 + quantisation), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "changes, message",
+    [
+        ({"width": 8192, "height": 2049, "focal_length_mm": 100}, "8192 x 2049 pixels; a frame"),
+        ({"width": 0}, "width = 0; must lie in 1..8192"),
+        ({"height": 8193}, "height = 8193; must lie in 1..8192"),
+        ({"right_deg": 45.1}, "right_deg = 45.1; must lie in -45..45"),
+        ({"up_deg": -45.1}, "up_deg = -45.1; must lie in -45..45"),
+        ({"f_number": 0.49}, "f_number = 0.49; must be 0.5 or more"),
+        ({"fill_factor": 0.0}, "fill_factor = 0; must be positive and at most 1"),
+        ({"width": 1, "pitch_um": 4000.0}, "the height of the frame is 152 degrees"),
+        ({"width": 1, "height": 1, "pitch_um": 0.08}, "the width of the frame is 9.17e-05 deg"),
+    ],
+)
+def test_unusable(changes, message):
+    with pytest.raises(InputError, match=message.replace(".", r"\.")):
+        replace(IMAGER, **changes)
+
+
+def test_the_bounds_themselves_are_allowed():
+    for changes in (
+        {"width": 8192, "height": 2048, "focal_length_mm": 100},
+        {"right_deg": 45.0, "up_deg": -45.0, "f_number": 0.5, "fill_factor": 1.0, "bits": 16},
+        {"width": 100, "pitch_um": 3700.0},  # 149.7 degrees
+        {"width": 1, "height": 1, "pitch_um": 0.09},  # 1.03e-4 degrees
+    ):
+        replace(IMAGER, **changes)
