@@ -1,0 +1,96 @@
+"""Measures of a target in an image, calculated by hand."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from mi_lcair.camera.electronics.response import electron_band, electrons
+from mi_lcair.camera.measures import netd, shot_noise_netd
+from mi_lcair.camera.optics import Optics
+from mi_lcair.camera.quality import measured
+from mi_lcair.physics.bands import band
+from mi_lcair.physics.imager import Imager
+
+IMAGER = Imager(
+    focal_length_mm=100.0,
+    f_number=4.0,
+    pitch_um=15.0,
+    width=4,
+    height=2,
+    integration_time_ms=4.0,
+    well_Me=4.0,
+    read_noise_e=700.0,
+    gain_nonuniformity=0.01,
+    offset_nonuniformity_e=2e3,
+)
+BAND = electron_band(band("MWIR"), IMAGER)
+LEVEL = 1e5
+SIGNAL = LEVEL + np.array([[0, 0, 3e5, 4e5], [0, -1e5, 4.1e6, 0]])
+SHARE = np.array([[0, 0, 0.5, 1], [0, 0.49, 1, 0]])
+ERROR = np.array([[9, 9, 0.1, 0.2], [9, 9, 0.4, 9]])
+
+
+def measures(imager=IMAGER, signal=SIGNAL, share=SHARE, temperature=295.0):
+    electron = electron_band(band("MWIR"), imager)
+    camera = SimpleNamespace(
+        imager=imager,
+        band=electron,
+        optics=Optics(imager, electron, np.ones_like),
+        background=LEVEL,
+        temperature=temperature,
+        seed=3,
+    )
+    return measured(camera, signal, share, ERROR, 2.5)
+
+
+def test_noise_and_ratios():
+    """Without correction, the fixed pattern of the background is noise: 1 % of it, and 2000."""
+    result = measures()
+    count = 4e6 / (16383 * 63 / 64)
+    noise = np.sqrt(LEVEL + 700**2 + count**2 / 12 + 1000**2 + 2000**2)
+    assert result.noise == pytest.approx(noise, rel=1e-9)
+    assert result.peak_snr == pytest.approx(4.1e6 / noise, rel=1e-9)
+    squares = 3e5**2 + 4e5**2 + 1e5**2 + 4.1e6**2
+    assert result.snr == pytest.approx(np.sqrt(squares) / noise, rel=1e-9)
+    corrected = measures(replace(IMAGER, nuc=True))
+    assert corrected.noise == pytest.approx(np.sqrt(LEVEL + 700**2 + count**2 / 12), rel=1e-9)
+
+
+def test_pixels_on_the_target():
+    """The error of the rendering is its rms over pixels that the target fills by half or more."""
+    assert measures().render_error == pytest.approx(np.sqrt((0.01 + 0.04 + 0.16) / 3), rel=1e-9)
+    # A target smaller than a pixel counts where it fills most
+    assert measures(share=0.4 * SHARE).render_error == pytest.approx(np.sqrt(0.1), rel=1e-9)
+    assert measures().pixels == 2.5 and measures().saturated == 1 / 8
+
+
+def test_netd():
+    result = measures()
+    assert result.netd == netd(IMAGER, BAND, 295.0) and result.temperature == 295
+    assert result.netd_shot == shot_noise_netd(BAND, 295.0)
+    # Frames show it in time, without the fixed pattern
+    assert result.netd_measured == pytest.approx(result.netd, rel=0.015)
+    assert result.mtf["measured"] == pytest.approx(result.mtf["predicted"], abs=0.01)
+
+
+def test_netd_is_not_measured_where_the_uniform_scene_saturates():
+    """The well must hold signal and dark current and six standard deviations of their noise."""
+    signal = float(electrons(BAND, 295.0))
+    noise = np.sqrt(signal + 4e4 + 700**2)
+    for margin, is_measured in ((5.8, False), (6.3, True)):
+        well = signal + 4e4 + margin * noise
+        camera = replace(IMAGER, well_Me=1e-6 * well, dark_current_e_s=1e7, bits=16)
+        assert (measures(camera).netd_measured is not None) == is_measured
+
+
+def test_netd_is_not_measured_where_counts_hide_the_noise():
+    """The noise must be half a count or more; it holds the count's own 12^-1/2."""
+    short = replace(IMAGER, integration_time_ms=0.05, read_noise_e=0.0, bits=8)
+    signal = float(electrons(electron_band(band("MWIR"), short), 295.0))
+    for share, is_measured in ((0.48, False), (0.52, True)):
+        # Without dark current the squared noise is signal + count^2 / 12
+        count = np.sqrt(signal / (share**2 - 1 / 12))
+        camera = replace(short, well_Me=1e-6 * count * 255 * 63 / 64)
+        assert (measures(camera).netd_measured is not None) == is_measured
