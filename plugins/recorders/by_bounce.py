@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from mi_lcair.plugins.recorders.local_sums import add_to, entries, zeros
+from mi_lcair.plugins.paths.local_sums import add_to, entries, zeros
 from mi_lcair.plugins.recorders.recorder import Emission, Recorder
 
 MAX_BOUNCE_CHANNELS = 65  # the last one holds every bounce count from 64 on
