@@ -1,18 +1,57 @@
 """Derivatives through quantities that plugins derive from parameters.
 
-Examples of such quantities are tables of HDR and facet radiances. A plugin that derives something
-has three methods. `sources()` returns the parameters. `derive()` computes `derived`, a PyTree of
-arrays, from them, with derivatives attached. `refresh()` calls `derive()` only where needed.
+Examples of such quantities are tables of HDR and facet radiances, see `Deriving`.
 
 While paths are replayed, `leaves` replaces `derived` by detached copies. The loop then
 differentiates with respect to these copies alone. The chain rule from them to the parameters is
 applied once, outside the loop.
 """
 
+from abc import ABC, abstractmethod
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
 import drjit as dr
 import mitsuba as mi
+
+
+class Deriving(ABC):
+    """What derives something from parameters.
+
+    derived: a PyTree of arrays; None before the first use. derivations: other objects of this kind
+    that it holds, such as the table of the emissivity of one of Mitsuba's BSDFs, which a thermal
+    emitter holds.
+
+    Plugins are registered as virtual subclasses, because a subclass of Mitsuba's classes can have
+    no other base class.
+    """
+
+    derived = None
+    derivations = ()
+
+    @abstractmethod
+    def sources(self) -> tuple:
+        """The parameters, Dr.Jit arrays, from which `derived` is computed."""
+
+    @abstractmethod
+    def derive(self) -> None:
+        """Compute `derived`, with derivatives attached."""
+
+    @abstractmethod
+    def refresh(self) -> None:
+        """Call `derive` if the parameters have changed."""
+
+
+def unrecorded(function, *arguments):
+    """Result of a function that evaluates arrays, also while Dr.Jit records a loop or call.
+
+    Nothing can be evaluated in a recording. A recording belongs to one thread, so the function then
+    runs in another one. Example: Mitsuba's integrators meet a plugin first while they record.
+    """
+    if not dr.flag(dr.JitFlag.SymbolicScope):
+        return function(*arguments)
+    with ThreadPoolExecutor(1) as threads:
+        return threads.submit(function, *arguments).result()
 
 
 def attached(arrays) -> bool:
@@ -173,17 +212,13 @@ def nodes(scene) -> list:
 
 def deriving_plugins(scene) -> list:
     """The scene's plugins that derive something from parameters, each once."""
-    return [node for node in nodes(scene) if hasattr(node, "derive")]
+    return [node for node in nodes(scene) if isinstance(node, Deriving)]
 
 
 def derivations(scene) -> list:
-    """All objects in a scene that derive something from parameters.
-
-    These are plugins and the objects in a plugin's `derivations`. An example of the latter is the
-    table of the emissivity of one of Mitsuba's BSDFs, which a thermal emitter holds.
-    """
+    """All objects in a scene that derive something from parameters: plugins and what they hold."""
     plugins = deriving_plugins(scene)
-    return plugins + [part for plugin in plugins for part in getattr(plugin, "derivations", ())]
+    return plugins + [part for plugin in plugins for part in plugin.derivations]
 
 
 @contextmanager

@@ -20,6 +20,7 @@ from mi_lcair.plugins.beside_scene import beside_scene
 HOTTEST = 1e5
 # Largest radiance [W m^-2 sr^-1]. Its square, summed over many samples, is still a Float32 number.
 BRIGHTEST = 1e15
+RADIANCE_UNIT = "W m^-2 sr^-1"
 LABEL = re.compile(r"[A-Za-z0-9_-]{1,64}")  # labels become parts of channel and column names
 # Names of types in the message about a value of the wrong type.
 WORDS = {

@@ -2,7 +2,15 @@
 
 import drjit as dr
 
-from mi_lcair.plugins.derivatives import attached, flatten, held, members, nodes, same_variables
+from mi_lcair.plugins.derivatives import (
+    Deriving,
+    attached,
+    flatten,
+    held,
+    members,
+    nodes,
+    same_variables,
+)
 
 PACKAGE = __name__.partition(".")[0] + "."
 # Mitsuba's objects of which `dr.freeze` finds all arrays. Others may end the process while it
@@ -28,7 +36,7 @@ class SceneState:
             if type(node).__module__.startswith(PACKAGE):
                 self.plugins.append(node)
                 found += vars(node).values()
-                arrays += flatten(tuple(getattr(node, "derivations", ())))
+                arrays += flatten(tuple(node.derivations)) if isinstance(node, Deriving) else []
             elif not type(node).__module__.startswith("mitsuba"):
                 self.is_known = self.is_recordable = False
             elif node.class_name().partition("[")[0] not in RECORDABLE:

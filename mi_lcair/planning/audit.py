@@ -26,7 +26,9 @@ from mi_lcair.planning.photons import (
     scaling_cosines,
 )
 from mi_lcair.plugins.bsdfs.reflection_bsdf import reflection_layers
+from mi_lcair.plugins.emission.one_sun import one_sun
 from mi_lcair.plugins.emission.triangles import pointer_id
+from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
@@ -72,7 +74,8 @@ def audit(
     scene = scene_of(scene, parameters)
     table = FacetTable(scene)
     emitters = list(scene.mi.emitters())
-    if not all(hasattr(e, "group") and (e.get_shape() or hasattr(e, "is_sun")) for e in emitters):
+    sun = one_sun(emitters)
+    if not all(is_thermal(e) and (e.get_shape() or e is sun) for e in emitters):
         raise InputError(
             f"{scene.name}: only the flux of thermal emitters and of the sun can be followed; the "
             "scene has others"
@@ -189,7 +192,8 @@ def kinds(scene: Scene, table: FacetTable) -> np.ndarray:
                     surface.lobe,
                 )
             )
-            given = getattr(shape.emitter(), "given_emissivity", None)
+            emitter = shape.emitter()
+            given = emitter.given_emissivity if is_thermal(emitter) else None
             # Shapes with the same reflection and emissivity share a material.
             of_name = variants.setdefault(name, {})
             of_name.setdefault(

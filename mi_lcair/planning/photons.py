@@ -8,6 +8,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.emissivity import emissivity_of
+from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import corners
@@ -175,9 +176,7 @@ def sunlight(scene, leaving, sun, photons, sampler) -> tuple:
     scene, leaving, photons: as for `follow`. sun: the emitter. sampler: gives random numbers.
     """
     points = [
-        corners(shape)
-        for shape in scene.mi.shapes()
-        if getattr(shape.emitter(), "facet_type", "model") != "sky"
+        corners(shape) for shape in scene.mi.shapes() if facet_type_of(shape.emitter()) != "sky"
     ]
     if not points:
         raise InputError(f"{scene.name}: has nothing but sky that sunlight could fall on")

@@ -3,6 +3,7 @@
 import numpy as np
 
 from mi_lcair.plugins.emission.emitter_table import hulls
+from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of
 from mi_lcair.plugins.paths.aim import CELLS, Aim
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.recorders.channels import Channels
@@ -61,7 +62,7 @@ def cells_of_model(scene, sensor) -> np.ndarray:
     # sums below to end there, subtracts 1 beyond its last row and column
     change = np.zeros((CELLS + 1, CELLS + 1))
     for shape in scene.mi.shapes():
-        if getattr(shape.emitter(), "facet_type", "model") != "model":
+        if facet_type_of(shape.emitter()) != "model":
             continue
         position = (hulls(shape) - corner) @ axes * CELLS  # (triangles, points, 2)
         low, high = np.floor(position.min(axis=1) - EDGE), np.floor(position.max(axis=1) + EDGE)

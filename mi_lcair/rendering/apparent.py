@@ -8,7 +8,8 @@ from scipy.interpolate import BarycentricInterpolator
 from mi_lcair.physics.atmosphere import Atmosphere
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
-from mi_lcair.plugins.emission.sources import Source, Sources
+from mi_lcair.plugins.emission.source import Source
+from mi_lcair.plugins.emission.sources import Sources
 
 REST = "rest"  # radiance of unknown spectrum
 

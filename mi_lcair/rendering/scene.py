@@ -15,6 +15,7 @@ from mi_lcair import scenes
 from mi_lcair.errors import InputError, mitsuba_error, unknown
 from mi_lcair.formats import MODELS
 from mi_lcair.physics.bands import Band
+from mi_lcair.plugins import PLUGINS
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
 from mi_lcair.plugins.derivatives import deriving_plugins
 from mi_lcair.plugins.paths.launch import numbers
@@ -331,7 +332,7 @@ def checked(loaded: mi.Scene, path: Path | None, parameters: dict[str, str]) -> 
         name = path.resolve().parent.name if path.stem == "scene" else path.stem
         where = str(path)
     integrator = loaded.integrator()
-    if not hasattr(integrator, "prepared"):
+    if not isinstance(integrator, PLUGINS["bounce_path"].type):
         own = "" if integrator is None else f", not {integrator.class_name()}"
         raise InputError(
             f'{where}: the integrator must be bounce_path{own}: <integrator type="bounce_path"/>'

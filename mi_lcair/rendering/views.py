@@ -10,6 +10,7 @@ from scipy.spatial import ConvexHull
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.derivatives import members
 from mi_lcair.plugins.emission.triangles import is_faceted
+from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of
 from mi_lcair.rendering.scene import Scene
 
 # Ratio of the window to the model's size, and of the camera's distance to the model's radius.
@@ -74,7 +75,7 @@ class Target:
         points = [
             corners(shape)
             for shape in scene.mi.shapes()
-            if getattr(shape.emitter(), "facet_type", "model") == "model"
+            if facet_type_of(shape.emitter()) == "model"
         ]
         if not points:
             raise InputError(

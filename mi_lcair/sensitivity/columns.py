@@ -115,10 +115,10 @@ def recordings(scene, tracer, sensor, names, split, weights=None, seed: int = 0)
             raise InputError(
                 f"{scene.name}: closure = ambient has no source that could be weighted"
             )
-        weights = factors(scene, tracer.emitters.band, weights)
+        weights = factors(scene, weights)
     columns = list(columns_of(scene, names).items())
     for name, column in columns:
-        for surface in getattr(column, "surfaces", ()):
+        for surface in column.surfaces if isinstance(column, MaterialColumn) else ():
             if is_plume(surface):
                 surface.check_derivative(name, tracer.emitters.draws)
     batches = [columns[k : k + MOST_COLUMNS] for k in range(0, max(len(columns), 1), MOST_COLUMNS)]
@@ -174,10 +174,10 @@ def with_incoming(tables: ColumnTables, incoming: np.ndarray) -> ColumnTables:
     return replace(tables, incoming=found)
 
 
-def factors(scene, band, weights) -> dict:
+def factors(scene, weights) -> dict:
     """The weights of each emitter's facets, from those of the sources."""
     return {
-        emitter: np.array([weight_of(weights, source) for source in spectra(emitter, band)])
+        emitter: np.array([weight_of(weights, source) for source in spectra(emitter)])
         for emitter in scene.mi.emitters()
     }
 

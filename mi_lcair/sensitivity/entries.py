@@ -1,6 +1,6 @@
 """Where a scene keeps the numbers that belong to the name of a parameter, see `parameters`."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
@@ -10,13 +10,10 @@ from mi_lcair.errors import InputError
 from mi_lcair.plugins.bsdfs.plume import is_plume
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
 from mi_lcair.plugins.derivatives import nodes
-from mi_lcair.plugins.emission.sources import kelvin, rounded
+from mi_lcair.plugins.emission.source import kelvin, rounded
 from mi_lcair.plugins.emission.triangles import is_faceted, triangle_corners
-from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST
+from mi_lcair.plugins.emitters.thermal_emitter import is_thermal, thermal_shapes
 
-RADIANCE_UNIT = "W m^-2 sr^-1"
-# Units of the arrays that multiply the radiance of a source.
-UNITS = {"radiance": RADIANCE_UNIT, "irradiance": "W m^-2", "scale": "1"}
 SCALED = ("radiance", "emissivity")  # kinds whose several numbers change by a common factor
 BISECTIONS = 50  # steps in the search for the bound of a feasible material parameter
 
@@ -77,11 +74,13 @@ class Place:
 
 @dataclass(frozen=True)
 class Entry:
-    """A parameter's name, kind and places."""
+    """A parameter's name, kind, places, unit and largest number, which is not that of a model."""
 
     name: str
     kind: str
     places: list[Place]
+    unit: str = "1"
+    upper: float = 1.0
 
     def numbers(self) -> list[np.ndarray]:
         return [place.read() for place in self.places]
@@ -106,14 +105,13 @@ class Entry:
         numbers = self.numbers()
         value, values = self.mean(numbers), np.concatenate(numbers)
         scale = value / values.max() if values.max() > 0 else 1.0
-        unit = "1"
-        if self.kind == "temperature":
-            unit = "K"
-            lower, upper = value - values.min(), HOTTEST - (values.max() - value)
-        elif self.kind == "radiance":
-            unit, lower, upper = UNITS[self.places[0].key], 0.0, BRIGHTEST * scale
-        elif self.kind == "emissivity" or self.model is None:
-            lower, upper = 0.0, scale if self.kind == "emissivity" else 1 - (values.max() - value)
+        unit, lower = self.unit, 0.0
+        if self.kind in SCALED:
+            upper = self.upper * scale
+        elif self.kind == "temperature":
+            lower, upper = value - values.min(), self.upper - (values.max() - value)
+        elif self.model is None:
+            upper = self.upper - (values.max() - value)
         else:
             unit = next(p.unit for p in self.model.parameters if p.name == self.places[0].key)
             lower, upper = self.feasible_range(value)
@@ -122,7 +120,8 @@ class Entry:
     @property
     def model(self):
         """The reflection model of a material's surfaces; None for other parameters."""
-        return getattr(self.places[0].node, "model", None)
+        node = self.places[0].node
+        return node.model if is_reflection_bsdf(node) else None
 
     def feasible_range(self, value: float) -> tuple[float, float]:
         """Lowest and highest feasible value of a material's parameter, the others held."""
@@ -153,27 +152,20 @@ def entries(scene) -> dict[str, Entry]:
     """All parameters of a scene with their places."""
     found = {}
 
-    def add(name, kind, place):
-        found.setdefault(name, Entry(name, kind, [])).places.append(place)
+    def add(emitter, shape, area):
+        """Add the parameters of an emitter; area: of the primitives of its shape [m^2]."""
+        for own in emitter.parameters():
+            name = f"{emitter.group}.{own.name}"
+            node, weight = (shape, area) if own.is_by_facet else (emitter, area.sum(keepdims=True))
+            entry = found.setdefault(name, Entry(name, own.kind, [], own.unit, own.upper))
+            entry.places.append(Place(node, own.key, None, weight))
 
-    emitting = [shape for shape in scene.mi.shapes() if hasattr(shape.emitter(), "group")]
+    emitting = thermal_shapes(scene.mi)
     for shape in sorted(emitting, key=lambda shape: shape.emitter().group):
-        emitter, area = shape.emitter(), primitive_areas(shape)
-        whole = area.sum(keepdims=True)
-        if emitter.radiance is not None:
-            add(f"{emitter.group}.radiance", "radiance", Place(emitter, "radiance", None, whole))
-        elif emitter.sources():
-            place = Place(emitter, "temperature", None, whole)
-            if emitter.attribute:
-                place = Place(shape, emitter.attribute, None, area)
-            add(f"{emitter.group}.temperature", "temperature", place)
-        if emitter.radiance is None and emitter.given_emissivity is not None:
-            place = Place(emitter, "emissivity", None, whole)
-            add(f"{emitter.group}.emissivity", "emissivity", place)
+        add(shape.emitter(), shape, primitive_areas(shape))
     for emitter in scene.mi.emitters():
-        if hasattr(emitter, "group") and emitter.get_shape() is None:
-            name = f"{emitter.group}.{emitter.multiplied_by}"
-            add(name, "radiance", Place(emitter, emitter.multiplied_by, None, np.ones(1)))
+        if is_thermal(emitter) and emitter.get_shape() is None:
+            add(emitter, None, np.ones(1))
     for entry in list(found.values()):
         if entry.kind == "temperature":
             found.update(single_temperatures(entry, emitting))
@@ -213,7 +205,7 @@ def single_temperatures(entry: Entry, emitting) -> dict[str, Entry]:
         present, start = np.unique(part[order], return_index=True)
         for k, number in zip(present, np.split(order, start[1:])):
             name = f"{group}@{kelvin(temperatures[k])}.temperature"
-            single = found.setdefault(name, Entry(name, entry.kind, []))
+            single = found.setdefault(name, replace(entry, name=name, places=[]))
             single.places.append(Place(place.node, place.key, number, place.weight[number]))
     return found
 

@@ -12,6 +12,7 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.derivatives import members
 from mi_lcair.plugins.emission.triangles import is_faceted
+from mi_lcair.plugins.emitters.thermal_emitter import thermal_shapes
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.recorders.contributions import (
     ColumnTable,
@@ -208,12 +209,8 @@ def chosen_facets(scene: Scene, groups) -> tuple:
     The columns of an emitter are those of the primitives of its shape, (primitives,).
     """
     facets = FacetTable(scene)
-    shapes = [shape for shape in scene.mi.shapes() if hasattr(shape.emitter(), "group")]
-    with_temperature = [
-        shape
-        for shape in shapes
-        if shape.emitter().derived is not None and shape.emitter().radiance is None
-    ]
+    shapes = thermal_shapes(scene.mi)
+    with_temperature = [shape for shape in shapes if shape.emitter().temperatures() is not None]
     known = {shape.emitter().group for shape in with_temperature}
     for group in known if groups is None else groups:
         if group not in {shape.emitter().group for shape in shapes}:

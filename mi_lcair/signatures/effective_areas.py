@@ -16,7 +16,8 @@ from mi_lcair.errors import InputError, unknown
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
-from mi_lcair.plugins.emission.sources import Source, Sources
+from mi_lcair.plugins.emission.source import Source
+from mi_lcair.plugins.emission.sources import Sources
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.results import Result

@@ -9,9 +9,10 @@ from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import Setting
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import spectral_radiance
+from mi_lcair.plugins.properties import RADIANCE_UNIT
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.sensitivity.common_numbers import CommonNumbers
-from mi_lcair.sensitivity.entries import RADIANCE_UNIT, Parameter
+from mi_lcair.sensitivity.entries import Parameter
 from mi_lcair.sensitivity.parameters import parameters
 from mi_lcair.signatures.effective_areas import SPECTRUM_ROWS
 from mi_lcair.uncertainty.number import Linear, Number

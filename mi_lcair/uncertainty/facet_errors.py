@@ -6,7 +6,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.plugins.emission.sources import rounded
+from mi_lcair.plugins.emission.source import rounded
 from mi_lcair.sensitivity.facets import facet_matrix
 from mi_lcair.table import LARGEST, read_table
 from mi_lcair.uncertainty.number import Number

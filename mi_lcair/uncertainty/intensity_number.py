@@ -3,7 +3,8 @@
 import numpy as np
 
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.plugins.emission.sources import Source
+from mi_lcair.plugins.emission.source import Source
+from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 from mi_lcair.sensitivity.common_numbers import CommonNumbers
 from mi_lcair.sensitivity.parameters import parameters
 from mi_lcair.signatures.effective_areas import PARTS
@@ -56,11 +57,4 @@ def has_spectra(scene) -> bool:
     """Whether all sources of a scene have a spectrum, so that their emission can be told apart."""
     if scene.band.is_total:
         return False
-    return all(
-        hasattr(emitter, "group")
-        and (
-            emitter.spectrum is not None
-            or (emitter.radiance is None and emitter.derived is not None)
-        )
-        for emitter in scene.mi.emitters()
-    )
+    return all(is_thermal(emitter) and emitter.has_spectrum for emitter in scene.mi.emitters())

@@ -15,7 +15,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.spectrum import Spectrum
 from mi_lcair.planning.bounces import beyond_last
-from mi_lcair.plugins.emission.sources import Source, rounded
+from mi_lcair.plugins.emission.source import Source, rounded
 from mi_lcair.plugins.recorders.by_bounce import MAX_BOUNCE_CHANNELS
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.sensitivity.columns import MOST_COLUMNS

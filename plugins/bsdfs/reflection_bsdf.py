@@ -16,7 +16,15 @@ from mi_lcair.physics.directional_table import over_the_hemisphere, read_directi
 from mi_lcair.physics.reflection.directions import SMALLEST, cos_theta, sample_cosine, sin2_theta
 from mi_lcair.plugins.beside_scene import beside_scene
 from mi_lcair.plugins.bsdfs.uniform_table import gather, interpolate, refine
-from mi_lcair.plugins.derivatives import attached, check_attached, children, flatten, own_memory
+from mi_lcair.plugins.derivatives import (
+    Deriving,
+    attached,
+    check_attached,
+    children,
+    flatten,
+    own_memory,
+    unrecorded,
+)
 from mi_lcair.plugins.properties import Property, read
 
 LOBES = ("brdf", "mirror", "diffuse")
@@ -43,6 +51,7 @@ STEPS_AT_HORIZON = 64
 ALARM = 1e-5
 
 
+@Deriving.register
 class ReflectionBSDF(mi.BSDF):
     """BSDF of a reflection model: a subclass sets `model` and has the manual as its docstring.
 
@@ -56,6 +65,8 @@ class ReflectionBSDF(mi.BSDF):
     # Plugins of a model set it. In BSDF `material` it is None until the material is read.
     model: reflection.ReflectionModel | None = None
     PROPERTIES: tuple[Property, ...] = ()
+    derived = None
+    derivations = ()
 
     def __init_subclass__(cls):
         """Declare the properties of a plugin: those of all surfaces and its model's parameters."""
@@ -80,14 +91,12 @@ class ReflectionBSDF(mi.BSDF):
             path, cos = beside_scene(self.emissivity), np.linspace(0, 1, STEPS + 1) ** 2
             theta, emissivity, _ = read_directional_table(path)
             self.measured = mi.Float(over_the_hemisphere(path, theta, emissivity, np.arccos(cos)))
-            dr.make_opaque(self.measured)
         elif self.emissivity == "model" and not self.model.has_emissivity:
             raise InputError(
                 f"{self.model.name}: emissivity = model, but the model has no formula of its own; "
                 "use kirchhoff or a measured table"
             )
         self.set_lobe(given["lobe"])
-        self.derive()
 
     def read_surface(self, props, plugin: str) -> tuple[tuple[float, ...], str]:
         """Values of the parameters and the form, from a material or from numbers.
@@ -162,7 +171,7 @@ class ReflectionBSDF(mi.BSDF):
 
     def derive(self) -> None:
         """Compute the tables that `eval` and `sample` use, in Float64 and with derivatives."""
-        dr.make_opaque(*self.sources())
+        dr.make_opaque(*self.sources(), self.measured)
         if attached(self.sources()):
             self.derived = tables(self.model, self.sources(), self.form)
         else:
@@ -170,12 +179,21 @@ class ReflectionBSDF(mi.BSDF):
         dr.make_opaque(self.derived)
 
     def refresh(self) -> None:
-        if attached(self.sources()) and not attached(flatten(self.derived)):
+        if self.derived is None or (
+            attached(self.sources()) and not attached(flatten(self.derived))
+        ):
             self.derive()
 
     @property
+    def tables(self) -> tuple:
+        """`derived`, which is computed at the first use: a constructor must not evaluate arrays."""
+        if self.derived is None:
+            unrecorded(self.derive)
+        return self.derived
+
+    @property
     def surface(self):
-        return self.derived[0]
+        return self.tables[0]
 
     def remarks(self) -> list[str]:
         """Remarks for the user about this surface, one line each, for when a scene is loaded."""
@@ -194,7 +212,7 @@ class ReflectionBSDF(mi.BSDF):
     def raw_HDR(self, cos, sin2):
         """Floor and lobe parts of the model's HDR(theta_r) (thesis Eq 2.9), not limited to 1."""
         check_attached(self)
-        return parts_of_HDR(self.model, self.derived, cos, sin2)
+        return parts_of_HDR(self.model, self.tables, cos, sin2)
 
     def HDR(self, w):
         """HDR as rendered: at most 1; 0 for a direction below the surface."""
@@ -354,12 +372,8 @@ def parts_of_HDR(model: reflection.ReflectionModel, derived: tuple, cos, sin2) -
 
 
 def is_reflection_bsdf(plugin) -> bool:
-    """Whether a plugin is the BSDF of a reflection model.
-
-    The check does not use the plugin's class, because a plugin that was loaded under another
-    variant has another class.
-    """
-    return isinstance(getattr(plugin, "model", None), reflection.ReflectionModel)
+    """Whether a plugin is the BSDF of a reflection model."""
+    return isinstance(plugin, ReflectionBSDF)
 
 
 def reflection_layers(bsdf) -> list:

@@ -11,6 +11,7 @@ from mi_lcair.plugins.columns.kinds import MaterialColumn
 from mi_lcair.plugins.columns.surface_slopes import Slopes, Vertex, kind_of, names_of, places_of
 from mi_lcair.plugins.derivatives import nodes, own_memory
 from mi_lcair.plugins.emission.triangles import pointer_id
+from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 
 # Numbers of columns of one launch. There are few, because each needs its own kernel.
 SIZES = (4, 8, 16, 32, 64)
@@ -112,14 +113,14 @@ def emitter_tables(scene, columns: list, first_number: int, size: int, weights) 
     columns: the `SourceColumn`s, which are numbered from `first_number` on. size: number that
     stands for no column.
     """
-    emitters = [emitter for emitter in scene.emitters() if hasattr(emitter, "group")]
+    emitters = [emitter for emitter in scene.emitters() if is_thermal(emitter)]
     ids = [pointer_id(mi.EmitterPtr(emitter)) for emitter in scene.emitters()]
     first, stride = np.zeros((2, max(ids, default=0) + 1), dtype=np.uint32)
     radiance, weight, of_columns = [np.zeros(1)], [np.ones(1)], [[np.zeros(1)] for _ in columns]
     entries = 1
     for emitter in emitters:
         key, depends = pointer_id(mi.EmitterPtr(emitter)), emitter.given_emissivity is None
-        source = emitter.radiance if emitter.derived is None else emitter.derived
+        source = emitter.facet_radiance()
         if source is None:
             raise InputError(
                 f"group {emitter.group}: its temperature varies inside the facets, so that there "

@@ -12,7 +12,15 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.derivatives import attached, children, held, same_variables, value_along
+from mi_lcair.plugins.derivatives import (
+    Deriving,
+    attached,
+    children,
+    held,
+    same_variables,
+    unrecorded,
+    value_along,
+)
 
 # BSDFs that return 0 as the emissivity of the BSDF that they wrap.
 HIDING = ("MaskBSDF", "BumpMap", "NormalMap", "BlendBSDF")
@@ -46,7 +54,7 @@ class Emissivity:
         return dr.select(active & reflects(self.flags, si.wi.z), value, 0)
 
 
-class Table:
+class Table(Deriving):
     """The emissivity of a BSDF as a table of 1 - HDR(theta) over both sides that reflect.
 
     It has the methods that the module `derivatives` describes. `derived` holds the tables, front
@@ -94,15 +102,10 @@ class Table:
 
     def refresh(self) -> None:
         if not self.is_current():
-            self.derive()
+            unrecorded(self.derive)
 
     def derive(self) -> None:
         """Compute the tables; raises InputError if the BSDF proves anisotropic."""
-        if dr.flag(dr.JitFlag.SymbolicScope):
-            raise RuntimeError(
-                f"bsdf '{self.id()}': its emissivity cannot be tabulated while Dr.Jit records a "
-                "loop or call; refresh() the scene's thermal emitters first, as bounce_path does"
-            )
         self.made_of = held(self.sources()), self.numbers()
         with_derivatives = attached(self.sources())
         HDR = [sampled_HDR(self.bsdf, side, with_derivatives) for side in self.sides]

@@ -1,25 +1,25 @@
 """The emitters of a scene: their labels, and sampling of directions toward them."""
 
-from dataclasses import dataclass
-
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.bsdfs.plume import is_passed
+from mi_lcair.plugins.emission.draw_table import DrawTable
 from mi_lcair.plugins.emission.field_of_view import FieldOfView
+from mi_lcair.plugins.emission.groups import Groups, at_pointer
 from mi_lcair.plugins.emission.one_sun import one_sun
-from mi_lcair.plugins.emission.radiance_bound import radiance_bound
-from mi_lcair.plugins.emission.sources import OTHER, Sources
+from mi_lcair.plugins.emission.radiance_bound import can_be_hit, radiance_bound
+from mi_lcair.plugins.emission.samples import DrawnDirection, EmitterSample
+from mi_lcair.plugins.emission.sources import Sources
 from mi_lcair.plugins.emission.triangles import (
-    Choice,
-    TriangleTable,
     is_faceted,
     pointer_id,
     random_integer,
     triangle_corners,
 )
+from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 
 # Smallest offset of a ray's start from a surface, relative to the scene's extent. It is larger than
 # the rounding error of a hit's position.
@@ -29,183 +29,49 @@ OFFSET = 64 * 2.0**-24
 MOST_PASSED = 32
 
 
-@dataclass
-class DrawnDirection:
-    """A direction drawn toward an emitter; whether the emitter can be seen along it is not known.
-
-    ds: the direction, with the density `ds.pdf` [1/sr] for the point where the ray starts. index:
-    what was drawn, as an index into the table of probabilities. other: the drawn emitter where it
-    is not a triangle of a mesh; None if the table has only triangles. may_radiate: False where the
-    drawn emitter is known to send nothing along the direction. bound: upper bound of the radiance
-    of the drawn triangle or emitter, hidden or not [W m^-2 sr^-1].
-    """
-
-    ds: mi.DirectionSample3f
-    index: mi.UInt32
-    other: mi.EmitterPtr | None
-    may_radiate: mi.Bool
-    bound: mi.Float
-
-
-@dataclass
-class EmitterSample:
-    """The first hit along a drawn direction.
-
-    drawn: the direction. hit: the first hit of the ray, where that is the drawn triangle. emitter:
-    the emitter that sends radiance along the ray. counts: whether the first hit is the drawn point,
-    so that the sample counts. of_triangle: whether it counts and the point is on a triangle of a
-    mesh. transmittance: that of the surfaces which the ray passes; None in a scene without such
-    surfaces.
-    """
-
-    drawn: DrawnDirection
-    hit: mi.SurfaceInteraction3f
-    emitter: mi.EmitterPtr
-    counts: mi.Bool
-    of_triangle: mi.Bool
-    transmittance: mi.Float | None = None
-
-    def radiance(self, si):
-        """Radiance from the emitter toward `si`, with derivatives [W m^-2 sr^-1]."""
-        drawn, of_triangle = self.drawn, self.of_triangle
-        radiance = self.emitter.eval(self.hit, of_triangle)
-        if drawn.other is not None:
-            radiance += drawn.other.eval_direction(si, drawn.ds, self.counts & ~of_triangle)
-        return radiance if self.transmittance is None else radiance * self.transmittance
-
-
-def can_be_hit(emitter) -> bool:
-    """Whether a reflected ray can hit the emitter; False for a point light or a parallel beam."""
-    return not emitter.flags() & int(mi.EmitterFlags.Delta)
-
-
-def one_band(thermal):
-    """The band in which all thermal emitters of a scene emit; None if none names one."""
-    bands = {emitter.band.name: emitter.band for emitter in thermal if emitter.band is not None}
-    if len(bands) > 1:
-        raise InputError(
-            f"the scene mixes bands: {', '.join(sorted(bands))}; "
-            "all thermal emitters must name the same"
-        )
-    return next(iter(bands.values()), None)
-
-
 class EmitterTable:
     """The emitters of a scene, their labels, and one sampling density for all of them.
 
-    `draw` draws from a mixture. One part are the triangles of emitting meshes, with probabilities
-    proportional to area times an upper bound of the radiance. The other part are all other
-    emitters, with equal probabilities. If `sampling` is True, all emitters are drawn, otherwise
-    only those that a reflected ray cannot hit.
+    `draw` draws from the mixture that `table` holds. If `sampling` is True, all emitters are in it,
+    otherwise only those that a reflected ray cannot hit.
 
-    labels: the groups of the thermal emitters, and `other` if the scene has other emitters or
-    shapes that do not emit. band: the band of the thermal emitters. sources: the `Sources` by which
-    emission is recorded. draws: whether there are emitters to draw. brightest: upper bound of the
-    radiance of all emitters that a ray can hit [W m^-2 sr^-1]. unbounded: descriptions of the
-    emitters without a known bound. sun: the emitter `sun`; None if the scene has none. passes:
-    whether the scene has surfaces that rays pass, see `is_passed`.
+    groups, labels: the `Groups` of the scene, and their labels. band: the band of the thermal
+    emitters. sources: the `Sources` by which emission is recorded. draws: whether there are
+    emitters to draw. brightest: upper bound of the radiance of all emitters that a ray can hit
+    [W m^-2 sr^-1]. unbounded: descriptions of the emitters without a known bound. sun: the emitter
+    `sun`; None if the scene has none. passes: whether the scene has surfaces
+    that rays pass, see `is_passed`.
     """
 
     def __init__(self, scene, sampling: bool, by_spectrum: bool = False):
         emitters = list(scene.emitters())
-        thermal = [emitter for emitter in emitters if hasattr(emitter, "group")]
-        unlabelled = len(thermal) < len(emitters) or any(
-            not hasattr(shape.emitter(), "group") for shape in scene.shapes()
-        )
-        self.labels = sorted(
-            {emitter.group for emitter in thermal} | ({OTHER} if unlabelled else set())
-        )
-        ids = {pointer_id(mi.EmitterPtr(emitter)): emitter for emitter in emitters}
-        label_of = np.full(
-            max(ids, default=0) + 1, self.labels.index(OTHER) if unlabelled else 0, dtype=np.uint32
-        )
-        for key, emitter in ids.items():
-            label_of[key] = self.labels.index(getattr(emitter, "group", OTHER))
-        self.label_of = mi.UInt32(label_of)
-        background = [
-            key
-            for key, emitter in ids.items()
-            if getattr(emitter, "facet_type", "model") != "model"
-        ]
-        self.is_background = mi.UInt32(
-            np.isin(np.arange(len(label_of)), background).astype(np.uint32)
-        )
-
+        self.groups = Groups(scene, emitters)
+        self.labels = self.groups.labels
         self.sun = one_sun(emitters)
-        if self.sun is not None:
-            self.sun_id = mi.UInt32(pointer_id(mi.EmitterPtr(self.sun)))
-            sky = [
-                key
-                for key, emitter in ids.items()
-                if getattr(emitter, "facet_type", "model") == "sky"
-            ]
-            self.is_sky = mi.UInt32(np.isin(np.arange(len(label_of)), sky).astype(np.uint32))
-            dr.make_opaque(self.sun_id, self.is_sky)
-
-        self.band = one_band(thermal)
+        self.sun_id = None if self.sun is None else mi.UInt32(pointer_id(mi.EmitterPtr(self.sun)))
+        self.band = one_band(emitters)
         self.sources = Sources(emitters, self.labels, self.band, by_spectrum)
-        bounds = scene.bbox()
-        self.least_offset = mi.Float(
-            OFFSET * max(np.abs(bounds.min).max(), np.abs(bounds.max).max())
-        )
 
-        hittable = [emitter for emitter in emitters if can_be_hit(emitter)]
-        bounds = {emitter: radiance_bound(emitter) for emitter in hittable}
-        self.unbounded = [describe(emitter) for emitter in hittable if bounds[emitter] is None]
-        self.bounds = [(emitter.get_shape(), bounds[emitter]) for emitter in hittable]
+        bounds = {emitter: radiance_bound(emitter) for emitter in emitters if can_be_hit(emitter)}
+        self.unbounded = [describe(emitter) for emitter, bound in bounds.items() if bound is None]
+        self.bounds = [(emitter.get_shape(), bound) for emitter, bound in bounds.items()]
         largest = [float(bound.max()) for bound in bounds.values() if bound is not None]
         self.brightest = max(largest, default=0.0)
-
         self.opaque_brightest = dr.opaque(mi.Float, self.brightest)
 
-        drawn = emitters if sampling else [e for e in emitters if not can_be_hit(e)]
-        meshes = [
-            emitter
-            for emitter in drawn
-            if can_be_hit(emitter) and emitter.get_shape() and is_faceted(emitter.get_shape())
-        ]
-        others = [emitter for emitter in drawn if emitter not in meshes]
-        self.triangles = None
-        weights = []
-        if meshes:
-            table = TriangleTable([emitter.get_shape() for emitter in meshes])
-            # An emitter without a known bound is drawn as if it were the brightest one. The weights
-            # change the noise only, not the expected value.
-            known = [self.brightest or 1.0 if bounds[e] is None else bounds[e] for e in meshes]
-            radiance = np.concatenate(
-                [np.broadcast_to(*of_one) for of_one in zip(known, table.counts)]
-            )
-            weights = radiance * table.area
-            self.triangles = table if weights.sum() > 0 else None
-        self.others = None
-        if others:
-            self.others = mi.UInt32([pointer_id(mi.EmitterPtr(emitter)) for emitter in others])
-        self.draws = self.triangles is not None or bool(others)
-        self.all_surfaces = all(e.flags() & int(mi.EmitterFlags.Surface) for e in others)
-        flags = [int(shape.bsdf().flags()) for shape in scene.shapes()]
+        drawn = [e for e in emitters if sampling or not can_be_hit(e)]
+        self.table = DrawTable(drawn, bounds, self.brightest)
+        self.draws = not self.table.is_empty
+        flags = {int(bsdf.flags()) for bsdf in {shape.bsdf() for shape in scene.shapes()}}
         self.passes = any(map(is_passed, flags))
         # No emitter is drawn at a surface that rays pass
         self.transmits = any(
-            of_one & int(mi.BSDFFlags.Transmission) and not is_passed(of_one) for of_one in flags
+            of_bsdf & int(mi.BSDFFlags.Transmission) and not is_passed(of_bsdf) for of_bsdf in flags
         )
-        if self.draws:
-            share = 0.0 if self.triangles is None else 1.0 if not others else 0.5
-            parts = [np.full(len(others), (1 - share) / max(len(others), 1))]
-            if self.triangles is not None:
-                parts.insert(0, share * weights / weights.sum())
-            choice = Choice(np.concatenate(parts))
-            self.choice, self.triangle_count = choice, len(choice.probability) - len(others)
-            of_others = [0.0 if bounds.get(e) is None else float(bounds[e].max()) for e in others]
-            # Triangles have a density per area [1/m^2], other emitters a probability
-            density = choice.probability.copy()
-            if self.triangles is not None:
-                density[: self.triangle_count] = table.density(density[: self.triangle_count])
-                of_others = np.append(radiance, of_others)
-            self.density = mi.Float(density)
-            self.density_and_bound = mi.Float(np.stack([density, of_others], axis=1).ravel())
-            self.probability_of_other = mi.Float(choice.probability[-1] if others else 0.0)
-            dr.make_opaque(self.density, self.density_and_bound, self.probability_of_other)
-        dr.make_opaque(self.label_of, self.is_background, self.others, self.least_offset)
+        box = scene.bbox()
+        extent = max(np.abs(box.min).max(), np.abs(box.max).max())
+        self.least_offset = mi.Float(OFFSET * extent)
+        dr.make_opaque(self.least_offset, self.sun_id)
 
     def leave(self, si, d):
         """Start of a ray from the hit `si` in the direction `d`, just off the surface [m].
@@ -239,16 +105,14 @@ class EmitterTable:
 
     def label(self, emitter):
         """Index into `labels` of an emitter pointer; the index of `other` for a null pointer."""
-        return dr.gather(mi.UInt32, self.label_of, dr.reinterpret_array(mi.UInt32, emitter))
+        return at_pointer(self.groups.number, emitter)
 
     def is_model(self, emitter):
         """Whether a shape with this emitter belongs to the model, not to the background.
 
         A null pointer, for a shape without an emitter, belongs to the model.
         """
-        return (
-            dr.gather(mi.UInt32, self.is_background, dr.reinterpret_array(mi.UInt32, emitter)) == 0
-        )
+        return at_pointer(self.groups.is_background, emitter) == 0
 
     @property
     def sun_pointer(self):
@@ -256,8 +120,7 @@ class EmitterTable:
 
     def shows_sun(self, hit, emitter):
         """Whether a ray may reach the sun: it escapes, or its hit with this emitter is sky."""
-        sky = dr.gather(mi.UInt32, self.is_sky, dr.reinterpret_array(mi.UInt32, emitter)) != 0
-        return ~hit.is_valid() | sky
+        return ~hit.is_valid() | (at_pointer(self.groups.is_sky, emitter) != 0)
 
     def sun_along(self, d, active):
         """Radiance of the sun along a ray, and the density with which `draw` draws the ray.
@@ -274,7 +137,7 @@ class EmitterTable:
         (radiance, density) : tuple of mi.Spectrum and mi.Float
             [W m^-2 sr^-1], 0 outside the disc; [1/sr].
         """
-        return self.sun.along(d, active), self.probability_of_other / self.sun.solid_angle
+        return self.sun.along(d, active), self.table.probability_of_other / self.sun.solid_angle
 
     def draw(self, si, sample1, sample2, active):
         """Draw a direction toward an emitter.
@@ -295,22 +158,22 @@ class EmitterTable:
         -------
         DrawnDirection
         """
-        ds = dr.zeros(mi.DirectionSample3f)
-        index = self.choice.pick(random_integer(sample1), active)
+        table, ds = self.table, dr.zeros(mi.DirectionSample3f)
+        index = table.choice.pick(random_integer(sample1), active)
         other, may_radiate = None, mi.Bool(True)
-        from_triangles = active & (index < self.triangle_count)
+        from_triangles = active & (index < table.triangle_count)
         from_others = active & ~from_triangles
-        density, bound = dr.gather(mi.Vector2f, self.density_and_bound, index, active)
-        if self.triangles is not None:
-            _, ds.p, ds.n = self.triangles.point(index, sample2, from_triangles)
+        density, bound = dr.gather(mi.Vector2f, table.density_and_bound, index, active)
+        if table.triangles is not None:
+            _, ds.p, ds.n = table.triangles.point(index, sample2, from_triangles)
             ds.d = ds.p - self.leave(si, ds.p - si.p)
             ds.dist = dr.norm(ds.d)
             ds.d /= ds.dist
             ds.pdf = solid_angle_density(density, ds.dist, ds.d, ds.n)
-        if self.others is not None:
+        if table.others is not None:
             other = dr.reinterpret_array(
                 mi.EmitterPtr,
-                dr.gather(mi.UInt32, self.others, index - self.triangle_count, from_others),
+                dr.gather(mi.UInt32, table.others, index - table.triangle_count, from_others),
             )
             # The start depends on the side of the surface. Reflection stays on the observer's side.
             # Where light may pass through a surface, a first sample from si.p gives the side.
@@ -350,7 +213,7 @@ class EmitterTable:
         """
         ds = drawn.ds
         active = active & (ds.pdf > 0)
-        of_triangles = active & (drawn.index < self.triangle_count)
+        of_triangles = active & (drawn.index < self.table.triangle_count)
         ray = self.spawn_ray(si, ds.d)
         pi = scene.ray_intersect_preliminary(ray, coherent=False, active=active)
         transmittance, distance = None, ds.dist
@@ -362,9 +225,9 @@ class EmitterTable:
         on_triangle, on_other = self.meets(ray, pi, drawn, met, of_triangles)
         hit = pi.compute_surface_interaction(ray, mi.RayFlags.All, on_triangle)
         counts = mi.Bool(on_triangle)  # a copy, because |= changes an array in place
-        if self.others is not None:
+        if self.table.others is not None:
             counts |= on_other
-            if not self.all_surfaces:
+            if not self.table.all_surfaces:
                 nothing_before = ~met | (pi.t > distance * (1 - 1e-4))
                 on_surface = mi.has_flag(drawn.other.flags(), mi.EmitterFlags.Surface)
                 if self.sun is not None:
@@ -384,10 +247,10 @@ class EmitterTable:
         met: the hits to be compared. of_triangles: whether a triangle was drawn; both mi.Bool.
         """
         on_triangle, on_other = mi.Bool(False), mi.Bool(False)
-        if self.triangles is not None:
-            triangle, known = self.triangles.find(pi.shape, pi.prim_index, met & of_triangles)
+        if self.table.triangles is not None:
+            triangle, known = self.table.triangles.find(pi.shape, pi.prim_index, met & of_triangles)
             on_triangle = known & (triangle == drawn.index)
-        if self.others is not None:
+        if self.table.others is not None:
             # A line hits a sphere, cylinder, disk or rectangle at most twice, from different sides.
             # Shape and side therefore identify the point. A comparison of distances would need a
             # tolerance, and no tolerance is right near the shape and at grazing incidence.
@@ -435,10 +298,10 @@ class EmitterTable:
     def continues(self, ray, pi, drawn: DrawnDirection, active):
         """Whether rays pass the surface that they hit; not at or behind the drawn point."""
         met = active & pi.is_valid()
-        of_triangles = met & (drawn.index < self.triangle_count)
+        of_triangles = met & (drawn.index < self.table.triangle_count)
         on_triangle, on_other = self.meets(ray, pi, drawn, met, of_triangles)
         met &= is_passed(pi.shape.bsdf().flags()) & ~on_triangle & ~on_other
-        if not self.all_surfaces:
+        if not self.table.all_surfaces:
             on_surface = mi.has_flag(drawn.other.flags(), mi.EmitterFlags.Surface)
             before = pi.t <= dr.norm(drawn.ds.p - ray.o) * (1 - 1e-4)
             met &= of_triangles | on_surface | before
@@ -496,21 +359,34 @@ class EmitterTable:
         """
         density = mi.Float(0)
         known = mi.Bool(False)
-        if self.triangles is not None:
-            triangle, known = self.triangles.find(si.shape, si.prim_index, active & si.is_valid())
+        if self.table.triangles is not None:
+            triangle, known = self.table.triangles.find(
+                si.shape, si.prim_index, active & si.is_valid()
+            )
             density = solid_angle_density(
-                dr.gather(mi.Float, self.density, triangle, known),
+                dr.gather(mi.Float, self.table.density, triangle, known),
                 distance,
                 si.to_world(si.wi),
                 si.n,
             )
-        if self.others is not None:
+        if self.table.others is not None:
             before = dr.zeros(mi.Interaction3f)
             before.p = start
             ds = mi.DirectionSample3f(scene, si, before)
             other = emitter.pdf_direction(before, ds, active & ~known)
-            density = dr.select(known, density, other * self.probability_of_other)
+            density = dr.select(known, density, other * self.table.probability_of_other)
         return density
+
+
+def one_band(emitters):
+    """The band in which all thermal emitters of a scene emit; None if none names one."""
+    bands = {e.band.name: e.band for e in emitters if is_thermal(e) and e.band is not None}
+    if len(bands) > 1:
+        raise InputError(
+            f"the scene mixes bands: {', '.join(sorted(bands))}; "
+            "all thermal emitters must name the same"
+        )
+    return next(iter(bands.values()), None)
 
 
 def solid_angle_density(per_area, distance, direction, normal):

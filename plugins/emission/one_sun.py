@@ -2,6 +2,8 @@
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.sun.daytime_sky import SUN_ELEVATION_DEG
+from mi_lcair.plugins.emitters.distant_emitter import DistantEmitter
+from mi_lcair.plugins.emitters.sun import Sun
 
 # Largest difference of the elevations of a sun and of the sun of a daytime sky [degrees].
 ELEVATION_RANGE_DEG = 5.0
@@ -12,12 +14,12 @@ def one_sun(emitters):
 
     Raises InputError for a second one, and for one that does not fit the emitter `sky_dome`.
     """
-    suns = [emitter for emitter in emitters if hasattr(emitter, "is_sun")]
+    suns = [emitter for emitter in emitters if isinstance(emitter, Sun)]
     if len(suns) > 1:
         raise InputError(f"the scene has {len(suns)} suns; it can have one at most")
-    for dome in emitters if suns else []:
-        if hasattr(dome, "sun_azimuth_deg"):
-            check_fits(suns[0], dome, "the sky_dome")
+    for sky in emitters if suns else []:
+        if isinstance(sky, DistantEmitter):
+            sky.check_fits(suns[0])
     return suns[0] if suns else None
 
 

@@ -1,4 +1,4 @@
-"""Upper bounds of the radiance of emitters, from their parameters."""
+"""Upper bounds of the radiance of emitters and of textures, from their parameters."""
 
 import re
 
@@ -6,44 +6,33 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.derivatives import members
+from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 
 # Textures whose values never exceed the largest number that they or their nested textures contain.
 # They interpolate or select numbers, but do not add or multiply them.
 BETWEEN_ITS_VALUES = ("UniformSpectrum", "BitmapTextureImpl", "Checkerboard")
 
 
+def can_be_hit(emitter) -> bool:
+    """Whether a reflected ray can hit the emitter; False for a point light or a parallel beam."""
+    return not emitter.flags() & int(mi.EmitterFlags.Delta)
+
+
 def radiance_bound(emitter) -> np.ndarray | None:
     """Upper bound of the radiance of an emitter that a ray can hit [W m^-2 sr^-1].
 
     An array of width 1, or with one value per triangle of the emitter's mesh. None if the emitter
-    is of a kind whose radiance cannot be bounded from its parameters. An emitter written in Python
-    may have a method `radiance_bound()` that returns such an array.
+    is of a kind whose radiance cannot be bounded from its parameters.
     """
-    held = members(emitter)
-    if hasattr(emitter, "radiance_bound"):
+    if is_thermal(emitter):
         return emitter.radiance_bound()
-    if hasattr(emitter, "group"):
-        return thermal_bound(emitter)
+    held = members(emitter)
     if "data" in held and "scale" in held:  # envmap
         return largest(held["data"]) * largest(held["scale"])
     if isinstance(held.get("radiance"), mi.Texture):  # area, constant
         return texture_bound(held["radiance"], emitter.get_shape())
     return None
-
-
-def thermal_bound(emitter) -> np.ndarray | None:
-    """Bound for emitter `thermal`: blackbody or given radiance, times a given emissivity."""
-    source = emitter.derived if emitter.radiance is None else emitter.radiance
-    if source is not None:
-        bound = dr.detach(source).numpy().astype(np.float64)
-    else:
-        temperature = texture_bound(emitter.texture, emitter.get_shape())
-        bound = None if temperature is None else in_band_radiance(emitter.band, temperature)
-    if bound is None or emitter.given_emissivity is None:
-        return bound
-    return bound * largest(emitter.given_emissivity)
 
 
 def texture_bound(texture, shape) -> np.ndarray | None:

@@ -1,36 +1,18 @@
 """Sources by which emission is recorded: each group of a scene, or each spectrum of a group."""
 
-from dataclasses import dataclass, field
-
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
-from mi_lcair.physics.spectrum import Spectrum
+from mi_lcair.plugins.emission.source import OTHER, Source
 from mi_lcair.plugins.emission.triangles import pointer_id
+from mi_lcair.plugins.emitters.thermal_emitter import group_of, is_thermal
 
-OTHER = "other"  # group of everything without a thermal emitter
 MAX_SOURCES = 64  # sources recorded separately; if there are more, blackbodies share wavelengths
 # Chebyshev nodes of the band. A polynomial through them agrees with Planck's law to 1e-6.
 WAVELENGTHS = 32
-
-
-@dataclass(frozen=True)
-class Source:
-    """A group of emitters, or the part of a group that radiates one spectrum.
-
-    The spectrum is that of a blackbody at `temperature` [K], or the tabulated `spectrum`. name:
-    name of the spectrum. in_band: its radiance before emissivity [W m^-2 sr^-1]. All of these are
-    None for a whole group.
-    """
-
-    group: str
-    name: str | None = None
-    in_band: float | None = None
-    temperature: float | None = None
-    spectrum: Spectrum | None = field(default=None, compare=False)
 
 
 class Sources:
@@ -46,9 +28,9 @@ class Sources:
         self.by_spectrum = by_spectrum
         self.list = [Source(group) for group in groups]
         self.wavelengths_um, self.share = np.empty(0), None
-        per_emitter = [[Source(getattr(emitter, "group", OTHER))] for emitter in emitters]
+        per_emitter = [[Source(group_of(emitter))] for emitter in emitters]
         if by_spectrum:
-            per_emitter = [spectra(emitter, band) for emitter in emitters]
+            per_emitter = [spectra(emitter) for emitter in emitters]
             self.list = list(dict.fromkeys(source for sources in per_emitter for source in sources))
             if len(self.list) > MAX_SOURCES:
                 self.tabulate(per_emitter, band)
@@ -127,54 +109,11 @@ def by_wavelength(source: Source) -> Source:
     return source if source.temperature is None else Source(source.group)
 
 
-def rounded(temperatures) -> np.ndarray:
-    """Temperatures [K] without the error of Float32, 301.7 K for 301.70001 K.
-
-    Names and comparisons of temperatures use these values.
-    """
-    return np.asarray(temperatures, dtype=float).round(4)
-
-
-def kelvin(temperature: float) -> str:
-    """A rounded temperature [K] as names show it."""
-    return f"{temperature:.7g}"
-
-
-def spectra(emitter, band) -> list[Source]:
-    """Sources of one emitter: a list of one, or one for each facet.
-
-    Raises InputError for an emitter without a spectrum.
-    """
-    if not hasattr(emitter, "group"):
+def spectra(emitter) -> list[Source]:
+    """The sources of an emitter; raises InputError for one that is not thermal."""
+    if not is_thermal(emitter):
         raise InputError(
             f"an emitter of class {emitter.class_name()} has no spectrum; "
             "only thermal emitters have"
         )
-    if emitter.spectrum is not None:
-        in_band = float(emitter.radiance[0])
-        table = emitter.spectrum
-        scaled = Spectrum(
-            table.name,
-            table.wavelengths_um,
-            table.radiance * in_band / table.in_band_radiance(emitter.band),
-        )
-        return [Source(emitter.group, table.name, in_band, spectrum=scaled)]
-    if emitter.radiance is not None:
-        raise InputError(
-            f"group {emitter.group}: a source of given `radiance` has no spectrum; "
-            "give it a `spectrum`"
-        )
-    if emitter.derived is None:
-        raise InputError(
-            f"group {emitter.group}: its temperature varies inside the facets, so that its spectra "
-            "cannot be told apart; give it a temperature per facet (face_temperature)"
-        )
-    temperatures, number = np.unique(
-        rounded(dr.detach(emitter.sources()[0]).numpy()), return_inverse=True
-    )
-    radiances = in_band_radiance(band, temperatures)
-    sources = [
-        Source(emitter.group, f"{kelvin(T)} K", float(L), float(T))
-        for T, L in zip(temperatures, radiances)
-    ]
-    return [sources[k] for k in number.ravel()]
+    return emitter.spectra()

@@ -4,18 +4,17 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.errors import InputError
-from mi_lcair.physics.bands import band
 from mi_lcair.physics.sun.daytime_sky import daytime_sky, sky_air_names
-from mi_lcair.plugins.properties import Property, read
+from mi_lcair.plugins.emission.one_sun import check_fits
+from mi_lcair.plugins.emitters.distant_emitter import DistantEmitter
+from mi_lcair.plugins.properties import Property
 
-DISTANCE = 1e12  # of a point of the dome in Mitsuba's samples of directions [m]
 # Cells of the table of radiances over the sine of the elevation and over the azimuth from the sun,
 # 0 to 180 degrees. Between its nodes the radiance is bilinear.
 ROWS, COLUMNS = 128, 90
 
 
-class SkyDome(mi.Emitter):
+class SkyDome(DistantEmitter):
     r"""Clear daytime sky above the horizon, with sunlight scattered once.
 
     =============== ====== =========================================================================
@@ -46,19 +45,10 @@ class SkyDome(mi.Emitter):
         Property("group", "string", "sky", is_label=True),
     )
 
-    facet_type = "sky"  # part of the background
-    multiplied_by = "scale"  # the parameter that multiplies the radiance
-    temperature = texture = derived = None  # as for emitter `thermal`, a source with a spectrum
-
     def __init__(self, props):
-        mi.Emitter.__init__(self, props)
-        self.m_flags = mi.EmitterFlags.Infinite | mi.EmitterFlags.SpatiallyVarying
-        values = read(props, "sky_dome", self.PROPERTIES)
-        if values["band"] is None:
-            raise InputError("sky_dome: give its `band`")
-        self.group, self.band = values["group"], band(values["band"])
-        self.sun_azimuth_deg = values["sun_azimuth_deg"]
-        sky = daytime_sky(values["air"])
+        super().__init__(props)
+        self.sun_azimuth_deg = self.values["sun_azimuth_deg"]
+        sky = daytime_sky(self.values["air"])
         elevation = np.degrees(np.arcsin(np.linspace(0, 1, ROWS + 1)))
         azimuth = np.linspace(0, 180, COLUMNS + 1)
         table = sky.in_band_radiance(self.band, *np.meshgrid(elevation, azimuth, indexing="ij"))
@@ -66,26 +56,22 @@ class SkyDome(mi.Emitter):
         self.table = mi.Float(table.ravel())
         self.spectrum = sky.mean_spectrum()
         self.mean_radiance = self.spectrum.in_band_radiance(self.band)
-        self.scale, self.given_emissivity = mi.Float(1.0), mi.Float(1.0)
         x, y = np.cos(np.radians(self.sun_azimuth_deg)), np.sin(np.radians(self.sun_azimuth_deg))
         self.toward_sun = mi.Vector2f(float(x), float(y))
-        dr.make_opaque(self.table, self.toward_sun)
-        self.parameters_changed()
 
-    @property
-    def radiance(self):
+    def facet_radiance(self):
         """Mean in-band radiance, weighted by the cosine to the zenith [W m^-2 sr^-1]."""
         return self.scale * self.mean_radiance
 
+    def refresh(self) -> None:
+        super().refresh()
+        dr.make_opaque(self.table, self.toward_sun)
+
+    def check_fits(self, sun) -> None:
+        check_fits(sun, self, "the sky_dome")
+
     def radiance_bound(self) -> np.ndarray:
         return np.array([self.largest * float(dr.detach(self.scale)[0])])
-
-    def traverse(self, cb):
-        mi.Emitter.traverse(self, cb)
-        cb.put("scale", self.scale, mi.ParamFlags.Differentiable)
-
-    def parameters_changed(self, keys=()):
-        dr.make_opaque(self.scale, self.given_emissivity)
 
     def along(self, d, active):
         """Radiance from the direction `d`; 0 below the horizon [W m^-2 sr^-1]."""
@@ -102,41 +88,6 @@ class SkyDome(mi.Emitter):
             dr.lerp(node(0, 0), node(0, 1), across), dr.lerp(node(1, 0), node(1, 1), across), up
         )
         return mi.Spectrum(dr.select(above, self.scale * value, 0))
-
-    # ---------------------------------------------------------------- Mitsuba's interface
-
-    def eval(self, si, active=True):
-        return self.along(-si.wi, active)  # of a ray that hits nothing, `wi` is in world space
-
-    def sample_direction(self, it, sample, active=True):
-        ds = dr.zeros(mi.DirectionSample3f, dr.width(sample))
-        ds.d = mi.warp.square_to_uniform_hemisphere(sample)
-        ds.p, ds.n = dr.fma(ds.d, DISTANCE, it.p), mi.Normal3f(-ds.d)
-        ds.dist, ds.pdf = mi.Float(DISTANCE), mi.Float(0.5 * dr.inv_pi)
-        ds.time, ds.delta = it.time, False
-        ds.emitter = mi.EmitterPtr(self)
-        return ds, self.along(ds.d, active) * dr.two_pi
-
-    def pdf_direction(self, it, ds, active=True):
-        return dr.select(active & (ds.d.z > 0), mi.Float(0.5 * dr.inv_pi), 0)
-
-    def eval_direction(self, it, ds, active=True):
-        return self.along(ds.d, active)
-
-    def sample_position(self, time, sample, active=True):
-        return dr.zeros(mi.PositionSample3f), mi.Float(0)  # the dome has no positions
-
-    def pdf_position(self, ps, active=True):
-        return mi.Float(0)
-
-    def sample_ray(self, time, sample1, sample2, sample3, active=True):
-        return dr.zeros(mi.Ray3f), mi.Spectrum(0)
-
-    def sample_wavelengths(self, si, sample, active=True):
-        return dr.zeros(mi.Color0f), self.eval(si, active)
-
-    def bbox(self):
-        return mi.ScalarBoundingBox3f()  # empty: the dome is not a part of the scene's extent
 
     def to_string(self):
         return (

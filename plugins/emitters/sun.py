@@ -5,22 +5,17 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.physics.bands import band
 from mi_lcair.physics.spectrum import Spectrum
 from mi_lcair.physics.sun.position import sun_position
 from mi_lcair.physics.sun.sunlight import NO_AIR, air_names, sunlight
-from mi_lcair.plugins.properties import Property, read
-
-# Distance of a point on the disc in Mitsuba's samples of directions [m]. Its square must be a
-# Float32 number.
-DISTANCE = 1e12
-
+from mi_lcair.plugins.emitters.distant_emitter import DistantEmitter
+from mi_lcair.plugins.properties import Property
 
 DIRECTION = "azimuth_deg", "elevation_deg"
 PLACE = "latitude_deg", "longitude_deg", "time", "north_deg"
 
 
-class Sun(mi.Emitter):
+class Sun(DistantEmitter):
     r"""The sun, which no surface but the sky hides.
 
     ============= ======= ==========================================================================
@@ -75,25 +70,17 @@ class Sun(mi.Emitter):
         Property("group", "string", "sun", is_label=True),
     )
 
-    is_sun = True
-    facet_type = "sky"  # part of the background
-    multiplied_by = "irradiance"  # the parameter that multiplies the radiance
-    temperature = texture = derived = None  # as for emitter `thermal`, a source with a spectrum
+    SCALE, SCALE_UNIT = "irradiance", "W m^-2"
 
     def __init__(self, props):
-        mi.Emitter.__init__(self, props)
+        super().__init__(props)
         # Mitsuba takes an infinite emitter without a delta flag for the scene's environment
         self.m_flags = mi.EmitterFlags.Infinite | mi.EmitterFlags.DeltaDirection
-        values = read(props, "sun", self.PROPERTIES)
-        if values["band"] is None:
-            raise InputError("sun: give its `band`")
-        self.group, self.band = values["group"], band(values["band"])
-        self.azimuth_deg, self.elevation_deg, distance_au = position(values)
-        light = sunlight(values["air"], self.elevation_deg, distance_au)
-        self.irradiance = mi.Float(light.in_band_irradiance(self.band))
-        self.given_emissivity = mi.Float(1.0)
+        self.azimuth_deg, self.elevation_deg, distance_au = position(self.values)
+        light = sunlight(self.values["air"], self.elevation_deg, distance_au)
+        self.scale = mi.Float(light.in_band_irradiance(self.band))
 
-        radius = np.radians(values["diameter_deg"]) / 2
+        radius = np.radians(self.values["diameter_deg"]) / 2
         self.sin_radius, self.sin_half_radius = float(np.sin(radius)), float(np.sin(radius / 2))
         self.solid_angle = 4 * np.pi * self.sin_half_radius**2  # of the disc [sr]
         self.projected_angle = np.pi * self.sin_radius**2  # on a plane perpendicular to it [sr]
@@ -109,19 +96,18 @@ class Sun(mi.Emitter):
             mi.Vector3f(*map(float, vector))
             for vector in ((cos * x, cos * y, sin), (-y, x, 0), (-sin * x, -sin * y, cos))
         )
-        self.parameters_changed()
 
     @property
     def radiance(self):
         """In-band radiance of the disc [W m^-2 sr^-1]."""
-        return self.irradiance / self.projected_angle
+        return self.scale / self.projected_angle
 
-    def traverse(self, cb):
-        mi.Emitter.traverse(self, cb)
-        cb.put("irradiance", self.irradiance, mi.ParamFlags.Differentiable)
+    def facet_radiance(self):
+        return self.radiance
 
-    def parameters_changed(self, keys=()):
-        dr.make_opaque(self.irradiance, self.given_emissivity, self.centre, self.right, self.up)
+    def refresh(self) -> None:
+        super().refresh()
+        dr.make_opaque(self.centre, self.right, self.up)
 
     def covers(self, d):
         """Whether a direction points into the disc."""
@@ -132,50 +118,34 @@ class Sun(mi.Emitter):
         """Radiance from the direction `d`; 0 outside the disc [W m^-2 sr^-1]."""
         return mi.Spectrum(dr.select(active & self.covers(d), self.radiance, 0))
 
-    # ---------------------------------------------------------------- Mitsuba's interface
+    # ---------------------------------------------------------------- Directions
 
     def eval(self, si, active=True):
         return mi.Spectrum(0)  # no ray meets the emitter; `bounce_path` asks `along`
 
-    def sample_direction(self, it, sample, active=True):
+    def drawn(self, sample):
         """A direction toward the disc, uniform over its solid angle."""
         # The square of the sine of half the angle from the centre is uniform
         half = mi.warp.square_to_uniform_disk_concentric(sample) * self.sin_half_radius
         sin2 = dr.squared_norm(half)
         offset = 2 * dr.sqrt(1 - sin2) * half
-        ds = dr.zeros(mi.DirectionSample3f, dr.width(sample))
-        ds.d = offset.x * self.right + offset.y * self.up + (1 - 2 * sin2) * self.centre
-        ds.p, ds.n = dr.fma(ds.d, DISTANCE, it.p), mi.Normal3f(-ds.d)
-        ds.dist, ds.pdf = mi.Float(DISTANCE), mi.Float(1 / self.solid_angle)
-        ds.time, ds.delta = it.time, False
-        ds.emitter = mi.EmitterPtr(self)
-        return ds, mi.Spectrum(dr.select(active, self.radiance * self.solid_angle, 0))
+        return offset.x * self.right + offset.y * self.up + (1 - 2 * sin2) * self.centre
 
-    def pdf_direction(self, it, ds, active=True):
-        return dr.select(active & self.covers(ds.d), mi.Float(1 / self.solid_angle), 0)
+    def density(self, d):
+        return dr.select(self.covers(d), mi.Float(1 / self.solid_angle), 0)
+
+    def sample_direction(self, it, sample, active=True):
+        # Rounding may put a direction at the disc's edge outside, which counts nevertheless
+        ds = self.toward(it, self.drawn(sample), mi.Float(1 / self.solid_angle))
+        return ds, mi.Spectrum(dr.select(active, self.radiance * self.solid_angle, 0))
 
     def eval_direction(self, it, ds, active=True):
         return mi.Spectrum(dr.select(active, self.radiance, 0))
 
-    def sample_position(self, time, sample, active=True):
-        return dr.zeros(mi.PositionSample3f), mi.Float(0)  # the disc has no position
-
-    def pdf_position(self, ps, active=True):
-        return mi.Float(0)
-
-    def sample_ray(self, time, sample1, sample2, sample3, active=True):
-        return dr.zeros(mi.Ray3f), mi.Spectrum(0)
-
-    def sample_wavelengths(self, si, sample, active=True):
-        return dr.zeros(mi.Color0f), mi.Spectrum(0)
-
-    def bbox(self):
-        return mi.ScalarBoundingBox3f()  # empty: the sun is not a part of the scene's extent
-
     def to_string(self):
         return (
             f"Sun[azimuth_deg = {self.azimuth_deg:g}, elevation_deg = {self.elevation_deg:g}, "
-            f"solid_angle = {self.solid_angle:g}, irradiance = {self.irradiance}]"
+            f"solid_angle = {self.solid_angle:g}, irradiance = {self.scale}]"
         )
 
 

@@ -10,16 +10,24 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.spectrum import spectrum
-from mi_lcair.plugins.derivatives import check_attached, held, is_traced, members, same_variables
+from mi_lcair.plugins.derivatives import (
+    check_attached,
+    held,
+    is_traced,
+    members,
+    same_variables,
+    unrecorded,
+)
 from mi_lcair.plugins.emission.emissivity import Table, emissivity_of, reflects
+from mi_lcair.plugins.emission.radiance_bound import largest, texture_bound
 from mi_lcair.plugins.emission.triangles import Choice, TriangleTable, is_faceted
-from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST, Property, read
+from mi_lcair.plugins.emitters.thermal_emitter import EmitterParameter, ThermalEmitter
+from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST, RADIANCE_UNIT, Property
 
 
-class Thermal(mi.Emitter):
+class Thermal(ThermalEmitter):
     r"""Thermal emission of the shape that it belongs to.
 
     ============= ================ =================================================================
@@ -56,7 +64,7 @@ class Thermal(mi.Emitter):
 
     PROPERTIES = (
         Property("temperature", "float or texture", upper=HOTTEST, is_positive=True, unit="K"),
-        Property("radiance", "float", lower=0, upper=BRIGHTEST, unit="W m^-2 sr^-1"),
+        Property("radiance", "float", lower=0, upper=BRIGHTEST, unit=RADIANCE_UNIT),
         Property("spectrum", "string", is_file=True),
         Property("elevation_deg", "float", lower=0, upper=90),
         Property("band", "string", is_file=True),
@@ -67,28 +75,14 @@ class Thermal(mi.Emitter):
     )
 
     def __init__(self, props):
-        mi.Emitter.__init__(self, props)
+        super().__init__(props)
         self.m_flags = mi.EmitterFlags.Surface | mi.EmitterFlags.SpatiallyVarying
-        values = read(props, "thermal", self.PROPERTIES)
-        self.group = values["group"]
-        self.band = None if values["band"] is None else band(values["band"])
+        values = self.values
         self.facet_type = values["facet_type"]
-        given = [
-            name for name in ("temperature", "radiance", "spectrum") if values[name] is not None
-        ]
-        if len(given) != 1:
-            raise InputError(
-                "thermal: give one of `temperature`, `radiance` and `spectrum`; "
-                f"found {', '.join(given) or 'none'}"
-            )
-        if self.band is None and given != ["radiance"]:
-            raise InputError(f"thermal: `{given[0]}` needs a `band`")
-        if values["elevation_deg"] is not None and values["spectrum"] is None:
-            raise InputError("thermal: `elevation_deg` chooses from a `spectrum`, which is missing")
-        self.temperature = self.radiance = self.spectrum = self.texture = self.attribute = None
+        self.check_given()
+        self.temperature = self.radiance = self.texture = self.attribute = None
         self.by_primitive = False  # whether the temperature depends on the facet that was hit
-        self.derived = None  # blackbody radiance, one value or one per facet
-        self.derived_from = ()  # the temperatures from which `derived` was computed
+        self.derived_from = None  # the temperatures from which `derived` was computed
         self.first_temperatures = None  # the temperatures when the scene was loaded, in NumPy
         self.bsdf = self.triangles = None  # the shape's BSDF and triangle table, set when needed
         if values["radiance"] is not None:
@@ -103,13 +97,28 @@ class Thermal(mi.Emitter):
             self.by_primitive = self.texture.class_name() == "MeshAttribute"
         else:
             self.temperature = mi.Float(values["temperature"])
+            self.first_temperatures = np.float32([values["temperature"]])
 
-        self.given_emissivity = None  # None: the emissivity of the material is used
         self.material_emissivity = None
         if values["emissivity"] is not None or self.radiance is not None:
             value = values["emissivity"]
             self.given_emissivity = mi.Float(1.0 if value is None else value)
-        self.parameters_changed()
+
+    def check_given(self) -> None:
+        """Raise InputError unless exactly one source is given, with what belongs to it."""
+        values = self.values
+        given = [
+            name for name in ("temperature", "radiance", "spectrum") if values[name] is not None
+        ]
+        if len(given) != 1:
+            raise InputError(
+                "thermal: give one of `temperature`, `radiance` and `spectrum`; "
+                f"found {', '.join(given) or 'none'}"
+            )
+        if self.band is None and given != ["radiance"]:
+            raise InputError(f"thermal: `{given[0]}` needs a `band`")
+        if values["elevation_deg"] is not None and values["spectrum"] is None:
+            raise InputError("thermal: `elevation_deg` chooses from a `spectrum`, which is missing")
 
     # ------------------------------------------------ Parameters and quantities derived from them
 
@@ -124,13 +133,23 @@ class Thermal(mi.Emitter):
         if self.given_emissivity is not None:
             cb.put("emissivity", self.given_emissivity, mi.ParamFlags.Differentiable)
 
+    def parameters(self) -> list[EmitterParameter]:
+        if self.radiance is not None:
+            name = "radiance"
+            return [EmitterParameter(name, name, RADIANCE_UNIT, BRIGHTEST, name)]
+        name, found = "temperature", []
+        if self.sources():
+            key = self.attribute or name
+            by_facet = self.attribute is not None
+            found.append(EmitterParameter(name, name, "K", HOTTEST, key, by_facet))
+        if self.given_emissivity is not None:
+            found.append(EmitterParameter("emissivity", "emissivity", "1", 1.0, "emissivity"))
+        return found
+
     def parameters_changed(self, keys=()):
         self.triangles = None  # the shape may have moved
-        if self.temperature is not None:
+        if self.texture is None:
             self.derive()
-        for parameter in (self.radiance, self.given_emissivity):
-            if parameter is not None:
-                dr.make_opaque(parameter)
 
     def sources(self) -> tuple:
         """Temperatures from which `derived` is computed.
@@ -143,9 +162,14 @@ class Thermal(mi.Emitter):
         return () if buffer is None else (buffer,)
 
     def derive(self) -> None:
-        """Compute the in-band radiance of a blackbody in Float64, with its derivative."""
-        if self.temperature is not None:
-            dr.make_opaque(self.temperature)
+        """Compute the in-band radiance of a blackbody in Float64, with its derivative.
+
+        This is not done in the constructor: it evaluates arrays, and Mitsuba creates the next
+        object of a scene in the same thread while it waits.
+        """
+        for parameter in (self.temperature, self.radiance, self.given_emissivity):
+            if parameter is not None:
+                dr.make_opaque(parameter)
         self.derived_from = held(self.sources())
         for temperature in self.derived_from:
             values = dr.detach(temperature).numpy()
@@ -169,10 +193,39 @@ class Thermal(mi.Emitter):
         those change.
         """
         self.find_emissivity()
-        if not same_variables(self.sources(), self.derived_from):
+        if self.derived_from is None or not same_variables(self.sources(), self.derived_from):
             self.derive()
         for table in self.derivations:
             table.refresh()
+
+    def facet_radiance(self):
+        if self.derived_from is None:
+            self.derive()
+        return self.derived if self.radiance is None else self.radiance
+
+    def temperatures(self) -> np.ndarray | None:
+        sources = () if self.radiance is not None else self.sources()
+        return dr.detach(sources[0]).numpy() if sources else None
+
+    def radiance_bound(self) -> np.ndarray | None:
+        if self.facet_radiance() is not None:
+            return super().radiance_bound()
+        temperature = texture_bound(self.texture, self.get_shape())
+        if temperature is None:
+            return None
+        factor = 1.0 if self.given_emissivity is None else largest(self.given_emissivity)
+        return in_band_radiance(self.band, temperature) * factor
+
+    def spectra(self) -> list:
+        if not self.has_spectrum:
+            raise InputError(
+                f"group {self.group}: a source of given `radiance` has no spectrum; "
+                "give it a `spectrum`"
+                if self.radiance is not None
+                else f"group {self.group}: its temperature varies inside the facets, so that its "
+                "spectra cannot be told apart; give it a temperature per facet (face_temperature)"
+            )
+        return super().spectra()
 
     @property
     def derivations(self) -> list:
@@ -183,13 +236,15 @@ class Thermal(mi.Emitter):
         if self.bsdf is None:
             bsdf = self.get_shape().bsdf()
             if self.given_emissivity is None:
-                self.material_emissivity = emissivity_of(bsdf)
+                self.material_emissivity = unrecorded(emissivity_of, bsdf)
             self.bsdf = bsdf
 
     # ---------------------------------------------------------------- Emission
 
     def source_radiance(self, si, active):
         """Radiance at the hit before multiplication by the emissivity [W m^-2 sr^-1]."""
+        if self.derived_from is None:
+            unrecorded(self.derive)
         if self.radiance is not None:
             return self.radiance
         if self.temperature is not None:

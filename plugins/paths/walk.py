@@ -12,11 +12,8 @@ from mitsuba.python.ad.integrators.common import mis_weight
 
 from mi_lcair.plugins.bsdfs.plume import is_passed
 from mi_lcair.plugins.derivatives import value_along
-from mi_lcair.plugins.emission.emitter_table import (
-    MOST_PASSED,
-    DrawnDirection,
-    EmitterTable,
-)
+from mi_lcair.plugins.emission.emitter_table import MOST_PASSED, EmitterTable
+from mi_lcair.plugins.emission.samples import DrawnDirection
 from mi_lcair.plugins.recorders.recorder import Emission, Recorders, Reflection
 
 

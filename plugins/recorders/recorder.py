@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import mitsuba as mi
 
-from mi_lcair.plugins.emission.emitter_table import DrawnDirection
+from mi_lcair.plugins.emission.samples import DrawnDirection
 
 
 @dataclass(frozen=True)

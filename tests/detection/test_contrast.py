@@ -19,7 +19,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.atmosphere import atmosphere
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import spectral_radiance
-from mi_lcair.plugins.emission.sources import Source
+from mi_lcair.plugins.emission.source import Source
 from mi_lcair.rendering.views import Target, View, seen_from
 from mi_lcair.reports.pictures.contrast import figure
 from mi_lcair.signatures.effective_areas import EffectiveAreas

@@ -11,7 +11,7 @@ from mi_lcair.physics.atmosphere import Atmosphere, atmosphere
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.physics.detector import Detector
-from mi_lcair.plugins.emission.sources import Source
+from mi_lcair.plugins.emission.source import Source
 from mi_lcair.signatures.effective_areas import EffectiveAreas
 
 LWIR, HOT, AIR, SKY, AREA, ERROR = band("LWIR"), 330.0, 270.0, 290.0, 10.0, 0.1  # K; m^2

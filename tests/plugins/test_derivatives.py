@@ -210,6 +210,19 @@ def test_facet_temperatures(corner, facet, order):
 
 
 @pytest.mark.slow
+def test_stock_integrator_derives_at_its_first_use(corner):
+    """Gradients that are enabled before prb has met a plugin reach its table."""
+    key, gradients = "floor.bsdf.epsilon", []
+    for order in ("enable, update", "update, enable"):
+        scene, parameters, leaves = prepared(
+            lambda: corner({"type": "prb", "max_depth": 3}), [key], order
+        )
+        dr.backward(mean_image(scene, 0, parameters))
+        gradients.append(dr.grad(leaves[key])[0])
+    assert gradients[1] == pytest.approx(gradients[0], rel=1e-4) and gradients[0] != 0
+
+
+@pytest.mark.slow
 def test_narrow_lobe(corner):
     """Bare aluminium, e = 0.0042: noisy in e, since the sampled directions do not move with it, but
     unbiased.
@@ -249,10 +262,11 @@ def causes(error) -> str:
 
 
 def test_stock_integrator_refuses_a_lost_derivative(corner):
-    """Under Mitsuba's prb the table has no derivatives after enable_grad: an error, not zero."""
-    scene, parameters, _ = prepared(
-        lambda: corner({"type": "prb", "max_depth": 3}), ["floor.bsdf.epsilon"], "update, enable"
-    )
+    """A table that Mitsuba's prb has used has no derivatives after enable_grad: an error, not 0."""
+    scene = corner({"type": "prb", "max_depth": 3})
+    parameters = mi.traverse(scene)
+    mean_image(scene, 0, parameters)
+    dr.enable_grad(parameters["floor.bsdf.epsilon"])
     with pytest.raises(RuntimeError) as caught:
         mean_image(scene, 0, parameters)
     assert "call params.update()" in causes(caught.value)

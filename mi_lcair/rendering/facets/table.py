@@ -7,9 +7,12 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.plugins.bsdfs.plume import is_plume
+from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
 from mi_lcair.plugins.derivatives import children, members
-from mi_lcair.plugins.emission.emitter_table import OTHER
+from mi_lcair.plugins.emission.source import OTHER
 from mi_lcair.plugins.emission.triangles import ABSENT, is_faceted, pointer_id
+from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of, group_of, is_thermal
 from mi_lcair.rendering.scene import Scene
 
 
@@ -106,9 +109,8 @@ class FacetTable:
             self.shape_index[facets] = index
             self.material[facets] = material_of(shape.bsdf())
             emitter = shape.emitter()
-            if hasattr(emitter, "group"):
-                self.group[facets] = emitter.group
-                self.type[facets] = getattr(emitter, "facet_type", "model")
+            self.group[facets], self.type[facets] = group_of(emitter), facet_type_of(emitter)
+            if is_thermal(emitter):
                 temperatures = np.broadcast_to(temperature_of(emitter), len(facets))
                 self.temperature[facets] = temperatures
                 differs = (self.temperature[facets] != temperatures) & np.isfinite(temperatures)
@@ -194,7 +196,8 @@ def check_apart(numbers: dict) -> None:
 
 def material_of(bsdf) -> str:
     """Name of the material of a BSDF or of one that it wraps; the BSDF's class if there is none."""
-    names = [layer.material for layer in (bsdf, *children(bsdf)) if getattr(layer, "material", "")]
+    layers = [b for b in (bsdf, *children(bsdf)) if is_reflection_bsdf(b) or is_plume(b)]
+    names = [layer.material for layer in layers if layer.material]
     # Mitsuba's class_name() is "BSDF" for every plugin that is written in Python
     own = type(bsdf).__name__
     return names[0] if names else bsdf.class_name() if own == "BSDF" else own
@@ -216,5 +219,5 @@ def temperature_of(emitter):
 
     NaN for a given radiance and for a texture that varies inside a triangle.
     """
-    sources = emitter.sources()
-    return dr.detach(sources[0]).numpy() if sources else np.array([np.nan])
+    temperatures = emitter.temperatures()
+    return np.array([np.nan]) if temperatures is None else temperatures

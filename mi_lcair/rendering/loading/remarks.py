@@ -8,7 +8,9 @@ from mi_lcair.models3d.coincident import overlaps
 from mi_lcair.plugins.bsdfs.plume import is_passed
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf, reflection_layers
 from mi_lcair.plugins.derivatives import deriving_plugins, members
+from mi_lcair.plugins.emission.one_sun import one_sun
 from mi_lcair.plugins.emission.triangles import is_faceted
+from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 from mi_lcair.plugins.paths.launch import numbers
 from mi_lcair.rendering.loading.nodes import properties, references
 from mi_lcair.rendering.loading.origin import far_origin
@@ -39,11 +41,11 @@ def remarks_on_materials(scene: mi.Scene) -> list[str]:
     for plugin in deriving_plugins(scene):
         if is_reflection_bsdf(plugin):
             lines += [f"material {plugin.material}: {remark}" for remark in plugin.remarks()]
-        elif plugin.material_emissivity is not None and plugin.material_emissivity.kind == "table":
-            lines.append(
-                f"group {plugin.group}: emissivity tabulated by sampling the BSDF, "
-                f"standard error {plugin.material_emissivity.error:.1e}"
-            )
+        lines += [
+            f"group {plugin.group}: emissivity tabulated by sampling the BSDF, "
+            f"standard error {table.error:.1e}"
+            for table in plugin.derivations
+        ]
     return list(dict.fromkeys([*lines, *surfaces_that_emit_nothing(scene)]))
 
 
@@ -62,11 +64,12 @@ def remarks_on_loaded(scene: mi.Scene) -> list[str]:
 
 def suns_below_the_horizon(scene: mi.Scene) -> list[str]:
     """Remarks on suns that shine from below the x-y plane, as if there were no ground."""
+    sun = one_sun(scene.emitters())
+    if sun is None or sun.elevation_deg > 0:
+        return []
     return [
         f"{sun.group}: elevation_deg = {sun.elevation_deg:g} is below the horizon, and the sun "
         "lights the scene from below; choose one above 0"
-        for sun in scene.emitters()
-        if getattr(sun, "is_sun", False) and sun.elevation_deg <= 0
     ]
 
 
@@ -77,7 +80,7 @@ def surfaces_that_emit_nothing(scene: mi.Scene) -> list[str]:
     remarks = []
     for emitter in scene.emitters():
         shape = emitter.get_shape()
-        if not hasattr(emitter, "group") or shape is None:
+        if not is_thermal(emitter) or shape is None:
             continue
         si = dr.zeros(mi.SurfaceInteraction3f, len(cos))
         si.wi, si.shape = mi.Vector3f(np.sqrt(1 - cos**2), 0 * cos, cos), mi.ShapePtr(shape)

@@ -247,9 +247,9 @@ def test_place_and_time(monkeypatch):
     loaded = mi.load_dict(by_place)
     assert asked == [tuple(HERE.values())]
     assert (loaded.azimuth_deg, loaded.elevation_deg) == (-170.0, 60.0)
-    assert loaded.irradiance[0] == pytest.approx(E / 1.01**2, rel=1e-6)
+    assert loaded.scale[0] == pytest.approx(E / 1.01**2, rel=1e-6)
     given = mi.load_dict({**by_place, "distance_au": 2.0})
-    assert given.irradiance[0] == pytest.approx(E / 4, rel=1e-6)
+    assert given.scale[0] == pytest.approx(E / 4, rel=1e-6)
     with pytest.raises(RuntimeError, match="7.00 degrees below the horizon"):
         mi.load_dict({**by_place, "time": "night"})
     with pytest.raises(RuntimeError, match="latitude_deg = 91; must lie in -90..90"):

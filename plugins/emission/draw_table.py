@@ -1,0 +1,71 @@
+"""Probabilities with which the triangles and the other emitters of a scene are drawn."""
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mi_lcair.plugins.emission.radiance_bound import can_be_hit
+from mi_lcair.plugins.emission.triangles import Choice, TriangleTable, is_faceted, pointer_id
+
+
+class DrawTable:
+    """What is drawn: the triangles of emitting meshes, and then all other emitters.
+
+    Triangles have probabilities proportional to area times an upper bound of the radiance, other
+    emitters equal ones. If there are both, each part gets one half.
+
+    triangles: the `TriangleTable`; None without meshes. others: pointers to the other emitters as
+    integers; None without any. choice: draws an index. density: density per area of a triangle
+    [1/m^2], probability of another emitter. density_and_bound: pairs of it and of the bound of the
+    radiance [W m^-2 sr^-1]. probability_of_other: that of one of the other emitters.
+    all_surfaces: whether all other emitters are surfaces.
+    """
+
+    def __init__(self, emitters, bounds: dict, brightest: float):
+        """bounds: bound of the radiance of the emitters that a ray can hit; None if unknown."""
+        meshes = [emitter for emitter in emitters if is_mesh(emitter)]
+        others = [emitter for emitter in emitters if not is_mesh(emitter)]
+        self.triangles, weights, radiance = None, np.empty(0), np.empty(0)
+        if meshes:
+            table = TriangleTable([emitter.get_shape() for emitter in meshes])
+            # An emitter without a known bound is drawn as if it were the brightest one. The weights
+            # change the noise only, not the expected value.
+            known = [brightest or 1.0 if bounds[e] is None else bounds[e] for e in meshes]
+            radiance = np.concatenate([np.broadcast_to(*pair) for pair in zip(known, table.counts)])
+            weights = radiance * table.area
+            if weights.sum() > 0:
+                self.triangles = table
+            else:
+                weights, radiance = np.empty(0), np.empty(0)
+        self.triangle_count = len(weights)
+        self.others = None
+        if others:
+            self.others = mi.UInt32([pointer_id(mi.EmitterPtr(emitter)) for emitter in others])
+        self.all_surfaces = all(e.flags() & int(mi.EmitterFlags.Surface) for e in others)
+        self.is_empty = self.triangles is None and not others
+        if not self.is_empty:
+            share = 0.0 if self.triangles is None else 1.0 if not others else 0.5
+            of_others = np.full(len(others), (1 - share) / max(len(others), 1))
+            of_triangles = share * weights / weights.sum() if share else weights
+            self.choice = Choice(np.concatenate([of_triangles, of_others]))
+            self.set_density(others, bounds, radiance)
+        dr.make_opaque(self.others)
+
+    def set_density(self, others, bounds: dict, radiance) -> None:
+        """Set the densities that follow from `choice`. radiance: bounds of the triangles."""
+        density = self.choice.probability.copy()
+        if self.triangles is not None:
+            of_triangles = density[: self.triangle_count]
+            density[: self.triangle_count] = self.triangles.density(of_triangles)
+        of_others = [0.0 if bounds.get(e) is None else float(bounds[e].max()) for e in others]
+        bound = np.append(radiance, of_others)
+        self.density = mi.Float(density)
+        self.density_and_bound = mi.Float(np.stack([density, bound], axis=1).ravel())
+        self.probability_of_other = mi.Float(self.choice.probability[-1] if others else 0.0)
+        dr.make_opaque(self.density, self.density_and_bound, self.probability_of_other)
+
+
+def is_mesh(emitter) -> bool:
+    """Whether an emitter belongs to a mesh, of whose triangles one is drawn."""
+    shape = emitter.get_shape()
+    return can_be_hit(emitter) and shape is not None and is_faceted(shape)

@@ -1,0 +1,50 @@
+"""What radiates one spectrum in a scene: a group of emitters, or a part of it."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.physics.spectrum import Spectrum
+
+OTHER = "other"  # group of everything without a thermal emitter
+
+
+@dataclass(frozen=True)
+class Source:
+    """A group of emitters, or the part of a group that radiates one spectrum.
+
+    The spectrum is that of a blackbody at `temperature` [K], or the tabulated `spectrum`. name:
+    name of the spectrum. in_band: its radiance before emissivity [W m^-2 sr^-1]. All of these are
+    None for a whole group.
+    """
+
+    group: str
+    name: str | None = None
+    in_band: float | None = None
+    temperature: float | None = None
+    spectrum: Spectrum | None = field(default=None, compare=False)
+
+    @staticmethod
+    def of_blackbodies(group: str, band, temperatures) -> list["Source"]:
+        """Sources for the temperatures [K] of the primitives of a group's shape."""
+        temperatures, number = np.unique(rounded(temperatures), return_inverse=True)
+        radiances = in_band_radiance(band, temperatures)
+        sources = [
+            Source(group, f"{kelvin(T)} K", float(L), float(T))
+            for T, L in zip(temperatures, radiances)
+        ]
+        return [sources[k] for k in number.ravel()]
+
+
+def rounded(temperatures) -> np.ndarray:
+    """Temperatures [K] without the error of Float32, 301.7 K for 301.70001 K.
+
+    Names and comparisons of temperatures use these values.
+    """
+    return np.asarray(temperatures, dtype=float).round(4)
+
+
+def kelvin(temperature: float) -> str:
+    """A rounded temperature [K] as names show it."""
+    return f"{temperature:.7g}"

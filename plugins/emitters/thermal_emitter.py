@@ -1,0 +1,143 @@
+"""Base class of the emitters whose group, spectrum and radiance are known."""
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mi_lcair.physics.bands import Band, band
+from mi_lcair.physics.spectrum import Spectrum
+from mi_lcair.plugins.derivatives import Deriving
+from mi_lcair.plugins.emission.source import OTHER, Source
+from mi_lcair.plugins.properties import Property, read
+
+
+@dataclass(frozen=True)
+class EmitterParameter:
+    """A parameter of an emitter that multiplies or determines its radiance.
+
+    name: its name, such as "temperature". kind: "temperature", "radiance" or "emissivity". unit,
+    upper: its unit and its largest value; the smallest is 0. key: its name in `mi.traverse`.
+    is_by_facet: whether the emitter's shape holds it, one number for each primitive; otherwise the
+    emitter holds it.
+    """
+
+    name: str
+    kind: str
+    unit: str
+    upper: float
+    key: str
+    is_by_facet: bool = False
+
+
+@Deriving.register
+class ThermalEmitter(mi.Emitter):
+    """An emitter with a label, whose radiance is known before a path meets it.
+
+    A subclass declares its properties, among them `band` and `group`, and sets or overrides what
+    follows. The label decides to which part of a result its radiance belongs.
+
+    values : dict
+        The properties that the scene gives, by name.
+    group : str
+        Label of the emitter.
+    band : Band or None
+        Band in which it emits; None if it names none.
+    facet_type : str
+        What its surface belongs to: model, sky or terrain (thesis, section 3.2.1.5).
+    spectrum : Spectrum or None
+        Tabulated spectrum; None for a blackbody and for a source without one.
+    given_emissivity : mi.Float or None
+        Emissivity that stands for that of the material; None if the material's is used.
+    derived : mi.Float or None
+        What is computed from `sources()`, see the module `derivatives`.
+    """
+
+    PROPERTIES: tuple[Property, ...] = ()
+    facet_type = "model"
+    spectrum: Spectrum | None = None
+    given_emissivity = None
+    derived = None
+    derivations = ()
+
+    def __init__(self, props):
+        mi.Emitter.__init__(self, props)
+        self.values = read(props, props.plugin_name(), self.PROPERTIES)
+        self.group: str = self.values["group"]
+        text = self.values["band"]
+        self.band: Band | None = None if text is None else band(text)
+
+    # ---------------------------------------------------------------- What a subclass declares
+
+    def facet_radiance(self):
+        """In-band radiance before the emissivity [W m^-2 sr^-1], with derivatives.
+
+        One value, or one for each primitive of the shape. None if it varies inside a primitive.
+        """
+        raise NotImplementedError
+
+    def temperatures(self) -> np.ndarray | None:
+        """Temperatures of a blackbody [K], one or one for each primitive; None for others."""
+        return None
+
+    def parameters(self) -> list[EmitterParameter]:
+        """The parameters in which its radiance can be differentiated."""
+        raise NotImplementedError
+
+    def sources(self) -> tuple:
+        """Parameters from which `derived` is computed."""
+        return ()
+
+    def derive(self) -> None:
+        """Compute `derived` from `sources()`."""
+
+    def refresh(self) -> None:
+        """Compute `derived` again if a parameter has changed."""
+
+    # ---------------------------------------------------------------- What follows from that
+
+    def radiance_bound(self) -> np.ndarray | None:
+        """Upper bound of its radiance, one or one for each primitive; None if it has none."""
+        radiance = self.facet_radiance()
+        if radiance is None:
+            return None
+        factor = 1.0 if self.given_emissivity is None else dr.detach(self.given_emissivity).numpy()
+        return dr.detach(radiance).numpy().astype(np.float64) * factor
+
+    @property
+    def has_spectrum(self) -> bool:
+        """Whether its spectrum is known, so that its emission can be told apart."""
+        return self.spectrum is not None or self.temperatures() is not None
+
+    def spectra(self) -> list[Source]:
+        """The sources by which its emission is recorded: one, or one for each primitive.
+
+        Raises InputError for an emitter without a spectrum.
+        """
+        if self.spectrum is None:
+            return Source.of_blackbodies(self.group, self.band, self.temperatures())
+        in_band, table = float(self.facet_radiance()[0]), self.spectrum
+        factor = in_band / table.in_band_radiance(self.band)
+        scaled = Spectrum(table.name, table.wavelengths_um, table.radiance * factor)
+        return [Source(self.group, table.name, in_band, spectrum=scaled)]
+
+
+def is_thermal(emitter) -> bool:
+    """Whether an emitter is a `ThermalEmitter`; False for Mitsuba's emitters and for None."""
+    return isinstance(emitter, ThermalEmitter)
+
+
+def group_of(emitter) -> str:
+    """Label of an emitter; OTHER for Mitsuba's emitters and for None."""
+    return emitter.group if is_thermal(emitter) else OTHER
+
+
+def facet_type_of(emitter) -> str:
+    """What a surface with this emitter, or with None, belongs to: model, sky or terrain."""
+    return emitter.facet_type if is_thermal(emitter) else "model"
+
+
+def thermal_shapes(scene: mi.Scene) -> list[mi.Shape]:
+    """The shapes of a scene that have a thermal emitter."""
+    return [shape for shape in scene.shapes() if is_thermal(shape.emitter())]
