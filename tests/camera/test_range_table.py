@@ -19,7 +19,7 @@ from mi_lcair.physics.atmosphere import Atmosphere, atmosphere
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.physics.imager import Imager
-from mi_lcair.plugins.emission.sources import Source
+from mi_lcair.plugins.emission.source import Source
 
 AREA = 12.0  # m^2
 HOT = 400.0
