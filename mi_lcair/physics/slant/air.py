@@ -236,8 +236,8 @@ class SlantAir:
 
     def _interpolated(self, values, elevation_deg: float, lengths_m) -> np.ndarray:
         """Values of the table's grid (e, r, k) at an elevation and at lengths, (lengths, k)."""
-        root = lambda elevation: np.sqrt(np.sin(np.radians(elevation)))
-        low, high, share = _between(root(self.elevations_deg), root(elevation_deg))
+        *roots, root = np.sqrt(np.sin(np.radians([*self.elevations_deg, elevation_deg])))
+        low, high, share = _between(np.array(roots), root)
         at_elevation = (1 - share) * values[low] + share * values[high]
         low, high, share = _between(np.log(self.ranges_m), np.log(lengths_m))
         share = share[:, None]

@@ -11,9 +11,8 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.atmosphere import atmosphere
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import spectral_radiance
-from mi_lcair.physics.slant import absorbers
-from mi_lcair.physics.slant.air import SlantAir, is_slant, slant_air, slant_names
-from mi_lcair.physics.slant.geometry import extended_down, height_along, lower_end
+from mi_lcair.physics.slant.air import SlantAir, _between, is_slant, slant_air, slant_names
+from mi_lcair.physics.slant.geometry import height_along
 from mi_lcair.physics.spectrum import BUNDLED, Spectrum
 
 NAMES = ("slant_midlat_summer", "slant_us_standard")
@@ -150,16 +149,63 @@ def test_the_sky_from_higher_up(isothermal):
     assert np.all(lifted.radiance <= of_sky(0))
 
 
-def test_geometry():
-    """Straight lines over a round Earth, there and back, and against the headers' heights."""
-    for elevation, length, height in ((1, 20e3, 425.3), (10, 5e3, 919.8), (90, 2e4, 20050)):
-        assert height_along(50.0, elevation, length) == pytest.approx(height, abs=0.5)
-    top = height_along(700.0, 8, 4000.0)
-    assert lower_end(top, 8, 4000.0) == pytest.approx(700)
-    elevation, below = extended_down(700.0, 8, 50.0)
-    assert elevation < 8 and height_along(50.0, elevation, below) == pytest.approx(700)
-    assert extended_down(5000.0, 0.5, 0.0) is None
-    assert absorbers.terms(50.0, 90.0, 0.0, 1e3).shape == (40,)
+def test_between_knots():
+    """Neighbours and the upper one's share; the ends hold outside, and of a single knot."""
+    low, high, share = _between(np.array([1.0, 2.0, 4.0]), np.array([0.5, 1.0, 1.25, 3.5, 4.0, 9]))
+    assert low.tolist() == [0, 0, 0, 1, 1, 1] and high.tolist() == [1, 1, 1, 2, 2, 2]
+    assert share == pytest.approx([0, 0, 0.25, 0.75, 1, 1])
+    low, high, share = _between(np.array([3.0]), np.array([1.0, 5.0]))
+    assert low.tolist() == high.tolist() == [0, 0] and share[0] == 0
+
+
+def test_temperatures_of_the_air():
+    """Those at the upper ends of opaque paths, seen from above, at the most opaque wavelength."""
+    kelvin = lambda height: 290 - 6e-3 * height
+    elevations, ranges = np.array([10.0, 90.0]), np.array([2000.0, 5000.0])
+    upper = height_along(50.0, elevations[:, None], ranges)
+    x = np.array([4.0, 4.3])
+    opaque = spectral_radiance(x, kelvin(upper)[..., None])
+    transmittance = np.stack([np.full(upper.shape, 0.5), np.full(upper.shape, 0.01)], axis=-1)
+    down = opaque * (1 - transmittance)
+    air = SlantAir("layers", 50.0, elevations, ranges, x, transmittance, 9 * down, down)
+    for height in upper.ravel():
+        expected = spectral_radiance(x, kelvin(height))
+        np.testing.assert_allclose(air._emitted(np.array([height]))[0], expected, rtol=1e-9)
+    # Linear in the temperature between, and constant outside
+    middle = (upper[0, 0] + upper[0, 1]) / 2
+    np.testing.assert_allclose(
+        air._emitted(np.array([middle, 1e5]))[:, 1],
+        spectral_radiance(4.3, kelvin(np.array([middle, upper.max()]))),
+        rtol=1e-9,
+    )
+    hot, cold = (
+        SlantAir("extreme", 50.0, elevations, ranges, x, transmittance, down, factor * down)
+        for factor in (1e6, 1e-12)
+    )
+    assert hot._temperatures[1].max() == 400 and cold._temperatures[1].min() == 100
+
+
+def test_a_table_without_a_row(isothermal):
+    left = isothermal.without(elevation_deg=10.0)
+    assert left.elevations_deg.tolist() == [1, 3, 30, 90] and left.transmittance.shape == (4, 6, 3)
+    assert np.array_equal(left.up[2], isothermal.up[3])
+    left = isothermal.without(range_m=2000.0)
+    assert left.ranges_m.tolist() == [500, 1000, 4000, 6000, 8000]
+    assert np.array_equal(left.down[:, 2], isothermal.down[:, 3])
+
+
+def test_ranges_along_a_line(isothermal):
+    """Those of the table that lie 20 m and more beyond the start, and 64 between 20 m and the end.
+
+    A range between that comes within 10 m of the table's is left out.
+    """
+    for start, of_table in ((0.0, 6), (985.0, 4), (960.0, 5)):
+        air = isothermal.along(20.0, True, start)
+        assert air.ranges_m[0] == pytest.approx(20) and air.ranges_m[-1] == 8000 - start
+        assert set(RANGES[-of_table:] - start) <= set(air.ranges_m)
+        assert len(air.ranges_m) <= 64 + of_table and np.diff(air.ranges_m).min() > 0.5
+    assert isothermal.along(1 - 1e-10, True).name == "grey at 1 degrees, looking up"
+    assert isothermal.along(90 + 1e-10, False).name == "grey at 90 degrees, looking down"
 
 
 def test_names_and_files(tmp_path):
