@@ -87,7 +87,8 @@ class SandfordRobertsonCube(ReflectionModel):
         bound = float(bound_of_sum(values[2]))
         if values[:2].sum() > bound:
             if held < 2:
-                values[1 - held] = max(bound - values[held], 0)
+                values[held] = min(values[held], bound)
+                values[1 - held] = bound - values[held]
             else:
                 values[:2] *= bound / values[:2].sum()
         return values

@@ -68,6 +68,8 @@ def test_mean_of_a_pixel():
     ):
         recorded = frame(camera, pattern, signal, 1, averaged=MANY)
         assert recorded[0] == pytest.approx(electrons, abs=2)
+    dark = replace(camera, dark_current_e_s=0.0, read_noise_e=0.0)
+    assert np.array_equal(frame(dark, pattern, 0.0, 1, averaged=MANY), pattern.offset)
 
 
 def test_noise_of_averaged_frames():

@@ -8,10 +8,12 @@ import mpmath
 import numpy as np
 import pytest
 from drjit.llvm.ad import Array3f, Array3f64, Float, Float64
+from scipy.integrate import quad
 from scipy.stats import chi2
 
 from mi_lcair.physics.reflection import microfacet_distribution as distribution
 from mi_lcair.physics.reflection import microfacet_fresnel as fresnel
+from mi_lcair.physics.reflection.interface import Rung
 from mi_lcair.physics.reflection.microfacet import MODEL
 from tests.physics.reflection import microfacet_equations as printed
 from tests.physics.reflection.surfaces import direction
@@ -302,3 +304,68 @@ def test_weights_are_bounded_and_average_to_the_reflectance(alpha, gamma):
         assert weight.min() >= 0 and weight.max() <= 1 + 1e-5
         HDR = MODEL.HDR(S, Float64(theta))[0]
         assert abs(weight.mean() - HDR) < 5 * error + 2e-5
+
+
+# ------------------------------------------------------------------ Planning and remarks
+
+
+@pytest.mark.parametrize(
+    "values, rung",
+    [
+        ((0.5, 2, 1, 0, 0.4), Rung("diffuse", exact=True)),
+        ((0.5, 2, 1 + 5e-7, 5e-7, 0.4), Rung("diffuse", exact=True)),
+        ((0.01, 2, 1, 0.5, 0.4), Rung("mirror", exact=False)),  # n = 1, but k reflects
+        ((0.01, 2, 1.5, 0, 0.4), Rung("mirror", exact=False)),
+        # The width for gamma = 2 is sqrt(s / (1 - s)) with s = 1 / w = alpha^2 / (1 - alpha^2)
+        ((0.192, 2, 1.5, 0, 0), Rung("mirror", exact=False)),
+        ((0.193, 2, 1.5, 0, 0), None),
+        ((0.5, 2, 1.5, 0, 0.4), Rung("diffuse", exact=False)),
+        ((0.5, 2, 1.5, 0, 5e-7), None),
+        ((0.5, 2, 1.5, 0, 2e-6), Rung("diffuse", exact=False)),
+    ],
+)
+def test_lower_rungs(values, rung):
+    assert MODEL.lower_rung(*values) == rung
+
+
+def lost_at_normal_incidence(alpha):
+    """For gamma = 2: 1 - int D cos min(1, 2 cos 2 theta) domega, over facets up to 45 degrees."""
+
+    def kept(theta):
+        sin2 = np.sin(theta) ** 2
+        D = alpha**2 / (np.pi * (alpha**2 * (1 - sin2) + sin2) ** 2)
+        G = min(1, 2 * np.cos(2 * theta))
+        return 2 * np.pi * np.sin(theta) * np.cos(theta) * D * G
+
+    return 1 - quad(kept, 0, np.pi / 4, points=[np.pi / 6, alpha / 2, alpha], epsabs=1e-10)[0]
+
+
+def test_remark_on_what_is_lost_between_facets():
+    for alpha in (0.5, 0.3):
+        (remark,) = MODEL.remarks(alpha, 2, 1.5, 0, 0.4)
+        assert remark.startswith(f"{lost_at_normal_incidence(alpha):.0%} of what facets reflect")
+    # 5 % are lost at alpha = 0.1727
+    assert lost_at_normal_incidence(0.170) < 0.05 < lost_at_normal_incidence(0.175)
+    assert MODEL.remarks(0.170, 2, 1.5, 0, 0.4) == [] != MODEL.remarks(0.175, 2, 1.5, 0, 0.4)
+    assert MODEL.remarks(0.5, 2, 1, 0, 0.4) == []  # facets of n = 1 reflect nothing
+
+
+def test_scale_of_the_lobe():
+    """Fresnel reflectance at p = (cos + sqrt(cos^2 + t^2 sin^2)) / 2, t = alpha + mean sin^2."""
+    alpha, n, k = 0.4, 3.0, 5.0
+
+    def weight(theta, power):
+        sin2 = np.sin(theta) ** 2
+        D = alpha**2 / (np.pi * (alpha**2 * (1 - sin2) + sin2) ** 2)
+        return 2 * np.pi * np.sin(theta) * np.cos(theta) * D * sin2**power
+
+    t = alpha + quad(weight, 0, np.pi / 2, args=(1,), epsabs=1e-12)[0]
+    for degrees in (0, 50, 85):
+        cos, sin = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+        p = (cos + np.sqrt(cos**2 + t**2 * sin**2)) / 2
+        index = n + 1j * k
+        inside = np.sqrt(1 - (1 - p**2) / index**2)
+        s = abs((p - index * inside) / (p + index * inside)) ** 2
+        pp = abs((index * p - inside) / (index * p + inside)) ** 2
+        scale = MODEL.lobe_scale(surface(alpha, 2, n, k, 0), Float64(cos), Float64(sin**2))
+        assert scale[0] == pytest.approx((s + pp) / 2, rel=1e-9)

@@ -1,4 +1,4 @@
-"""Rungs, remarks, bounds and cube of the microfacet model."""
+"""Bounds and cube of the microfacet model."""
 
 import drjit as dr
 import numpy as np
@@ -6,30 +6,8 @@ import pytest
 from drjit.llvm.ad import Float64
 
 from mi_lcair.errors import InputError
-from mi_lcair.physics.reflection import microfacet_distribution as distribution
-from mi_lcair.physics.reflection.interface import Rung
 from mi_lcair.physics.reflection.microfacet import MODEL
 from tests.physics.reflection.surfaces import direction
-from tests.physics.reflection.test_microfacet import surface
-
-
-def test_lower_rungs_and_remarks():
-    assert MODEL.lower_rung(0.5, 2, 1, 0, 0.4) == Rung("diffuse", exact=True)
-    assert MODEL.lower_rung(0.01, 2, 1.5, 0, 0.4) == Rung("mirror", exact=False)
-    assert MODEL.lower_rung(0.5, 2, 1.5, 0, 0.4) == Rung("diffuse", exact=False)
-    assert MODEL.lower_rung(0.5, 2, 1.5, 0, 0) is None
-    assert MODEL.remarks(0.01, 2, 1.5, 0, 0.4) == MODEL.remarks(0.5, 2, 1, 0, 0.4) == []
-    (remark,) = MODEL.remarks(0.5, 2, 1.5, 0, 0.4)
-    assert remark.startswith("30%")
-
-
-def test_lobe_width_is_where_the_distribution_has_fallen_to_a_quarter():
-    for alpha, gamma in ((0.001, 1), (0.1, 2), (0.3, 3.5)):
-        S = surface(alpha, gamma, 2, 0, 0)
-        tan2 = dr.square(MODEL.lobe_width(S))
-        quarter = distribution.density(tan2 / (1 + tan2), S.peak, S.spread, S.gamma)
-        assert quarter[0] == pytest.approx(0.25 * S.peak[0], rel=1e-12)
-    assert MODEL.lobe_width(surface(1, 2, 2, 0, 0))[0] == 1
 
 
 @pytest.mark.parametrize(
@@ -85,9 +63,42 @@ def test_k_0_is_no_stationary_face():
     assert abs(dr.grad(u[3])[0]) > 1e-3
 
 
+def test_coordinates():
+    """Logarithms of alpha, gamma and n; u of k by k^2 = 0.01 (exp(L u) - 1); rho_d itself."""
+    L = np.log(100**2 / 0.01 + 1)
+    u = np.array([0.25, 0.5, 0.75, 0.4, 0.3])
+    expected = (
+        1e-4**0.75,
+        np.sqrt(0.5 * 4),
+        50**0.75,
+        np.sqrt(0.01 * (np.exp(0.4 * L) - 1)),
+        0.3,
+    )
+    assert MODEL.values_at(u) == pytest.approx(expected, rel=1e-9)
+    outside = MODEL.to_cube([[0, 9, 0.5, -1, 2], [2, 0.1, 99, 200, -1]])
+    assert outside.tolist() == [[0, 1, 0, pytest.approx(0, abs=0.2), 1], [1, 0, 1, 1, 0]]
+
+
 def test_starting_points():
-    points = MODEL.starting_points(200, seed=1)
-    assert points.shape == (200, 5) and np.all((points >= 0) & (points <= 1))
-    np.testing.assert_array_equal(points, MODEL.starting_points(200, seed=1))
-    for row in points[:20]:
-        MODEL.check_feasible(*MODEL.values_at(row))
+    """Log-uniform over the ranges of real surfaces; half of k over 0.001..1, half over 1..50."""
+    points = MODEL.starting_points(4000, seed=1)
+    assert points.shape == (4000, 5) and np.all((points >= 0) & (points <= 1))
+    np.testing.assert_array_equal(points, MODEL.starting_points(4000, seed=1))
+    values = np.array([MODEL.values_at(row) for row in points])
+    for row in values[:20]:
+        MODEL.check_feasible(*row)
+    alpha, gamma, n, k, rho_d = values.T
+    for column, low, high in (
+        (alpha, 1e-3, 1),
+        (gamma, 0.7, 3),
+        (n, 1.2, 12),
+        (k[k < 1], 1e-3, 1),
+        (k[k > 1], 1, 50),
+        (rho_d, 1e-4, 1),
+    ):
+        # Of a Latin hypercube, each of n equal cells of the logarithm holds one value
+        assert column.min() == pytest.approx(low, rel=0.01)
+        assert column.max() == pytest.approx(high, rel=0.01)
+        assert np.median(column) == pytest.approx(np.sqrt(low * high), rel=0.01)
+    assert np.mean(k < 1) == 0.5
+    assert abs(np.corrcoef(points.T) - np.eye(5)).max() < 0.08

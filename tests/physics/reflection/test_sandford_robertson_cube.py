@@ -82,3 +82,51 @@ def test_starts_are_spread_and_belong_to_their_seed():
     e = parameters_at(first)[0][:, 3]
     # Each of the three decades holds about a third of the points.
     assert np.all(np.histogram(np.log10(e), bins=3, range=(-3, 0))[0] >= 20)
+
+
+def test_starts_cover_what_real_surfaces_have():
+    """Absorbed share 0.02..0.98, diffuse share 1e-4..0.98 and e 1e-3..1 in logarithms, b^2 = u^4"""
+    u = MODEL.starting_points(4000, 1)
+    e = parameters_at(u)[0][:, 3]
+    for column, low, high, middle in (
+        (u[:, 0], 0.02, 0.98, 0.5),
+        (u[:, 1], 0.98e-4, 0.98, 0.98e-2),
+        (u[:, 2], 0, 1, 0.25),
+        (e, 1e-3, 1, np.sqrt(1e-3)),
+    ):
+        assert column.min() == pytest.approx(low, rel=0.02, abs=1e-5)
+        assert column.max() == pytest.approx(high, rel=0.01)
+        assert np.median(column) == pytest.approx(middle, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    "values, held, expected",
+    [
+        ((0.2, 0.3, 0.5, 0.1), 0, (0.2, 0.3, 0.5, 0.1)),  # feasible
+        ((0.2, 0.9, 1.0, 0.1), 0, (0.2, 0.3, 1.0, 0.1)),  # epsilon + rho_d <= G(1) = 1/2
+        ((0.2, 0.9, 1.0, 0.1), 1, (0.0, 0.5, 1.0, 0.1)),  # 0.9 is not feasible
+        ((0.2, 0.4, 1.0, 0.1), 1, (0.1, 0.4, 1.0, 0.1)),
+        ((0.2, 0.6, 1.0, 0.1), 2, (0.125, 0.375, 1.0, 0.1)),
+        ((0.2, 0.6, 1.0, 0.1), 3, (0.125, 0.375, 1.0, 0.1)),
+        ((-1, 0.3, 2.0, 0), 2, (0.0, 0.3, 1.0, E_MIN)),
+        ((2, -0.3, 0.0, 2), 2, (1.0, 0.0, 0.0, 1.0)),
+    ],
+)
+def test_the_nearest_feasible_surface(values, held, expected):
+    assert MODEL.nearest_feasible(np.array(values, dtype=float), held) == pytest.approx(expected)
+
+
+def test_names_of_bounds():
+    names = MODEL.bound_names
+    assert names((0, 0, 0, 0)) == ["0", "0", "0", "1e-05"]
+    assert names((0.5, 0.5, 0.5, 0.5)) == [None] * 4
+    full = "epsilon + rho_d = G(b)"
+    assert names((1, 0.5, 1, 1)) == [full, full, "1", "1"]
+    assert names((0.5, 1, 0.5, 1)) == [full, full, None, "1"]
+    assert names((0, 1, 0.5, 1))[:2] == ["0", full]
+
+
+def test_an_edge_of_the_cube_has_no_division_by_zero():
+    """epsilon = G(b) leaves nothing for rho_d, and e below E_MIN is E_MIN."""
+    u = MODEL.to_cube(np.array([[1.0, 0.0, 0.0, 1e-9], [0.5, 0.0, 1.0, 1.0]]))
+    assert u.tolist() == [[1, 0, 0, 0], [1, 0, 1, 1]]
