@@ -1,0 +1,244 @@
+"""The clear air by height: temperature, refraction and densities of absorbers, for any weather."""
+
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mi_lcair.declared import check_fields, within
+from mi_lcair.errors import unknown
+from mi_lcair.physics.air.bands import TABLES, bands
+from mi_lcair.table import read_table
+
+EARTH_KM = 6371.23  # radius of the Earth in LOWTRAN7
+TOP_M = 100_000.0  # height of the air's end
+HEIGHT, PRESSURE, TEMPERATURE = "height_km", "pressure_hPa", "temperature_K"
+HUMIDITY, VAPOUR, REFRACTIVITY = "relative_humidity", "water_vapour_g_m3", "refractivity"
+STATE = HEIGHT, PRESSURE, TEMPERATURE, HUMIDITY, VAPOUR, REFRACTIVITY
+STANDARD_VISIBILITY_KM, STANDARD_CO2_PPMV = 23.0, 330.0  # of the tables
+MOST_HUMID = 0.98  # largest relative humidity in changed weather; LOWTRAN7's aerosols end at 99 %
+VAPOUR_SHARE = 1.2442e-3  # share of the air's molecules at 273.15 K and 1013.25 hPa in 1 g m^-3
+HAZE_KM = 0.0, 1.0, 2.0, 3.0, 4.0  # heights of the table of haze
+
+
+@dataclass(frozen=True)
+class Weather:
+    """Weather other than that of a model atmosphere; None for what stays.
+
+    Attributes
+    ----------
+    temperature : float, optional
+        Temperature of the air at the ground [K]. The whole profile is shifted with it, and keeps
+        the relative humidity of the ground.
+    humidity : float, optional
+        Relative humidity at the ground, 0..0.98. The vapour at all heights is multiplied by the
+        same factor, up to a relative humidity of 0.98.
+    pressure : float, optional
+        Pressure at the ground [hPa], which multiplies that at all heights.
+    visibility : float, optional
+        Visibility [km], 2..50, of the haze below 5 km; 23 in the model atmospheres.
+    co2 : float, optional
+        Carbon dioxide [ppmv]; 330 in the model atmospheres, about 425 in 2025.
+    """
+
+    temperature: float | None = field(default=None, metadata=within(lower=230, upper=320, unit="K"))
+    humidity: float | None = field(default=None, metadata=within(lower=0, upper=MOST_HUMID))
+    pressure: float | None = field(default=None, metadata=within(lower=850, upper=1090, unit="hPa"))
+    visibility: float | None = field(default=None, metadata=within(lower=2, upper=50, unit="km"))
+    co2: float | None = field(default=None, metadata=within(lower=0, upper=2000, unit="ppmv"))
+
+    def __post_init__(self):
+        check_fields(self, "[atmosphere]: ")
+
+
+@dataclass(frozen=True, eq=False)
+class Levels:
+    """The air at some heights.
+
+    Attributes
+    ----------
+    heights_km
+        Rising heights above the ground [km], (n,), from 0 to 100.
+    pressure, temperature, humidity, vapour, refractivity
+        Pressure [hPa], temperature [K], relative humidity 0..1, water vapour [g m^-3] and
+        refractive index less 1, (n,) each.
+    densities
+        Densities of the absorbers of `Bands.columns`, (n, c), in the units of the tables.
+    """
+
+    heights_km: np.ndarray
+    pressure: np.ndarray
+    temperature: np.ndarray
+    humidity: np.ndarray
+    vapour: np.ndarray
+    refractivity: np.ndarray
+    densities: np.ndarray
+
+    def __post_init__(self):
+        columns = np.column_stack([self.densities, self.refractivity, self.pressure])
+        below, above = columns[:-1], columns[1:]
+        exponential = (below > 0) & (above > 0)
+        ratio = np.ones_like(below)
+        np.divide(above, below, out=ratio, where=exponential)
+        object.__setattr__(self, "_columns", columns)
+        object.__setattr__(self, "_rates", np.log(ratio))
+        object.__setattr__(self, "_slopes", np.where(exponential, 0, above - below))
+
+    def at(self, heights_km: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Densities (..., c), temperature [K] and pressure [hPa] (...) at heights [km], (...).
+
+        Between the levels temperature is linear, the others are exponential, or linear where one
+        of two neighbours is 0.
+        """
+        below, share = self._place(heights_km)
+        share = share[..., None]
+        values = self._columns[below] * np.exp(share * self._rates[below])
+        values = values + share * self._slopes[below]
+        temperature = np.interp(heights_km, self.heights_km, self.temperature)
+        return values[..., :-2], temperature, values[..., -1]
+
+    def refraction(self, heights_km: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Refractivity and its derivative with respect to height [1/km] at heights [km]."""
+        below, share = self._place(heights_km)
+        column = len(self.densities[0])
+        rate = self._rates[below, column]
+        value = self._columns[below, column] * np.exp(share * rate)
+        return value, value * rate / np.diff(self.heights_km)[below]
+
+    def _place(self, heights_km):
+        """Index of the level below each height, and the share of the level above."""
+        below = np.searchsorted(self.heights_km, heights_km, side="right") - 1
+        below = np.clip(below, 0, len(self.heights_km) - 2)
+        low, high = self.heights_km[below], self.heights_km[below + 1]
+        return below, np.clip((heights_km - low) / (high - low), 0, 1)
+
+    def in_weather(self, weather: Weather) -> "Levels":
+        """The air in other weather; see `Weather`."""
+        temperature, vapour = self.temperature, self.vapour
+        if weather.temperature is not None:
+            temperature = temperature + (weather.temperature - temperature[0])
+        if weather.temperature is not None or weather.humidity is not None:
+            humidity = self.humidity[0] if weather.humidity is None else weather.humidity
+            factor = humidity * saturation(temperature[0]) / vapour[0]
+            vapour = np.minimum(vapour * factor, MOST_HUMID * saturation(temperature))
+        factor = 1.0 if weather.pressure is None else weather.pressure / self.pressure[0]
+        levels = self
+        if (weather.temperature, weather.humidity, weather.pressure) != (None, None, None):
+            levels = self.with_profile(temperature, self.pressure * factor, vapour)
+        densities = levels.densities.copy()
+        for k, name in enumerate(bands().columns):
+            if weather.co2 is not None and name.startswith("co2_"):
+                densities[:, k] *= weather.co2 / STANDARD_CO2_PPMV
+            if weather.visibility is not None:
+                densities[:, k] *= haze_factor(name, self.heights_km, weather.visibility)
+        return replace(levels, densities=densities)
+
+    def with_profile(
+        self,
+        temperature: ArrayLike | None = None,
+        pressure: ArrayLike | None = None,
+        vapour: ArrayLike | None = None,
+    ) -> "Levels":
+        """The air with other profiles, scaled as LOWTRAN7's subroutine STDMDL does.
+
+        Parameters
+        ----------
+        temperature, pressure, vapour
+            Temperature [K], pressure [hPa] and water vapour [g m^-3] at `heights_km`, (n,); None
+            for what stays. Mixing ratios of the other gases and the aerosols stay.
+        """
+        T, p, v = (
+            old if new is None else np.asarray(new, dtype=float)
+            for old, new in (
+                (self.temperature, temperature),
+                (self.pressure, pressure),
+                (self.vapour, vapour),
+            )
+        )
+        colder, denser = self.temperature / T, p / self.pressure
+        moister = v / self.vapour
+        d, d0 = (p * 273.15 / (1013.25 * T) for p, T in ((p, T), (self.pressure, self.temperature)))
+        foreign = (d - VAPOUR_SHARE * v) / (d0 - VAPOUR_SHARE * self.vapour)
+        ratios = {
+            "rayleigh": denser * colder,
+            "n2_continuum": denser**2 * colder**1.5,
+            "h2o_self": moister**2,
+            "h2o_foreign": moister * foreign,
+        }
+        for name, (gas, of_pressure, of_temperature) in scaling().items():
+            amount = moister if gas == "h2o" else denser * colder
+            ratios[name] = amount * denser**of_pressure * colder**of_temperature
+        columns = bands().columns
+        densities = np.column_stack(
+            [self.densities[:, k] * ratios.get(name, 1.0) for k, name in enumerate(columns)]
+        )
+        cold = columns.index("h2o_self_cold")
+        densities[:, cold] = densities[:, columns.index("h2o_self")] * np.clip((296 - T) / 36, 0, 1)
+        return Levels(
+            self.heights_km,
+            p,
+            T,
+            v / saturation(T),
+            v,
+            self.refractivity * denser * colder,
+            densities,
+        )
+
+
+def saturation(temperature) -> np.ndarray:
+    """Density of saturated water vapour over water at a temperature [K] in LOWTRAN7 [g m^-3]."""
+    share = 273.15 / np.asarray(temperature, dtype=float)
+    return share * np.exp(18.9766 - 14.9595 * share - 2.43882 * share**2)
+
+
+def haze_factor(column: str, heights_km: np.ndarray, visibility: float) -> np.ndarray:
+    """Ratio of an aerosol's density at a visibility [km] to that at 23 km, (n,); 1 for others."""
+    file = read_table(TABLES / "band_haze.csv", ("visibility_km", HEIGHT, "extinction_km"), "haze")
+    table = file.numbers(file.columns)
+    known = np.unique(table["visibility_km"])
+    rows = [
+        table["extinction_km"][table["visibility_km"] == value][
+            np.argsort(table[HEIGHT][table["visibility_km"] == value])
+        ]
+        for value in known
+    ]
+    extinction = [
+        np.interp(1 / visibility, 1 / known[::-1], row[::-1]) for row in np.transpose(rows)
+    ]
+    logarithms = np.log(extinction / rows[list(known).index(STANDARD_VISIBILITY_KM)])
+    if column.startswith("aerosol_rural"):
+        return np.exp(np.interp(heights_km, HAZE_KM[:3], logarithms[:3]))
+    if column == "aerosol_fading":  # the rural aerosol of 2 km, which ends at 3 km
+        return np.full(len(heights_km), np.exp(logarithms[2]))
+    if column == "aerosol_tropospheric":
+        return np.exp(np.interp(heights_km, (3.0, 4.0, 5.0), (*logarithms[3:], 0)))
+    return np.ones(len(heights_km))
+
+
+@lru_cache(maxsize=1)
+def scaling() -> dict[str, tuple[str, float, float]]:
+    """Gas of each column, and the exponents of its pressure and temperature."""
+    names = "column", "gas", "pressure_exponent", "temperature_exponent"
+    file = read_table(TABLES / "band_scaling.csv", names, "scaling")
+    return {name: (gas, float(p), float(T)) for _, (name, gas, p, T) in file.rows}
+
+
+def model_names() -> list[str]:
+    """Names of the model atmospheres."""
+    return sorted(file.stem.removeprefix("band_levels_") for file in TABLES.glob("band_levels_*"))
+
+
+@lru_cache(maxsize=16)
+def levels(name: str, weather: Weather = Weather()) -> Levels:
+    """The air of a model atmosphere, in some weather; raises InputError for an unknown name."""
+    if name not in model_names():
+        raise unknown("air", name, model_names())
+    file = read_table(TABLES / f"band_levels_{name}.csv", STATE, "air")
+    table = file.numbers(file.columns)
+    heights, pressure, temperature, humidity, vapour, refractivity = (table[key] for key in STATE)
+    densities = np.column_stack([table[column] for column in bands().columns])
+    standard = Levels(
+        heights, pressure, temperature, humidity / 100, vapour, refractivity, densities
+    )
+    return standard if weather == Weather() else standard.in_weather(weather)
