@@ -16,7 +16,7 @@ import numpy as np
 from docs.studies.inversion import FOLDER, NETD_MK, STRIPES, TRUE, TWO_SKIES, clean
 from mi_lcair.inversion.data.images import noise_of_netd
 from mi_lcair.inversion.data.loader import Loader
-from mi_lcair.inversion.estimate import estimate
+from mi_lcair.inversion.least_squares.estimate import estimate
 from mi_lcair.inversion.problem import Problem
 from mi_lcair.inversion.unknowns import unknowns
 

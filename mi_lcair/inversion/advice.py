@@ -11,9 +11,9 @@ from mi_lcair.inversion.answers import Answer
 from mi_lcair.inversion.data.datum import Datum
 from mi_lcair.inversion.data.loader import Loader
 from mi_lcair.inversion.data.measurement import Candidate
-from mi_lcair.inversion.prediction import Block, equations
-from mi_lcair.inversion.solve import State
-from mi_lcair.inversion.tables import Sampling
+from mi_lcair.inversion.least_squares.prediction import DatumBlock, equations
+from mi_lcair.inversion.least_squares.solve import State
+from mi_lcair.inversion.tables import RenderTable
 from mi_lcair.inversion.unknowns import Unknown
 from mi_lcair.rendering.loading.files import survey
 from mi_lcair.sensitivity.parameters import changed
@@ -62,34 +62,38 @@ class Proposal:
 
 
 def advice(
-    unknowns: list[Unknown], state: State, found: list[Answer], proposals: list[Proposal]
+    unknowns: list[Unknown], state: State, answers: list[Answer], proposals: list[Proposal]
 ) -> list[Advice]:
     """The advice that each proposal gives, the most useful first."""
-    wanted = [k for k, one in enumerate(found) if one.is_sought and not one.is_determined]
+    wanted = [
+        k for k, unknown in enumerate(answers) if unknown.is_sought and not unknown.is_determined
+    ]
     now = dense(state.equations.information) + np.diag(state.prior)
     result = []
     for proposal in proposals:
-        spans = [one.span**-2.0 for one in proposal.extra]
+        spans = [unknown.span**-2.0 for unknown in proposal.extra]
         count = len(unknowns)
         total = np.diag(np.append(np.zeros(count), spans))
         total[:count, :count] += now
         inverse = np.linalg.inv(total + proposal.information)
         errors = {
-            found[k].label: float(min(np.sqrt(inverse[k, k]), found[k].standard_error))
+            answers[k].label: float(min(np.sqrt(inverse[k, k]), answers[k].standard_error))
             for k in wanted
         }
-        before = {found[k].label: found[k].standard_error for k in wanted}
+        before = {answers[k].label: answers[k].standard_error for k in wanted}
         if min(errors[label] / before[label] for label in errors) > WORTH:
             continue
         result.append(
-            Advice(proposal.measure, errors, before, words(proposal.measure, errors, before, found))
+            Advice(
+                proposal.measure, errors, before, words(proposal.measure, errors, before, answers)
+            )
         )
-    return sorted(result, key=lambda one: -one.gain)
+    return sorted(result, key=lambda unknown: -unknown.gain)
 
 
-def words(measure: str, errors: dict, before: dict, found: list[Answer]) -> str:
+def words(measure: str, errors: dict, before: dict, answers: list[Answer]) -> str:
     """A proposal as a sentence."""
-    units = {one.label: one.unit.removesuffix("1") for one in found}
+    units = {unknown.label: unknown.unit.removesuffix("1") for unknown in answers}
     best = sorted(errors, key=lambda label: errors[label] / before[label])[:MOST_NAMED]
     parts = [
         f"{label} from +- {before[label]:.2g} to +- {errors[label]:.2g} {units[label]}".rstrip()
@@ -109,13 +113,13 @@ def dense(matrix) -> np.ndarray:
 def priors(unknowns: list[Unknown]) -> list[Proposal]:
     """Proposals to measure one unknown in another way."""
     result = []
-    for k, one in enumerate(unknowns):
-        sigma = PRIORS.get(one.kind)
-        if sigma is None or one.prior and one.prior[1] <= sigma:
+    for k, unknown in enumerate(unknowns):
+        sigma = PRIORS.get(unknown.kind)
+        if sigma is None or unknown.prior and unknown.prior[1] <= sigma:
             continue
         information = np.zeros((len(unknowns), len(unknowns)))
         information[k, k] = sigma**-2.0
-        what = f"knowing {one.label} to +- {sigma:g} {one.unit.removesuffix('1')}".rstrip()
+        what = f"knowing {unknown.label} to +- {sigma:g} {unknown.unit.removesuffix('1')}".rstrip()
         result.append(Proposal(what, information))
     return result
 
@@ -125,7 +129,7 @@ def measurements(
     x: np.ndarray,
     everything: list[Unknown],
     proposed: dict[str, list[Datum]],
-    sampling: Sampling,
+    sampling: RenderTable,
 ) -> list[Proposal]:
     """Proposals to make further measurements.
 
@@ -139,7 +143,7 @@ def measurements(
         The unknowns of the data and of all that is proposed.
     proposed : dict of str to list of Datum
         Measurements by what they are, numbered behind the data.
-    sampling : Sampling
+    sampling : RenderTable
 
     Returns
     -------
@@ -149,14 +153,22 @@ def measurements(
         return []
     first = min(datum.number for made in proposed.values() for datum in made)
     of_data = {
-        (one.name, one.facet, tuple(k for k in one.data if k < first)): one for one in everything
+        (unknown.name, unknown.facet, tuple(k for k in unknown.data if k < first)): unknown
+        for unknown in everything
     }
-    shared = [replace(one, data=of_data[one.name, one.facet, one.data].data) for one in unknowns]
+    shared = [
+        replace(unknown, data=of_data[unknown.name, unknown.facet, unknown.data].data)
+        for unknown in unknowns
+    ]
     result = []
     for what, made in proposed.items():
         numbers = {datum.number for datum in made}
-        extra = [one for one in everything if min(one.data) >= first and numbers & set(one.data)]
-        values = np.append(x, [one.start for one in extra])
+        extra = [
+            unknown
+            for unknown in everything
+            if min(unknown.data) >= first and numbers & set(unknown.data)
+        ]
+        values = np.append(x, [unknown.start for unknown in extra])
         blocks = [rendered(datum, [*shared, *extra], values, sampling) for datum in made]
         total = sum(information(block, values) for block in blocks)
         result.append(Proposal(what, total, tuple(extra)))
@@ -164,7 +176,7 @@ def measurements(
 
 
 def other_states(
-    unknowns: list[Unknown], x: np.ndarray, data: list[Datum], sampling: Sampling
+    unknowns: list[Unknown], x: np.ndarray, data: list[Datum], sampling: RenderTable
 ) -> list[Proposal]:
     """Proposals to measure all images again with everything of one kind hotter.
 
@@ -172,7 +184,7 @@ def other_states(
     temperatures of the surroundings higher.
     """
     images = [datum for datum in data if datum.is_image]
-    hot = [k for k, one in enumerate(unknowns) if one.kind == "temperature"]
+    hot = [k for k, unknown in enumerate(unknowns) if unknown.kind == "temperature"]
     result = []
     if hot and images:
         extra = tuple(
@@ -218,7 +230,7 @@ def other_states(
 
 def surroundings(datum: Datum, unknowns: list[Unknown]) -> dict[str, float]:
     """Temperatures of the groups of a datum's scene of which nothing is unknown."""
-    taken = {unknowns[k].name.partition("@")[0] for k in datum.own(unknowns)}
+    taken = {unknowns[k].name.partition("@")[0] for k in datum.numbers(unknowns)}
     taken = {name.removesuffix(".temperature") for name in taken}
     return {
         name: parameter.value
@@ -238,20 +250,20 @@ def other_bands(data: list[Datum], loader: Loader, first: int) -> dict[str, list
     for band in BANDS:
         made = []
         for datum in data:
-            place = datum.place
+            entry = datum.entry
             if (
                 datum.is_image
-                and place.netd_mK is not None
+                and entry.netd_mK is not None
                 and band != datum.scene.band.name
                 and "band" in survey(datum.scene.path, datum.scene.parameters)
             ):
                 candidate = Candidate(
-                    scene=place.scene,
-                    name=f"{place.name} in {band}",
-                    parameters={**place.parameters, "band": band},
-                    sensor=place.sensor,
-                    state=place.state,
-                    netd_mK=place.netd_mK,
+                    scene=entry.scene,
+                    name=f"{entry.name} in {band}",
+                    parameters={**entry.parameters, "band": band},
+                    sensor=entry.sensor,
+                    state=entry.state,
+                    netd_mK=entry.netd_mK,
                 )
                 with suppress(InputError):
                     made.append(loader.datum(candidate, first, set()))
@@ -261,15 +273,17 @@ def other_bands(data: list[Datum], loader: Loader, first: int) -> dict[str, list
     return result
 
 
-def rendered(datum: Datum, unknowns: list[Unknown], x: np.ndarray, sampling: Sampling) -> Block:
+def rendered(
+    datum: Datum, unknowns: list[Unknown], x: np.ndarray, sampling: RenderTable
+) -> DatumBlock:
     block = datum.block(unknowns, x, sampling)
     return replace(block, weight=datum.weight(unknowns, x, sampling))
 
 
-def information(block: Block, x: np.ndarray) -> np.ndarray:
+def information(block: DatumBlock, x: np.ndarray) -> np.ndarray:
     """Information (N, N) that a measurement with this prediction would give."""
-    own = replace(block, measured=block.radiance.mean(axis=0))
-    return equations([own], x).information
+    expected = replace(block, measured=block.radiance.mean(axis=0))
+    return equations([expected], x).information
 
 
 def listed(names: list[str]) -> str:

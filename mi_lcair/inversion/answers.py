@@ -6,7 +6,7 @@ import numpy as np
 from scipy import stats
 
 from mi_lcair.fitting.judgement.verdict import UNDETERMINED
-from mi_lcair.inversion.prediction import Block, product
+from mi_lcair.inversion.least_squares.prediction import DatumBlock, product
 from mi_lcair.inversion.unknowns import Unknown
 
 NORMAL_95 = stats.norm.ppf(0.975)
@@ -67,39 +67,39 @@ def answers(unknowns: list[Unknown], x, covariance, at_bound, held) -> list[Answ
     the render hides its derivative, (N,).
     """
     result = []
-    for k, one in enumerate(unknowns):
+    for k, unknown in enumerate(unknowns):
         error = float(np.sqrt(max(covariance[k, k], 0)))
         low, high = x[k] - NORMAL_95 * error, x[k] + NORMAL_95 * error
-        low, high = (float(np.clip(end, one.lower, one.upper)) for end in (low, high))
+        low, high = (float(np.clip(end, unknown.lower, unknown.upper)) for end in (low, high))
         result.append(
             Answer(
-                label=one.label,
-                name=one.name,
-                kind=one.kind,
-                unit=one.unit,
+                label=unknown.label,
+                name=unknown.name,
+                kind=unknown.kind,
+                unit=unknown.unit,
                 value=float(x[k]),
                 standard_error=error,
                 lower=low,
                 upper=high,
-                verdict=HIDDEN if held[k] else verdict(one, float(x[k]), error, at_bound[k]),
-                is_sought=one.is_sought,
-                facet=one.facet,
+                verdict=HIDDEN if held[k] else verdict(unknown, float(x[k]), error, at_bound[k]),
+                is_sought=unknown.is_sought,
+                facet=unknown.facet,
             )
         )
     return result
 
 
-def verdict(one: Unknown, value: float, error: float, at_bound: int) -> str:
+def verdict(unknown: Unknown, value: float, error: float, at_bound: int) -> str:
     """The verdict on an unknown, in the words of `fit`."""
     half = NORMAL_95 * error
-    low, high = max(value - half, one.lower), min(value + half, one.upper)
-    span = f"{low:.4g}..{high:.4g} {one.unit.removesuffix('1')}".rstrip()
-    if 2 * half >= UNDETERMINED * one.span:
+    low, high = max(value - half, unknown.lower), min(value + half, unknown.upper)
+    span = f"{low:.4g}..{high:.4g} {unknown.unit.removesuffix('1')}".rstrip()
+    if 2 * half >= UNDETERMINED * unknown.span:
         return f"not determined by these data: anything in {span} fits"
     if at_bound:
-        end = one.lower if at_bound < 0 else one.upper
+        end = unknown.lower if at_bound < 0 else unknown.upper
         return f"at its bound {end:.4g}: interval {span}"
-    if one.is_determined(value, half):
+    if unknown.is_determined(value, half):
         return "determined"
     return f"weakly determined: interval {span}"
 
@@ -111,7 +111,7 @@ def correlation(covariance: np.ndarray) -> np.ndarray:
     return covariance / np.outer(scale, scale)
 
 
-def directions(found: list[Answer], covariance: np.ndarray, reasons) -> list[Direction]:
+def directions(answers: list[Answer], covariance: np.ndarray, reasons) -> list[Direction]:
     """Pairs of unknowns that the data hardly tell apart, the worst first.
 
     Only pairs with one that is not determined count. reasons: function of the numbers of two
@@ -120,23 +120,23 @@ def directions(found: list[Answer], covariance: np.ndarray, reasons) -> list[Dir
     matrix = correlation(covariance)
     pairs = [
         (abs(matrix[a, b]), a, b)
-        for a in range(len(found))
+        for a in range(len(answers))
         for b in range(a)
         if abs(matrix[a, b]) >= ALIKE
-        and not (found[a].is_determined and found[b].is_determined)
-        and not found[a].kind == found[b].kind == "facet"
+        and not (answers[a].is_determined and answers[b].is_determined)
+        and not answers[a].kind == answers[b].kind == "facet"
     ]
     result = []
     for _, a, b in sorted(pairs, reverse=True)[:LONGEST_WORDS]:
         # The quantity with a unit is said to change for 1 of the other
-        first, second = sorted((a, b), key=lambda k: (found[k].unit == "1", k))
+        first, second = sorted((a, b), key=lambda k: (answers[k].unit == "1", k))
         slope = covariance[first, second] / covariance[second, second]
         result.append(
             Direction(
-                labels=(found[first].label, found[second].label),
+                labels=(answers[first].label, answers[second].label),
                 correlation=float(matrix[a, b]),
                 slope=float(slope),
-                words=f"{traded(found[first], found[second], slope)}: {reasons(first, second)}",
+                words=f"{traded(answers[first], answers[second], slope)}: {reasons(first, second)}",
             )
         )
     return result
@@ -162,7 +162,7 @@ def split(label: str) -> tuple[str, str]:
     return owner, rest + bracket + of
 
 
-def chi_square(blocks: list[Block], x: np.ndarray, determined: float) -> dict:
+def chi_square(blocks: list[DatumBlock], x: np.ndarray, determined: float) -> dict:
     """Squared residuals in units of the measurement's noise, and how probable larger ones are.
 
     Products of different randomisations keep the render's own noise out of the sum, but it widens
@@ -173,11 +173,11 @@ def chi_square(blocks: list[Block], x: np.ndarray, determined: float) -> dict:
     """
     total, expected, variance, points = 0.0, 0.0, 0.0, 0
     for block in blocks:
-        found = block.at(x)
-        w, R = block.weight, len(found.radiance)
-        r = [row[:, None] for row in found.residuals]
+        prediction = block.at(x)
+        w, R = block.weight, len(prediction.radiance)
+        r = [row[:, None] for row in prediction.residuals]
         total += float(np.ravel(product(r, w, r))[0])
-        measured, rendered = w * found.noise**2, w * found.variance
+        measured, rendered = w * prediction.noise**2, w * prediction.variance
         pairs = R / (R - 1) if R > 1 else 0
         expected += float(measured.sum())
         variance += float(np.sum(2 * measured**2 + 4 * measured * rendered))

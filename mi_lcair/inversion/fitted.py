@@ -4,30 +4,34 @@ import numpy as np
 
 from mi_lcair.inversion.answers import correlation
 from mi_lcair.inversion.data.datum import Datum
-from mi_lcair.inversion.prediction import Block
+from mi_lcair.inversion.least_squares.prediction import DatumBlock
 from mi_lcair.inversion.solution import Fitted
 from mi_lcair.inversion.unknowns import Unknown
 
 
-def fitted(datum: Datum, block: Block, everything: list[Unknown], x: np.ndarray) -> Fitted:
+def fitted(datum: Datum, block: DatumBlock, everything: list[Unknown], x: np.ndarray) -> Fitted:
     """A datum after the solution."""
-    found = block.at(x)
-    predicted = found.mean
-    residual = found.residuals.mean(axis=0) * np.sqrt(block.weight)
+    prediction = block.at(x)
+    predicted = prediction.mean
+    residual = prediction.residuals.mean(axis=0) * np.sqrt(block.weight)
     image = datum.image if datum.is_image else lambda values: values
-    own = [everything[k] for k in datum.own(everything)]
+    own_unknowns = [everything[k] for k in datum.numbers(everything)]
     facets = {}
-    for k in datum.own(everything):
-        if (one := everything[k]).kind == "facet":
-            facets.setdefault(one.name, {})[one.facet] = float(x[k])
+    for k in datum.numbers(everything):
+        if (unknown := everything[k]).kind == "facet":
+            facets.setdefault(unknown.name, {})[unknown.facet] = float(x[k])
     return Fitted(
         name=datum.label,
         scene=datum.scene.name,
         band=datum.scene.band.name,
-        state=datum.place.state,
+        state=datum.entry.state,
         parameters=dict(datum.scene.parameters),
         values=datum.settings(everything, x),
-        kinds={one.name: one.kind for one in own if one.name in datum.where.parameters},
+        kinds={
+            unknown.name: unknown.kind
+            for unknown in own_unknowns
+            if unknown.name in datum.where.parameters
+        },
         facets=facets,
         measured=image(datum.measured - datum.background),
         predicted=image(predicted - datum.background),
@@ -46,10 +50,12 @@ def materials(data: list[Datum], everything: list[Unknown], x, covariance) -> di
     """
     result, ambiguous = {}, set()
     for datum in data:
-        own = {
-            everything[k].name: k for k in datum.own(everything) if everything[k].kind == "material"
+        number_of = {
+            everything[k].name: k
+            for k in datum.numbers(everything)
+            if everything[k].kind == "material"
         }
-        names = {name.rpartition(".")[0] for name in own}
+        names = {name.rpartition(".")[0] for name in number_of}
         with datum.at(everything, x):
             for surface in datum.scene.surfaces():
                 material = surface.material or surface.model.name
@@ -60,7 +66,7 @@ def materials(data: list[Datum], everything: list[Unknown], x, covariance) -> di
                     "form": surface.form,
                     "band": datum.scene.band.name,
                     "parameters": dict(zip(surface.model.names, surface.values)),
-                    **spread(material, surface.model.names, own, covariance),
+                    **spread(material, surface.model.names, number_of, covariance),
                 }
                 key = material, datum.scene.band.name
                 of_material = result.setdefault(key[0], {})
@@ -71,13 +77,13 @@ def materials(data: list[Datum], everything: list[Unknown], x, covariance) -> di
     return {name: bands for name, bands in result.items() if bands}
 
 
-def spread(material: str, names, own: dict[str, int], covariance: np.ndarray) -> dict:
+def spread(material: str, names, number_of: dict[str, int], covariance: np.ndarray) -> dict:
     """Standard errors and correlations of a material's parameters, as in a fit's report."""
-    place = [own.get(f"{material}.{name}") for name in names]
-    found = [k for k in place if k is not None]
+    columns = [number_of.get(f"{material}.{name}") for name in names]
+    estimated = [k for k in columns if k is not None]
     total = np.zeros((len(names),) * 2)
-    is_estimated = np.array([k is not None for k in place])
-    total[np.ix_(is_estimated, is_estimated)] = covariance[np.ix_(found, found)]
+    is_estimated = np.array([k is not None for k in columns])
+    total[np.ix_(is_estimated, is_estimated)] = covariance[np.ix_(estimated, estimated)]
     matrix = correlation(total)
     np.fill_diagonal(matrix, 1)
     return {

@@ -6,11 +6,11 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.inversion.data.datum import Datum
-from mi_lcair.inversion.estimate import estimate
-from mi_lcair.inversion.prediction import cost_of
+from mi_lcair.inversion.least_squares.estimate import estimate
+from mi_lcair.inversion.least_squares.prediction import cost_of
+from mi_lcair.inversion.least_squares.solve import State
 from mi_lcair.inversion.problem import Problem
-from mi_lcair.inversion.solve import State
-from mi_lcair.inversion.tables import Sampling
+from mi_lcair.inversion.tables import RenderTable
 from mi_lcair.inversion.unknowns import Unknown
 
 DRAWS = 100  # random values drawn for one first guess that a surface can have
@@ -24,22 +24,27 @@ def best_of_starts(everything, data, problem: Problem, progress) -> State:
     """
     best = None
     for start in first_guesses(everything, data[0], problem):
-        tried = [replace(one, start=float(value)) for one, value in zip(everything, start)]
-        found = estimate(tried, data, problem.render, progress)
-        if best is None or cost_of(found.blocks, found.x) < cost_of(best.blocks, best.x):
-            best = found
+        tried = [replace(unknown, start=float(value)) for unknown, value in zip(everything, start)]
+        state = estimate(tried, data, problem.render, progress)
+        if best is None or cost_of(state.blocks, state.x) < cost_of(best.blocks, best.x):
+            best = state
     return best
 
 
 def first_guesses(everything: list[Unknown], datum: Datum, problem: Problem):
     """Yield the first guesses (N,) for a goal."""
-    random, first = np.random.default_rng(problem.render.seed), [one.start for one in everything]
+    random, first = (
+        np.random.default_rng(problem.render.seed),
+        [unknown.start for unknown in everything],
+    )
     yield np.array(first)
     middle = [
-        (one.lower + one.upper) / 2 if np.isfinite(one.upper - one.lower) else one.start
-        for one in everything
+        (unknown.lower + unknown.upper) / 2
+        if np.isfinite(unknown.upper - unknown.lower)
+        else unknown.start
+        for unknown in everything
     ]
-    spans = [one.span for one in everything]
+    spans = [unknown.span for unknown in everything]
     guesses = 1
     for _ in range(DRAWS * problem.goal.starts):
         if guesses == problem.goal.starts:
@@ -64,9 +69,9 @@ def chosen(verdict: str) -> str:
     return "chosen" if verdict == "determined" else verdict
 
 
-def achieved(datum: Datum, state: State, everything, sampling: Sampling) -> str:
+def achieved(datum: Datum, state: State, everything, sampling: RenderTable) -> str:
     """How near the goal is, before and after."""
-    first = np.array([one.start for one in everything])
+    first = np.array([unknown.start for unknown in everything])
     before = datum.block(everything, first, sampling).radiance.mean(axis=0)
     after = state.blocks[0].at(state.x).mean
     rms = [np.sqrt(np.mean((values - datum.background) ** 2)) for values in (before, after)]

@@ -21,12 +21,12 @@ from mi_lcair.inversion.advice import (
 from mi_lcair.inversion.answers import Answer, answers, chi_square, directions
 from mi_lcair.inversion.data.datum import Datum
 from mi_lcair.inversion.data.loader import Loader, goal_datum
-from mi_lcair.inversion.estimate import estimate
 from mi_lcair.inversion.fitted import fitted, materials
 from mi_lcair.inversion.goal import achieved, best_of_starts, chosen
+from mi_lcair.inversion.least_squares.estimate import estimate
+from mi_lcair.inversion.least_squares.solve import State, is_informed
 from mi_lcair.inversion.problem import Problem, parts
 from mi_lcair.inversion.solution import Solution
-from mi_lcair.inversion.solve import State, is_informed
 from mi_lcair.inversion.unknowns import FACETS, Unknown, instruments, unknowns
 from mi_lcair.progress import Progress
 
@@ -79,43 +79,41 @@ def _inverted(problem: Problem, advise: bool, progress, start: float) -> Solutio
     if problem.goal is not None:
         data, proposed = [goal_datum(problem.goal, problem.render)], []
     else:
-        places = enumerate([*problem.data, *problem.candidates])
-        loaded = [loader.datum(place, number, groups) for number, place in places]
+        entries = enumerate([*problem.data, *problem.candidates])
+        loaded = [loader.datum(entry, number, groups) for number, entry in entries]
         data, proposed = loaded[: len(problem.data)], loaded[len(problem.data) :]
-    expand = lambda more: unknowns(
-        problem.unknowns, problem.nuisance, [d.where for d in [*data, *more]], len(data)
-    )
-    everything = [*expand([]), *instruments(problem.data)]
+    everything = [*unknowns_of(problem, data), *instruments(problem.data)]
     check_counts(everything, data)
     if problem.goal is None:
         state = estimate(everything, data, problem.render, progress)
     else:
         state = best_of_starts(everything, data, problem, progress)
 
-    found = answers(everything, state.x, state.covariance, state.at_bound, state.held)
+    answered = answers(everything, state.x, state.covariance, state.at_bound, state.held)
     if problem.goal is None and not state.converged:
-        found = [replace(one, verdict=UNFINISHED) if one.is_determined else one for one in found]
+        answered = [
+            replace(answer, verdict=UNFINISHED) if answer.is_determined else answer
+            for answer in answered
+        ]
     chi = UNTESTED
     if problem.goal is None:
         chi = chi_square(state.blocks, state.x, determined(state))
-    notes = remarks(state, found, chi)
+    notes = remarks(state, answered, chi)
     if problem.goal is not None:
-        found = [replace(one, verdict=chosen(one.verdict)) for one in found]
+        answered = [replace(answer, verdict=chosen(answer.verdict)) for answer in answered]
         notes = [achieved(data[0], state, everything, problem.render), *notes]
     advised = []
     if (
         advise
         and problem.goal is None
-        and not all(one.is_determined for one in found if one.is_sought)
+        and not all(answer.is_determined for answer in answered if answer.is_sought)
     ):
-        advised = advice_for(
-            everything, state, found, data, proposed, expand, loader, problem.render
-        )
+        advised = advice_for(problem, everything, state, answered, data, proposed, loader)
     return Solution(
         problem=problem.name,
-        answers=found,
+        answers=answered,
         covariance=state.covariance,
-        directions=directions(found, state.covariance, reasons(everything, data))
+        directions=directions(answered, state.covariance, reasons(everything, data))
         if problem.goal is None
         else [],
         advice=advised,
@@ -140,7 +138,7 @@ def facet_groups(problem: Problem) -> set[str]:
 
 def check_counts(everything: list[Unknown], data: list[Datum]) -> None:
     """Raise InputError for more unknowns without a prior than data."""
-    free = sum(one.prior is None for one in everything)
+    free = sum(unknown.prior is None for unknown in everything)
     points = sum(len(datum.measured) for datum in data)
     if free > points:
         raise InputError(
@@ -151,11 +149,11 @@ def check_counts(everything: list[Unknown], data: list[Datum]) -> None:
 
 def determined(state: State) -> float:
     """Number of combinations of unknowns that the data determine, rather than the priors."""
-    found, prior = state.equations, state.prior
-    if sparse.issparse(found.matrix):
-        return float(np.count_nonzero(is_informed(found, prior)))
+    normal, prior = state.equations, state.prior
+    if sparse.issparse(normal.matrix):
+        return float(np.count_nonzero(is_informed(normal, prior)))
     scale = np.sqrt(prior)
-    values = np.linalg.eigvalsh(found.information / np.outer(scale, scale))
+    values = np.linalg.eigvalsh(normal.information / np.outer(scale, scale))
     values = np.maximum(values, 0)
     return float(np.sum(values / (1 + values)))
 
@@ -175,14 +173,14 @@ def reasons(everything: list[Unknown], data: list[Datum]):
     return why
 
 
-def remarks(state: State, found: list[Answer], chi: dict) -> list[str]:
+def remarks(state: State, answered: list[Answer], chi: dict) -> list[str]:
     """What a user should know about a solution, one line each."""
     lines = []
     if not state.converged:
         lines.append(
             "the iteration has not converged; raise iterations of [render], or start closer"
         )
-    unseen = unseen_facets(state, found)
+    unseen = unseen_facets(state, answered)
     if unseen:
         names = listed([str(facet) for facet in unseen])
         lines.append(
@@ -190,7 +188,9 @@ def remarks(state: State, found: list[Answer], chi: dict) -> list[str]:
             "them a prior, or add views"
         )
     noisy = [
-        one.label for one, part in zip(found, state.render_share) if part > NOISY and one.is_sought
+        answer.label
+        for answer, part in zip(answered, state.render_share)
+        if part > NOISY and answer.is_sought
     ]
     if noisy:
         lines.append(
@@ -206,16 +206,26 @@ def remarks(state: State, found: list[Answer], chi: dict) -> list[str]:
     return lines
 
 
-def unseen_facets(state: State, found: list[Answer]) -> list[int]:
+def unseen_facets(state: State, answered: list[Answer]) -> list[int]:
     """Unknown facets on which no measured value depends."""
-    is_seen = np.zeros(len(found), dtype=bool)
+    is_seen = np.zeros(len(answered), dtype=bool)
     for block in state.blocks:
         is_seen[block.unknown] |= sum(abs(columns).sum(axis=0) for columns in block.columns) > 0
-    return [one.facet for one, seen in zip(found, is_seen) if one.kind == "facet" and not seen]
+    return [
+        answer.facet
+        for answer, seen in zip(answered, is_seen)
+        if answer.kind == "facet" and not seen
+    ]
+
+
+def unknowns_of(problem: Problem, data: list[Datum], more=()) -> list[Unknown]:
+    """The unknowns of a problem's data, and of more data that may be measured."""
+    places = [datum.where for datum in (*data, *more)]
+    return unknowns(problem.unknowns, problem.nuisance, places, len(data))
 
 
 def advice_for(
-    everything, state: State, found, data: list[Datum], proposed, expand, loader, sampling
+    problem: Problem, everything, state: State, answered, data: list[Datum], proposed, loader
 ) -> list[Advice]:
     """What further measurements would bring: those of [[candidates]] and some others."""
     if len(everything) > MOST_UNKNOWNS:
@@ -223,10 +233,11 @@ def advice_for(
     by_name = {datum.label: [datum] for datum in proposed}
     by_name |= other_bands(data, loader, len(data) + len(proposed))
     more = [datum for made in by_name.values() for datum in made]
-    instrument = [one for one in everything if one.kind in ("gain", "offset")]
+    instrument = [unknown for unknown in everything if unknown.kind in ("gain", "offset")]
+    everywhere = [*unknowns_of(problem, data, more), *instrument]
     proposals = [
         *priors(everything),
-        *measurements(everything, state.x, [*expand(more), *instrument], by_name, sampling),
-        *other_states(everything, state.x, data, sampling),
+        *measurements(everything, state.x, everywhere, by_name, problem.render),
+        *other_states(everything, state.x, data, problem.render),
     ]
-    return advice(everything, state, found, proposals)
+    return advice(everything, state, answered, proposals)

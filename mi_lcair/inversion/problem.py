@@ -12,7 +12,7 @@ from mi_lcair import scenes
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import parse_toml, read_text
 from mi_lcair.inversion.data.measurement import Candidate, Measurement
-from mi_lcair.inversion.tables import Entry, Goal, Sampling
+from mi_lcair.inversion.tables import Goal, RenderTable, UnknownEntry
 from mi_lcair.toml_table import filled
 
 TABLES = ("data", "unknowns", "nuisance", "candidates", "goal", "render")
@@ -31,11 +31,11 @@ class Problem:
     name: str
     title: str
     data: tuple[Measurement, ...]
-    unknowns: dict[str, Entry]
-    nuisance: dict[str, Entry] = field(default_factory=dict)
+    unknowns: dict[str, UnknownEntry]
+    nuisance: dict[str, UnknownEntry] = field(default_factory=dict)
     candidates: tuple[Candidate, ...] = ()
     goal: Goal | None = None
-    render: Sampling = field(default_factory=Sampling)
+    render: RenderTable = field(default_factory=RenderTable)
 
     @staticmethod
     def read(source) -> "Problem":
@@ -70,7 +70,7 @@ class Problem:
                 nuisance=entries(tree, "nuisance"),
                 candidates=candidates,
                 goal=goal,
-                render=of_table(Sampling, tree.get("render", {}), "[render]"),
+                render=of_table(RenderTable, tree.get("render", {}), "[render]"),
             )
             problem.check()
         except InputError as error:
@@ -89,7 +89,7 @@ class Problem:
             raise InputError("no [unknowns]: name at least one parameter of the scene")
         if twice := self.unknowns.keys() & self.nuisance.keys():
             raise InputError(f"'{min(twice)}' is in [unknowns] and in [nuisance]; keep one")
-        names = [place.name for place in (*self.data, *self.candidates)]
+        names = [entry.name for entry in (*self.data, *self.candidates)]
         if len(set(names)) < len(names):
             twice = next(name for name in names if names.count(name) > 1)
             raise InputError(f"two data or candidates have the name '{twice}'; rename one")
@@ -119,7 +119,7 @@ def of_table(kind, values, where: str):
         raise InputError(text if where in text else f"{where}: {text}") from None
 
 
-def entries(tree: dict, table: str) -> dict[str, Entry]:
+def entries(tree: dict, table: str) -> dict[str, UnknownEntry]:
     """The entries of [unknowns] or [nuisance] by name."""
     values = tree.get(table, {})
     if not isinstance(values, dict):
@@ -136,7 +136,7 @@ def entries(tree: dict, table: str) -> dict[str, Entry]:
             )
         if not LABELLED.fullmatch(name):
             raise InputError(f'{where}: must be a name, such as "lid.temperature" or "... [hot]"')
-        result[name] = of_table(Entry, value, where)
+        result[name] = of_table(UnknownEntry, value, where)
     return result
 
 
@@ -147,8 +147,13 @@ def located(table, folder) -> dict:
     """
     if not isinstance(table, dict):
         return table
-    located_at = lambda value: str(Path(folder) / value)
-    is_file = lambda value: isinstance(value, str) and os.path.isfile(located_at(value))
+
+    def located_at(value):
+        return str(Path(folder) / value)
+
+    def is_file(value):
+        return isinstance(value, str) and os.path.isfile(located_at(value))
+
     result = dict(table)
     for key in FILES:
         value = table.get(key)

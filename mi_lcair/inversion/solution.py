@@ -155,9 +155,9 @@ class Solution(Result):
     def summary(self) -> str:
         """One line with the first unknowns, their standard errors and units."""
         shown = [
-            f"{one.label} = {one.value:.6g} +- {one.standard_error:.2g} "
-            f"{one.unit.removesuffix('1')}".rstrip()
-            for one in self.answers[:SHOWN]
+            f"{answer.label} = {answer.value:.6g} +- {answer.standard_error:.2g} "
+            f"{answer.unit.removesuffix('1')}".rstrip()
+            for answer in self.answers[:SHOWN]
         ]
         rest = len(self.answers) - len(shown)
         more = f" and {rest} more" if rest else ""
@@ -167,15 +167,15 @@ class Solution(Result):
         """A row for each unknown; value, standard_error, lower and upper are in its `unit`."""
         answers = self.answers
         return {
-            "unknown": np.array([one.label for one in answers]),
-            "unit": np.array([one.unit for one in answers]),
+            "unknown": np.array([answer.label for answer in answers]),
+            "unit": np.array([answer.unit for answer in answers]),
             **{
-                name: np.array([getattr(one, name) for one in answers], float)
+                name: np.array([getattr(answer, name) for answer in answers], float)
                 for name in ("value", "standard_error", "lower", "upper")
             },
             "render_share": np.array(self.render_share, float),
-            "is_sought": np.array([one.is_sought for one in answers]),
-            "verdict": np.array([one.verdict for one in answers]),
+            "is_sought": np.array([answer.is_sought for answer in answers]),
+            "verdict": np.array([answer.verdict for answer in answers]),
         }
 
     def entries(self) -> dict:
@@ -188,7 +188,7 @@ class Solution(Result):
             ],
             "correlation": self.correlation.round(6).tolist(),
             "directions": [direction.as_dict() for direction in self.directions],
-            "advice": [one.as_dict() for one in self.advice],
+            "advice": [advised.as_dict() for advised in self.advice],
             "chi_square": self.chi_square,
             "degrees_of_freedom": self.degrees_of_freedom,
             "p_value": self.p_value,

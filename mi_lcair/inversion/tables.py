@@ -10,7 +10,7 @@ PER = ("band", "state", "data")  # what an unknown may have a value of its own f
 
 
 @dataclass(frozen=True)
-class Entry:
+class UnknownEntry:
     """Entry of [unknowns] or [nuisance].
 
     Attributes
@@ -93,7 +93,7 @@ class Goal:
 
 
 @dataclass(frozen=True)
-class Sampling:
+class RenderTable:
     """Table [render].
 
     Attributes

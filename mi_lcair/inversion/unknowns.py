@@ -1,18 +1,18 @@
 """Unknowns of a problem: which parameter of which data each of them is, bounds and priors."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.inversion.problem import parts
-from mi_lcair.inversion.tables import Entry
+from mi_lcair.inversion.tables import UnknownEntry
 from mi_lcair.sensitivity.parameters import Parameter
 
-# What has a value of its own by default: a surface's temperature is that of its state in every
-# band, and a material's reflection that of its band in every state.
-PER = {
+# By default a temperature has one value for each state, the same in all bands, and a reflection has
+# one value for each band, the same in all states.
+VALUES_PER = {
     "temperature": ("state",),
     "facet": ("state",),
     "material": ("band",),
@@ -92,7 +92,7 @@ class Unknown:
 
 @dataclass(frozen=True)
 class Where:
-    """What an unknown needs to know of a datum: its name, band, state and the scene's parameters.
+    """Name, band and state of a datum, and the parameters of its scene, which may be unknown.
 
     facets: temperatures of the facets by group, as {facet: K}.
     """
@@ -109,13 +109,16 @@ class Where:
 
 
 def unknowns(
-    sought: dict[str, Entry], nuisance: dict[str, Entry], data: Iterable[Where], measured: int
+    sought: dict[str, UnknownEntry],
+    nuisance: dict[str, UnknownEntry],
+    data: Iterable[Where],
+    measured: int,
 ) -> list[Unknown]:
     """The unknowns of a problem.
 
     Parameters
     ----------
-    sought, nuisance : dict of str to Entry
+    sought, nuisance : dict of str to UnknownEntry
         The tables [unknowns] and [nuisance].
     data : iterable of Where
         Measurements, and the candidates behind them.
@@ -139,32 +142,32 @@ def unknowns(
         for text in sorted(table, key=lambda text: not parts(text)[1]):
             name, of = parts(text)
             check_name(name, of, data[:measured])
-            found = [
+            affected = [
                 k
                 for k, where in enumerate(data)
                 if is_in(name, where) and set(of) <= set(where.labels.values())
             ]
             if not of:
-                found = [k for k in found if (name, k) not in owner]
-            if not any(k < measured for k in found):
+                affected = [k for k in affected if (name, k) not in owner]
+            if not any(k < measured for k in affected):
                 raise InputError(
                     f"'{text}' is an unknown without data"
                     + ("; other entries name it for all data" if not of else "")
                 )
-            for k in found:
+            for k in affected:
                 if (name, k) in owner:
                     raise InputError(
                         f"'{owner[name, k]}' and '{text}' are the same parameter of "
                         f"'{data[k].name}'; keep one"
                     )
                 owner[name, k] = text
-            result += instances(name, of, table[text], data, found, is_sought)
+            result += instances(name, of, table[text], data, affected, is_sought)
     order = {parts(text)[0]: k for k, text in enumerate([*sought, *nuisance])}
-    return sorted(result, key=lambda one: (not one.is_sought, order[base_name(one)]))
+    return sorted(result, key=lambda listed: (not listed.is_sought, order[base_name(listed)]))
 
 
-def base_name(one: Unknown) -> str:
-    return f"{one.name}{FACETS}" if one.kind == "facet" else one.name
+def base_name(listed: Unknown) -> str:
+    return f"{listed.name}{FACETS}" if listed.kind == "facet" else listed.name
 
 
 def is_in(name: str, where: Where) -> bool:
@@ -185,60 +188,59 @@ def check_name(name: str, of, data: list[Where]) -> None:
             raise unknown("band, state or data", label, labels)
 
 
-def instances(name, of, entry: Entry, data: list[Where], found: list[int], is_sought: bool):
+def instances(
+    name, of, entry: UnknownEntry, data: list[Where], affected: list[int], is_sought: bool
+):
     """The unknowns of one entry: one for each band, state or datum that has its own."""
     facets = name.endswith(FACETS)
     group = name.removesuffix(FACETS)
-    parameters = [None if facets else data[k].parameters[name] for k in found]
-    kind = "facet" if facets else parameters[0].kind
-    per = PER[kind] if entry.per is None else entry.per
+    kind = "facet" if facets else data[affected[0]].parameters[name].kind
+    per = VALUES_PER[kind] if entry.per is None else entry.per
     by_label = {}
-    for k, parameter in zip(found, parameters):
+    for k in affected:
         key = tuple(data[k].labels[word] for word in per if data[k].labels[word])
-        by_label.setdefault(key, []).append((k, parameter))
-    for key, members in by_label.items():
-        numbers = tuple(k for k, _ in members)
+        by_label.setdefault(key, []).append(k)
+    for key, numbers in by_label.items():
         words = key if len(by_label) > 1 else of
         suffix = f" [{', '.join(words)}]" if words else ""
+        plain = Unknown(
+            label=name + suffix,
+            name=group,
+            kind=kind,
+            unit="K",
+            start=0.0,
+            lower=0.0,
+            upper=np.inf,
+            prior=None,
+            data=tuple(numbers),
+            is_sought=is_sought,
+        )
         if facets:
             for facet, kelvin in data[numbers[0]].facets[group].items():
                 label = f"{name}[{facet}]{suffix}"
-                yield one_of(
-                    label,
-                    group,
-                    "facet",
-                    "K",
-                    kelvin,
-                    0.0,
-                    np.inf,
-                    entry,
-                    numbers,
-                    is_sought,
-                    facet,
-                )
+                yield stated(replace(plain, label=label, facet=facet, start=kelvin), entry)
             continue
-        first = members[0][1]
-        lower = max(parameter.lower for _, parameter in members)
-        upper = min(parameter.upper for _, parameter in members)
-        yield one_of(
-            name + suffix,
-            name,
-            kind,
-            first.unit,
-            first.value,
-            lower,
-            upper,
+        parameters = [data[k].parameters[name] for k in numbers]
+        yield stated(
+            replace(
+                plain,
+                unit=parameters[0].unit,
+                start=parameters[0].value,
+                lower=max(parameter.lower for parameter in parameters),
+                upper=min(parameter.upper for parameter in parameters),
+            ),
             entry,
-            numbers,
-            is_sought,
         )
 
 
-def one_of(label, name, kind, unit, value, lower, upper, entry, numbers, is_sought, facet=None):
-    """The Unknown of one label; raises InputError for a start outside the bounds."""
-    lower = lower if entry.lower is None else max(entry.lower, lower)
-    upper = upper if entry.upper is None else min(entry.upper, upper)
-    start = value if entry.start is None else entry.start
+def stated(plain: Unknown, entry: UnknownEntry) -> Unknown:
+    """An unknown with the first guess, the bounds and the prior that its entry states.
+
+    Raises InputError for bounds without a value between them, and for a start outside the bounds.
+    """
+    label, start = plain.label, plain.start if entry.start is None else entry.start
+    lower = plain.lower if entry.lower is None else max(entry.lower, plain.lower)
+    upper = plain.upper if entry.upper is None else min(entry.upper, plain.upper)
     if not lower < upper:
         raise InputError(f"'{label}': no value lies in its bounds {lower:g}..{upper:g}")
     if entry.start is None and entry.prior is not None:
@@ -247,28 +249,18 @@ def one_of(label, name, kind, unit, value, lower, upper, entry, numbers, is_soug
         start = min(max(start, lower), upper)
     if not lower <= start <= upper:
         raise InputError(f"'{label}': start = {start:g} is outside its bounds {lower:g}..{upper:g}")
-    return Unknown(
-        label,
-        name,
-        kind,
-        unit,
-        float(start),
-        float(lower),
-        float(upper),
-        entry.prior,
-        numbers,
-        is_sought,
-        facet,
+    return replace(
+        plain, start=float(start), lower=float(lower), upper=float(upper), prior=entry.prior
     )
 
 
 def instruments(data) -> list[Unknown]:
     """The unknown gains and offsets of measurements."""
     result = []
-    for number, place in enumerate(data):
+    for number, entry in enumerate(data):
         for kind, start, lower in (("gain", 1.0, 0.0), ("offset", 0.0, -np.inf)):
-            if getattr(place, kind):
-                label, prior = f"{kind} [{place.name}]", getattr(place, f"{kind}_prior")
+            if getattr(entry, kind):
+                label, prior = f"{kind} [{entry.name}]", getattr(entry, f"{kind}_prior")
                 unit = "1" if kind == "gain" else "W m^-2 sr^-1"
                 value = start if prior is None else prior[0]
                 result.append(

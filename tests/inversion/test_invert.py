@@ -12,9 +12,9 @@ import mi_lcair
 from mi_lcair.inversion.answers import chi_square
 from mi_lcair.inversion.data.images import noise_of_netd, slope
 from mi_lcair.inversion.data.loader import Loader
-from mi_lcair.inversion.prediction import Block
+from mi_lcair.inversion.least_squares.prediction import DatumBlock
+from mi_lcair.inversion.least_squares.solve import solve
 from mi_lcair.inversion.problem import Problem
-from mi_lcair.inversion.solve import solve
 from mi_lcair.inversion.unknowns import Unknown, unknowns
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
@@ -262,7 +262,7 @@ def test_noise_of_the_matrix_causes_no_bias():
     exact = random.random((pixels, 5))
     noisy = exact + 0.2 * random.normal(size=(8, pixels, 5))
     measured = exact @ in_band_radiance(LWIR, truth) + 0.01 * random.normal(size=pixels)
-    block = Block(
+    block = DatumBlock(
         measured=measured,
         noise=lambda predicted: np.full(pixels, 0.01),
         radiance=np.array([one @ in_band_radiance(LWIR, start) for one in noisy]),

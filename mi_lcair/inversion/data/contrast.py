@@ -17,7 +17,7 @@ from mi_lcair.uncertainty.number import SOURCE_STEP, shifted
 
 
 @dataclass(frozen=True)
-class Sight:
+class MeasuredContrast:
     """A scenario's line of sight, whose contrast was measured.
 
     scenario: the scenario. setting: what its contrast is computed from.
@@ -27,13 +27,13 @@ class Sight:
     setting: Setting
 
     @staticmethod
-    def of(source: str, entries: Mapping) -> "Sight":
+    def of(source: str, entries: Mapping) -> "MeasuredContrast":
         """The line of sight of a scenario with other entries, by dotted key.
 
         Raises InputError if the scenario cannot be used.
         """
         scenario = Scenario.read(source, **entries)
-        return Sight(scenario, setting_of(scenario))
+        return MeasuredContrast(scenario, setting_of(scenario))
 
     def contrast(self, names, spp: int | None, seed: int) -> tuple[np.ndarray, np.ndarray]:
         """Contrast of each independent randomisation, and its derivatives.
@@ -77,10 +77,10 @@ class Sight:
         known = parameters(number.scene)
         hot = [name for name in names if known[name].kind == "temperature"]
         rest = [name for name in names if name not in hot]
-        found = [number_of(number, rest, number.weights())]
+        parts = [number_of(number, rest, number.weights())]
         if hot:
-            found.append(number_of(number, hot, slope_weights(number)))
-        each = [of_randomisations(one) for one in found]
+            parts.append(number_of(number, hot, slope_weights(number)))
+        each = [of_randomisations(part) for part in parts]
         columns = dict(zip([*rest, *hot], [row for rows in each for row in rows[1:]]))
         # The path and the hidden background go with the projected area
         total, window = number.total, number.numbers.area
@@ -124,9 +124,11 @@ def slope_weights(number: ContrastNumber) -> dict:
     }
 
 
-def of_randomisations(found: Sensitivities) -> np.ndarray:
+def of_randomisations(sensitivity: Sensitivities) -> np.ndarray:
     """Value and derivatives of each randomisation, (1 + K, R)."""
-    return np.append(found.value, found.derivative)[:, None] + spread(found.deviations)
+    return np.append(sensitivity.value, sensitivity.derivative)[:, None] + spread(
+        sensitivity.deviations
+    )
 
 
 def spread(deviations: np.ndarray) -> np.ndarray:

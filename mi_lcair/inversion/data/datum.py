@@ -8,11 +8,11 @@ import numpy as np
 from scipy import sparse
 from scipy.ndimage import maximum_filter
 
-from mi_lcair.inversion.data.contrast import Sight, of_randomisations
+from mi_lcair.inversion.data.contrast import MeasuredContrast, of_randomisations
 from mi_lcair.inversion.data.images import slope
-from mi_lcair.inversion.data.measurement import Place
-from mi_lcair.inversion.prediction import Block, variance_of_mean
-from mi_lcair.inversion.tables import Goal, Sampling
+from mi_lcair.inversion.data.measurement import Observation
+from mi_lcair.inversion.least_squares.prediction import DatumBlock, variance_of_mean
+from mi_lcair.inversion.tables import Goal, RenderTable
 from mi_lcair.inversion.unknowns import Unknown, Where
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.sensitivity.differences import randomised_images
@@ -34,13 +34,13 @@ class Datum:
 
     Attributes
     ----------
-    place : Place
+    entry : Observation
         The entry of the problem.
     number : int
         Its number among the data and candidates.
     scene : Scene
     where : Where
-        What unknowns need to know of it.
+        Its name, band and state, and the parameters of its scene.
     measured : ndarray, shape (n,)
         Measured values: radiances of the pixels that count, or intensities.
     noise : callable
@@ -55,11 +55,11 @@ class Datum:
         What is wanted in place of a measurement.
     background : ndarray, shape (n,), or 0
         Intensity of the background that the target hides [W/sr], for a wanted contrast.
-    sight : Sight, optional
+    sight : MeasuredContrast, optional
         Line of sight along which a contrast was measured.
     """
 
-    place: Place
+    entry: Observation
     number: int
     scene: Scene
     where: Where
@@ -70,11 +70,11 @@ class Datum:
     aspects: tuple[tuple[float, float], ...] = ()
     goal: Goal | None = None
     background: np.ndarray | float = 0.0
-    sight: Sight | None = None
+    sight: MeasuredContrast | None = None
 
     @property
     def label(self) -> str:
-        return self.place.name
+        return self.entry.name
 
     @property
     def is_image(self) -> bool:
@@ -95,15 +95,15 @@ class Datum:
         result[self.counts] = values
         return result
 
-    def own(self, unknowns: list[Unknown]) -> list[int]:
+    def numbers(self, unknowns: list[Unknown]) -> list[int]:
         """Numbers of the unknowns that affect this datum."""
-        return [k for k, one in enumerate(unknowns) if self.number in one.data]
+        return [k for k, unknown in enumerate(unknowns) if self.number in unknown.data]
 
     def settings(self, unknowns: list[Unknown], x: np.ndarray) -> dict[str, float]:
         """Values of the scene's parameters by name."""
         return {
             unknowns[k].name: float(x[k])
-            for k in self.own(unknowns)
+            for k in self.numbers(unknowns)
             if unknowns[k].kind not in ("facet", "gain", "offset")
         }
 
@@ -111,23 +111,23 @@ class Datum:
         """Values of the unknown facet temperatures by facet."""
         return {
             unknowns[k].facet: float(x[k])
-            for k in self.own(unknowns)
+            for k in self.numbers(unknowns)
             if unknowns[k].kind == "facet"
         }
 
-    def follows(self, one: Unknown) -> bool:
+    def follows(self, unknown: Unknown) -> bool:
         """Whether the radiance is linear in the blackbody radiance, or the value, of an unknown.
 
         A contrast is not: the air weighs the wavelengths.
         """
-        if self.sight and one.kind == "temperature":
+        if self.sight and unknown.kind == "temperature":
             return False
-        if one.kind == "temperature":
-            group = one.name.removesuffix(".temperature")
+        if unknown.kind == "temperature":
+            group = unknown.name.removesuffix(".temperature")
             return "@" in group or not any(
                 name.startswith(f"{group}@") for name in self.where.parameters
             )
-        return one.kind in ("facet", "radiance", "gain", "offset")
+        return unknown.kind in ("facet", "radiance", "gain", "offset")
 
     @contextmanager
     def at(self, unknowns: list[Unknown], x: np.ndarray):
@@ -138,7 +138,7 @@ class Datum:
         ):
             yield
 
-    def weight(self, unknowns: list[Unknown], x: np.ndarray, sampling: Sampling) -> np.ndarray:
+    def weight(self, unknowns: list[Unknown], x: np.ndarray, sampling: RenderTable) -> np.ndarray:
         """Weights (n,) of the measured values: inverse variances of measurement and render.
 
         They come from a render of their own. A variance of few samples is correlated with their
@@ -154,7 +154,7 @@ class Datum:
             else:
                 images = randomised_images(
                     self.scene,
-                    self.place.sensor,
+                    self.entry.sensor,
                     sampling.spp,
                     self._seed(sampling, PILOT),
                     sampling.randomisations,
@@ -163,17 +163,17 @@ class Datum:
                 variance = maximum_filter(variance_of_mean(images), NEIGHBOURS)[self.counts]
         return 1 / (self.noise(radiance.mean(axis=0)) ** 2 + variance)
 
-    def _seed(self, sampling: Sampling, kind: int) -> int:
+    def _seed(self, sampling: RenderTable, kind: int) -> int:
         return (sampling.seed + SEEDS * (2 * self.number + kind)) % 2**32
 
-    def block(self, unknowns: list[Unknown], x: np.ndarray, sampling: Sampling) -> Block:
+    def block(self, unknowns: list[Unknown], x: np.ndarray, sampling: RenderTable) -> DatumBlock:
         """The prediction and its derivatives at the values x of the unknowns.
 
         Its weights are 1, see `weight`. Raises InputError for values that no surface can have.
         """
-        own = self.own(unknowns)
-        dense = [k for k in own if unknowns[k].kind not in ("facet", "gain", "offset")]
-        facets = [k for k in own if unknowns[k].kind == "facet"]
+        numbers = self.numbers(unknowns)
+        dense = [k for k in numbers if unknowns[k].kind not in ("facet", "gain", "offset")]
+        facets = [k for k in numbers if unknowns[k].kind == "facet"]
         names = [unknowns[k].name for k in dense]
         seed = self._seed(sampling, MAIN)
         with self.at(unknowns, x):
@@ -189,18 +189,18 @@ class Datum:
                     if names
                     else of_facets
                 )
-        kinds = {unknowns[k].kind: k for k in own}
-        numbers = np.array([*dense, *facets], dtype=int)
-        return Block(
+        kinds = {unknowns[k].kind: k for k in numbers}
+        columns_of = np.array([*dense, *facets], dtype=int)
+        return DatumBlock(
             measured=self.measured,
             noise=self.noise,
             radiance=radiance,
             columns=columns,
-            unknown=numbers,
-            reference=x[numbers],
+            unknown=columns_of,
+            reference=x[columns_of],
             band=self.scene.band,
             is_temperature=np.array(
-                [unknowns[k].kind in ("temperature", "facet") for k in numbers], dtype=bool
+                [unknowns[k].kind in ("temperature", "facet") for k in columns_of], dtype=bool
             ),
             weight=np.ones(len(self.measured)),
             gain=kinds.get("gain"),
@@ -208,42 +208,42 @@ class Datum:
             half_width=self.goal.value if self.goal is not None and self.goal.at_most else 0.0,
         )
 
-    def _traced_image(self, names, sampling: Sampling, seed: int):
+    def _traced_image(self, names, sampling: RenderTable, seed: int):
         """Radiance (R, n) and columns [(n, K)] of the pixels that count."""
-        found = derivative_images(
+        images = derivative_images(
             self.scene,
             names,
-            sensor=self.place.sensor,
+            sensor=self.entry.sensor,
             spp=sampling.spp,
             seed=seed,
             randomisations=sampling.randomisations,
         )
-        radiance = found.radiance[:, self.counts].astype(float)
-        columns = [of[:, self.counts].T.astype(float) for of in found.derivatives]
+        radiance = images.radiance[:, self.counts].astype(float)
+        columns = [of[:, self.counts].T.astype(float) for of in images.derivatives]
         return radiance, columns
 
     def _facet_columns(self, facets, values, sampling, seed):
         """Radiance and sparse columns of facets' temperatures."""
-        groups = sorted({one.name for one in facets})
-        found = facet_matrix(
+        groups = sorted({unknown.name for unknown in facets})
+        seen = facet_matrix(
             self.scene,
             groups=groups,
-            sensor=self.place.sensor,
+            sensor=self.entry.sensor,
             spp=sampling.spp,
             seed=seed,
             randomisations=sampling.randomisations,
         )
-        place = {facet: k for k, facet in enumerate(found.facets.tolist())}
-        chosen = [place[one.facet] for one in facets]
-        temperature = found.temperature.copy()
-        temperature[chosen] = values
+        column_of = {facet: k for k, facet in enumerate(seen.facets.tolist())}
+        wanted = [column_of[unknown.facet] for unknown in facets]
+        temperature = seen.temperature.copy()
+        temperature[wanted] = values
         rows = np.flatnonzero(self.counts.ravel())
-        radiance = found.radiance(temperature).reshape(len(found.matrices), -1)[:, rows]
-        rate = sparse.diags_array(slope(found.band, values))
-        columns = [sparse.csr_array(matrix[rows][:, chosen] @ rate) for matrix in found.matrices]
+        radiance = seen.radiance(temperature).reshape(len(seen.matrices), -1)[:, rows]
+        rate = sparse.diags_array(slope(seen.band, values))
+        columns = [sparse.csr_array(matrix[rows][:, wanted] @ rate) for matrix in seen.matrices]
         return radiance, columns
 
-    def _traced_numbers(self, names, sampling: Sampling, seed: int):
+    def _traced_numbers(self, names, sampling: RenderTable, seed: int):
         """Intensities (R, n) and columns [(n, K)], one row for each view, or a contrast's."""
         if self.sight:
             contrast, columns = self.sight.contrast(names, sampling.spp, seed)
@@ -251,14 +251,14 @@ class Datum:
         radiance, columns = [], []
         for view in self.views:
             is_own = view is self.scene
-            found = sensitivities(
+            sensitivity = sensitivities(
                 view,
                 names,
-                sensor=self.place.sensor if is_own else 0,
+                sensor=self.entry.sensor if is_own else 0,
                 spp=sampling.spp if is_own else sampling.spp or SPP_OF_VIEWS,
                 seed=seed,
             )
-            each = of_randomisations(found)
+            each = of_randomisations(sensitivity)
             radiance.append(each[0])
             columns.append(each[1:])
         radiance = np.array(radiance).T  # (R, n)

@@ -161,9 +161,9 @@ def from_exr(path: str, channel: str | None, quantity: str | None, band: Band) -
     channel = channel or ("Y" if "Y" in channels or len(channels) > 1 else next(iter(channels)))
     if channel not in channels:
         raise unknown(f"channel of {path}", channel, channels)
-    own = header.get("band")
-    if quantity != "mask" and isinstance(own, str) and own != band.name:
-        raise InputError(f"{path}: is of band {own}, and the scene of band {band.name}")
+    stated = header.get("band")
+    if quantity != "mask" and isinstance(stated, str) and stated != band.name:
+        raise InputError(f"{path}: is of band {stated}, and the scene of band {band.name}")
     if quantity is None:
         quantity = TEMPERATURE if channel == "temperature.Y" else "radiance"
     return channels[channel].astype(float), quantity

@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.inversion.data.contrast import Sight
+from mi_lcair.inversion.data.contrast import MeasuredContrast
 from mi_lcair.inversion.data.datum import SPP_OF_VIEWS, Datum
 from mi_lcair.inversion.data.images import check_radiance, measured_radiance, noise_of_netd
-from mi_lcair.inversion.data.measurement import Candidate, Measurement, Place
-from mi_lcair.inversion.prediction import Block
-from mi_lcair.inversion.tables import Goal, Sampling
+from mi_lcair.inversion.data.measurement import Candidate, Measurement, Observation
+from mi_lcair.inversion.least_squares.prediction import DatumBlock
+from mi_lcair.inversion.tables import Goal, RenderTable
 from mi_lcair.inversion.unknowns import Where
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.rendering.scene import Scene, load
@@ -37,47 +37,47 @@ class Loader:
 
     scenes: dict = field(default_factory=dict)
 
-    def scene(self, place: Place) -> Scene:
-        key = place.scene, tuple(sorted(place.scene_parameters().items()))
+    def scene(self, entry: Observation) -> Scene:
+        key = entry.scene, tuple(sorted(entry.scene_parameters().items()))
         if key not in self.scenes:
-            self.scenes[key] = load(place.scene, **place.scene_parameters())
+            self.scenes[key] = load(entry.scene, **entry.scene_parameters())
         return self.scenes[key]
 
-    def datum(self, place: Place, number: int, facet_groups: set[str]) -> Datum:
+    def datum(self, entry: Observation, number: int, facet_groups: set[str]) -> Datum:
         """The datum of an entry; raises InputError with its name in front."""
         try:
-            return self._datum(place, number, facet_groups)
+            return self._datum(entry, number, facet_groups)
         except InputError as error:
-            raise InputError(f"{place.name}: {error}") from None
+            raise InputError(f"{entry.name}: {error}") from None
 
-    def _datum(self, place: Place, number: int, facet_groups: set[str]) -> Datum:
+    def _datum(self, entry: Observation, number: int, facet_groups: set[str]) -> Datum:
         sight = None
-        if isinstance(place, Measurement) and place.contrast is not None:
-            sight = Sight.of(place.scene, place.parameters)
-        scene = sight.setting.view if sight else self.scene(place)
-        width, height = scene.sensor(place.sensor).film().crop_size()
+        if isinstance(entry, Measurement) and entry.contrast is not None:
+            sight = MeasuredContrast.of(entry.scene, entry.parameters)
+        scene = sight.setting.view if sight else self.scene(entry)
+        width, height = scene.sensor(entry.sensor).film().crop_size()
         check_closure(scene)
         counts, views, aspects, sigma = None, (), (), None
-        if isinstance(place, Candidate):
+        if isinstance(entry, Candidate):
             counts = np.ones((height, width), dtype=bool)
             measured = np.full(height * width, np.nan)
-        elif place.image is not None:
-            values, sigma, counts = measured_radiance(place, scene.band, (height, width))
+        elif entry.image is not None:
+            values, sigma, counts = measured_radiance(entry, scene.band, (height, width))
             measured = values[counts]
             sigma = None if sigma is None else sigma[counts]
-        elif place.trend is not None:
-            measured, sigma, views, aspects = from_trend(place, scene)
+        elif entry.trend is not None:
+            measured, sigma, views, aspects = from_trend(entry, scene)
         elif sight:
-            measured = np.array([place.contrast])
+            measured = np.array([entry.contrast])
         else:
-            measured, views = np.array([place.intensity]), (scene,)
-        noise = noise_model(place, scene.band, sigma)
-        if not isinstance(place, Candidate):
+            measured, views = np.array([entry.intensity]), (scene,)
+        noise = noise_model(entry, scene.band, sigma)
+        if not isinstance(entry, Candidate):
             check_noise(noise(measured), measured)
         where = Where(
-            place.name,
+            entry.name,
             scene.band.name,
-            place.state,
+            entry.state,
             parameters(scene),
             facet_temperatures(scene, facet_groups),
         )
@@ -87,18 +87,18 @@ class Loader:
                 "number"
             )
         return Datum(
-            place, number, scene, where, measured, noise, counts, views, aspects, sight=sight
+            entry, number, scene, where, measured, noise, counts, views, aspects, sight=sight
         )
 
 
-def goal_datum(goal: Goal, sampling: Sampling) -> Datum:
+def goal_datum(goal: Goal, sampling: RenderTable) -> Datum:
     """The datum of a goal: wanted intensities, all with the same small standard deviation."""
-    place = Place(goal.scene, "goal", dict(goal.parameters))
-    scene = load(place.scene, **place.scene_parameters())
+    entry = Observation(goal.scene, "goal", dict(goal.parameters))
+    scene = load(entry.scene, **entry.scene_parameters())
     check_closure(scene)
     views = views_of(scene, goal.aspects)
     is_contrast = goal.background_K is not None
-    found = [
+    signatures = [
         signature(
             view, spp=sampling.spp or SPP_OF_VIEWS, seed=sampling.seed, by_spectrum=is_contrast
         )
@@ -106,14 +106,14 @@ def goal_datum(goal: Goal, sampling: Sampling) -> Datum:
     ]
     background = np.zeros(len(views))
     if is_contrast:
-        area = np.array([result.effective_areas.projected_area for result in found])
+        area = np.array([result.effective_areas.projected_area for result in signatures])
         background = in_band_radiance(scene.band, goal.background_K) * area
-    sigma = DETAIL * np.sqrt(np.mean([result.target.intensity**2 for result in found]))
+    sigma = DETAIL * np.sqrt(np.mean([result.target.intensity**2 for result in signatures]))
     return Datum(
-        place=place,
+        entry=entry,
         number=0,
         scene=scene,
-        where=Where(place.name, scene.band.name, "", parameters(scene), {}),
+        where=Where(entry.name, scene.band.name, "", parameters(scene), {}),
         measured=(0.0 if goal.at_most else goal.value) + background,
         noise=lambda predicted: np.full(len(predicted), sigma),
         counts=None,
@@ -124,13 +124,13 @@ def goal_datum(goal: Goal, sampling: Sampling) -> Datum:
     )
 
 
-def noise_model(place: Place, band, sigma) -> Callable:
+def noise_model(entry: Observation, band, sigma) -> Callable:
     """Function that gives the standard deviation of a measurement for predicted values."""
     if sigma is not None:
         return lambda predicted: sigma
-    if place.netd_mK is not None:
-        return lambda predicted: noise_of_netd(band, predicted, place.netd_mK)
-    return lambda predicted: np.full(len(predicted), place.sigma)
+    if entry.netd_mK is not None:
+        return lambda predicted: noise_of_netd(band, predicted, entry.netd_mK)
+    return lambda predicted: np.full(len(predicted), entry.sigma)
 
 
 def check_noise(noise: np.ndarray, measured: np.ndarray) -> None:
@@ -146,15 +146,15 @@ def check_noise(noise: np.ndarray, measured: np.ndarray) -> None:
         )
 
 
-def from_trend(place, scene: Scene):
+def from_trend(entry, scene: Scene):
     """Intensities, standard deviations, views and aspects of a trend's CSV."""
-    needed = (*ASPECT, INTENSITY, *(() if place.sigma else (ERROR,)))
-    table = read_table(place.trend, needed)
+    needed = (*ASPECT, INTENSITY, *(() if entry.sigma else (ERROR,)))
+    table = read_table(entry.trend, needed)
     columns = table.numbers(needed)
-    sigma = np.full(len(table.rows), place.sigma) if place.sigma else columns[ERROR]
+    sigma = np.full(len(table.rows), entry.sigma) if entry.sigma else columns[ERROR]
     if not (sigma > 0).all():
         line = table.rows[int(np.argmin(sigma > 0))][0]
-        raise InputError(f"{place.trend}, line {line}: {ERROR} is not positive; give sigma instead")
+        raise InputError(f"{entry.trend}, line {line}: {ERROR} is not positive; give sigma instead")
     aspects = tuple(zip(*(columns[name].tolist() for name in ASPECT)))
     return columns[INTENSITY], sigma, views_of(scene, aspects), aspects
 
@@ -170,10 +170,10 @@ def check_closure(scene: Scene) -> None:
         raise InputError(f"{scene.name}: closure = tail has no derivatives; use none or ambient")
 
 
-def check_units(data: list[Datum], blocks: list[Block]) -> None:
+def check_units(data: list[Datum], blocks: list[DatumBlock]) -> None:
     """Raise InputError for measured images whose unit is not that of the predicted radiance."""
     for datum, block in zip(data, blocks):
         if datum.is_image:
             check_radiance(
-                datum.place.image, datum.measured, block.radiance.mean(axis=0), datum.scene.band
+                datum.entry.image, datum.measured, block.radiance.mean(axis=0), datum.scene.band
             )

@@ -12,7 +12,7 @@ NAME_KEY = re.compile(r"[^\[\],]{1,64}")
 
 
 @dataclass(frozen=True)
-class Place:
+class Observation:
     """Where a measurement looks: a scene, a view and a heating state.
 
     Attributes
@@ -66,7 +66,7 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Measurement(Place):
+class Measurement(Observation):
     """Table [[data]]: a measured image, number or trend.
 
     Attributes
@@ -162,7 +162,7 @@ class Measurement(Place):
 
 
 @dataclass(frozen=True)
-class Candidate(Place):
+class Candidate(Observation):
     """Table [[candidates]]: a measurement that could be made; what it would bring is computed.
 
     Its noise is `netd_mK` or `sigma` of an image.

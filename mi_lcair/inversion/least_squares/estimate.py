@@ -5,17 +5,19 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.inversion.data.datum import Datum
 from mi_lcair.inversion.data.loader import check_units
-from mi_lcair.inversion.prediction import Block
-from mi_lcair.inversion.solve import State, solve
-from mi_lcair.inversion.tables import Sampling
+from mi_lcair.inversion.least_squares.prediction import DatumBlock
+from mi_lcair.inversion.least_squares.solve import State, solve
+from mi_lcair.inversion.tables import RenderTable
 from mi_lcair.inversion.unknowns import Unknown
 
 
-def estimate(everything: list[Unknown], data: list[Datum], sampling: Sampling, progress) -> State:
+def estimate(
+    everything: list[Unknown], data: list[Datum], sampling: RenderTable, progress
+) -> State:
     """The estimate of the unknowns from the data."""
     is_checked = False
 
-    def render(x) -> list[Block]:
+    def render(x) -> list[DatumBlock]:
         nonlocal is_checked
         blocks = [datum.block(everything, x, sampling) for datum in data]
         if not is_checked:
@@ -24,20 +26,24 @@ def estimate(everything: list[Unknown], data: list[Datum], sampling: Sampling, p
             is_checked = True
         return blocks
 
-    weigh = lambda x: [datum.weight(everything, x, sampling) for datum in data]
-    is_exact = all(datum.follows(everything[k]) for datum in data for k in datum.own(everything))
+    def weigh(x) -> list[np.ndarray]:
+        return [datum.weight(everything, x, sampling) for datum in data]
+
+    is_exact = all(
+        datum.follows(everything[k]) for datum in data for k in datum.numbers(everything)
+    )
     return solve(everything, render, weigh, is_exact, sampling.iterations, progress)
 
 
-def check_seen(everything: list[Unknown], blocks: list[Block]) -> None:
+def check_seen(everything: list[Unknown], blocks: list[DatumBlock]) -> None:
     """Raise InputError for an unknown, not a facet's, on which no measured value depends."""
     depends = np.zeros(len(everything), dtype=bool)
     for block in blocks:
         of = [abs(columns).sum(axis=0) > 0 for columns in block.columns]
         depends[block.unknown] |= np.any(of, axis=0)
         depends[[k for k in (block.gain, block.offset) if k is not None]] = True
-    for one, is_seen in zip(everything, depends):
-        if not is_seen and one.kind != "facet" and one.prior is None:
+    for unknown, is_seen in zip(everything, depends):
+        if not is_seen and unknown.kind != "facet" and unknown.prior is None:
             raise InputError(
-                f"'{one.label}' is an unknown without any data: no measured value depends on it"
+                f"'{unknown.label}' is an unknown without any data: no measured value depends on it"
             )

@@ -13,7 +13,14 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from mi_lcair.errors import InputError
-from mi_lcair.inversion.prediction import Block, Equations, cost_of, equations, hidden, without
+from mi_lcair.inversion.least_squares.prediction import (
+    DatumBlock,
+    Equations,
+    cost_of,
+    equations,
+    hidden,
+    without,
+)
 from mi_lcair.inversion.unknowns import Unknown
 
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-12, 1e8
@@ -38,7 +45,7 @@ class State:
     """
 
     x: np.ndarray
-    blocks: list[Block]
+    blocks: list[DatumBlock]
     equations: Equations
     prior: np.ndarray
     covariance: np.ndarray
@@ -60,11 +67,13 @@ class Prior:
 
     @staticmethod
     def of(unknowns: list[Unknown]) -> "Prior":
-        known = [one.prior or (one.start, one.span) for one in unknowns]
+        known = [unknown.prior or (unknown.start, unknown.span) for unknown in unknowns]
         mean, sigma = np.array(known, dtype=float).T
-        lower, upper = np.array([(one.lower, one.upper) for one in unknowns]).T
+        lower, upper = np.array([(unknown.lower, unknown.upper) for unknown in unknowns]).T
         # A temperature must be above its bound, and blackbodies below 1 K radiate nothing
-        lower = np.where([one.unit == "K" for one in unknowns], np.maximum(lower, 1.0), lower)
+        lower = np.where(
+            [unknown.unit == "K" for unknown in unknowns], np.maximum(lower, 1.0), lower
+        )
         return Prior(mean, sigma**-2.0, lower, upper)
 
     def cost(self, x) -> float:
@@ -73,7 +82,7 @@ class Prior:
 
 def solve(
     unknowns: list[Unknown],
-    render: Callable[[np.ndarray], list[Block]],
+    render: Callable[[np.ndarray], list[DatumBlock]],
     weigh: Callable[[np.ndarray], list[np.ndarray]],
     is_exact: bool,
     iterations: int,
@@ -101,8 +110,8 @@ def solve(
     State
     """
     prior = Prior.of(unknowns)
-    x = np.clip([one.start for one in unknowns], prior.lower, prior.upper)
-    is_sparse = all(one.kind == "facet" for one in unknowns)
+    x = np.clip([unknown.start for unknown in unknowns], prior.lower, prior.upper)
+    is_sparse = all(unknown.kind == "facet" for unknown in unknowns)
     done = 0
 
     held = np.zeros(len(x), dtype=bool)
@@ -163,20 +172,20 @@ def descent(blocks, x, prior: Prior, is_sparse: bool, rendered, is_over) -> tupl
 
 def state(blocks, x, prior: Prior, is_sparse: bool, held, renders, converged: bool) -> State:
     """The State at the values x."""
-    found = equations(blocks, x, is_sparse)
-    outward = found.pull + prior.information * (prior.mean - x)
+    normal = equations(blocks, x, is_sparse)
+    outward = normal.pull + prior.information * (prior.mean - x)
     margin = 1e-9 * np.maximum(np.abs(x), 1)
     at_bound = np.where(
         (x <= prior.lower + margin) & (outward < 0),
         -1,
         np.where((x >= prior.upper - margin) & (outward > 0), 1, 0),
     )
-    covariance, measured = covariances(found, prior.information)
+    covariance, measured = covariances(normal, prior.information)
     variance = np.diag(covariance)
     return State(
         x=x,
         blocks=blocks,
-        equations=found,
+        equations=normal,
         prior=prior.information,
         covariance=covariance,
         render_share=np.clip(1 - measured / variance, 0, 1),
@@ -200,78 +209,83 @@ def feasible(rendered, x, new):
     return x, None
 
 
-def near(blocks: list[Block], start, prior: Prior, damping: float, is_sparse: bool) -> np.ndarray:
+def near(
+    blocks: list[DatumBlock], start, prior: Prior, damping: float, is_sparse: bool
+) -> np.ndarray:
     """The values that minimise the cost of blocks rendered at `start`, with damping toward it."""
     x, noise = start, equations(blocks, start, is_sparse).noise
     for _ in range(INNER):
         # The noise weighs the equations. It stays, so that they are the same in all steps
-        found = replace(equations(blocks, x, is_sparse), noise=noise)
-        D = damping * (np.maximum(found.information.diagonal(), 0) + prior.information)
-        g = found.pull + prior.information * (prior.mean - x) + D * (start - x)
+        normal = replace(equations(blocks, x, is_sparse), noise=noise)
+        D = damping * (np.maximum(normal.information.diagonal(), 0) + prior.information)
+        g = normal.pull + prior.information * (prior.mean - x) + D * (start - x)
         free = ~((x <= prior.lower) & (g < 0) | (x >= prior.upper) & (g > 0))
         step = np.zeros(len(x))
-        step[free] = solved(found, prior, D, g, free)[free]
+        step[free] = solved(normal, prior, D, g, free)[free]
         new = np.clip(x + step, prior.lower, prior.upper)
-        moved, x = length(new - x, found, prior), new
+        moved, x = length(new - x, normal, prior), new
         if moved < CONVERGED / 10:
             break
     return x
 
 
-def length(step: np.ndarray, found: Equations, prior: Prior) -> float:
+def length(step: np.ndarray, normal: Equations, prior: Prior) -> float:
     """Length of a step in standard errors: the square root of the change of cost that it makes.
 
     A step along a direction that the data do not determine is short.
     """
-    squared = step @ (found.information @ step) + np.sum(prior.information * step**2)
+    squared = step @ (normal.information @ step) + np.sum(prior.information * step**2)
     return float(np.sqrt(max(squared, 0)))
 
 
-def solved(found: Equations, prior: Prior, damping, right, free) -> np.ndarray:
+def solved(normal: Equations, prior: Prior, damping, right, free) -> np.ndarray:
     """Solution (N,) of the damped equations for the free unknowns."""
     diagonal, result = prior.information + damping, np.zeros(len(right))
-    if not sparse.issparse(found.matrix):
-        both = found.information[np.ix_(free, free)] + np.diag(diagonal[free])
+    if not sparse.issparse(normal.matrix):
+        both = normal.information[np.ix_(free, free)] + np.diag(diagonal[free])
         result[free] = np.linalg.solve(both, right[free])
         return result
     # Facets of which the data know less than the prior have but noise in the matrix
-    informed = free & is_informed(found, prior.information)
-    both = (found.matrix + sparse.diags_array(diagonal))[informed][:, informed]
+    informed = free & is_informed(normal, prior.information)
+    both = (normal.matrix + sparse.diags_array(diagonal))[informed][:, informed]
     result[informed] = splu(sparse.csc_array(both)).solve(right[informed])
     return result
 
 
-def is_informed(found: Equations, information: np.ndarray) -> np.ndarray:
+def is_informed(normal: Equations, information: np.ndarray) -> np.ndarray:
     """Unknowns (N,) of a sparse problem of which the data know more than the prior."""
-    noise = found.noise.diagonal()
+    noise = normal.noise.diagonal()
     of_data = np.divide(
-        found.matrix.diagonal() ** 2, noise, out=np.zeros(len(noise)), where=noise > 0
+        normal.matrix.diagonal() ** 2, noise, out=np.zeros(len(noise)), where=noise > 0
     )
-    return (of_data > information) & (found.matrix.diagonal() > 0)
+    return (of_data > information) & (normal.matrix.diagonal() > 0)
 
 
-def covariances(found: Equations, information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def covariances(normal: Equations, information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Covariance (N, N) of the estimate, and its variances (N,) without the render's noise.
 
     information: inverse variances (N,) of the prior.
     """
-    if not sparse.issparse(found.matrix):
-        inverse = np.linalg.inv(found.information + np.diag(information))
-        spread = inverse @ found.transfer
-        measured = spread @ found.measured_noise @ spread.T
+    if not sparse.issparse(normal.matrix):
+        inverse = np.linalg.inv(normal.information + np.diag(information))
+        spread = inverse @ normal.transfer
+        measured = spread @ normal.measured_noise @ spread.T
         return inverse, np.diag(measured) + inverse**2 @ information
     covariance, variance = np.diag(1 / information), 1 / information
-    some = np.flatnonzero(is_informed(found, information))
+    some = np.flatnonzero(is_informed(normal, information))
     if not len(some):
         return covariance, variance
-    part = lambda matrix: sparse.csr_array(matrix)[some][:, some]
+
+    def part(matrix):
+        return sparse.csr_array(matrix)[some][:, some]
+
     prior = sparse.diags_array(information[some])
-    factor = splu(sparse.csc_array(part(found.matrix) + prior))
+    factor = splu(sparse.csc_array(part(normal.matrix) + prior))
     inverse = np.empty((len(some), len(some)))
     for first in range(0, len(some), CHUNK):
         unit = np.eye(len(some), min(CHUNK, len(some) - first), -first)
         inverse[:, first : first + CHUNK] = factor.solve(unit)
-    covariance[np.ix_(some, some)] = inverse @ ((part(found.noise) + prior) @ inverse.T)
-    measured = (part(found.measured_noise) + prior) @ inverse.T
+    covariance[np.ix_(some, some)] = inverse @ ((part(normal.noise) + prior) @ inverse.T)
+    measured = (part(normal.measured_noise) + prior) @ inverse.T
     variance[some] = np.einsum("ij,ji->i", inverse, measured)
     return covariance, variance

@@ -1,7 +1,7 @@
 """Predicted measurements near the values at which they were rendered, and unbiased products.
 
-The radiance of a pixel is linear in the blackbody radiances of all sources. A `Block` therefore
-follows temperatures exactly without a new render, and other parameters to first order.
+The radiance of a pixel is linear in the blackbody radiances of all sources. A `DatumBlock`
+therefore follows temperatures exactly without a new render, and other parameters to first order.
 
 A noisy render in the matrix of least squares biases the solution: the noise of the derivatives
 times itself does not average out. Products of two independent randomisations of the render have no
@@ -25,7 +25,7 @@ SIGNIFICANT = 3  # standard errors by which the squared derivatives must exceed 
 
 
 @dataclass(frozen=True)
-class Block:
+class DatumBlock:
     """What one datum predicts near the values at which it was rendered.
 
     Attributes
@@ -106,7 +106,7 @@ class Block:
 class Prediction:
     """A block's prediction for given values: radiance (R, n), columns [(n, K)], unknown (K,)."""
 
-    block: Block
+    block: DatumBlock
     radiance: np.ndarray
     columns: list
     unknown: np.ndarray
@@ -160,8 +160,8 @@ class Equations:
     def transfer(self) -> np.ndarray:
         """matrix^T noise^-1, (N, N): least squares of the normal equations themselves.
 
-        Without noise of the render, `noise` is the matrix, and this is the unit matrix. Where the
-        noise of J hides J, it is small, so that nothing is concluded from it.
+        Without noise of the render, `noise` is the matrix, and this is the unit matrix. It is small
+        for derivatives that are smaller than their own noise. They then give no information.
         """
         scale = np.sqrt(np.diag(self.noise))
         scale[scale == 0] = 1
@@ -184,25 +184,28 @@ class Equations:
         return self.gradient if sparse.issparse(self.matrix) else self.transfer @ self.gradient
 
 
-def equations(blocks: list[Block], x: np.ndarray, is_sparse: bool = False) -> Equations:
+def equations(blocks: list[DatumBlock], x: np.ndarray, is_sparse: bool = False) -> Equations:
     """Normal equations at the values x, (N,)."""
     count = len(x)
     gradient = np.zeros(count)
-    empty = lambda: sparse.csr_array((count, count)) if is_sparse else np.zeros((count, count))
-    matrix, noise, measured = empty(), empty(), empty()
+    matrix, noise, measured = (
+        sparse.csr_array((count, count)) if is_sparse else np.zeros((count, count))
+        for _ in range(3)
+    )
     for block in blocks:
-        found = block.at(x)
-        w, J, r = block.weight, found.columns, [row[:, None] for row in found.residuals]
-        gradient[found.unknown] += np.ravel(product(J, w, r))
-        mean, variance = sum(J[1:], J[0]) * (1 / len(J)), found.noise**2
-        place = lambda total, part, unknown=found.unknown: placed(total, part, unknown, is_sparse)
-        matrix = place(matrix, product(J, w, J))
-        noise = place(noise, mean.T @ weighted(mean, w**2 * (variance + found.variance)))
-        measured = place(measured, mean.T @ weighted(mean, w**2 * variance))
+        prediction = block.at(x)
+        w, J, r = block.weight, prediction.columns, [row[:, None] for row in prediction.residuals]
+        unknown = prediction.unknown
+        gradient[unknown] += np.ravel(product(J, w, r))
+        mean, variance = sum(J[1:], J[0]) * (1 / len(J)), prediction.noise**2
+        both = weighted(mean, w**2 * (variance + prediction.variance))
+        matrix = placed(matrix, product(J, w, J), unknown)
+        noise = placed(noise, mean.T @ both, unknown)
+        measured = placed(measured, mean.T @ weighted(mean, w**2 * variance), unknown)
     return Equations(matrix, gradient, noise, measured)
 
 
-def cost_of(blocks: list[Block], x: np.ndarray) -> float:
+def cost_of(blocks: list[DatumBlock], x: np.ndarray) -> float:
     """Sum of the weighted squared residuals at the values x, without the render's own noise."""
     total = 0.0
     for block in blocks:
@@ -224,7 +227,7 @@ def product(a: list, w: np.ndarray, b: list):
     if R == 1:
         return a[0].T @ weighted(b[0], w)  # a prediction without noise
     both = sum(a[1:], a[0]).T @ weighted(sum(b[1:], b[0]), w)
-    same = [one.T @ weighted(other, w) for one, other in zip(a, b)]
+    same = [left.T @ weighted(right, w) for left, right in zip(a, b)]
     return (both - sum(same[1:], same[0])) / (R * (R - 1))
 
 
@@ -251,9 +254,9 @@ def beside(columns, more: np.ndarray):
     return np.concatenate([columns, more], axis=1)
 
 
-def placed(total, part, unknown: np.ndarray, is_sparse: bool):
+def placed(total, part, unknown: np.ndarray):
     """The total with a block's part added at the rows and columns of its unknowns."""
-    if is_sparse:
+    if sparse.issparse(total):
         part = sparse.coo_array(part)
         at = (unknown[part.coords[0]], unknown[part.coords[1]])
         return total + sparse.csr_array((part.data, at), shape=total.shape)
@@ -261,7 +264,7 @@ def placed(total, part, unknown: np.ndarray, is_sparse: bool):
     return total
 
 
-def hidden(blocks: list[Block], count: int) -> np.ndarray:
+def hidden(blocks: list[DatumBlock], count: int) -> np.ndarray:
     """Unknowns (count,) whose derivatives the noise of the render hides.
 
     The diagonal of J^T W J is found without one randomisation after the other. Its scatter gives
@@ -275,17 +278,17 @@ def hidden(blocks: list[Block], count: int) -> np.ndarray:
         if R < 3 or sparse.issparse(block.columns[0]):
             continue
         J = np.array(block.columns)
-        pairs = np.array([np.einsum("nk,n,rnk->rk", one, block.weight, J) for one in J])
-        own = pairs[range(R), range(R)]
-        both, rows = pairs.sum(axis=(0, 1)) - own.sum(axis=0), pairs.sum(axis=1) - own
+        pairs = np.array([np.einsum("nk,n,rnk->rk", single, block.weight, J) for single in J])
+        same = pairs[range(R), range(R)]
+        both, rows = pairs.sum(axis=(0, 1)) - same.sum(axis=0), pairs.sum(axis=1) - same
         without = (both - 2 * rows) / ((R - 1) * (R - 2))
         total[block.unknown] += both / (R * (R - 1))
         variance[block.unknown] += (R - 1) * without.var(axis=0)
-        judged[block.unknown] |= own.any(axis=0)
+        judged[block.unknown] |= same.any(axis=0)
     return judged & (total < SIGNIFICANT * np.sqrt(variance))
 
 
-def without(block: Block, unknowns: np.ndarray) -> Block:
+def without(block: DatumBlock, unknowns: np.ndarray) -> DatumBlock:
     """The block with derivatives of 0 for some unknowns, (N,) of bool."""
     kept = np.where(unknowns[block.unknown], 0.0, 1.0)
     return replace(block, columns=[scaled(J, kept) for J in block.columns])

@@ -1,0 +1,1 @@
+"""Predictions with derivatives, normal equations without bias, and their solution."""
