@@ -9,14 +9,23 @@ first comment of the file is its title.
 """
 
 import os
+from difflib import get_close_matches
 from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
 
-from mi_lcair.errors import unknown
+from mi_lcair.errors import InputError, unknown
+from mi_lcair.formats import MODELS
 
 FOLDER = Path(__file__).resolve().parent
+
+# Files that are named in place of a scene, by suffix, and what is done with them.
+NO_SCENES = {
+    **dict.fromkeys(MODELS, "it is a model, of which mi-lcair import makes a scene"),
+    ".toml": "a scenario is for contrast, image and budget",
+    ".exr": "it is an image, which show and report take",
+}
 
 
 class Parameter(NamedTuple):
@@ -45,6 +54,33 @@ def in_folder(folder: str | PathLike[str]) -> Path | None:
     """
     scene = Path(folder) / "scene.xml"
     return scene if str(folder) not in names() and os.path.isfile(scene) else None
+
+
+def file_of(scene: str | PathLike[str]) -> Path:
+    """Return the XML file of a path, of a folder that `import` wrote, or of a bundled scene's name.
+
+    Raises InputError if there is no such file, or if it is of another kind.
+    """
+    file = Path(scene)
+    if (scene_in_folder := in_folder(scene)) is not None:
+        return scene_in_folder
+    if not file.suffix and file.parent == Path("."):
+        return path(str(scene))
+    if not os.path.isfile(file):  # also False for a text too long to be a path
+        raise InputError(f"scene '{scene}': no such file{_hint(str(scene))}")
+    if file.suffix.lower() in NO_SCENES:
+        raise InputError(f"'{scene}' is no scene: {NO_SCENES[file.suffix.lower()]}")
+    return file
+
+
+def _hint(text: str) -> str:
+    """What may be meant by the name of a file that does not exist, as the end of an error."""
+    if text.lstrip().startswith("<"):
+        return "; mi.load_string loads XML text, and mi_lcair.load takes its scene"
+    if text in scenarios():
+        return "; it is a scenario, which contrast, image and budget take"
+    nearest = get_close_matches(Path(text).stem, names(), 1)
+    return f"; the nearest bundled scene is '{nearest[0]}'" if nearest else ""
 
 
 def title(name: str) -> str:

@@ -13,7 +13,7 @@ from mi_lcair.detection.scenario import Scenario
 from mi_lcair.fitting.scatterometer.reading import read, read_directional
 from mi_lcair.fraction import fraction
 from mi_lcair.physics.atmosphere import atmosphere
-from mi_lcair.rendering.scene import find, of_mitsuba
+from mi_lcair.rendering.scene import of_mitsuba
 
 SMALL = {"resolution": 8, "spp": 16}
 TEMPERATURE = "plate.temperature"
@@ -264,8 +264,9 @@ def test_the_folder_of_an_import_is_its_scene(tmp_path, monkeypatch):
         (tmp_path / name).mkdir()
         shutil.copy(scenes.path("two_plates"), tmp_path / name / "scene.xml")
     monkeypatch.chdir(tmp_path)
-    assert find("own") == Path("own/scene.xml") and find(Path("own")) == Path("own/scene.xml")
-    assert find("cavity") == scenes.path("cavity")
+    for folder in ("own", Path("own")):
+        assert scenes.file_of(folder) == Path("own/scene.xml")
+    assert scenes.file_of("cavity") == scenes.path("cavity")
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 import mi_lcair
+from mi_lcair import scenes
 from mi_lcair.cli.output import note, quiet
 from mi_lcair.cli.usage import completion
 from mi_lcair.errors import InputError
@@ -52,6 +53,9 @@ class SceneOptions:
     json: bool
     plan: object = None
     solution: str | None = None
+
+    def __post_init__(self):
+        scenes.file_of(self.scene)  # before the renderer is imported, which takes its time
 
     def run(self, function, **own):
         """Load the scene and return function(scene, **sampling, **own, progress=...).

@@ -415,6 +415,13 @@ class Scenario:
             raise InputError(f"scenario '{source}': {error}") from None
         return Scenario(name, scenes.first_comment(text), **parts)
 
+    def check_scene(self) -> None:
+        """Raise InputError if there is no such scene; unlike loading, this imports no renderer."""
+        try:
+            scenes.file_of(self.target.scene)
+        except InputError as error:
+            raise InputError(f"scenario '{self.name}': [target]: {error}") from None
+
     def scene_parameters(self) -> dict[str, str]:
         """The scene's $-parameters as text, without the band."""
         pose = {name: value for name, value in asdict(self.pose).items() if value is not None}

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from mi_lcair import scenes
 from mi_lcair.detection.irradiance import Backdrop
 from mi_lcair.detection.line_of_sight import Sight, backdrop
 from mi_lcair.detection.scenario import Scenario
@@ -10,7 +11,7 @@ from mi_lcair.physics.atmosphere import Atmosphere, LineOfSight
 from mi_lcair.physics.detector import Detector
 from mi_lcair.plugins.emission.one_sun import check_fits, one_sun
 from mi_lcair.rendering.loading.files import survey
-from mi_lcair.rendering.scene import Scene, find, load
+from mi_lcair.rendering.scene import Scene, load
 from mi_lcair.rendering.views import Target, View, seen_from
 from mi_lcair.sensitivity.solution_file import apply_solution
 
@@ -74,7 +75,7 @@ def setting_of(scenario: Scenario) -> Setting:
 def target_scene(scenario: Scenario, detector: Detector) -> Scene:
     """The scene with the parameters of the scenario, in a band that holds the detector's."""
     parameters, source = scenario.scene_parameters(), scenario.target.scene
-    if "band" in survey(find(source), parameters):
+    if "band" in survey(scenes.file_of(source), parameters):
         parameters["band"] = scenario.sensor.band
     scene = load(source, **parameters)
     if scenario.target.solution is not None:

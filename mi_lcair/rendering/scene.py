@@ -1,10 +1,8 @@
 """Loading of a thermal scene, with all checks that are possible before rendering."""
 
-import os
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
 from os import PathLike
 from pathlib import Path
 
@@ -13,7 +11,6 @@ import numpy as np
 
 from mi_lcair import scenes
 from mi_lcair.errors import InputError, mitsuba_error, unknown
-from mi_lcair.formats import MODELS
 from mi_lcair.physics.bands import Band
 from mi_lcair.plugins import PLUGINS
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
@@ -173,13 +170,6 @@ class Scene:
             surface.set_lobe(lobe)
 
 
-# Files that are named in place of a scene, by suffix, and what is done with them.
-NO_SCENES = {
-    **dict.fromkeys(MODELS, "it is a model, of which mi-lcair import makes a scene"),
-    ".toml": "a scenario is for contrast, image and budget",
-    ".exr": "it is an image, which show and report take",
-}
-
 # What functions take for a scene: a loaded one, a bundled name, a file, or Mitsuba's own
 SceneLike = Scene | mi.Scene | str | PathLike[str]
 
@@ -215,7 +205,7 @@ def load(scene: str | PathLike[str] | mi.Scene, /, **parameters: object) -> Scen
         if parameters:
             raise InputError(f"{parameters_of_loaded(parameters)}; mi.load_file takes them")
         return of_mitsuba(scene)
-    path = find(scene)
+    path = scenes.file_of(scene)
     texts = {name: str(value) for name, value in parameters.items()}
     known = survey(path, texts)
     for name in texts:
@@ -294,30 +284,6 @@ def parsed_and_checked(path: Path, texts: dict[str, str]) -> Scene:
             "single precision it was moved there"
         )
     return replace(scene, notes=notes, origin=tuple(map(float, origin)), digest=digest)
-
-
-def find(scene: str | PathLike[str]) -> Path:
-    """The XML file of a path, of a folder that `import` wrote, or of a bundled scene's name."""
-    path = Path(scene)
-    if in_folder := scenes.in_folder(scene):
-        return in_folder
-    if path.suffix or path.parent != Path("."):
-        if not os.path.isfile(path):  # also False for a text too long to be a path
-            raise InputError(f"scene '{scene}': no such file{hint(str(scene))}")
-        if path.suffix.lower() in NO_SCENES:
-            raise InputError(f"'{scene}' is no scene: {NO_SCENES[path.suffix.lower()]}")
-        return path
-    return scenes.path(str(scene))
-
-
-def hint(text: str) -> str:
-    """What may be meant by the name of a file that does not exist, as the end of an error."""
-    if text.lstrip().startswith("<"):
-        return "; mi.load_string loads XML text, and mi_lcair.load takes its scene"
-    if text in scenes.scenarios():
-        return "; it is a scenario, which contrast, image and budget take"
-    nearest = get_close_matches(Path(text).stem, scenes.names(), 1)
-    return f"; the nearest bundled scene is '{nearest[0]}'" if nearest else ""
 
 
 def checked(loaded: mi.Scene, path: Path | None, parameters: dict[str, str]) -> Scene:

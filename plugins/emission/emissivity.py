@@ -173,7 +173,7 @@ def emissivity_of(bsdf) -> Emissivity | Table:
             f"bsdf '{bsdf.id()}': {', '.join(kinds & set(HIDING))} hides the emissivity of what it "
             "wraps; use the BSDF itself, or give the thermal emitter an `emissivity`"
         )
-    if all(dr.all(layer.has_attribute("emissivity")) for layer in layers):
+    if all(dr.all(layer.has_attribute("emissivity", mi.Bool(True))) for layer in layers):
         return Emissivity("attribute", flags)
     if kinds == {"SmoothDiffuse"}:
         return Emissivity("diffuse", flags)
@@ -235,7 +235,7 @@ def sampled_HDR(bsdf, side: int, with_derivatives: bool) -> list:
         azimuth = dr.opaque(mi.Float, AZIMUTHS[run % len(AZIMUTHS)])
         si.wi = mi.Vector3f(sin * dr.cos(azimuth), sin * dr.sin(azimuth), side * cos)
         with dr.suspend_grad():
-            bs, weight = bsdf.sample(ctx, si, u.x, mi.Point2f(u.y, u.z))
+            bs, weight = bsdf.sample(ctx, si, u.x, mi.Point2f(u.y, u.z), mi.Bool(True))
         if with_derivatives:
             value = value_along(bsdf, ctx, si, u.x, mi.Point2f(u.y, u.z), bs)
             weight *= dr.relative_grad(value)

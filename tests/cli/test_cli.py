@@ -16,6 +16,7 @@ from mi_lcair.cli import COMMANDS, PURPOSES
 from mi_lcair.cli.options import progress_bar
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.rendering.image import read_exr
+from tests.detection.disc_scenario import write_disc
 
 CHECKOUT = Path(mi_lcair.__file__).parents[1]
 HEAVY = ("mitsuba", "drjit", "matplotlib", "colour", "scipy", "OpenEXR", "numpy", "tqdm")
@@ -47,6 +48,36 @@ assert not heavy, heavy
         text=True,
         env={**os.environ, "PYTHONPATH": str(CHECKOUT)},
     )
+
+
+@pytest.mark.slow
+def test_a_scene_that_does_not_exist_is_named_before_the_renderer_is_imported(tmp_path):
+    """Alone, and as the target of a scenario."""
+    write_disc(tmp_path)
+    scenario = (tmp_path / "disc.toml").read_text()
+    (tmp_path / "far.toml").write_text(scenario.replace("disc.xml", "no_such.xml"))
+    code = """
+import sys
+from mi_lcair.cli import main
+calls = [["signature", "no_such.xml"], ["render", "no_such.xml", "-o", "x.exr"]]
+calls += [["contrast", "far.toml"], ["image", "far.toml", "-o", "x.exr"]]
+for args in calls:
+    try:
+        main(args)
+    except SystemExit as end:
+        assert end.code == 2, (args, end.code)
+assert 'mitsuba' not in sys.modules
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(CHECKOUT)},
+    )
+    assert done.returncode == 0, done.stderr
+    lines = done.stderr.splitlines()
+    assert len(lines) == 4 and all("no_such" in line for line in lines)
 
 
 def test_help_and_version(run):
@@ -487,6 +518,6 @@ def test_progress_is_drawn_on_a_terminal(monkeypatch):
 @pytest.mark.parametrize("json", [[], ["--json"]])
 def test_invalid_samples_are_told_of_on_stderr(run, renderer, folder, command, json):
     renderer.results = {"invalid": 3}
-    result = run(command[0], "scene", *command[1:], *json)
+    result = run(command[0], "cavity", *command[1:], *json)
     assert result.exit_code == 0
     assert "mi-lcair: note: 3 of " in result.stderr and "NaN or infinite" in result.stderr

@@ -170,6 +170,21 @@ def test_signature_files(run, folder):
     ]
 
 
+@pytest.mark.slow
+def test_the_files_of_one_run_appear_together(run, folder, monkeypatch):
+    """None appears if the last one cannot be written."""
+    from mi_lcair.signatures.facet_results import FacetResults
+
+    def full(self, path):
+        raise OSError(28, "No space left on device", str(path))
+
+    monkeypatch.setattr(FacetResults, "save", full)
+    files = "--spectrum", "s.csv", "--plot", "s.png", "--facets", "f.csv"
+    result = run("signature", "open_box", "-D", "resolution=8", "-D", "band=MWIR", *files)
+    assert result.exit_code == 1 and "No space left on device: 'f.csv'" in result.stderr
+    assert list(folder.iterdir()) == []
+
+
 @pytest.fixture
 def bundled(monkeypatch):
     from mi_lcair.scenes import Parameter

@@ -82,7 +82,9 @@ def reflected(scene, emitters, grid, si, beta, bounces: int) -> tuple[float, int
             dr.gather(mi.Float, beta, parent),
         )
         wo, solid_angle = grid.direction(index % dr.opaque(mi.UInt32, grid.cells), here.wi)
-        beta_there = beta_here * solid_angle * here.bsdf().eval(mi.BSDFContext(), here, wo)[0]
+        beta_there = (
+            beta_here * solid_angle * here.bsdf().eval(mi.BSDFContext(), here, wo, mi.Bool(True))[0]
+        )
         active = beta_there > 0
         there = scene.ray_intersect(emitters.spawn_ray(here, here.to_world(wo)), active)
         radiance = mi.Float64(beta_there * emitted(there, scene, active))

@@ -82,6 +82,7 @@ def command(scenario, changes, ranges, plot, solution, variant, threads, json, *
             "irradiance in W m^-2"
         )
 
+    parsed.check_scene()
     prepare_renderer(variant, threads)
     with progress_bar() as progress:
         result = mi_lcair.contrast(parsed, progress=progress)

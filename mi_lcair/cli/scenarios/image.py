@@ -71,15 +71,18 @@ def command(scenario, output, changes, frames, seed, plot, variant, threads, jso
     counts of all frames. Printed are the camera's noise in mK and its sharpness, predicted and
     measured, and the target's electrons and signal-to-noise ratio over range in m.
     """
-    from mi_lcair.camera.image_result import write_counts
     from mi_lcair.detection.scenario import Scenario
-    from mi_lcair.rendering.image import write_exr
 
     pages = output.with_suffix(".tif")
     check_outputs((output, ".exr"), (pages, ".tif"), (plot, PICTURES))
     given = {name: value for name, value in sampling.items() if value is not None}
     own = {f"render.{name}": value for name, value in given.items()}
     parsed = Scenario.read(scenario, **dict(changes) | own)
+
+    parsed.check_scene()
+
+    from mi_lcair.camera.image_result import write_counts
+    from mi_lcair.rendering.image import write_exr
 
     prepare_renderer(variant, threads)
     with progress_bar() as progress:

@@ -55,6 +55,25 @@ class HalfMirror(mi.BSDF):
         return "HalfMirror[]"
 
 
+class Tutorial(HalfMirror):
+    """The same in the style of Mitsuba's tutorial: `active` has no default."""
+
+    def sample(self, ctx, si, sample1, sample2, active):
+        return super().sample(ctx, si, sample1, sample2, active)
+
+    def eval(self, ctx, si, wo, active):
+        return super().eval(ctx, si, wo, active)
+
+    def pdf(self, ctx, si, wo, active):
+        return super().pdf(ctx, si, wo, active)
+
+    def eval_pdf(self, ctx, si, wo, active):
+        return super().eval_pdf(ctx, si, wo, active)
+
+    def has_attribute(self, name, active):
+        return False
+
+
 SCENE = """<scene version="3.0.0">
     <integrator type="bounce_path"> <integer name="max_bounces" value="{bounces}"/> </integrator>
     <sensor type="orthographic">
@@ -67,7 +86,7 @@ SCENE = """<scene version="3.0.0">
         </film>
     </sensor>
     <shape type="rectangle">
-        <bsdf type="half_mirror"/>
+        <bsdf type="{bsdf}"/>
         <emitter type="thermal">
             <string name="band" value="MWIR"/> <float name="temperature" value="300"/>
         </emitter>
@@ -86,16 +105,36 @@ SCENE = """<scene version="3.0.0">
 @pytest.fixture(scope="module", autouse=True)
 def registered():
     mi.register_bsdf("half_mirror", HalfMirror)
+    mi.register_bsdf("tutorial", Tutorial)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("theta_deg", [0, 60])
-def test_emits_what_it_does_not_reflect(tmp_path, theta_deg):
+@pytest.mark.parametrize(
+    "bsdf, theta_deg", [("half_mirror", 0), ("half_mirror", 60), ("tutorial", 60)]
+)
+def test_emits_what_it_does_not_reflect(tmp_path, bsdf, theta_deg):
     """Emission is 1 - 0.3 - 0.4 cos(theta); an isothermal room hides the surface (Kirchhoff)."""
     theta = np.radians(theta_deg)
     blackbody = in_band_radiance(mi_lcair.physics.bands.band("MWIR"), 300.0)
     path = tmp_path / "room.xml"
     for bounces, expected in ((0, 0.7 - 0.4 * np.cos(theta)), (1, 1.0)):
-        path.write_text(SCENE.format(bounces=bounces, x=np.sin(theta), z=np.cos(theta)))
+        path.write_text(SCENE.format(bsdf=bsdf, bounces=bounces, x=np.sin(theta), z=np.cos(theta)))
         image = mi_lcair.render(mi_lcair.load(path), spp=1024)
         assert image.mean / blackbody == pytest.approx(expected, abs=3e-3)
+
+
+@pytest.mark.slow
+def test_all_calls_state_active(tmp_path):
+    """No function calls the BSDF without `active`, and the result is that of one with a default."""
+    intensity = []
+    for bsdf in ("half_mirror", "tutorial"):
+        path = tmp_path / "plate.xml"
+        path.write_text(SCENE.format(bsdf=bsdf, bounces=2, x=0.5, z=0.5))
+        scene = mi_lcair.load(path)
+        signature = mi_lcair.signature(scene, spp=64, facets=True, by_spectrum=True)
+        intensity.append(signature.intensity)
+        mi_lcair.derivative_images(scene, ["room.temperature"], spp=4)
+        mi_lcair.sensitivities(scene, ["room.temperature"], spp=4)
+        mi_lcair.audit(scene, photons=256)
+        mi_lcair.plan(scene)
+    assert intensity[0] == pytest.approx(intensity[1], rel=1e-3)
