@@ -11,6 +11,7 @@ from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.physics.spectral_table import spectral_table
 from mi_lcair.physics.spectrum import BUNDLED, spectrum
+from tests.physics.test_tape7 import LWIR, MWIR, block, file, planck, slant  # noqa: F401
 
 BANDS = {"3-5": "MWIR", "8-12": "LWIR"}
 AIR = {"midlat_summer": 293.975, "us_standard": 287.875}  # K, on the bundled paths
@@ -209,6 +210,11 @@ def test_opaque_rows_are_bounded_by_what_is_printed():
     table = np.array([[0.5, 0.0, 1.0], [0.0, 0.0, 1.0]])
     air = Atmosphere("opaque", np.array([1.0, 2.0]), np.array([4.0, 4.1, 4.2]), table, 1 - table)
     np.testing.assert_allclose(air.path(2).transmittance, [5e-7, 5e-7, 1], rtol=1e-9)
+    # Below an opaque first range the depth is proportional to range, below another one by its power
+    power = np.clip(np.log2(np.log(5e-7) / np.log(0.5)), 0.5, 1)
+    np.testing.assert_allclose(
+        air.path(0.5).transmittance, [np.exp(-np.log(2) * 0.5**power), np.sqrt(5e-7), 1], rtol=1e-9
+    )
     fine = Atmosphere(
         "fine",
         air.ranges_m,
@@ -374,6 +380,15 @@ def test_unusable_file(tmp_path, rows, message):
         atmosphere(path)
 
 
+def test_the_first_range_of_a_file(tmp_path):
+    path = tmp_path / "air.csv"
+    path.write_text(HEADER + "1,4,0.5,1\n1,4.1,0.5,1\n")
+    assert atmosphere(path).ranges_m.tolist() == [1000]
+    path.write_text(HEADER + "0,4,0.5,1\n0,4.1,0.5,1\n1,4,0.4,1\n1,4.1,0.4,1\n")
+    with pytest.raises(InputError, match="range_km 0; ranges must be positive"):
+        atmosphere(path)
+
+
 def test_unusable_choice(tmp_path):
     with pytest.raises(InputError, match="unknown atmosphere 'midlat_sumer'; known: midlat_summer"):
         atmosphere("midlat_sumer")
@@ -389,3 +404,83 @@ def test_unusable_choice(tmp_path):
         match="must name wavelength_um, range_km, transmittance and path_radiance_W_m2_sr_um",
     ):
         atmosphere(tmp_path / "sky.csv")
+
+
+# Of a tape7
+
+
+def test_ranges_and_bands_make_one_atmosphere(file):
+    """Blocks of two ranges and two bands, in any order, give one block for each range."""
+    parts = [(LWIR, 0.3, 3.0), (MWIR, 0.2, 1.0), (MWIR, 0.1, 3.0), (LWIR, 0.6, 1.0)]
+    air = atmosphere(file(*[block(x, tau, range_km=length) for x, tau, length in parts]))
+    assert air.ranges_m.tolist() == [1000, 3000] and air.transmittance.shape == (
+        2,
+        len(MWIR) + len(LWIR),
+    )
+    assert np.all(np.diff(air.wavelengths_um) > 0)
+    depths = np.sqrt(np.log([0.2, 0.6]) * np.log([0.1, 0.3]))
+    np.testing.assert_allclose(
+        air.path(1000 * np.sqrt(3)).at([4, 10])[0], np.exp(-depths), rtol=1e-6
+    )
+    np.testing.assert_allclose(
+        air.path(3000).at([1e4 / 2500, 1e4 / 1000])[1],
+        np.array([0.9, 0.7]) * planck([2500, 1000], 280) * np.array([2500, 1000]) ** 2,
+        rtol=1e-4,
+    )
+
+
+def test_blocks_that_share_a_wavelength_join(file):
+    air = atmosphere(file(block(MWIR[:30]), block(MWIR[29:], 0.25)))
+    assert len(air.wavelengths_um) == len(MWIR)
+
+
+def test_ranges_that_the_file_does_not_state(file):
+    for text in (
+        block(MWIR, range_km=0),
+        block(MWIR, itype=3),
+        block(MWIR).replace("    0        0.00000", ""),
+    ):
+        with pytest.raises(
+            InputError, match="header in line 7 .*give ranges_m of .atmosphere., one for each block"
+        ):
+            atmosphere(file(text))
+        assert atmosphere(file(text), ranges_m=[500]).ranges_m.tolist() == [500]
+    assert atmosphere(file(block(MWIR, range_km=7)), [500]).ranges_m.tolist() == [500]
+    for wrong in ([1, 2], [0], 5, [np.nan]):
+        with pytest.raises(InputError, match="ranges_m = .* for each of its 1 blocks"):
+            atmosphere(file(block(MWIR)), wrong)
+
+
+def test_slant_paths_of_several_elevations(file):
+    """The line of sight chooses among them; the optical depth's logarithm is linear in the sine."""
+    taus = {-30: (0.9, 0.6), 30: (0.8, 0.5), 90: (0.9, 0.7)}
+    path = file(*[slant(e, tau, n + 1) for e, both in taus.items() for n, tau in enumerate(both)])
+    for elevation, both in taus.items():
+        air = atmosphere(path, elevation_deg=elevation)
+        np.testing.assert_allclose(air.ranges_m, [1000, 2000])
+        for length, tau in zip(air.ranges_m, both):
+            np.testing.assert_allclose(air.path(length).transmittance, tau, rtol=1e-9)
+    share = (np.sin(np.radians(50)) - 0.5) / 0.5
+    depth = np.exp((1 - share) * np.log(-np.log(0.5)) + share * np.log(-np.log(0.7)))
+    between = atmosphere(path, elevation_deg=50).path(2000)
+    np.testing.assert_allclose(between.transmittance, np.exp(-depth), rtol=1e-9)
+    np.testing.assert_allclose(
+        between.radiance,
+        (1 - np.exp(-depth)) * (planck(MWIR, 280) * MWIR**2)[::-1],
+        rtol=2e-4,
+    )
+    with pytest.raises(InputError, match="elevation of -45 degrees is outside its -30..90 degrees"):
+        atmosphere(path, elevation_deg=-45)
+    with pytest.raises(InputError, match="holds paths of 3 elevations, -30..90 degrees"):
+        atmosphere(path)
+    uneven = file(slant(30, 0.8, 1), slant(60, 0.8, 2))
+    with pytest.raises(InputError, match="its elevations have different ranges"):
+        atmosphere(uneven, elevation_deg=40)
+    # Sensors at several heights see one line of sight at slightly different elevations
+    near = file(slant(30, 0.8, 1), slant(30.2, 0.7, 2), slant(60, 0.9, 1), slant(60, 0.8, 2))
+    assert atmosphere(near, elevation_deg=30.1).transmittance[:, 0] == pytest.approx([0.8, 0.7])
+    for elevation in (29.86, 60.24):
+        atmosphere(near, elevation_deg=elevation)
+    for elevation in (29.84, 60.26):
+        with pytest.raises(InputError, match="is outside its 30.1..60 degrees"):
+            atmosphere(near, elevation_deg=elevation)

@@ -9,7 +9,8 @@ import pytest
 from mi_lcair.errors import InputError
 from mi_lcair.physics import spectrum as module
 from mi_lcair.physics.bands import band
-from mi_lcair.physics.spectrum import sky_names, spectrum
+from mi_lcair.physics.spectrum import has_elevations, sky_names, spectrum
+from tests.physics.test_tape7 import LWIR, MWIR, block, file, planck  # noqa: F401
 
 BANDS = {"3-5": "MWIR", "8-12": "LWIR"}
 
@@ -120,6 +121,16 @@ def test_an_elevation_where_there_is_none(tmp_path):
 def test_a_band_that_the_table_does_not_cover(name):
     with pytest.raises(InputError, match="does not cover band .*; it has 2.9985-5, 8-12.0482 um"):
         spectrum("us_standard_clear", 5).in_band_radiance(band(name))
+
+
+def test_which_sources_have_elevations(file):
+    """A bundled sky has; a tape7 is one line of sight, whose blocks have one range."""
+    assert has_elevations("us_standard_clear")
+    path = file(block(MWIR, TOTAL_RAD=planck(MWIR, 250)))
+    assert not has_elevations(path)
+    assert spectrum(path).at(4.0) == pytest.approx(planck(2500, 250) * 2500**2, rel=1e-3)
+    with pytest.raises(InputError, match="lines of sight of different ranges"):
+        spectrum(file(block(MWIR), block(LWIR, range_km=3)))
 
 
 def test_a_file_that_was_edited_is_read_again(tmp_path):

@@ -205,80 +205,11 @@ def test_names_of_two_words(file):
     )
 
 
-def test_ranges_and_bands_make_one_atmosphere(file):
-    """Blocks of two ranges and two bands, in any order, give one block for each range."""
-    parts = [(LWIR, 0.3, 3.0), (MWIR, 0.2, 1.0), (MWIR, 0.1, 3.0), (LWIR, 0.6, 1.0)]
-    air = atmosphere(file(*[block(x, tau, range_km=length) for x, tau, length in parts]))
-    assert air.ranges_m.tolist() == [1000, 3000] and air.transmittance.shape == (
-        2,
-        len(MWIR) + len(LWIR),
-    )
-    assert np.all(np.diff(air.wavelengths_um) > 0)
-    depths = np.sqrt(np.log([0.2, 0.6]) * np.log([0.1, 0.3]))
-    np.testing.assert_allclose(
-        air.path(1000 * np.sqrt(3)).at([4, 10])[0], np.exp(-depths), rtol=1e-6
-    )
-    np.testing.assert_allclose(
-        air.path(3000).at([1e4 / 2500, 1e4 / 1000])[1],
-        np.array([0.9, 0.7]) * planck([2500, 1000], 280) * np.array([2500, 1000]) ** 2,
-        rtol=1e-4,
-    )
-
-
-def test_blocks_that_share_a_wavelength_join(file):
-    air = atmosphere(file(block(MWIR[:30]), block(MWIR[29:], 0.25)))
-    assert len(air.wavelengths_um) == len(MWIR)
-
-
-def test_ranges_that_the_file_does_not_state(file):
-    for text in (
-        block(MWIR, range_km=0),
-        block(MWIR, itype=3),
-        block(MWIR).replace("    0        0.00000", ""),
-    ):
-        with pytest.raises(
-            InputError, match="header in line 7 .*give ranges_m of .atmosphere., one for each block"
-        ):
-            atmosphere(file(text))
-        assert atmosphere(file(text), ranges_m=[500]).ranges_m.tolist() == [500]
-    assert atmosphere(file(block(MWIR, range_km=7)), [500]).ranges_m.tolist() == [500]
-    for wrong in ([1, 2], [0], 5, [np.nan]):
-        with pytest.raises(InputError, match="ranges_m = .* for each of its 1 blocks"):
-            atmosphere(file(block(MWIR)), wrong)
-
-
 def slant(elevation, transmittance, range_km, h1=0.0, h2=0.0, **columns):
     geometry = (h1, h2, 90 - elevation)
     return block(
         MWIR, transmittance, range_km=range_km, itype=2, heights_and_angle=geometry, **columns
     )
-
-
-def test_slant_paths_of_several_elevations(file):
-    """The line of sight chooses among them; the optical depth's logarithm is linear in the sine."""
-    taus = {-30: (0.9, 0.6), 30: (0.8, 0.5), 90: (0.9, 0.7)}
-    path = file(*[slant(e, tau, n + 1) for e, both in taus.items() for n, tau in enumerate(both)])
-    for elevation, both in taus.items():
-        air = atmosphere(path, elevation_deg=elevation)
-        np.testing.assert_allclose(air.ranges_m, [1000, 2000])
-        for length, tau in zip(air.ranges_m, both):
-            np.testing.assert_allclose(air.path(length).transmittance, tau, rtol=1e-9)
-    share = (np.sin(np.radians(50)) - 0.5) / 0.5
-    depth = np.exp((1 - share) * np.log(-np.log(0.5)) + share * np.log(-np.log(0.7)))
-    between = atmosphere(path, elevation_deg=50).path(2000)
-    np.testing.assert_allclose(between.transmittance, np.exp(-depth), rtol=1e-9)
-    np.testing.assert_allclose(
-        between.radiance,
-        (1 - np.exp(-depth)) * (planck(MWIR, 280) * MWIR**2)[::-1],
-        rtol=2e-4,
-    )
-    with pytest.raises(InputError, match="elevation of -45 degrees is outside its -30..90 degrees"):
-        atmosphere(path, elevation_deg=-45)
-    with pytest.raises(InputError, match="holds paths of 3 elevations, -30..90 degrees"):
-        atmosphere(path)
-    uneven = file(slant(30, 0.8, 1), slant(60, 0.8, 2))
-    with pytest.raises(InputError, match="its elevations have different ranges"):
-        atmosphere(uneven, elevation_deg=40)
 
 
 def test_the_range_of_a_slant_path_from_its_heights(file):

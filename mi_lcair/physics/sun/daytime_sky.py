@@ -111,7 +111,7 @@ class DaytimeSky:
 
 def at_places(rows, places) -> np.ndarray:
     """Rows (k, n), linear between them, at places 0..k - 1 (...); (..., n)."""
-    k = np.clip(places.astype(int), 0, max(len(rows) - 2, 0))
+    k = places.astype(int)
     share = (places - k)[..., None]
     return (1 - share) * rows[k] + share * rows[np.minimum(k + 1, len(rows) - 1)]
 

@@ -189,6 +189,15 @@ def test_infeasible_parameters_are_named_with_value_and_bound(parameters, words)
     assert all(word in str(error.value) for word in words) and "\n" not in str(error.value)
 
 
+def test_the_azimuth_alone_does_not_matter():
+    """A surface that is turned about its normal reflects the same."""
+    S = surface(0.2, 0.1, 0.3, 0.05)
+    values = [
+        sr.f(S, direction(0.5, 3.0 + turn), direction(0.52, turn))[0] for turn in (0, 1.1, 2.5, 4)
+    ]
+    assert values == pytest.approx([values[0]] * 4, rel=1e-12)
+
+
 def test_the_bounds_themselves_are_feasible():
     for parameters in ((0, 0, 0, 1), (1, 0, 0, 1), (0, 1, 0, 1e-3), (0.25, 0.25, 1, 1)):
         sr.check_feasible(*parameters)

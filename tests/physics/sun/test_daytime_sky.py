@@ -7,7 +7,8 @@ import pytest
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
-from mi_lcair.physics.sun.daytime_sky import daytime_sky, from_sun
+from mi_lcair.physics.sun.daytime_sky import DaytimeSky, daytime_sky, from_sun
+from mi_lcair.physics.sun.sunlight import air_mass
 
 AIRS = "midlat_summer", "us_standard"
 MWIR = band("MWIR")
@@ -58,6 +59,67 @@ def test_between_the_rows(air):
     mean = sky.mean_spectrum().in_band_radiance(MWIR)
     weights = np.cos(np.radians(elevation)) * np.sin(np.radians(elevation))
     assert mean == pytest.approx(np.average(found, weights=weights), rel=0.01)
+
+
+# A sky in closed form: light that falls by 3 % a degree from the sun, through masses of air
+ELEVATIONS = np.array([0.0, 5.0, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0])
+AZIMUTHS = np.linspace(0, 180, 13)
+X = np.array([3.0, 5.0])
+
+
+def angle_from_sun(elevation, azimuth):
+    """Angle between two unit vectors, of which the sun's lies 45 degrees above the x axis."""
+    h, a = np.radians(elevation), np.radians(azimuth)
+    to = np.array([np.cos(h) * np.cos(a), np.cos(h) * np.sin(a), np.sin(h)])
+    sun = np.array([np.sqrt(0.5), 0, np.sqrt(0.5)])
+    across = np.linalg.norm(np.cross(to, sun, axis=0), axis=0)
+    return np.degrees(np.arctan2(across, np.tensordot(sun, to, 1)))
+
+
+def emitted(elevation):
+    return 0.2 * air_mass(elevation) ** 0.3
+
+
+def scattered(elevation, azimuth):
+    return 2 * air_mass(elevation) ** 0.6 * np.exp(-0.03 * angle_from_sun(elevation, azimuth))
+
+
+@pytest.fixture(scope="module")
+def falling():
+    grid = np.meshgrid(ELEVATIONS, AZIMUTHS, indexing="ij")
+    light = scattered(*grid)[..., None] * np.array([1, 0.5])
+    return DaytimeSky(
+        "falling", ELEVATIONS, AZIMUTHS, X, np.outer(emitted(ELEVATIONS), [1, 3]), light
+    )
+
+
+@pytest.mark.parametrize("elevation, azimuth", [(45, 0), (45, 90), (7, 100), (62, -40), (90, 10)])
+def test_angle_from_the_sun(elevation, azimuth):
+    assert from_sun(elevation, azimuth) == pytest.approx(
+        angle_from_sun(elevation, azimuth), abs=1e-5
+    )
+
+
+@pytest.mark.parametrize("elevation, azimuth", [(40, 60), (10, 100), (3, -70), (70, 120), (90, 5)])
+def test_logarithms_are_linear_in_that_of_the_air_mass_and_in_the_angle(
+    falling, elevation, azimuth
+):
+    (values,) = falling.between(falling.thermal, falling.scattered, [elevation], [azimuth])
+    light = scattered(elevation, azimuth)
+    assert values == pytest.approx(
+        [emitted(elevation) + light, 3 * emitted(elevation) + 0.5 * light], rel=1e-7
+    )
+
+
+def test_mean_of_the_sky(falling):
+    """The mean over the solid angle times the sine of the elevation, by a fine midpoint rule."""
+    square = (np.arange(600) + 0.5) / 600  # squared sine
+    azimuth = (np.arange(360) + 0.5) / 2
+    directions = np.meshgrid(np.degrees(np.arcsin(np.sqrt(square))), azimuth, indexing="ij")
+    expected = falling.between(falling.thermal, falling.scattered, *directions).mean(axis=(0, 1))
+    mean = falling.mean_spectrum()
+    assert mean.radiance == pytest.approx(expected, rel=1e-3)
+    assert np.array_equal(mean.wavelengths_um, X) and mean.name == "daytime sky falling"
 
 
 def test_bad_input():

@@ -2,6 +2,7 @@
 
 import sys
 
+import numpy as np
 import pytest
 
 from mi_lcair.errors import InputError
@@ -15,6 +16,21 @@ def test_against_the_solar_position_algorithm():
     assert found.compass_deg == pytest.approx(194.34024, abs=0.005)
     assert found.elevation_deg == pytest.approx(90 - 50.11162, abs=0.005)
     assert found.distance_au == pytest.approx(0.9965422974, abs=1e-5)
+
+
+@pytest.mark.parametrize("time", ["2026-03-21T07:30:00Z", "2026-06-21T08:30:00Z"])
+def test_refraction(time):
+    """(n - 1) / tan(elevation), with n - 1 = 77.56e-6 P / T in the infrared, P in hPa, to 1 %."""
+    pytest.importorskip("astropy")
+    from astropy import coordinates
+    from astropy.time import Time
+
+    when, place = Time(time[:-1]), coordinates.EarthLocation.from_geodetic(20, 50)
+    airless = coordinates.AltAz(obstime=when, location=place)
+    elevation = coordinates.get_sun(when).transform_to(airless).alt.deg
+    raised = np.radians(sun_position(50, 20, time).elevation_deg - elevation)
+    expected = 77.56e-6 * 1013.25 / 288.15 / np.tan(np.radians(elevation))
+    assert raised == pytest.approx(expected, rel=0.01)
 
 
 def test_far_from_the_tables_of_the_rotation():
