@@ -7,8 +7,8 @@ import pytest
 
 from mi_lcair.detection.contrast import contrast, unlit_sky
 from mi_lcair.detection.detection_range import detection_range
-from mi_lcair.detection.line_of_sight import Sight
-from mi_lcair.detection.scenario import Background
+from mi_lcair.detection.line_of_sight import Sight, lower_height, reflected
+from mi_lcair.detection.scenario import Background, Observer
 from mi_lcair.detection.setting import setting_of
 from mi_lcair.errors import InputError
 from mi_lcair.physics.atmosphere import atmosphere
@@ -267,6 +267,71 @@ def test_a_tape7_of_slant_paths(folder):
     np.testing.assert_allclose(setting.path.transmittance, 0.8, rtol=1e-6)
     behind = setting.backdrop.at_sensor(1000.0).at(np.array([10.0]))
     assert behind == pytest.approx(0.6 * planck(10.0, 300) + 0.4 * planck(10.0, 280), rel=1e-3)
+
+
+def test_lower_end_of_the_line_of_sight():
+    """The sensor's height if it looks up, else the target's; up to 0.5 m below ground is rounding.
+
+    Downward by 30 degrees, the target at 1 km lies 500 m lower, and 0.05 m for the round Earth.
+    """
+
+    def lower(height_m, elevation_deg, range_m=1000.0, base_m=50.0):
+        observer = Observer(range_m, 0.0, elevation_deg, height_m=height_m)
+        return lower_height(observer, base_m)
+
+    assert lower(None, 30) == 50 and lower(None, 30, base_m=0.0) is None
+    assert lower(700.0, -30) == lower(700.0, 0) == 700
+    assert lower(700.0, 30) == pytest.approx(199.95, abs=0.001)
+    assert lower(500.0, 30) == lower(499.56, 30) == 0
+    with pytest.raises(InputError, match="ends below the ground before range_m = 1000"):
+        lower(499.54, 30)
+
+
+def test_a_path_that_misses_the_end_of_the_table_by_rounding(folder):
+    """The table ends at 20 km. A path to the ground that is 0.4 m longer ends there, too."""
+    sight = Sight.of(disc(folder, observer__elevation_deg=30, **SLANT))
+    assert sight.beyond_m == 0
+    for length in (19_999.6, 20_000.4):
+        assert sight.to_ground(length).range_m == 20_000
+    assert sight.to_ground(19_999.4).range_m == pytest.approx(19_999.4)
+    with pytest.raises(InputError, match="range 20000.6 m is beyond its last one"):
+        sight.to_ground(20_000.6)
+
+
+def test_ground_reflects_the_mean_of_the_sky():
+    """The mean of a sky with elevations, over their squared sine; a sky without is its own mean."""
+    light = reflected(Background(sky="us_standard_clear"))
+    assert len(light) == 8 and sum(factor for factor, _ in light) == pytest.approx(1, rel=1e-12)
+    square = (np.arange(400) + 0.5) / 400
+    elevations = np.degrees(np.arcsin(np.sqrt(square)))
+    for x in (3.8, 10.5):
+        mean = np.mean([spectrum("us_standard_clear", e).at(x) for e in elevations])
+        assert sum(factor * table.at(x) for factor, table in light) == pytest.approx(mean, rel=5e-3)
+
+
+def test_grey_ground_below_a_sky_without_elevations(folder, tmp_path):
+    x = np.array([8.5, 10.0, 11.5])
+    sky = tmp_path / "sky.csv"
+    rows = "".join(f"{8 + k / 20},{1 + k / 80}\n" for k in range(81))
+    sky.write_text(f"wavelength_um,radiance_W_m2_sr_um\n{rows}")
+    given = {"background__sky": str(sky), "sensor__band": "LWIR"}
+    down = given | GROUND | {"observer__elevation_deg": 30, "background__ground_emissivity": 0.7}
+    behind = setting_of(disc(folder, **down)).backdrop
+    expected = 0.7 * planck(x, 300) + 0.3 * (1 + (x - 8) / 4)
+    np.testing.assert_allclose(behind.at(x), expected, rtol=1e-8)
+    assert np.array_equal(behind.rows_um, np.unique(spectrum(sky).wavelengths_um))
+    # It is the sky in all directions, also to a sensor that looks down where there is no ground
+    for elevation in (-30, 30):
+        shown = setting_of(disc(folder, observer__elevation_deg=elevation, **given)).backdrop
+        np.testing.assert_allclose(shown.at(x), 1 + (x - 8) / 4, rtol=1e-9)
+
+
+def test_horizontal_air_does_not_lift_the_sky(folder):
+    """Only a table of slant paths says what is above a sensor; another one shows the sky as is."""
+    given = {"observer__elevation_deg": -30, "observer__height_m": 1000.0, "sensor__band": "LWIR"}
+    x = np.array([8.5, 10.5])
+    shown = setting_of(disc(folder, atmosphere__table="us_standard", **given, **SKY)).backdrop
+    np.testing.assert_array_equal(shown.at(x), spectrum("us_standard_clear", 30.0).at(x))
 
 
 @pytest.mark.parametrize(
