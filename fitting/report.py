@@ -95,6 +95,7 @@ class Fit(Result):
 
     kind = KIND
     drawn_by = "mi_lcair.reports.pictures.fit:figure"
+    sections_by = "mi_lcair.reports.sections.fit:sections"
 
     def summary(self) -> str:
         """One line: model, surface, parameters with standard errors, misfit."""

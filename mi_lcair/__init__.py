@@ -10,6 +10,7 @@ import sys
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # the names of `_HOME`, for type checkers and editors
+    from mi_lcair.api.report import report as report
     from mi_lcair.camera.image import image as image
     from mi_lcair.detection.contrast import contrast as contrast
     from mi_lcair.errors import InputError as InputError
@@ -20,7 +21,6 @@ if TYPE_CHECKING:  # the names of `_HOME`, for type checkers and editors
     from mi_lcair.rendering.render import render as render
     from mi_lcair.rendering.scene import Scene as Scene
     from mi_lcair.rendering.scene import load as load
-    from mi_lcair.reports.page.report import report as report
     from mi_lcair.sensitivity.images import derivative_images as derivative_images
     from mi_lcair.sensitivity.parameters import parameters as parameters
     from mi_lcair.sensitivity.window import sensitivities as sensitivities
@@ -48,7 +48,7 @@ _HOME = {
     "derivative_images": "sensitivity.images",
     "budget": "uncertainty.budget",
     "invert": "inversion.invert",
-    "report": "reports.page.report",
+    "report": "api.report",
 }
 __all__ = ["__version__", *_HOME]
 

@@ -6,7 +6,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 FLOORS = {  # the longest name that fits counts
-    "mi_lcair.cli": 6,
+    "mi_lcair.cli": 7,
+    "mi_lcair.api": 6,
     "mi_lcair.reports": 5,
     "mi_lcair.signatures": 4,
     "mi_lcair.camera": 5,

@@ -181,7 +181,7 @@ def test_a_notebook_shows_the_picture_or_the_table(result):
         data = source.removeprefix("data:image/png;base64,")
         assert b64decode(data, validate=True).startswith(b"\x89PNG")
     else:
-        assert "<table>" in html
+        assert "<table" in html
 
 
 def test_the_dictionary_is_strict_json(result):
@@ -285,7 +285,7 @@ def test_values_that_cannot_be_drawn_are_shown_as_a_table(results):
     render = results("render")
     bright = replace(render, channels=render.channels | {"Y": render.channels["Y"] + np.inf})
     huge = replace(render, channels=render.channels | {"Y": np.full((8, 8), 2e37, np.float32)})
-    assert "<img" in bright._repr_html_() and "<table>" in huge._repr_html_()
+    assert "<img" in bright._repr_html_() and "<table" in huge._repr_html_()
 
 
 def test_an_image_is_saved_whole(results, tmp_path):

@@ -1,19 +1,23 @@
 """mi-lcair fit: fit a reflection model to scatterometer files."""
 
 from itertools import zip_longest
-from pathlib import Path
 
 import click
 
-from mi_lcair.cli.options import json_option, plot_option, progress_bar, seed_option
-from mi_lcair.cli.output import note, print_columns, print_json, print_written
+from mi_lcair.cli.options import (
+    FILE,
+    json_option,
+    output_option,
+    plot_option,
+    progress_bar,
+    seed_option,
+)
+from mi_lcair.cli.output import check_outputs, note, print_json, print_sections, print_written
 from mi_lcair.cli.usage.examples import examples
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
-from mi_lcair.files import check_writable, replacing, together
+from mi_lcair.files import replacing, together
 from mi_lcair.physics.reflection import NAMES
-
-FILE = click.Path(path_type=Path)
 
 
 def known_form(ctx, param, value):
@@ -34,8 +38,8 @@ def known_form(ctx, param, value):
     ),
 )
 @click.argument("files", nargs=-1, required=True, type=FILE, metavar="DATA...")
-@click.option("-o", "--output", type=FILE, help="The report and material to write, FILE.json.")
-@plot_option("The picture to write: FILE.png, .svg or .pdf.")
+@output_option("the report, which is a material for scenes, FILE.json")
+@plot_option("data, fitted curves and parameters")
 @click.option(
     "--band",
     "bands",
@@ -130,8 +134,7 @@ def command(
     (without unit) with their errors, how well each is known, and whether the model describes the
     data: misfit in decades, reduced chi-square, correlation of the residuals.
     """
-    _check_output("--output", output, (".json",))
-    _check_output("--plot", plot, PICTURES)
+    check_outputs((output, ".json"), (plot, PICTURES))
 
     from mi_lcair.fitting import report
     from mi_lcair.fitting.scatterometer import reading
@@ -158,7 +161,7 @@ def command(
             fit(data, **directional, **settings, progress=progress)
             for data, directional in zip(measurements, joint)
         ]
-    result = report.as_dict(fits)
+    content = report.as_dict(fits)
     with together():
         if plot:
             from mi_lcair.reports.pictures.fit import save_plot
@@ -166,26 +169,22 @@ def command(
             save_plot(plot, list(zip(measurements, fits, joint)))
         if output:
             with replacing(output) as partial:
-                partial.write_text(report.to_json(result), encoding="utf-8")
+                partial.write_text(report.to_json(content), encoding="utf-8")
 
     for data, fitted in zip(measurements, fits):
         if fitted.quality.lack_of_fit:
             note(f"{data.source[0]['file']}: {fitted.quality.verdict}")
     if json:
         timing = [{"seconds": f.seconds, "compile_seconds": f.compile_seconds} for f in fits]
-        print_json({**result, "timing": timing})
+        print_json({**content, "timing": timing})
     else:
-        _print_tables(measurements, fits)
+        for number, fitted in enumerate(fits):
+            if number:
+                click.echo()
+            compiled = f"{fitted.compile_seconds:.2f} s to compile"
+            time = ("time", f"{fitted.seconds:.2f} s, of which {compiled}")
+            print_sections(fitted.sections(), [time])
     print_written(output, plot)
-
-
-def _check_output(option, path, suffixes):
-    """Raise InputError for a path that cannot be written or does not end in one of `suffixes`."""
-    if path is None:
-        return
-    if path.suffix.lower() not in suffixes:
-        raise InputError(f"{option} '{path}' does not end in {' or '.join(suffixes)}")
-    check_writable(path)
 
 
 def _companions(files, emissivities, dhrs):
@@ -198,80 +197,10 @@ def _companions(files, emissivities, dhrs):
     ]
 
 
-def _check_count(option, given, files):
+def _check_count(option, values, files):
     """Raise InputError for an option that is neither absent nor given once for each file."""
-    if len(given) not in (0, len(files)):
+    if len(values) not in (0, len(files)):
         raise InputError(
-            f"{option} is given {len(given)} times for {len(files)} data files; "
+            f"{option} is given {len(values)} times for {len(files)} data files; "
             f"give it once for each, in their order"
         )
-
-
-def _print_tables(measurements, fits):
-    """Print a summary with a column for each file, and a table with a row for each parameter."""
-    from mi_lcair.fitting.report import band_name
-
-    bands = [band_name(data) for data in measurements]
-    summaries = [
-        dict(_summary(data, fit, band)) for data, fit, band in zip(measurements, fits, bands)
-    ]
-    print_columns([label, *(summary[label] for summary in summaries)] for label in summaries[0])
-    click.echo()
-    several = len(fits) > 1
-    rows = [
-        (
-            band,
-            name,
-            f"{value:.5g}",
-            f"{fit.standard_error[name]:.2g}",
-            fit.verdict[name],
-        )
-        for band, fit in zip(bands, fits)
-        for name, value in fit.parameters.items()
-    ]
-    rows.insert(0, ("band (um)", "parameter", "value", "standard error", "verdict"))
-    print_columns(row if several else row[1:] for row in rows)
-
-
-def _summary(data, fit, band):
-    """Yield (label, text) of one fit."""
-    dropped = "; ".join(
-        f"{count} {reason}" for reason, count in (data.dropped | fit.dropped).items()
-    )
-    yield "surface", f"{data.name} ({data.source[0]['file']})"
-    yield (
-        "band",
-        f"{band} um"
-        if band
-        else "unknown: scenes need it; give --band 3-5, or '# band_um: 3 5' in the data",
-    )
-    yield "model", _model(fit)
-    yield "points used", str(fit.used)
-    yield "left out", dropped or "none"
-    noise = fit.quality.noise_dex
-    yield (
-        "rms",
-        f"{fit.rms_dex:.4f} decades" + ("" if noise is None else f"; sigma explains {noise:.4f}"),
-    )
-    yield "fit", fit.quality.verdict
-    yield (
-        "emissivity",
-        "not given" if fit.emissivity_rms is None else f"rms error {fit.emissivity_rms:.3f}",
-    )
-    yield (
-        "minimum",
-        (
-            f"{'converged' if fit.converged else 'NOT converged'}, "
-            f"relative gradient {fit.gradient_norm:.1e}; "
-            f"{fit.starts_in_basin:.0%} of the starts reached it"
-        ),
-    )
-    yield "time", f"{fit.seconds:.2f} s, of which {fit.compile_seconds:.2f} s to compile"
-
-
-def _model(fit):
-    """Name of the chosen model, with its form if it has several, and its restriction."""
-    from mi_lcair.physics.reflection import MODELS
-
-    form = f", {fit.form} form" if len(MODELS[fit.model].forms) > 1 else ""
-    return fit.model + form + (f" with {fit.restriction}" if fit.restriction else "")

@@ -1,17 +1,13 @@
 """mi-lcair import: convert a model of a modelling program to meshes and a scene."""
 
-from pathlib import Path
-
 import click
 
-from mi_lcair.cli.options import json_option
-from mi_lcair.cli.output import note, print_columns, print_json
+from mi_lcair.cli.options import FILE, json_option, output_option
+from mi_lcair.cli.output import print_result
 from mi_lcair.cli.usage import completion
 from mi_lcair.cli.usage.examples import examples
 
-FILE = click.Path(path_type=Path)
 AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
-COLD = 200.0  # lower temperatures, K, are remarked because they are rare on a surface
 
 
 @click.command(
@@ -23,13 +19,7 @@ COLD = 200.0  # lower temperatures, K, are remarked because they are rare on a s
     ),
 )
 @click.argument("file", type=FILE, metavar="MODEL")
-@click.option(
-    "-o",
-    "--output",
-    type=FILE,
-    metavar="FOLDER",
-    help="Folder to write meshes, model.xml, scene.xml and the picture model.png to.",
-)
+@output_option("meshes, model.xml, scene.xml and the picture model.png to FOLDER", metavar="FOLDER")
 @click.option("--check", is_flag=True, help="Only report; write nothing.")
 @click.option(
     "--overwrite",
@@ -118,88 +108,23 @@ def command(file, output, check, overwrite, materials, sky, json, **reading):
                 f"{option} goes into what -o FOLDER writes; --check writes nothing",
                 click.get_current_context(),
             )
-    from mi_lcair import models3d as facets
+    from mi_lcair import models3d
 
-    model = facets.read(file, materials=materials, **reading)
-    result = facets.report(model)
-    result["files"] = _write(model, output, materials, sky, overwrite) if output else []
-    for remark in (*model.remarks, *_remarks(result, materials)):
-        note(remark)
-    if json:
-        print_json(result)
-    else:
-        _print_table(result, output)
+    model = models3d.read(file, materials=materials, **reading)
+    files = _write(model, output, materials, sky, overwrite) if output else []
+    rows = []
+    if output:
+        after = f"next: mi-lcair signature {output / 'scene.xml'}"
+        rows.append(("written to", f"{output}, {len(files)} files; {after}"))
+    print_result(model, json, rows, {"files": files}, materials=materials)
 
 
 def _write(model, output, materials, sky, overwrite):
     """Write a model and its picture into a folder; returns the paths."""
-    from mi_lcair import models3d as facets
-    from mi_lcair.reports.pictures import model as model_picture
+    from mi_lcair import models3d
+    from mi_lcair.reports.pictures.model import TITLE, png
 
-    title = f"{output.resolve().name}: {model_picture.TITLE}"
-    picture = {"model.png": model_picture.png(model, title)}
-    return [str(path) for path in facets.export(model, output, materials, sky, overwrite, picture)]
-
-
-def _remarks(result, materials):
-    """Yield remarks on the model that a user should know, one line each."""
-    from mi_lcair.physics.materials import emits_nothing
-
-    for material in result["area_by_material"]:
-        if emits_nothing(material, materials):
-            yield (
-                f"material {material} reflects all that arrives and emits nothing: its facets are "
-                "black but for what they reflect; name a material that absorbs, such as blackbody, "
-                "where they are to radiate by their temperature"
-            )
-    if result["temperature_min"] < COLD:
-        yield f"the lowest temperature is {result['temperature_min']:g} K"
-    if result["inward"]:
-        yield (
-            f"{result['inward']} model facet{'s face' if result['inward'] > 1 else ' faces'} "
-            "inward; the back of a facet neither emits nor reflects"
-        )
-    for key, how in (("back_to_back", "back to back"), ("one_on_the_other", "one on the other")):
-        if result[key]["count"]:
-            a, b = result[key]["first"]
-            more = f" ({result[key]['count'] - 1} more pairs)" if result[key]["count"] > 1 else ""
-            yield (
-                f"facets {a} and {b} lie {how} in one plane{more}; which of them is seen is left "
-                "to rounding"
-            )
-
-
-def _print_table(result, output):
-    """Print the report of a model."""
-    lower, upper = result["bounding_box"]
-    print_columns(
-        [
-            ("facets", f"{result['facets']} ({result['triangles']} triangles)"),
-            ("bounding box", " x ".join(f"{length:.4g}" for length in upper - lower) + " m"),
-            ("volume", f"{result['volume']:.6g} m^3"),
-            *(
-                (f"area of {material}", f"{area:.6g} m^2")
-                for material, area in result["area_by_material"].items()
-            ),
-            ("temperature", f"{result['temperature_min']:g} to {result['temperature_max']:g} K"),
-            ("open edges", result["open_edges"]),
-            ("facing inward", result["inward"]),
-            ("without area", result["degenerate"]),
-            ("duplicate", result["duplicate"]),
-            (
-                "not planar",
-                f"{result['non_planar']} (at most {result['non_planar_mm']:.3g} mm off)",
-            ),
-            *(
-                [
-                    (
-                        "written to",
-                        f"{output}, {len(result['files'])} files; next: mi-lcair signature "
-                        f"{output / 'scene.xml'}",
-                    )
-                ]
-                if output
-                else []
-            ),
-        ]
-    )
+    picture = {"model.png": png(model, f"{output.resolve().name}: {TITLE}")}
+    return [
+        str(path) for path in models3d.export(model, output, materials, sky, overwrite, picture)
+    ]

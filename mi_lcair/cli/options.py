@@ -2,7 +2,7 @@
 
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial, wraps
+from functools import wraps
 from pathlib import Path
 
 import click
@@ -16,9 +16,11 @@ from mi_lcair.fraction import fraction
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
 POSITIVE = click.IntRange(min=1)
-DEFAULT_TOLERANCE = 0.01  # tolerance of --plan without --tolerance
+FILE = click.Path(path_type=Path)
+MAX_SPP = "Largest --spp for --tolerance (default: 65536)."
 # Arguments that let the renderer choose the number of samples. None of them goes with --spp.
 CHOOSING = ("tolerance", "tolerance_W_m2", "max_spp")
+CHOICE = ("tolerance", "max_spp")
 
 
 @dataclass
@@ -39,8 +41,6 @@ class SceneOptions:
         Number of CPU threads.
     json : bool
         Whether results are printed as JSON.
-    plan : str, Plan or None
-        "auto" if --plan was given; the plan itself once `run_planned` has found it.
     solution : str or None
         Solution's file, and behind a colon a state.
     """
@@ -51,56 +51,30 @@ class SceneOptions:
     variant: str | None
     threads: int | None
     json: bool
-    plan: object = None
     solution: str | None = None
 
     def __post_init__(self):
         scenes.file_of(self.scene)  # before the renderer is imported, which takes its time
 
-    def run(self, function, **own):
-        """Load the scene and return function(scene, **sampling, **own, progress=...).
+    def run(self, function, **arguments):
+        """Load the scene and return function(scene, **sampling, **arguments, progress=...).
 
         Remarks and the progress bar go to stderr.
         """
         scene = self.load()
         with progress_bar() as progress:
-            return function(scene, **self.sampling, **own, progress=progress)
+            return function(scene, **self.sampling, **arguments, progress=progress)
 
-    def run_planned(self, function, each_pixel: bool, **own):
-        """As `run`, but with --plan make a plan first, and give it to the function.
-
-        The plan replaces the attribute `plan`. `each_pixel` is passed to `mi_lcair.plan`.
-        """
-        if self.plan is None:
-            return self.run(function, **own)
-        scene, sampling = self.load(), self.sampling
-        sampling["tolerance"] = sampling["tolerance"] or DEFAULT_TOLERANCE
-        with progress_bar("probes") as progress:
-            self.plan = mi_lcair.plan(
-                scene,
-                sampling["tolerance"],
-                each_pixel,
-                sampling["seed"],
-                sampling["sensor"],
-                progress,
-            )
-        with progress_bar() as progress:
-            return function(scene, **sampling, **own, plan=self.plan, progress=progress)
-
-    def planned(self) -> dict:
-        """Entries of the JSON output: `plan` if a plan was applied, otherwise none."""
-        return {"plan": self.plan.as_dict()} if self.plan else {}
-
-    def load(self, own_sensors: bool = True):
+    def load(self, with_sensors: bool = True):
         """Set variant and threads, load the scene, and print its remarks on stderr.
 
-        Without `own_sensors`, remarks on the scene's sensors are left out.
+        Without `with_sensors`, remarks on the scene's sensors are left out.
         """
         prepare_renderer(self.variant, self.threads)
         scene = mi_lcair.load(self.scene, **self.parameters)
         if self.solution:
             self.apply_solution(scene)
-        for remark in scene.remarks if own_sensors else scene.notes:
+        for remark in scene.remarks if with_sensors else scene.notes:
             note(remark)
         return scene
 
@@ -109,6 +83,39 @@ class SceneOptions:
         from mi_lcair.sensitivity.solution_file import apply_solution
 
         note(f"{self.solution}: sets {', '.join(apply_solution(scene, self.solution))}")
+
+
+@dataclass
+class ScenarioOptions:
+    """Options of a command with a SCENARIO.
+
+    scenario: TOML file or name of a bundled scenario. changes: values of its entries by dotted key.
+    variant, threads, json: as in SceneOptions.
+    """
+
+    scenario: str
+    changes: dict[str, object]
+    variant: str | None
+    threads: int | None
+    json: bool
+
+    def read(self):
+        """The Scenario, with the changes."""
+        from mi_lcair.detection.scenario import Scenario
+
+        return Scenario.read(self.scenario, **self.changes)
+
+    def run(self, function, scenario, **arguments):
+        """Set variant and threads, and return function(scenario, **arguments, progress=...)."""
+        scenario.check_scene()
+        prepare_renderer(self.variant, self.threads)
+        with progress_bar() as progress:
+            return function(scenario, **arguments, progress=progress)
+
+
+def given(options: dict, prefix: str = "") -> dict:
+    """The options that were given, by their names behind a prefix."""
+    return {f"{prefix}{name}": value for name, value in options.items() if value is not None}
 
 
 def prepare_renderer(variant: str | None, threads: int | None) -> None:
@@ -227,11 +234,11 @@ def sampling_options(spp: str, tolerance: str, max_spp: str | None = None):
 
     def decorator(command):
         @wraps(command)
-        def checked(**given):
+        def checked(**values):
             context = click.get_current_context()
             choosing = [option for option in context.command.params if option.name in CHOOSING]
-            if given["spp"] is not None and any(
-                given[option.name] is not None for option in choosing
+            if values["spp"] is not None and any(
+                values[option.name] is not None for option in choosing
             ):
                 names = " and ".join(option.opts[0] for option in choosing)
                 choose = "chooses one, and does" if len(choosing) == 1 else "choose one, and do"
@@ -239,7 +246,7 @@ def sampling_options(spp: str, tolerance: str, max_spp: str | None = None):
                     f"--spp sets a fixed number of samples; {names} {choose} not go with it",
                     context,
                 )
-            return command(**given)
+            return command(**values)
 
         if max_spp:
             checked = click.option("--max-spp", type=POSITIVE, help=max_spp)(checked)
@@ -249,14 +256,21 @@ def sampling_options(spp: str, tolerance: str, max_spp: str | None = None):
     return decorator
 
 
-def plot_option(help: str):
+def output_option(what: str, required: bool = False, metavar: str = "FILE"):
+    """Decorator that gives a command the option -o. `what` is written, and to which file."""
+    return click.option(
+        "-o", "--output", type=FILE, metavar=metavar, required=required, help=f"Write {what}."
+    )
+
+
+def file_option(name: str, help: str, **settings):
+    """Decorator that gives a command an option whose value is a path."""
+    return click.option(name, type=FILE, metavar="FILE", help=help, **settings)
+
+
+def plot_option(what: str):
     """Decorator that gives a command the option --plot FILE."""
-    return click.option("--plot", type=click.Path(path_type=Path), help=help)
-
-
-def scenario_argument(command):
-    """Give a command the argument SCENARIO."""
-    return click.argument("scenario", shell_complete=completion.scenarios)(command)
+    return file_option("--plot", f"Draw {what}, FILE.png, .svg or .pdf.")
 
 
 def solution_option(command):
@@ -268,46 +282,63 @@ def solution_option(command):
     )(command)
 
 
+def scenario_options(example: str, spp: str, tolerance: str):
+    """Decorator that gives a command the argument SCENARIO and the options of a measurement.
+
+    The command receives them as one argument `options`, a ScenarioOptions. `example` is an entry
+    that -D changes; `spp` and `tolerance` are help texts.
+    """
+
+    def decorator(command):
+        @click.argument("scenario", shell_complete=completion.scenarios)
+        @changes_option(f"Change an entry of the scenario, such as {example}")
+        @sampling_options(spp, tolerance, MAX_SPP)
+        @renderer_options
+        @json_option
+        @wraps(command)
+        def with_scenario(scenario, changes, variant, threads, json, **arguments):
+            sampling = {name: arguments.pop(name) for name in ("spp", *CHOICE)}
+            changes = dict(changes) | given(sampling, "render.")
+            options = ScenarioOptions(scenario, changes, variant, threads, json)
+            return command(options=options, **arguments)
+
+        return with_scenario
+
+    return decorator
+
+
 def scene_options(spp: str, tolerance: str):
     """Decorator that gives a command the argument SCENE and the options of a render.
 
     The command receives them as one argument `options`, a SceneOptions. `spp` and `tolerance` are
     the help texts of these options: what they mean for the command.
     """
-    return partial(_with_scene_options, spp, tolerance)
 
+    def decorator(command):
+        @sensor_option
+        @sampling_options(spp, tolerance, MAX_SPP)
+        @click.option(
+            "--plan",
+            type=click.Choice(["auto"]),
+            help="Let probes choose lobes, reflections, closure and emitter sampling, and render "
+            "to the rest of --tolerance (1%).",
+        )
+        @wraps(command)
+        def with_sampling(options, plan, **arguments):
+            sampling = {name: arguments.pop(name) for name in ("sensor", "spp", *CHOICE)}
+            problem = ""
+            if sampling["max_spp"] and not (sampling["tolerance"] or plan):
+                problem = "--max-spp needs --tolerance; --spp sets a fixed number of samples"
+            if plan and sampling["spp"]:
+                problem = "--plan chooses the samples for --tolerance; --spp does not go with it"
+            if problem:
+                raise click.UsageError(problem, click.get_current_context())
+            options.sampling |= sampling | ({"plan": plan} if plan else {})
+            return command(options=options, **arguments)
 
-def _with_scene_options(spp_help, tolerance_help, command):
-    @sensor_option
-    @sampling_options(spp_help, tolerance_help, "Largest --spp for --tolerance (default: 65536).")
-    @click.option(
-        "--plan",
-        type=click.Choice(["auto"]),
-        help="Let probes choose lobes, reflections, closure and emitter sampling, and render to "
-        "the rest of --tolerance (1%).",
-    )
-    @wraps(command)
-    def with_sampling(options, sensor, spp, tolerance, max_spp, plan, **own):
-        if max_spp and not (tolerance or plan):
-            raise click.UsageError(
-                "--max-spp needs --tolerance; --spp sets a fixed number of samples",
-                click.get_current_context(),
-            )
-        if plan and spp:
-            raise click.UsageError(
-                "--plan chooses the samples for --tolerance; --spp does not go with it",
-                click.get_current_context(),
-            )
-        options.plan = plan
-        options.sampling |= {
-            "sensor": sensor,
-            "spp": spp,
-            "tolerance": tolerance,
-            "max_spp": max_spp,
-        }
-        return command(options=options, **own)
+        return loading_options(with_sampling)
 
-    return loading_options(with_sampling)
+    return decorator
 
 
 def loading_options(command):
@@ -324,18 +355,10 @@ def loading_options(command):
     @renderer_options
     @json_option
     @wraps(command)
-    def with_scene(scene, parameters, variant, threads, json, seed, solution, **own):
-        return command(
-            options=SceneOptions(
-                scene,
-                dict(parameters),
-                {"seed": seed},
-                variant,
-                threads,
-                json,
-                solution=solution,
-            ),
-            **own,
+    def with_scene(scene, parameters, seed, variant, threads, json, solution, **arguments):
+        options = SceneOptions(
+            scene, dict(parameters), {"seed": seed}, variant, threads, json, solution
         )
+        return command(options=options, **arguments)
 
     return with_scene

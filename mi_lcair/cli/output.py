@@ -5,13 +5,11 @@ import logging
 import sys
 import warnings
 from contextlib import contextmanager
-from dataclasses import dataclass
 
 import click
 
 from mi_lcair.errors import escaped, printable
 from mi_lcair.files import check_suffix, check_writable
-from mi_lcair.fraction import percent
 
 QUIET = "mi_lcair.quiet"  # key in the context of click
 
@@ -47,93 +45,53 @@ def print_columns(rows) -> None:
         click.echo("  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip())
 
 
-def interval(half_width: float, value: float, unit: str, of: str, absolute: bool = False) -> str:
-    """The 95 % interval of a value in words, as a fraction of the value if it is not zero.
-
-    `half_width` is half of the interval. `of` names the value, such as "the target's intensity".
-    `absolute`: state the half width in its unit too.
-    """
-    width = f"{half_width:.2g} {unit}"
-    if half_width >= abs(value):
-        return f"the 95 % interval is +- {width}, and {of} may be zero"
-    fraction = percent(half_width / abs(value))
-    return f"the 95 % interval is +- {f'{width}, ' if absolute else ''}{fraction} of {of}"
-
-
-def error_row(
-    error: str,
-    tolerance: float | str | None = None,
-    reached: bool | None = None,
-    max_spp: int | None = None,
-    where: str = "",
-    remedy: str = "raise --max-spp",
-) -> tuple[str, str]:
-    """Row (label, text) for `print_columns`: the error of a result and whether it was allowed.
-
-    All commands use it, so that they say the same in the same words.
+def print_result(result, json: bool, rows=(), more=None, **options) -> None:
+    """Print a result as JSON, or its sections; its remarks are notes on stderr in both cases.
 
     Parameters
     ----------
-    error : str
-        The error in words, see `interval`.
-    tolerance : float or str or None
-        Allowed error, a fraction or in words. Without one, the row only states the error.
-    reached : bool or None
-        Whether the tolerance was reached.
-    max_spp : int or None
-        Samples per pixel at which a result that did not reach it ended.
-    where : str
-        Which of several results reached it.
-    remedy : str
-        What to do if it was not reached.
+    result : Result
+    json : bool
+        Whether to print its dictionary instead of its sections.
+    rows : sequence of (label, value)
+        Further facts, printed below the first ones of the result.
+    more : dict, optional
+        Further entries of the JSON.
+    **options
+        Options of `Result.sections`.
     """
-    if tolerance is None:
-        return "error", error
-    allowed = tolerance if isinstance(tolerance, str) else f"{100 * tolerance:.4g} %"
-    where = f" {where}" if where else ""
-    if reached:
-        return "tolerance", f"{allowed} reached{where}: {error}"
-    ended = f" at {max_spp} samples per pixel" if max_spp else ""
-    return "tolerance", f"{allowed} NOT reached{where}{ended}: {error}; {remedy}"
+    from mi_lcair.results.text import remarks
+
+    sections = result.sections(**options)
+    for remark in remarks(sections):
+        note(remark)
+    if json:
+        print_json(result.as_dict() | (more or {}))
+    else:
+        print_sections(sections, rows)
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """Tolerance that a command was given for its result, and whether the result reached it.
+def print_sections(sections, rows=()) -> None:
+    """Print facts, tables and lists of sections on stdout, with blank lines in between.
 
-    tolerance: allowed error as a fraction; None without one. reached: None without a tolerance.
-    bias: upper bound of the error of a plan's settings, as a fraction; None without a plan.
-    max_spp: limit that was given, if any.
+    rows: further facts (label, value), printed below the first ones.
     """
+    from mi_lcair.results.text import blocks
 
-    tolerance: float | None
-    reached: bool | None
-    bias: float | None
-    max_spp: int | None
+    for number, block in enumerate(blocks(sections, rows)):
+        if number:
+            click.echo()
+        print_columns(block)
 
-    @staticmethod
-    def on(options, reached: bool | None) -> "Verdict":
-        """The verdict on a result of `SceneOptions.run_planned`, which says whether it reached it.
 
-        A planned result was given the tolerance that its plan leaves for noise.
-        """
-        bias = options.plan.bias if options.plan else None
-        return Verdict(options.sampling["tolerance"], reached, bias, options.sampling["max_spp"])
+def whole_tolerance(result) -> dict:
+    """Entries for JSON: the tolerance of plan and noise together, if the result has a plan."""
+    return {"tolerance": result.plan.tolerance} if result.plan else {}
 
-    def as_dict(self) -> dict:
-        """Entries for JSON."""
-        return {"tolerance": self.tolerance, "reached": self.reached}
 
-    def row(self, error: str) -> tuple[str, str]:
-        """Row for `print_columns` with the error in words, see `error_row`."""
-        if self.bias:
-            error += f", and the plan leaves out at most {percent(self.bias)}"
-        max_spp = None
-        if self.reached is False:
-            from mi_lcair.rendering.render import DEFAULT_MAX_SPP
-
-            max_spp = self.max_spp or DEFAULT_MAX_SPP
-        return error_row(error, self.tolerance, self.reached, max_spp)
+def time_row(result) -> tuple[str, str]:
+    """Row of facts: how long a result took."""
+    return "time", f"{result.seconds:.2f} s"
 
 
 def check_outputs(*outputs) -> None:
@@ -165,14 +123,6 @@ def note(text: object) -> None:
         sys.modules["tqdm"].tqdm.write(line, file=sys.stderr)  # keeps the progress bar intact
     else:
         click.echo(line, err=True)
-
-
-def note_invalid(result) -> None:
-    """Say on stderr how many samples of a result (`invalid` of `paths`) do not count, if any."""
-    from mi_lcair.rendering.statistics import invalid_remark
-
-    for remark in invalid_remark(result.invalid, result.paths):
-        note(remark)
 
 
 class Notes(logging.Handler):

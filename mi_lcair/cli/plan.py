@@ -6,9 +6,8 @@ import click
 
 import mi_lcair
 from mi_lcair.cli.options import POSITIVE, Fraction, loading_options, sensor_option
-from mi_lcair.cli.output import print_columns, print_json
+from mi_lcair.cli.output import print_result
 from mi_lcair.cli.usage.examples import examples
-from mi_lcair.fraction import percent
 
 
 @click.command(
@@ -53,34 +52,4 @@ def command(options, sensor, tolerance, each_pixel, renders):
         each_pixel=each_pixel,
         renders=renders or math.inf,
     )
-    if options.json:
-        print_json(plan.as_dict())
-        return
-    print_columns(rows(plan))
-
-
-def rows(plan):
-    """Yield (label, text) rows of a plan."""
-    yield (
-        "lobes",
-        ", ".join(f"{material or 'unnamed'}: {lobe}" for material, lobe in plan.lobe.items())
-        or "no material with a fidelity ladder",
-    )
-    closure = plan.closure
-    if plan.ambient_temperature is not None:
-        closure += f" at {plan.ambient_temperature:.1f} K"
-    yield "reflections", f"{plan.max_bounces}, closure {closure}"
-    yield "emitter sampling", "on" if plan.emitter_sampling else "off"
-    yield (
-        "error",
-        (
-            f"at most {percent(plan.bias)} of the mean (95 %), "
-            + ("rms over the pixels" if plan.each_pixel else "of the target's intensity")
-        ),
-    )
-    yield "left for noise", percent(plan.noise_tolerance)
-    yield "probes", f"{plan.probe_seconds:.2g} s"
-    for sentence in plan.left_out or ["nothing"]:
-        yield "left out", sentence
-    for sentence in plan.untried:
-        yield "not tried", sentence
+    print_result(plan, options.json, [("probes", f"{plan.probe_seconds:.2g} s")])

@@ -1,16 +1,12 @@
 """mi-lcair render: render a scene to a radiance image."""
 
-from pathlib import Path
-
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import scene_options
-from mi_lcair.cli.output import Verdict, note_invalid, print_columns, print_json
-from mi_lcair.cli.plan import rows as plan_rows
+from mi_lcair.cli.options import output_option, scene_options
+from mi_lcair.cli.output import print_result, time_row, whole_tolerance
 from mi_lcair.cli.usage.examples import examples
 from mi_lcair.errors import InputError
-from mi_lcair.fraction import percent
 
 
 @click.command(
@@ -25,13 +21,7 @@ from mi_lcair.fraction import percent
     tolerance="Render until the rms standard error over the pixels is below this fraction of the "
     "mean radiance, such as 0.01 or 1%.",
 )
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(path_type=Path),
-    required=True,
-    help="The image to write, FILE.exr.",
-)
+@output_option("the image, FILE.exr", required=True)
 @click.option(
     "--atmosphere",
     help="Also write the radiance that arrives through an atmosphere: a bundled name, a CSV, a "
@@ -66,45 +56,7 @@ def command(options, output, atmosphere, range_m):
         from mi_lcair.physics.atmosphere import atmosphere as read
 
         air = {"atmosphere": read(atmosphere), "range_m": range_m}
-    result = options.run_planned(mi_lcair.render, each_pixel=True, **air)
+    result = options.run(mi_lcair.render, **air)
     write_exr(output, result.channels, result.header)
-    note_invalid(result)
-
-    verdict = Verdict.on(options, result.reached)
-    if options.json:
-        print_json(
-            {
-                "file": str(output),
-                **result.as_dict(),
-                **verdict.as_dict(),
-                **options.planned(),
-            }
-        )
-        return
-    height, width = result.channels["Y"].shape
-    error = "the rms standard error over the pixels is " + (
-        "unknown for one sample"
-        if result.rms_error is None
-        else f"{percent(result.rms_error)} of the mean"
-    )
-    print_columns(
-        [
-            ("image", f"{output}, {width} x {height} pixels, {result.band.label}"),
-            ("mean radiance", f"{result.mean:.6g} W m^-2 sr^-1"),
-            verdict.row(error),
-            ("samples per pixel", result.spp),
-            ("time", f"{result.seconds:.2f} s"),
-            *_remarks(options, result),
-        ]
-    )
-
-
-def _remarks(options, result):
-    """Yield (label, text) rows about the plan, unusable samples, and the closure."""
-    if options.plan:
-        yield "plan", ""
-        yield from ((f"  {label}", text) for label, text in plan_rows(options.plan))
-    if result.invalid:
-        yield "invalid samples", f"{result.invalid} NaN or infinite, left out of the image"
-    if result.closure_error is not None:
-        yield "closure error", f"{result.closure_error:.2g} W m^-2 sr^-1 (estimated)"
+    rows = [("file", str(output)), time_row(result)]
+    print_result(result, options.json, rows, {"file": str(output), **whole_tolerance(result)})

@@ -1,15 +1,16 @@
 """mi-lcair report: a page in HTML of results, scenes and scenarios."""
 
 import shlex
-from pathlib import Path
 
 import click
 
 import mi_lcair
 from mi_lcair.cli.options import (
+    MAX_SPP,
     POSITIVE,
     Fraction,
     changes_option,
+    output_option,
     prepare_renderer,
     progress_bar,
     renderer_options,
@@ -38,13 +39,7 @@ class Called(click.Command):
     ),
 )
 @click.argument("what", nargs=-1, required=True, shell_complete=completion.scenes_and_scenarios)
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(path_type=Path),
-    required=True,
-    help="The page to write, FILE.html.",
-)
+@output_option("the page, FILE.html", required=True)
 @click.option("--scene", metavar="SCENE", help="Scene whose model shows the facets of a FILE.csv.")
 @changes_option("Set a $-parameter of the scene, or an entry of the scenario", "parameters")
 @click.option(
@@ -59,7 +54,7 @@ class Called(click.Command):
     help="Trace paths until half of the 95 % interval of the signature's intensity, or of the "
     "scenario's contrast, is at most this fraction of it.",
 )
-@click.option("--max-spp", type=POSITIVE, help="Largest --spp for --tolerance (default: 65536).")
+@click.option("--max-spp", type=POSITIVE, help=MAX_SPP)
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="Seed of the random numbers.")
 @click.option(
     "--plan", type=click.Choice(["auto"]), help="Plan the signature of a scene; show the plan."

@@ -1,31 +1,24 @@
 """mi-lcair trend: intensity as a function of the aspect."""
 
 from math import isfinite
-from pathlib import Path
 
 import click
 
 import mi_lcair
 from mi_lcair.cli.options import (
+    MAX_SPP,
     POSITIVE,
     loading_options,
+    output_option,
     plot_option,
     progress_bar,
     sampling_options,
 )
-from mi_lcair.cli.output import (
-    check_outputs,
-    error_row,
-    note,
-    print_columns,
-    print_json,
-    print_written,
-)
+from mi_lcair.cli.output import check_outputs, print_result, print_written
 from mi_lcair.cli.usage.examples import examples
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 from mi_lcair.files import together
-from mi_lcair.fraction import percent
 
 MOST_ANGLES = 100_000  # largest number of angles in START:STOP:STEP
 
@@ -93,14 +86,8 @@ class Azimuths(Angles):
     show_default=True,
     help="Elevations of the observer above the horizontal, degrees; written like the azimuths.",
 )
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(path_type=Path),
-    required=True,
-    help="Write a row for each view, FILE.csv or FILE.nc (netCDF).",
-)
-@plot_option("Draw polar curves, FILE.png, .svg or .pdf.")
+@output_option("a row for each view, FILE.csv or FILE.nc (netCDF)", required=True)
+@plot_option("polar curves")
 @click.option(
     "--resolution",
     type=POSITIVE,
@@ -113,7 +100,7 @@ class Azimuths(Angles):
     spp="Paths of each view, divided by its number of pixels, instead of --tolerance.",
     tolerance="Trace paths until half of the 95 % interval of each intensity is at most this "
     "fraction of it (default: 1%).",
-    max_spp="Largest --spp for --tolerance (default: 65536).",
+    max_spp=MAX_SPP,
 )
 @click.option(
     "--batch", type=POSITIVE, help="Views rendered together (default: as many as a pass holds)."
@@ -143,7 +130,7 @@ def command(options, azimuth, elevation, output, plot, resume, overwrite, **sett
         )
     if not (is_table or overwrite) and output.exists():
         raise InputError(f"output '{output}' exists; give --overwrite, or name another file")
-    scene = options.load(own_sensors=False)
+    scene = options.load(with_sensors=False)
     with progress_bar("views") as progress:
         result = mi_lcair.trend(
             scene,
@@ -161,55 +148,5 @@ def command(options, azimuth, elevation, output, plot, resume, overwrite, **sett
             result.save(output)
         if plot:
             result.plot(plot)
-    if options.json:
-        print_json(result.as_dict())
-    else:
-        print_columns(
-            [
-                (
-                    "elevation",
-                    "views",
-                    "least W/sr",
-                    "at azimuth",
-                    "mean W/sr",
-                    "greatest W/sr",
-                    "at azimuth",
-                ),
-                *(summary(result.at_elevation(angle), angle) for angle in elevation),
-            ]
-        )
-        click.echo()
-        print_columns([_error(result, settings["max_spp"])])
-    if result.table["invalid"].any():
-        note("some samples were NaN or infinite and count as 0; see column invalid")
+    print_result(result, options.json)
     print_written(output, plot)
-
-
-def _error(result, max_spp):
-    """Row about the widest 95 % interval, and about the tolerance if there is one."""
-    from mi_lcair.rendering.render import DEFAULT_MAX_SPP
-
-    views = len(result.table["reached"])
-    widest = f"+- {percent(result.widest)}" if isfinite(result.widest) else "as wide as it"
-    return error_row(
-        f"the widest 95 % interval is {widest} of the intensity",
-        result.tolerance,
-        not result.missed,
-        max_spp or DEFAULT_MAX_SPP,
-        where=f"in {result.missed or views} of {views} views",
-    )
-
-
-def summary(at, elevation):
-    """Row of the table: least, mean and greatest intensity of a Trend at one elevation."""
-    azimuth, intensity = at.table["azimuth_deg"], at.table["intensity_W_sr"]
-    low, high = intensity.argmin(), intensity.argmax()
-    return (
-        f"{elevation:g}",
-        len(azimuth),
-        f"{intensity[low]:.5g}",
-        f"{azimuth[low]:g}",
-        f"{intensity.mean():.5g}",
-        f"{intensity[high]:.5g}",
-        f"{azimuth[high]:g}",
-    )

@@ -9,7 +9,7 @@ from mi_lcair.formats import netcdf
 from mi_lcair.table import read_table
 
 # Kinds of tables, and the columns by which they are known
-TREND, SPECTRUM, FACETS = "trend", "spectrum", "facets"
+TREND, SPECTRUM, FACETS = "a trend", "a spectrum", "a table of facets"
 KNOWN_BY = {
     TREND: ("azimuth_deg", "elevation_deg", "intensity_W_sr"),
     SPECTRUM: ("wavelength_um", "target_W_sr_um"),

@@ -50,6 +50,7 @@ class Model(Result):
 
     kind: ClassVar[str] = "model"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.model:figure"
+    sections_by: ClassVar[str] = "mi_lcair.reports.sections.model:sections"
 
     def summary(self) -> str:
         """One line with the number of facets, the size and the temperatures."""

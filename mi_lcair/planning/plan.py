@@ -102,6 +102,7 @@ class Plan(Result):
     untried: list[str]
 
     kind: ClassVar[str] = "plan"
+    sections_by: ClassVar[str] = "mi_lcair.reports.sections.plan:sections"
 
     @property
     def settings(self) -> Settings:

@@ -74,6 +74,7 @@ class Render(Result):
 
     kind: ClassVar[str] = "render"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.render:figure"
+    sections_by: ClassVar[str] = "mi_lcair.reports.sections.render:sections"
     saved_by: ClassVar[dict[str, str]] = {
         ".exr": "mi_lcair.rendering.image:write_render",
         ".tif": "mi_lcair.rendering.render_result:write_tiff",

@@ -3,7 +3,6 @@
 import importlib
 import json
 from base64 import b64encode
-from html import escape
 from inspect import signature
 from os import PathLike
 from pathlib import Path
@@ -15,6 +14,10 @@ from mi_lcair.drawing import PICTURES, notebook_png, write_figure
 from mi_lcair.errors import InputError, printable, unknown
 from mi_lcair.extras import optional
 from mi_lcair.files import check_writable, replacing
+from mi_lcair.results import html
+from mi_lcair.results.cells import unpacked, words_of
+from mi_lcair.results.sections import Facts, LongTable, Section
+from mi_lcair.results.units import unit_of
 
 if TYPE_CHECKING:
     import pandas
@@ -22,7 +25,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LONGEST = 199  # largest length of `repr` [characters]
-MOST_ROWS = 12  # rows of a table in a notebook
 # Writers of any result's table by suffix, and the method that gives what they write
 WRITERS = {
     ".csv": ("mi_lcair.formats.csv:write", "columns"),
@@ -36,8 +38,9 @@ class Result:
     """Base class of the results of all functions.
 
     A result states in one line what it is (`summary`, `repr`), shows its picture or its table in a
-    notebook, and becomes a dictionary (`as_dict`), a table (`columns`, `to_dataframe`,
-    `to_xarray`), a figure (`plot`) or a file (`save`).
+    notebook, and becomes sections for the console and for pages (`sections`), a dictionary
+    (`as_dict`), a table (`columns`, `to_dataframe`, `to_xarray`), a figure (`plot`) or a file
+    (`save`).
 
     A class sets the names below and defines `summary`, `entries` and `columns`. What draws or
     writes is named as text, "module:function", and is imported on use.
@@ -48,12 +51,16 @@ class Result:
         Kind of the result, such as "signature". It is the entry `kind` of the JSON.
     drawn_by : str
         Function that draws the result: figure(result, **options) -> Figure. "" without a picture.
+    sections_by : str
+        Function of its sections: sections(result, **options) -> list of Section. "" for the
+        summary and the table.
     saved_by : dict of str to str
         Functions that write files of further suffixes: write(path, result, **options).
     """
 
     kind: ClassVar[str] = ""
     drawn_by: ClassVar[str] = ""
+    sections_by: ClassVar[str] = ""
     saved_by: ClassVar[dict[str, str]] = {}
 
     def summary(self) -> str:
@@ -74,14 +81,33 @@ class Result:
     def _repr_html_(self) -> str:
         """The summary, and the picture or the table, for a notebook."""
         try:
-            body = self._picture_html()
+            data = b64encode(notebook_png(self.plot())).decode()
+            body = f'<img alt="{self.kind}" src="data:image/png;base64,{data}"/>'
         except InputError:  # without a picture, or with values that cannot be drawn
-            body = table_html(self.columns())
-        return f"<div><p>{escape(printable(self.summary()))}</p>{body}</div>"
+            body = html.first_rows(self.columns())
+        return f"<div>{html.part_html(self.summary())}{body}</div>"
 
-    def _picture_html(self) -> str:
-        data = b64encode(notebook_png(self.plot())).decode()
-        return f'<img alt="{escape(self.kind)}" src="data:image/png;base64,{data}"/>'
+    def page_title(self) -> str:
+        """What the result is, as the title of a page: the beginning of `summary`."""
+        words = self.summary().partition(":")[0]
+        return words[:1].upper() + words[1:]
+
+    def sections(self, **options: Any) -> list[Section]:
+        """What the console prints and a page shows of the result.
+
+        Parameters
+        ----------
+        **options
+            Options of the function that makes them (`sections_by`).
+
+        Raises
+        ------
+        InputError
+            If that function has no such option.
+        """
+        make = named(self.sections_by) if self.sections_by else whole_table
+        check_options(f"the page of {self._named()}", make, options)
+        return make(self, **options)
 
     def as_dict(self) -> dict[str, Any]:
         """The result for JSON: numbers, texts, lists and dictionaries, with units in the names.
@@ -114,12 +140,14 @@ class Result:
         Raises InputError if xarray is not installed.
         """
         xarray = optional("xarray", f"the dataset of {self._named()}")
-        unit_of = named("mi_lcair.results.units:unit_of")
-        described = lambda table: {
-            name: (dimensions, values, {"units": unit} if (unit := unit_of(name)) else {})
-            for name, (dimensions, values) in table.items()
-        }
-        return xarray.Dataset(described(variables), described(coordinates), self.attributes())
+        variables, coordinates = (
+            {
+                name: (dimensions, values, {"units": unit} if (unit := unit_of(name)) else {})
+                for name, (dimensions, values) in table.items()
+            }
+            for table in (variables, coordinates)
+        )
+        return xarray.Dataset(variables, coordinates, self.attributes())
 
     def plot(self, path: str | PathLike[str] | None = None, **options: Any) -> "Figure":
         """The picture of the result, as a Matplotlib Figure.
@@ -182,11 +210,11 @@ class Result:
                 partial.write_text(f"{text}\n", encoding="utf-8")
         else:
             check_writable(path)
-            own = PAGE | self.saved_by
+            of_result = PAGE | self.saved_by
             writer, content = WRITERS.get(suffix, ("", ""))
-            write = named(own.get(suffix, writer))
+            write = named(of_result.get(suffix, writer))
             check_options(f"{suffix} of {self._named()}", write, options)
-            write(path, self if suffix in own else getattr(self, content)(), **options)
+            write(path, self if suffix in of_result else getattr(self, content)(), **options)
 
     def _check_suffix(self, path: Path, allowed) -> str:
         """The suffix of a path, in lower case. Raises InputError if it is not allowed."""
@@ -223,9 +251,9 @@ def named(text: str):
 def strict(value):
     """A value as strict JSON has it: arrays as lists, NumPy's numbers as Python's, NaN as None."""
     if isinstance(value, dict):
-        return {str(key): strict(own) for key, own in value.items()}
+        return {str(key): strict(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):
-        return [strict(own) for own in value]
+        return [strict(entry) for entry in value]
     if isinstance(value, np.ndarray):
         return strict(value.tolist())
     if isinstance(value, np.generic):
@@ -235,23 +263,18 @@ def strict(value):
     return value
 
 
-def table_html(columns: dict[str, np.ndarray]) -> str:
-    """An HTML table of columns, of which the first MOST_ROWS rows are shown."""
-    rows = list(zip(*columns.values()))
-    lines = ["<table>", _row_html("th", columns)]
-    lines += [_row_html("td", row) for row in rows[:MOST_ROWS]]
-    if len(rows) > MOST_ROWS:
-        lines.append(
-            f'<tr><td colspan="{len(columns)}">... and {len(rows) - MOST_ROWS} more rows</td></tr>'
-        )
-    return "".join([*lines, "</table>"])
+def whole_table(result: Result) -> list[Section]:
+    """Sections of a result that has none of its own: its table, and its other entries."""
+    title = result.kind.replace("_", " ").capitalize()
+    parts = [Facts([(result.kind, result.summary())]), LongTable(result.columns())]
+    return [Section(title, parts), details(result.as_dict())]
 
 
-def _row_html(tag: str, cells) -> str:
-    return f"<tr>{''.join(f'<{tag}>{_cell_html(cell)}</{tag}>' for cell in cells)}</tr>"
-
-
-def _cell_html(cell) -> str:
-    if isinstance(cell, (float, np.floating)):
-        return f"{cell:.6g}"
-    return escape(printable(cell))
+def details(entries: dict, title: str = "How it was made") -> Section:
+    """The numbers and texts of a result's dictionary, without durations, as a detail of a page."""
+    rows = [
+        (words_of(name), unpacked(value))
+        for name, value in entries.items()
+        if not isinstance(value, (dict, list)) and name != "kind" and not name.endswith("time_s")
+    ]
+    return Section(title, [Facts(rows)], is_detail=True)

@@ -42,6 +42,7 @@ class FacetResults(Result):
 
     kind: ClassVar[str] = "facets"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.facets:figure"
+    sections_by: ClassVar[str] = "mi_lcair.reports.sections.facets:sections"
     saved_by: ClassVar[dict[str, str]] = dict.fromkeys(VTK, f"{__name__}:write_vtk")
 
     def summary(self) -> str:

@@ -61,6 +61,7 @@ class HemisphericalView(Result):
 
     kind: ClassVar[str] = "hemispherical_view"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.hemispherical_view:figure"
+    sections_by: ClassVar[str] = "mi_lcair.reports.sections.hemispherical_view:sections"
 
     def summary(self) -> str:
         """One line with the number of neighbours and the largest view factor."""

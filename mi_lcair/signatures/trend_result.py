@@ -41,6 +41,7 @@ class Trend(Result):
 
     kind: ClassVar[str] = "trend"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.trend:figure"
+    sections_by: ClassVar[str] = "mi_lcair.reports.sections.trend:sections"
 
     @staticmethod
     def read(path: str | PathLike[str]) -> "Trend":

@@ -83,6 +83,7 @@ class Budget(Result):
 
     kind: ClassVar[str] = "budget"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.budget:figure"
+    sections_by: ClassVar[str] = "mi_lcair.reports.sections.budget:sections"
 
     @property
     def sigma_of_quantities(self) -> float:

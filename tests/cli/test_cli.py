@@ -228,10 +228,11 @@ def test_render_prints_what_it_made(run, renderer):
     assert (
         result.stdout
         == """\
-image              out.exr, 3 x 2 pixels, MWIR 3-5 um
+image              3 x 2 pixels, MWIR 3-5 um
 mean radiance      5.25 W m^-2 sr^-1
 error              the rms standard error over the pixels is 1.2 % of the mean
 samples per pixel  16
+file               out.exr
 time               1.50 s
 """
     )
@@ -248,15 +249,14 @@ time               1.50 s
         ),
         (
             {"reached": False},
-            "tolerance          1 % NOT reached at 65536 samples per pixel: the rms standard error "
-            "over the pixels is 1.2 % of the mean; raise --max-spp",
+            "tolerance          1 % NOT reached: the rms standard error over the pixels is 1.2 % "
+            "of the mean; raise --max-spp",
         ),
-        ({"invalid": 3}, "invalid samples    3 NaN or infinite, left out of the image"),
         ({"closure_error": 0.0123}, "closure error      0.012 W m^-2 sr^-1 (estimated)"),
         (
             {"rms_error": None, "reached": False},
-            "tolerance          1 % NOT reached at 65536 samples per pixel: the rms standard error "
-            "over the pixels is unknown for one sample; raise --max-spp",
+            "tolerance          1 % NOT reached: the rms standard error over the pixels is unknown "
+            "for one sample; raise --max-spp",
         ),
     ],
 )
@@ -265,6 +265,13 @@ def test_render_says_what_went_short(run, renderer, results, row):
     assert (
         row in run("render", "cavity", "--tolerance", "0.01", "-o", "out.exr").stdout.splitlines()
     )
+
+
+@pytest.mark.parametrize("json", [[], ["--json"]])
+def test_invalid_samples_are_noted(run, renderer, json):
+    renderer.results = {"invalid": 3}
+    told = run("render", "cavity", "-o", "out.exr", *json).stderr
+    assert told == "mi-lcair: note: 3 of 96 samples were NaN or infinite and do not count\n"
 
 
 def test_remarks_on_the_scene_go_to_stderr(run, renderer):

@@ -20,12 +20,12 @@ def test_signature_table(run, renderer):
     assert renderer.sampling["spp"] == 4
     lines = result.stdout.splitlines()
     rows = [line.split() for line in lines]
-    assert "scene   22.0755 W/sr +- 0.005 (95 %)" in lines
-    assert "target  11.5 W/sr +- 0.005 (95 %)" in lines
+    assert "scene   22.0755 W/sr +- 0.005 (95 %), standard error 0.0021" in lines
+    assert "target  11.5 W/sr +- 0.005 (95 %), standard error 0.0021" in lines
     assert "error   the 95 % interval is +- 0.043 % of the target's intensity" in lines
     assert rows[7][:6] == ["reflections", "target", "W/sr", "up", "to", "these"]
-    assert ["0", "10", "10", "20", "20"] in rows
-    assert ["1", "1.5", "11.5", "2.0755", "22.0755"] in rows
+    assert ["0", "10", "+-", "0", "10", "20", "+-", "0", "20"] in rows
+    assert ["1", "1.5", "+-", "0.0021", "11.5", "2.0755", "+-", "0.0021", "22.0755"] in rows
     assert ["hot", "21", "+-", "0.002", "21", "+-", "0.002"] in rows
     assert ["self", "1.0755", "+-", "0", "1.0755", "+-", "0"] in rows
     assert ["plate", "22.0755", "+-", "0.0021", "22.0755", "+-", "0.0021"] in rows
@@ -40,13 +40,13 @@ def test_signature_table(run, renderer):
         ),
         (
             {"reached": False},
-            "tolerance  1 % NOT reached at 64 samples per pixel: the 95 % interval is +- 0.043 % "
-            "of the target's intensity; raise --max-spp",
+            "tolerance  1 % NOT reached: the 95 % interval is +- 0.043 % of the target's "
+            "intensity; raise --max-spp",
         ),
         (
             {"reached": False, "half_width": 12.0},
-            "tolerance  1 % NOT reached at 64 samples per pixel: the 95 % interval is +- 12 W/sr, "
-            "and the target's intensity may be zero; raise --max-spp",
+            "tolerance  1 % NOT reached: the 95 % interval is +- 12 W/sr, and the target's "
+            "intensity may be zero; raise --max-spp",
         ),
     ],
 )

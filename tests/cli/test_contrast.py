@@ -126,12 +126,12 @@ def told(run, *options):
         ),
         (
             ["--tolerance", "0.1%", "--max-spp", 4],
-            "tolerance      0.1 % NOT reached at 4 samples per pixel: the 95 % interval is +- ",
+            "tolerance      0.1 % NOT reached: the 95 % interval is +- ",
             " % of the contrast; raise --max-spp",
         ),
         (
             ["--tolerance", "1%", "--max-spp", 4, "-D", "background.temperature=400"],
-            "tolerance      1 % NOT reached at 4 samples per pixel: the 95 % interval is +- ",
+            "tolerance      1 % NOT reached: the 95 % interval is +- ",
             "and the contrast may be zero; give --tolerance-W-m2, as no fraction of zero can be "
             "reached",
         ),

@@ -137,9 +137,10 @@ def test_results_in_memory_are_saved_as_pages(folder):
 @pytest.mark.parametrize(
     ("content", "name", "words"),
     [
-        (None, "nothing", "'nothing' is none of what a page shows"),
+        (None, "nothing", "'nothing' is no image (.exr)"),
         (None, "missing.exr", "missing.exr"),
-        ("text", "notes.txt", "report takes a radiance image"),
+        ("text", "notes.txt", "'notes.txt' is no image (.exr)"),
+        (None, "bare_aluminum", "is a material, which no page shows; report takes"),
         ("no image", "a.exr", "is not an OpenEXR image"),
         ("{", "a.json", "not JSON"),
         ("[" * 100_000, "a.json", "'a.json': not JSON: nested too deeply"),

@@ -5,9 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from mi_lcair.cli.files.sources import MATERIAL, SCENARIO, kind_of
-from mi_lcair.errors import InputError
-
 
 def written(folder):
     return sorted(
@@ -20,10 +17,10 @@ def test_facet(run, folder, figures):
     result = run("show", "two_plates", "--facet", 0, "-D", "band=LWIR")
     assert result.exit_code == 0, result.output
     rows = [line.split() for line in result.stdout.splitlines()]
-    assert rows[0] == ["picture", "two_plates_facet_0.png"] and written(folder) == [
+    assert rows[1] == ["picture", "two_plates_facet_0.png"] and written(folder) == [
         "two_plates_facet_0.png"
     ]
-    assert rows[1] == [
+    assert rows[0] == [
         "facet",
         "0",
         "of",
@@ -193,17 +190,9 @@ def test_scenario(run, folder, figures):
     assert "4000 m, azimuth 180" in figures[-1].get_suptitle() and (folder / "slant.png").exists()
 
 
-def test_a_bundled_scenario_by_its_name():
-    assert kind_of("a340_landing/position_1") == SCENARIO
-
-
-def test_the_json_of_another_result(tmp_path):
-    path = tmp_path / "signature.json"
-    path.write_text('{"kind": "signature"}')
-    with pytest.raises(InputError, match="is the JSON of a result of kind 'signature'; show draws"):
-        kind_of(str(path))
-    path.write_text('{"parameters": {}}')
-    assert kind_of(str(path)) == MATERIAL
+def test_a_signature_is_shown_by_report(refused, folder):
+    (folder / "signature.json").write_text('{"kind": "signature"}')
+    assert "'signature.json' is a signature; report shows it" in refused("show", "signature.json")
 
 
 @pytest.mark.slow

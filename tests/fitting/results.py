@@ -100,7 +100,17 @@ def fit_of(
         converged=True,
         gradient_norm=1e-13,
         starts_in_basin=0.75,
-        candidates=[{"form": "normalized", "restriction": "b = 0", "chosen": True}],
+        candidates=[
+            {
+                "model": model.name,
+                "form": "normalized",
+                "restriction": "b = 0",
+                "free_parameters": 3,
+                "rms_dex": 0.1234,
+                "criterion": -5.0,
+                "chosen": True,
+            }
+        ],
         emissivity=(theta, np.full(len(theta), 0.55)),
         emissivity_rms=None if emissivity is None else 0.05,
         seconds=seconds,

@@ -5,15 +5,12 @@ from pathlib import Path
 import click
 
 import mi_lcair
-from mi_lcair.cli.files import sources
-from mi_lcair.cli.options import changes_option
+from mi_lcair.cli.options import FILE, changes_option
 from mi_lcair.cli.output import print_written
 from mi_lcair.cli.usage.examples import examples
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import check_suffix, check_writable
 from mi_lcair.formats import VTK
-
-FILE = click.Path(path_type=Path)
 
 
 @click.command(
@@ -36,7 +33,9 @@ FILE = click.Path(path_type=Path)
 @changes_option("Set a $-parameter of the scene", "parameters")
 @click.pass_context
 def command(ctx, source, output, channel, scene, parameters):
-    """Write the content of IN as OUT, whose suffix chooses the format:
+    """Write the content of IN as OUT.
+
+    The suffix of OUT chooses the format:
 
     \b
     FILE.exr -> FILE.tif          a channel as 32-bit numbers, in kelvin for
@@ -51,20 +50,17 @@ def command(ctx, source, output, channel, scene, parameters):
 
     Pictures are made by show.
     """
-    given = {
-        parameter.name
-        for parameter in ctx.command.params
-        if ctx.get_parameter_source(parameter.name) is click.core.ParameterSource.COMMANDLINE
-    }
-    convert, suffixes, own = _way(source, scene)
-    for name in given - {"source", "output", *own}:
-        raise click.UsageError(f"the option for {name} does not go with '{source}'", ctx)
+    convert, suffixes, names = _way(source, scene)
+    for parameter in ctx.command.params:
+        given = ctx.get_parameter_source(parameter.name) is click.core.ParameterSource.COMMANDLINE
+        if given and parameter.name not in ("source", "output", *names):
+            raise click.UsageError(f"{parameter.opts[-1]} does not go with '{source}'", ctx)
     suffix = check_suffix(output, suffixes, f"'{source}' becomes {', '.join(suffixes)}; output")
     check_writable(output)
     if Path(source).exists() and output.exists() and output.samefile(source):
         raise InputError(f"'{source}' and the output are the same file")
     options = {"channel": channel, "scene": scene, "parameters": dict(parameters)}
-    convert(source, output, suffix, **{name: options[name] for name in own})
+    convert(source, output, suffix, **{name: options[name] for name in names})
     print_written(output)
 
 
@@ -78,11 +74,13 @@ def _way(source: str, scene):
         return _facets, VTK, ("scene", "parameters")
     if suffix in (".csv", ".nc"):
         return _table, (".nc",) if suffix == ".csv" else (".csv",), ()
-    kind = sources.kind_of(source)
+    from mi_lcair.formats import kinds
+
+    kind = kinds.kind_of(source)
     ways = {
-        sources.IMAGE: (_image, (".tif", ".tiff", ".nc"), ("channel",)),
-        sources.MODEL: (_model, VTK, ()),
-        sources.SCENE: (_scene, VTK, ("parameters",)),
+        kinds.IMAGE: (_image, (".tif", ".tiff", ".nc"), ("channel",)),
+        kinds.MODEL: (_model, VTK, ()),
+        kinds.SCENE: (_scene, VTK, ("parameters",)),
     }
     if kind not in ways:
         raise InputError(
@@ -104,8 +102,8 @@ def _image(source, output, suffix, channel):
     if suffix != ".nc":
         if channel not in channels:
             raise unknown("channel", channel, channels)
-        is_own = "units" in header or "band" in header
-        unit = quantity_of(channel)[1] if is_own else "units of the image"
+        is_radiance = "units" in header or "band" in header
+        unit = quantity_of(channel)[1] if is_radiance else "units of the image"
         tiff.write(output, channels[channel], ", ".join(filter(None, (channel, unit))))
         return
     from mi_lcair.extras import optional
@@ -157,10 +155,12 @@ def _model(source, output, suffix):
     import numpy as np
 
     from mi_lcair import models3d
+    from mi_lcair.formats import vtk
 
     model = models3d.read(Path(source))
     used, corners = np.unique(model.corners, return_inverse=True)
-    _write_model(output, model, model.vertices[used], np.split(corners, model.first[1:-1]))
+    faces = np.split(corners, model.first[1:-1])
+    vtk.write_facets(output, model.vertices[used], faces, model.columns())
 
 
 def _scene(source, output, suffix, parameters):
@@ -180,30 +180,3 @@ def _scene(source, output, suffix, parameters):
         "area_m2": facets.area,
     }
     FacetPolygons.of(facets.triangles, facets.triangle_facet).write(output, columns)
-
-
-def _write_model(output, model, vertices, faces):
-    """Write a `Model` with a row of cell data for each facet."""
-    import numpy as np
-
-    from mi_lcair.formats import vtk
-    from mi_lcair.reports.pictures.model import TYPES
-
-    labels = [model.labels[k] for k in model.label]
-    corners = model.vertices[model.triangles]
-    areas = np.linalg.norm(
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-    )
-    vtk.write_facets(
-        output,
-        vertices,
-        faces,
-        {
-            "facet": np.arange(model.count),
-            "type": np.array([TYPES[label.type] for label in labels]),
-            "group": np.array([label.group for label in labels]),
-            "material": np.array([label.material for label in labels]),
-            "temperature_K": model.temperature,
-            "area_m2": np.bincount(model.triangle_facet, areas / 2, model.count),
-        },
-    )

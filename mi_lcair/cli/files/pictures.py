@@ -1,17 +1,14 @@
 """Pictures of the command `show`. Each function draws one kind and prints its path."""
 
-from dataclasses import fields
 from fnmatch import fnmatchcase
 from pathlib import Path
 
 import click
 
 import mi_lcair
-from mi_lcair.cli.output import print_columns, print_json
+from mi_lcair.cli.output import print_result, print_sections
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import check_writable
-
-MOST_NEIGHBOURS = 20  # largest number of facets in the table; the others are summed
 
 
 def image(what, output, channels, outlines, scene, parameters, sensor, **scale):
@@ -22,11 +19,11 @@ def image(what, output, channels, outlines, scene, parameters, sensor, **scale):
     file = Path(what)
     output = output or file.with_suffix(".png")
     image_channels, header = read_exr(file)
-    chosen = choose("channel", image_channels, channels or ("Y",))
+    names = choose("channel", image_channels, channels or ("Y",))
     title = ", ".join(str(header[key]) for key in ("scene", "band") if key in header) or file.stem
-    drawn = {name: image_channels[name] for name in chosen}
+    drawn = {name: image_channels[name] for name in names}
     if outlines:
-        shape = drawn[chosen[0]].shape
+        shape = drawn[names[0]].shape
         scale["outlines"] = _outlines_of(file, header, shape, scene, dict(parameters), sensor)
     save_picture(output, drawn, title, window_m=window_of(header), **scale)
     click.echo(output)
@@ -66,11 +63,11 @@ def facet_columns(what, output, facets, channels, parameters, sensor, outlines, 
     table = read_table(facets, (FACET,))
     if not channels:
         raise InputError(f"{facets}: say which column with -c; it has {', '.join(table.columns)}")
-    chosen = choose(f"column of {facets}", table.columns, channels)
+    names = choose(f"column of {facets}", table.columns, channels)
     output = output or facets.with_suffix(".png")
     check_writable(output)
     scene = mi_lcair.load(what, **dict(parameters))
-    images = facet_images(scene, table, chosen, sensor)
+    images = facet_images(scene, table, names, sensor)
     if outlines:
         scale["outlines"] = seen_facets(scene, FacetTable(scene), sensor)
     save_picture(
@@ -108,75 +105,45 @@ def spectrum(what, output):
 def model(what, output, materials):
     """Draw the model in a file from three sides."""
     from mi_lcair import models3d
-    from mi_lcair.drawing import write_figure
-    from mi_lcair.reports.pictures.model import figure
 
     file = Path(what)
     output = output or file.with_suffix(".png")
     check_writable(output)
-    read = models3d.read(file, materials=materials)
-    write_figure(figure(read, f"{file.name}: {read.count} facets"), output)
+    facets = models3d.read(file, materials=materials)
+    facets.plot(output, title=f"{file.name}: {facets.count} facets")
     click.echo(output)
 
 
 def scene(what, output, parameters):
     """Draw the model of a scene from three sides."""
-    from mi_lcair.drawing import write_figure
     from mi_lcair.rendering.facets.model import model_of
-    from mi_lcair.reports.pictures.model import figure
 
     output = output or Path(f"{Path(what).stem}.png")
     check_writable(output)
     loaded = mi_lcair.load(what, **dict(parameters))
-    found = model_of(loaded)
-    write_figure(figure(found, f"{loaded.name}: {found.count} facets"), output)
+    facets = model_of(loaded)
+    facets.plot(output, title=f"{loaded.name}: {facets.count} facets")
     click.echo(output)
 
 
 def scenario(what, output, parameters):
     """Print what a scenario states, and draw its target from three sides."""
     from mi_lcair.detection.scenario import Scenario
-    from mi_lcair.drawing import write_figure
     from mi_lcair.rendering.facets.model import model_of
-    from mi_lcair.reports.pictures.model import figure
+    from mi_lcair.reports.sections.scenario import scenario_section
 
     stated = Scenario.read(what, **dict(parameters))
     output = output or Path(f"{Path(what).stem}.png")
     check_writable(output)
-    loaded = mi_lcair.load(
-        stated.target.scene, **stated.scene_parameters() | {"band": stated.sensor.band}
-    )
+    band = {"band": stated.sensor.band}
+    loaded = mi_lcair.load(stated.target.scene, **stated.scene_parameters() | band)
     observer = stated.observer
     where = f"{observer.range_m:g} m"
     if observer.azimuth_deg is not None:
         where += f", azimuth {observer.azimuth_deg:g}, elevation {observer.elevation_deg:g} degrees"
     name = ": ".join(filter(None, (stated.name, stated.title.rstrip("."))))
-    write_figure(figure(model_of(loaded), f"{name}; seen from {where}"), output)
-    print_columns([("picture", output), ("scenario", name)])
-    click.echo()
-    print_columns(
-        [
-            (f"[{part}]", ", ".join(f"{key} = {value}" for key, value in entries))
-            for part in (
-                "target",
-                "pose",
-                "observer",
-                "atmosphere",
-                "background",
-                "sensor",
-                "render",
-            )
-            for entries in [
-                [
-                    (field.name, value)
-                    for field in fields(getattr(stated, part))
-                    for value in [getattr(getattr(stated, part), field.name)]
-                    if value not in (None, (), {})
-                ]
-            ]
-            if entries
-        ]
-    )
+    model_of(loaded).plot(output, title=f"{name}; seen from {where}")
+    print_sections([scenario_section(stated, [("picture", str(output)), ("scenario", name)])])
 
 
 def facet_view(what, output, facet, parameters, json):
@@ -187,45 +154,7 @@ def facet_view(what, output, facet, parameters, json):
     check_writable(output)
     view = hemispherical_view(mi_lcair.load(what, **dict(parameters)), facet)
     view.plot(output)
-    table = view.as_dict()
-    if json:
-        print_json({"file": str(output), **table})
-        return
-    *neighbours, nothing = table["neighbours"]
-    print_columns(
-        [
-            ("picture", output),
-            (
-                "facet",
-                f"{facet} of {table['scene_name']}: {table['type']}, group {table['group']}, "
-                f"{table['material']}, {table['area_m2']:.6g} m^2",
-            ),
-        ]
-    )
-    click.echo()
-    rows = [
-        (row["facet"], row["group"], row["material"], row) for row in neighbours[:MOST_NEIGHBOURS]
-    ]
-    rest = neighbours[MOST_NEIGHBOURS:]
-    if rest:
-        rows.append(
-            (
-                f"{len(rest)} more",
-                "",
-                "",
-                {key: sum(row[key] for row in rest) for key in ("solid_angle_sr", "view_factor")},
-            )
-        )
-    rows += [("nothing", "", "", nothing), ("all", "", "", table)]
-    print_columns(
-        [
-            ("sees", "group", "material", "solid angle (sr)", "view factor"),
-            *(
-                (*names, f"{row['solid_angle_sr']:.6f}", f"{row['view_factor']:.6f}")
-                for *names, row in rows
-            ),
-        ]
-    )
+    print_result(view, json, [("picture", str(output))], {"file": str(output)})
 
 
 def brdf(what, output, band, theta_deg, materials):
@@ -250,7 +179,7 @@ def choose(kind: str, known, patterns) -> list[str]:
 
     Raises InputError for a pattern without a match. `kind` names it in the message.
     """
-    chosen = {}
+    matching = {}
     for pattern in patterns:
         matches = (
             [pattern]
@@ -259,5 +188,5 @@ def choose(kind: str, known, patterns) -> list[str]:
         )
         if not matches:
             raise unknown(kind, pattern, known)
-        chosen |= dict.fromkeys(matches)
-    return list(chosen)
+        matching |= dict.fromkeys(matches)
+    return list(matching)

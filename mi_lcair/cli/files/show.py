@@ -1,31 +1,34 @@
 """mi-lcair show: pictures of what the commands read and write."""
 
-from pathlib import Path
-
 import click
 
-from mi_lcair.cli.files import pictures, sources
-from mi_lcair.cli.options import changes_option, json_option, sensor_option
+from mi_lcair.cli.files import pictures
+from mi_lcair.cli.options import FILE, changes_option, json_option, output_option, sensor_option
 from mi_lcair.cli.usage import completion
 from mi_lcair.cli.usage.examples import examples
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 from mi_lcair.files import check_suffix, check_writable
 
-FILE = click.Path(path_type=Path)
 SCALE = ("log", "vmin", "vmax", "cmap", "common_scale", "outlines")
 SCENE = ("parameters", "sensor")
+FACET, COLUMNS = "--facet", "--facets"
 # The function that draws each kind of picture, and its options beside --output.
-KINDS = {
-    sources.FACET: (pictures.facet_view, ("facet", "parameters", "json")),
-    sources.FACETS: (pictures.facet_columns, ("facets", "channels", *SCALE, *SCENE)),
-    sources.IMAGE: (pictures.image, ("channels", *SCALE, "scene", *SCENE)),
-    sources.TREND: (pictures.trend, ()),
-    sources.SPECTRUM: (pictures.spectrum, ()),
-    sources.MODEL: (pictures.model, ("materials",)),
-    sources.SCENE: (pictures.scene, ("parameters",)),
-    sources.SCENARIO: (pictures.scenario, ("parameters",)),
-    sources.MATERIAL: (pictures.brdf, ("band", "theta_deg", "materials")),
+DRAWN = {
+    FACET: (pictures.facet_view, ("facet", "parameters", "json")),
+    COLUMNS: (pictures.facet_columns, ("facets", "channels", *SCALE, *SCENE)),
+    "an image": (pictures.image, ("channels", *SCALE, "scene", *SCENE)),
+    "a trend": (pictures.trend, ()),
+    "a spectrum": (pictures.spectrum, ()),
+    "a model": (pictures.model, ("materials",)),
+    "a scene": (pictures.scene, ("parameters",)),
+    "a scenario": (pictures.scenario, ("parameters",)),
+    "a material": (pictures.brdf, ("band", "theta_deg", "materials")),
+    "a fit": (pictures.brdf, ("band", "theta_deg", "materials")),
+}
+NOT_DRAWN = {
+    "a table of facets": "name its scene: mi-lcair show SCENE --facets {} -c COLUMN",
+    "a signature": "report shows it",
 }
 
 
@@ -37,12 +40,7 @@ KINDS = {
     ),
 )
 @click.argument("what", shell_complete=completion.pictured)
-@click.option(
-    "-o",
-    "--output",
-    type=FILE,
-    help="The picture, FILE.png, .svg or .pdf (default: named after WHAT).",
-)
+@output_option("the picture, FILE.png, .svg or .pdf (default: named after WHAT)")
 @click.option(
     "-c",
     "--channel",
@@ -91,7 +89,9 @@ KINDS = {
 @json_option
 @click.pass_context
 def command(ctx, what, output, **options):
-    """Write a picture of WHAT, one of these:
+    """Write a picture of WHAT.
+
+    WHAT is one of these, with its options:
 
     \b
     FILE.exr                            channels of an image
@@ -104,15 +104,27 @@ def command(ctx, what, output, **options):
     SCENARIO.toml                       what it states, and its target
     MATERIAL --band BAND                the BRDF over the hemisphere
     """
-    kind = sources.kind_of(what, options["facet"], options["facets"], options["materials"])
-    draw, own = KINDS[kind]
+    kind = _kind(what, **{name: options[name] for name in ("facet", "facets", "materials")})
+    draw, names = DRAWN[kind]
     for parameter in ctx.command.params:
         given = ctx.get_parameter_source(parameter.name) is click.core.ParameterSource.COMMANDLINE
-        if given and parameter.name not in ("what", "output", *own):
+        if given and parameter.name not in ("what", "output", *names):
             raise click.UsageError(f"{parameter.opts[-1]} does not go with {kind}", ctx)
     if options["scene"] and not options["outlines"]:
         raise InputError("--scene names the scene whose facets --outlines draws; give that too")
     if output:
         check_suffix(output, PICTURES)
         check_writable(output)
-    draw(what, output, **{name: options[name] for name in own})
+    draw(what, output, **{name: options[name] for name in names})
+
+
+def _kind(what, facet, facets, materials) -> str:
+    """What is drawn, a key of DRAWN; raises InputError for what has no picture."""
+    from mi_lcair.formats.kinds import kind_of
+
+    if facet is not None or facets is not None:
+        return COLUMNS if facet is None else FACET
+    kind = kind_of(what, materials)
+    if kind in NOT_DRAWN:
+        raise InputError(f"'{what}' is {kind}; {NOT_DRAWN[kind].format(what)}")
+    return kind

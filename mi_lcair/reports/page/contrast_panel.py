@@ -1,94 +1,13 @@
-"""Panel and tables of a contrast: irradiances, spectra, and ranges of detection."""
+"""Panel of the spectra of a contrast."""
 
 import numpy as np
 
 from mi_lcair.reports.page.figures import INK, LINE, colour, figure_panel, graph_objects, subplots
 from mi_lcair.reports.page.figures import name as plain_name
-from mi_lcair.reports.page.page import Panel, Section, paragraph
+from mi_lcair.reports.page.panel import Panel
 from mi_lcair.reports.page.spectrum_panel import INTENSITY, WAVELENGTH
-from mi_lcair.reports.page.tables import facts, listed, table, with_error
 
 IRRADIANCE = "irradiance (W m⁻² µm⁻¹)"
-
-
-def contrast_sections(contrast) -> list[Section]:
-    """Irradiances, spectra and detection ranges of a contrast."""
-    detector = contrast.detector
-    rows = [
-        [
-            row.max_bounces,
-            with_error(*row.intensity),
-            *(with_error(*term) for term in (row.target, row.background, row.path)),
-            f"{row.total.value:.5g} ± {row.half_width:.2g}",
-            with_error(*row.nei_max),
-            *([] if row.detected is None else ["yes" if row.detected else "no"]),
-        ]
-        for row in contrast.rows
-    ]
-    watts = "W m⁻²"
-    columns = [
-        "reflections up to",
-        ("intensity", "W sr⁻¹"),
-        ("target", watts),
-        ("background", watts),
-        ("path", watts),
-        ("contrast (95 %)", watts),
-        ("largest nei", watts),
-        *([] if contrast.rows[0].detected is None else ["detected"]),
-    ]
-    first = contrast.rows[-1]
-    pieces = [
-        facts(
-            [
-                ("scenario", f"{contrast.scenario.name}: {contrast.scenario.title}"),
-                ("band", detector.band.label),
-                ("range", f"{contrast.path.range_m:.6g} m"),
-                ("elevation of the line of sight", f"{contrast.sight_elevation_deg:.4g}°"),
-                (
-                    "atmosphere",
-                    f"{contrast.air.name}: mean transmittance {contrast.transmittance:.4f}, path "
-                    f"{contrast.path_radiance:.5g} W m⁻² sr⁻¹",
-                ),
-                (
-                    "background",
-                    f"{contrast.background_name}: {contrast.background_radiance:.5g} W m⁻² sr⁻¹",
-                ),
-                (
-                    "target",
-                    f"projected area {with_error(*first.projected_area)} m², "
-                    f"{first.solid_angle:.5g} sr",
-                ),
-            ]
-        ),
-        table(columns, rows),
-        listed(contrast.remarks),
-    ]
-    sections = [Section("Contrast", pieces), Section("Spectra", [contrast_panel(contrast)])]
-    if detector.nei is not None:
-        sections.insert(1, ranges_section(contrast))
-    return sections
-
-
-def ranges_section(contrast) -> Section:
-    """Detection ranges of a contrast whose sensor has a nei."""
-    rows = []
-    for row, detection in zip(contrast.rows, contrast.detection_ranges()):
-        intervals = ", ".join(f"{a:.5g} to {b:.5g}" for a, b in detection.intervals_m)
-        if detection.at_least:
-            note = "at least: the table of the air ends there"
-        elif detection.intervals_m:
-            note = f"± {detection.standard_error_m:.2g} m (standard error of the largest)"
-        else:
-            note = "no range"
-        rows.append([row.max_bounces, intervals or "none", note])
-    words = (
-        f"Ranges at which the contrast reaches {contrast.detector.snr:g} times the "
-        f"noise-equivalent irradiance of {contrast.detector.nei:g} W m⁻²."
-    )
-    return Section(
-        "Detection range",
-        [paragraph(words), table(["reflections up to", ("detected", "m"), "remark"], rows)],
-    )
 
 
 def contrast_panel(contrast) -> Panel:

@@ -4,7 +4,7 @@ from html import escape
 
 from mi_lcair.errors import printable
 from mi_lcair.extras import optional
-from mi_lcair.reports.page.page import LONGEST, Panel
+from mi_lcair.reports.page.panel import LONGEST, Panel
 
 LINE = {"width": 1.6}
 INK = "#1c2430"

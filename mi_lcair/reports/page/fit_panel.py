@@ -1,14 +1,9 @@
-"""Panel and tables of a fit: measured and fitted BRDF, residuals, emissivity, parameters."""
-
-from types import SimpleNamespace
+"""Panel of a fit: measured and fitted BRDF, residuals, and emissivity."""
 
 import numpy as np
 
-from mi_lcair.fitting.scatterometer.measurements import DirectionalData
-from mi_lcair.physics import reflection
 from mi_lcair.reports.page.figures import INK, LINE, figure_panel, graph_objects, subplots
-from mi_lcair.reports.page.page import Panel, Section, paragraph
-from mi_lcair.reports.page.tables import facts, number, table, unpacked, words_of
+from mi_lcair.reports.page.panel import Panel
 from mi_lcair.reports.pictures.fit import MOST_CURVES, directional, predicted
 
 SYMBOLS = {"theta_i": "θi", "theta_r": "θr"}
@@ -178,106 +173,3 @@ def shades(count: int) -> list[str]:
         for k in range(3)
     ]
     return [f"rgb({r:.0f},{g:.0f},{b:.0f})" for r, g, b in zip(*channels)]
-
-
-def fit_of_report(report: dict, used_points=None) -> SimpleNamespace:
-    """The fit of a report in JSON, with what the panel needs.
-
-    used_points: mask of the fitted points, where the measurements are known.
-    """
-    names = ("model", "form", "parameters", "settings")
-    return SimpleNamespace(**{name: report[name] for name in names}, used_points=used_points)
-
-
-def measured_emissivity(report: dict) -> dict:
-    """The measured emissivity of a report in JSON by quantity; empty without one."""
-    table = report["emissivity"]
-    if table.get("measured") is None:
-        return {}
-    theta, value = np.radians(table["theta_deg"]), np.asarray(table["measured"], float)
-    return {"emissivity": DirectionalData(theta, value)}
-
-
-def fit_sections(report: dict, fit=None, measurements=None, directional=None) -> list[Section]:
-    """Parameters, curves and residuals of a fit, from its report.
-
-    fit: the Fit, with `used_points` if there are measurements; by default that of the report.
-    """
-    model = reflection.model(report["model"])
-    fit = fit or fit_of_report(report)
-    directional = measured_emissivity(report) if directional is None else directional
-    rows = [
-        [
-            f"{parameter.name} ({parameter.unit})"
-            if parameter.unit not in ("", "1")
-            else parameter.name,
-            report["parameters"][parameter.name],
-            f"{report['standard_error'][parameter.name]:.2g}",
-            "{:.4g} to {:.4g}".format(*report["interval"][parameter.name]),
-            report["verdict"][parameter.name],
-        ]
-        for parameter in model.parameters
-    ]
-    columns = ["parameter", "value", "standard error", "95 % interval", "verdict"]
-    dropped = "; ".join(f"{count} {reason}" for reason, count in report["dropped"].items())
-    described = [
-        ("surface", report["name"] or "not named"),
-        ("band", f"{report['band']} µm" if report["band"] else "not stated"),
-        ("model", ", ".join(filter(None, (model.title, report["form"], report["restriction"])))),
-        ("points used", report["used"]),
-        ("left out", dropped or "none"),
-        ("rms deviation", f"{report['rms_dex']:.4f} decades"),
-        ("rms error of the emissivity", report["emissivity"]["rms_error"]),
-        *quality_rows(report["quality"]),
-        ("minimum", "converged" if report["converged"] else "NOT converged"),
-    ]
-    compared = [
-        [
-            ", ".join(filter(None, (c["model"], c["form"], c["restriction"]))),
-            c["free_parameters"],
-            c["rms_dex"],
-            c["criterion"],
-            "yes" if c["chosen"] else "no",
-        ]
-        for c in report["candidates"]
-    ]
-    settings = [(words_of(key), unpacked(value)) for key, value in report["settings"].items()]
-    sources = [(f"file {s['file']}", f"SHA-256 {s['sha256']}") for s in report["source"]]
-    note = [] if measurements is not None else [
-        paragraph(
-            "The measured data are not beside the report. Only the fitted curves are shown.",
-            "note",
-        )
-    ]  # fmt: skip
-    return [
-        Section("Fit", [facts(described), table(columns, rows)]),
-        Section("Data, model and residuals", [*note, fit_panel(fit, measurements, directional)]),
-        Section(
-            "Models that were compared",
-            [
-                table(
-                    [
-                        "model",
-                        "free parameters",
-                        ("rms deviation", "decades"),
-                        "criterion",
-                        "chosen",
-                    ],
-                    compared,
-                )
-            ],
-        ),
-        Section(
-            "How the fit was made", [facts([*settings, *sources, ("version", report["version"])])]
-        ),
-    ]
-
-
-def quality_rows(quality: dict) -> list[tuple[str, str]]:
-    """Whether the model describes the data, as rows of a table."""
-    rows = [("model and data", quality["verdict"])]
-    if quality["reduced_chi_square"] is not None:
-        degrees, p = quality["degrees_of_freedom"], quality["p_value"]
-        text = f"{quality['reduced_chi_square']:.4g} with {degrees} degrees of freedom"
-        rows.append(("reduced chi-square", f"{text}, p = {number(p, 3)}"))
-    return rows

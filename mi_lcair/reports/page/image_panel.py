@@ -4,9 +4,9 @@ import numpy as np
 
 from mi_lcair.formats.channels import has_value, quantity_of
 from mi_lcair.reports.page.arrays import rounded
-from mi_lcair.reports.page.page import Panel
-from mi_lcair.reports.page.tables import written
+from mi_lcair.reports.page.panel import Panel
 from mi_lcair.reports.pictures.colour_scale import LOG_DECADES
+from mi_lcair.results.cells import typeset_unit
 
 LOW, HIGH = 0.005, 0.995  # quantiles of the pixels that are the default limits of a scale
 SEEN = "seen."
@@ -76,7 +76,7 @@ def around_target(channels: dict) -> tuple[slice, slice]:
 def quantity(name: str) -> tuple[str, str]:
     """Quantity of a channel of a radiance image, and its unit as people write it."""
     words, unit = quantity_of(name)
-    return words, written(unit)
+    return words, typeset_unit(unit)
 
 
 def with_gaps(name: str, pixels: np.ndarray) -> np.ndarray:

@@ -6,8 +6,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.reports.page.arrays import rounded
 from mi_lcair.reports.page.image_panel import extent, limits
-from mi_lcair.reports.page.page import Panel
-from mi_lcair.reports.page.tables import column_data
+from mi_lcair.reports.page.panel import Panel, column_data
 
 EMISSIVITY = "emissivity_toward_the_sensor"
 FIRST = ("radiance_W_m2_sr", "temperature_K", "group")  # columns to colour by at first, if present
@@ -32,17 +31,8 @@ def model_panel(triangles, triangle_facet, columns: dict[str, np.ndarray], towar
     InputError
         If the table has a facet that the model lacks.
     """
-    facet, count = np.asarray(columns["facet"]), int(np.max(triangle_facet, initial=-1)) + 1
-    whole = (facet >= 0) & (facet < count) & (facet == np.round(facet))
-    if not whole.all() or len(np.unique(facet)) < len(facet):
-        raise InputError(
-            f"the facets table does not fit the model, whose facets are 0 to {count - 1}, each in "
-            "one row; give the scene and the parameters from which the table was made"
-        )
-    row = np.full(count, -1)
-    row[facet.astype(int)] = np.arange(len(facet))
-    of_triangle = row[triangle_facet]
-    chosen = of_triangle >= 0
+    of_triangle = rows_by_facet(columns["facet"], triangle_facet)[triangle_facet]
+    is_shown = of_triangle >= 0
     described = [
         described_column(name, values, columns.get("area_m2")) for name, values in columns.items()
     ]
@@ -51,14 +41,32 @@ def model_panel(triangles, triangle_facet, columns: dict[str, np.ndarray], towar
     return Panel(
         "model",
         {
-            "corners": np.asarray(triangles)[chosen].ravel(),
-            "rows": of_triangle[chosen],
+            "corners": np.asarray(triangles)[is_shown].ravel(),
+            "rows": of_triangle[is_shown],
             "columns": described,
             "shown": first,
             "toward": None if toward is None else [float(value) for value in toward],
         },
         height=640,
     )
+
+
+def rows_by_facet(facet, triangle_facet) -> np.ndarray:
+    """Row of the table for each facet of a model, -1 without one.
+
+    facet: the column of facets' numbers. triangle_facet: the facet of each triangle. Raises
+    InputError if the table has a facet that the model lacks.
+    """
+    facet, count = np.asarray(facet), int(np.max(triangle_facet, initial=-1)) + 1
+    whole = (facet >= 0) & (facet < count) & (facet == np.round(facet))
+    if not whole.all() or len(np.unique(facet)) < len(facet):
+        raise InputError(
+            f"the facets table does not fit the model, whose facets are 0 to {count - 1}, each in "
+            "one row; give the scene and the parameters from which the table was made"
+        )
+    row = np.full(count, -1)
+    row[facet.astype(int)] = np.arange(len(facet))
+    return row
 
 
 def described_column(name: str, values, areas=None) -> dict:

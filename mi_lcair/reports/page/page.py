@@ -1,6 +1,5 @@
 """The page itself: its skeleton, and the file, which is written completely or not at all."""
 
-from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
 
@@ -8,6 +7,10 @@ from mi_lcair.errors import InputError, printable
 from mi_lcair.extras import optional
 from mi_lcair.files import check_writable, replacing
 from mi_lcair.reports.page.arrays import Arrays, packed
+from mi_lcair.reports.page.panel import LONGEST, Panel, table_panel
+from mi_lcair.results import html
+from mi_lcair.results.result import Result
+from mi_lcair.results.sections import Drawing, LongTable, Section
 
 FOLDER = Path(__file__).parent
 STYLE = "page.css"
@@ -17,31 +20,6 @@ POLICY = (
     "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; "
     "img-src data: blob:"
 )
-LONGEST = 200  # characters of a title or label
-
-
-@dataclass(frozen=True)
-class Panel:
-    """A part of a page that a script draws.
-
-    kind: name of the script's function, such as "image". data: what the function gets; arrays may
-    lie at any depth. height: height before the script has run, pixels.
-    """
-
-    kind: str
-    data: dict
-    height: int = 480
-
-
-@dataclass(frozen=True)
-class Section:
-    """A section of a page.
-
-    title: heading, as plain text. parts: panels, and pieces of HTML whose text is escaped.
-    """
-
-    title: str
-    parts: list = field(default_factory=list)
 
 
 def check_output(path) -> None:
@@ -52,28 +30,25 @@ def check_output(path) -> None:
     optional("plotly", "a report page")
 
 
-def write(path, result, **options) -> None:
+def write(path, result: Result, **options) -> None:
     """Write the page of a result in memory.
 
     Parameters
     ----------
     path : path-like
         File to write, FILE.html.
-    result : Render, Signature, Trend, Contrast, Image, Fit, Plan or Audit
-        Result of the function of the same name.
+    result : Result
+        Any result.
     **options
-        Options of `sections.of_result`, such as `scene`, which shows the facets of a signature.
+        Options of its sections, such as `scene`, which shows the facets of a signature.
 
     Raises
     ------
     InputError
-        If the file cannot be written, or if there is no page for such a result.
+        If the file cannot be written, or if the result has no such option.
     """
-    from mi_lcair.reports.page.sections import of_result
-
     check_output(path)
-    title, sections = of_result(result, **options)
-    save(path, title, sections)
+    save(path, result.page_title(), result.sections(**options))
 
 
 def save(path, title: str, sections: list[Section]) -> None:
@@ -85,38 +60,46 @@ def save(path, title: str, sections: list[Section]) -> None:
 
 def page(title: str, sections: list[Section]) -> str:
     """The HTML of a page."""
-    arrays = Arrays()
-    names = [f"section-{number}" for number in range(1, len(sections) + 1)]
-    contents = "".join(
-        f'<li><a href="#{name}">{label(section.title)}</a></li>'
-        for name, section in zip(names, sections)
-    )
-    body = "".join(
-        f'<section id="{name}"><h2>{label(section.title)}</h2>'
-        f"{''.join(part_html(part, arrays) for part in section.parts)}</section>\n"
-        for name, section in zip(names, sections)
-    )
+    arrays, kinds = Arrays(), set()
+    contents, body = "", ""
+    for number, section in enumerate(sections, 1):
+        heading = label(section.title)
+        parts = [drawn(part) for part in section.parts]
+        kinds |= {part.kind for part in parts if isinstance(part, Panel)}
+        contents += f'<li><a href="#section-{number}">{heading}</a></li>'
+        content = "".join(part_html(part, arrays) for part in parts)
+        body += f'<section id="section-{number}"><h2>{heading}</h2>{content}</section>\n'
     return f"""<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8">
 <meta http-equiv="Content-Security-Policy" content="{POLICY}">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{label(title)}</title><link rel="icon" href="data:,">
-<style>{own_file(STYLE)}</style></head>
+<style>{beside(STYLE)}</style></head>
 <body><header><h1>{label(title)}</h1><nav><ul>{contents}</ul></nav></header>
 <noscript><p class="note">The pictures of this page need JavaScript.</p></noscript>
 <main>{body}</main>
 <div id="tip" role="status" hidden></div>
 <script type="text/plain" id="arrays">{arrays.packed()}</script>
-<script type="text/plain" id="plotly">{plotly_for(sections)}</script>
-<script>{"".join(map(own_file, SCRIPTS))}</script>
+<script type="text/plain" id="plotly">{plotly_for(kinds)}</script>
+<script>{"".join(map(beside, SCRIPTS))}</script>
 </body></html>
 """
 
 
+def drawn(part):
+    """A part of a section, or the panel that a script makes of it."""
+    match part:
+        case Drawing(panel):
+            return panel()
+        case LongTable():
+            return table_panel(part)
+    return part
+
+
 def part_html(part, arrays: Arrays) -> str:
-    """HTML of a part of a section: text as it is, a panel as a place with its data."""
-    if isinstance(part, str):
-        return part
+    """HTML of a part of a section; a panel is a place with its data."""
+    if not isinstance(part, Panel):
+        return html.part_html(part)
     return (
         f'<div class="panel" data-kind="{part.kind}" style="min-height:{part.height}px">'
         f'<script type="application/json">{arrays.as_json(part.data)}</script></div>'
@@ -128,22 +111,16 @@ def label(text: object) -> str:
     return escape(printable(text, LONGEST))
 
 
-def paragraph(text: str, kind: str = "") -> str:
-    """A paragraph of plain text; kind: its class, such as "note"."""
-    return f'<p class="{kind}">{escape(text)}</p>'
-
-
-def own_file(name: str) -> str:
+def beside(name: str) -> str:
     """Text of a style sheet or script beside this module."""
     return (FOLDER / name).read_text(encoding="utf-8")
 
 
-def plotly_for(sections: list[Section]) -> str:
+def plotly_for(kinds: set[str]) -> str:
     """The script of plotly.js, which the Python package brings, as compressed text.
 
-    A page without pictures does not need it, and gets an empty one.
+    It is empty for a page whose panels are all tables.
     """
-    panels = [part for section in sections for part in section.parts if isinstance(part, Panel)]
-    if all(panel.kind == "table" for panel in panels):
+    if kinds <= {"table"}:
         return packed(b"")
     return packed(optional("plotly.offline", "a report page").get_plotlyjs().encode())

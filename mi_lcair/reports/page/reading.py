@@ -1,94 +1,57 @@
-"""What a file or name is, and what a page shows of it."""
+"""Titles and sections of files that the commands wrote."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 
-from mi_lcair import scenes
 from mi_lcair.errors import InputError
 from mi_lcair.files import parse_json, read_bytes, read_text
-from mi_lcair.formats import tables
-from mi_lcair.reports.page.page import Section
-from mi_lcair.reports.page.sections import (
-    facets_section,
-    image_sections,
-    intensity_section,
-    known_band,
-    spectrum_section,
-    toward_sensor,
-    trend_sections,
-)
-from mi_lcair.reports.page.tables import facts, heading, table, unpacked, words_of
+from mi_lcair.formats import kinds, tables
+from mi_lcair.physics.bands import Band
+from mi_lcair.reports.page.model_panel import rows_by_facet
+from mi_lcair.reports.sections import fit as fit_sections
+from mi_lcair.reports.sections.facets import facets_section, known_band
+from mi_lcair.reports.sections.render import image_sections
+from mi_lcair.reports.sections.signature import columns_of, sections_of_entries
+from mi_lcair.reports.sections.spectrum import spectrum_section
+from mi_lcair.results.cells import unpacked
+from mi_lcair.results.sections import Facts, Remarks, Section
 from mi_lcair.signatures.trend_file import beside
 from mi_lcair.signatures.trend_result import Trend
 from mi_lcair.table import lines_of
 
-TAKEN = (
-    "report takes a radiance image (.exr), a signature's or a fit's .json, the .csv of a trend, of "
-    "facets or of a spectrum, a scene (.xml, bundled name or the folder of an import) and a "
-    "scenario (.toml or bundled name)"
-)
+MADE = "How it was made"
 
 
-@dataclass
-class Request:
-    """How the things on a page are made.
+@dataclass(frozen=True)
+class SceneModel:
+    """The model of a scene, on which a table of facets is shown.
 
-    Attributes
-    ----------
-    scene : Scene, mi.Scene, str, Path or None
-        Scene whose model a facets table or a signature's JSON is shown on.
-    parameters : dict of str to str
-        $-parameters of scenes, or changes of a scenario's entries.
-    sampling : dict
-        spp, tolerance, max_spp, seed and sensor of renders, those that were given.
-    plan : str or None
-        "auto": plan the render of a scene.
-    progress : callable or None
-        Called with (samples per pixel done, expected).
-    notes : list of str
-        Remarks that reading has left.
+    name: of the scene. parameters: its $-parameters. triangles, triangle_facet: corners (T, 3, 3)
+    [m], and the facet of each triangle. toward: direction toward the sensor. band: of the scene.
     """
 
-    scene: object = None
-    parameters: dict = field(default_factory=dict)
-    sampling: dict = field(default_factory=dict)
-    plan: str | None = None
-    progress: object = None
-    notes: list = field(default_factory=list)
+    name: str
+    parameters: dict[str, str]
+    triangles: np.ndarray
+    triangle_facet: np.ndarray
+    toward: np.ndarray
+    band: Band
 
 
-def kind_of(what: str) -> str:
-    """Kind of a WHAT: image, json, csv, scenario or scene. Raises InputError for another one."""
-    suffix = Path(what).suffix.lower()
-    by_suffix = {
-        ".exr": "image",
-        ".json": "json",
-        ".csv": "csv",
-        ".toml": "scenario",
-        ".xml": "scene",
-    }
-    if suffix in by_suffix:
-        return by_suffix[suffix]
-    if what in scenes.names() or scenes.in_folder(what):
-        return "scene"
-    if what in scenes.scenarios():
-        return "scenario"
-    names = ", ".join([*scenes.names(), *scenes.scenarios()])
-    raise InputError(f"'{what}' is none of what a page shows: {TAKEN}; bundled: {names}")
+def read(what: str, kind: str, model: SceneModel | None = None) -> tuple[str, list[Section]]:
+    """Title and sections of a file.
 
-
-def read(what: str, request: Request) -> tuple[str, list[Section]]:
-    """Title and sections of a WHAT; scenes and scenarios are rendered.
+    what: its path. kind: its kind, one of READERS. model: on which facets are shown.
 
     Raises InputError if it cannot be used.
     """
-    return READERS[kind_of(what)](what, request)
+    return READERS[kind](what, model)
 
 
-def image(what: str, request: Request):
+def image(what: str, model):
     """A radiance image, or what another program's EXR holds."""
     from mi_lcair.rendering.image import read_exr
 
@@ -101,74 +64,49 @@ def image(what: str, request: Request):
             f"'{what}': its channels differ in size; report shows channels of one size"
         )
     *sections, made = image_sections(channels, header)
-    made.parts.insert(0, facts(of_file(what)))
+    made.parts.insert(0, Facts(of_file(what)))
     scene = header.get("scene")
     return f"{scene} ({Path(what).name})" if scene else Path(what).name, [*sections, made]
 
 
-def json_file(what: str, request: Request):
+def result_json(what: str, model):
     """A signature's or a fit's JSON."""
-    text = read_text(what)
-    entries = parse_json(text, f"'{what}': not JSON")
-    kind = entries.get("kind") if isinstance(entries, dict) else None
-    readers = {"signature": signature, "fit": fit}
-    if kind not in readers:
-        raise InputError(
-            f"'{what}': neither a signature's JSON (`signature --json`) nor a fit's (`fit -o`); "
-            f"{TAKEN}"
-        )
+    entries = kinds.read_json(what)
+    read_entries = {"signature": signature, "fit": fit}[entries["kind"]]
     try:
-        return readers[kind](what, entries, request)
+        return read_entries(what, entries, model)
     except (KeyError, IndexError, TypeError, AttributeError) as error:
         raise InputError(
-            f"'{what}': an incomplete {kind} ({type(error).__name__}: {error}); make it anew"
+            f"'{what}': an incomplete {entries['kind']} ({type(error).__name__}: {error}); make it "
+            "anew"
         ) from None
 
 
-def signature(what: str, entries: dict, request: Request):
-    """A signature's JSON: tables, spectrum and facets, on the model of `request.scene`."""
-    sections = [intensity_section(entries)]
-    if "spectrum" in entries:
-        sections.append(spectrum_section(columns_of(entries["spectrum"])))
+def signature(what: str, entries: dict, model):
+    """A signature's JSON: tables, spectrum and facets."""
+    facets = []
     if "facets" in entries:
-        sections.append(
-            facets_on_model(what, columns_of(entries["facets"]), request, entries["band"])
-        )
-    if entries.get("effective_areas"):
-        areas = entries["effective_areas"]
-        heads = [heading(name) for name in areas[0]]
-        rows = [list(row.values()) for row in areas]
-        sections.append(Section("Effective areas", [table(heads, rows)]))
-    made = [
-        (words_of(key), value)
-        for key, value in entries.items()
-        if not isinstance(value, (dict, list)) and key not in ("kind", "time_s")
-    ]
-    sections.append(Section("How it was made", [facts([*of_file(what), *made])]))
-    return f"Signature of {entries['scene_name']}", sections
+        band = known_band(entries["band"])
+        facets = [facets_on_model(what, columns_of(entries["facets"]), model, band)]
+    *sections, made = sections_of_entries(entries, facets)
+    made.parts.insert(0, Facts(of_file(what)))
+    return f"Signature of {entries['scene_name']}", [*sections, made]
 
 
-def columns_of(lists: dict) -> dict[str, np.ndarray]:
-    """Columns from the lists of JSON; null is NaN in a column of numbers."""
-    columns = {}
-    for name, values in lists.items():
-        is_text = any(isinstance(value, str) for value in values)
-        columns[name] = np.array(values, dtype=object if is_text else float)
-    return columns
-
-
-def fit(what: str, entries: dict, request: Request):
+def fit(what: str, entries: dict, model):
     """Fits of one surface, one for each band, with their data where these lie beside the file."""
-    from mi_lcair.reports.page.fit_panel import fit_of_report, fit_sections
-
     reports, sections = list(entries.get("materials", {"": entries}).values()), []
     for report in reports:
         measurements, used = data_of(what, report)
-        own = fit_sections(report, fit_of_report(report, used), measurements)
-        own[-1].parts.insert(0, facts(of_file(what)))
+        fitted = fit_sections.fit_of_report(report, used)
+        of_band = fit_sections.sections_of_report(report, fitted, measurements)
+        of_band[-1].parts.insert(0, Facts(of_file(what)))
         if len(reports) > 1:
-            own = [Section(f"{part.title}, {report['band']} µm", part.parts) for part in own]
-        sections += own
+            of_band = [
+                Section(f"{section.title}, {report['band']} µm", section.parts, section.is_detail)
+                for section in of_band
+            ]
+        sections += of_band
     return f"Fit of {reports[0]['name'] or Path(what).stem}", sections
 
 
@@ -204,19 +142,52 @@ def data_of(what: str, report: dict):
     return None, None
 
 
-def csv_file(what: str, request: Request):
-    """The table of a trend, of facets or of a spectrum, as its columns say."""
-    columns = tables.read_columns(what)
-    kind = tables.kind_of(what, columns)
-    if kind == tables.FACETS:
-        return facets(what, columns, request)
-    return trend(what) if kind == tables.TREND else spectrum(what, columns)
+def trend(what: str, model):
+    """The table of a trend."""
+    stated, made = Trend.read(what), made_rows(what)
+    title = f"Trend of {stated.scene_name}" if "scene" in dict(made) else f"Trend ({what})"
+    return title, [*stated.sections(), file_section(what, made)]
+
+
+def spectrum(what: str, model):
+    """The table of a spectrum."""
+    columns = numeric(what, tables.read_columns(what), tables.KNOWN_BY[tables.SPECTRUM])
+    sections = [spectrum_section(columns), file_section(what, made_rows(what))]
+    return f"Spectrum ({Path(what).name})", sections
+
+
+def facets(what: str, model):
+    """A table of facets, on their model if it is given."""
+    columns, made = tables.read_columns(what), made_rows(what)
+    numeric(what, columns, ("facet",))
+    if model is not None:
+        made += [("scene", model.name), *model.parameters.items()]
+    sections = [facets_on_model(what, columns, model), file_section(what, made)]
+    return f"Facets ({Path(what).name})", sections
+
+
+def facets_on_model(what: str, columns: dict, model: SceneModel | None, band=None) -> Section:
+    """The section of a table of facets, on their model if it is given.
+
+    band: Band of the radiances; by default that of the model's scene.
+    """
+    if model is None:
+        section = facets_section(columns, band=band)
+        remark = f"{what}: give --scene SCENE to show the facets on its model"
+        return Section(section.title, [*section.parts, Remarks([remark])])
+    try:
+        rows_by_facet(columns["facet"], model.triangle_facet)
+    except InputError as error:
+        raise InputError(f"'{what}': {error}") from None
+    return facets_section(
+        columns, (model.triangles, model.triangle_facet), model.toward, model.band
+    )
 
 
 def made_rows(what: str) -> list[tuple[str, object]]:
-    """How a CSV was made: its comments, and `made` of FILE.csv.json beside it, as rows."""
+    """How a table was made: its comments, and `made` of FILE.csv.json beside it, as rows."""
     rows = []
-    for _, line in lines_of(read_text(what)):
+    for _, line in lines_of(read_text(what)) if what.lower().endswith(".csv") else ():
         if line.lstrip().startswith("#"):
             key, colon, value = line.lstrip("# ").partition(": ")
             rows.append((key, value) if colon else ("remark", key))
@@ -238,58 +209,6 @@ def numeric(what: str, columns: dict, needed) -> dict[str, np.ndarray]:
     return numbers
 
 
-def trend(what: str):
-    """A trend's CSV."""
-    read = Trend.read(what)
-    made = dict(made_rows(what))
-    band = read.band or str(made.get("band", "not stated beside the file"))
-    sections = trend_sections(read.columns(), band)
-    sections.append(Section("How it was made", [facts([*of_file(what), *made.items()])]))
-    return f"Trend of {made['scene']}" if "scene" in made else f"Trend ({what})", sections
-
-
-def spectrum(what: str, columns: dict):
-    """A spectrum's CSV."""
-    columns = numeric(what, columns, tables.KNOWN_BY[tables.SPECTRUM])
-    made = [*of_file(what), *made_rows(what)]
-    return f"Spectrum ({Path(what).name})", [
-        spectrum_section(columns),
-        Section("How it was made", [facts(made)]),
-    ]
-
-
-def facets(what: str, columns: dict, request: Request):
-    """A facets table, on the model of `request.scene` if it is given."""
-    numeric(what, columns, ("facet",))
-    made = [*of_file(what), *made_rows(what)]
-    if request.scene is not None:
-        made += [("scene", getattr(request.scene, "name", request.scene))]
-        made += request.parameters.items()
-    section = facets_on_model(what, columns, request)
-    return f"Facets ({Path(what).name})", [section, Section("How it was made", [facts(made)])]
-
-
-def facets_on_model(what: str, columns: dict, request: Request, band: str = "") -> Section:
-    """The section of a facets table, on the model of `request.scene` if it is given.
-
-    band: name of the band of the radiances; by default that of the scene.
-    """
-    if request.scene is None:
-        request.notes.append(f"{what}: give --scene SCENE to show the facets on its model")
-        return facets_section(columns, band=known_band(band) if band else None)
-    from mi_lcair.rendering.facets.table import FacetTable
-    from mi_lcair.rendering.scene import scene_of
-
-    scene = scene_of(request.scene, request.parameters)
-    of_scene = FacetTable(scene)
-    model = of_scene.triangles, of_scene.triangle_facet
-    toward = toward_sensor(scene, request.sampling.get("sensor", 0))
-    try:
-        return facets_section(columns, model, toward, scene.band)
-    except InputError as error:
-        raise InputError(f"'{what}': {error}") from None
-
-
 def of_file(what: str) -> list[tuple[str, str]]:
     """Name, date and size of a file, as rows of a table."""
     status = Path(what).stat()
@@ -297,24 +216,16 @@ def of_file(what: str) -> list[tuple[str, str]]:
     return [("file", str(what)), ("written", date), ("size", f"{status.st_size} bytes")]
 
 
-def scene(what: str, request: Request):
-    """A scene, which is rendered."""
-    from mi_lcair.reports.page.rendering import of_scene
-
-    return of_scene(what, request)
-
-
-def scenario(what: str, request: Request):
-    """A scenario, whose target is rendered through the air."""
-    from mi_lcair.reports.page.rendering import of_scenario
-
-    return of_scenario(what, request)
+def file_section(what: str, rows) -> Section:
+    """The section about a file and how it was made."""
+    return Section(MADE, [Facts([*of_file(what), *rows])], is_detail=True)
 
 
 READERS = {
-    "image": image,
-    "json": json_file,
-    "csv": csv_file,
-    "scene": scene,
-    "scenario": scenario,
+    kinds.IMAGE: image,
+    kinds.SIGNATURE: result_json,
+    kinds.FIT: result_json,
+    kinds.TREND: trend,
+    kinds.SPECTRUM: spectrum,
+    kinds.FACETS: facets,
 }

@@ -4,7 +4,7 @@ import numpy as np
 
 from mi_lcair.reports.page.figures import INK, LINE, colour, figure_panel, graph_objects, subplots
 from mi_lcair.reports.page.figures import name as plain_name
-from mi_lcair.reports.page.page import Panel
+from mi_lcair.reports.page.panel import Panel
 
 WAVELENGTH = "wavelength (µm)"
 INTENSITY = "spectral intensity (W sr⁻¹ µm⁻¹)"

@@ -11,7 +11,7 @@ from mi_lcair.reports.page.figures import (
     name,
     subplots,
 )
-from mi_lcair.reports.page.page import Panel
+from mi_lcair.reports.page.panel import Panel
 
 NEGLIGIBLE = 1e-3  # parts below this share of the largest intensity are not drawn
 KINDS = {"group": "by what emitted it", "bounce": "by number of reflections"}

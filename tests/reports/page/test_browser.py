@@ -1,13 +1,18 @@
 """Pages in a real browser: what hovering shows, how fast a page opens, what it asks of others."""
 
 import re
+from functools import partial
 
 import numpy as np
 import pytest
 
 import mi_lcair
+from mi_lcair.reports.page.image_panel import image_panel
 from mi_lcair.reports.page.model_panel import EMISSIVITY, with_emissivity
-from mi_lcair.reports.page.sections import facets_of
+from mi_lcair.reports.page.page import save
+from mi_lcair.reports.page.spectrum_panel import spectrum_panel
+from mi_lcair.reports.sections.facets import sections as facets_sections
+from mi_lcair.results.sections import Drawing, Facts, Lines, Remarks, Section, Table
 from mi_lcair.signatures.facet_results import FacetResults
 
 pytestmark = pytest.mark.slow
@@ -218,22 +223,17 @@ SCRIPT = '<script>document.title = "run"</script>'
 
 def test_names_from_files_are_only_text(visit, tmp_path):
     """Labels, channels and titles with markup are shown as they are, and nothing runs."""
-    from mi_lcair.reports.page.image_panel import image_panel
-    from mi_lcair.reports.page.page import Section, paragraph, save
-    from mi_lcair.reports.page.spectrum_panel import spectrum_panel
-    from mi_lcair.reports.page.tables import facts, table
-
     triangle = np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0.0]]])
     columns = {"facet": np.arange(1), "group": np.array([SCRIPT]), f"{SCRIPT}_K": np.ones(1)}
     facets = FacetResults(SCRIPT, "MWIR", columns, triangle, np.zeros(1, int))
     channels = {SCRIPT: np.eye(4), f"seen.{SCRIPT}.Y": np.ones((4, 4))}
+    image = Drawing(partial(image_panel, channels))
+    curves = {"target": [1, 2], f"target.{SCRIPT}": [1, 1]}
     sections = [
-        Section(SCRIPT, [image_panel(channels), paragraph(SCRIPT), facts([(SCRIPT, SCRIPT)])]),
-        Section(
-            "spectrum", [spectrum_panel([1, 2.0], {"target": [1, 2], f"target.{SCRIPT}": [1, 1]})]
-        ),
-        Section("table", [table([SCRIPT], [[SCRIPT]])]),
-        facets_of(facets),
+        Section(SCRIPT, [image, SCRIPT, Facts([(SCRIPT, SCRIPT)]), Lines(SCRIPT, [SCRIPT])]),
+        Section("spectrum", [Drawing(partial(spectrum_panel, [1, 2.0], curves))]),
+        Section("table", [Table([SCRIPT], [[SCRIPT]]), Remarks([SCRIPT])]),
+        *facets_sections(facets),
     ]
     save(tmp_path / "page.html", SCRIPT, sections)
     opened = visit(tmp_path / "page.html")
@@ -250,15 +250,19 @@ def test_names_from_files_are_only_text(visit, tmp_path):
 
 
 def test_missing_values_are_said(visit, tmp_path):
-    from mi_lcair.reports.page.image_panel import image_panel
-    from mi_lcair.reports.page.page import Section, save
-    from mi_lcair.reports.page.tables import table
-
     values = np.array([[1, np.nan], [np.inf, -np.inf]])
     save(
         tmp_path / "page.html",
         "gaps",
-        [Section("a", [image_panel({"Y": values}), table(["a"], [[np.nan], [np.inf], [None]])])],
+        [
+            Section(
+                "a",
+                [
+                    Drawing(partial(image_panel, {"Y": values})),
+                    Table(["a"], [[np.nan], [np.inf], [None]]),
+                ],
+            )
+        ],
     )
     opened = visit(tmp_path / "page.html")
     assert opened.page.locator("td").all_inner_texts()[:3] == ["no value"] * 3

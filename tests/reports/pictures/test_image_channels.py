@@ -197,7 +197,7 @@ def test_nothing_is_written_where_nothing_can_be(tmp_path):
 
 def test_an_interrupted_picture_leaves_nothing(tmp_path, monkeypatch):
     def interrupted(self, path, **kwargs):
-        path.write_bytes(b"half")
+        path.write(b"half")
         raise KeyboardInterrupt
 
     monkeypatch.setattr(Figure, "savefig", interrupted)

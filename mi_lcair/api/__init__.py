@@ -1,0 +1,1 @@
+"""Public functions: they resolve names, load, plan and call."""

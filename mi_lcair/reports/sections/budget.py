@@ -1,0 +1,77 @@
+"""Sections of an uncertainty budget."""
+
+from mi_lcair.fraction import percent
+from mi_lcair.results.sections import Facts, Remarks, Section, Table
+
+
+def sections(budget) -> list[Section]:
+    """The result and its uncertainty, what contributes to it, and what renders say about that."""
+    head = ["quantity", "value", "sigma", "sensitivity", f"contribution {budget.unit}", "share"]
+    rows = []
+    for row in budget.rows:
+        rows.append(cells(row, f"{100 * row.share:.2f} %"))
+        rows += [cells(member, "", indent="  ") for member in row.members]
+    parts = [Facts(uncertainty(budget)), Table(head, rows), Remarks(budget.remarks)]
+    result = [Section("Uncertainty budget", parts)]
+    if budget.checks:
+        columns = ["rendered at", "derivative", "plus sigma", "minus sigma", "linear"]
+        checks = [
+            [
+                check.quantity,
+                f"+-{abs(check.linear):.4g}",
+                change(check.plus),
+                change(check.minus),
+                "holds" if check.holds else "FAILS",
+            ]
+            for check in budget.checks
+        ]
+        result.append(Section("Checks", [Table(columns, checks)]))
+    return result
+
+
+def uncertainty(budget) -> list[tuple[str, str]]:
+    """Rows about the result, its standard uncertainty, and the Monte Carlo."""
+    relative = f" ({percent(budget.sigma / abs(budget.value))})" if budget.value else ""
+    rows = [
+        (budget.title, f"{budget.value:.6g} +- {budget.sigma:.3g} {budget.unit}{relative}"),
+        ("expanded", f"+- {2 * budget.sigma:.3g} {budget.unit} (k = 2, about 95 %)"),
+    ]
+    drawn = budget.monte_carlo
+    if drawn is not None:
+        low, high = drawn.interval
+        rows.append(
+            (
+                "monte carlo",
+                f"{drawn.mean:.6g} +- {drawn.sigma:.3g} {budget.unit} (itself +- "
+                f"{drawn.sigma_error:.2g}) from {drawn.draws} draws, 95 % in "
+                f"{low:.5g}..{high:.5g}; linear, of the quantities alone: "
+                f"{budget.sigma_of_quantities:.3g}",
+            )
+        )
+    return [*rows, ("renders", f"{budget.renders} of {budget.paths} paths")]
+
+
+def cells(row, share: str, indent: str = "") -> list[str]:
+    """Cells of a row of the budget."""
+    unit = "" if row.unit in ("", "1") else f" {row.unit}"
+    slope = number(row.sensitivity)
+    if row.sensitivity_error is not None and row.sensitivity_error >= 1e-3 * abs(row.sensitivity):
+        slope += f" +- {row.sensitivity_error:.1g}"
+    return [
+        f"{indent}{row.quantity}",
+        number(row.value) + (unit if row.value is not None else ""),
+        number(row.sigma, 3),
+        slope,
+        f"{row.contribution:+.4g}" if row.value is not None else f"{row.contribution:.4g}",
+        share,
+    ]
+
+
+def number(value: float | None, digits: int = 5) -> str:
+    """A number as text; empty without one."""
+    return "" if value is None else f"{value:.{digits}g}"
+
+
+def change(value: float | None) -> str:
+    """A change of the result, as text."""
+    return "outside its bounds" if value is None else f"{value:+.4g}"

@@ -1,0 +1,127 @@
+"""Sections of a contrast."""
+
+from functools import partial
+
+from mi_lcair.reports.page.contrast_panel import contrast_panel
+from mi_lcair.results.accuracy import error_row, interval
+from mi_lcair.results.sections import Drawing, Facts, Remarks, Section, Table
+
+WATTS = "W m-2"
+
+
+def sections(contrast, ranges: bool = True) -> list[Section]:
+    """Irradiances, detection ranges and spectra of a contrast.
+
+    ranges: whether to find the detection ranges; they need a sensor with a nei.
+    """
+    result = [
+        Section(
+            "Contrast", [Facts(setting(contrast)), irradiances(contrast), Remarks(contrast.remarks)]
+        )
+    ]
+    if ranges and contrast.detector.nei is not None:
+        result.append(Section("Detection range", [detection_ranges(contrast)]))
+    return [*result, Section("Spectra", [Drawing(partial(contrast_panel, contrast))])]
+
+
+def setting(contrast) -> list[tuple[str, str]]:
+    """Rows about scenario, sight, air, background, target and error."""
+    scenario, detector, row = contrast.scenario, contrast.detector, contrast.rows[-1]
+    elevation = contrast.sight_elevation_deg
+    heights = ""
+    if contrast.observer_height_m is not None:
+        heights = (
+            f", at a height of {contrast.observer_height_m:.5g} m; target "
+            f"{contrast.target_height_m:.5g} m"
+        )
+    area = row.projected_area
+    rows = [
+        ("scenario", f"{scenario.name}: {scenario.title}"),
+        ("band", f"{detector.band.label}, optics transmit {detector.optics_transmittance:g}"),
+        (
+            "line of sight",
+            f"{contrast.path.range_m:.6g} m, {abs(elevation):.4g} degrees "
+            f"{'up' if elevation >= 0 else 'down'}ward, observer at azimuth "
+            f"{scenario.observer.azimuth_deg:.6g}{heights}",
+        ),
+        (
+            "atmosphere",
+            f"{contrast.air.name}: mean transmittance {contrast.transmittance:.4f}, path "
+            f"{contrast.path_radiance:.5g} W m^-2 sr^-1",
+        ),
+        (
+            "background",
+            f"{contrast.background_name}: {contrast.background_radiance:.5g} W m^-2 sr^-1",
+        ),
+        (
+            "target",
+            f"projected area {area.value:.5g} +- {area.standard_error:.2g} m^2, "
+            f"{row.solid_angle:.5g} sr",
+        ),
+    ]
+    if contrast.no_target is not None:
+        rows.append(("without target", f"{contrast.no_target:.5g} W/m^2 in the field of view"))
+    return [*rows, accuracy(contrast)]
+
+
+def irradiances(contrast) -> Table:
+    """A row for each number of reflections."""
+    last = contrast.rows[-1]
+    columns = [
+        "reflections up to", ("intensity", "W sr-1"), ("target", WATTS), ("background", WATTS),
+        ("path", WATTS), "total W/m^2 (95 %)", ("nei max", WATTS),
+    ]  # fmt: skip
+    columns += [] if last.observed is None else [("observed", WATTS)]
+    columns += [] if last.detected is None else ["detected"]
+    rows = [
+        [
+            row.max_bounces,
+            *map(tuple, (row.intensity, row.target, row.background, row.path)),
+            f"{row.total.value:.5g} +- {row.half_width:.2g}",
+            tuple(row.nei_max),
+            *(value for value in (row.observed, row.detected) if value is not None),
+        ]
+        for row in contrast.rows
+    ]
+    return Table(columns, rows)
+
+
+def detection_ranges(contrast) -> Table:
+    """The ranges at which the target is detected, by number of reflections."""
+    detector = contrast.detector
+    needed = (
+        f"detected at, for a nei of {detector.nei:g} W/m^2 and a signal-to-noise ratio of "
+        f"{detector.snr:g}"
+    )
+    words = [
+        detection.summary().removeprefix("detected at ").removesuffix(" (standard error)")
+        for detection in contrast.detection_ranges()
+    ]
+    return Table(
+        ["reflections up to", needed],
+        [[row.max_bounces, text] for row, text in zip(contrast.rows, words)],
+    )
+
+
+def accuracy(contrast) -> tuple[str, str]:
+    """Row about the widest 95 % interval of a contrast, and about the tolerances if any."""
+    sampling, rows = contrast.scenario.render, contrast.rows
+    allowed = [
+        *([] if sampling.tolerance is None else [f"{100 * sampling.tolerance:.4g} %"]),
+        *([] if sampling.tolerance_W_m2 is None else [f"{sampling.tolerance_W_m2:.4g} W/m^2"]),
+    ]
+    stated = [row for row in rows if row.reached is False] or rows
+    widest = max(stated, key=lambda row: row.half_width)
+    several = len(rows) > 1
+    of = f"the contrast with {widest.max_bounces} reflections" if several else "the contrast"
+    may_be_zero = widest.half_width >= abs(widest.total.value)
+    absolute = sampling.tolerance_W_m2 is not None
+    return error_row(
+        interval(widest.half_width, widest.total.value, "W/m^2", of, absolute),
+        " or ".join(allowed) or None,
+        contrast.reached,
+        where=f"in {len(stated)} of {len(rows)} rows" if several else "",
+        remedy="give --tolerance-W-m2, as no fraction of zero can be reached"
+        if may_be_zero and not absolute
+        else "raise --max-spp",
+    )

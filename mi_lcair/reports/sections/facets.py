@@ -1,0 +1,50 @@
+"""Sections of a table of facets, on their model where it is known."""
+
+from functools import partial
+
+import numpy as np
+
+from mi_lcair.errors import InputError
+from mi_lcair.reports.page.model_panel import model_panel, with_emissivity
+from mi_lcair.results.sections import Drawing, LongTable, Section
+
+
+def sections(facets, scene=None, sensor: int = 0) -> list[Section]:
+    """FacetResults on their model.
+
+    scene: the scene they were made from, in any form that `load` takes. The model is seen at first
+    from its sensor with the number `sensor`.
+    """
+    toward = None if scene is None else toward_sensor(scene, sensor)
+    model = facets.triangles, facets.triangle_facet
+    return [facets_section(facets.columns(), model, toward, known_band(facets.band))]
+
+
+def facets_section(columns: dict[str, np.ndarray], model=None, toward=None, band=None) -> Section:
+    """The facets: the model in space, if it is known, and a long table.
+
+    model: triangles and their facets' numbers, as `model_panel` takes them. toward: direction
+    toward the sensor. band: Band of the radiances, for the emissivity.
+    """
+    columns = columns if band is None else with_emissivity(columns, band)
+    drawing = [] if model is None else [Drawing(partial(model_panel, *model, columns, toward))]
+    sort_by = "intensity_W_sr" if "intensity_W_sr" in columns else None
+    return Section("Facets", [*drawing, LongTable(columns, sort_by)])
+
+
+def known_band(name: str):
+    """The Band of a name; None for one that was read from a file."""
+    from mi_lcair.physics.bands import band
+
+    try:
+        return band(name)
+    except InputError:
+        return None
+
+
+def toward_sensor(scene, sensor: int = 0):
+    """Direction from a scene, in any form that `load` takes, toward its sensor, (3,)."""
+    from mi_lcair.rendering.scene import scene_of
+    from mi_lcair.rendering.window import window
+
+    return -window(scene_of(scene).sensor(sensor))[3]

@@ -1,0 +1,122 @@
+"""Sections of a fit, in memory or from its report in JSON."""
+
+from functools import partial
+from types import SimpleNamespace
+
+import numpy as np
+
+from mi_lcair.fitting.scatterometer.measurements import DirectionalData
+from mi_lcair.physics import reflection
+from mi_lcair.reports.page.fit_panel import fit_panel
+from mi_lcair.reports.pictures.fit import model_of
+from mi_lcair.results.cells import unpacked, words_of
+from mi_lcair.results.sections import Drawing, Facts, Section, Table
+
+UNKNOWN_BAND = "unknown: scenes need it; give --band 3-5, or '# band_um: 3 5' in the data"
+COMPARED = ["model", "free parameters", ("rms deviation", "decades"), "criterion", "chosen"]
+
+
+def sections(fit) -> list[Section]:
+    """Sections of a fit and the data that it was made from."""
+    return sections_of_report(fit.as_dict(), fit, fit.measurements, fit.directional)
+
+
+def sections_of_report(
+    report: dict, fit=None, measurements=None, directional=None
+) -> list[Section]:
+    """Parameters, curves and residuals of a fit, from its report.
+
+    fit: the Fit, with `used_points` if there are measurements; by default that of the report.
+    directional: measured tables by quantity; by default the emissivity of the report.
+    """
+    fit = fit or fit_of_report(report)
+    directional = measured_emissivity(report) if directional is None else directional
+    note = "The measured data are not beside the report. Only the fitted curves are shown."
+    data = [note] if measurements is None else []
+    drawing = Drawing(partial(fit_panel, fit, measurements, directional))
+    compared = [
+        [
+            ", ".join(filter(None, (c["model"], c["form"], c["restriction"]))),
+            c["free_parameters"],
+            c["rms_dex"],
+            c["criterion"],
+            c["chosen"],
+        ]
+        for c in report["candidates"]
+    ]
+    settings = [(words_of(key), unpacked(value)) for key, value in report["settings"].items()]
+    sources = [(f"file {s['file']}", f"SHA-256 {s['sha256']}") for s in report["source"]]
+    made = Facts([*settings, *sources, ("version", report["version"])])
+    return [
+        Section("Fit", [Facts(described(report, fit)), parameters(report)]),
+        Section("Data, model and residuals", [*data, drawing]),
+        Section("Models that were compared", [Table(COMPARED, compared)], is_detail=True),
+        Section("How the fit was made", [made], is_detail=True),
+    ]
+
+
+def described(report: dict, fit) -> list[tuple[str, str]]:
+    """Rows about data, model and misfit."""
+    quality, noise = report["quality"], report["quality"]["noise_dex"]
+    explained = "" if noise is None else f"; sigma explains {noise:.4f}"
+    dropped = "; ".join(f"{count} {reason}" for reason, count in report["dropped"].items())
+    emissivity = report["emissivity"]["rms_error"]
+    rows = [
+        ("surface", f"{report['name'] or 'not named'} ({report['source'][0]['file']})"),
+        ("band", f"{report['band']} um" if report["band"] else UNKNOWN_BAND),
+        ("model", model_of(fit)),
+        ("points used", str(report["used"])),
+        ("left out", dropped or "none"),
+        ("rms", f"{report['rms_dex']:.4f} decades{explained}"),
+        ("fit", quality["verdict"]),
+    ]
+    if quality["reduced_chi_square"] is not None:
+        degrees, p = quality["degrees_of_freedom"], quality["p_value"]
+        words = f"{quality['reduced_chi_square']:.4g} for each of {degrees} degrees of freedom"
+        rows.append(("chi-square", f"{words}, p = {p:.3g}"))
+    converged = "converged" if report["converged"] else "NOT converged"
+    return [
+        *rows,
+        ("emissivity", "not given" if emissivity is None else f"rms error {emissivity:.3f}"),
+        (
+            "minimum",
+            f"{converged}, relative gradient {report['gradient_norm']:.1e}; "
+            f"{report['starts_in_basin']:.0%} of the starts reached it",
+        ),
+    ]
+
+
+def parameters(report: dict) -> Table:
+    """A row for each parameter of the model."""
+    rows = []
+    for parameter in reflection.model(report["model"]).parameters:
+        name, unit = parameter.name, parameter.unit
+        low, high = report["interval"][name]
+        rows.append(
+            [
+                name if unit in ("", "1") else f"{name} ({unit})",
+                f"{report['parameters'][name]:.5g}",
+                f"{report['standard_error'][name]:.2g}",
+                f"{low:.4g} to {high:.4g}",
+                report["verdict"][name],
+            ]
+        )
+    return Table(["parameter", "value", "standard error", "95 % interval", "verdict"], rows)
+
+
+def fit_of_report(report: dict, used_points=None) -> SimpleNamespace:
+    """The fit of a report in JSON, with what its drawing needs.
+
+    used_points: mask of the fitted points, where the measurements are known.
+    """
+    names = ("model", "form", "restriction", "parameters", "settings")
+    return SimpleNamespace(**{name: report[name] for name in names}, used_points=used_points)
+
+
+def measured_emissivity(report: dict) -> dict:
+    """The measured emissivity of a report in JSON by quantity; empty without one."""
+    table = report["emissivity"]
+    if table.get("measured") is None:
+        return {}
+    theta, value = np.radians(table["theta_deg"]), np.asarray(table["measured"], float)
+    return {"emissivity": DirectionalData(theta, value)}

@@ -1,0 +1,109 @@
+"""Sections of a camera's image."""
+
+from mi_lcair.fraction import percent
+from mi_lcair.reports.sections.render import image_sections
+from mi_lcair.results.accuracy import error_row
+from mi_lcair.results.sections import Facts, Lines, Remarks, Section, Table
+
+OVER_RANGE = [
+    ("range", "m"),
+    "pixels on target",
+    "electrons",
+    "signal to noise, even",
+    "detected",
+]
+
+
+def sections(image) -> list[Section]:
+    """The frame of a camera, its measures, and the target over range."""
+    frame, made = image_sections(image.channels, image.header)
+    rows = [
+        [
+            f"{row.range_m:.6g}",
+            f"{row.pixels:.4g}",
+            f"{row.electrons:.4g}",
+            f"{row.snr:.4g}",
+            "yes" if row.detected else f"no, too few: {row.lacks}",
+        ]
+        for row in image.ranges
+    ]
+    return [
+        frame,
+        Section("Camera", [Facts(measured(image)), Remarks(image.remarks)]),
+        Section("Target over range", [Table(OVER_RANGE, rows), Lines("", [detected(image)])]),
+        made,
+    ]
+
+
+def measured(image) -> list[tuple[str, str]]:
+    """Rows about the scenario, the camera, and its measures."""
+    scenario, measures, camera = image.scenario, image.measures, image.scenario.camera
+    mtf, last = measures.mtf, len(image.measures.mtf["frequency"]) - 1
+    uniform = (
+        "not measurable, as a uniform scene saturates or its noise is below a count"
+        if measures.netd_measured is None
+        else f"measured {millikelvin(measures.netd_measured)}"
+    )
+    return [
+        ("scenario", f"{scenario.name}: {scenario.title}"),
+        (
+            "camera",
+            f"{camera.width} x {camera.height} pixels of {camera.pitch_um:g} um, "
+            f"{camera.focal_length_mm:g} mm, f/{camera.f_number:g}, "
+            f"{1e6 * camera.pixel_angle:.4g} urad a pixel, {image.band.label}",
+        ),
+        (
+            "background",
+            f"{measures.temperature:.5g} K, {1e-6 * measures.background:.4g} Me of "
+            f"{camera.well_Me:g} Me in {camera.integration_time_ms:g} ms",
+        ),
+        ("count", f"{camera.electrons_per_count:.5g} electrons, {camera.bits} bits"),
+        (
+            "NETD",
+            f"predicted {millikelvin(measures.netd)}, {uniform}; of shot noise alone "
+            f"{millikelvin(measures.netd_shot)}",
+        ),
+        *(
+            (
+                f"MTF at {name}",
+                f"predicted {mtf['predicted'][k]:.3f}, measured {mtf['measured'][k]:.3f}, "
+                f"{mtf['frequency'][k]:.4g} cycles/mm",
+            )
+            for name, k in (("half of Nyquist", (last + 1) // 2), ("Nyquist", last))
+        ),
+        ("pixels on target", f"{measures.pixels:.4g}"),
+        (
+            "signal to noise",
+            f"{measures.peak_snr:.4g} in the strongest pixel, {measures.snr:.4g} of the target "
+            "with a matched filter",
+        ),
+        (
+            "rendering",
+            f"standard error {millikelvin(measures.render_error)} on the target, the same in all "
+            f"frames; {image.exposure.spp} paths through a pixel",
+        ),
+        error_row(
+            "the rms standard error over the pixels on the target is "
+            f"{percent(image.exposure.rms_error)} of its mean radiance",
+            scenario.render.tolerance,
+            image.exposure.reached,
+        ),
+    ]
+
+
+def millikelvin(kelvin: float) -> str:
+    """A temperature difference in mK, as text."""
+    return f"{1e3 * kelvin:.4g} mK"
+
+
+def detected(image) -> str:
+    """Up to which range the target is detected, in words."""
+    scenario = image.scenario
+    needed = (
+        f"with a signal-to-noise ratio of {scenario.sensor.snr:g} and "
+        f"{scenario.camera.least_pixels:g} pixels on the target"
+    )
+    if not image.detected_to_m:
+        return f"not detected at these ranges, {needed}"
+    at_least = " at least" if image.detected_to_m > 0.999 * image.ranges[-1].range_m else ""
+    return f"detected up to {image.detected_to_m:.5g} m{at_least}, {needed}"
