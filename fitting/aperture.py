@@ -38,10 +38,10 @@ class Disc:
             t, s, weight = panel(*nodes)
             for side in (-1, 1):
                 # A panel is empty if the mirror direction lies beyond the rim on its side.
-                chosen = np.flatnonzero((rule_of == number) & (side * offset < half_angle))
+                points = np.flatnonzero((rule_of == number) & (side * offset < half_angle))
                 columns.append(
-                    [np.repeat(chosen, len(t)), np.full(len(t) * len(chosen), side)]
-                    + [np.tile(column, len(chosen)) for column in (t, s, weight)]
+                    [np.repeat(points, len(t)), np.full(len(t) * len(points), side)]
+                    + [np.tile(column, len(points)) for column in (t, s, weight)]
                 )
         point, side, t, s, weight = np.concatenate(columns, axis=1)
         order = np.argsort(point, kind="stable")

@@ -107,10 +107,12 @@ def compare(
     noise = assess(data, best, c)
     criteria = [criterion(candidate, data.rows, noise.effective) for candidate in candidates]
     index = choose(candidates, criteria)
-    chosen = candidates[index] = descend(candidates[index], candidates[index].residuals, ROUND_OFF)
+    accepted = candidates[index] = descend(
+        candidates[index], candidates[index].residuals, ROUND_OFF
+    )
     for candidate, value in zip(candidates, criteria):
         candidate.criterion = value - min(criteria)
-    return chosen, candidates, assess(data, chosen, c)
+    return accepted, candidates, assess(data, accepted, c)
 
 
 def search(data: Data, variant: Variant, start: np.ndarray) -> FittedVariant:

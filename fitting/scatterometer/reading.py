@@ -266,16 +266,16 @@ def _columns(table: Table, quantity: str | None) -> dict[str, tuple[str, str]]:
     present = [name for name in QUANTITIES if name in known]
     if present == ["brdf"] and quantity == "brdf_cos":
         known["brdf_cos"] = known["brdf"]
-    chosen = quantity or (present + ["brdf"])[0]
+    value = quantity or (present + ["brdf"])[0]
     missing = [f"{ANGLES[role][0]}_deg" for role in ("theta_i", "theta_r") if role not in known]
-    if missing or chosen not in known:
-        missing += [] if chosen in known else [f"{chosen}_per_sr"]
+    if missing or value not in known:
+        missing += [] if value in known else [f"{value}_per_sr"]
         raise InputError(
             f"{table.file}: no column {' and no '.join(missing)}; found: "
             f"{', '.join(map(shown, table.columns[:12])) or 'nothing'}"
         )
     return {
-        role: column for role, column in known.items() if role not in QUANTITIES or role == chosen
+        role: column for role, column in known.items() if role not in QUANTITIES or role == value
     }
 
 
@@ -332,7 +332,7 @@ def _in_plane(table, columns, data, stated):
     rows = np.ones(len(theta_i), dtype=bool)
     # In the plane of incidence, (-theta_i, theta_r) is the mirror image of (theta_i, -theta_r).
     theta_r = np.where(theta_i < 0, -theta_r, theta_r)
-    own_name = columns["theta_r"][0].lower().startswith("theta_r") and not (theta_i < 0).any()
+    is_named_so = columns["theta_r"][0].lower().startswith("theta_r") and not (theta_i < 0).any()
     theta_i = abs(theta_i)
     by_azimuth = same_azimuth = False
     if "phi_r" in data:
@@ -345,7 +345,7 @@ def _in_plane(table, columns, data, stated):
     elif "phi" in data:
         rows = abs(np.sin(data["phi"])) <= IN_PLANE
         opposite = np.cos(data["phi"]) < 0
-        own_name = own_name and not (rows & opposite).any()
+        is_named_so = is_named_so and not (rows & opposite).any()
         theta_r = np.where(opposite, -theta_r, theta_r)
 
     stated = stated or _choice(table, "theta_r_positive", SIDES)
@@ -369,7 +369,7 @@ def _in_plane(table, columns, data, stated):
         return rows, theta_i, theta_r, "specular (by azimuth)"
     if stated:
         return rows, theta_i, theta_r if stated == "specular" else -theta_r, f"{stated} (stated)"
-    if own_name and not same_azimuth:
+    if is_named_so and not same_azimuth:
         if brighter == "source":
             raise InputError(
                 ask.format(
@@ -442,10 +442,10 @@ def _band(table: Table) -> tuple[float, float] | None:
 
 def limits(band: str) -> tuple[float, float]:
     """Lower and upper limit [um] of a band by its name; raises InputError for one without."""
-    found = band_of(band)
-    if found.is_total:
+    limited = band_of(band)
+    if limited.is_total:
         raise InputError(f"band {band} has no limits; name those of the detector, such as 3-5")
-    return found.lower_um, found.upper_um
+    return limited.lower_um, limited.upper_um
 
 
 def _half_angle_deg(table: Table) -> float:

@@ -102,8 +102,8 @@ class Edges:
         following = np.arange(1, len(model.corners) + 1)
         following[model.first[1:] - 1] = model.first[:-1]
         start, end = model.corners, model.corners[following]
-        chosen = facets[owner] & (start != end)
-        self.start, self.end, self.facet = start[chosen], end[chosen], owner[chosen]
+        listed = facets[owner] & (start != end)
+        self.start, self.end, self.facet = start[listed], end[listed], owner[listed]
         self.forward = self.start < self.end
         key = np.minimum(self.start, self.end) * len(model.vertices) + np.maximum(
             self.start, self.end

@@ -55,7 +55,7 @@ def _pairs(corners, unit):
     leading = np.argmax(abs(unit) > 0.5, axis=1)
     unit = unit * np.sign(np.take_along_axis(unit, leading[:, None], axis=1))
     height = np.einsum("tk,tk->t", corners.mean(axis=1), unit)
-    found = [_copies(corners)]
+    pairs = [_copies(corners)]
     # Planes are sorted into cells of two grids, the second one shifted by half a cell. Two planes
     # that rounding puts into different cells of one grid are in the same cell of the other.
     done = set()  # large planes that were already tested in the first grid
@@ -70,13 +70,13 @@ def _pairs(corners, unit):
             if (len(mine), mine[0]) not in done:
                 done.add((len(mine), mine[0]))
                 flat = _in_plane(corners[mine], np.broadcast_to(unit[mine[0]], (len(mine), 3)))
-                found.append(mine[_by_centroids(flat, rounding)])
-        chosen = np.repeat((sizes > 1) & (sizes <= ALL_PAIRS), sizes)
-        first = np.repeat(order[begins], sizes)[chosen]
-        mine = order[chosen]
+                pairs.append(mine[_by_centroids(flat, rounding)])
+        in_small_planes = np.repeat((sizes > 1) & (sizes <= ALL_PAIRS), sizes)
+        first = np.repeat(order[begins], sizes)[in_small_planes]
+        mine = order[in_small_planes]
         flat = _in_plane(corners[mine], unit[first])
-        found.append(mine[_by_sweep(flat, first, rounding)])
-    a, b = np.concatenate(found).T
+        pairs.append(mine[_by_sweep(flat, first, rounding)])
+    a, b = np.concatenate(pairs).T
     same = (abs(unit[a] - unit[b]) < 8 * direction).all(axis=1)
     same &= abs(height[a] - height[b]) < 8 * flatness  # two planes may share a hash
     return np.stack([a[same], b[same]], axis=1)
@@ -128,7 +128,7 @@ def _by_sweep(flat, plane, rounding):
     low, high = flat.min(axis=1), flat.max(axis=1)
     order = np.lexsort((low[:, 0], plane))
     low, high, plane, flat = low[order], high[order], plane[order], flat[order]
-    found = [np.empty((0, 2), np.int64)]
+    pairs = [np.empty((0, 2), np.int64)]
     active, step = np.arange(len(order)), 0
     while len(active):  # triangle `active` against the one `step` further on, while boxes meet in x
         step += 1
@@ -139,8 +139,8 @@ def _by_sweep(flat, plane, rounding):
         meet = (low[other, 1] < high[active, 1]) & (low[active, 1] < high[other, 1])
         a, b = active[meet], other[meet]
         overlapping = _overlap(flat[a], flat[b], rounding)
-        found.append(np.stack([a[overlapping], b[overlapping]], axis=1))
-    return order[np.concatenate(found)]
+        pairs.append(np.stack([a[overlapping], b[overlapping]], axis=1))
+    return order[np.concatenate(pairs)]
 
 
 def _by_centroids(flat, rounding):
@@ -150,7 +150,7 @@ def _by_centroids(flat, rounding):
     low, high = flat.min(axis=1), flat.max(axis=1)
     size = np.maximum((high - low).max(axis=1), 1e-30)
     level = np.ceil(np.log2(size)).astype(np.int64)  # a triangle covers at most 2 x 2 cells
-    found = []
+    pairs = []
     for step in np.unique(level):
         mine = np.flatnonzero(level == step)
         cell = 2.0**step
@@ -170,8 +170,8 @@ def _by_centroids(flat, rounding):
             offset = np.arange(len(first)) - np.repeat(np.cumsum(number) - number, number)
             a, b = tested[first], owners[begins[first] + offset]
             inside = (a != b) & _contains(flat[b], points[a], rounding)
-            found.append(np.stack([a[inside], b[inside]], axis=1))
-    return np.concatenate(found)
+            pairs.append(np.stack([a[inside], b[inside]], axis=1))
+    return np.concatenate(pairs)
 
 
 def _chunks(counts):
@@ -202,9 +202,9 @@ def _overlap(a, b, rounding):
     separates them, by more than rounding.
     """
     apart = np.zeros(len(a), bool)
-    for one, other in ((a, b), (b, a)):
-        edges = np.roll(one, -1, axis=1) - one
-        sides = _cross(edges[:, :, None], other[:, None] - one[:, :, None])  # (n, edge, corner)
+    for first, second in ((a, b), (b, a)):
+        edges = np.roll(first, -1, axis=1) - first
+        sides = _cross(edges[:, :, None], second[:, None] - first[:, :, None])  # (n, edge, corner)
         margin = rounding * np.linalg.norm(edges, axis=-1)
         apart |= (sides.max(axis=2) <= margin).any(axis=1)
     return ~apart

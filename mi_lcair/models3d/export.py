@@ -102,7 +102,7 @@ def _short_names(materials, sources):
         if is_json(material):
             _add(sources, material)
             stem = Path(material).stem
-            taken = stem in materials or stem in {own for own, _ in short.values()}
+            taken = stem in materials or stem in {short_name for short_name, _ in short.values()}
             short[material] = (f"{stem}_json" if taken else stem), Path(material).name
         else:
             short[material] = material, material
@@ -162,8 +162,10 @@ def _ply(model, facets):
 
 def _bounds(model):
     """Centre (3,) and radius [m] of a sphere around the model facets, or around all facets."""
-    chosen = model.facets_of("f")[model.triangle_facet]
-    points = model.vertices[np.unique(model.triangles[chosen] if chosen.any() else model.triangles)]
+    of_model = model.facets_of("f")[model.triangle_facet]
+    points = model.vertices[
+        np.unique(model.triangles[of_model] if of_model.any() else model.triangles)
+    ]
     centre = (points.min(axis=0) + points.max(axis=0)) / 2
     return centre, np.linalg.norm(points - centre, axis=1).max()
 

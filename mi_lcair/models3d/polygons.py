@@ -41,8 +41,8 @@ def triangulate(vertices, corners, first):
     for size in np.unique(sizes):
         facets = np.flatnonzero(sizes == size)
         polygons = corners[first[facets, None] + np.arange(size)]
-        found, owner, off_plane[facets], crossed[facets] = _same_size(vertices, polygons)
-        triangles.append(found)
+        indices, owner, off_plane[facets], crossed[facets] = _same_size(vertices, polygons)
+        triangles.append(indices)
         owners.append(facets[owner])
     triangles, owners = np.concatenate(triangles), np.concatenate(owners)
     keep = np.flatnonzero(~_is_sliver(vertices[triangles]))
@@ -150,8 +150,8 @@ def _crosses_itself(points, names):
     """Whether two edges of the closed polygon cross, each in its inside."""
     ends, end_names = np.roll(points, -1, axis=0), np.roll(names, -1)
     rounding = ROUNDING * np.ptp(points, axis=0).max() ** 2
-    for a, b, *own in zip(points, ends, names, end_names):
-        apart = ~np.isin(names, own) & ~np.isin(end_names, own)
+    for a, b, *ends_of_edge in zip(points, ends, names, end_names):
+        apart = ~np.isin(names, ends_of_edge) & ~np.isin(end_names, ends_of_edge)
         c, d = points[apart], ends[apart]
         parts = [
             (_cross(b - a, c - a), _cross(b - a, d - a)),

@@ -41,9 +41,9 @@ def check_unedited(folder: Path, contents: dict[str, bytes]) -> None:
         if not path.is_file():
             continue
         content = read_bytes(path)
-        own = _is_signed(content) if name.endswith(".xml") else False
+        is_written = _is_signed(content) if name.endswith(".xml") else False
         noted = record.get(_quoted(name).encode()) == _checksum(content).encode()
-        if not (own or noted or content == contents[name]):
+        if not (is_written or noted or content == contents[name]):
             edited.append(str(path))
     if edited:
         raise InputError(

@@ -56,11 +56,13 @@ def fragment(name: str, labels: dict, short: dict, materials: str | None, sky: s
 
 
 def _material(name, short, material, materials):
-    own = f'        <string name="materials" value={quoteattr(materials)}/>\n' if materials else ""
+    table = (
+        f'        <string name="materials" value={quoteattr(materials)}/>\n' if materials else ""
+    )
     return f"""
     <bsdf type="material" id={quoteattr(f"{name}_{short}")}>
         <string name="material" value={quoteattr(material)}/>
-{own}        <string name="band" value="$band"/>
+{table}        <string name="band" value="$band"/>
         <boolean name="allow_band" value="$allow_band"/>
         <string name="lobe" value="$lobe"/>
     </bsdf>"""

@@ -55,6 +55,6 @@ def ambient_closure(
         value = followed + scale * result.closure
         error = difference((value - reference.value) / reference.mean, probes.each_pixel)
         if error <= budget and temperature <= HOTTEST:
-            chosen = replace(trial, ambient_temperature=temperature)
-            return chosen, error, replace(result, value=value, closure=scale * result.closure)
+            settings = replace(trial, ambient_temperature=temperature)
+            return settings, error, replace(result, value=value, closure=scale * result.closure)
     return None

@@ -17,14 +17,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.planning.audit_result import Audit
-from mi_lcair.planning.photons import (
-    BATCHES,
-    MAX_REFLECTIONS,
-    Flux,
-    follow,
-    passive_emissivity,
-    scaling_cosines,
-)
+from mi_lcair.planning.photons import BATCHES, MAX_REFLECTIONS, Flux, Tally, World, follow
 from mi_lcair.plugins.bsdfs.reflection_bsdf import reflection_layers
 from mi_lcair.plugins.emission.one_sun import one_sun
 from mi_lcair.plugins.emission.triangles import pointer_id
@@ -81,36 +74,19 @@ def audit(
             "scene has others"
         )
     photons = -(-photons // BATCHES) * BATCHES
-    by_facet = Flux(*np.zeros((len(fields(Flux)), BATCHES, table.count)))
-    ends = {name: np.zeros(BATCHES) for name in ("escaped", "unfinished", "sunlight")}
-    grazing = scaling_cosines(scene, table)
-    passive = [
-        (shape, passive_emissivity(index, shape))
-        for index, shape in enumerate(scene.mi.shapes())
-        if shape.emitter() is None
-    ]
+    tally = Tally.of(table.count)
     with scene.prepared() as tracer, dr.suspend_grad():
+        world = World.of(scene, tracer.emitters, table)
         for number, emitter in enumerate(emitters):
-            follow(
-                scene,
-                tracer.emitters,
-                emitters,
-                emitter,
-                passive,
-                photons,
-                seed * len(emitters) + number,
-                table,
-                grazing,
-                by_facet,
-                ends,
-            )
+            follow(world, emitter, photons, seed * len(emitters) + number, tally)
             if progress:
                 progress(number + 1, len(emitters))
-    return account(scene, table, by_facet, ends, photons * len(emitters))
+    return account(scene, table, tally, photons * len(emitters))
 
 
-def account(scene: Scene, table: FacetTable, by_facet: Flux, ends: dict, photons: int) -> Audit:
-    """The Audit of fluxes by batch and facet (`by_facet`) and of where the others end (`ends`)."""
+def account(scene: Scene, table: FacetTable, tally: Tally, photons: int) -> Audit:
+    """The Audit of what became of the photons."""
+    by_facet = tally.by_facet
 
     def figure(batches):
         """(sum, standard error) of the values of the batches."""
@@ -128,7 +104,7 @@ def account(scene: Scene, table: FacetTable, by_facet: Flux, ends: dict, photons
     total = {
         name: getattr(by_facet, name).sum(axis=1)
         for name in ("emitted", "absorbed", "behind", "created")
-    } | ends
+    } | tally.ends
     total["emitted"] = total["emitted"] + total.pop("sunlight")
     total["balance"] = sum(
         total[name] * sign

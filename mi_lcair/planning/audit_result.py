@@ -24,8 +24,8 @@ class Audit(Result):
     materials : dict
         {material: {name: (value, standard error)}}, W, with the names of `Flux`.
     shares : dict
-        The same fluxes as shares: those of "scene" of the emitted flux, those of a material of the
-        flux that arrives there.
+        The same fluxes as shares. Under "scene" they are shares of the flux that the scene emits,
+        under a material shares of the flux that arrives at the material.
     remarks : list of str
         One line for each imbalance, with the facets that cause most of it.
     photons : int
@@ -63,14 +63,14 @@ class Audit(Result):
                 for name, (value, error) in fluxes.items()
             }
 
-        fluxes = lambda of: plain(of, "value_W", "standard_error_W")
+        watts = ("value_W", "standard_error_W")
         return {
             "scene_name": self.scene_name,
             "band": self.band,
-            "total": fluxes(self.total),
+            "total": plain(self.total, *watts),
             "photons": self.photons,
             "remarks": self.remarks,
-            "materials": {name: fluxes(flux) for name, flux in self.materials.items()},
+            "materials": {name: plain(flux, *watts) for name, flux in self.materials.items()},
             "shares": {
                 name: plain(shares, "value", "standard_error")
                 for name, shares in self.shares.items()

@@ -1,6 +1,6 @@
 """Photons that are followed from the emitters of a scene, for its energy audit."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import drjit as dr
 import mitsuba as mi
@@ -8,6 +8,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.emissivity import emissivity_of
+from mi_lcair.plugins.emission.emitter_table import EmitterTable
 from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.scene import Scene
@@ -61,35 +62,94 @@ def scaling_cosines(scene: Scene, table: FacetTable) -> np.ndarray:
     return np.array([angles.get(material, 0.0) for material in table.material])
 
 
-def follow(
-    scene, leaving, emitters, source, passive, photons, seed, table, grazing, by_facet, ends
-) -> None:
-    """Follow photons from one emitter, and add their fluxes to `by_facet` and `ends`.
+@dataclass
+class Tally:
+    """What becomes of the photons, as fluxes, W.
 
-    Parameters
+    by_facet: fluxes by batch and facet. ends: flux by batch, (BATCHES,), that has "escaped", is
+    "unfinished" or is "sunlight".
+    """
+
+    by_facet: Flux
+    ends: dict[str, np.ndarray]
+
+    @staticmethod
+    def of(facets: int) -> "Tally":
+        """A tally of a scene with this number of facets, without any flux."""
+        ends = {name: np.zeros(BATCHES) for name in ("escaped", "unfinished", "sunlight")}
+        return Tally(Flux(*np.zeros((len(fields(Flux)), BATCHES, facets))), ends)
+
+    def add(self, flux: str, batch, facet, values) -> None:
+        """Add values, W, to a flux of some batches and facets."""
+        array = getattr(self.by_facet, flux)
+        cells = batch * array.shape[1] + facet
+        array += np.bincount(cells, values, array.size).reshape(array.shape)
+
+    def end(self, how: str, batch, values) -> None:
+        """Add values, W, to the flux of some batches that has ended in this way."""
+        self.ends[how] += np.bincount(batch, values, BATCHES)
+
+
+@dataclass(frozen=True)
+class World:
+    """The surfaces of a scene as photons meet them.
+
+    Attributes
     ----------
     scene : Scene
-        Scene that the photons travel in.
     leaving : EmitterTable
         Spawns rays that leave a surface.
     emitters : list of mitsuba.Emitter
         All emitters of the scene.
-    source : mitsuba.Emitter
-        Emitter that the photons start from.
     passive : list of (mitsuba.Shape, emissivity)
-        Shapes without an emitter; see `absorptance`.
-    photons : int
-        Number of photons, a multiple of BATCHES.
-    seed : int
-        Seed of the random numbers.
+        Shapes without an emitter; see `passive_emissivity`.
     table : FacetTable
         Facets of the scene.
     grazing : ndarray, shape (facets,)
         Cosines below which BRDFs are scaled down; see `scaling_cosines`.
-    by_facet : Flux
-        Fluxes by batch and facet, W; changed in place.
-    ends : dict of str to ndarray, shape (BATCHES,)
-        Flux that has "escaped", is "unfinished" or is "sunlight", W; changed in place.
+    """
+
+    scene: Scene
+    leaving: EmitterTable
+    emitters: list
+    passive: list
+    table: FacetTable
+    grazing: np.ndarray
+
+    @staticmethod
+    def of(scene: Scene, leaving: EmitterTable, table: FacetTable) -> "World":
+        """Raises InputError for a shape without an emitter whose absorption is not known."""
+        passive = [
+            (shape, passive_emissivity(index, shape))
+            for index, shape in enumerate(scene.mi.shapes())
+            if shape.emitter() is None
+        ]
+        emitters = list(scene.mi.emitters())
+        return World(scene, leaving, emitters, passive, table, scaling_cosines(scene, table))
+
+    def absorptance(self, si, active):
+        """Share of the arriving flux that is absorbed: by Kirchhoff's law, the emissivity.
+
+        The emissivity is that toward the origin of the flux. A surface without an emitter absorbs
+        what its BSDF does not reflect. si: where the flux arrives. active: points that are
+        evaluated; the others get 0.
+        """
+        absorbed = mi.Float(0)
+        for emitter in self.emitters:
+            if emitter.get_shape() is None:
+                continue
+            on_shape = active & (si.shape == mi.ShapePtr(emitter.get_shape()))
+            absorbed = dr.select(on_shape, emitter.emissivity(si, on_shape), absorbed)
+        for shape, emissivity in self.passive:
+            on_shape = active & (si.shape == mi.ShapePtr(shape))
+            absorbed = dr.select(on_shape, emissivity.eval(shape.bsdf(), si, on_shape), absorbed)
+        return absorbed
+
+
+def follow(world: World, source, photons: int, seed: int, tally: Tally) -> None:
+    """Follow photons from one emitter of a world, and add their fluxes to the tally.
+
+    photons: their number, a multiple of BATCHES. seed: seed of the random numbers.
     """
     sampler = mi.load_dict({"type": "independent"})
     draw = np.random.SeedSequence([seed, 1])
@@ -98,32 +158,9 @@ def follow(
         """Give the sampler a new seed and a new number of photons."""
         sampler.seed(int(draw.spawn(1)[0].generate_state(1)[0]), width)
 
-    def add(array, batch, facet, values):
-        """Add values by batch and facet to an array (BATCHES, facets)."""
-        np.add(
-            array,
-            np.bincount(batch * table.count + facet, values, BATCHES * table.count).reshape(
-                array.shape
-            ),
-            out=array,
-        )
-
     reseed(photons)
     batch = np.arange(photons) % BATCHES
-    if source.get_shape() is None:
-        ray, flux = sunlight(scene, leaving, source, photons, sampler)
-        ends["sunlight"] += np.bincount(batch, flux.numpy(), BATCHES)
-    else:
-        # Start at a random point on a random side of the emitter, in a cosine-weighted direction.
-        # The density of the directions is cos / (2 pi), and the flux of a photon is
-        # 2 pi L / density.
-        si, density = source.sample_surface(sampler.next_2d(), mi.Bool(True))
-        si.wi = mi.warp.square_to_cosine_hemisphere(sampler.next_2d())
-        si.wi.z = dr.mulsign(si.wi.z, sampler.next_1d() - 0.5)
-        flux = source.eval(si)[0] * dr.two_pi / (density * photons)
-        ray = leaving.spawn_ray(si, si.to_world(si.wi))
-        own = table.number(mi.ShapePtr(source.get_shape()), si.prim_index).numpy()
-        add(by_facet.emitted, batch, own, flux.numpy())
+    ray, flux = emitted(world, source, photons, sampler, batch, tally)
     batch, active = mi.UInt32(batch), flux > 0
     throughput = mi.Float(1)
     for _ in range(MAX_REFLECTIONS):
@@ -134,37 +171,55 @@ def follow(
         ray, flux, throughput, batch = (
             dr.gather(type(value), value, kept) for value in (ray, flux, throughput, batch)
         )
-        si = scene.mi.ray_intersect(ray)
+        si = world.scene.mi.ray_intersect(ray)
         hit, lane = si.is_valid(), batch.numpy()
         reseed(len(kept))
         # Split the arriving flux into what is absorbed, reflected, and lost behind a surface.
-        absorbed = dr.select(hit, absorptance(emitters, passive, si, hit), 0)
+        absorbed = dr.select(hit, world.absorptance(si, hit), 0)
         ctx = mi.BSDFContext(mi.TransportMode.Importance)
         bs, weight = si.bsdf().sample(ctx, si, sampler.next_1d(), sampler.next_2d(), hit)
         reflected = dr.select(hit, weight[0], 0)
         behind = hit & (absorbed == 0) & (reflected == 0) & (si.wi.z < 0)
 
         # Record it by batch and facet. A photon that hits nothing has escaped.
-        facet = table.number(si.shape, si.prim_index, hit).numpy()
+        facet = world.table.number(si.shape, si.prim_index, hit).numpy()
         on, arriving = hit.numpy(), flux.numpy().astype(float)
-        ends["escaped"] += np.bincount(lane[~on], arriving[~on], BATCHES)
+        tally.end("escaped", lane[~on], arriving[~on])
         facet, lane, arriving = facet[on], lane[on], arriving[on]
-        for array, share in (
-            (by_facet.incident, 1.0),
-            (by_facet.absorbed, absorbed.numpy()[on]),
-            (by_facet.reflected, reflected.numpy()[on]),
-            (by_facet.behind, behind.numpy()[on]),
-            (by_facet.scaled, dr.abs(si.wi.z).numpy()[on] < grazing[facet]),
+        for name, share in (
+            ("incident", 1.0),
+            ("absorbed", absorbed.numpy()[on]),
+            ("reflected", reflected.numpy()[on]),
+            ("behind", behind.numpy()[on]),
+            ("scaled", dr.abs(si.wi.z).numpy()[on] < world.grazing[facet]),
         ):
-            add(array, lane, facet, arriving * share)
+            tally.add(name, lane, facet, arriving * share)
 
         # Russian roulette: weak photons end, and the survivors carry their flux.
         throughput *= reflected
         survival = dr.clip(throughput, SURVIVAL, 1)
         active = hit & (reflected > 0) & (sampler.next_1d() < survival)
         flux, throughput = flux * reflected / survival, throughput / survival
-        ray = leaving.spawn_ray(si, si.to_world(bs.wo))
-    ends["unfinished"] += np.bincount(batch.numpy(), dr.select(active, flux, 0).numpy(), BATCHES)
+        ray = world.leaving.spawn_ray(si, si.to_world(bs.wo))
+    tally.end("unfinished", batch.numpy(), dr.select(active, flux, 0).numpy())
+
+
+def emitted(world: World, source, photons: int, sampler, batch, tally: Tally) -> tuple:
+    """Rays of photons that leave an emitter, and their fluxes [W], which are added to the tally."""
+    if source.get_shape() is None:
+        ray, flux = sunlight(world.scene, world.leaving, source, photons, sampler)
+        tally.end("sunlight", batch, flux.numpy())
+        return ray, flux
+    # Start at a random point on a random side of the emitter, in a cosine-weighted direction. The
+    # density of the directions is cos / (2 pi), and the flux of a photon is 2 pi L / density.
+    si, density = source.sample_surface(sampler.next_2d(), mi.Bool(True))
+    si.wi = mi.warp.square_to_cosine_hemisphere(sampler.next_2d())
+    si.wi.z = dr.mulsign(si.wi.z, sampler.next_1d() - 0.5)
+    flux = source.eval(si)[0] * dr.two_pi / (density * photons)
+    ray = world.leaving.spawn_ray(si, si.to_world(si.wi))
+    facet = world.table.number(mi.ShapePtr(source.get_shape()), si.prim_index).numpy()
+    tally.add("emitted", batch, facet, flux.numpy())
+    return ray, flux
 
 
 def sunlight(scene, leaving, sun, photons, sampler) -> tuple:
@@ -173,7 +228,7 @@ def sunlight(scene, leaving, sun, photons, sampler) -> tuple:
     They pass through a disc that covers everything but the sky as seen from the sun, and begin
     where they have passed the sky. Their sum is the irradiance times the area of the disc.
 
-    scene, leaving, photons: as for `follow`. sun: the emitter. sampler: gives random numbers.
+    leaving: spawns rays that leave a surface. sun: the emitter. sampler: gives random numbers.
     """
     points = [
         corners(shape) for shape in scene.mi.shapes() if facet_type_of(shape.emitter()) != "sky"
@@ -211,36 +266,3 @@ def passive_emissivity(index: int, shape):
             f"shape {shape.id() or index} has no emitter, and what it absorbs is not known "
             f"({error}); give it another BSDF"
         ) from None
-
-
-def absorptance(emitters, passive, si, active):
-    """Share of the arriving flux that is absorbed: by Kirchhoff's law, the emissivity.
-
-    The emissivity is that toward the origin of the flux. A surface without an emitter absorbs what
-    its BSDF does not reflect.
-
-    Parameters
-    ----------
-    emitters : list of mitsuba.Emitter
-        All emitters of the scene.
-    passive : list of (mitsuba.Shape, emissivity)
-        Shapes without an emitter, and their emissivities; see `passive_emissivity`.
-    si : mitsuba.SurfaceInteraction3f
-        Points where the flux arrives.
-    active : mitsuba.Bool
-        Points that are evaluated; the others get 0.
-
-    Returns
-    -------
-    mitsuba.Float
-    """
-    absorbed = mi.Float(0)
-    for emitter in emitters:
-        if emitter.get_shape() is None:
-            continue
-        on_shape = active & (si.shape == mi.ShapePtr(emitter.get_shape()))
-        absorbed = dr.select(on_shape, emitter.emissivity(si, on_shape), absorbed)
-    for shape, emissivity in passive:
-        on_shape = active & (si.shape == mi.ShapePtr(shape))
-        absorbed = dr.select(on_shape, emissivity.eval(shape.bsdf(), si, on_shape), absorbed)
-    return absorbed

@@ -171,8 +171,8 @@ def plan(
 ) -> Plan:
     """Plan a render of `scene` whose error is below `tolerance`.
 
-    Give the plan to `render` or `signature`, which render under its settings until the noise is
-    within what it leaves of the tolerance.
+    Give the plan to `render` or `signature`. They render under its settings until the noise is
+    below the plan's `noise_tolerance`.
 
     Parameters
     ----------
@@ -217,12 +217,14 @@ def plan(
     start = time.perf_counter()
     with scene.prepared() as tracer:
         check_bounded(tracer.emitters, scene.name)
-    own = Settings.of(scene)
+    given = Settings.of(scene)
     probes = ProbeSeries(scene, each_pixel, seed, sensor, progress)
-    expected = lambda reference: (
-        renders * expected_paths(reference, tolerance, each_pixel, pixel_count(scene, sensor))
-    )
-    full, reference = reference_probe(probes, own, tolerance, expected)
+
+    def expected(reference: Probe) -> float:
+        paths = expected_paths(reference, tolerance, each_pixel, pixel_count(scene, sensor))
+        return renders * paths
+
+    full, reference = reference_probe(probes, given, tolerance, expected)
     if reference.may_lack > LACK_SHARE * tolerance:
         settings, bias, left_out = full, truncation_error(probes, reference), []
         untried = [
@@ -233,8 +235,8 @@ def plan(
         settings, bias, left_out, untried = simplified(
             probes, full, reference, tolerance, expected(reference)
         )
-    if own.closure != "none":
-        left_out.insert(0, f"the scene's own closure, {own.closure}")
+    if given.closure != "none":
+        left_out.insert(0, f"the scene's own closure, {given.closure}")
     check_bounces(probes, settings.max_bounces, full, bias, tolerance)
     if progress:
         progress(probes.done, probes.done)
@@ -276,7 +278,10 @@ def simplified(
     left_out, untried : list of str
         As for `Plan`.
     """
-    pays = lambda rays: rays > 0 and rays * paths > KERNEL
+
+    def pays(rays: float) -> bool:
+        return rays > 0 and rays * paths > KERNEL
+
     untried = []
     reference, settings, bias, probe, left_out = fewer_bounces(
         probes, full, reference, tolerance, pays

@@ -163,7 +163,10 @@ def probe(
         sums = tracer.trace(camera, launch, Channels(split, counted, count_segments))
         chance = max(tracer.chance_contribution(camera), float(sums.chance.max()))
     valid = np.maximum(sums.valid, 1)
-    mean = lambda values: (values / valid).T
+
+    def mean(values):
+        return (values / valid).T
+
     names = [name for name in sums.channels if name.startswith(f"{prefix}bounce.")]
     return Probe(
         value=mean(sums.radiance if each_pixel else sums.channels["target"]),

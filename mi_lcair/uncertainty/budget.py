@@ -28,7 +28,7 @@ from mi_lcair.uncertainty.inputs import Inputs
 from mi_lcair.uncertainty.intensity_number import IntensityNumber
 from mi_lcair.uncertainty.monte_carlo import MonteCarlo, check_draws, monte_carlo
 from mi_lcair.uncertainty.number import Number
-from mi_lcair.uncertainty.propagation import Row, combined, rows
+from mi_lcair.uncertainty.propagation import BudgetRow, combined, rows
 from mi_lcair.uncertainty.uncertainties import Uncertainties
 
 UNIT_NAMES = {"W/sr": "W_sr", "W m^-2": "W_m2"}  # units of results as ends of columns' names
@@ -49,7 +49,7 @@ class Budget(Result):
         The result.
     sigma : float
         Its combined standard uncertainty.
-    rows : list of Row
+    rows : list of BudgetRow
         What contributes to it, the largest share of the variance first. The shares add up to 1.
     inputs : Inputs
         The uncertain quantities with their covariance.
@@ -72,7 +72,7 @@ class Budget(Result):
     unit: str
     value: float
     sigma: float
-    rows: list[Row]
+    rows: list[BudgetRow]
     inputs: Inputs
     checks: list[Check]
     monte_carlo: MonteCarlo | None
@@ -119,22 +119,24 @@ class Budget(Result):
         A group's row is followed by its members, whose share is NaN. `unit` is that of value and
         sigma. The contribution is in the unit of the result.
         """
-        table = [one for row in self.rows for one in (row, *row.members)]
+        table = [entry for row in self.rows for entry in (row, *row.members)]
         in_group = [
-            len(parent.members) > 0 and one is not parent
+            len(parent.members) > 0 and entry is not parent
             for parent in self.rows
-            for one in (parent, *parent.members)
+            for entry in (parent, *parent.members)
         ]
-        number = lambda name: np.array(
-            [np.nan if getattr(one, name) is None else getattr(one, name) for one in table], float
-        )
+
+        def number(name):
+            values = [getattr(entry, name) for entry in table]
+            return np.array([np.nan if value is None else value for value in values], float)
+
         contribution = f"contribution_{UNIT_NAMES.get(self.unit, '')}".rstrip("_")
         return {
-            "quantity": np.array([one.quantity for one in table]),
+            "quantity": np.array([entry.quantity for entry in table]),
             "is_member": np.array(in_group),
             "value": number("value"),
             "sigma": number("sigma"),
-            "unit": np.array([one.unit for one in table]),
+            "unit": np.array([entry.unit for entry in table]),
             "sensitivity": number("sensitivity"),
             "sensitivity_error": number("sensitivity_error"),
             contribution: number("contribution"),
@@ -210,8 +212,8 @@ def budget(
             for group, of_group in stated.facets.items()
         }
         others = facets | {NOISE: number.error, TRUNCATION: number.truncation()}
-        found = rows(inputs, derivative, errors, others)
-        sigma = combined(found)
+        budget_rows = rows(inputs, derivative, errors, others)
+        sigma = combined(budget_rows)
         checks = check(number, inputs, derivative, sigma)
         distribution = None
         if draws is not None:
@@ -230,7 +232,7 @@ def budget(
             unit=number.unit,
             value=number.value,
             sigma=sigma,
-            rows=found,
+            rows=budget_rows,
             inputs=inputs,
             checks=checks,
             monte_carlo=distribution,

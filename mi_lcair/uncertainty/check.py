@@ -66,7 +66,7 @@ def check(number: Number, inputs: Inputs, derivative: np.ndarray, total: float) 
     Correlated quantities move together, in the direction that changes the result most within one
     standard deviation.
     """
-    found = []
+    checks = []
     for group in inputs.groups:
         variance = group_variance(inputs, derivative, group)
         if not variance > MATTERS * total**2:
@@ -90,5 +90,5 @@ def check(number: Number, inputs: Inputs, derivative: np.ndarray, total: float) 
         ]
         largest = max(abs(change) for change in (linear, plus, minus) if change is not None)
         holds = None not in changes and max(differences) <= FAILS * largest
-        found.append(Check(group.label, linear, plus, minus, holds))
-    return found
+        checks.append(Check(group.label, linear, plus, minus, holds))
+    return checks

@@ -49,7 +49,7 @@ class ContrastNumber(Number):
     def __init__(self, scenario: Scenario, setting: Setting, progress=None):
         self.scenario, self.setting = scenario, setting
         self.scene, self.what = setting.view, scenario.name
-        self.known = parameters(self.scene) | self.own_quantities()
+        self.known = parameters(self.scene) | self.scenario_quantities()
         sampling = scenario.render
         self.numbers = CommonNumbers(
             self.scene,
@@ -65,7 +65,7 @@ class ContrastNumber(Number):
         if not self.areas.projected_area > 0:
             raise InputError("no ray met the target; raise resolution or spp of [render]")
 
-    def own_quantities(self) -> dict[str, Parameter]:
+    def scenario_quantities(self) -> dict[str, Parameter]:
         """The scenario's quantities and their values, by name."""
         setting, band = self.setting, self.setting.detector.band
         extrapolate, range_m = self.scenario.atmosphere.extrapolate, setting.path.range_m
@@ -123,9 +123,12 @@ class ContrastNumber(Number):
         allowed = self.scenario.render.allowed(terms.at(path)["total"].value)
         return terms.half_width(path) / allowed if allowed > 0 else np.inf
 
-    def terms(self, total, areas, own) -> tuple[Irradiance, np.ndarray]:
+    def terms(self, total, areas, quantities) -> tuple[Irradiance, np.ndarray]:
         """Irradiances, and the target's, the path's and the background's part per amount."""
-        value = lambda name: own.get(f"scenario.{name}")
+
+        def value(name):
+            return quantities.get(f"scenario.{name}")
+
         irradiance = self.irradiance(total, areas, value("background_temperature"))
         path = self.setting.path
         if value("range_m") is not None:
@@ -137,8 +140,8 @@ class ContrastNumber(Number):
                 per_amount[row] *= value(name) / was
         return irradiance, per_amount
 
-    def linear(self, total, areas, own):
-        irradiance, (target, path, background) = self.terms(total, areas, own)
+    def linear(self, total, areas, quantities):
+        irradiance, (target, path, background) = self.terms(total, areas, quantities)
         covariance = irradiance.covariance
         if covariance is None:
             covariance = np.diag(irradiance.errors**2)
@@ -146,7 +149,7 @@ class ContrastNumber(Number):
         whole[:-1, :-1] = covariance
         return Linear(
             np.append(target + path - background, 1.0),
-            np.append(irradiance.amounts, own.get("scenario.nei", 0.0)),
+            np.append(irradiance.amounts, quantities.get("scenario.nei", 0.0)),
             whole,
         )
 

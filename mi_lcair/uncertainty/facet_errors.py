@@ -74,10 +74,10 @@ def slopes_per_area(number: Number, group: str, matrix, area: np.ndarray) -> np.
     slopes, temperature = np.zeros(len(area)), rounded(matrix.temperature)
     for k, source in enumerate(number.areas.sources):
         if source.group == group and source.temperature is not None:
-            chosen = temperature == source.temperature
-            whole = area[chosen].sum()
+            facets_of_source = temperature == source.temperature
+            whole = area[facets_of_source].sum()
             if whole > 0:
-                slopes[chosen] = number.source_slope(k) / whole
+                slopes[facets_of_source] = number.source_slope(k) / whole
     return slopes
 
 

@@ -60,10 +60,13 @@ def variance(images: DerivativeImages, covariance: np.ndarray) -> np.ndarray:
     The square of a noisy derivative would be too large on average. Products of independent
     randomisations are right on average, and only they are used if there are several.
     """
-    quadratic = lambda d: np.einsum("khw,kl,lhw->hw", d, covariance, d, optimize=True)
+
+    def quadratic(d):
+        return np.einsum("khw,kl,lhw->hw", d, covariance, d, optimize=True)
+
     count = len(images.derivatives)
     squares = count**2 * quadratic(images.derivative)
     if count == 1:
         return squares
-    own = sum(quadratic(column.astype(float)) for column in images.derivatives)
-    return np.maximum(squares - own, 0) / (count * (count - 1))
+    same = sum(quadratic(column.astype(float)) for column in images.derivatives)
+    return np.maximum(squares - same, 0) / (count * (count - 1))

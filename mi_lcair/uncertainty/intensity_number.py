@@ -31,7 +31,7 @@ class IntensityNumber(Number):
         self.known = parameters(scene)
         self.numbers = CommonNumbers(scene, by_spectrum=has_spectra(scene), part=part, **sampling)
 
-    def linear(self, total, areas, own):
+    def linear(self, total, areas, quantities):
         name = None if self.part == "scene" else self.part
         if areas is None or areas.nodes_um.size:
             mean, error = total.mean(name)[0], total.standard_error(name)[0]

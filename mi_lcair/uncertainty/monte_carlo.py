@@ -165,8 +165,8 @@ def linear_variance(feasible: FeasibleDraws, inputs: Inputs, derivative) -> tupl
     if not feasible.outside:
         return float(derivative @ inputs.covariance @ derivative), 0.0
     many = np.array([feasible.draw() for _ in range(LINEAR_DRAWS)])
-    found = squares((many - inputs.values) @ derivative)
-    return float(found.mean()), float(found.std(ddof=1) / np.sqrt(LINEAR_DRAWS))
+    drawn = squares((many - inputs.values) @ derivative)
+    return float(drawn.mean()), float(drawn.std(ddof=1) / np.sqrt(LINEAR_DRAWS))
 
 
 def squares(results: np.ndarray) -> np.ndarray:

@@ -98,7 +98,7 @@ class Number(ABC):
         return self.numbers.count + self.columns
 
     @abstractmethod
-    def linear(self, total: Totals, areas: EffectiveAreas | None, own: Mapping) -> Linear:
+    def linear(self, total: Totals, areas: EffectiveAreas | None, quantities: Mapping) -> Linear:
         """The result of a render, for these values of the quantities that are not the scene's."""
 
     @property
@@ -119,15 +119,15 @@ class Number(ABC):
 
     def at(self, values: Mapping[str, float]) -> float:
         """The number for other values of some quantities, from the same random numbers."""
-        own = {name: value for name, value in values.items() if self.is_own(name)}
-        rest = {name: value for name, value in values.items() if name not in own}
+        quantities = {name: value for name, value in values.items() if self.is_own(name)}
+        rest = {name: value for name, value in values.items() if name not in quantities}
         checked_names = {name: v for name, v in rest.items() if not self.is_emission(name)}
         if not checked_names:
-            return self.linear(self.total, self.changed(self.areas, rest), own).value
+            return self.linear(self.total, self.changed(self.areas, rest), quantities).value
         total = self.numbers.render(checked_names)
         areas = self.areas_of(total)
         emission = {name: value for name, value in rest.items() if name not in checked_names}
-        return self.linear(total, self.changed(areas, emission), own).value
+        return self.linear(total, self.changed(areas, emission), quantities).value
 
     def is_feasible(self, values: Mapping[str, float]) -> bool:
         """Whether the quantities can have these values together."""
@@ -195,16 +195,16 @@ class Number(ABC):
         -------
         derivative, error : ndarray, shape (K,)
         """
-        found = np.zeros((2, len(names)))
+        result = np.zeros((2, len(names)))
         rendered = [k for k, name in enumerate(names) if self.needs_render(name)]
         if rendered:
-            found[:, rendered] = self.rendered_derivatives(
+            result[:, rendered] = self.rendered_derivatives(
                 [names[k] for k in rendered], [sigma[k] for k in rendered]
             )
         for k, name in enumerate(names):
             if k not in rendered:
-                found[:, k] = self.closed_derivative(name, sigma[k])
-        return found[0], found[1]
+                result[:, k] = self.closed_derivative(name, sigma[k])
+        return result[0], result[1]
 
     def closed_derivative(self, name: str, sigma: float) -> tuple[float, float]:
         """Derivative with respect to a quantity that needs no render, and its standard error."""
@@ -213,9 +213,9 @@ class Number(ABC):
             step = float(np.clip(step, *(bound * abs(value) for bound in STEPS)))
         ends = []
         for end in (value + step, value - step):
-            own = {name: end} if self.is_own(name) else {}
-            areas = self.areas if own else self.changed(self.areas, {name: end})
-            ends.append(self.linear(self.total, areas, own))
+            quantities = {name: end} if self.is_own(name) else {}
+            areas = self.areas if quantities else self.changed(self.areas, {name: end})
+            ends.append(self.linear(self.total, areas, quantities))
         high, low = ends
         slope = replace(
             self.base,
@@ -237,7 +237,7 @@ class Number(ABC):
     def rendered_derivatives(self, names, sigma):
         if not self.has_weights:
             return self.differences(names, sigma)
-        found = sensitivities(
+        sensitivity = sensitivities(
             self.scene,
             names,
             part=self.part,
@@ -246,7 +246,7 @@ class Number(ABC):
             seed=self.numbers.seed,
         )
         self.columns += -(-len(names) // MOST_COLUMNS)
-        return found.derivative, found.error[1:]
+        return sensitivity.derivative, sensitivity.error[1:]
 
     def differences(self, names, sigma) -> np.ndarray:
         """Derivatives by differences over a standard deviation; their noise is not known."""

@@ -8,7 +8,7 @@ from mi_lcair.uncertainty.inputs import Group, Inputs
 
 
 @dataclass(frozen=True)
-class Row:
+class BudgetRow:
     """One row of a budget.
 
     Attributes
@@ -25,7 +25,7 @@ class Row:
         and its standard error. None for a group and for rows that are no quantity.
     unit : str
         Unit of value and sigma.
-    members : tuple of Row
+    members : tuple of BudgetRow
         The quantities of a group. Their contributions are those of each one alone, and they have no
         share of their own.
     """
@@ -38,7 +38,7 @@ class Row:
     sensitivity: float | None = None
     sensitivity_error: float | None = None
     unit: str = ""
-    members: tuple["Row", ...] = ()
+    members: tuple["BudgetRow", ...] = ()
 
     def as_dict(self) -> dict:
         """The row for JSON; a number that is not known is None."""
@@ -51,7 +51,7 @@ class Row:
 
 def rows(
     inputs: Inputs, derivative: np.ndarray, errors: np.ndarray, others: dict[str, float]
-) -> list[Row]:
+) -> list[BudgetRow]:
     """The rows of a budget, the largest share first.
 
     Parameters
@@ -65,11 +65,14 @@ def rows(
     """
     variances = {group.label: group_variance(inputs, derivative, group) for group in inputs.groups}
     total = sum(variances.values()) + sum(error**2 for error in others.values())
-    share = lambda variance: variance / total if total > 0 else 0.0
-    found = []
+
+    def share(variance):
+        return variance / total if total > 0 else 0.0
+
+    budget_rows = []
     for group in inputs.groups:
         members = [
-            Row(
+            BudgetRow(
                 quantity=inputs.quantities[k].name,
                 contribution=float(derivative[k] * inputs.sigma[k]),
                 share=None,
@@ -83,12 +86,14 @@ def rows(
         ]
         variance = variances[group.label]
         if len(members) == 1:
-            found.append(Row(**vars(members[0]) | {"share": share(variance)}))
+            budget_rows.append(BudgetRow(**vars(members[0]) | {"share": share(variance)}))
         else:
             contribution = float(np.sqrt(variance))
-            found.append(Row(group.label, contribution, share(variance), members=tuple(members)))
-    found += [Row(name, error, share(error**2)) for name, error in others.items()]
-    return sorted(found, key=lambda row: -row.share)
+            budget_rows.append(
+                BudgetRow(group.label, contribution, share(variance), members=tuple(members))
+            )
+    budget_rows += [BudgetRow(name, error, share(error**2)) for name, error in others.items()]
+    return sorted(budget_rows, key=lambda row: -row.share)
 
 
 def group_variance(inputs: Inputs, derivative: np.ndarray, group: Group) -> float:
@@ -97,6 +102,6 @@ def group_variance(inputs: Inputs, derivative: np.ndarray, group: Group) -> floa
     return float(max(c @ inputs.covariance[np.ix_(group.index, group.index)] @ c, 0.0))
 
 
-def combined(found: list[Row]) -> float:
+def combined(budget_rows: list[BudgetRow]) -> float:
     """Standard uncertainty of the result: the root of the sum of the squared contributions."""
-    return float(np.sqrt(sum(row.contribution**2 for row in found)))
+    return float(np.sqrt(sum(row.contribution**2 for row in budget_rows)))

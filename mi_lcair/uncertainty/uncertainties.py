@@ -56,7 +56,7 @@ class Correlated:
 
 
 @dataclass(frozen=True)
-class Fit:
+class FittedMaterial:
     """Values and covariance of the parameters of a material, from the report of a fit."""
 
     file: str
@@ -85,7 +85,7 @@ class Uncertainties:
     source: str
     sigma: dict[str, float | str]
     correlated: list[Correlated]
-    fits: dict[str, list[Fit]]
+    fits: dict[str, list[FittedMaterial]]
     facets: dict[str, float | Path]
 
     @staticmethod
@@ -210,7 +210,7 @@ def read_correlated(group: Mapping, sigma: Mapping) -> Correlated:
     return Correlated(tuple(names), **{kinds[0]: matrix})
 
 
-def read_fit(folder: Path, file, material: str) -> list[Fit]:
+def read_fit(folder: Path, file, material: str) -> list[FittedMaterial]:
     """The fits in the JSON report of `mi-lcair fit`, one for each band.
 
     The solution of an inversion has such reports for each of its materials.
@@ -219,13 +219,13 @@ def read_fit(folder: Path, file, material: str) -> list[Fit]:
         raise InputError(f"[fits]: {file} must be the name of a fit's JSON file")
     try:
         report = json.loads(read_text(folder / file, f"fit '{file}'"))
-        found = report.get("materials", {"": report})
+        by_band = report.get("materials", {"": report})
         if "kind" in report and "unknowns" in report:
-            if material not in found:
-                raise unknown(f"material of '{file}'", material, found)
-            found = found[material]
-        reports = list(found.values())
-        return [one_fit(file, part) for part in reports]
+            if material not in by_band:
+                raise unknown(f"material of '{file}'", material, by_band)
+            by_band = by_band[material]
+        reports = list(by_band.values())
+        return [fitted_material(file, part) for part in reports]
     except InputError:
         raise
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
@@ -234,17 +234,19 @@ def read_fit(folder: Path, file, material: str) -> list[Fit]:
         ) from None
 
 
-def one_fit(file: str, report: Mapping) -> Fit:
+def fitted_material(file: str, report: Mapping) -> FittedMaterial:
     values = {name: float(value) for name, value in report["parameters"].items()}
     errors = np.array([report["standard_error"][name] for name in values], dtype=float)
     correlation = np.array(report["correlation"], dtype=float)
     covariance = correlation * np.outer(errors, errors)
     if covariance.shape != (len(values),) * 2 or not np.all(np.isfinite(covariance)):
         raise ValueError
-    return Fit(file, report["model"], values, covariance)
+    return FittedMaterial(file, report["model"], values, covariance)
 
 
-def of_material(fits: list[Fit], material: str, present: Mapping[str, float]) -> Fit:
+def of_material(
+    fits: list[FittedMaterial], material: str, present: Mapping[str, float]
+) -> FittedMaterial:
     """The fit whose parameters are those of a scene's material.
 
     Raises InputError if there is none: the covariance belongs to another surface.

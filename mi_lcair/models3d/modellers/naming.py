@@ -175,15 +175,15 @@ def _no_label(obj, face, table, options):
             way = "add it to the table"
     else:
         reason, way = "the face has no label", "give --names with a table of names"
-        if found := _found(obj):
-            way += f" (here {found})"
+        if names := _names_of(obj):
+            way += f" (here {names})"
     return InputError(
         f"{obj.place(face)}: {reason}; name its object or group {{f|s|t}}*{{material}}*{{kelvin}}*,"
         f" such as f*bare_aluminum*300*, {way}, or give {missing}"
     )
 
 
-def _found(obj):
+def _names_of(obj):
     """The first names that a table of names could have, without the numbers of copies."""
     names = [_plain(next(filter(None, part), "")) for part in obj.parts]
     names = [name for name in dict.fromkeys(names) if name and "*" not in name]

@@ -161,7 +161,7 @@ class Text:
         self.content = np.frombuffer(content, np.uint8)
         self.begins = np.append(0, np.flatnonzero(self.content == NEWLINE) + 1)
         self.joined = np.flatnonzero(self.content == ord(JOINED))
-        self.materials = [found.start() for found in re.finditer(rb"(?m)^usemtl[ \t\v]", content)]
+        self.materials = [match.start() for match in re.finditer(rb"(?m)^usemtl[ \t\v]", content)]
 
     def runs(self):
         """(kind, begin, end) of runs of up to AT_ONCE consecutive statements of one kind.
