@@ -146,6 +146,70 @@ def test_steps_of_exactly_a_tenth_of_a_micrometre_leave_no_gap():
         band("MWIR").check_covered(np.array([3, 3.1, 3.2001, *x[3:]]), "table")
 
 
+ROWS = np.array([2.5, 3.05, 3.3, 3.38, 3.9, 4.2, 4.7, 5.2, 6.0])
+
+
+def exact_integral(values, response, breaks):
+    """Integral of two functions that are straight between breaks, by Gauss's rule of degree 3."""
+    total = 0.0
+    for a, b in zip(breaks, breaks[1:]):
+        x = (a + b) / 2 + (b - a) / 2 * np.array([-1, 1]) / np.sqrt(3)
+        total += (b - a) / 2 * np.sum(np.interp(x, ROWS, values) * response(x))
+    return total
+
+
+def test_tabulated_spectra_are_integrated_exactly(tmp_path):
+    """Spectrum and response are straight between their own rows, and limits lie anywhere."""
+    values = np.random.default_rng(3).random((2, 9))
+    for rule, response in (
+        (band("3.1-4.95"), np.ones_like),
+        (band(csv(tmp_path, *JAGGED)), lambda x: np.interp(x, *JAGGED)),
+    ):
+        limits = rule.lower_um, rule.upper_um
+        inner = [x for x in (*ROWS, *JAGGED[0]) if limits[0] < x < limits[1]]
+        breaks = np.unique([*limits, *inner])
+        expected = [exact_integral(row, response, breaks) for row in values]
+        assert rule.integral(ROWS, values) == pytest.approx(expected, rel=1e-12)
+    # Rows outside the band and its neighbours have no weight
+    weights = band("3.1-3.35").row_weights(ROWS)
+    assert np.flatnonzero(weights).tolist() == [1, 2, 3]
+    assert weights.sum() == pytest.approx(0.25, rel=1e-12)
+
+
+def test_the_response_between_its_rows_and_outside(tmp_path):
+    rule = band(csv(tmp_path, *JAGGED))
+    x = [2.89, 2.95, 3.375, 5.6, 5.61]
+    assert rule.response_at(x) == pytest.approx([0, 0.35, 0.925, 0, 0])
+    assert band("MWIR").response_at([2.9, 3, 5, 5.1]).tolist() == [0, 1, 1, 0]
+
+
+@pytest.mark.parametrize(
+    "gaps, words",
+    [
+        ((), "it has 3-4.5 um$"),
+        ((3.5,), "it has 3-3.5, 3.8-4.5 um, and gaps wider than 0.1 um between"),
+        ((3.2, 3.6, 4.0), "it has 3-3.2, 3.5-3.6, 3.9-4, 4.3-4.5 um, and gaps"),
+        ((3.1, 3.4, 3.7, 4.0), "it has 3-3.1, 3.4-3.4, 3.7-3.7, 4-4, ... um, and gaps"),
+    ],
+)
+def test_what_a_table_lacks(gaps, words):
+    """Two rows are left out after each gap's beginning; four parts are named at most."""
+    x = np.round(np.arange(3, 4.51, 0.1), 1)
+    left_out = [start + step for start in gaps for step in (0.1, 0.2)]
+    x = np.array([value for value in x if not np.isclose(value, left_out).any()])
+    with pytest.raises(InputError, match=f"table: does not cover band MWIR 3-5 um; {words}"):
+        band("MWIR").check_covered(x, "table")
+
+
+def test_a_gap_outside_the_band_does_no_harm():
+    x = np.array([1.0, 2.95, 3.0, 3.05, 3.1, 3.2, 4.0])
+    band("3-3.2").check_covered(x, "table")
+    band("2.96-3.15").check_covered(x, "table")
+    for spec in ("2.9-3.1", "3.1-3.21"):
+        with pytest.raises(InputError, match="does not cover"):
+            band(spec).check_covered(x, "table")
+
+
 @pytest.mark.slow
 def test_a_wide_response_is_thinned_panel_by_panel(tmp_path):
     rule = band(csv(tmp_path, np.linspace(1, 20, 300), np.ones(300)))
