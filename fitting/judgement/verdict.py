@@ -10,7 +10,7 @@ from mi_lcair.fitting.judgement.uncertainty import (
     profile_intervals,
     standard_errors,
 )
-from mi_lcair.physics.reflection.interface import Parameter
+from mi_lcair.physics.reflection.interface import ModelParameter
 
 # Width of an interval, relative to the feasible range, from which the parameter is not determined.
 UNDETERMINED = 0.5
@@ -102,7 +102,7 @@ class Doubt:
 
 
 def verdict(
-    parameter: Parameter, value: float, interval, bounds, at_bound: str | None, doubt: Doubt
+    parameter: ModelParameter, value: float, interval, bounds, at_bound: str | None, doubt: Doubt
 ) -> str:
     """The verdict on one parameter, in words.
 

@@ -140,14 +140,14 @@ class CameraView:
         # Mitsuba's x axis goes to the left of the image
         sides = np.column_stack([-self.right, self.up, self.axis, self.eye])
         place = T(np.vstack([sides, [0, 0, 0, 1]]))
-        own = {
+        kind = {
             "type": "perspective",
             "fov": camera.angle_deg(camera.width),
             "fov_axis": "x",
         }
         if camera.projection == "orthographic":
             half = camera.width * self.pixel_m / 2
-            own, place = {"type": "orthographic"}, place @ T().scale([half, half, 1])
+            kind, place = {"type": "orthographic"}, place @ T().scale([half, half, 1])
         crop = {
             "crop_offset_x": self.first[0],
             "crop_offset_y": self.first[1],
@@ -155,7 +155,7 @@ class CameraView:
             "crop_height": self.size[1],
         }
         return mi.load_dict(
-            own
+            kind
             | {
                 "to_world": place,
                 "near_clip": self.near_m,

@@ -11,7 +11,7 @@ from os import PathLike
 
 import numpy as np
 
-from mi_lcair.detection.contrast_result import Contrast, Row
+from mi_lcair.detection.contrast_result import Contrast, ContrastRow
 from mi_lcair.detection.irradiance import Backdrop, Estimate, Irradiance
 from mi_lcair.detection.scenario import Sampling, Scenario, scenario_of
 from mi_lcair.detection.setting import setting_of
@@ -238,7 +238,7 @@ def row(
     detector: Detector,
     target: Target,
     reached: bool | None,
-) -> Row:
+) -> ContrastRow:
     """The row of a target at the end of a path.
 
     Parameters
@@ -260,7 +260,7 @@ def row(
     total, area = terms["total"], irradiance.projected_area
     nei_max = Estimate(*(float(detector.nei_max(value)) for value in total))
     empty = no_target(irradiance, detector, path)
-    return Row(
+    return ContrastRow(
         max_bounces,
         **terms,
         half_width=irradiance.half_width(path),
@@ -314,13 +314,13 @@ def unlit_sky(view: Scene, scenario: Scenario, detector: Detector) -> list[str]:
 
 
 def remarks(
-    rows: list[Row], detector: Detector, target: Target, range_m: float, hidden: float
+    rows: list[ContrastRow], detector: Detector, target: Target, range_m: float, hidden: float
 ) -> list[str]:
     """Remarks on the limits of the results, one line each.
 
     Parameters
     ----------
-    rows : list of Row
+    rows : list of ContrastRow
         Rows of the contrast.
     detector : Detector
         Detector of the sensor.

@@ -14,7 +14,7 @@ from mi_lcair.results import Result
 
 
 @dataclass(frozen=True)
-class Row:
+class ContrastRow:
     """Contrast of a target, rendered with one number of reflections.
 
     Irradiances are at the aperture and weighted with the response of the detector.
@@ -128,7 +128,7 @@ class Contrast(Result):
         of view.
     radius_m : float
         Radius of the sphere that holds the target, m.
-    rows : list of Row
+    rows : list of ContrastRow
         One row for each number of reflections.
     remarks : list of str
         Limits of the results, one line each.
@@ -149,7 +149,7 @@ class Contrast(Result):
     background_radiance: float
     no_target: float | None
     radius_m: float
-    rows: list[Row]
+    rows: list[ContrastRow]
     remarks: list[str]
     seconds: float
 
@@ -219,8 +219,7 @@ class Contrast(Result):
             columns[name] = estimates[:, 0]
             columns[f"{quantity}_standard_error_{unit}"] = estimates[:, 1]
         for name in self.rows[0].numbers():
-            values = [row.numbers()[name] for row in self.rows]
-            columns[name] = np.array([np.nan if own is None else own for own in values], float)
+            columns[name] = np.array([row.numbers()[name] for row in self.rows], dtype=float)
         return columns
 
     def spectrum(self, number: int = -1) -> dict[str, np.ndarray]:

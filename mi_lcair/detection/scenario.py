@@ -55,7 +55,7 @@ REPLACES = {
 
 
 @dataclass(frozen=True)
-class Model:
+class TargetModel:
     """Table [target].
 
     Attributes
@@ -206,18 +206,13 @@ class Background:
     def __post_init__(self):
         if self.sky is not None and self.daytime_sky is not None:
             raise InputError("[background]: has sky and daytime_sky; give one of them")
-        own = next(
-            (
-                n
-                for n in ("sky", "daytime_sky", "ground_temperature")
-                if getattr(self, n) is not None
-            ),
-            None,
-        )
-        has_own = own is not None
-        if has_own == (self.temperature is not None):
-            mistake = f"has {own} and temperature" if has_own else "sky and temperature are missing"
-            raise InputError(f"[background]: {mistake}; give one of them")
+        lines = ("sky", "daytime_sky", "ground_temperature")
+        given = [name for name in lines if getattr(self, name) is not None]
+        if bool(given) == (self.temperature is not None):
+            both = f"has {given[0]} and temperature" if given else ""
+            raise InputError(
+                f"[background]: {both or 'sky and temperature are missing'}; give one of them"
+            )
         check_fields(self, "[background]: ")
         has_sky = self.sky is not None or self.daytime_sky is not None
         if self.ground_emissivity < 1 and not (has_sky and self.ground_temperature is not None):
@@ -354,7 +349,7 @@ class Scenario:
 
     name: str
     title: str
-    target: Model
+    target: TargetModel
     observer: Observer
     atmosphere: Air
     background: Background

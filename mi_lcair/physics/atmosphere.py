@@ -434,8 +434,8 @@ def _from_tape7(name, path, ranges_m, elevation_deg) -> Atmosphere:
     groups = np.split(order, np.flatnonzero(np.diff(order) > SAME_ELEVATION_DEG) + 1)
     airs = []
     for group in groups:
-        chosen = [n for n, elevation in enumerate(elevations) if elevation in group]
-        airs.append(_over_ranges(name, path, [blocks[n] for n in chosen], ranges[chosen]))
+        numbers = [n for n, elevation in enumerate(elevations) if elevation in group]
+        airs.append(_over_ranges(name, path, [blocks[n] for n in numbers], ranges[numbers]))
     if len(airs) == 1:
         return airs[0]
     return _between(path, np.array([group.mean() for group in groups]), airs, elevation_deg)

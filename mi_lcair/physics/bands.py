@@ -221,8 +221,8 @@ def _gauss_between(wavelengths):
     rules = [_gauss(a, b) for a, b in zip(lower[wide], upper[wide])]
     counts = _node_count(lower, upper)
     for count in np.unique(counts[~wide]):  # all intervals with the same number of nodes at once
-        chosen = ~wide & (counts == count)
-        a, width = lower[chosen, None], (upper - lower)[chosen, None]
+        alike = ~wide & (counts == count)
+        a, width = lower[alike, None], (upper - lower)[alike, None]
         x, w = _legendre(int(count))
         rules.append(((a + width * (x + 1) / 2).ravel(), (width * w / 2).ravel()))
     nodes, weights = (np.concatenate(part) for part in zip(*rules))

@@ -21,7 +21,7 @@ class Problem:
     rad.
     """
 
-    surface: sr.Surface
+    surface: sr.SandfordRobertsonSurface
     theta_i: Float64
 
     def incident(self, phi=0) -> Array3f64:

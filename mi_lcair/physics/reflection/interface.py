@@ -26,7 +26,7 @@ ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
-class Parameter(Bounds):
+class ModelParameter(Bounds):
     """One parameter of a model.
 
     Its unit and meaning are those of `Bounds`, and its bounds are those of a fit.
@@ -148,7 +148,7 @@ class ReflectionModel(ABC):
 
     name: str
     title: str
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[ModelParameter, ...]
     forms: tuple[str, ...] = ("standard",)
     reciprocal: bool = True
     has_emissivity: bool = False

@@ -65,7 +65,7 @@ WORTH_A_REMARK = 0.05  # share of the radiation lost between facets above which 
 
 
 @dataclass
-class Surface(interface.Surface):
+class MicrofacetSurface(interface.Surface):
     """The five parameters of a surface and the numbers in which they enter the equations.
 
     All fields are Dr.Jit floats of one type.
@@ -122,7 +122,7 @@ def half_vector(i, r):
 class Microfacet(MicrofacetCube):
     """The microfacet model; the module's docstring gives its equations."""
 
-    def surface(self, alpha, gamma, n, k, rho_d, form: str = "standard") -> Surface:
+    def surface(self, alpha, gamma, n, k, rho_d, form: str = "standard") -> MicrofacetSurface:
         """The `Surface` with these parameters, Dr.Jit Float64 arrays.
 
         Use `Surface.cast` for another float type: Float64 is needed to derive the numbers.
@@ -130,7 +130,7 @@ class Microfacet(MicrofacetCube):
         spread = distribution.spread(alpha)
         contrast = (n - 1) * (n + 1) - dr.square(k)
         q, inverse_exponent = distribution.quantile_terms(gamma, spread)
-        return Surface(
+        return MicrofacetSurface(
             alpha,
             gamma,
             n,

@@ -11,7 +11,7 @@ from math import log
 import drjit as dr
 import numpy as np
 
-from mi_lcair.physics.reflection.interface import Parameter, ReflectionModel, Restriction
+from mi_lcair.physics.reflection.interface import ModelParameter, ReflectionModel, Restriction
 
 KNEE2 = 0.01  # K^2: the coordinate of k is linear in k^2 below it and in log k above it
 SMALLEST_K2 = 1e-24  # added to k^2, so that the derivative of its root is finite at k = 0
@@ -20,7 +20,7 @@ ROUNDING = 1e-6
 
 ADVICE = "measure the emissivity and give --emissivity"
 PARAMETERS = (
-    Parameter(
+    ModelParameter(
         "alpha",
         r"$\alpha$",
         meaning="roughness: width of the lobe, for gamma = 2 its slope",
@@ -28,14 +28,14 @@ PARAMETERS = (
         upper=1,
         at_lower="any lobe narrower than {high:.3g} fits",
     ),
-    Parameter(
+    ModelParameter(
         "gamma",
         r"$\gamma$",
         meaning="how fast the lobe falls off; 2 is Trowbridge-Reitz",
         lower=0.5,
         upper=4,
     ),
-    Parameter(
+    ModelParameter(
         "n",
         r"$n$",
         meaning="refractive index, effective in the band",
@@ -43,7 +43,7 @@ PARAMETERS = (
         upper=50,
         advice=ADVICE,
     ),
-    Parameter(
+    ModelParameter(
         "k",
         r"$k$",
         meaning="absorption index, effective in the band; 0 for dielectrics",
@@ -51,7 +51,7 @@ PARAMETERS = (
         upper=100,
         advice=ADVICE,
     ),
-    Parameter(
+    ModelParameter(
         "rho_d",
         r"$\rho_d$",
         meaning="reflectance of the diffuse floor below the facets",
@@ -103,7 +103,10 @@ class MicrofacetCube(ReflectionModel):
         from scipy.stats import qmc  # takes a second to import, and only searches need it
 
         u = qmc.LatinHypercube(5, rng=np.random.default_rng(seed)).random(count)
-        decades = lambda low, high, place: low * (high / low) ** place
+
+        def decades(low, high, place):
+            return low * (high / low) ** place
+
         k = np.where(u[:, 3] < 0.5, decades(1e-3, 1, 2 * u[:, 3]), decades(1, 50, 2 * u[:, 3] - 1))
         return self.to_cube(
             np.column_stack(

@@ -13,7 +13,7 @@ b = 0 would be stationary for all data.
 import drjit as dr
 import numpy as np
 
-from mi_lcair.physics.reflection.interface import Parameter, ReflectionModel, Restriction
+from mi_lcair.physics.reflection.interface import ModelParameter, ReflectionModel, Restriction
 from mi_lcair.physics.reflection.sandford_robertson_equations import G
 
 E_MIN = 1e-5  # smallest e: a lobe 0.001 degrees wide, narrower than any instrument resolves
@@ -26,7 +26,7 @@ class SandfordRobertsonCube(ReflectionModel):
     name = "sandford_robertson"
     title = "Sandford-Robertson"
     parameters = (
-        Parameter(
+        ModelParameter(
             "epsilon",
             r"$\varepsilon$",
             meaning="emissivity, averaged over the hemisphere",
@@ -36,21 +36,21 @@ class SandfordRobertsonCube(ReflectionModel):
             absolute_precision=0.025,
             advice="measure it and give --emissivity",
         ),
-        Parameter(
+        ModelParameter(
             "rho_d",
             r"$\rho_d$",
             meaning="reflectance of the diffuse floor, averaged likewise",
             lower=0,
             upper=1,
         ),
-        Parameter(
+        ModelParameter(
             "b",
             r"$b$",
             meaning="falloff of emissivity and floor toward grazing angles",
             lower=0,
             upper=1,
         ),
-        Parameter(
+        ModelParameter(
             "e",
             r"$e$",
             meaning="width of the specular lobe, as the slope of its microfacets",

@@ -30,7 +30,7 @@ FEASIBLE = {
 
 
 @dataclass
-class Surface(interface.Surface):
+class SandfordRobertsonSurface(interface.Surface):
     """The four parameters of a surface and the combinations in which they enter the BRDF.
 
     `floor` = rho_d / G^2 (Eq 2.15). `absorbed` = (epsilon + rho_d) / G and
@@ -51,17 +51,16 @@ class Surface(interface.Surface):
     form: str = "thesis"
 
 
-def surface(epsilon, rho_d, b, e, form: str = "thesis") -> Surface:
+def surface(epsilon, rho_d, b, e, form: str = "thesis") -> SandfordRobertsonSurface:
     """The `Surface` with these parameters.
 
-    The parameters should be Float64 arrays; use `Surface.cast` for another float type. form: see
-    `f`.
+    The parameters should be Float64 arrays; `Surface.cast` gives another float type. form: see `f`.
     """
     G_b = G(b)
     slack = (G_b - epsilon - rho_d) / G_b
     # Parameters that were rounded to Float32 may exceed G by the rounding. slack is then 0.
     slack += dr.maximum(-dr.detach(slack), 0)
-    return Surface(
+    return SandfordRobertsonSurface(
         epsilon,
         rho_d,
         b,
@@ -127,12 +126,12 @@ def one_minus_g(cos, sin2, b):
     return dr.square(b) * sin2 * falloff(cos, sin2, b)
 
 
-def rho_s(S: Surface, cos, sin2):
+def rho_s(S: SandfordRobertsonSurface, cos, sin2):
     """Specular reflectance rho_s(theta_i) = 1 - rho_d(theta_i) - epsilon(theta_i), Eq 2.20."""
     return S.slack + S.absorbed * one_minus_g(cos, sin2, S.b)
 
 
-def emissivity(S: Surface, cos, sin2):
+def emissivity(S: SandfordRobertsonSurface, cos, sin2):
     """The model's own directional emissivity epsilon g(theta) / G(b), Eq 2.21."""
     return S.epsilon / S.G * g(cos, sin2, S.b)
 
@@ -165,7 +164,7 @@ def e2_H(cos_i, e):
     return 0.5 * (c + (2 * e2 + c2) * dr.rsqrt(c2 + 4 * e2))
 
 
-def observer_factor(S: Surface, cos, sin2):
+def observer_factor(S: SandfordRobertsonSurface, cos, sin2):
     """d(theta_r) / cos(theta_r) of Eq 2.19; 1 / cos(theta_r) in the normalized form.
 
     The first is computed without a division by the cosine, which vanishes at grazing angles.
@@ -175,14 +174,14 @@ def observer_factor(S: Surface, cos, sin2):
     return cos * falloff(cos, sin2, S.b)
 
 
-def f_d(S: Surface, i, r):
+def f_d(S: SandfordRobertsonSurface, i, r):
     """Diffuse floor, Eq 2.15 [1/sr]."""
     g_i = g(cos_theta(i), sin2_theta(i), S.b)
     g_r = g(cos_theta(r), sin2_theta(r), S.b)
     return S.floor * g_i * g_r * dr.inv_pi
 
 
-def f_s(S: Surface, i, r):
+def f_s(S: SandfordRobertsonSurface, i, r):
     """Specular lobe, Eq 2.19 [1/sr]."""
     cos_i = cos_theta(i)
     lobe = dr.square(S.e) * h(sin2_alpha(i, r), S.e) / e2_H(cos_i, S.e)
@@ -194,7 +193,7 @@ def f_s(S: Surface, i, r):
     )
 
 
-def f(S: Surface, i, r):
+def f(S: SandfordRobertsonSurface, i, r):
     """BRDF f_r(i, r), Eq 2.14 [1/sr]; 0 unless both directions lie above the surface.
 
     The form "thesis" has the factor d(theta_r) of Eq 2.19, by which the surface loses energy toward

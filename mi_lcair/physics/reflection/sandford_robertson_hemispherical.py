@@ -12,7 +12,7 @@ import drjit as dr
 import numpy as np
 
 from mi_lcair.physics.reflection.sandford_robertson_equations import (
-    Surface,
+    SandfordRobertsonSurface,
     e2_H,
     g,
     observer_factor,
@@ -40,7 +40,7 @@ def azimuthal_lobe(theta_i, theta_r, e):
     return dr.pi * (2 + ratio * (4 + spread))
 
 
-def HDR(S: Surface, theta_r):
+def HDR(S: SandfordRobertsonSurface, theta_r):
     """Hemispherical-directional reflectance, int f_r cos(theta_i) domega_i (Eq 2.9).
 
     S: Float64 surface, one for all angles (width 1) or one for each angle. theta_r: Float64 array,
@@ -51,7 +51,7 @@ def HDR(S: Surface, theta_r):
     return floor + observer_factor(S, cos_r, dr.square(sin_r)) * HDR_lobe(S, theta_r)
 
 
-def HDR_lobe(S: Surface, theta_r):
+def HDR_lobe(S: SandfordRobertsonSurface, theta_r):
     """The lobe's part of HDR, divided by d(theta_r) / cos(theta_r).
 
     It is finite up to 90 degrees. Away from grazing angles it is about proportional to
@@ -66,7 +66,7 @@ def HDR_lobe(S: Surface, theta_r):
     return integrate_elevation(integrand, theta_r, S) * (0.25 * dr.inv_pi)
 
 
-def DHR(S: Surface, theta_i):
+def DHR(S: SandfordRobertsonSurface, theta_i):
     """Directional-hemispherical reflectance, int f_r cos(theta_r) domega_r (Eq 2.8).
 
     S and theta_i [rad] are as in `HDR`, and so are error and derivatives.
@@ -90,7 +90,7 @@ def DHR(S: Surface, theta_i):
 gauss = cache(np.polynomial.legendre.leggauss)
 
 
-def integrate_elevation(integrand, peak, S: Surface):
+def integrate_elevation(integrand, peak, S: SandfordRobertsonSurface):
     """int_0^(pi/2) integrand(theta, peak, S) dtheta, for a peak of width about 2e at theta = peak.
 
     The panels are [0, peak], [peak, middle] and [middle, pi/2]. In each, theta = anchor +-

@@ -26,10 +26,10 @@ class Minnaert(interface.ReflectionModel):
     name = "minnaert"
     title = "Minnaert"
     parameters = (
-        interface.Parameter(
+        interface.ModelParameter(
             "rho", r"$\rho$", meaning="reflectance seen along the normal", lower=0, upper=1
         ),
-        interface.Parameter(
+        interface.ModelParameter(
             "k", r"$k$", meaning="limb darkening; 1 is Lambertian", lower=1, upper=3
         ),
     )
