@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # the names of `_HOME`, for type checkers and editors
     from mi_lcair.inversion.invert import invert as invert
     from mi_lcair.planning.audit import audit as audit
     from mi_lcair.planning.plan import plan as plan
-    from mi_lcair.rendering.render import render as render
+    from mi_lcair.rendering.images.render import render as render
     from mi_lcair.rendering.scene import Scene as Scene
     from mi_lcair.rendering.scene import load as load
     from mi_lcair.sensitivity.images import derivative_images as derivative_images
@@ -35,7 +35,7 @@ _HOME = {
     "InputError": "errors",
     "Scene": "rendering.scene",
     "load": "rendering.scene",
-    "render": "rendering.render",
+    "render": "rendering.images.render",
     "fit": "fitting.estimation",
     "signature": "signatures.signature",
     "trend": "signatures.trend",

@@ -110,5 +110,5 @@ def test_a_users_script_under_mypy(tmp_path, monkeypatch):
     out, _, _ = mypy.run([*options, str(script)])
     lines = [line.partition(".py:")[2] for line in out.splitlines()]
     assert [line.partition(":")[0] for line in lines] == ["5", "6", "7"], out
-    assert 'Revealed type is "mi_lcair.rendering.render_result.Render"' in lines[0]
+    assert 'Revealed type is "mi_lcair.rendering.images.render_result.Render"' in lines[0]
     assert 'Module has no attribute "rendre"' in lines[2]

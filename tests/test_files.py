@@ -27,7 +27,7 @@ from mi_lcair.files import (
     together,
 )
 from mi_lcair.formats import tiff
-from mi_lcair.rendering.image import write_exr
+from mi_lcair.rendering.images.exr import write_exr
 from mi_lcair.rendering.views import View
 from mi_lcair.signatures.trend_file import TrendFile
 

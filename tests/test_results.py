@@ -16,7 +16,7 @@ from mi_lcair.detection.scenario import Scenario
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 from mi_lcair.physics.brdf_view import brdf_view
-from mi_lcair.rendering.image import read_exr
+from mi_lcair.rendering.images.exr import read_exr
 from mi_lcair.results.units import unit_of
 from mi_lcair.signatures.hemispherical_view import hemispherical_view
 from tests.cli.test_image import CAMERA

@@ -27,8 +27,8 @@ from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.aiming import aim_at_model
-from mi_lcair.rendering.window import window_area
-from mi_lcair.rendering.window_means import RANDOMISATIONS
+from mi_lcair.rendering.measurands import Measurands
+from mi_lcair.rendering.window import RANDOMISATIONS, window_area
 
 SEEDS = 20
 ROUNDS = 3  # alternating timed runs of each contestant
@@ -95,7 +95,7 @@ def aimed(scene):
     sensor = scene.sensor(0)
     area = window_area(sensor, scene.name)
     with scene.prepared() as tracer:
-        aim = aim_at_model(scene, tracer, sensor, 1_000_000, "target")
+        aim = aim_at_model(scene, tracer, sensor, 1_000_000, Measurands.of("target"))
 
     def run(scene, paths: int, seed: int) -> float:
         points = paths // RANDOMISATIONS

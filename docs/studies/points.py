@@ -21,7 +21,7 @@ from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.plugins.recorders.first_hit import FirstHit
 from mi_lcair.plugins.recorders.recorder import Recorders
 from mi_lcair.plugins.samplers.lattice import Lattice, hashed
-from mi_lcair.rendering import render, window_means
+from mi_lcair.rendering import window
 from mi_lcair.rendering.statistics import student_factor
 
 SCENES = [
@@ -157,7 +157,7 @@ def covered(means: np.ndarray, truth: float, systematic=0.0, missed=0.0) -> floa
 
 def coverage(scene, numbers_of_paths) -> list[tuple[int, float, float, list[float]]]:
     """Return rows (paths, coverage by scatter, stated coverage, those of the channels)."""
-    R = window_means.RANDOMISATIONS
+    R = window.RANDOMISATIONS
     rows, truth = [], None
     with scene.prepared() as tracer:
         for paths in sorted(numbers_of_paths, reverse=True):
@@ -252,8 +252,8 @@ def main(page):
         repetitions=REPETITIONS,
         runs=RUNS,
         share=LEAST_SHARE,
-        windows=window_means.RANDOMISATIONS,
-        pixels=render.RANDOMISATIONS,
+        windows=window.RANDOMISATIONS,
+        pixels=window.PIXEL_RANDOMISATIONS,
         gains=gains(scenes),
         counts=counts(scenes),
         images=image_gains(),

@@ -7,21 +7,20 @@ import numpy as np
 from mi_lcair.camera.optics import OVERSAMPLING
 from mi_lcair.camera.view import CameraView
 from mi_lcair.detection.irradiance import Backdrop
-from mi_lcair.detection.scenario import DEFAULT_SPP, Sampling
 from mi_lcair.errors import InputError
 from mi_lcair.physics.atmosphere import Atmosphere
 from mi_lcair.physics.bands import Band
 from mi_lcair.plugins.emission.sources import Sources
-from mi_lcair.rendering.apparent import Arrival
-from mi_lcair.rendering.limits import check_memory, check_paths
-from mi_lcair.rendering.render import (
-    DEFAULT_MAX_SPP,
-    PASS_SAMPLES,
-    PILOT_SPP,
-    add_points,
-)
+from mi_lcair.plugins.paths.sums import Sums
+from mi_lcair.plugins.recorders.channels import Channels
+from mi_lcair.rendering.criteria import Criterion
+from mi_lcair.rendering.images.apparent import Arrival
+from mi_lcair.rendering.measurands import Measurands
+from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
-from mi_lcair.rendering.statistics import Totals, check_valid
+from mi_lcair.rendering.statistics import Totals
+from mi_lcair.rendering.window import Windows
 
 # Ranges at which the air is computed. Its values at other ranges are interpolated linearly.
 RANGES = 129
@@ -84,7 +83,6 @@ def exposure(
     backdrop: Backdrop,
     range_m: float,
     extrapolate: bool = False,
-    progress=None,
 ) -> Exposure:
     """Render the model into the samples of a camera's window.
 
@@ -99,7 +97,7 @@ def exposure(
     view : CameraView
     sampling : Sampling
         Its spp and max_spp are paths through a pixel, or through the model where it is smaller. Its
-        tolerance is the `rms_error`.
+        tolerance is the `rms_error`. Its progress is in paths through a pixel.
     detector : Band
         Band whose values are electrons.
     air, backdrop : Atmosphere, Backdrop
@@ -107,8 +105,6 @@ def exposure(
         Range of the model's middle, m.
     extrapolate : bool
         Whether ranges beyond the atmosphere's table are allowed.
-    progress : callable or None
-        Called with (paths through a pixel done, expected).
 
     Raises
     ------
@@ -117,43 +113,33 @@ def exposure(
     """
     columns, rows = view.size
     in_pixel = min(view.parts**2, columns * rows)
-    camera, tolerance = view.sensor(scene), sampling.tolerance
-    goal = sampling.spp or (PILOT_SPP if tolerance else DEFAULT_SPP)
-    limit = (sampling.max_spp or DEFAULT_MAX_SPP) if tolerance else goal
-    check_paths(columns * rows // in_pixel, spp=goal, max_spp=sampling.max_spp)
-    whole = lambda spp: RANDOMISATIONS * max(1, -(-spp // (in_pixel * RANDOMISATIONS)))
-    goal, limit, done = whole(goal), whole(limit), 0
     hidden = float(detector_mean(backdrop, scene.band))
-    with scene.prepared(by_spectrum=True) as tracer:
-        sources = tracer.emitters.sources
-        check_memory(columns * rows, tracer, None)
-        total = Totals(columns * rows, RANDOMISATIONS, systematic=tracer.systematic_error)
 
-        def kept(sums):
-            """The channels of the model; as radiance, its difference from the background."""
-            found = {"target": sums.channels["target"]} | {
-                f"target.{name}": values
-                for name, values in sums.channels.items()
-                if name in ("hit", "range") or name.startswith(("source.", "wavelength."))
-            }
-            contrast = found["target"] - hidden * found["target.hit"]
-            return replace(sums, channels=found, radiance=contrast)
+    def reduced(sums: Sums) -> Sums:
+        """The channels of the model; as radiance, its difference from the background."""
+        channels = {"target": sums.channels["target"]} | {
+            f"target.{name}": values
+            for name, values in sums.channels.items()
+            if name in ("hit", "range") or name.startswith(("source.", "wavelength."))
+        }
+        contrast = channels["target"] - hidden * channels["target.hit"]
+        return replace(sums, channels=channels, radiance=contrast)
 
-        while done < min(goal, limit):
-            step = min(min(goal, limit) - done, PASS_SAMPLES // (columns * rows))
-            step = max(1, step // RANDOMISATIONS)
-            add_points(
-                total, tracer, camera, (columns, rows), sampling.seed, "model", done, step, kept
-            )
-            done += step * RANDOMISATIONS
-            check_valid(total.invalid, done * columns * rows, scene.name)
-            rms = rms_error(total, in_pixel)
-            if tolerance and done >= goal and rms > tolerance:
-                goal = whole(
-                    in_pixel * min(4 * done, int(done * 1.05 * (rms / tolerance) ** 2) + 1)
-                )
-            if progress:
-                progress(in_pixel * done, in_pixel * min(goal, limit))
+    windows = Windows(
+        view.sensor(scene),
+        columns,
+        rows,
+        RANDOMISATIONS,
+        parts=in_pixel,
+        are_pixels=True,
+        by_randomisation=False,
+    )
+    measurands = Measurands(Channels("model"), by_spectrum=True, reduced=reduced)
+    criterion = None
+    if sampling.tolerance is not None:
+        criterion = ModelError(sampling.tolerance, in_pixel)
+    total = measure(scene, windows, sampling, measurands, criterion)
+    sources = total.emitters.sources
     parts = {name: total.mean(name) for name in total.sums}
     on = parts["target.hit"] > 0
     if not on.any():
@@ -188,11 +174,11 @@ def exposure(
         intensities=intensities,
         area=intensities["target.hit"],
         sources=sources,
-        spp=in_pixel * done,
+        spp=in_pixel * int(total.traced[0]),
         rms_error=rms_error(total, in_pixel),
-        reached=None if not tolerance else bool(rms_error(total, in_pixel) <= tolerance),
+        reached=total.reached,
         invalid=total.invalid,
-        paths=done * columns * rows,
+        paths=int(total.traced.sum()),
     )
 
 
@@ -224,6 +210,20 @@ def detector_mean(backdrop: Backdrop, detector: Band) -> float:
         detector.check_covered(backdrop.rows_um, f"background {backdrop.name}")
         return float(detector.integral(backdrop.rows_um, backdrop.at(backdrop.rows_um)))
     return float(detector.weights_um @ backdrop.at(detector.wavelengths_um))
+
+
+@dataclass(frozen=True)
+class ModelError(Criterion):
+    """The rms standard error over the pixels on the model is below a fraction of its mean."""
+
+    tolerance: float
+    in_pixel: int
+
+    def check(self, tracer, name):
+        """Nothing is refused: a tolerance that is not reached is reported."""
+
+    def excess(self, total):
+        return rms_error(total, self.in_pixel) / self.tolerance
 
 
 def rms_error(total: Totals, in_pixel: int) -> float:

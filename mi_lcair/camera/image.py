@@ -109,13 +109,12 @@ def recorded(scenario: Scenario, frames: int, seed: int, progress) -> Image:
         exposed = exposure(
             scene,
             view,
-            scenario.render,
+            scenario.render.of_image(progress),
             camera.band,
             setting.air,
             behind,
             observer.range_m,
             scenario.atmosphere.extrapolate,
-            progress,
         )
     render_seconds = time.perf_counter() - rendering
 

@@ -82,7 +82,7 @@ class Image(Result):
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.camera:figure"
     sections_by: ClassVar[str] = "mi_lcair.reports.sections.image:sections"
     saved_by: ClassVar[dict[str, str]] = {
-        ".exr": "mi_lcair.rendering.image:write_render",
+        ".exr": "mi_lcair.rendering.images.exr:write_render",
         ".tif": "mi_lcair.camera.image_result:write_counts",
     }
 

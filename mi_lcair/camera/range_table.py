@@ -11,7 +11,7 @@ from mi_lcair.detection.irradiance import Backdrop
 from mi_lcair.errors import InputError
 from mi_lcair.physics.atmosphere import Atmosphere
 from mi_lcair.physics.bands import Band
-from mi_lcair.rendering.apparent import Arrival
+from mi_lcair.rendering.images.apparent import Arrival
 
 NEAREST = 4  # shortest range of the table, in radii of the target
 FARTHEST = 1000  # longest range of the table in vacuum, in ranges of the scenario

@@ -41,7 +41,7 @@ def command(options, output, atmosphere, range_m):
     the apparent temperature in K and the range in m. Printed are the mean and the error.
     """
     from mi_lcair.files import check_writable
-    from mi_lcair.rendering.image import write_exr
+    from mi_lcair.rendering.images.exr import write_exr
 
     if output.suffix.lower() != ".exr":
         raise InputError(

@@ -13,7 +13,7 @@ import numpy as np
 
 from mi_lcair.detection.contrast_result import Contrast, ContrastRow
 from mi_lcair.detection.irradiance import Backdrop, Estimate, Irradiance
-from mi_lcair.detection.scenario import Sampling, Scenario, scenario_of
+from mi_lcair.detection.scenario import RenderTable, Scenario, scenario_of
 from mi_lcair.detection.setting import setting_of
 from mi_lcair.errors import InputError
 from mi_lcair.fraction import fraction
@@ -25,7 +25,7 @@ from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.rendering.views import Target, hidden_share
-from mi_lcair.signatures.signature import signature
+from mi_lcair.signatures.signature import integrated
 from mi_lcair.signatures.signature_result import Signature
 
 THERMAL_UM = 5.0  # wavelength from which on a sky scatters no sunlight worth mentioning, um
@@ -64,7 +64,7 @@ def contrast(
     parameters : mapping of str to object, optional
         Entries of a scenario that is named, by dotted key such as {"sensor.band": "LWIR"}.
     spp, tolerance, tolerance_W_m2, max_spp
-        Entries of [render] of a scenario that is named, see `Sampling`. The tolerance may be
+        Entries of [render] of a scenario that is named, see `RenderTable`. The tolerance may be
         written 0.01 or "1%".
 
     Returns
@@ -135,7 +135,7 @@ def measured(scenario: Scenario, progress) -> Contrast:
 def rendered(
     view: Scene,
     target: Target,
-    sampling: Sampling,
+    sampling: RenderTable,
     detector: Detector,
     air: Atmosphere,
     path: LineOfSight,
@@ -150,7 +150,7 @@ def rendered(
         Scene with the sensor of the observer.
     target : Target
         Sphere that holds the target.
-    sampling : Sampling
+    sampling : RenderTable
         Numbers of reflections, samples per pixel or tolerances, lobe and seed.
     detector, air, path, behind : Detector, Atmosphere, LineOfSight, Backdrop
         What the irradiance depends on beside the target.
@@ -193,20 +193,17 @@ def rendered(
                 progress(k * total + done, len(bounces) * total)
 
         with changed(view, lobe=sampling.lobe, max_bounces=count):
-            result = signature(
+            result = integrated(
                 view,
-                sampling.spp,
-                max_spp=sampling.max_spp,
-                seed=sampling.seed,
+                sampling.of_render(step),
                 by_spectrum=True,
-                progress=step,
                 excess=excess if sampling.has_tolerance else None,
             )
         check_met(result, target)
         yield count, irradiance(result), result
 
 
-def check_reachable(sampling: Sampling, irradiance: Irradiance, path: LineOfSight) -> None:
+def check_reachable(sampling: RenderTable, irradiance: Irradiance, path: LineOfSight) -> None:
     """Raise InputError if no number of samples reaches the tolerances of a contrast.
 
     A relative tolerance is judged only where the contrast differs from zero by more than its 95 %

@@ -18,6 +18,8 @@ from mi_lcair.files import parse_toml, read_text
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.detector import LOCK_ON, Detector
 from mi_lcair.physics.imager import Imager
+from mi_lcair.progress import Progress
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.toml_table import filled, required
 
 STATED = "a scenario is a TOML file that names a scene, its observer and the sensor"
@@ -275,7 +277,7 @@ class Sensor:
 
 
 @dataclass(frozen=True)
-class Sampling:
+class RenderTable:
     """Table [render].
 
     Attributes
@@ -335,6 +337,18 @@ class Sampling:
         """Whether the number of samples follows from a tolerance."""
         return self.spp is None
 
+    def of_render(self, progress: Progress | None = None) -> Sampling:
+        """The sampling of one render, whose criterion is made from the tolerances."""
+        return Sampling(spp=self.spp, max_spp=self.max_spp, seed=self.seed, progress=progress)
+
+    def of_image(self, progress: Progress | None = None) -> Sampling:
+        """The sampling of a camera's image, for which only a relative tolerance counts."""
+        if self.tolerance is None:
+            return Sampling(spp=self.spp or DEFAULT_SPP, seed=self.seed, progress=progress)
+        return Sampling(
+            tolerance=self.tolerance, max_spp=self.max_spp, seed=self.seed, progress=progress
+        )
+
     def allowed(self, contrast: float) -> float:
         """Allowed half width, W m^-2, of the 95 % interval of a contrast; 0 without a tolerance."""
         return max((self.tolerance or 0) * abs(contrast), self.tolerance_W_m2 or 0)
@@ -355,7 +369,7 @@ class Scenario:
     background: Background
     sensor: Sensor
     pose: Pose = field(default_factory=Pose)
-    render: Sampling = field(default_factory=Sampling)
+    render: RenderTable = field(default_factory=RenderTable)
     camera: Imager | None = None
 
     @staticmethod

@@ -35,7 +35,7 @@ from mi_lcair.planning.reference import (
     reference_probe,
 )
 from mi_lcair.progress import Progress
-from mi_lcair.rendering.render import check_bounded
+from mi_lcair.rendering.criteria import check_bounded
 from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
 from mi_lcair.rendering.window import window_area
 from mi_lcair.results import Result

@@ -16,9 +16,8 @@ from mi_lcair.planning.probe import (
     half_width,
 )
 from mi_lcair.plugins.recorders.by_bounce import MAX_BOUNCE_CHANNELS
-from mi_lcair.rendering.render import PILOT_SPP
 from mi_lcair.rendering.scene import Scene
-from mi_lcair.rendering.window_means import FIRST_PATHS
+from mi_lcair.rendering.window import FIRST_PATHS, PILOT_SPP
 
 # Reflections that a probe follows: at least the first number, at most the second.
 PROBED_BOUNCES, MOST_BOUNCES = 32, MAX_BOUNCE_CHANNELS - 1

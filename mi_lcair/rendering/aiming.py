@@ -6,14 +6,14 @@ from mi_lcair.plugins.emission.emitter_table import hulls
 from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of
 from mi_lcair.plugins.paths.aim import CELLS, Aim
 from mi_lcair.plugins.paths.launch import Launch
-from mi_lcair.plugins.recorders.channels import Channels
+from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.window import window
 
 POINTS = 4  # paths of the pilot in each cell
 EDGE = 1e-3  # cells by which a rectangle is enlarged, for rounding of positions
 
 
-def aim_at_model(scene, tracer, sensor, seed: int, split: str) -> Aim:
+def aim_at_model(scene, tracer, sensor, seed: int, measurands: Measurands) -> Aim:
     """An aim at the model's facets, and more at those that radiate more.
 
     A pilot with a few paths in each cell of the window gives the mean radiance of the model there
@@ -28,8 +28,8 @@ def aim_at_model(scene, tracer, sensor, seed: int, split: str) -> Aim:
     sensor : mitsuba.Sensor
         An orthographic sensor.
     seed : int
-    split : str
-        As for `PathTracer.trace`; the same as later, so that one kernel serves both.
+    measurands : Measurands
+        The same as later, so that one kernel serves both.
     """
     launch = Launch(
         columns=CELLS,
@@ -40,10 +40,10 @@ def aim_at_model(scene, tracer, sensor, seed: int, split: str) -> Aim:
         windows=CELLS**2,
         aim=Aim.anywhere(),
     )
-    found = tracer.trace(sensor, launch, Channels(split)).channels
-    hit = found["hit" if split == "model" else "target.hit"]
+    channels = measurands.with_columns(None).trace(tracer, sensor, launch).channels
+    hit = channels["hit" if measurands.channels.split == "model" else "target.hit"]
     importance = np.zeros((CELLS, CELLS))
-    for values in (hit, found["target"]):
+    for values in (hit, channels["target"]):
         of_cells = values.reshape(CELLS, CELLS)
         if of_cells.sum() > 0:
             importance += blurred(of_cells) / of_cells.sum()

@@ -15,28 +15,6 @@ BYTES_PER_PIXEL, BYTES_PER_CHANNEL = 250, 15
 GIB = 2**30
 
 
-def check_positive(**settings: float | None) -> None:
-    """Raise InputError for a setting, by its name, that is given and not positive."""
-    for name, value in settings.items():
-        if value is not None and not value > 0:
-            raise InputError(f"{name} = {value} must be positive")
-
-
-def check_samples(
-    spp: int | None, tolerance: float | None, max_spp: int | None, excess=None
-) -> None:
-    """Raise InputError for settings that are not positive, or of which two choose the samples.
-
-    Either spp sets a fixed number, or a tolerance or the criterion `excess` chooses one.
-    """
-    check_positive(spp=spp, tolerance=tolerance, max_spp=max_spp)
-    if spp is not None and any(other is not None for other in (tolerance, max_spp, excess)):
-        raise InputError(
-            "spp sets a fixed number of samples; tolerance and max_spp choose one, and "
-            "do not go with it"
-        )
-
-
 def check_paths(pixels: int, **counts: int | None) -> None:
     """Raise InputError for numbers of samples per pixel (spp, max_spp) that are too large."""
     for name, count in counts.items():

@@ -2,11 +2,12 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import mi_lcair
 from mi_lcair.errors import InputError, unknown
-from mi_lcair.progress import Progress
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 
 if TYPE_CHECKING:
@@ -53,19 +54,12 @@ def set_all(integrator, values: dict) -> None:
 
 @contextmanager
 def planned(
-    scene: Scene,
-    plan: "Plan | str | None",
-    each_pixel: bool,
-    spp: int | None,
-    tolerance: float | None,
-    seed: int,
-    sensor: int,
-    progress: Progress | None,
-) -> Iterator[tuple["Plan | None", float | None]]:
+    scene: Scene, plan: "Plan | str | None", each_pixel: bool, sampling: Sampling
+) -> Iterator[tuple["Plan | None", Sampling]]:
     """Context manager in which a scene has the settings of a plan for one render.
 
-    It gives the plan, and the tolerance that the plan leaves for noise. Without a plan it gives
-    None and the tolerance.
+    It gives the plan, and the sampling with the tolerance that the plan leaves for noise. Without a
+    plan it gives None and the sampling.
 
     Parameters
     ----------
@@ -74,8 +68,8 @@ def planned(
         "auto" makes a plan for the tolerance, or for 1 %.
     each_pixel : bool
         Whether the tolerance is that of the rms error over the pixels, as for `mi_lcair.plan`.
-    spp, tolerance, seed, sensor, progress
-        As for the function that renders.
+    sampling : Sampling
+        That of the render.
 
     Raises
     ------
@@ -83,14 +77,19 @@ def planned(
         If samples are given beside the plan, or if the plan is for another tolerance.
     """
     if plan is None:
-        yield None, tolerance
+        yield None, sampling
         return
-    if spp is not None:
+    if sampling.spp is not None:
         raise InputError("a plan chooses the samples for its tolerance; spp does not go with it")
+    tolerance = sampling.tolerance
     if plan == "auto":
-        allowed = {} if tolerance is None else {"tolerance": tolerance}
         plan = mi_lcair.plan(
-            scene, each_pixel=each_pixel, seed=seed, sensor=sensor, progress=progress, **allowed
+            scene,
+            0.01 if tolerance is None else tolerance,
+            each_pixel,
+            sampling.seed,
+            sampling.sensor,
+            sampling.progress,
         )
     elif isinstance(plan, str):
         raise unknown("plan", plan, ["auto", "a Plan that mi_lcair.plan returned"])
@@ -105,4 +104,4 @@ def planned(
             f"make one with each_pixel={each_pixel}"
         )
     with plan.applied(scene):
-        yield plan, plan.noise_tolerance
+        yield plan, replace(sampling, tolerance=plan.noise_tolerance)

@@ -40,6 +40,8 @@ class Totals:
     are known, which needs less memory. chance: radiance that a source which no path has hit may add
     to one path [W m^-2 sr^-1]. systematic: relative error that more samples do not reduce. It is
     part of every standard error. aim: where in the windows the paths begin; None for anywhere.
+    emitters: `EmitterTable` of the scene. excess: ratio of the error to the allowed error of each
+    window, (windows,); None without a criterion.
     """
 
     def __init__(
@@ -50,9 +52,10 @@ class Totals:
         chance: float = 0.0,
         systematic: float = 0.0,
         aim: Aim | None = None,
+        emitters=None,
     ):
         self.by_randomisation, self.systematic = by_randomisation, systematic
-        self.aim = aim
+        self.aim, self.emitters, self.excess = aim, emitters, None
         self.valid, self.radiance = (np.zeros((windows, randomisations)) for _ in range(2))
         self.sums = {}
         self.chance, self.met = chance, np.zeros(windows)
@@ -62,22 +65,27 @@ class Totals:
     def randomisations(self) -> int:
         return self.valid.shape[1]
 
-    def add(self, launch, found) -> None:
+    def add(self, launch, sums) -> None:
         """Add the `Sums` of a launch to its windows."""
         run = launch.window_numbers
-        self.valid[run] += found.valid
+        self.valid[run] += sums.valid
         self.traced[run] += launch.randomisations * launch.points
-        self.radiance[run] += found.radiance
-        for name, values in found.channels.items():
+        self.radiance[run] += sums.radiance
+        for name, values in sums.channels.items():
             if not self.by_randomisation:
                 values = values.sum(axis=1, keepdims=True)
             if name not in self.sums:
                 self.sums[name] = np.zeros((len(self.valid), values.shape[1]))
             self.sums[name][run] += values
-        self.met[run] = np.maximum(self.met[run], found.chance)
-        self.invalid += launch.paths - int(found.valid.sum())
-        if found.tail is not None:
-            self.tail = found.tail if self.tail is None else self.tail + found.tail
+        self.met[run] = np.maximum(self.met[run], sums.chance)
+        self.invalid += launch.paths - int(sums.valid.sum())
+        if sums.tail is not None:
+            self.tail = sums.tail if self.tail is None else self.tail + sums.tail
+
+    @property
+    def reached(self) -> bool | None:
+        """Whether the criterion was met in all windows; None without one."""
+        return None if self.excess is None else bool(np.all(self.excess <= 1))
 
     @property
     def paths(self) -> np.ndarray:

@@ -1,9 +1,178 @@
-"""The window of an orthographic sensor; mean radiance times its area is an intensity."""
+"""Windows of a sensor's film, and the window of an orthographic sensor.
+
+The mean radiance of an orthographic sensor's window times the area of the window is an intensity.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.plugins.paths.aim import Aim
+from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.rendering.limits import check_paths
+from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.rendering.statistics import Totals
+
+# Paths of one pass. A pass takes seconds, and Ctrl-C takes effect at its end.
+PASS_SAMPLES = 2**20
+# Independent randomisations of the points of a window and of a pixel. Their scatter gives the
+# standard error.
+RANDOMISATIONS, PIXEL_RANDOMISATIONS = 8, 4
+FIRST_PATHS = 2**12  # paths of all windows before the first estimate of the error
+LEAST_POINTS = 16  # smallest first number of points in each randomisation of a window
+PILOT_SPP = 16  # samples per pixel of an image before the first estimate of the error
+MOST_DOUBLINGS = 3  # the error is itself an estimate, so the next goal is at most 8 times as far
+MOST_TIMES = 4  # the same for an image, whose number of samples is not doubled
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Equal windows of a sensor's film, whose mean radiances are measured.
+
+    All paths of a window use the points of a few lattices, whose first two dimensions are the
+    position in the window. The mean over a window of many pixels therefore needs far fewer paths
+    than the mean of an image.
+
+    Attributes
+    ----------
+    sensor : mi.Sensor
+    columns, rows : int
+        Number of windows along the sides of the film.
+    randomisations : int
+        Independent randomisations of the points of each window.
+    pixels, parts : int
+        Pixels of a window, or windows of a pixel, by which samples per pixel are counted.
+    are_pixels : bool
+        Whether the windows are the pixels of an image. Their error is then one number.
+    by_randomisation : bool
+        Whether `Totals` keeps the channels for each randomisation.
+    """
+
+    sensor: object
+    columns: int = 1
+    rows: int = 1
+    randomisations: int = RANDOMISATIONS
+    pixels: int = 1
+    parts: int = 1
+    are_pixels: bool = False
+    by_randomisation: bool = True
+
+    @staticmethod
+    def whole(sensor) -> "Windows":
+        """One window: the whole film of a sensor."""
+        return Windows(sensor, pixels=int(np.prod(sensor.film().crop_size())))
+
+    @staticmethod
+    def of_image(sensor, randomisations: int, by_randomisation: bool = False) -> "Windows":
+        """A window for each pixel of a sensor."""
+        columns, rows = sensor.film().crop_size()
+        return Windows(
+            sensor,
+            columns,
+            rows,
+            randomisations,
+            are_pixels=True,
+            by_randomisation=by_randomisation,
+        )
+
+    @property
+    def count(self) -> int:
+        return self.columns * self.rows
+
+    @property
+    def may_be_aimed(self) -> bool:
+        """Whether paths may begin where the model is, rather than anywhere."""
+        return not self.are_pixels and self.sensor.class_name() == "OrthographicCamera"
+
+    def totals(self, tracer, aim: Aim | None = None) -> Totals:
+        """Totals without paths, for paths that begin anywhere, or as `aim` says."""
+        if aim is None and not self.are_pixels:
+            aim = Aim.anywhere()
+        return Totals(
+            self.count,
+            self.randomisations,
+            self.by_randomisation,
+            tracer.chance_contribution(self.sensor),
+            tracer.systematic_error,
+            aim,
+            tracer.emitters,
+        )
+
+    def points(self, spp: int) -> int:
+        """Points of each randomisation for at least this number of samples per pixel."""
+        return max(1, -(-spp * self.pixels // (self.parts * self.randomisations)))
+
+    def check(self, sampling: Sampling) -> None:
+        """Raise InputError for numbers of samples per pixel that are too large."""
+        pixels = self.count * self.pixels // self.parts
+        check_paths(pixels, spp=sampling.spp, max_spp=sampling.max_spp)
+
+    def paths(self, sampling: Sampling) -> int:
+        """Paths of each window for a fixed number of them, or of samples per pixel."""
+        return sampling.paths or -(-sampling.spp * self.pixels // self.parts)
+
+    def points_of_pass(self, active: int) -> int:
+        """Points of each randomisation that one pass adds to this number of windows."""
+        return max(1, PASS_SAMPLES // (active * self.randomisations))
+
+    def first_points(self) -> int:
+        """Points of each randomisation before the first estimate of the error."""
+        if self.are_pixels:
+            return self.points(PILOT_SPP)
+        return max(LEAST_POINTS, FIRST_PATHS // (self.count * self.randomisations))
+
+    def next_points(self, done: int, excess: float) -> int:
+        """Points of each randomisation after which the error is estimated again.
+
+        Parameters
+        ----------
+        done : int
+            Points of each randomisation so far.
+        excess : float
+            Ratio of the error to the allowed error, above 1.
+        """
+        if self.are_pixels:
+            samples = done * self.randomisations
+            needed = min(MOST_TIMES * samples, int(samples * 1.05 * excess**2) + 1)
+            return -(-needed // self.randomisations)
+        # A lattice is most uniform after a power of two points, so that the number is doubled. It
+        # is doubled more than once only where even an error that falls as 1 / points needs that.
+        doublings = np.clip(np.floor(np.log2(min(excess, 2.0**MOST_DOUBLINGS))), 1, MOST_DOUBLINGS)
+        return done * 2 ** int(doublings)
+
+    def launches(
+        self, active: np.ndarray, done: int, points: int, seed: int, aim: Aim | None
+    ) -> Iterator[Launch]:
+        """The launches that add points to some windows.
+
+        Parameters
+        ----------
+        active : ndarray of int
+            Numbers of the windows.
+        done, points : int
+            Points of each randomisation so far, and those that are added.
+        seed : int
+        aim : Aim or None
+            Where in the windows the paths begin.
+        """
+        each = max(1, PASS_SAMPLES // (points * self.randomisations))  # windows of a launch
+        for first in range(0, len(active), each):
+            some = active[first : first + each]
+            yield Launch(
+                columns=self.columns,
+                rows=self.rows,
+                seed=seed,
+                randomisations=self.randomisations,
+                points=points,
+                first_point=done,
+                first=first,
+                windows=len(some),
+                chosen=None if len(active) == self.count else tuple(some.tolist()),
+                aim=aim,
+            )
 
 
 def window(sensor) -> tuple[np.ndarray, ...]:

@@ -19,7 +19,7 @@ from mi_lcair.plugins.columns.tables import (
 from mi_lcair.plugins.derivatives import own_memory
 from mi_lcair.plugins.emission.sources import spectra
 from mi_lcair.plugins.paths.launch import Launch
-from mi_lcair.plugins.recorders.channels import Channels
+from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.sensitivity.entries import Entry
 from mi_lcair.sensitivity.parameters import chosen
 
@@ -83,7 +83,9 @@ class Recording:
     method: dict[str, str]
 
 
-def recordings(scene, tracer, sensor, names, split, weights=None, seed: int = 0) -> list[Recording]:
+def recordings(
+    scene, tracer, sensor, names, measurands: Measurands, weights=None, seed: int = 0
+) -> list[Recording]:
     """How renders record the columns of parameters, at most MOST_COLUMNS in each render.
 
     Two pilots go through the cells of the film. The first one measures the incoming radiance, and
@@ -97,8 +99,8 @@ def recordings(scene, tracer, sensor, names, split, weights=None, seed: int = 0)
     sensor : mitsuba.Sensor
     names : sequence of str
         Names of parameters.
-    split : str or None
-        What the render records beside the radiance, see `PathTracer.trace`.
+    measurands : Measurands
+        What the renders record beside the columns.
     weights : mapping or None
         Factor of each source's radiance, by (group, name of its spectrum).
     seed : int
@@ -122,17 +124,8 @@ def recordings(scene, tracer, sensor, names, split, weights=None, seed: int = 0)
             if is_plume(surface):
                 surface.check_derivative(name, tracer.emitters.draws)
     batches = [columns[k : k + MOST_COLUMNS] for k in range(0, max(len(columns), 1), MOST_COLUMNS)]
-    return [recording(scene, tracer, sensor, dict(b), split, weights, seed) for b in batches]
 
-
-def recording(scene, tracer, sensor, columns: dict, split, weights, seed: int) -> Recording:
-    tables = column_tables(scene.mi, list(columns.values()), weights)
-    channels = {name: [f"column.{k}"] for k, name in enumerate(columns)}
-    if not tables.materials:
-        tables = with_incoming(tables, np.zeros(CELLS**2 + 1))
-        return Recording(tables, channels, dict.fromkeys(columns, "linear"))
-
-    def pilot(randomisations: int) -> dict:
+    def pilot(tables: ColumnTables, randomisations: int) -> dict:
         """Channels of paths through the cells, (cells, randomisations)."""
         launch = Launch(
             columns=CELLS,
@@ -142,10 +135,21 @@ def recording(scene, tracer, sensor, columns: dict, split, weights, seed: int) -
             points=PILOT_POINTS,
             windows=CELLS**2,
         )
-        return tracer.trace(sensor, launch, Channels(split, tables=tables)).channels
+        return measurands.with_columns(tables).trace(tracer, sensor, launch).channels
 
-    tables = with_incoming(tables, incoming_radiance(pilot(1), tables.surfaces))
-    found, method = pilot(2), {}
+    return [recording(scene, dict(batch), weights, pilot) for batch in batches]
+
+
+def recording(scene, columns: dict, weights, pilot) -> Recording:
+    """How one render records some columns; `pilot` gives the channels of a few paths."""
+    tables = column_tables(scene.mi, list(columns.values()), weights)
+    channels = {name: [f"column.{k}"] for k, name in enumerate(columns)}
+    if not tables.materials:
+        tables = with_incoming(tables, np.zeros(CELLS**2 + 1))
+        return Recording(tables, channels, dict.fromkeys(columns, "linear"))
+
+    tables = with_incoming(tables, incoming_radiance(pilot(tables, 1), tables.surfaces))
+    found, method = pilot(tables, 2), {}
     noise = lambda names: np.var(sum(found[name] for name in names), axis=1).sum()
     for k, name in enumerate(columns):
         method[name] = "score" if k < tables.materials else "linear"

@@ -1,15 +1,17 @@
 """Repeated renders of one scene with the same paths, to compare parameters without their noise."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from mi_lcair.rendering.aiming import aim_at_model
-from mi_lcair.rendering.limits import check_paths, check_positive
-from mi_lcair.rendering.render import DEFAULT_MAX_SPP, check_bounded, check_reachable
+from mi_lcair.rendering.criteria import Criterion, IntensityInterval
+from mi_lcair.rendering.measurands import Measurands
+from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.statistics import Totals
-from mi_lcair.rendering.window import window_area
-from mi_lcair.rendering.window_means import window_means
+from mi_lcair.rendering.window import Windows, window_area
 from mi_lcair.sensitivity.parameters import changed
 
 PARTS = {"target": "target", "scene": None}  # channel of each part of the radiance
@@ -27,84 +29,64 @@ class CommonNumbers:
     ----------
     scene : Scene
         Scene with an orthographic sensor.
-    sensor : int
-        Number of the sensor.
-    spp, seed
-        As for `signature`.
-    paths : int or None
-        Number of paths in place of `spp`.
-    tolerance : float or None
-        Allowed half of the 95 % interval of the intensity of `part`, as a fraction of it. The first
-        render adds paths until it is reached.
+    sampling : Sampling
+        Its tolerance is that of half of the 95 % interval of the intensity of `part`. The first
+        render adds paths until it is reached. Its progress is called in each render.
     by_spectrum : bool
         Also record the emission of each source.
-    progress : callable or None
-        Called with (paths done, paths expected) in each render.
     part : str
         "target" or "scene".
-    excess : callable or None
-        In place of a tolerance: ratio of the error to the allowed error for the `Totals` so far.
+    criterion : Criterion or None
+        What the first render must meet, in place of the sampling's tolerance.
 
     Attributes
     ----------
     area : float
         Area of the window, m^2.
-    sources : Sources
-        Sources of the last render.
     count : int
         Number of renders so far.
     reached : bool or None
-        Whether the first render met the tolerance; None for a given number of paths.
+        Whether the first render met the criterion; None for a given number of paths.
     """
 
     def __init__(
         self,
         scene,
-        sensor: int = 0,
-        spp: int | None = None,
-        paths: int | None = None,
-        tolerance: float | None = None,
-        seed: int = 0,
+        sampling: Sampling,
         by_spectrum: bool = False,
-        progress=None,
         part: str = "target",
-        excess: Callable[[Totals], float] | None = None,
+        criterion: Criterion | None = None,
     ):
-        check_positive(spp=spp, paths=paths, tolerance=tolerance)
-        self.scene, self.sensor, self.camera = scene, sensor, scene.sensor(sensor)
+        self.scene, self.part, self.by_spectrum = scene, part, by_spectrum
+        self.camera = scene.sensor(sampling.sensor)
         self.area = window_area(self.camera, scene.name)
-        self.excess = excess or (self.within_tolerance if tolerance else None)
-        self.tolerance, self.part, self.seed, self.by_spectrum = tolerance, part, seed, by_spectrum
-        self.pixels = int(np.prod(self.camera.film().crop_size()))
-        if self.excess is None and paths is None:
-            spp = spp or self.camera.sampler().sample_count()
-            check_paths(self.pixels, spp=spp)
-            paths = spp * self.pixels
-        self.paths, self.aim, self.count, self.progress = paths, None, 0, progress
-        self.reached = None
+        self.windows = Windows.whole(self.camera)
+        if criterion is None and sampling.tolerance is not None:
+            criterion = IntensityInterval(sampling.tolerance, PARTS[part], or_whole=False)
+        if criterion is None:
+            sampling = sampling.settled(self.camera)
+            self.windows.check(sampling)
+        self.sampling, self.criterion = sampling, criterion
+        self.aim, self.count, self.reached = None, 0, None
+
+    @property
+    def paths(self) -> int | None:
+        """Number of paths; None until the first render has chosen it."""
+        return None if self.criterion else self.windows.paths(self.sampling)
 
     def render(self, values: Mapping[str, float] | None = None) -> Totals:
         """Sums over the paths, with these values of parameters in place of the scene's."""
-        with changed(self.scene, values or {}), self.scene.prepared(self.by_spectrum) as tracer:
-            self.sources = tracer.emitters.sources
-            if self.paths is None:
-                check_bounded(tracer.emitters, self.scene.name)
-                if self.tolerance is not None:
-                    check_reachable(self.tolerance, tracer, self.scene.name, of_interval=True)
-            self.take_aim(tracer)
-            total = window_means(
-                self.scene,
-                tracer,
-                self.camera,
-                paths=self.paths,
-                excess=self.excess,
-                most_paths=DEFAULT_MAX_SPP * self.pixels,
-                seed=self.seed,
-                aim=self.aim,
-                progress=self.progress,
+        measurands = Measurands.of("target", self.by_spectrum)
+        with changed(self.scene, values or {}):
+            self.take_aim()
+            total = measure(
+                self.scene, self.windows, self.sampling, measurands, self.criterion, self.aim
             )
-        if self.paths is None:
-            self.paths, self.reached = int(total.traced[0]), bool(self.excess(total) <= 1)
+        if self.criterion is not None:
+            self.reached, self.criterion = total.reached, None
+            self.sampling = replace(
+                self.sampling, tolerance=None, max_spp=None, paths=int(total.traced[0])
+            )
         self.aim = total.aim
         self.count += 1
         return total
@@ -120,13 +102,10 @@ class CommonNumbers:
         names = [f"{self.prefix}bounce.{k}" for k in range(count)]
         return np.array([total.mean(n)[0] for n in names if n in total.sums]) * self.area
 
-    def take_aim(self, tracer) -> None:
+    def take_aim(self) -> None:
         """Choose where the paths begin, if their number is known and large enough for a pilot."""
         if self.aim is None and (self.paths or 0) >= WORTH_AIMING:
-            self.aim = aim_at_model(self.scene, tracer, self.camera, self.seed, "target")
-
-    def within_tolerance(self, total: Totals) -> float:
-        """Ratio of the 95 % interval of the part's mean radiance to the tolerance."""
-        name = PARTS[self.part]
-        allowed = self.tolerance * total.mean(name)[0]
-        return float(total.half_width(name)[0] / allowed) if allowed > 0 else np.inf
+            with self.scene.prepared(self.by_spectrum) as tracer:
+                self.aim = aim_at_model(
+                    self.scene, tracer, self.camera, self.sampling.seed, Measurands.of("target")
+                )

@@ -43,7 +43,7 @@ class DerivativeImages(Result):
 
     kind: ClassVar[str] = "derivative_images"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.derivatives:figure"
-    saved_by: ClassVar[dict[str, str]] = {".exr": "mi_lcair.rendering.image:write_render"}
+    saved_by: ClassVar[dict[str, str]] = {".exr": "mi_lcair.rendering.images.exr:write_render"}
 
     @property
     def mean(self) -> np.ndarray:

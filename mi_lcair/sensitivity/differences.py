@@ -8,9 +8,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.rendering.limits import check_paths
-from mi_lcair.rendering.render import add_points
-from mi_lcair.rendering.statistics import Totals, check_valid
+from mi_lcair.rendering.measurands import Measurands
+from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.rendering.statistics import Totals
+from mi_lcair.rendering.window import Windows
 from mi_lcair.sensitivity.columns import weight_of
 from mi_lcair.sensitivity.common_numbers import PARTS, CommonNumbers
 from mi_lcair.sensitivity.derivative_images import DerivativeImages
@@ -67,9 +69,10 @@ def differences(
         If a name is unknown, a step is not positive, or a parameter cannot change.
     """
     ends = [stepped(scene, name, step) for name, step in zip(names, spread(names, steps))]
-    numbers = CommonNumbers(
-        scene, sensor, spp, paths, tolerance, seed, weights is not None, progress, part
+    sampling = Sampling(
+        spp=spp, paths=paths, tolerance=tolerance, seed=seed, sensor=sensor, progress=progress
     )
+    numbers = CommonNumbers(scene, sampling, weights is not None, part)
 
     def intensity(values=None) -> tuple[Totals, np.ndarray]:
         """The sums, and the mean and the deviations of the intensity, (1 + R,)."""
@@ -79,7 +82,7 @@ def differences(
         else:
             rows = [
                 (f"{numbers.prefix}source.{k}", weight_of(weights, source))
-                for k, source in enumerate(numbers.sources.list)
+                for k, source in enumerate(total.emitters.sources.list)
                 if source.name is not None
             ]
         means = sum(factor * total.mean(name)[0] for name, factor in rows)
@@ -177,16 +180,11 @@ def image_differences(
 
 def randomised_images(scene, sensor, spp, seed, randomisations) -> np.ndarray:
     """Independent images of the radiance, (randomisations, height, width) [W m^-2 sr^-1]."""
-    camera = scene.sensor(sensor)
-    width, height = camera.film().crop_size()
-    spp = spp or camera.sampler().sample_count()
-    check_paths(width * height, spp=spp)
-    points, pixels = -(-spp // randomisations), width * height
-    total = Totals(pixels, randomisations, by_randomisation=True)
-    with scene.prepared() as tracer:
-        add_points(total, tracer, camera, (width, height), seed, None, done=0, points=points)
-    check_valid(total.invalid, pixels * points * randomisations, scene.name)
-    return (total.radiance / np.maximum(total.valid, 1)).T.reshape(randomisations, height, width)
+    sampling = Sampling(spp=spp, seed=seed, sensor=sensor)
+    windows = Windows.of_image(scene.sensor(sensor), randomisations, by_randomisation=True)
+    total = measure(scene, windows, sampling, Measurands.of(None))
+    means = total.radiance / np.maximum(total.valid, 1)
+    return means.T.reshape(randomisations, windows.rows, windows.columns)
 
 
 def spread(names, steps) -> np.ndarray:

@@ -5,10 +5,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from mi_lcair.progress import Progress
-from mi_lcair.rendering.limits import check_memory, check_paths
-from mi_lcair.rendering.render import add_points
-from mi_lcair.rendering.scene import SceneLike, scene_of
-from mi_lcair.rendering.statistics import Totals, check_valid
+from mi_lcair.rendering.limits import check_memory
+from mi_lcair.rendering.measurands import Measurands
+from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
+from mi_lcair.rendering.statistics import Totals
+from mi_lcair.rendering.window import Windows
 from mi_lcair.sensitivity.columns import recordings
 from mi_lcair.sensitivity.derivative_images import DerivativeImages
 from mi_lcair.sensitivity.parameters import units
@@ -38,7 +41,7 @@ def derivative_images(
     randomisations : int
         Number of independent images.
     progress : callable or None
-        Called with (pixels done, pixels expected).
+        Called with (samples per pixel done, expected) of all renders.
     parameters : mapping of str to object, optional
         Values of the scene's $-parameters, for a name or a file.
 
@@ -52,44 +55,40 @@ def derivative_images(
         If a name is unknown, if a parameter has no derivative, and as for `render`.
     """
     scene = scene_of(scene, parameters)
-    camera = scene.sensor(sensor)
-    width, height = camera.film().crop_size()
-    pixels = width * height
-    spp = spp or camera.sampler().sample_count()
-    check_paths(pixels, spp=spp)
-    points = -(-spp // randomisations)
+    sampling = Sampling(spp=spp, seed=seed, sensor=sensor, progress=progress)
+    return derived_images(scene, names, sampling, randomisations)
+
+
+def derived_images(
+    scene: Scene, names: Sequence[str], sampling: Sampling, randomisations: int
+) -> DerivativeImages:
+    """The derivatives of a loaded scene's image; see `derivative_images`."""
+    camera = scene.sensor(sampling.sensor)
+    sampling = sampling.settled(camera)
+    windows = Windows.of_image(camera, randomisations, by_randomisation=True)
+    windows.check(sampling)
+    measurands = Measurands.of(None)
     radiance, images, method = None, {}, {}
     with scene.prepared() as tracer:
-        check_memory(pixels * randomisations * (1 + len(names)), tracer, None)
-        batches = recordings(scene, tracer, camera, names, None, seed=seed)
-        for number, some in enumerate(batches):
-            total = Totals(pixels, randomisations, by_randomisation=True)
-            done = lambda windows, before=number * pixels: progress(
-                before + windows, len(batches) * pixels
+        check_memory(windows.count * randomisations * (1 + len(names)), tracer, None)
+        batches = recordings(scene, tracer, camera, names, measurands, seed=sampling.seed)
+        for number, batch in enumerate(batches):
+            total = measure(
+                scene,
+                windows,
+                sampling.part(number, len(batches)),
+                measurands.with_columns(batch.tables),
             )
-            add_points(
-                total,
-                tracer,
-                camera,
-                (width, height),
-                seed,
-                None,
-                done=0,
-                points=points,
-                tables=some.tables,
-                progress=done if progress else None,
-            )
-            check_valid(total.invalid, pixels * points * randomisations, scene.name)
             if radiance is None:
-                radiance = mean_images(total, ["weighted"], height, width)
-            method |= some.method
-            for name, channels in some.channels.items():
-                images[name] = mean_images(total, channels, height, width)
-    found = np.array([images[name] for name in names]).reshape(-1, *radiance.shape)
+                radiance = mean_images(total, ["weighted"], windows)
+            method |= batch.method
+            for name, channels in batch.channels.items():
+                images[name] = mean_images(total, channels, windows)
+    derivatives = np.array([images[name] for name in names]).reshape(-1, *radiance.shape)
     return DerivativeImages(
         names=tuple(names),
         radiance=radiance,
-        derivatives=found.swapaxes(0, 1),
+        derivatives=derivatives.swapaxes(0, 1),
         method=tuple(method[name] for name in names),
         scene_name=scene.name,
         band=scene.band.name,
@@ -97,7 +96,7 @@ def derivative_images(
     )
 
 
-def mean_images(total: Totals, channels, height: int, width: int) -> np.ndarray:
+def mean_images(total: Totals, channels, windows: Windows) -> np.ndarray:
     """Means of the sum of some channels over the paths of each pixel, for each randomisation."""
     means = sum(total.sums[name] for name in channels) / np.maximum(total.valid, 1)
-    return means.T.reshape(-1, height, width).astype(np.float32)
+    return means.T.reshape(-1, windows.rows, windows.columns).astype(np.float32)

@@ -4,10 +4,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from mi_lcair.fraction import fraction
 from mi_lcair.progress import Progress
-from mi_lcair.rendering.scene import SceneLike, scene_of
-from mi_lcair.rendering.window_means import window_means
+from mi_lcair.rendering.measurands import Measurands
+from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
 from mi_lcair.sensitivity.columns import recordings
 from mi_lcair.sensitivity.common_numbers import CommonNumbers
 from mi_lcair.sensitivity.parameters import units
@@ -65,35 +66,44 @@ def sensitivities(
     InputError
         If a name is unknown, if a parameter has no derivative, and as for `signature`.
     """
-    scene, tolerance = scene_of(scene, parameters), fraction(tolerance)
-    numbers = CommonNumbers(
-        scene, sensor, spp, paths, tolerance, seed, weights is not None, progress, part
+    scene = scene_of(scene, parameters)
+    sampling = Sampling(
+        spp=spp, paths=paths, tolerance=tolerance, seed=seed, sensor=sensor, progress=progress
     )
-    split = SPLITS[part]
-    if tolerance is not None:
-        numbers.render()
-    with scene.prepared(numbers.by_spectrum) as tracer:
-        camera = numbers.camera
-        numbers.take_aim(tracer)
+    return derived(scene, names, sampling, part, weights)
 
-        rows, method, first = {}, {}, None
-        for part_of_names in recordings(scene, tracer, camera, names, split, weights, seed):
-            total = window_means(
+
+def derived(
+    scene: Scene,
+    names: Sequence[str],
+    sampling: Sampling,
+    part: str = "target",
+    weights: Mapping | None = None,
+) -> Sensitivities:
+    """The derivatives of a loaded scene's intensity; see `sensitivities`."""
+    by_spectrum = weights is not None
+    numbers = CommonNumbers(scene, sampling, by_spectrum, part)
+    if sampling.tolerance is not None:
+        numbers.render()
+    measurands = Measurands.of(SPLITS[part], by_spectrum)
+    rows, method, first = {}, {}, None
+    with scene.prepared(by_spectrum) as tracer:
+        numbers.take_aim()
+        for batch in recordings(
+            scene, tracer, numbers.camera, names, measurands, weights, sampling.seed
+        ):
+            total = measure(
                 scene,
-                tracer,
-                camera,
-                paths=numbers.paths,
-                seed=seed,
-                split=split,
-                progress=progress,
+                numbers.windows,
+                numbers.sampling,
+                measurands.with_columns(batch.tables),
                 aim=numbers.aim,
-                tables=part_of_names.tables,
             )
             first = first or total
-            method |= part_of_names.method
+            method |= batch.method
             rows |= {
                 name: mean_and_deviations(total, channels)
-                for name, channels in part_of_names.channels.items()
+                for name, channels in batch.channels.items()
             }
     value = mean_and_deviations(first, ["weighted"])
     rows = numbers.area * np.array([value, *(rows[name] for name in names)])

@@ -17,7 +17,6 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.plugins.emission.source import Source
-from mi_lcair.plugins.emission.sources import Sources
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.results import Result
@@ -293,22 +292,19 @@ class EffectiveAreas(Result):
             )
 
 
-def effective_areas(
-    total: Totals, all_sources: Sources, scene: Scene, window_area: float
-) -> EffectiveAreas:
+def effective_areas(total: Totals, scene: Scene, window_area: float) -> EffectiveAreas:
     """Effective areas from a render that recorded the emission of each source.
 
     Parameters
     ----------
     total : Totals
         Sums over one window, with the channels source.N and, for many temperatures, wavelength.N.
-    all_sources : Sources
-        The sources that the channels belong to.
     scene : Scene
         The rendered scene, which has the name and the band.
     window_area : float
         Area of the sensor's window, m^2.
     """
+    all_sources = total.emitters.sources
     numbers = [k for k, source in enumerate(all_sources.list) if source.name is not None]
     sources = [all_sources.list[k] for k in numbers]
     # A source that is too cold to radiate in the band has no intensity. Its area is set to 0.

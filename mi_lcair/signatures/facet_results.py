@@ -10,7 +10,7 @@ from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.recorders.by_bounce import MAX_BOUNCE_CHANNELS
 from mi_lcair.rendering.facets.polygons import FacetPolygons
 from mi_lcair.rendering.facets.table import FacetTable
-from mi_lcair.rendering.render import BOUNCE_CHANNELS
+from mi_lcair.rendering.images.render import BOUNCE_CHANNELS
 from mi_lcair.results import Result
 
 EDGE_ON = 1e-6  # cosine below which the projected area of a facet is only rounding error

@@ -5,19 +5,18 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from mi_lcair.errors import InputError
-from mi_lcair.fraction import fraction
+from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.progress import Progress
+from mi_lcair.rendering.criteria import ExcessFunction, IntensityInterval
 from mi_lcair.rendering.facets.table import FacetTable
-from mi_lcair.rendering.limits import check_paths, check_samples
-from mi_lcair.rendering.render import DEFAULT_MAX_SPP, check_bounded, check_reachable
+from mi_lcair.rendering.measurands import Measurands
+from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
 from mi_lcair.rendering.settings import planned
 from mi_lcair.rendering.statistics import Totals
-from mi_lcair.rendering.window import window, window_area
-from mi_lcair.rendering.window_means import window_means
+from mi_lcair.rendering.window import Windows, window, window_area
 from mi_lcair.signatures.effective_areas import effective_areas
 from mi_lcair.signatures.facet_results import FacetSums
 from mi_lcair.signatures.signature_result import Intensity, Signature
@@ -86,100 +85,65 @@ def signature(
         If the sensor is not orthographic, if `by_spectrum` is asked of the band "total", if a
         number of paths is given beside a tolerance, or if a tolerance cannot be reached.
     """
-    scene, tolerance = scene_of(scene, parameters), fraction(tolerance)
-    with planned(scene, plan, False, spp, tolerance, seed, sensor, progress) as (made, tolerance):
-        result = integrated(
-            scene, spp, tolerance, max_spp, seed, sensor, by_spectrum, facets, progress, excess
-        )
+    sampling = Sampling(
+        spp=spp, tolerance=tolerance, max_spp=max_spp, seed=seed, sensor=sensor, progress=progress
+    )
+    scene = scene_of(scene, parameters)
+    with planned(scene, plan, False, sampling) as (made, sampling):
+        result = integrated(scene, sampling, by_spectrum, facets, excess)
     return replace(result, plan=made)
 
 
 def integrated(
     scene: Scene,
-    spp: int | None,
-    tolerance: float | None,
-    max_spp: int | None,
-    seed: int,
-    sensor: int,
-    by_spectrum: bool,
-    facets: bool,
-    progress: Progress | None,
-    excess: Callable[[Signature], float] | None,
+    sampling: Sampling,
+    by_spectrum: bool = False,
+    facets: bool = False,
+    excess: Callable[[Signature], float] | None = None,
 ) -> Signature:
     """The intensity of a loaded scene under its own settings; see `signature`."""
-    check_samples(spp, tolerance, max_spp, excess)
     if by_spectrum and scene.band.is_total:
         raise InputError(
             f"{scene.name}: band total has no wavelengths, so that its intensity has no spectrum; "
             "choose a band with limits"
         )
     start = time.perf_counter()
-    camera = scene.sensor(sensor)
+    camera = scene.sensor(sampling.sensor)
     area = window_area(camera, scene.name)
-    pixels = int(np.prod(camera.film().crop_size()))
-    adaptive = tolerance is not None or excess is not None
-    if not adaptive:
-        spp = spp or camera.sampler().sample_count()
-    check_paths(pixels, spp=spp, max_spp=max_spp)
-    sums = FacetSums(FacetTable(scene), scene.mi.integrator().max_bounces) if facets else None
-    with scene.prepared(by_spectrum) as tracer:
-        if tolerance is not None:
-            check_reachable(tolerance, tracer, scene.name, of_interval=True)
-        elif adaptive:
-            check_bounded(tracer.emitters, scene.name)
-        sources = tracer.emitters.sources
 
-        def result(total: Totals) -> Signature:
-            return Signature(
-                scene_name=scene.name,
-                band=scene.band.name,
-                scene=intensity(total, "", area),
-                target=intensity(total, "target.", area),
-                effective_areas=effective_areas(total, sources, scene, area)
-                if by_spectrum
-                else None,
-                facets=None,
-                window_area=area,
-                seconds=time.perf_counter() - start,
-                paths=int(total.traced.sum()),
-                invalid=total.invalid,
-                degrees_of_freedom=total.randomisations - 1,
-                missed=float(total.missed("target")[0] * area),
-                systematic=total.systematic,
-                tolerance=tolerance,
-            )
-
-        if excess is None:
-            ratio = lambda total: excess_of_intensity(total, tolerance)
-        else:
-            ratio = lambda total: excess(result(total))
-        total = window_means(
-            scene,
-            tracer,
-            camera,
-            paths=spp and spp * pixels,
-            excess=ratio,
-            most_paths=(max_spp or DEFAULT_MAX_SPP) * pixels,
-            seed=seed,
-            facets=sums,
-            progress=progress,
+    def result(total: Totals) -> Signature:
+        return Signature(
+            scene_name=scene.name,
+            band=scene.band.name,
+            scene=intensity(total, "", area),
+            target=intensity(total, "target.", area),
+            effective_areas=effective_areas(total, scene, area) if by_spectrum else None,
+            facets=None,
+            window_area=area,
+            seconds=time.perf_counter() - start,
+            paths=int(total.traced.sum()),
+            invalid=total.invalid,
+            degrees_of_freedom=total.randomisations - 1,
+            missed=float(total.missed("target")[0] * area),
+            systematic=total.systematic,
+            reached=total.reached,
+            tolerance=sampling.tolerance,
         )
+
+    criterion = None
+    if excess is not None:
+        criterion = ExcessFunction(lambda total: excess(result(total)))
+    elif sampling.tolerance is not None:
+        criterion = IntensityInterval(sampling.tolerance)
+    sums = FacetSums(FacetTable(scene), scene.mi.integrator().max_bounces) if facets else None
+    measurands = Measurands(Channels("target"), sums, by_spectrum)
+    total = measure(scene, Windows.whole(camera), sampling, measurands, criterion)
+    if not facets:
+        return result(total)
     *_, direction = window(camera)
     return replace(
-        result(total),
-        facets=sums.results(scene.name, scene.band.name, area, -direction) if facets else None,
-        reached=ratio(total) <= 1 if adaptive else None,
+        result(total), facets=sums.results(scene.name, scene.band.name, area, -direction)
     )
-
-
-def excess_of_intensity(total: Totals, tolerance: float) -> float:
-    """Ratio of the 95 % interval of the target's mean radiance to the tolerance.
-
-    Without a target it is that of the scene's mean radiance.
-    """
-    name = "target" if total.mean("target")[0] > 0 else None
-    allowed = tolerance * total.mean(name)[0]
-    return float(total.half_width(name)[0] / allowed) if allowed > 0 else np.inf
 
 
 def intensity(total: Totals, prefix: str, area: float) -> Intensity:

@@ -3,7 +3,7 @@
 import json
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from os import PathLike
 from pathlib import Path
@@ -13,12 +13,11 @@ import numpy as np
 
 import mi_lcair
 from mi_lcair.errors import InputError
-from mi_lcair.fraction import fraction
 from mi_lcair.progress import Progress
-from mi_lcair.rendering.limits import check_samples
-from mi_lcair.rendering.many_views import render_views, views_per_batch
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
 from mi_lcair.rendering.views import View, check_resolution
+from mi_lcair.signatures.many_views import DEFAULT_TOLERANCE, render_views, views_per_batch
 from mi_lcair.signatures.trend_file import TrendFile
 from mi_lcair.signatures.trend_result import Trend
 
@@ -53,14 +52,8 @@ class Sweep:
         Views in their order.
     resolution : int
         `spp` and `max_spp` count the paths of a view divided by resolution x resolution.
-    spp : int or None
-        Samples per pixel; None for as many as `tolerance` needs.
-    tolerance : float
-        Half of the 95 % interval of a view's intensity, as a fraction of it.
-    max_spp : int or None
-        Largest number of samples per pixel for `tolerance`; None for the default.
-    seed : int
-        Seed of the random numbers.
+    sampling : Sampling
+        Its tolerance is half of the 95 % interval of a view's intensity, as a fraction of it.
     batch : int
         Largest number of views that are rendered together.
     variant : str
@@ -72,10 +65,7 @@ class Sweep:
     fingerprint: str
     views: tuple[View, ...]
     resolution: int
-    spp: int | None
-    tolerance: float
-    max_spp: int | None
-    seed: int
+    sampling: Sampling
     batch: int
     variant: str
 
@@ -94,11 +84,10 @@ class Sweep:
         The scene is named without its folder, and its files as they were given. The fingerprint
         covers their content.
         """
-        samples = (
-            f"spp {self.spp} over each view"
-            if self.spp
-            else f"95 % interval {self.tolerance:g}, max_spp {self.max_spp or 'default'}"
-        )
+        samples = f"spp {self.sampling.spp} over each view"
+        if self.sampling.spp is None:
+            most = self.sampling.max_spp or "default"
+            samples = f"95 % interval {self.sampling.tolerance:g}, max_spp {most}"
         views = sha256(repr(self.views).encode()).hexdigest()[:16]
         return {
             "scene": scene.name,
@@ -107,7 +96,7 @@ class Sweep:
             "band": scene.band.label,
             "resolution": str(self.resolution),
             "samples": samples,
-            "seed": str(self.seed),
+            "seed": str(self.sampling.seed),
             "views": f"{len(self.views)} ({views})",
             "batch": str(self.batch),
             "mi_lcair": mi_lcair.__version__,
@@ -181,13 +170,15 @@ def trend(
         If the arguments do not fit together, if a view is missing or given twice, or if the file or
         the scheduler cannot be used.
     """
-    scene, tolerance = scene_of(scene, parameters), fraction(tolerance)
+    scene = scene_of(scene, parameters)
+    sampling = Sampling(spp=spp, tolerance=tolerance, max_spp=max_spp, seed=seed)
+    if spp is None and tolerance is None:
+        sampling = replace(sampling, tolerance=DEFAULT_TOLERANCE)
     if dask and scene.path is None:
         raise InputError(
             f"{scene.name}: workers load a scene from its file, and this one was loaded by "
             "Mitsuba; leave dask out, or give the file"
         )
-    check_samples(spp, tolerance, max_spp)
     azimuths = angles("azimuths_deg", azimuths_deg)
     views = tuple(
         View(azimuth, elevation)
@@ -210,10 +201,7 @@ def trend(
         scene.fingerprint,
         views,
         resolution,
-        spp,
-        tolerance or 0.01,
-        max_spp,
-        seed,
+        sampling,
         min(batch or views_per_batch(resolution), len(views)),
         mi.variant(),
     )
@@ -228,7 +216,7 @@ def trend(
         file.add(rows)
         if progress:
             progress(len(file.rows), len(views))
-    return Trend(scene.name, file.columns(), scene.band.label, None if spp else sweep.tolerance)
+    return Trend(scene.name, file.columns(), scene.band.label, sampling.tolerance)
 
 
 def angles(name: str, values: Iterable[float]) -> list[float]:
@@ -279,12 +267,15 @@ def render_batch(scene: Scene, sweep: Sweep, number: int, views) -> dict[View, d
     dict of View to dict of str to float
         Values by name of column, for each view.
     """
-    seed = int(np.random.SeedSequence(sweep.seed, spawn_key=(number,)).generate_state(1)[0])
-    result = render_views(
-        scene, list(views), sweep.resolution, sweep.spp, sweep.tolerance, sweep.max_spp, seed
+    seed = int(
+        np.random.SeedSequence(sweep.sampling.seed, spawn_key=(number,)).generate_state(1)[0]
     )
+    sampling = replace(sweep.sampling, seed=seed)
+    result = render_views(scene, list(views), sweep.resolution, sampling)
     intensity, error = result.parts["target"]
-    reached = np.ones(len(views)) if sweep.spp else result.excess(sweep.tolerance) <= 1
+    reached = np.ones(len(views))
+    if sampling.tolerance is not None:
+        reached = result.excess(sampling.tolerance) <= 1
     parts = {
         f"{name}_W_sr": result.parts[name][0]
         for name in result.parts

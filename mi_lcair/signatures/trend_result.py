@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from mi_lcair.rendering.many_views import FAINT
 from mi_lcair.results import Result, named
+from mi_lcair.signatures.many_views import FAINT
 from mi_lcair.signatures.trend_file import read_trend
 
 if TYPE_CHECKING:

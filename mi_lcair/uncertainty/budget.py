@@ -14,8 +14,8 @@ from mi_lcair import scenes
 from mi_lcair.detection.scenario import Scenario, scenario_of
 from mi_lcair.detection.setting import setting_of
 from mi_lcair.errors import InputError
-from mi_lcair.fraction import fraction
 from mi_lcair.progress import Progress
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
 from mi_lcair.rendering.settings import changed as settings_changed
 from mi_lcair.rendering.statistics import invalid_remark
@@ -191,14 +191,15 @@ def budget(
     stated = Uncertainties.read(uncertainties)
     if draws is not None:
         check_draws(draws)
-    sampling = {"spp": spp, "tolerance": fraction(tolerance), "seed": seed}
+    sampling = Sampling(spp=spp, tolerance=tolerance, seed=seed, sensor=sensor)
     if is_scenario(what):
         if sensor:
             raise InputError("sensor is one of a scene; a scenario has its observer")
-        what = scenario_of(what, parameters, **sampling | {"seed": seed or None})
+        what = scenario_of(
+            what, parameters, spp=spp, tolerance=sampling.tolerance, seed=seed or None
+        )
     else:
         what = scene_of(what, parameters)
-    sampling["sensor"] = sensor
     with result_of(what, sampling) as number:
         inputs = Inputs.of(stated, number.known, number.what)
         number.start()
@@ -251,7 +252,7 @@ def is_scenario(what: object) -> bool:
 
 
 @contextmanager
-def result_of(what: Scene | Scenario, sampling: Mapping):
+def result_of(what: Scene | Scenario, sampling: Sampling):
     """Context manager that gives the `Number` of a scene or scenario."""
     if isinstance(what, Scenario):
         try:
@@ -265,12 +266,7 @@ def result_of(what: Scene | Scenario, sampling: Mapping):
             raise InputError(f"scenario '{what.name}': {error}") from None
     else:
         check_differentiable(what)
-        if sampling["spp"] and sampling["tolerance"]:
-            raise InputError(
-                "spp sets a fixed number of samples; a tolerance chooses one, and does not go "
-                "with it"
-            )
-        yield IntensityNumber(what, **sampling)
+        yield IntensityNumber(what, sampling)
 
 
 def check_differentiable(scene: Scene) -> None:

@@ -10,6 +10,7 @@ from mi_lcair.detection.setting import Setting
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.plugins.properties import RADIANCE_UNIT
+from mi_lcair.rendering.criteria import ExcessFunction
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.sensitivity.common_numbers import CommonNumbers
 from mi_lcair.sensitivity.entries import Parameter
@@ -50,15 +51,10 @@ class ContrastNumber(Number):
         self.scenario, self.setting = scenario, setting
         self.scene, self.what = setting.view, scenario.name
         self.known = parameters(self.scene) | self.scenario_quantities()
-        sampling = scenario.render
-        self.numbers = CommonNumbers(
-            self.scene,
-            spp=sampling.spp,
-            seed=sampling.seed,
-            excess=self.excess if sampling.has_tolerance else None,
-            by_spectrum=True,
-            progress=progress,
-        )
+        table = scenario.render
+        sampling = table.of_render(progress)
+        criterion = ExcessFunction(self.excess) if table.has_tolerance else None
+        self.numbers = CommonNumbers(self.scene, sampling, True, criterion=criterion)
 
     def start(self):
         super().start()

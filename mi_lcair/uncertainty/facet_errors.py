@@ -38,17 +38,18 @@ def facet_contribution(number: Number, group: str, stated: float | Path) -> floa
         If the group has no facets with temperatures, or the CSV cannot be used.
     """
     numbers = number.numbers
+    pixels = numbers.windows.pixels
     matrix = facet_matrix(
         number.scene,
         groups=[group],
-        sensor=numbers.sensor,
-        spp=max(LEAST_SPP, numbers.paths // numbers.pixels),
-        seed=numbers.seed,
+        sensor=numbers.sampling.sensor,
+        spp=max(LEAST_SPP, numbers.paths // pixels),
+        seed=numbers.sampling.seed,
     )
     sigma = sigma_of(matrix.facets, stated, group)
     number.columns += 1
     # Effective area of each facet in each randomisation, (R, facets) [m^2]
-    area = np.array([m.sum(axis=0) for m in matrix.matrices]) * numbers.area / numbers.pixels
+    area = np.array([m.sum(axis=0) for m in matrix.matrices]) * numbers.area / pixels
     slopes = slopes_per_area(number, group, matrix, area.mean(axis=0))
     effects = area * slopes * sigma
     count = len(effects)

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 
-from mi_lcair.rendering.render import render
+from mi_lcair.rendering.images.render import render
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.sensitivity.derivative_images import DerivativeImages
 from mi_lcair.sensitivity.images import derivative_images

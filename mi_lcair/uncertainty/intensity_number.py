@@ -5,6 +5,7 @@ import numpy as np
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.emission.source import Source
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.sensitivity.common_numbers import CommonNumbers
 from mi_lcair.sensitivity.parameters import parameters
 from mi_lcair.signatures.effective_areas import PARTS
@@ -19,17 +20,17 @@ class IntensityNumber(Number):
     scene : Scene
     part : str
         "target", or "scene" for all in the sensor's window.
-    sensor, spp, tolerance, seed, progress
+    sampling : Sampling
         As for `CommonNumbers`.
     """
 
     unit = "W/sr"
 
-    def __init__(self, scene, part: str = "target", **sampling):
+    def __init__(self, scene, sampling: Sampling, part: str = "target"):
         self.title = f"intensity of the {part}"
         self.part, self.scene, self.what = part, scene, scene.name
         self.known = parameters(scene)
-        self.numbers = CommonNumbers(scene, by_spectrum=has_spectra(scene), part=part, **sampling)
+        self.numbers = CommonNumbers(scene, sampling, has_spectra(scene), part)
 
     def linear(self, total, areas, quantities):
         name = None if self.part == "scene" else self.part

@@ -113,7 +113,7 @@ class Number(ABC):
     def areas_of(self, total: Totals) -> EffectiveAreas | None:
         if not self.numbers.by_spectrum:
             return None
-        return effective_areas(total, self.numbers.sources, self.scene, self.numbers.area)
+        return effective_areas(total, self.scene, self.numbers.area)
 
     # ------------------------------------------------------------------ Other values of the inputs
 
@@ -243,7 +243,7 @@ class Number(ABC):
             part=self.part,
             weights=self.weights(),
             paths=self.numbers.paths,
-            seed=self.numbers.seed,
+            seed=self.numbers.sampling.seed,
         )
         self.columns += -(-len(names) // MOST_COLUMNS)
         return sensitivity.derivative, sensitivity.error[1:]

@@ -59,7 +59,7 @@ class Renderer:
     def render(self, scene, **sampling):
         self.asked(scene, **sampling)
         from mi_lcair.physics.bands import band
-        from mi_lcair.rendering.render_result import Render
+        from mi_lcair.rendering.images.render_result import Render
 
         return Render(
             **{

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from mi_lcair.rendering.image import read_exr
+from mi_lcair.rendering.images.exr import read_exr
 from tests.detection.disc_scenario import write_disc
 from tests.uncertainty.plate_scene import plate_scene
 

@@ -9,7 +9,7 @@ import pytest
 import xarray
 from PIL import Image
 
-from mi_lcair.rendering.image import read_exr, write_exr
+from mi_lcair.rendering.images.exr import read_exr, write_exr
 
 BOX = Path(__file__).parents[2] / "scenes" / "examples" / "box.obj"
 

@@ -7,7 +7,7 @@ import pytest
 
 from mi_lcair.errors import InputError
 from mi_lcair.formats import tiff
-from mi_lcair.rendering.image import read_exr
+from mi_lcair.rendering.images.exr import read_exr
 from tests.detection.disc_scenario import write_disc
 
 CAMERA = """

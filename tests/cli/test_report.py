@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import mi_lcair
-from mi_lcair.rendering.image import write_exr
+from mi_lcair.rendering.images.exr import write_exr
 from mi_lcair.results import Result
 from mi_lcair.scenes import FOLDER
 

@@ -281,7 +281,7 @@ def test_each_number_of_reflections_ends_at_the_tolerance():
 
 def kernels_by_row(monkeypatch, scenario):
     """Hashes of the kernels that trace paths, which are large, in the render of each row."""
-    found, render = [], module.signature
+    found, render = [], module.integrated
 
     def counted(*args, **kwargs):
         with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
@@ -291,7 +291,7 @@ def kernels_by_row(monkeypatch, scenario):
             found.append({entry["hash"] for entry in history if entry["operation_count"] > 200})
         return result
 
-    monkeypatch.setattr(module, "signature", counted)
+    monkeypatch.setattr(module, "integrated", counted)
     contrast(scenario)
     return found
 

@@ -20,8 +20,8 @@ from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.directional_table import over_the_hemisphere, read_directional_table
 from mi_lcair.physics.spectrum import has_elevations, spectrum
 from mi_lcair.rendering.facets.image import by_facet
-from mi_lcair.rendering.image import read_exr, write_exr
-from mi_lcair.rendering.render import DEFAULT_MAX_SPP
+from mi_lcair.rendering.images.exr import read_exr, write_exr
+from mi_lcair.rendering.sampling import DEFAULT_MAX_SPP
 from mi_lcair.rendering.views import View
 from mi_lcair.reports.pictures.image_channels import save_picture
 from mi_lcair.signatures.trend_file import TrendFile, beside

@@ -107,7 +107,7 @@ def test_size_and_band(entry, folder):
     refused({"data": [small], "unknowns": UNKNOWNS}, "has 16 x 8 pixels, and the scene's film 16 x")
     masked = entry | {"mask": str(folder / "small.npy")}
     refused({"data": [masked], "unknowns": UNKNOWNS}, "has 16 x 8 pixels")
-    from mi_lcair.rendering.image import write_exr
+    from mi_lcair.rendering.images.exr import write_exr
 
     write_exr(folder / "m.exr", {"Y": np.full((16, 16), 2.0)}, {"band": "MWIR"})
     other = {key: value for key, value in entry.items() if key != "quantity"}
@@ -139,7 +139,7 @@ def test_the_same_image_in_all_formats(tmp_path):
     """EXR, TIFF, CSV with three separators, and NPY give the same numbers."""
     from PIL import Image
 
-    from mi_lcair.rendering.image import write_exr
+    from mi_lcair.rendering.images.exr import write_exr
 
     values = np.random.default_rng(1).uniform(20, 50, (5, 7)).astype(np.float32)
     np.save(tmp_path / "a.npy", values)

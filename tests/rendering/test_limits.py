@@ -8,8 +8,9 @@ import pytest
 import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.rendering import limits
-from mi_lcair.rendering.many_views import render_views
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.views import View
+from mi_lcair.signatures.many_views import render_views
 
 GIB = 2**30
 
@@ -18,7 +19,7 @@ GIB = 2**30
 def test_samples(count):
     scene = mi_lcair.load("two_plates", resolution=2)
     tolerance = {"tolerance": 0.1} if count == "max_spp" else {}
-    for render in (mi_lcair.render, lambda s, **k: render_views(s, [View(0)], 2, **k)):
+    for render in (mi_lcair.render, lambda s, **k: render_views(s, [View(0)], 2, Sampling(**k))):
         with pytest.raises(InputError, match=f"{count} = 4294967296 must be at most 4294967295"):
             render(scene, **{count: 2**32}, **tolerance)
 

@@ -12,10 +12,11 @@ import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.rendering.many_views import render_views
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import checked
 from mi_lcair.rendering.views import Target, View, seen_from
-from mi_lcair.rendering.window_means import FIRST_PATHS
+from mi_lcair.rendering.window import FIRST_PATHS
+from mi_lcair.signatures.many_views import render_views
 from tests.plugins.conftest import plate  # noqa: F401, a fixture
 from tests.plugins.small_scenes import camera
 
@@ -65,7 +66,9 @@ def test_one_view_is_the_scenes_own_sensor(cylinder):
     ],
 )
 def test_a_black_slab_is_seen_by_its_projected_area(plate, view, area):
-    found = render_views(loaded(slab=plate("slab", SLAB, BLACK, 300.0)), [view], 32, spp=64)
+    found = render_views(
+        loaded(slab=plate("slab", SLAB, BLACK, 300.0)), [view], 32, Sampling(spp=64)
+    )
     for name, expected in (
         ("hit", 0.04 if view.elevation_deg < 0 else area),
         ("target", area * L_300),
@@ -80,7 +83,7 @@ def test_a_black_slab_is_seen_by_its_projected_area(plate, view, area):
 def test_views_together_are_the_views_apart(cylinder):
     """Three views in one film against each alone: the pixels of one do not end up in another."""
     views = [View(0, 0), View(90, 10), View(200, -20)]
-    together = render_views(cylinder, views, 32, spp=32, seed=1)
+    together = render_views(cylinder, views, 32, Sampling(spp=32, seed=1))
     for k, view in enumerate(views):
         alone = mi_lcair.signature(seen_from(cylinder, view, 32), spp=32, seed=5 + k).target
         value, error = together.parts["target"][:, k]
@@ -103,7 +106,7 @@ def test_standard_errors_are_those_of_repetitions(cylinder, spp, resolution, low
     for 2 x 29; from neighbours, smaller.
     """
     runs = [
-        render_views(cylinder, [View(0, 20), View(120)], resolution, spp=spp, seed=seed)
+        render_views(cylinder, [View(0, 20), View(120)], resolution, Sampling(spp=spp, seed=seed))
         for seed in range(30)
     ]
     values, errors = np.moveaxis([run.parts["target"] for run in runs], 1, 0)
@@ -115,15 +118,18 @@ def test_standard_errors_are_those_of_repetitions(cylinder, spp, resolution, low
 def test_a_seed_gives_its_numbers_and_a_tolerance_its_error(cylinder):
     views = [View(10.0), View(170.0)]
     first, again, other = (
-        render_views(cylinder, views, 32, tolerance=0.004, seed=seed) for seed in (3, 3, 4)
+        render_views(cylinder, views, 32, Sampling(tolerance=0.004, seed=seed))
+        for seed in (3, 3, 4)
     )
     assert np.array_equal(first.parts["target"], again.parts["target"])
     assert not np.array_equal(first.parts["target"], other.parts["target"])
     assert first.excess(0.004).max() <= 1 and first.paths.sum() > FIRST_PATHS
-    stopped = render_views(cylinder, views, 32, tolerance=1e-5, max_spp=4)
+    stopped = render_views(cylinder, views, 32, Sampling(tolerance=1e-5, max_spp=4))
     assert set(stopped.paths) == {4 * 32**2} and stopped.excess(1e-5).min() > 1
     # 7 x 31 x 31 = 6727 paths are not a multiple of the 8 randomisations
-    assert render_views(cylinder, views, 31, tolerance=1e-5, max_spp=7).paths.tolist() == [
+    assert render_views(
+        cylinder, views, 31, Sampling(tolerance=1e-5, max_spp=7)
+    ).paths.tolist() == [
         6728,
         6728,
     ]
@@ -144,7 +150,7 @@ def test_a_hot_source_that_no_path_met_counts(plate):
         slab=plate("slab", SLAB, BLACK, 300.0),
         speck=plate("speck", speck, BLACK, 3000.0, group="speck"),
     )
-    found = render_views(scene, [View(0, 90)], 16, tolerance=0.02)
+    found = render_views(scene, [View(0, 90)], 16, Sampling(tolerance=0.02))
     exact = (0.08 - 1.6e-5) * L_300 + 1.6e-5 * float(in_band_radiance(band("LWIR"), 3000.0))
     assert found.paths[0] > FIRST_PATHS and found.parts["target"][0, 0] == pytest.approx(
         exact, rel=0.1
@@ -160,7 +166,7 @@ def test_a_view_of_nothing_does_not_keep_the_others(plate):
         loaded(slab=plate("slab", SLAB, BLACK, 300.0)),
         [View(0, 90), View(0, -90)],
         16,
-        tolerance=0.01,
+        Sampling(tolerance=0.01),
     )
     assert (
         found.parts["target"][0, 1] == 0
@@ -168,7 +174,7 @@ def test_a_view_of_nothing_does_not_keep_the_others(plate):
         and found.paths.max() < 2**18
     )
     alone = render_views(
-        loaded(slab=plate("slab", SLAB, BLACK, 300.0)), [View(0, -90)], 16, tolerance=0.01
+        loaded(slab=plate("slab", SLAB, BLACK, 300.0)), [View(0, -90)], 16, Sampling(tolerance=0.01)
     )
     assert alone.excess(0.01).max() <= 1 and 2**12 < alone.paths[0] < 2**18
 

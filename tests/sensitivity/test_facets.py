@@ -6,7 +6,7 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
-from mi_lcair.rendering.render import RANDOMISATIONS
+from mi_lcair.rendering.window import PIXEL_RANDOMISATIONS
 from mi_lcair.sensitivity import facets
 from mi_lcair.sensitivity.facets import facet_matrix
 from tests.sensitivity.waist import smooth_temperatures, write_scene
@@ -30,7 +30,7 @@ def image(scene, **settings):
 
 
 def matrix_of(scene, **settings):
-    return facet_matrix(scene, spp=16, seed=3, randomisations=RANDOMISATIONS, **settings)
+    return facet_matrix(scene, spp=16, seed=3, randomisations=PIXEL_RANDOMISATIONS, **settings)
 
 
 def assert_same(found, expected):

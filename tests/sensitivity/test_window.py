@@ -12,6 +12,7 @@ from mi_lcair.physics import reflection
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.recorders.channels import Channels
+from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.sensitivity.columns import recordings
 from mi_lcair.sensitivity.differences import differences, image_differences
 from mi_lcair.sensitivity.images import derivative_images
@@ -223,7 +224,7 @@ def test_the_control_variate_has_the_mean_0(load):
     names = (*NAMES["brdf"], "grey.reflectance", "black.reflectance")
     launch = Launch(32, 32, 1, 4, 256, windows=1024)
     with scene.prepared() as tracer:
-        (recording,) = recordings(scene, tracer, scene.sensors[0], names, None)
+        (recording,) = recordings(scene, tracer, scene.sensors[0], names, Measurands.of(None))
         found = tracer.trace(
             scene.sensors[0], launch, Channels(None, tables=recording.tables)
         ).channels

@@ -128,7 +128,7 @@ def test_standard_errors_are_the_scatter_of_seeds(roof, monkeypatch):
 
     The passes cover runs of pixels that do not divide the image evenly.
     """
-    monkeypatch.setattr("mi_lcair.rendering.render.PASS_SAMPLES", 600)
+    monkeypatch.setattr("mi_lcair.rendering.window.PASS_SAMPLES", 600)
     runs = [mi_lcair.signature(roof, spp=16, seed=seed, facets=True) for seed in range(16)]
     values = np.array([run.facets.table["intensity_W_sr"] for run in runs])
     claimed = np.mean([run.facets.table["standard_error_W_sr"] ** 2 for run in runs], axis=0)

@@ -48,11 +48,12 @@ def test_a_refused_plan_gives_the_reason(tmp_path):
 @pytest.mark.slow
 def test_views_know_it_too(tmp_path):
     """Straight down on the speck, the error of a view contains one path that meets it."""
-    from mi_lcair.rendering.many_views import render_views
+    from mi_lcair.rendering.sampling import Sampling
     from mi_lcair.rendering.views import View
+    from mi_lcair.signatures.many_views import render_views
 
     scene = ADVERSE["speck"].load(tmp_path, True)
-    found = render_views(scene, [View(0, 90)], 8, tolerance=0.05, max_spp=64, seed=1)
+    found = render_views(scene, [View(0, 90)], 8, Sampling(tolerance=0.05, max_spp=64, seed=1))
     assert found.excess(0.05).max() > 1
 
 

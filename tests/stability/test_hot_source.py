@@ -12,8 +12,8 @@ import mi_lcair
 from docs.studies.leaks import write_ply
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.rendering.render import RANDOMISATIONS
 from mi_lcair.rendering.statistics import student_factor
+from mi_lcair.rendering.window import PIXEL_RANDOMISATIONS
 
 SCENE = """<scene version="3.0.0">
     <integrator type="bounce_path">
@@ -85,7 +85,7 @@ def test_emitter_sampling_bounds_and_reports(scene):
     This holds for 95 % of the pixels (+- 1.5 % from 64 x 40 pixels), and for the mean. It also
     holds in renders of 16 samples, for 64 x 10 pixels.
     """
-    student = student_factor(RANDOMISATIONS - 1)
+    student = student_factor(PIXEL_RANDOMISATIONS - 1)
     Y, error = images(scene(True), 256, 40)
     inside = np.abs(Y - exact()) <= student * error
     assert inside.mean() == pytest.approx(0.95, abs=0.02)
@@ -103,7 +103,7 @@ def test_without_it_the_scatter_misleads(scene):
     intervals of the others do not contain the true value.
     """
     Y, error = images(scene(False), 64, 20)
-    inside = np.abs(Y - exact()) <= student_factor(RANDOMISATIONS - 1) * error
+    inside = np.abs(Y - exact()) <= student_factor(PIXEL_RANDOMISATIONS - 1) * error
     assert inside.mean() < 0.02 and Y.max() > 100 * exact().max()
 
 

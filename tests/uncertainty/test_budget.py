@@ -253,7 +253,7 @@ def test_contrast_by_sources_and_by_renders():
     "arguments, message",
     [
         ({"closure": "tail"}, "closure = tail has no derivatives"),
-        ({"spp": 4, "tolerance": 0.1}, "a tolerance chooses one"),
+        ({"spp": 4, "tolerance": 0.1}, "tolerance and max_spp choose one"),
         ({"tolerance": -1}, "tolerance = -1 must be positive"),
         ({"draws": 3}, "must be 10 or more"),
         (

@@ -120,7 +120,7 @@ def _scene(what, sampling, image, **options):
 
 def _write_image(path, scene, result, arguments):
     """Write the image of a scene with its derivatives."""
-    from mi_lcair.rendering.image import write_exr
+    from mi_lcair.rendering.images.exr import write_exr
     from mi_lcair.uncertainty.image import budget_image
 
     sampling = {name: arguments[name] for name in ("sensor", "seed", "spp") if name in arguments}

@@ -96,7 +96,7 @@ def _image(source, output, suffix, channel):
 
     from mi_lcair.formats import netcdf, tiff
     from mi_lcair.formats.channels import column_of, quantity_of
-    from mi_lcair.rendering.image import read_exr, window_of
+    from mi_lcair.rendering.images.exr import read_exr, window_of
 
     channels, header = read_exr(source)
     if suffix != ".nc":

@@ -13,7 +13,7 @@ from mi_lcair.files import check_writable
 
 def image(what, output, channels, outlines, scene, parameters, sensor, **scale):
     """Draw channels of an image."""
-    from mi_lcair.rendering.image import read_exr, window_of
+    from mi_lcair.rendering.images.exr import read_exr, window_of
     from mi_lcair.reports.pictures.image_channels import save_picture
 
     file = Path(what)

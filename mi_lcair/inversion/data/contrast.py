@@ -98,7 +98,7 @@ def number_of(number: ContrastNumber, names, weights: Mapping) -> Sensitivities:
         names,
         weights=weights,
         paths=number.numbers.paths,
-        seed=number.numbers.seed,
+        seed=number.numbers.sampling.seed,
     )
 
 

@@ -9,7 +9,7 @@ from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import read_bytes, read_text
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
-from mi_lcair.rendering.image import read_exr
+from mi_lcair.rendering.images.exr import read_exr
 from mi_lcair.table import SEPARATORS
 
 PICTURES = (".tif", ".tiff", ".png")

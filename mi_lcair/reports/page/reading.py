@@ -53,7 +53,7 @@ def read(what: str, kind: str, model: SceneModel | None = None) -> tuple[str, li
 
 def image(what: str, model):
     """A radiance image, or what another program's EXR holds."""
-    from mi_lcair.rendering.image import read_exr
+    from mi_lcair.rendering.images.exr import read_exr
 
     channels, header = read_exr(what)
     if not channels:

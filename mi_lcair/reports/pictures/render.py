@@ -3,7 +3,7 @@
 import numpy as np
 
 from mi_lcair.errors import unknown
-from mi_lcair.rendering.render_result import Render
+from mi_lcair.rendering.images.render_result import Render
 from mi_lcair.reports.pictures import image_channels
 
 DEFAULT = ("Y", "temperature.Y")

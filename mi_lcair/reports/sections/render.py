@@ -3,7 +3,7 @@
 from functools import partial
 
 from mi_lcair.fraction import percent
-from mi_lcair.rendering.image import window_of
+from mi_lcair.rendering.images.exr import window_of
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.reports.page.image_panel import image_panel
 from mi_lcair.results.accuracy import planned_row

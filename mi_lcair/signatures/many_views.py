@@ -4,13 +4,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mi_lcair.rendering.limits import check_paths
-from mi_lcair.rendering.render import DEFAULT_MAX_SPP, PASS_SAMPLES, check_reachable
+from mi_lcair.rendering.criteria import Criterion, check_reachable
+from mi_lcair.rendering.measurands import Measurands
+from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.views import Target, View, cameras, check_resolution
-from mi_lcair.rendering.window_means import window_means
+from mi_lcair.rendering.window import PASS_SAMPLES, Windows
 
+DEFAULT_TOLERANCE = 0.01  # half of the 95 % interval of a view's intensity, as a fraction of it
 # Views fainter than this fraction of the brightest view get an absolute tolerance: that of a view
 # with this fraction of the brightest intensity.
 FAINT = 1e-3
@@ -54,20 +57,29 @@ class ManyViews:
         )
 
 
+@dataclass(frozen=True)
+class IntensitiesOfViews(Criterion):
+    """The interval of each view's intensity is narrow enough, see `ManyViews.excess`.
+
+    areas: areas of the views' windows, (V,) [m^2].
+    """
+
+    tolerance: float
+    areas: np.ndarray
+
+    def check(self, tracer, name):
+        check_reachable(self.tolerance, tracer, name, of_interval=True)
+
+    def excess(self, total):
+        return of_totals(total, self.areas).excess(self.tolerance)
+
+
 def views_per_batch(resolution: int) -> int:
     """Number of views of resolution x resolution paths that one pass can render."""
     return max(1, PASS_SAMPLES // resolution**2)
 
 
-def render_views(
-    scene: Scene,
-    views: list[View],
-    resolution: int,
-    spp: int | None = None,
-    tolerance: float = 0.01,
-    max_spp: int | None = None,
-    seed: int = 0,
-) -> ManyViews:
+def render_views(scene: Scene, views: list[View], resolution: int, sampling: Sampling) -> ManyViews:
     """Render the intensities of the model toward some views.
 
     With closure = tail, all views have the same ratio of the geometric continuation.
@@ -77,17 +89,10 @@ def render_views(
     scene : Scene
     views : list of View
     resolution : int
-        `spp` and `max_spp` count the paths of a view divided by resolution x resolution.
-    spp : int or None
-        Paths for each of resolution x resolution pixels. None: as many paths, up to max_spp, as
-        each view needs for the tolerance.
-    tolerance : float
-        Largest half width of the 95 % interval of an intensity, as a fraction of the intensity. See
-        `ManyViews.excess` for faint views.
-    max_spp : int or None
-        Largest number of paths for each pixel (65536).
-    seed : int
-        The same seed gives the same results.
+        Samples per pixel count the paths of a view divided by resolution x resolution.
+    sampling : Sampling
+        Its tolerance is the half width of the 95 % interval of each view's intensity, as a
+        fraction of it. See `ManyViews.excess` for faint views.
 
     Returns
     -------
@@ -99,30 +104,16 @@ def render_views(
         For settings out of bounds, and for a tolerance that cannot be reached.
     """
     check_resolution(resolution)
-    pixels = resolution**2
-    check_paths(pixels * len(views), spp=spp, max_spp=max_spp)
     target = Target.of(scene)
-    area = np.array([target.window_area(view) for view in views])
-    sensor = cameras(scene, target, views)
-    with scene.prepared() as tracer:
-        if spp is None:
-            check_reachable(tolerance, tracer, scene.name, of_interval=True)
-        brightest = tracer.emitters.brightest * area
-        total = window_means(
-            scene,
-            tracer,
-            sensor,
-            len(views),
-            paths=spp and spp * pixels,
-            excess=lambda total: of_totals(total, area, brightest).excess(tolerance),
-            most_paths=(max_spp or DEFAULT_MAX_SPP) * pixels,
-            seed=seed,
-            split="model",
-        )
-    return of_totals(total, area, brightest)
+    areas = np.array([target.window_area(view) for view in views])
+    windows = Windows(cameras(scene, target, views), columns=len(views), pixels=resolution**2)
+    criterion = None
+    if sampling.tolerance is not None:
+        criterion = IntensitiesOfViews(sampling.tolerance, areas)
+    return of_totals(measure(scene, windows, sampling, Measurands.of("model"), criterion), areas)
 
 
-def of_totals(total: Totals, area: np.ndarray, brightest: np.ndarray) -> ManyViews:
+def of_totals(total: Totals, areas: np.ndarray) -> ManyViews:
     """Intensities of the views whose windows have these areas [m^2], from sums over paths."""
     names = [
         name
@@ -131,10 +122,10 @@ def of_totals(total: Totals, area: np.ndarray, brightest: np.ndarray) -> ManyVie
     ]
     return ManyViews(
         parts={
-            name: np.array([total.mean(name), total.standard_error(name)]) * area for name in names
+            name: np.array([total.mean(name), total.standard_error(name)]) * areas for name in names
         },
-        brightest=brightest,
-        half_width=total.half_width("target") * area,
+        brightest=total.emitters.brightest * areas,
+        half_width=total.half_width("target") * areas,
         paths=total.traced.astype(int),
         invalid=total.invalid,
     )

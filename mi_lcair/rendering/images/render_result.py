@@ -76,8 +76,8 @@ class Render(Result):
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.render:figure"
     sections_by: ClassVar[str] = "mi_lcair.reports.sections.render:sections"
     saved_by: ClassVar[dict[str, str]] = {
-        ".exr": "mi_lcair.rendering.image:write_render",
-        ".tif": "mi_lcair.rendering.render_result:write_tiff",
+        ".exr": "mi_lcair.rendering.images.exr:write_render",
+        ".tif": "mi_lcair.rendering.images.render_result:write_tiff",
     }
 
     @property

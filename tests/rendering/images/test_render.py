@@ -13,7 +13,7 @@ import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.paths.walk import Walk
-from mi_lcair.rendering import render as passes
+from mi_lcair.rendering import window
 
 
 def load(**parameters):
@@ -80,7 +80,7 @@ def test_passes_do_not_change_the_statistics(monkeypatch):
     one large pass.
     """
     whole = mi_lcair.render(load(), spp=96, seed=1)
-    monkeypatch.setattr(passes, "PASS_SAMPLES", 100)  # less than one sample per pixel of the 256
+    monkeypatch.setattr(window, "PASS_SAMPLES", 100)  # less than one sample per pixel of the 256
     parts = mi_lcair.render(load(), spp=96, seed=1)
     for name in ("Y", "stderr.Y"):
         np.testing.assert_allclose(

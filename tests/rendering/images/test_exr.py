@@ -11,7 +11,7 @@ from hypothesis.extra import numpy as hnp
 
 from mi_lcair.errors import InputError
 from mi_lcair.files import check_writable, replacing
-from mi_lcair.rendering.image import STRUCTURE, read_exr, write_exr
+from mi_lcair.rendering.images.exr import STRUCTURE, read_exr, write_exr
 
 ONE = {"Y": np.ones((2, 3), np.float32)}
 

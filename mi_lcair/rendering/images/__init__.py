@@ -1,0 +1,1 @@
+"""Radiance images: rendered, through air, and in files."""

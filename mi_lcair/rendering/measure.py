@@ -1,0 +1,109 @@
+"""The sentence of this project: measure(scene, windows, sampling, measurands) gives totals.
+
+Everything that renders chooses windows, measurands and a criterion, and calculates with the totals.
+"""
+
+import numpy as np
+
+from mi_lcair.errors import InputError
+from mi_lcair.plugins.paths.aim import Aim
+from mi_lcair.plugins.paths.rays import ParallelRays
+from mi_lcair.rendering.aiming import aim_at_model
+from mi_lcair.rendering.criteria import Criterion
+from mi_lcair.rendering.limits import check_memory
+from mi_lcair.rendering.measurands import Measurands
+from mi_lcair.rendering.sampling import TWO_CHOICES, Sampling
+from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.statistics import Totals, check_valid
+from mi_lcair.rendering.window import Windows
+
+# Ratio of the error to the allowed error, after the first paths, from which on the paths are aimed
+# at the model. The pilot for that takes 2^18 paths.
+WORTH_AIMING = 8
+
+
+def measure(
+    scene: Scene,
+    windows: Windows,
+    sampling: Sampling,
+    measurands: Measurands,
+    criterion: Criterion | None = None,
+    aim: Aim | None = None,
+) -> Totals:
+    """Trace paths through windows of a sensor until their means are known well enough.
+
+    Parameters
+    ----------
+    scene : Scene
+    windows : Windows
+    sampling : Sampling
+        Without a criterion, it sets the number of paths. Otherwise it limits their number.
+    measurands : Measurands
+    criterion : Criterion or None
+        Paths are added to a window until its error is allowed.
+    aim : Aim or None
+        Where the paths begin, such as `aim` of earlier totals. None: anywhere, or at the model if
+        that pays.
+
+    Returns
+    -------
+    Totals
+        Sums by window and randomisation.
+
+    Raises
+    ------
+    InputError
+        If memory does not suffice, if the criterion cannot be met, or if too many samples are NaN
+        or infinite.
+    """
+    if criterion is None:
+        sampling = sampling.settled(windows.sensor)
+    elif sampling.spp is not None:
+        raise InputError(TWO_CHOICES)
+    windows.check(sampling)
+    with scene.prepared(measurands.by_spectrum) as tracer:
+        kept = windows.count * (windows.randomisations if windows.by_randomisation else 1)
+        check_memory(kept, tracer, None if measurands.reduced else measurands.channels.split)
+        if criterion is not None:
+            criterion.check(tracer, scene.name)
+        return _until_met(scene, tracer, windows, sampling, measurands, criterion, aim)
+
+
+def _until_met(scene, tracer, windows: Windows, sampling, measurands, criterion, aim) -> Totals:
+    """The loop of `measure`: passes through all windows that need more paths."""
+    # The results by facet and a sensor of several views need a constant density
+    may_aim = aim is None and measurands.facets is None and windows.may_be_aimed
+    total = windows.totals(tracer, aim)
+    if criterion is None:
+        goal = limit = -(-windows.paths(sampling) // windows.randomisations)
+    else:
+        limit = windows.points(sampling.limit)
+        goal = min(windows.first_points(), limit)
+    rays, done = ParallelRays.of(windows.sensor), 0
+    # The windows that need more paths, with the ratios and the points of the last estimate
+    active, last, before = np.arange(windows.count), np.zeros(windows.count), 0
+    while done < goal:
+        points = min(goal - done, windows.points_of_pass(len(active)))
+        for launch in windows.launches(active, done, points, sampling.seed, total.aim):
+            total.add(launch, measurands.trace(tracer, windows.sensor, launch, rays))
+        done += points
+        check_valid(total.invalid, int(total.traced.sum()), scene.name)
+        if criterion is not None and done >= goal:
+            needed = total.excess = np.broadcast_to(criterion.excess(total), windows.count)
+            if not windows.are_pixels:
+                # The error of a lattice falls at most as 1 / points. A smaller estimate is luck,
+                # and to end there would state too small an error too often.
+                needed = np.maximum(needed, last * before / done)
+            last, before = needed, done
+            more = active[needed[active] > 1]
+            if len(more):
+                active, goal = more, min(limit, windows.next_points(done, needed[more].min()))
+            if needed.max() > WORTH_AIMING and may_aim:
+                # Begin again, with the same number of paths
+                aim = aim_at_model(scene, tracer, windows.sensor, sampling.seed, measurands)
+                total, may_aim = windows.totals(tracer, aim), False
+                goal, done, last = done, 0, np.zeros(windows.count)
+        if sampling.progress:
+            scale = windows.randomisations * windows.parts
+            sampling.progress(done * scale, goal * scale)
+    return total
