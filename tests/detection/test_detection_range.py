@@ -142,3 +142,40 @@ def test_refused():
         InputError, match="its last range, 300 m, lies within the target's radius of 400 m"
     ):
         detection_range(target(air), Detector(LWIR, nei=1), air, 400.0)
+
+
+class Signal:
+    """In place of `Irradiance`: a contrast that is a function of range, with an error of 0.01."""
+
+    def __init__(self, function):
+        self.function = function
+
+    def at(self, path):
+        return {"total": (self.function(path.range_m), 0.01)}
+
+
+def test_signals_of_both_signs():
+    """3 - r / km reaches 1 at 2 km and -1 at 4 km. With a level of 2 km it ends at 1 km."""
+    detector = Detector(LWIR, nei=0.1, snr=10)
+    falling = Signal(lambda r: 3 - r / 1000)
+    result = detection_range(falling, detector, grey_air(), 10.0)
+    (first, second) = result.intervals_m
+    assert first == pytest.approx((10, 2000), rel=1e-9)
+    assert second == pytest.approx((4000, 10_000), rel=1e-9)
+    assert result.at_least and result.standard_error_m is None and result.largest_m == 10_000
+    shorter = detection_range(falling, detector, grey_air(3500.0), 10.0)
+    assert shorter.intervals_m == [pytest.approx((10, 2000), rel=1e-9)]
+    # The error of the signal over its slope, 1e-3 per metre
+    assert shorter.standard_error_m == pytest.approx(10, rel=1e-4) and not shorter.at_least
+    optics = Detector(LWIR, optics_transmittance=0.5, nei=0.1, snr=10)
+    assert detection_range(falling, optics, grey_air(3500.0), 10.0).largest_m == pytest.approx(1000)
+
+
+def test_from_a_range_on():
+    """r / km - 2 reaches -1 at 1 km and 1 at 3 km."""
+    rising = Signal(lambda r: r / 1000 - 2)
+    detector = Detector(LWIR, nei=0.1, snr=10)
+    result = detection_range(rising, detector, grey_air(), 10.0)
+    assert np.ravel(result.intervals_m) == pytest.approx([10, 1000, 3000, 10_000], rel=1e-9)
+    assert result.summary().startswith("detected at 10-1000 m, 3000-10000 m; at least")
+    assert result.columns()["start_m"].tolist() == pytest.approx([10, 3000])

@@ -1,0 +1,147 @@
+"""Irradiances of a blackbody through grey air before a background, against closed forms."""
+
+import numpy as np
+import pytest
+from scipy.special import stdtrit
+
+from mi_lcair.detection.irradiance import Backdrop, Irradiance
+from mi_lcair.physics.bands import band
+from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
+from mi_lcair.plugins.emission.source import Source
+from mi_lcair.signatures.effective_areas import EffectiveAreas
+from tests.detection.test_detection_range import (
+    AIR,
+    AREA,
+    DEPTH,
+    HOT,
+    LWIR,
+    SKY,
+    L,
+    grey_air,
+)
+
+RANGE = 700.0
+TAU = np.exp(-DEPTH * RANGE)
+COLD = 280.0
+# Covariances [m^4] of the effective areas of two sources and of the projected area
+COVARIANCE = np.array([[0.04, -0.01, 0.02], [-0.01, 0.09, 0.03], [0.02, 0.03, 0.05]])
+L_COLD = float(in_band_radiance(LWIR, COLD))
+BACKDROP = Backdrop("sky", lambda x: spectral_radiance(x, SKY), np.empty(0))
+
+
+def two_sources(**more):
+    """Effective areas of 10 and 4 m^2 at 330 and 280 K, of a target of 15 m^2."""
+    areas = EffectiveAreas(
+        LWIR,
+        [Source("hot", "330 K", L[HOT], HOT), Source("cold", "280 K", L_COLD, COLD)],
+        np.array([[AREA, 4.0], [99.0, 99.0]]),
+        np.zeros((2, 2)),
+        15.0,
+        np.array([COVARIANCE, COVARIANCE]),
+        np.empty(0),
+        np.empty((2, 0)),
+    )
+    return Irradiance(areas, 0.0, LWIR, grey_air(), BACKDROP, **more)
+
+
+def test_terms_through_grey_air():
+    terms = two_sources().at(grey_air().path(RANGE))
+    intensity = L[HOT] * AREA + L_COLD * 4
+    assert terms["intensity"].value == pytest.approx(intensity, rel=1e-6)
+    assert terms["target"].value == pytest.approx(TAU * intensity / RANGE**2, rel=1e-5)
+    path, background = (1 - TAU) * L[AIR] * 15 / RANGE**2, L[SKY] * 15 / RANGE**2
+    assert terms["path"].value == pytest.approx(path, rel=1e-5)
+    assert terms["background"].value == pytest.approx(background, rel=1e-6)
+    total = TAU * intensity / RANGE**2 + path - background
+    assert terms["total"].value == pytest.approx(total, rel=1e-4)
+
+
+def test_errors_follow_from_the_covariance():
+    """The square root of g C g, with g the derivative with respect to each area."""
+    terms = two_sources().at(grey_air().path(RANGE))
+    for name, gradient in (
+        ("intensity", [L[HOT], L_COLD, 0]),
+        ("target", np.array([TAU * L[HOT], TAU * L_COLD, 0]) / RANGE**2),
+        ("path", np.array([0, 0, (1 - TAU) * L[AIR]]) / RANGE**2),
+        (
+            "total",
+            np.array([TAU * L[HOT], TAU * L_COLD, (1 - TAU) * L[AIR] - L[SKY]]) / RANGE**2,
+        ),
+    ):
+        expected = np.sqrt(gradient @ COVARIANCE @ gradient)
+        assert terms[name].standard_error == pytest.approx(expected, rel=1e-4)
+    assert two_sources().projected_area == (15.0, pytest.approx(np.sqrt(0.05)))
+
+
+def test_half_widths():
+    """Student's factor times the standard error, and a source of 0.3 W/sr that no path has hit."""
+    path = grey_air().path(RANGE)
+    error = two_sources().at(path)["total"].standard_error
+    assert two_sources().half_width(path) == pytest.approx(1.959964 * error, rel=1e-6)
+    result = two_sources(degrees_of_freedom=4, missed=0.3, systematic=0.01)
+    missed = 0.3 * TAU / RANGE**2
+    assert result.half_width(path) == pytest.approx(stdtrit(4, 0.975) * error + missed, rel=1e-5)
+    target = result.at(path)["target"].value
+    least = stdtrit(4, 0.975) * 0.01 * target
+    assert result.least_half_width(path) == pytest.approx(least, rel=1e-9)
+
+
+def test_spectra_integrate_to_the_terms():
+    result, path = two_sources(), grey_air().path(RANGE)
+    terms = result.at(path)
+    for name, spectrum in result.spectral(path).items():
+        assert result.in_band(spectrum) == pytest.approx(terms[name].value, rel=1e-9)
+    assert result.in_band(result.background(path)) == pytest.approx(L[SKY], rel=1e-6)
+
+
+def test_many_temperatures_as_one_spectrum():
+    """The intensity's relative error and that of the projected area are added, not squared."""
+    nodes = np.polynomial.chebyshev.chebpts1(24) * 2 + 10
+    spectrum = spectral_radiance(nodes, HOT) * AREA
+    covariance = np.zeros((2, 1, 1))
+    covariance[:, -1, -1] = 0.05
+    areas = EffectiveAreas(
+        LWIR, [], np.zeros((2, 0)), np.zeros((2, 0)), 15.0, covariance, nodes,
+        np.array([spectrum, spectrum]),
+    )  # fmt: skip
+    terms = Irradiance(areas, 0.02, LWIR, grey_air(), BACKDROP).at(grey_air().path(RANGE))
+    target = TAU * L[HOT] * AREA / RANGE**2
+    assert terms["target"] == pytest.approx((target, 0.02 * target), rel=1e-4)
+    rest = ((1 - TAU) * L[AIR] - L[SKY]) / RANGE**2
+    error = 0.02 * target + abs(rest) * np.sqrt(0.05)
+    assert terms["total"] == pytest.approx((target + 15 * rest, error), rel=1e-3)
+
+
+def test_a_background_with_a_path_of_its_own():
+    """Ground at 700 m + 300 m: dimmed, with the radiance of the air before it."""
+    air = grey_air()
+    ground = Backdrop(
+        "ground",
+        lambda x: spectral_radiance(x, 300.0),
+        np.array([8.5]),
+        lambda range_m: air.path(range_m + 300),
+    )
+    arriving = ground.at_sensor(RANGE)
+    tau = np.exp(-1.0)
+    expected = tau * spectral_radiance(10.0, 300.0) + (1 - tau) * spectral_radiance(10.0, AIR)
+    assert arriving.at(np.array([10.0]))[0] == pytest.approx(expected, rel=1e-5)
+    assert arriving.path_at is None and arriving.name == "ground" and 8.5 in arriving.rows_um
+    assert set(air.wavelengths_um) < set(arriving.rows_um)
+    assert BACKDROP.at_sensor(RANGE) is BACKDROP
+
+
+def test_a_response_weighs_the_rule(tmp_path):
+    """Between the rows of air, background and response, the rule is Gauss's of two points."""
+    file = tmp_path / "response.csv"
+    file.write_text("wavelength_um,response\n9,0\n10,1\n11.5,0.4\n")
+    narrow = band(file)
+    areas = two_sources().areas
+    backdrop = Backdrop("sky", lambda x: x - 9, np.array([8.0, 9.7, 12.0]))
+    result = Irradiance(areas, 0.0, narrow, grey_air(), backdrop)
+    assert result.wavelengths_um.min() > 9 and result.wavelengths_um.max() < 11.5
+    # int (x - 9) response dx by a fine trapezoidal rule
+    x = np.linspace(9, 11.5, 250_001)
+    expected = np.trapezoid((x - 9) * np.interp(x, [9, 10, 11.5], [0, 1, 0.4]), x)
+    assert result.in_band(result.behind.at(result.wavelengths_um)) == pytest.approx(
+        expected, rel=1e-8
+    )

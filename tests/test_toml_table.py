@@ -1,0 +1,57 @@
+"""Dataclasses from TOML tables: types of values, defaults, and the message for each mistake."""
+
+from dataclasses import dataclass, field
+
+import pytest
+
+from mi_lcair.errors import InputError
+from mi_lcair.toml_table import converted, filled, required
+
+
+@dataclass
+class Table:
+    name: str
+    size: float
+    count: int = 3
+    angles: tuple[float, ...] = ()
+    shift: float | None = None
+    on: bool = False
+    extra: dict = field(default_factory=dict)
+
+
+def test_values_are_converted_to_the_types_of_the_fields():
+    table = filled(
+        Table, {"name": "a", "size": 2, "angles": 5, "shift": 1e-30, "extra": {"x": 1}}, "[table]"
+    )
+    assert table == Table("a", 2.0, 3, (5.0,), 1e-30, False, {"x": 1})
+    assert type(table.size) is float and type(table.angles[0]) is float
+    assert filled(Table, {"name": "", "size": -1e12, "angles": [1, 2.5]}, "").angles == (1.0, 2.5)
+    assert required(float | None) is float and required(int) is int
+    assert converted(0, float, "x") == 0
+
+
+@pytest.mark.parametrize(
+    "values, message",
+    [
+        (3, "[table] must be a table"),
+        ({"name": "a"}, "[table]: size is missing; give name, size"),
+        ({"nam": "a", "size": 1}, "unknown key of [table] 'nam'; known: name"),
+        ({"name": 1, "size": 1}, "[table]: name = 1; must be a text"),
+        ({"name": "a", "size": "b"}, "[table]: size = 'b'; must be a finite number"),
+        ({"name": "a", "size": True}, "size = True; must be a finite number"),
+        ({"name": "a", "size": float("nan")}, "size = nan; must be a finite number"),
+        ({"name": "a", "size": float("inf")}, "size = inf; must be a finite number"),
+        ({"name": "a", "size": 10**13}, "size = 10000000000000; must be a finite number"),
+        ({"name": "a", "size": 1.1e12}, "must be 0, or of a size within 1e-30..1e+12"),
+        ({"name": "a", "size": -0.9e-30}, "size = -9e-31; must be 0, or of a size within"),
+        ({"name": "a", "size": 1, "count": 1.0}, "count = 1.0; must be a whole number"),
+        ({"name": "a", "size": 1, "on": 1}, "on = 1; must be true or false"),
+        ({"name": "a", "size": 1, "extra": 1}, "extra = 1; must be a table"),
+        ({"name": "a", "size": 1, "angles": ["b"]}, "angles = 'b'; must be a finite number"),
+        ({"name": "a" * 999, "size": "b" * 999}, "bbb"),
+    ],
+)
+def test_mistakes(values, message):
+    with pytest.raises(InputError) as error:
+        filled(Table, values, "[table]")
+    assert message in str(error.value) and len(str(error.value)) < 200
