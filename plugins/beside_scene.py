@@ -7,4 +7,6 @@ import mitsuba as mi
 
 def beside_scene(text: str) -> str:
     """The path of a file named in a scene; a text without a file suffix is returned unchanged."""
-    return str(mi.file_resolver().resolve(text)) if Path(text).suffix else text
+    if "." not in text or not Path(text).suffix:
+        return text
+    return str(mi.file_resolver().resolve(text))

@@ -212,24 +212,28 @@ def nodes(scene) -> list:
 
 def deriving_plugins(scene) -> list:
     """The scene's plugins that derive something from parameters, each once."""
-    return [node for node in nodes(scene) if isinstance(node, Deriving)]
+    return deriving(nodes(scene))
 
 
-def derivations(scene) -> list:
-    """All objects in a scene that derive something from parameters: plugins and what they hold."""
-    plugins = deriving_plugins(scene)
+def deriving(objects) -> list:
+    """Those objects that derive something from parameters."""
+    return [node for node in objects if isinstance(node, Deriving)]
+
+
+def derivations(plugins) -> list:
+    """All objects that derive something from parameters: plugins and what they hold."""
     return plugins + [part for plugin in plugins for part in plugin.derivations]
 
 
 @contextmanager
-def leaves(scene, mode: dr.ADMode):
-    """Context manager that replaces `derived` by leaves of the graph of derivatives.
+def leaves(plugins, mode: dr.ADMode):
+    """Context manager that replaces `derived` of plugins by leaves of the graph of derivatives.
 
     This concerns only objects whose parameters have gradients. In forward mode the leaves carry the
     tangents of the parameters. In backward mode the gradients that the leaves have accumulated are
     passed on to the parameters at the end.
     """
-    plugins = [plugin for plugin in derivations(scene) if attached(plugin.sources())]
+    plugins = [plugin for plugin in derivations(plugins) if attached(plugin.sources())]
     with dr.resume_grad():
         for plugin in plugins:
             plugin.derive()

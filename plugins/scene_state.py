@@ -8,7 +8,6 @@ from mi_lcair.plugins.derivatives import (
     flatten,
     held,
     members,
-    nodes,
     same_variables,
 )
 
@@ -28,10 +27,11 @@ class SceneState:
     may change in any way. is_recordable: whether launches in the scene can be recorded.
     """
 
-    def __init__(self, scene, *settings):
+    def __init__(self, objects, *settings):
+        """objects: those of a scene, see `nodes`."""
         self.values, self.plugins, self.is_known, arrays = list(settings), [], True, []
         self.is_recordable = True
-        for node in nodes(scene):
+        for node in objects:
             found = [node, *members(node).values()]
             if type(node).__module__.startswith(PACKAGE):
                 self.plugins.append(node)

@@ -157,17 +157,7 @@ def kinds(scene: Scene, table: FacetTable) -> np.ndarray:
         if facets.any():
             name, bsdf = table.material[facets][0], shape.bsdf()
             surface = next(iter(reflection_layers(bsdf)), None)
-            reflection = (
-                pointer_id(mi.BSDFPtr(bsdf))
-                if surface is None
-                else (
-                    surface.model.name,
-                    *surface.values,
-                    surface.form,
-                    surface.emissivity,
-                    surface.lobe,
-                )
-            )
+            reflection = surface.reflection if surface else pointer_id(mi.BSDFPtr(bsdf))
             emitter = shape.emitter()
             given = emitter.given_emissivity if is_thermal(emitter) else None
             # Shapes with the same reflection and emissivity share a material.

@@ -14,7 +14,7 @@ from mi_lcair.errors import InputError, mitsuba_error, unknown
 from mi_lcair.physics.bands import Band
 from mi_lcair.plugins import PLUGINS
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
-from mi_lcair.plugins.derivatives import deriving_plugins
+from mi_lcair.plugins.derivatives import deriving_plugins, nodes
 from mi_lcair.plugins.paths.launch import numbers
 from mi_lcair.plugins.scene_state import SceneState
 from mi_lcair.rendering.loading.files import survey
@@ -106,7 +106,7 @@ class Scene:
         These are the notes, triangles that overlap in one plane, and parts of the scene beyond a
         sensor's clip distances. Triangles are compared again only if the scene has changed.
         """
-        state = SceneState(self.mi)
+        state = SceneState(nodes(self.mi))
         if not self._compared or self._compared[0] != state:
             self._compared[:] = state, thin_sheets(self.mi)
         return [*self.notes, *self._compared[1], *clipped(self.mi, self.sensors)]
@@ -274,7 +274,7 @@ def parsed_and_checked(path: Path, texts: dict[str, str]) -> Scene:
         state = parsed(path, texts)
         move(state, origin)
         loaded = instantiated(state, path)
-    check_meshes_near(meshes, loaded)
+    check_meshes_near(meshes, state, loaded)
     check_shapes(loaded)
     scene = checked(loaded, path, texts)
     notes = [*scene.notes, *defaults, *remarks_on_samplers(state)]

@@ -158,6 +158,11 @@ class ReflectionBSDF(mi.BSDF):
         """The parameters as numbers, in the model's order."""
         return tuple(float(dr.detach(number)[0]) for number in self.sources())
 
+    @property
+    def reflection(self) -> tuple:
+        """What decides how it reflects and emits; equal for equal surfaces."""
+        return self.model.name, *self.values, self.form, self.emissivity, self.lobe
+
     def sources(self):
         return tuple(self.parameters.values())
 

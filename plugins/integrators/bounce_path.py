@@ -10,7 +10,7 @@ import mitsuba as mi
 from mitsuba.python.ad.integrators.common import RBIntegrator
 
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.derivatives import deriving_plugins, leaves, tracing
+from mi_lcair.plugins.derivatives import deriving, leaves, nodes, tracing
 from mi_lcair.plugins.paths.path_tracer import PathTracer
 from mi_lcair.plugins.properties import HOTTEST, Property, read
 from mi_lcair.plugins.scene_state import SceneState
@@ -106,20 +106,21 @@ class BouncePath(RBIntegrator):
             them is given again if nothing has changed since, and a new one is added.
         """
         self.check()
-        plugins = deriving_plugins(scene)
+        objects = nodes(scene)
+        plugins = deriving(objects)
         with dr.resume_grad():
             for plugin in plugins:
                 plugin.refresh()
         with tracing(plugins):
-            yield self.tracer(scene, by_spectrum, {} if kept is None else kept)
+            yield self.tracer(scene, objects, by_spectrum, {} if kept is None else kept)
 
-    def tracer(self, scene, by_spectrum: bool, kept: dict):
-        """A tracer for the present state of the scene: a kept one, or a new one.
+    def tracer(self, scene, objects, by_spectrum: bool, kept: dict):
+        """A tracer for the present state of a scene and its objects: a kept one, or a new one.
 
         One is kept for each of the last MOST_KEPT settings of the integrator.
         """
         settings = [getattr(self, entry.name) for entry in self.PROPERTIES]
-        state, key = SceneState(scene, scene, *settings), (by_spectrum, *settings)
+        state, key = SceneState(objects, scene, *settings), (by_spectrum, *settings)
         if key in kept and kept[key][0] == state:
             return kept[key][1]
         tracer = PathTracer(self, scene, by_spectrum, state)
@@ -136,13 +137,13 @@ class BouncePath(RBIntegrator):
 
     def render_forward(self, scene, params, sensor=0, seed=0, spp=0):
         self.check_differentiable()
-        with self.prepared(scene) as tracer, leaves(scene, dr.ADMode.Forward):
+        with self.prepared(scene) as tracer, leaves(tracer.plugins, dr.ADMode.Forward):
             tracer.check_differentiable()
             return tracer.render_forward(scene, params, sensor, seed, spp)
 
     def render_backward(self, scene, params, grad_in, sensor=0, seed=0, spp=0):
         self.check_differentiable()
-        with self.prepared(scene) as tracer, leaves(scene, dr.ADMode.Backward):
+        with self.prepared(scene) as tracer, leaves(tracer.plugins, dr.ADMode.Backward):
             tracer.check_differentiable()
             tracer.render_backward(scene, params, grad_in, sensor, seed, spp)
 

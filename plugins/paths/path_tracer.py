@@ -8,7 +8,7 @@ from mitsuba.python.ad.integrators.common import RBIntegrator
 
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.bsdfs.plume import is_plume
-from mi_lcair.plugins.derivatives import attached, derivations, flatten, own_memory
+from mi_lcair.plugins.derivatives import attached, derivations, deriving, flatten, own_memory
 from mi_lcair.plugins.emission.emissivity import Table
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
 from mi_lcair.plugins.paths.launch import Launch, Paths
@@ -32,11 +32,12 @@ class PathTracer(RBIntegrator):
 
     `BouncePath.prepared` makes it. Its attributes cannot be set afterwards.
 
-    scene: the scene. emitters: its `EmitterTable`, with the band, the labels and the sources.
-    max_bounces, emitter_sampling, closure: the settings at the time when it was made. paths: the
-    `Walk` that follows paths. ambient_radiance: radiance beyond the last reflection for closure =
-    ambient [W m^-2 sr^-1]; None for another closure. systematic_error: relative error of a radiance
-    that more samples do not reduce. It comes from Float32 rounding and from tabulated emissivities.
+    scene: the scene. plugins: its plugins that derive something from parameters. emitters: its
+    `EmitterTable`, with the band, the labels and the sources. max_bounces, emitter_sampling,
+    closure: the settings at the time when it was made. paths: the `Walk` that follows paths.
+    ambient_radiance: radiance beyond the last reflection for closure = ambient [W m^-2 sr^-1]; None
+    for another closure. systematic_error: relative error of a radiance that more samples do not
+    reduce. It comes from Float32 rounding and from tabulated emissivities.
 
     This is a separate integrator because the render methods of RBIntegrator call `sample` with the
     scene alone. The data derived from the scene must therefore belong to the integrator.
@@ -51,10 +52,11 @@ class PathTracer(RBIntegrator):
         if settings.closure == "ambient":
             ambient = mi.Float(in_band_radiance(emitters.band, settings.ambient_temperature))
         most, samples = settings.max_bounces, settings.emitter_sampling
-        tables = [part for part in derivations(scene) if isinstance(part, Table)]
+        tables = [p for p in derivations(deriving(state.plugins)) if isinstance(p, Table)]
         of_tables = max((table.relative_error for table in tables), default=0.0)
         vars(self).update(
             scene=scene,
+            plugins=deriving(state.plugins),
             emitters=emitters,
             max_bounces=most,
             emitter_sampling=samples,

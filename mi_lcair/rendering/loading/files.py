@@ -35,6 +35,7 @@ class Survey:
 
     names: names of the parameters found so far. values: their values. folders: folders in which
     files are searched. open: the files that are being read, each included by the one before.
+    checked: folders and texts for which `check_named` was called.
     """
 
     def __init__(self, folder: Path, given: dict[str, str]):
@@ -42,6 +43,7 @@ class Survey:
         self.names: set[str] = set()
         self.folders = [folder, Path()]
         self.open: list[Path] = []
+        self.checked: set[tuple[Path, str]] = set()
 
     def read(self, path: Path) -> None:
         """Read one file and the files that it includes."""
@@ -109,8 +111,9 @@ class Survey:
 
     def check_named(self, text: str) -> None:
         """Raise InputError for a text that names something other than a regular file."""
-        if text:
-            for folder in self.folders:
+        for folder in self.folders if text else ():
+            if (folder, text) not in self.checked:
+                self.checked.add((folder, text))
                 check_file(folder / text)
 
     def include(self, text: str) -> None:

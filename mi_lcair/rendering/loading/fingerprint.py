@@ -23,12 +23,17 @@ def source_digest(state) -> bytes:
     It contains every property of every node, the content of every file that a property names, and
     the tables that come with the library. The folders of the files do not matter.
     """
-    digest = sha256()
+    digest, contents = sha256(), {}
     for number, node in enumerate(state.nodes):
         add(digest, f"node {number}", str(node.type), node.props.plugin_name(), node.props.id())
         for name, value in properties(node).items():
-            path = named_file(value) if isinstance(value, str) else None
-            add(digest, name, content_digest(path) if path else exact(value))
+            content = None
+            if isinstance(value, str):
+                if value not in contents:
+                    path = named_file(value)
+                    contents[value] = path and content_digest(path)
+                content = contents[value]
+            add(digest, name, content or exact(value))
     for path in (BUILT_IN, *sorted(BUNDLED.glob("*.csv"))):
         add(digest, content_digest(path))
     return digest.digest()

@@ -19,30 +19,30 @@ READERS = {"ply": check_ply, "obj": check_obj}
 OF_MESH = re.compile(r'name = "((?:face|vertex)_\w+)"')  # in the text of a mesh_attribute texture
 
 
-def check_mesh_files(state) -> dict[str, float]:
+def check_mesh_files(state) -> dict[int, float]:
     """Largest coordinate of each mesh file of a parsed scene, in the file's axes [m].
 
-    The keys are the places of the meshes in the scene, with the file names. Raises InputError for
-    the first file that Mitsuba would misread. Mitsuba drops a facet whose corner does not exist, or
-    ends the process.
+    The keys are the numbers of the meshes' nodes. Raises InputError for the first file that Mitsuba
+    would misread. Mitsuba drops a facet whose corner does not exist, or ends the process.
     """
-    reach = {}
-    for node in state.nodes:
+    reach, boxes = {}, {}
+    for number, node in enumerate(state.nodes):
         check = READERS.get(node.props.plugin_name())
         values = properties(node) if check else {}
         name = values.get("filename")
         path = Path(beside_scene(name)) if isinstance(name, str) else None
         if path and path.is_file():  # Mitsuba raises the error for a missing file
-            place = mi.parser.file_location(state, node)
-            try:
-                box = check(path)
-            except InputError as error:
-                raise InputError(f"{place}: {error}") from None
+            if path not in boxes:
+                try:
+                    boxes[path] = check(path)
+                except InputError as error:
+                    place = mi.parser.file_location(state, node)
+                    raise InputError(f"{place}: {error}") from None
             linear = np.eye(3)
             if "to_world" in values:
                 linear = np.array(values["to_world"].matrix, dtype=float)[:3, :3]
-            corners = np.stack(np.meshgrid(*box.T), axis=-1).reshape(-1, 3) @ linear.T
-            reach[f"{place}: {name}"] = float(abs(corners).max())
+            corners = np.stack(np.meshgrid(*boxes[path].T), axis=-1).reshape(-1, 3) @ linear.T
+            reach[number] = float(abs(corners).max())
     return reach
 
 

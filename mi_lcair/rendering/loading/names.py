@@ -13,15 +13,16 @@ def name_objects(state) -> None:
     between processes.
     """
     taken = {node.props.id() for node in state.nodes}
+    last = {}  # the last number that was given to each name
     kinds = (mi.ObjectType.Shape, mi.ObjectType.Sensor, mi.ObjectType.Emitter)
     for child in references(properties(state.root)):
         node = state.nodes[child]
         if node.props.id() or node.type not in kinds:
             continue
         name = "sensor" if node.type == mi.ObjectType.Sensor else node.props.plugin_name()
-        number, chosen = 1, name
-        while chosen in taken:
-            number += 1
-            chosen = f"{name}_{number}"
-        taken.add(chosen)
-        node.props.set_id(chosen)
+        numbered = name
+        while numbered in taken:
+            last[name] = last.get(name, 1) + 1
+            numbered = f"{name}_{last[name]}"
+        taken.add(numbered)
+        node.props.set_id(numbered)

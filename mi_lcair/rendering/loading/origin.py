@@ -94,16 +94,18 @@ def move_node(node, values: dict, origin: np.ndarray, shift) -> None:
     node.props["to_world"] = shift @ to_world
 
 
-def check_meshes_near(meshes: dict[str, float], scene: mi.Scene) -> None:
+def check_meshes_near(meshes: dict[int, float], state, scene: mi.Scene) -> None:
     """Raise InputError for a mesh that is too far from the origin of its file.
 
     Its coordinates are inaccurate before anything can be moved. meshes: largest coordinate of each
-    mesh [m], from `check_mesh_files`.
+    mesh [m], from `check_mesh_files`. state: the parsed scene.
     """
     low, high = extent(scene)
     size = (high - low).max()
-    for mesh, away in meshes.items():
+    for number, away in meshes.items():
         if away > SIZES_AWAY * size:
+            node = state.nodes[number]
+            mesh = f"{mi.parser.file_location(state, node)}: {properties(node)['filename']}"
             raise InputError(
                 f"{mesh}: its vertices lie {away:g} m from the origin of the file, in a scene of "
                 f"{size:g} m, too far for the renderer's single precision; move the mesh to its "

@@ -10,7 +10,7 @@ from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf, reflectio
 from mi_lcair.plugins.derivatives import deriving_plugins, members
 from mi_lcair.plugins.emission.one_sun import one_sun
 from mi_lcair.plugins.emission.triangles import is_faceted
-from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
+from mi_lcair.plugins.emitters.thermal_emitter import thermal_shapes
 from mi_lcair.plugins.paths.launch import numbers
 from mi_lcair.rendering.loading.nodes import properties, references
 from mi_lcair.rendering.loading.origin import far_origin
@@ -77,17 +77,21 @@ def surfaces_that_emit_nothing(scene: mi.Scene) -> list[str]:
     """Remarks on thermal emitters whose surface has an emissivity of 0."""
     cos = np.tile([1.0, 0.5, 0.1, -1.0, -0.5, -0.1], 16)
     texture = np.random.default_rng(0).random((2, len(cos)))
-    remarks = []
-    for emitter in scene.emitters():
-        shape = emitter.get_shape()
-        if not is_thermal(emitter) or shape is None:
+    remarks, known = [], set()  # known: surfaces that emit
+    for shape in thermal_shapes(scene):
+        emitter, layers, surface = shape.emitter(), reflection_layers(shape.bsdf()), shape
+        if layers and emitter.given_emissivity is None:
+            # Surfaces with equal parameters have the same emissivity
+            surface = int(shape.bsdf().flags()), *(layer.reflection for layer in layers)
+        if surface in known:
             continue
         si = dr.zeros(mi.SurfaceInteraction3f, len(cos))
         si.wi, si.shape = mi.Vector3f(np.sqrt(1 - cos**2), 0 * cos, cos), mi.ShapePtr(shape)
         si.n, si.sh_frame = mi.Normal3f(0, 0, 1), mi.Frame3f(mi.Normal3f(0, 0, 1))
         si.uv = mi.Point2f(texture)
-        if dr.all(dr.detach(emitter.emissivity(si, mi.Bool(True))) < 1e-5):
-            layers = reflection_layers(shape.bsdf())
+        if not dr.all(dr.detach(emitter.emissivity(si, mi.Bool(True))) < 1e-5):
+            known.add(surface)
+        else:
             material = f"material {layers[0].material}" if layers else "its BSDF"
             does, left = "reflects", "black but for what it reflects"
             if is_passed(int(shape.bsdf().flags())):
