@@ -310,9 +310,9 @@ def test_rungs_reflect_the_same_total():
 @pytest.mark.parametrize(
     "changes, message",
     [
-        ({"epsilon": 0.9, "rho_d": 0.2}, r"epsilon \+ rho_d = 1.1 .* G\(b\) = 0.7"),
-        ({"b": 2.0}, r"b = 2 .* 0\.\.1"),
-        ({"e": 0.0}, "e = 0 "),
+        ({"epsilon": 0.9, "rho_d": 0.2}, r"epsilon \+ rho_d = 1.1; .* G\(b\) = 0.7"),
+        ({"b": 2.0}, r"b = 2; .* 0\.\.1"),
+        ({"e": 0.0}, "e = 0; "),
         ({"lobe": "glossy"}, "lobe 'glossy' .* brdf, mirror, diffuse"),
         ({"form": "exact"}, "form 'exact' .* thesis, normalized"),
         ({"emissivity": "nowhere.csv"}, "nowhere.csv"),
