@@ -6,18 +6,14 @@ from dataclasses import replace
 import mitsuba as mi
 import numpy as np
 import pytest
-from scipy.sparse import csr_array
 
 import mi_lcair
 from mi_lcair.inversion.answers import chi_square
-from mi_lcair.inversion.data.images import noise_of_netd, slope
+from mi_lcair.inversion.data.images import noise_of_netd
 from mi_lcair.inversion.data.loader import Loader
-from mi_lcair.inversion.least_squares.prediction import DatumBlock
 from mi_lcair.inversion.least_squares.solve import solve
 from mi_lcair.inversion.problem import Problem
-from mi_lcair.inversion.unknowns import Unknown, unknowns
-from mi_lcair.physics.bands import band
-from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
+from mi_lcair.inversion.unknowns import unknowns
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.sensitivity.solution_file import apply_solution
 from tests.inversion.plate import UNKNOWNS, datum, write_scene
@@ -40,6 +36,7 @@ def within(answer, truth, errors=4):
     assert abs(answer.value - truth) < errors * answer.standard_error, (answer, truth)
 
 
+@pytest.mark.slow
 def test_one_band_cannot_separate_temperature_and_reflectance(folder):
     found = mi_lcair.invert({"data": [datum(folder, "one", 1)], "unknowns": UNKNOWNS})
     for answer in found.answers:
@@ -56,6 +53,7 @@ def test_one_band_cannot_separate_temperature_and_reflectance(folder):
     assert any("MWIR" in one.measure for one in found.advice)
 
 
+@pytest.mark.slow
 def test_two_states_of_the_plate_do_not_help(folder):
     data = [
         datum(folder, "cold", 1, "cold"),
@@ -70,6 +68,7 @@ def test_two_states_of_the_plate_do_not_help(folder):
     assert all(answer.verdict.startswith("not determined") for answer in found.answers)
 
 
+@pytest.mark.slow
 def test_two_bands_with_a_reflectance_each_do_not_help_and_a_grey_one_does(folder):
     data = [datum(folder, "lwir", 1), datum(folder, "mwir", 2, band="MWIR")]
     found = mi_lcair.invert({"data": data, "unknowns": UNKNOWNS}, advise=False)
@@ -84,6 +83,7 @@ def test_two_bands_with_a_reflectance_each_do_not_help_and_a_grey_one_does(folde
     assert 1e-3 < found.p_value < 0.999
 
 
+@pytest.mark.slow
 def test_two_states_of_the_surroundings_separate_them(folder):
     data = [datum(folder, "a", 1, "a"), datum(folder, "b", 2, "b", S=310.0)]
     given = {"plate.temperature": {"per": []}, "paint.reflectance": {}}
@@ -158,6 +158,7 @@ def stripes_problem(path, parameters, seed):
     )
 
 
+@pytest.mark.slow
 def test_errors_are_true(cylinder, tmp_path):
     """Renders of four seeds, each with six draws of the camera's noise: z has a scatter of 1."""
     parameters, band, image = cylinder
@@ -190,6 +191,7 @@ def test_one_render_serves_all_steps(cylinder, tmp_path):
     assert found.renders == 1 and found.converged
 
 
+@pytest.mark.slow
 def test_facet_temperatures(tmp_path):
     """36 facets of a waisted body from its views; the file sets them in another loaded scene."""
     truth = smooth_temperatures(6, 6)
@@ -249,37 +251,3 @@ def test_facets_that_no_pixel_sees(tmp_path):
     (remark,) = (line for line in found.remarks if "reach no pixel" in line)
     assert remark.startswith(f"{len(unseen)} facets reach no pixel ({unseen[0].facet}, ")
     assert sum(answer.is_determined for answer in found.answers) > truth.size / 3
-
-
-def test_noise_of_the_matrix_causes_no_bias():
-    """Ordinary least squares with a matrix of noisy entries gives too small a contrast.
-
-    The entries are 0..1, with a noise of 0.2 in each of eight matrices. The variance of their mean,
-    0.005, is 6 % of the variance of an entry, and the contrast is about 6 % too small.
-    """
-    random, pixels, LWIR = np.random.default_rng(2), 192 * 192, band("LWIR")
-    truth, start = np.linspace(200, 400, 5), np.full(5, 300.0)
-    exact = random.random((pixels, 5))
-    noisy = exact + 0.2 * random.normal(size=(8, pixels, 5))
-    measured = exact @ in_band_radiance(LWIR, truth) + 0.01 * random.normal(size=pixels)
-    block = DatumBlock(
-        measured=measured,
-        noise=lambda predicted: np.full(pixels, 0.01),
-        radiance=np.array([one @ in_band_radiance(LWIR, start) for one in noisy]),
-        columns=[csr_array(one * slope(LWIR, start)) for one in noisy],
-        unknown=np.arange(5),
-        reference=start,
-        band=LWIR,
-        is_temperature=np.ones(5, dtype=bool),
-        weight=np.ones(pixels),
-    )
-    facets = [
-        Unknown(f"f[{k}]", "f", "facet", "K", 300.0, 0.0, np.inf, None, (0,), facet=k)
-        for k in range(5)
-    ]
-    found = solve(facets, lambda x: [block], lambda x: [np.ones(pixels)], True, 1)
-    error = np.sqrt(np.diag(found.covariance))
-    assert (np.abs(found.x - truth) < 3 * error).all() and (error < 2).all()
-    ordinary = np.linalg.lstsq(noisy.mean(axis=0), measured, rcond=None)[0]
-    deviation = brightness_temperature(LWIR, ordinary) - truth
-    assert deviation[0] > 0 and deviation[-1] < -5 * error[-1]

@@ -5,9 +5,7 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
-from mi_lcair.inversion.data.images import read_values
 from mi_lcair.inversion.problem import Problem
-from mi_lcair.physics.bands import band
 from tests.inversion.plate import UNKNOWNS, datum, write_scene
 
 
@@ -133,53 +131,3 @@ def test_a_file_is_one_line(tmp_path):
     (tmp_path / "p.toml").write_text("[[data]\n")
     with pytest.raises(InputError, match="p.toml"):
         Problem.read(tmp_path / "p.toml")
-
-
-def test_the_same_image_in_all_formats(tmp_path):
-    """EXR, TIFF, CSV with three separators, and NPY give the same numbers."""
-    from PIL import Image
-
-    from mi_lcair.rendering.images.exr import write_exr
-
-    values = np.random.default_rng(1).uniform(20, 50, (5, 7)).astype(np.float32)
-    np.save(tmp_path / "a.npy", values)
-    write_exr(tmp_path / "a.exr", {"Y": values}, {"band": "LWIR"})
-    Image.fromarray(values).save(tmp_path / "a.tiff", compression="tiff_deflate")
-    np.savetxt(tmp_path / "a.csv", values, delimiter=",", fmt="%.9g")
-    np.savetxt(tmp_path / "t.csv", values, delimiter="\t", fmt="%.9g")
-    text = (tmp_path / "t.csv").read_text().replace(".", ",").replace("\t", ";")
-    (tmp_path / "s.csv").write_text(text)
-    for name in ("a.npy", "a.exr", "a.tiff", "a.csv", "t.csv", "s.csv"):
-        found, what = read_values(str(tmp_path / name), None, "radiance", band("LWIR"))
-        np.testing.assert_allclose(found, values, rtol=1e-7, err_msg=name)
-        assert what == "radiance"
-    counts = (values * 1000).astype(np.uint16)
-    Image.fromarray(counts).save(tmp_path / "c.tif")
-    found, _ = read_values(str(tmp_path / "c.tif"), None, "radiance", band("LWIR"))
-    np.testing.assert_array_equal(found, counts)
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "message"),
-    [
-        ("a.csv", "1,2\n3\n", "line 2: 1 numbers where the first row has 2"),
-        ("a.csv", "a,b\n1,2\n", "line 1: is no row of numbers"),
-        ("a.npy", "text", "is no NumPy array"),
-        ("a.tif", "text", "is no image that can be read"),
-        ("a.jpg", "text", "use .exr, .tif"),
-    ],
-)
-def test_bad_images(tmp_path, name, content, message):
-    (tmp_path / name).write_text(content)
-    with pytest.raises(InputError, match=message):
-        read_values(str(tmp_path / name), None, "radiance", band("LWIR"))
-
-
-def test_an_image_that_is_larger_than_any_memory(tmp_path):
-    """The header of the file states 728 TiB."""
-    path = tmp_path / "a.npy"
-    np.save(path, np.zeros((8, 16)))
-    large = b"(10000000, 10000000), }"
-    path.write_bytes(path.read_bytes().replace(b"(8, 16), }".ljust(len(large)), large))
-    with pytest.raises(InputError, match="a.npy: states a size that does not fit into the memory"):
-        read_values(str(path), None, "radiance", band("LWIR"))

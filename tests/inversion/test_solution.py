@@ -32,6 +32,7 @@ def run(*arguments):
     return CliRunner().invoke(main, [str(argument) for argument in arguments])
 
 
+@pytest.mark.slow
 def test_command_and_render_with_the_solution(folder, tmp_path):
     """The problem is a file; a render with the solution is the predicted image."""
     entry = datum(folder, "cli", 1)
@@ -81,6 +82,7 @@ def test_states_must_be_named(folder, tmp_path):
     assert set_to == pytest.approx(found["plate.temperature [hot]"].value, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_material_of_a_solution(tmp_path):
     """The emissivity of the cylinder's paint; its file serves as a material."""
     scene = mi_lcair.load("cylinder_ir_range", **CYLINDER)
@@ -131,6 +133,7 @@ def test_material_of_a_solution(tmp_path):
         material(str(tmp_path / "s.json"), band("MWIR"))
 
 
+@pytest.mark.slow
 def test_a_trend_as_data(tmp_path):
     """Intensities from three aspects determine the temperature of the hottest stripe."""
     scene = mi_lcair.load("cylinder_ir_range", **CYLINDER)
@@ -149,6 +152,7 @@ def test_a_trend_as_data(tmp_path):
     assert abs(answer.value - 304.2) < 4 * answer.standard_error < 4
 
 
+@pytest.mark.slow
 def test_a_goal(folder):
     """A plate hides from a background of the sky's temperature if it reflects everything."""
     goal = {

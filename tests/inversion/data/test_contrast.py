@@ -28,6 +28,7 @@ def entry(folder, contrast, sigma, **entries):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("table", ["vacuum", "midlat_summer"])
 def test_temperature_from_a_contrast(tmp_path, table):
     """The contrast of a disc of 400 K, measured 800 m away, gives its temperature back.

@@ -1,0 +1,52 @@
+"""Predictions and unknowns of invented data, for tests without a render."""
+
+import numpy as np
+
+from mi_lcair.inversion.least_squares.prediction import DatumBlock
+from mi_lcair.inversion.unknowns import Unknown
+
+
+def block(radiance, columns, measured, sigma=1.0, **changes) -> DatumBlock:
+    """A block of values (n,) with radiance (R, n) and columns (R, n, K) at the reference 0."""
+    radiance, columns = np.asarray(radiance, float), list(np.asarray(columns, float))
+    count = columns[0].shape[1]
+    return DatumBlock(
+        **{
+            "measured": np.asarray(measured, float),
+            "noise": lambda predicted: np.full(len(predicted), sigma),
+            "radiance": radiance,
+            "columns": columns,
+            "unknown": np.arange(count),
+            "reference": np.zeros(count),
+            "band": None,
+            "is_temperature": np.zeros(count, dtype=bool),
+            "weight": np.full(radiance.shape[1], sigma**-2.0),
+        }
+        | changes
+    )
+
+
+def unknown(label="paint.reflectance", **changes) -> Unknown:
+    """An unknown of kind material without a unit, 0.3 in 0..1."""
+    return Unknown(
+        **{
+            "label": label,
+            "name": label.partition(" [")[0],
+            "kind": "material",
+            "unit": "1",
+            "start": 0.3,
+            "lower": 0.0,
+            "upper": 1.0,
+            "prior": None,
+            "data": (0,),
+        }
+        | changes
+    )
+
+
+def kelvin(label="plate.temperature", **changes) -> Unknown:
+    """A temperature, 300 K."""
+    return unknown(
+        label,
+        **{"kind": "temperature", "unit": "K", "start": 300.0, "upper": np.inf} | changes,
+    )

@@ -1,0 +1,180 @@
+"""Images in files of any kind, and the checks of what they hold."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from mi_lcair.errors import InputError
+from mi_lcair.inversion.data.images import (
+    check_kelvin,
+    check_radiance,
+    check_size,
+    measured_radiance,
+    noise_of_netd,
+    read_values,
+    slope,
+)
+from mi_lcair.physics.bands import band
+from mi_lcair.physics.blackbody import in_band_radiance
+
+LWIR = band("LWIR")
+PLAIN = {
+    "channel": None,
+    "quantity": "radiance",
+    "scale": 1.0,
+    "saturation": None,
+    "mask": None,
+    "sigma_image": None,
+}
+
+
+def B(T):
+    return in_band_radiance(LWIR, np.asarray(T, dtype=float))
+
+
+def measurement(tmp_path, values, **changes):
+    np.save(tmp_path / "a.npy", values)
+    return SimpleNamespace(**PLAIN | {"image": str(tmp_path / "a.npy")} | changes)
+
+
+def test_the_same_image_in_all_formats(tmp_path):
+    """EXR, TIFF, CSV with three separators, and NPY give the same numbers."""
+    from PIL import Image
+
+    from mi_lcair.rendering.images.exr import write_exr
+
+    values = np.random.default_rng(1).uniform(20, 50, (5, 7)).astype(np.float32)
+    np.save(tmp_path / "a.npy", values)
+    write_exr(tmp_path / "a.exr", {"Y": values}, {"band": "LWIR"})
+    Image.fromarray(values).save(tmp_path / "a.tiff", compression="tiff_deflate")
+    np.savetxt(tmp_path / "a.csv", values, delimiter=",", fmt="%.9g")
+    np.savetxt(tmp_path / "t.csv", values, delimiter="\t", fmt="%.9g")
+    text = (tmp_path / "t.csv").read_text().replace(".", ",").replace("\t", ";")
+    (tmp_path / "s.csv").write_text(text)
+    for name in ("a.npy", "a.exr", "a.tiff", "a.csv", "t.csv", "s.csv"):
+        found, what = read_values(str(tmp_path / name), None, "radiance", band("LWIR"))
+        np.testing.assert_allclose(found, values, rtol=1e-7, err_msg=name)
+        assert what == "radiance"
+    counts = (values * 1000).astype(np.uint16)
+    Image.fromarray(counts).save(tmp_path / "c.tif")
+    found, _ = read_values(str(tmp_path / "c.tif"), None, "radiance", band("LWIR"))
+    np.testing.assert_array_equal(found, counts)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("a.csv", "1,2\n3\n", "line 2: 1 numbers where the first row has 2"),
+        ("a.csv", "a,b\n1,2\n", "line 1: is no row of numbers"),
+        ("a.npy", "text", "is no NumPy array"),
+        ("a.tif", "text", "is no image that can be read"),
+        ("a.jpg", "text", "use .exr, .tif"),
+    ],
+)
+def test_bad_images(tmp_path, name, content, message):
+    (tmp_path / name).write_text(content)
+    with pytest.raises(InputError, match=message):
+        read_values(str(tmp_path / name), None, "radiance", band("LWIR"))
+
+
+def test_an_image_that_is_larger_than_any_memory(tmp_path):
+    """The header of the file states 728 TiB."""
+    path = tmp_path / "a.npy"
+    np.save(path, np.zeros((8, 16)))
+    large = b"(10000000, 10000000), }"
+    path.write_bytes(path.read_bytes().replace(b"(8, 16), }".ljust(len(large)), large))
+    with pytest.raises(InputError, match="a.npy: states a size that does not fit into the memory"):
+        read_values(str(path), None, "radiance", band("LWIR"))
+
+
+def test_pixels_that_count(tmp_path):
+    """Finite, below the saturation after scaling, and not masked."""
+    values = np.array([[1.0, np.nan, 4.0], [2.0, 3.0, 2.5]])
+    np.save(tmp_path / "m.npy", np.array([[1, 1, 1], [0, 1, np.nan]]))
+    one = measurement(tmp_path, values, scale=2.0, saturation=8.0, mask=str(tmp_path / "m.npy"))
+    radiance, sigma, counts = measured_radiance(one, LWIR, (2, 3))
+    np.testing.assert_array_equal(counts, [[True, False, False], [False, True, False]])
+    assert sigma is None and radiance[counts].tolist() == [2, 6]
+    with pytest.raises(InputError, match="all pixels are masked, saturated or not finite"):
+        measured_radiance(measurement(tmp_path, values, saturation=1.0), LWIR, (2, 3))
+
+
+def test_apparent_temperatures_become_radiances(tmp_path):
+    """sigma dB/dT, with B by differences over 1 K."""
+    kelvin = np.array([[290.0, 310.0]])
+    np.save(tmp_path / "s.npy", np.array([[0.1, 0.2]]))
+    one = measurement(
+        tmp_path, kelvin, quantity="apparent_temperature", sigma_image=str(tmp_path / "s.npy")
+    )
+    radiance, sigma, counts = measured_radiance(one, LWIR, (1, 2))
+    np.testing.assert_allclose(radiance, B(kelvin))
+    rate = B(kelvin + 0.5) - B(kelvin - 0.5)
+    np.testing.assert_allclose(sigma, [[0.1, 0.2]] * rate, rtol=1e-4)
+    assert counts.all()
+    np.save(tmp_path / "s.npy", np.array([[0.1, 0.0]]))
+    with pytest.raises(InputError, match="a standard deviation is not positive"):
+        measured_radiance(one, LWIR, (1, 2))
+
+
+def test_slope_and_noise_of_a_netd():
+    T = np.array([250.0, 300.0, 1000.0])
+    rate = (B(T + 1) - B(T - 1)) / 2
+    np.testing.assert_allclose(slope(LWIR, T), rate, rtol=1e-3)
+    np.testing.assert_allclose(noise_of_netd(LWIR, B(T), 40.0), 0.04 * rate, rtol=1e-3)
+    # Darker than 30 K counts as 30 K
+    assert noise_of_netd(LWIR, np.array([-1.0]), 40.0) == pytest.approx(
+        0.04 * slope(LWIR, 30.0), rel=1e-3
+    )
+
+
+def test_limits_of_apparent_temperatures():
+    check_kelvin("a", np.array([30.0, 6000.0]))
+    for kelvin in (29.9, 6001.0, np.nan):
+        with pytest.raises(InputError, match="must lie in 30..6000 K"):
+            check_kelvin("a", np.array([300.0, kelvin]))
+
+
+def test_units_of_radiances():
+    """Kelvin where the scene has a radiance, and a factor of more than a hundred."""
+    predicted = np.full(5, float(B(300.0)))
+    check_radiance("a", 0.02 * predicted, predicted, LWIR)
+    check_radiance("a", 90 * predicted * 300 / 300, predicted, LWIR)
+    for values, message in (
+        (np.full(5, 280.0), "give quantity = 'apparent_temperature' if these are kelvin"),
+        (np.full(5, 329.0), "give quantity = 'apparent_temperature' if these are kelvin"),
+        (101 * predicted, "check unit, band and scale"),
+        (0.0099 * predicted, "check unit, band and scale"),
+    ):
+        with pytest.raises(InputError, match=message):
+            check_radiance("a", values, predicted, LWIR)
+    check_radiance("a", np.full(5, 240.0), predicted, LWIR)  # not within 10 % of 300 K
+    check_radiance("a", np.full(5, 1e9), np.zeros(5), LWIR)  # a dark scene tells nothing
+
+
+def test_size():
+    check_size("a", np.zeros((2, 3)), (2, 3))
+    with pytest.raises(InputError, match="has 3 x 2 pixels, and the scene's film 2 x 3"):
+        check_size("a", np.zeros((2, 3)), (3, 2))
+
+
+def test_a_grey_picture_in_colour(tmp_path):
+    from PIL import Image
+
+    grey = np.arange(6, dtype=np.uint8).reshape(2, 3)
+    Image.fromarray(np.stack([grey] * 3, axis=-1)).save(tmp_path / "g.png")
+    found, _ = read_values(str(tmp_path / "g.png"), None, "radiance", LWIR)
+    np.testing.assert_array_equal(found, grey)
+    Image.fromarray(np.stack([grey, grey, grey + 1], axis=-1)).save(tmp_path / "c.png")
+    with pytest.raises(InputError, match="is a picture in colour"):
+        read_values(str(tmp_path / "c.png"), None, "radiance", LWIR)
+
+
+def test_an_image_that_is_larger_than_any_memory(tmp_path):
+    """The header of the file states 728 TiB."""
+    path = tmp_path / "a.npy"
+    np.save(path, np.zeros((8, 16)))
+    large = b"(10000000, 10000000), }"
+    path.write_bytes(path.read_bytes().replace(b"(8, 16), }".ljust(len(large)), large))
+    with pytest.raises(InputError, match="a.npy: states a size that does not fit into the memory"):
+        read_values(str(path), None, "radiance", band("LWIR"))

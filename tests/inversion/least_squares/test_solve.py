@@ -1,0 +1,211 @@
+"""Solutions of linear problems against least squares in closed form."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.sparse import csr_array
+
+from mi_lcair.errors import InputError
+from mi_lcair.inversion.data.images import slope
+from mi_lcair.inversion.least_squares.prediction import DatumBlock, Equations, equations
+from mi_lcair.inversion.least_squares.solve import (
+    Prior,
+    covariances,
+    feasible,
+    is_informed,
+    length,
+    solve,
+)
+from mi_lcair.physics.bands import band
+from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
+from tests.inversion.blocks import block, kelvin, unknown
+
+RANDOM = np.random.default_rng(7)
+J = RANDOM.normal(size=(20, 2))
+TRUE, SIGMA = np.array([0.4, 0.7]), 0.1
+MEASURED = 2 + J @ TRUE + SIGMA * RANDOM.normal(size=20)
+EXACT = block([np.full(20, 2.0)], [J], MEASURED, SIGMA)
+PAINTS = [unknown("a", prior=(0.5, 0.05)), unknown("b")]
+
+
+def solved(blocks, unknowns, is_exact=True, iterations=5, **options):
+    weights = [one.weight for one in blocks]
+    return solve(unknowns, lambda x: blocks, lambda x: weights, is_exact, iterations, **options)
+
+
+def test_least_squares_with_priors():
+    """(J^T J / sigma^2 + P) x = J^T (y - 2) / sigma^2 + P m; without a prior the span is one."""
+    P, mean = np.diag([0.05**-2.0, 1.0]), np.array([0.5, 0.3])
+    inverse = np.linalg.inv(J.T @ J / SIGMA**2 + P)
+    state = solved([EXACT], PAINTS)
+    np.testing.assert_allclose(
+        state.x, inverse @ (J.T @ (MEASURED - 2) / SIGMA**2 + P @ mean), rtol=1e-6
+    )
+    np.testing.assert_allclose(state.covariance, inverse, rtol=1e-6)
+    np.testing.assert_allclose(state.prior, np.diag(P))
+    assert state.converged and state.renders == 1
+    assert state.at_bound.tolist() == [0, 0] and not state.held.any()
+    np.testing.assert_allclose(state.render_share, 0, atol=1e-9)
+
+
+def test_a_render_that_must_be_repeated():
+    """A prediction 2 + J x^2, linear about each render, against the solution of x^2."""
+    rendered = []
+
+    def render(x):
+        rendered.append(x)
+        columns = [2 * J * x]
+        return [replace(EXACT, radiance=np.array([2 + J @ x**2]), columns=columns, reference=x)]
+
+    unknowns = [unknown("a"), unknown("b")]
+    done = []
+    state = solve(
+        unknowns,
+        render,
+        lambda x: [EXACT.weight],
+        False,
+        30,
+        lambda *counts: done.append(counts),
+    )
+    squared = np.linalg.lstsq(J, MEASURED - 2, rcond=None)[0]
+    np.testing.assert_allclose(state.x, np.sqrt(squared), rtol=5e-3)
+    assert state.converged and 3 < state.renders == len(rendered) < 20
+    assert done == [(k, 30) for k in range(1, len(rendered) + 1)]
+    once = solve(unknowns, render, lambda x: [EXACT.weight], False, 1)
+    assert not once.converged and once.renders == 1
+
+
+def test_a_value_stops_at_its_bound():
+    narrow = [replace(PAINTS[0], prior=None, upper=0.2), unknown("b")]
+    state = solved([EXACT], narrow)
+    assert state.x[0] == 0.2 and state.at_bound.tolist() == [1, 0]
+    # The other one is the least-squares solution with the first at its bound
+    P, y = 1.0, MEASURED - 2 - 0.2 * J[:, 0]
+    expected = (J[:, 1] @ y / SIGMA**2 + 0.3 * P) / (J[:, 1] @ J[:, 1] / SIGMA**2 + P)
+    assert state.x[1] == pytest.approx(expected, rel=1e-6)
+    state = solved([EXACT], [replace(PAINTS[0], prior=None, lower=0.8), unknown("b")])
+    assert state.x[0] == 0.8 and state.at_bound.tolist() == [-1, 0]
+
+
+def test_bounds_and_priors_of_unknowns():
+    prior = Prior.of([kelvin(lower=0.0), unknown(prior=(0.4, 0.1)), kelvin(lower=250.0, upper=290)])
+    np.testing.assert_allclose(prior.mean, [300, 0.4, 300])
+    np.testing.assert_allclose(prior.information, [100**-2.0, 100, 40**-2.0])
+    assert prior.lower.tolist() == [1, 0, 250] and prior.upper.tolist() == [np.inf, 1, 290]
+    assert prior.cost(np.array([310, 0.5, 300])) == pytest.approx(0.01 + 1)
+
+
+def test_length_of_a_step():
+    """The root of step^T (information + prior) step."""
+    normal = equations([EXACT], np.zeros(2))
+    step, P = np.array([0.1, -0.2]), np.array([4.0, 9.0])
+    prior = Prior(np.zeros(2), P, np.zeros(2), np.ones(2))
+    expected = np.sqrt(step @ (J.T @ J / SIGMA**2 + np.diag(P)) @ step)
+    assert length(step, normal, prior) == pytest.approx(expected)
+
+
+def test_steps_that_no_surface_can_make_are_halved():
+    def rendered(x):
+        if x[0] > 0.3:
+            raise InputError("too large")
+        return "blocks"
+
+    new, blocks = feasible(rendered, np.array([0.0]), np.array([1.0]))
+    assert (new[0], blocks) == (0.25, "blocks")
+    _, blocks = feasible(rendered, np.array([1.0]), np.array([2.0]))
+    assert blocks is None
+
+
+def test_a_sparse_problem_has_the_solution_of_the_dense_one():
+    """Facets: five temperatures, of which the last is in no value."""
+    LWIR, start = band("LWIR"), np.full(5, 300.0)
+    matrix = np.abs(RANDOM.normal(size=(40, 5)))
+    matrix[:, 4] = 0
+    truth = np.array([290, 305, 310, 320, 280.0])
+    values = matrix @ in_band_radiance(LWIR, truth)
+    facets = [kelvin(f"f[{k}]", kind="facet", facet=k) for k in range(5)]
+    one = DatumBlock(
+        measured=values + 0.05 * RANDOM.normal(size=40),
+        noise=lambda predicted: np.full(40, 0.05),
+        radiance=np.array([matrix @ in_band_radiance(LWIR, start)]),
+        columns=[csr_array(matrix * slope(LWIR, start))],
+        unknown=np.arange(5),
+        reference=start,
+        band=LWIR,
+        is_temperature=np.ones(5, dtype=bool),
+        weight=np.full(40, 0.05**-2.0),
+    )
+    state = solved([one], facets)
+    least = np.linalg.lstsq(matrix[:, :4], one.measured, rcond=None)[0]
+    np.testing.assert_allclose(state.x[:4], brightness_temperature(LWIR, least), rtol=1e-5)
+    assert state.x[4] == 300
+    at = matrix[:, :4] * slope(LWIR, state.x[:4])
+    expected = np.linalg.inv(at.T @ at / 0.05**2 + np.eye(4) * 1e-4)
+    np.testing.assert_allclose(state.covariance[:4, :4], expected, rtol=1e-4)
+    assert state.covariance[4, 4] == pytest.approx(100.0**2)
+
+
+def test_share_of_the_render_in_the_variance():
+    """Noise of the render as large as that of the measurement makes half of the variance."""
+    random = np.random.default_rng(2)
+    R, n = 8, 4000
+    radiance = 2 + np.sqrt(R) * SIGMA * random.normal(size=(R, n))
+    columns = np.broadcast_to(np.ones((n, 1)), (R, n, 1))
+    noisy = block(radiance, columns, np.full(n, 2.3), SIGMA)
+    state = solved([noisy], [unknown("a")])
+    assert state.render_share[0] == pytest.approx(0.5, abs=0.03)
+    assert state.covariance[0, 0] == pytest.approx(2 * SIGMA**2 / n, rel=0.05)
+
+
+def test_covariance_of_dense_equations():
+    """(M^T N^-1 M + P)^-1; without the render's noise, its spread N -> N_measured and P."""
+    A = RANDOM.normal(size=(2, 2))
+    M, N = A @ A.T + np.eye(2), np.diag([2.0, 3.0])
+    measured, P = np.diag([1.0, 0.5]), np.array([0.3, 0.6])
+    found, variance = covariances(Equations(M, np.zeros(2), N, measured), P)
+    T = M.T @ np.linalg.inv(N)
+    inverse = np.linalg.inv(T @ M + np.diag(P))
+    np.testing.assert_allclose(found, inverse)
+    spread = inverse @ (T @ measured @ T.T + np.diag(P)) @ inverse.T
+    np.testing.assert_allclose(variance, np.diag(spread))
+
+
+def test_what_the_data_know_better_than_the_prior():
+    """matrix^2 / noise is the information of the data."""
+    normal = Equations(
+        np.diag([2.0, 2.0, -2.0, 0.0]), np.zeros(4), np.diag([4.0, 4.0, 4.0, 0.0]), np.eye(4)
+    )
+    information = np.array([0.99, 1.01, 0.5, 0.5])
+    assert is_informed(normal, information).tolist() == [True, False, False, False]
+
+
+def test_noise_of_the_matrix_causes_no_bias():
+    """Ordinary least squares with a matrix of noisy entries gives too small a contrast.
+
+    The entries are 0..1, with a noise of 0.2 in each of eight matrices. The variance of their mean,
+    0.005, is 6 % of the variance of an entry, and the contrast is about 6 % too small.
+    """
+    random, pixels, LWIR = np.random.default_rng(2), 192 * 192, band("LWIR")
+    truth, start = np.linspace(200, 400, 5), np.full(5, 300.0)
+    exact = random.random((pixels, 5))
+    noisy = exact + 0.2 * random.normal(size=(8, pixels, 5))
+    measured = exact @ in_band_radiance(LWIR, truth) + 0.01 * random.normal(size=pixels)
+    block = DatumBlock(
+        measured=measured,
+        noise=lambda predicted: np.full(pixels, 0.01),
+        radiance=np.array([one @ in_band_radiance(LWIR, start) for one in noisy]),
+        columns=[csr_array(one * slope(LWIR, start)) for one in noisy],
+        unknown=np.arange(5),
+        reference=start,
+        band=LWIR,
+        is_temperature=np.ones(5, dtype=bool),
+        weight=np.ones(pixels),
+    )
+    facets = [kelvin(f"f[{k}]", kind="facet", facet=k) for k in range(5)]
+    found = solve(facets, lambda x: [block], lambda x: [np.ones(pixels)], True, 1)
+    error = np.sqrt(np.diag(found.covariance))
+    assert (np.abs(found.x - truth) < 3 * error).all() and (error < 2).all()
+    ordinary = np.linalg.lstsq(noisy.mean(axis=0), measured, rcond=None)[0]
+    deviation = brightness_temperature(LWIR, ordinary) - truth
+    assert deviation[0] > 0 and deviation[-1] < -5 * error[-1]

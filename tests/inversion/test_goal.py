@@ -1,0 +1,74 @@
+"""First guesses for a goal, and its words."""
+
+from contextlib import contextmanager
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from mi_lcair.errors import InputError
+from mi_lcair.inversion.goal import achieved, chosen, first_guesses
+from mi_lcair.inversion.tables import Goal, RenderTable
+from tests.inversion.blocks import block, kelvin, unknown
+
+UNKNOWNS = [unknown(start=0.2, lower=0.1, upper=0.9), kelvin()]
+
+
+class Picky:
+    """A datum whose surface cannot have a reflectance above 0.6."""
+
+    @contextmanager
+    def at(self, unknowns, x):
+        if x[0] > 0.6:
+            raise InputError("too bright")
+        yield
+
+
+def guesses(starts):
+    goal = Goal("intensity", "cavity", starts=starts)
+    problem = SimpleNamespace(goal=goal, render=RenderTable(seed=3))
+    return np.array(list(first_guesses(UNKNOWNS, Picky(), problem)))
+
+
+def test_first_guesses():
+    """The scene's values first, then random ones over the bounds, or 100 K about the start."""
+    found = guesses(40)
+    assert found.shape == (40, 2)
+    np.testing.assert_array_equal(found[0], [0.2, 300])
+    others = found[1:]
+    assert 0.1 <= others[:, 0].min() < 0.15 and 0.55 < others[:, 0].max() <= 0.6
+    assert 250 <= others[:, 1].min() < 260 and 340 < others[:, 1].max() <= 350
+    assert abs(others[:, 1].mean() - 300) < 20
+    assert len(guesses(1)) == 1
+
+
+@pytest.mark.parametrize(
+    ("verdict", "words"),
+    [
+        ("determined", "chosen"),
+        (
+            "not determined by these data: anything in 0..1 fits",
+            "free: anything in 0..1 does as well",
+        ),
+        ("weakly determined: interval 0.1..0.5", "chosen, but 0.1..0.5 does nearly as well"),
+        ("at its bound 1: interval 0.9..1", "at its bound 1: interval 0.9..1"),
+    ],
+)
+def test_words(verdict, words):
+    assert chosen(verdict) == words
+
+
+def test_how_near_a_goal_is():
+    """rms of (3, 5) - 1 before, and of (2, 1) - 1 after."""
+    before = block([[3.0, 5.0]], np.zeros((1, 2, 2)), [0, 0])
+    after = block([[2.0, 1.0]], np.zeros((1, 2, 2)), [0, 0])
+    datum = SimpleNamespace(
+        block=lambda unknowns, x, sampling: before,
+        background=np.ones(2),
+        goal=Goal("contrast", "cavity", value=2.5, at_most=True, background_K=290.0),
+        views=(1, 2),
+    )
+    state = SimpleNamespace(blocks=[after], x=np.zeros(2))
+    assert achieved(datum, state, UNKNOWNS, RenderTable()) == (
+        "rms contrast over 2 aspects: 3.162 W/sr before, 0.7071 W/sr after; wanted at most 2.5 W/sr"
+    )

@@ -1,0 +1,194 @@
+"""Which unknowns the entries of a problem stand for, with their bounds and first guesses."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mi_lcair.errors import InputError
+from mi_lcair.inversion.data.measurement import Measurement
+from mi_lcair.inversion.tables import UnknownEntry
+from mi_lcair.inversion.unknowns import Where, instruments, stated, unknowns
+from mi_lcair.sensitivity.entries import Parameter
+from tests.inversion.blocks import kelvin, unknown
+
+
+def where(name, band, state, temperature=300.0, b=0.3):
+    known = {
+        "lid.temperature": Parameter("lid.temperature", "temperature", temperature, "K", 0, np.inf),
+        "paint.b": Parameter("paint.b", "material", b, "1", 0.0, 1.0),
+        "sky.radiance": Parameter("sky.radiance", "radiance", 20.0, "W m^-2 sr^-1", 0.0, np.inf),
+    }
+    return Where(name, band, state, known, {"body": {2: 290.0, 5: 295.0}})
+
+
+DATA = [
+    where("a", "LWIR", "cold"),
+    where("b", "LWIR", "hot", 350.0),
+    where("c", "MWIR", "hot", 350.0, 0.5),
+]
+
+
+def named(sought, nuisance=None, data=DATA, measured=None):
+    entries = {name: UnknownEntry(**entry) for name, entry in sought.items()}
+    others = {name: UnknownEntry(**entry) for name, entry in (nuisance or {}).items()}
+    return unknowns(entries, others, data, len(data) if measured is None else measured)
+
+
+def labels(*arguments, **options):
+    return {one.label: one.data for one in named(*arguments, **options)}
+
+
+def test_values_for_each_state_or_band():
+    """Temperatures by state, materials by band, radiances by both."""
+    assert labels({"lid.temperature": {}}) == {
+        "lid.temperature [cold]": (0,),
+        "lid.temperature [hot]": (1, 2),
+    }
+    assert labels({"paint.b": {}}) == {"paint.b [LWIR]": (0, 1), "paint.b [MWIR]": (2,)}
+    assert labels({"sky.radiance": {}}) == {
+        "sky.radiance [LWIR, cold]": (0,),
+        "sky.radiance [LWIR, hot]": (1,),
+        "sky.radiance [MWIR, hot]": (2,),
+    }
+    assert labels({"paint.b": {"per": []}}) == {"paint.b": (0, 1, 2)}
+    assert labels({"paint.b": {"per": ["data"]}}) == {
+        f"paint.b [{k}]": (i,) for i, k in enumerate("abc")
+    }
+
+
+def test_what_they_are():
+    hot = named({"lid.temperature [hot]": {}})[0]
+    assert (hot.name, hot.kind, hot.unit, hot.start) == ("lid.temperature", "temperature", "K", 350)
+    assert (hot.lower, hot.upper, hot.prior, hot.is_sought, hot.facet) == (
+        0,
+        np.inf,
+        None,
+        True,
+        None,
+    )
+    facets = named({"body.facets": {"prior": (300.0, 5.0)}}, data=DATA[:1])
+    assert [one.label for one in facets] == ["body.facets[2]", "body.facets[5]"]
+    assert [(one.name, one.kind, one.facet, one.start) for one in facets] == [
+        ("body", "facet", 2, 300.0),
+        ("body", "facet", 5, 300.0),
+    ]
+    (narrow,) = named(
+        {"paint.b": {"per": []}}, data=[DATA[0], bounded(0.2, 0.9), bounded(0.1, 0.7)]
+    )
+    assert (narrow.lower, narrow.upper) == (0.2, 0.7)
+
+
+def bounded(lower, upper):
+    one = where("d", "LWIR", "hot")
+    entry = replace(one.parameters["paint.b"], lower=lower, upper=upper)
+    return replace(one, parameters=one.parameters | {"paint.b": entry})
+
+
+def test_an_entry_with_labels_comes_before_one_without():
+    """Nuisance parameters come last, those of one entry in the order of the problem."""
+    found = named(
+        {"lid.temperature": {}, "lid.temperature [hot]": {"start": 340}},
+        {"paint.b": {}},
+    )
+    assert [one.label for one in found] == [
+        "lid.temperature [hot]",
+        "lid.temperature",
+        "paint.b [LWIR]",
+        "paint.b [MWIR]",
+    ]
+    assert [one.is_sought for one in found] == [True, True, False, False]
+    assert found[0].start == 340 and found[1].data == (0,)
+
+
+@pytest.mark.parametrize(
+    ("sought", "measured", "message"),
+    [
+        ({"paint.c": {}}, None, "unknown parameter of the data's scenes 'paint.c'; known: paint.b"),
+        ({"paint.b [SWIR]": {}}, None, "unknown band, state or data 'SWIR'"),
+        ({"paint.b [MWIR, cold]": {}}, None, "'paint.b .MWIR, cold.' is an unknown without data$"),
+        ({"paint.b [MWIR]": {}}, 2, "unknown band, state or data 'MWIR'"),
+        ({"paint.b": {}, "paint.b [LWIR, MWIR]": {}}, None, "without data$"),
+        (
+            {"paint.b [MWIR]": {}, "paint.b [hot]": {}},
+            None,
+            "'paint.b .MWIR.' and 'paint.b .hot.' are the same parameter of 'c'; keep one",
+        ),
+        (
+            {"paint.b": {}, "paint.b [LWIR]": {}, "paint.b [MWIR]": {}},
+            None,
+            "'paint.b' is an unknown without data; other entries name it for all data",
+        ),
+    ],
+)
+def test_entries_that_cannot_be_used(sought, measured, message):
+    with pytest.raises(InputError, match=message):
+        named(sought, measured=measured)
+
+
+def test_first_guesses_and_bounds():
+    """An own start must lie within the bounds; the scene's value is moved there."""
+    one = unknown()
+    assert stated(one, UnknownEntry()).start == 0.3
+    assert stated(one, UnknownEntry(lower=0.4)).start == 0.4
+    assert stated(one, UnknownEntry(upper=0.2)).start == 0.2
+    assert stated(one, UnknownEntry(prior=(0.6, 0.1))).start == 0.6
+    assert stated(one, UnknownEntry(prior=(0.6, 0.1), upper=0.5)).start == 0.5
+    assert stated(one, UnknownEntry(start=0.7, prior=(0.6, 0.1))).start == 0.7
+    wide = stated(one, UnknownEntry(lower=-1.0, upper=2.0))
+    assert (wide.lower, wide.upper) == (0, 1)
+    with pytest.raises(InputError, match="start = 0.7 is outside its bounds 0..0.5"):
+        stated(one, UnknownEntry(start=0.7, upper=0.5))
+    with pytest.raises(InputError, match="no value lies in its bounds 1.5..1"):
+        stated(one, UnknownEntry(lower=1.5))
+
+
+@pytest.mark.parametrize(
+    ("one", "span"),
+    [
+        (kelvin(), 100.0),
+        (kelvin(lower=290.0, upper=310.0), 20.0),
+        (kelvin(kind="facet"), 100.0),
+        (unknown(kind="offset", lower=-np.inf, upper=np.inf), 100.0),
+        (unknown(kind="gain", start=1.2, upper=np.inf), 2.4),
+        (unknown(kind="radiance", start=-3.0, lower=-10.0, upper=np.inf), 6.0),
+        (unknown(kind="radiance", start=3.0, lower=0.0, upper=4.0), 4.0),
+        (unknown(kind="emissivity", lower=0.2, upper=0.9), 0.7),
+    ],
+)
+def test_width_of_what_is_known_beforehand(one, span):
+    assert one.span == pytest.approx(span)
+
+
+@pytest.mark.parametrize(
+    ("one", "value", "limit"),
+    [
+        (kelvin(), 300.0, 1.0),
+        (unknown(kind="radiance"), -40.0, 2.0),
+        (unknown(kind="emissivity"), 0.9, 0.02),
+        (unknown(), 0.2, 0.05),
+        (unknown(), 0.01, 0.02),
+        (unknown(kind="gain"), 1.1, 0.055),
+        (unknown(kind="offset"), 1.0, 1e9),
+    ],
+)
+def test_precision_of_a_determined_unknown(one, value, limit):
+    assert one.is_determined(value, 0.999 * limit)
+    assert one.kind == "offset" or not one.is_determined(value, 1.001 * limit)
+
+
+def test_instruments():
+    camera = {"image": "a.npy", "quantity": "radiance", "netd_mK": 50}
+    data = [
+        Measurement("cavity", "plain", **camera),
+        Measurement("cavity", "camera", gain=True, offset=True, offset_prior=(0.4, 0.1), **camera),
+    ]
+    gain, offset = instruments(data)
+    assert (gain.label, gain.kind, gain.unit) == ("gain [camera]", "gain", "1")
+    assert (gain.start, gain.lower, gain.upper, gain.data) == (1, 0, np.inf, (1,))
+    assert (offset.label, offset.unit, offset.prior) == (
+        "offset [camera]",
+        "W m^-2 sr^-1",
+        (0.4, 0.1),
+    )
+    assert (offset.start, offset.lower, offset.is_sought) == (0.4, -np.inf, False)
