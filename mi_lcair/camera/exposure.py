@@ -1,5 +1,6 @@
 """Electrons of the model and its background in the samples of a frame, before optics and noise."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -7,8 +8,8 @@ import numpy as np
 from mi_lcair.camera.optics import OVERSAMPLING
 from mi_lcair.camera.view import CameraView
 from mi_lcair.detection.irradiance import Backdrop
+from mi_lcair.detection.setting import Setting
 from mi_lcair.errors import InputError
-from mi_lcair.physics.atmosphere import Atmosphere
 from mi_lcair.physics.bands import Band
 from mi_lcair.plugins.emission.sources import Sources
 from mi_lcair.plugins.paths.sums import Sums
@@ -18,7 +19,6 @@ from mi_lcair.rendering.images.apparent import Arrival
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Sampling
-from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import Windows
 
@@ -74,16 +74,7 @@ class Exposure:
     paths: int
 
 
-def exposure(
-    scene: Scene,
-    view: CameraView,
-    sampling: Sampling,
-    detector: Band,
-    air: Atmosphere,
-    backdrop: Backdrop,
-    range_m: float,
-    extrapolate: bool = False,
-) -> Exposure:
+def exposure(setting: Setting, view: CameraView, sampling: Sampling, detector: Band) -> Exposure:
     """Render the model into the samples of a camera's window.
 
     Every source has its own spectrum, and its electrons are the integral of this spectrum, of the
@@ -93,24 +84,22 @@ def exposure(
 
     Parameters
     ----------
-    scene : Scene
+    setting : Setting
+        Scene, air, background and range.
     view : CameraView
     sampling : Sampling
         Its spp and max_spp are paths through a pixel, or through the model where it is smaller. Its
         tolerance is the `rms_error`. Its progress is in paths through a pixel.
     detector : Band
         Band whose values are electrons.
-    air, backdrop : Atmosphere, Backdrop
-    range_m : float
-        Range of the model's middle, m.
-    extrapolate : bool
-        Whether ranges beyond the atmosphere's table are allowed.
 
     Raises
     ------
     InputError
         For settings out of bounds, and if no ray meets the model.
     """
+    scene, air, range_m = setting.view, setting.air, setting.path.range_m
+    backdrop, extrapolate = setting.backdrop.at_sensor(range_m), setting.sight.extrapolate
     columns, rows = view.size
     in_pixel = min(view.parts**2, columns * rows)
     hidden = float(detector_mean(backdrop, scene.band))
@@ -151,10 +140,14 @@ def exposure(
     if not (air.is_vacuum or extrapolate):
         # The middle of the model is within the table, but parts of it may be beyond its end
         through = np.minimum(ranges, air.ranges_m[-1])
-    electrons, radiance = (
-        arriving(seen, share, sources, scene.band, rule, air, through, backdrop, extrapolate)
-        for rule in (detector, scene.band)
-    )
+
+    def arriving(rule: Band) -> np.ndarray:
+        """In-band values of the samples at a detector, less those of the hidden background."""
+        arrival = interpolated(
+            lambda at: Arrival.of(sources, scene.band, rule, air, at, extrapolate), through
+        )
+        return arrival.of_parts(seen) + share * (arrival.path - detector_mean(backdrop, rule))
+
     # Errors are those of the radiance, in the unit of electrons at the aperture
     at_middle = Arrival.of(
         sources, scene.band, detector, air, np.array([range_m]), extrapolate
@@ -164,11 +157,14 @@ def exposure(
     intensities = {
         name: float(values @ areas) for name, values in seen.items() if name != "target.range"
     }
-    image = lambda values: view.samples(placed(values, on, (rows, columns)))
+
+    def image(values: np.ndarray) -> np.ndarray:
+        return view.samples(placed(values, on, (rows, columns)))
+
     variance = image((per_radiance * total.standard_error()[on]) ** 2)
     return Exposure(
-        contrast=image(electrons),
-        radiance=image(radiance),
+        contrast=image(arriving(detector)),
+        radiance=image(arriving(scene.band)),
         error=np.sqrt(variance) * OVERSAMPLING / view.parts,
         share=image(share),
         intensities=intensities,
@@ -182,26 +178,20 @@ def exposure(
     )
 
 
-def arriving(
-    parts, share, sources, band, detector, air, ranges, backdrop, extrapolate
-) -> np.ndarray:
-    """In-band values at the detector less those of the hidden background, for some samples.
+def interpolated(arrival_from: Callable[[np.ndarray], Arrival], ranges: np.ndarray) -> Arrival:
+    """What arrives from many ranges, m, linear between RANGES of them.
 
-    parts, share, ranges: of the samples, (n,) each. The other parameters are those of `exposure`.
+    arrival_from: gives what arrives from an array of ranges.
     """
-    at, rows = ranges, None
-    if len(ranges) > RANGES:
-        at = np.geomspace(ranges.min(), ranges.max(), RANGES)
-        rows = lambda values: np.interp(ranges, at, values)
-    arrival = Arrival.of(sources, band, detector, air, at, extrapolate)
-    if rows is not None:
-        arrival = Arrival(
-            arrival.in_band,
-            {name: rows(values) for name, values in arrival.arrives.items()},
-            rows(arrival.path),
-        )
-    hidden = detector_mean(backdrop, detector)
-    return arrival.of_parts(parts) + share * (arrival.path - hidden)
+    if len(ranges) <= RANGES:
+        return arrival_from(ranges)
+    at = np.geomspace(ranges.min(), ranges.max(), RANGES)
+    arrival = arrival_from(at)
+    return Arrival(
+        arrival.in_band,
+        {name: np.interp(ranges, at, values) for name, values in arrival.arrives.items()},
+        np.interp(ranges, at, arrival.path),
+    )
 
 
 def detector_mean(backdrop: Backdrop, detector: Band) -> float:

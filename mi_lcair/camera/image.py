@@ -106,16 +106,7 @@ def recorded(scenario: Scenario, frames: int, seed: int, progress) -> Image:
     rendering = time.perf_counter()
     bounces = max(scenario.render.max_bounces, default=scene.mi.integrator().max_bounces)
     with changed(scene, lobe=scenario.render.lobe, max_bounces=bounces):
-        exposed = exposure(
-            scene,
-            view,
-            scenario.render.of_image(progress),
-            camera.band,
-            setting.air,
-            behind,
-            observer.range_m,
-            scenario.atmosphere.extrapolate,
-        )
+        exposed = exposure(setting, view, scenario.render.of_image(progress), camera.band)
     render_seconds = time.perf_counter() - rendering
 
     radiance = detector_mean(behind, scene.band)

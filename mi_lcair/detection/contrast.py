@@ -6,18 +6,18 @@ effective areas.
 """
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from os import PathLike
 
 import numpy as np
 
 from mi_lcair.detection.contrast_result import Contrast, ContrastRow
-from mi_lcair.detection.irradiance import Backdrop, Estimate, Irradiance
+from mi_lcair.detection.irradiance import Estimate, Irradiance, RenderError
 from mi_lcair.detection.scenario import RenderTable, Scenario, scenario_of
-from mi_lcair.detection.setting import setting_of
+from mi_lcair.detection.setting import Setting, setting_of
 from mi_lcair.errors import InputError
 from mi_lcair.fraction import fraction
-from mi_lcair.physics.atmosphere import Atmosphere, LineOfSight
+from mi_lcair.physics.atmosphere import LineOfSight
 from mi_lcair.physics.detector import Detector
 from mi_lcair.plugins.emission.one_sun import one_sun
 from mi_lcair.progress import Progress
@@ -97,9 +97,7 @@ def measured(scenario: Scenario, progress) -> Contrast:
     detector, air, path, behind = setting.detector, setting.air, setting.path, setting.backdrop
     view, target, observer = setting.view, setting.target, scenario.observer
     rows, invalid, paths = [], 0, 0
-    for bounces, irradiance, result in rendered(
-        view, target, scenario.render, detector, air, path, behind, progress
-    ):
+    for bounces, irradiance, result in rendered(setting, scenario.render, progress):
         rows.append(row(bounces, irradiance, path, detector, target, result.reached))
         invalid, paths = invalid + result.invalid, paths + result.paths
     irradiance = rows[-1].irradiance
@@ -133,27 +131,15 @@ def measured(scenario: Scenario, progress) -> Contrast:
 
 
 def rendered(
-    view: Scene,
-    target: Target,
-    sampling: RenderTable,
-    detector: Detector,
-    air: Atmosphere,
-    path: LineOfSight,
-    behind: Backdrop,
-    progress,
-):
+    setting: Setting, sampling: RenderTable, progress
+) -> Iterator[tuple[int, Irradiance, Signature]]:
     """Yield (number of reflections, Irradiance of the target, its Signature) for each render.
 
     Parameters
     ----------
-    view : Scene
-        Scene with the sensor of the observer.
-    target : Target
-        Sphere that holds the target.
+    setting : Setting
     sampling : RenderTable
         Numbers of reflections, samples per pixel or tolerances, lobe and seed.
-    detector, air, path, behind : Detector, Atmosphere, LineOfSight, Backdrop
-        What the irradiance depends on beside the target.
     progress : callable or None
         Called with (samples per pixel done, expected).
 
@@ -162,19 +148,18 @@ def rendered(
     InputError
         If no ray hits the target.
     """
+    view, target, path = setting.view, setting.target, setting.path
     bounces = sampling.max_bounces or (view.mi.integrator().max_bounces,)
 
     def irradiance(result: Signature) -> Irradiance:
         part = result.target
+        relative = part.standard_error / part.intensity if part.intensity > 0 else 0.0
         return Irradiance(
             result.effective_areas,
-            part.standard_error / part.intensity if part.intensity > 0 else 0.0,
-            detector.band,
-            air,
-            behind,
-            result.degrees_of_freedom,
-            result.missed,
-            result.systematic,
+            RenderError(relative, result.degrees_of_freedom, result.missed, result.systematic),
+            setting.detector.band,
+            setting.air,
+            setting.backdrop,
         )
 
     def excess(result: Signature) -> float:

@@ -57,6 +57,27 @@ class Backdrop(NamedTuple):
         return Backdrop(self.name, arriving, np.union1d(self.rows_um, path.wavelengths_um))
 
 
+class RenderError(NamedTuple):
+    """What is uncertain in a rendered target.
+
+    Attributes
+    ----------
+    relative : float
+        Standard error of the target's intensity, as a fraction of it.
+    degrees_of_freedom : float
+        Degrees of freedom of the standard errors.
+    missed : float
+        Intensity that a source which no path has hit may add to the target, W/sr.
+    systematic : float
+        Relative error of the intensity that more paths do not reduce.
+    """
+
+    relative: float
+    degrees_of_freedom: float = np.inf
+    missed: float = 0.0
+    systematic: float = 0.0
+
+
 class Irradiance:
     """Irradiances of a target before a background, at any range along one line of sight.
 
@@ -70,32 +91,22 @@ class Irradiance:
     ----------
     areas : EffectiveAreas
         Effective areas of the target.
-    relative_error : float
-        Standard error of the target's intensity, as a fraction of it.
+    render_error : RenderError
     band : Band
         Band of the detector, with its response.
     air : Atmosphere
         Atmosphere, whose wavelengths are resolved.
     backdrop : Backdrop
         Background of the target.
-    degrees_of_freedom : float
-        Degrees of freedom of the standard errors.
-    missed : float
-        Intensity that a source which no path has hit may add to the target, W/sr.
-    systematic : float
-        Relative error of the intensity that more paths do not reduce.
     """
 
     def __init__(
         self,
         areas: EffectiveAreas,
-        relative_error: float,
+        render_error: RenderError,
         band: Band,
         air: Atmosphere,
         backdrop: Backdrop,
-        degrees_of_freedom: float = np.inf,
-        missed: float = 0.0,
-        systematic: float = 0.0,
     ):
         rows = np.concatenate(
             [
@@ -116,16 +127,14 @@ class Irradiance:
         ).ravel()
         self.response = band.response_at(self.wavelengths_um)
         self.weights_um = np.repeat(half, 2) * self.response
-        self.areas, self.missed, self.systematic = areas, missed, systematic
-        self.degrees_of_freedom = degrees_of_freedom
-        self.behind = backdrop
+        self.areas, self.behind, self.render_error = areas, backdrop, render_error
         self.projected_area = Estimate(
             areas.projected_area, float(np.sqrt(areas.covariance[0, -1, -1]))
         )
         if areas.nodes_um.size:
             self.spectra = areas.spectrum(self.wavelengths_um)[0].sum(axis=0, keepdims=True)
             self.amounts, self.covariance = np.array([1.0, areas.projected_area]), None
-            self.errors = np.array([relative_error, self.projected_area.standard_error])
+            self.errors = np.array([render_error.relative, self.projected_area.standard_error])
         else:
             self.spectra = areas.radiance(self.wavelengths_um)
             self.amounts, self.covariance = (
@@ -181,14 +190,15 @@ class Irradiance:
         It includes a source that no path of the render has hit.
         """
         transmittance, _ = path.at(self.wavelengths_um)
-        missed = self.missed * (transmittance * self.response).max() / path.range_m**2
+        _, degrees_of_freedom, missed, _ = self.render_error
+        missed *= (transmittance * self.response).max() / path.range_m**2
         error = self.at(path)["total"].standard_error
-        return float(student_factor(self.degrees_of_freedom) * error + missed)
+        return float(student_factor(degrees_of_freedom) * error + missed)
 
     def least_half_width(self, path: LineOfSight) -> float:
         """The part of `half_width` that more paths do not reduce, W m^-2."""
-        error = self.systematic * self.at(path)["target"].value
-        return float(student_factor(self.degrees_of_freedom) * error)
+        error = self.render_error.systematic * self.at(path)["target"].value
+        return float(student_factor(self.render_error.degrees_of_freedom) * error)
 
     def spectral(self, path: LineOfSight) -> dict[str, np.ndarray]:
         """The TERMS at `wavelengths_um`, by name, without the response.

@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 
-from mi_lcair.detection.irradiance import TERMS, Backdrop, Irradiance
+from mi_lcair.detection.irradiance import TERMS, Backdrop, Irradiance, RenderError
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import Setting
 from mi_lcair.errors import InputError
@@ -105,12 +105,14 @@ class ContrastNumber(Number):
         mean = total.mean("target")[0]
         return Irradiance(
             areas,
-            total.standard_error("target")[0] / mean if mean > 0 else 0.0,
+            RenderError(
+                total.standard_error("target")[0] / mean if mean > 0 else 0.0,
+                total.randomisations - 1,
+                float(total.missed("target")[0] * self.numbers.area),
+            ),
             setting.detector.band,
             setting.air,
             backdrop,
-            total.randomisations - 1,
-            float(total.missed("target")[0] * self.numbers.area),
         )
 
     def excess(self, total: Totals) -> float:

@@ -13,7 +13,7 @@ import mi_lcair
 from mi_lcair.detection import contrast as module
 from mi_lcair.detection import setting
 from mi_lcair.detection.contrast import contrast
-from mi_lcair.detection.irradiance import Backdrop, Estimate, Irradiance
+from mi_lcair.detection.irradiance import Backdrop, Estimate, Irradiance, RenderError
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.errors import InputError
 from mi_lcair.physics.atmosphere import atmosphere
@@ -322,7 +322,10 @@ def test_what_no_path_has_met_counts():
         np.empty((2, 0)),
     )
     vacuum = atmosphere("vacuum")
-    make = lambda *last: Irradiance(areas, 0.0, of_response, vacuum, sky, *last)
+
+    def make(*uncertain):
+        return Irradiance(areas, RenderError(0.0, *uncertain), of_response, vacuum, sky)
+
     path = vacuum.path(100.0)
     error = make().at(path)["total"].standard_error
     assert make().half_width(path) == pytest.approx(1.959964 * error)

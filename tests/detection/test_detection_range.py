@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import brentq
 
 from mi_lcair.detection.detection_range import detection_range
-from mi_lcair.detection.irradiance import Backdrop, Irradiance
+from mi_lcair.detection.irradiance import Backdrop, Irradiance, RenderError
 from mi_lcair.errors import InputError
 from mi_lcair.physics.atmosphere import Atmosphere, atmosphere
 from mi_lcair.physics.bands import band
@@ -32,9 +32,8 @@ def target(air):
         np.empty(0),
         np.empty((2, 0)),
     )
-    return Irradiance(
-        areas, 0.0, LWIR, air, Backdrop("sky", lambda x: spectral_radiance(x, SKY), np.empty(0))
-    )
+    sky = Backdrop("sky", lambda x: spectral_radiance(x, SKY), np.empty(0))
+    return Irradiance(areas, RenderError(0.0), LWIR, air, sky)
 
 
 def grey_air(last_m=10_000.0):

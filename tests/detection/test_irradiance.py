@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import stdtrit
 
-from mi_lcair.detection.irradiance import Backdrop, Irradiance
+from mi_lcair.detection.irradiance import Backdrop, Irradiance, RenderError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.plugins.emission.source import Source
@@ -41,7 +41,7 @@ def two_sources(**more):
         np.empty(0),
         np.empty((2, 0)),
     )
-    return Irradiance(areas, 0.0, LWIR, grey_air(), BACKDROP, **more)
+    return Irradiance(areas, RenderError(0.0, **more), LWIR, grey_air(), BACKDROP)
 
 
 def test_terms_through_grey_air():
@@ -104,7 +104,9 @@ def test_many_temperatures_as_one_spectrum():
         LWIR, [], np.zeros((2, 0)), np.zeros((2, 0)), 15.0, covariance, nodes,
         np.array([spectrum, spectrum]),
     )  # fmt: skip
-    terms = Irradiance(areas, 0.02, LWIR, grey_air(), BACKDROP).at(grey_air().path(RANGE))
+    terms = Irradiance(areas, RenderError(0.02), LWIR, grey_air(), BACKDROP).at(
+        grey_air().path(RANGE)
+    )
     target = TAU * L[HOT] * AREA / RANGE**2
     assert terms["target"] == pytest.approx((target, 0.02 * target), rel=1e-4)
     rest = ((1 - TAU) * L[AIR] - L[SKY]) / RANGE**2
@@ -137,7 +139,7 @@ def test_a_response_weighs_the_rule(tmp_path):
     narrow = band(file)
     areas = two_sources().areas
     backdrop = Backdrop("sky", lambda x: x - 9, np.array([8.0, 9.7, 12.0]))
-    result = Irradiance(areas, 0.0, narrow, grey_air(), backdrop)
+    result = Irradiance(areas, RenderError(0.0), narrow, grey_air(), backdrop)
     assert result.wavelengths_um.min() > 9 and result.wavelengths_um.max() < 11.5
     # int (x - 9) response dx by a fine trapezoidal rule
     x = np.linspace(9, 11.5, 250_001)
