@@ -18,7 +18,7 @@ from mi_lcair.plugins.recorders.by_bounce import SIZES
 from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.settings import changed
-from mi_lcair.rendering.statistics import student_factor
+from mi_lcair.rendering.statistics import UNSEEN, student_factor
 
 # Randomisations of a probe, under all settings the same ones, so that the difference between two
 # probes has little noise. In a window their number decides how well the noise is known.
@@ -80,7 +80,7 @@ class Probe:
     paths : int
         Number of paths of the probe.
     chance : float
-        Upper bound of the radiance that one path adds if it hits a source that no other has hit.
+        Upper bound of the radiance that a source which no path has hit adds to all paths together.
     """
 
     value: np.ndarray
@@ -161,7 +161,8 @@ def probe(
         split, prefix = "target", "target."
     with settings.applied(scene), scene.prepared() as tracer:
         sums = tracer.trace(camera, launch, Channels(split, counted, count_segments))
-        chance = max(tracer.chance_contribution(camera), float(sums.chance.max()))
+        unmet = float(tracer.unmet_sources(camera).bound(sums.draws.sum()))
+        chance = UNSEEN * max(unmet, float(sums.chance.max()))
     valid = np.maximum(sums.valid, 1)
 
     def mean(values):

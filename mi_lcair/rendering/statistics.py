@@ -4,11 +4,17 @@ import numpy as np
 from scipy.special import stdtrit
 
 from mi_lcair.errors import InputError
+from mi_lcair.plugins.emission.unmet import UnmetSources
 from mi_lcair.plugins.paths.aim import Aim
 
 # Largest fraction of NaN or infinite samples in a result. Such samples are left out or count as 0,
 # which changes a mean by about their fraction. The limit is a tenth of the usual tolerance of 1 %.
 MOST_INVALID = 1e-3
+# A source that is met by 2.5 paths on average is met by none with a probability of 8 %. Where no
+# path has met it, it adds at most as much as 2.5 paths, in 92 of 100 such scenes at worst.
+UNSEEN = 2.5
+# Points of a randomisation from which on they divide a window evenly; fewer are like random ones.
+EVEN_POINTS = 8
 
 
 def check_valid(invalid: int, paths: int, name: str) -> None:
@@ -37,8 +43,8 @@ class Totals:
 
     windows, randomisations: sizes of the arrays. traced: number of paths of each window.
     by_randomisation: whether channels are kept for each randomisation. Otherwise only their means
-    are known, which needs less memory. chance: radiance that a source which no path has hit may add
-    to one path [W m^-2 sr^-1]. systematic: relative error that more samples do not reduce. It is
+    are known, which needs less memory. unmet: bound of the radiance of sources that no path has
+    hit; None: there are none. systematic: relative error that more samples do not reduce. It is
     part of every standard error. aim: where in the windows the paths begin; None for anywhere.
     emitters: `EmitterTable` of the scene. excess: ratio of the error to the allowed error of each
     window, (windows,); None without a criterion.
@@ -49,7 +55,7 @@ class Totals:
         windows: int,
         randomisations: int,
         by_randomisation: bool = False,
-        chance: float = 0.0,
+        unmet: UnmetSources | None = None,
         systematic: float = 0.0,
         aim: Aim | None = None,
         emitters=None,
@@ -58,7 +64,8 @@ class Totals:
         self.aim, self.emitters, self.excess = aim, emitters, None
         self.valid, self.radiance = (np.zeros((windows, randomisations)) for _ in range(2))
         self.sums = {}
-        self.chance, self.met = chance, np.zeros(windows)
+        self.unmet, self.chance, self.draws = unmet, np.zeros(windows), np.zeros(windows)
+        self.lowest, self.highest = {}, {}
         self.traced, self.invalid, self.tail = np.zeros(windows), 0, None
 
     @property
@@ -77,7 +84,14 @@ class Totals:
             if name not in self.sums:
                 self.sums[name] = np.zeros((len(self.valid), values.shape[1]))
             self.sums[name][run] += values
-        self.met[run] = np.maximum(self.met[run], sums.chance)
+        for name, values in sums.lowest.items():
+            lowest = self.lowest.setdefault(name, np.full(len(self.valid), np.inf))
+            lowest[run] = np.minimum(lowest[run], values)
+        for name, values in sums.highest.items():
+            highest = self.highest.setdefault(name, np.full(len(self.valid), -np.inf))
+            highest[run] = np.maximum(highest[run], values)
+        self.chance[run] = np.maximum(self.chance[run], sums.chance)
+        self.draws[run] += sums.draws
         self.invalid += launch.paths - int(sums.valid.sum())
         if sums.tail is not None:
             self.tail = sums.tail if self.tail is None else self.tail + sums.tail
@@ -113,34 +127,57 @@ class Totals:
 
     def scatter_error(self, name: str | None = None) -> np.ndarray:
         """Standard error of each window's mean from the scatter of its randomisations."""
-        return np.sqrt(np.sum(self.deviations(name) ** 2, axis=1))
+        scatter = np.sqrt(np.sum(self.deviations(name) ** 2, axis=1))
+        return np.maximum(scatter, self.edge_error(name))
+
+    def edge_error(self, name: str | None = None) -> np.ndarray:
+        """Standard error of each window's mean that edges may cause, below which none is stated.
+
+        The points of a randomisation divide the window evenly. All R randomisations may therefore
+        agree on how many of them lie on one side of an edge, where the true number is larger by q.
+        They do so with a probability of (1 - q)^R, which is 5 % for the q used here. The edge is
+        one between the darkest and the brightest path.
+        """
+        name, points = name or "radiance", self.paths / self.randomisations
+        if name not in self.highest:
+            return np.zeros(len(self.valid))
+        contrast = np.maximum(self.highest[name] - self.lowest[name], 0)
+        q = (1 - 0.05 ** (1 / self.randomisations)) / student_factor(np.inf)
+        return np.where(points >= EVEN_POINTS, q * contrast / np.maximum(points, 1), 0)
 
     def standard_error(self, name: str | None = None) -> np.ndarray:
         """Standard error of each window's mean, (windows,); infinite for one randomisation."""
         return np.hypot(self.scatter_error(name), self.systematic * self.mean(name))
 
     def missed(self, name: str | None = None) -> np.ndarray:
-        """What one path that hits a source which no other has hit adds to a window's mean.
+        """What a source that no path has hit adds to a window's mean, at most, with 95 %.
 
         The scatter cannot see such a source. Without emitter sampling this is the radiance of the
-        brightest source divided by the number of paths. With emitter sampling it is less for a
-        source outside the field of view (`EmitterTable.by_chance`).
+        brightest source on UNSEEN paths. With emitter sampling it is less for a source that is out
+        of view and drawn often enough (`EmitterTable.by_chance`).
         """
         largest_weight = 1.0
         if self.aim is not None:
             weights = {None: self.aim.largest_weight, "target": self.aim.largest_on_model}
             largest_weight = weights.get(name, 1.0)
-        most = self.chance * largest_weight
-        return np.maximum(most, self.met) / np.maximum(self.paths, 1)
+        most = np.maximum(self.bound_of_unmet() * largest_weight, self.chance)
+        return UNSEEN * most / np.maximum(self.paths, 1)
+
+    def bound_of_unmet(self) -> np.ndarray:
+        """Bound of the radiance of sources that paths meet by chance alone, (windows,)."""
+        return np.zeros(len(self.draws)) if self.unmet is None else self.unmet.bound(self.draws)
 
     def half_width(self, name: str | None = None) -> np.ndarray:
         """Half of the 95 % interval of each window's mean, (windows,).
 
-        It includes the contribution of one path that hits a source which no other has hit.
+        It includes the contribution of sources that no path has hit.
         """
-        scatter = student_factor(self.randomisations - 1) * self.scatter_error(name)
+        scatter = np.sqrt(np.sum(self.deviations(name) ** 2, axis=1))
+        of_scatter = student_factor(self.randomisations - 1) * scatter
+        of_edges = student_factor(np.inf) * self.edge_error(name)
         systematic = student_factor(np.inf) * self.systematic * self.mean(name)
-        return np.sqrt(scatter**2 + systematic**2 + self.missed(name) ** 2)
+        random = np.maximum(of_scatter, of_edges)
+        return np.sqrt(random**2 + systematic**2 + self.missed(name) ** 2)
 
     def mean_error(self) -> float | None:
         """Standard error of the mean over all windows; None for one randomisation."""
@@ -152,12 +189,12 @@ class Totals:
     def rms_error(self) -> float | None:
         """Rms standard error over the windows as a fraction of the mean of all windows.
 
-        It is None for one randomisation. It includes `missed`, for a source that one path among
-        those of all windows hits.
+        It is None for one randomisation. It includes a source that no path of all windows has hit.
         """
         if self.randomisations < 2:
             return None
-        most = max(self.chance, self.met.max())
+        unmet = 0.0 if self.unmet is None else float(self.unmet.bound(self.draws.sum()))
+        most = UNSEEN / student_factor(np.inf) * max(unmet, self.chance.max())
         missed = most**2 / (self.paths.mean() * self.paths.sum())
         mean, rms = self.mean().mean(), np.sqrt(np.mean(self.standard_error() ** 2) + missed)
         return float(rms / mean) if mean > 0 else 0.0

@@ -95,7 +95,7 @@ class Windows:
             self.count,
             self.randomisations,
             self.by_randomisation,
-            tracer.chance_contribution(self.sensor),
+            tracer.unmet_sources(self.sensor),
             tracer.systematic_error,
             aim,
             tracer.emitters,

@@ -1,11 +1,14 @@
 """Probabilities with which the triangles and the other emitters of a scene are drawn."""
 
+from functools import partial
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from mi_lcair.plugins.emission.radiance_bound import can_be_hit
 from mi_lcair.plugins.emission.triangles import Choice, TriangleTable, is_faceted, pointer_id
+from mi_lcair.plugins.emission.unmet import UnmetSources, parts_of_emitters
 
 
 class DrawTable:
@@ -16,9 +19,10 @@ class DrawTable:
 
     triangles: the `TriangleTable`; None without meshes. others: pointers to the other emitters as
     integers; None without any. choice: draws an index. density: density per area of a triangle
-    [1/m^2], probability of another emitter. density_and_bound: pairs of it and of the bound of the
-    radiance [W m^-2 sr^-1]. probability_of_other: that of one of the other emitters.
-    all_surfaces: whether all other emitters are surfaces.
+    [1/m^2], probability of another emitter. bound: bound of the radiance [W m^-2 sr^-1].
+    density_and_bound: pairs of both. ends: end of each emitter's triangles, and then of each other
+    emitter. probability_of_other: that of one of the other emitters. all_surfaces: whether all
+    other emitters are surfaces.
     """
 
     def __init__(self, emitters, bounds: dict, brightest: float):
@@ -49,6 +53,8 @@ class DrawTable:
             of_triangles = share * weights / weights.sum() if share else weights
             self.choice = Choice(np.concatenate([of_triangles, of_others]))
             self.set_density(others, bounds, radiance)
+            counts = [*(self.triangles.counts if self.triangles else []), *(1 for _ in others)]
+            self.ends = np.cumsum(counts)
         dr.make_opaque(self.others)
 
     def set_density(self, others, bounds: dict, radiance) -> None:
@@ -59,10 +65,19 @@ class DrawTable:
             density[: self.triangle_count] = self.triangles.density(of_triangles)
         of_others = [0.0 if bounds.get(e) is None else float(bounds[e].max()) for e in others]
         bound = np.append(radiance, of_others)
+        self.bound = bound
         self.density = mi.Float(density)
         self.density_and_bound = mi.Float(np.stack([density, bound], axis=1).ravel())
         self.probability_of_other = mi.Float(self.choice.probability[-1] if others else 0.0)
         dr.make_opaque(self.density, self.density_and_bound, self.probability_of_other)
+
+    def unmet(self, always: float) -> UnmetSources:
+        """Bound of the radiance of sources that no path has hit. always: see `UnmetSources`."""
+        if self.is_empty:
+            return UnmetSources(always, np.empty(0), np.empty(0))
+        split = partial(np.split, indices_or_sections=self.ends[:-1])
+        parts = parts_of_emitters(split(self.bound), split(self.choice.probability))
+        return UnmetSources(always, *parts)
 
 
 def is_mesh(emitter) -> bool:

@@ -4,6 +4,7 @@ from math import hypot
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 from mitsuba.python.ad.integrators.common import RBIntegrator
 
 from mi_lcair.physics.blackbody import in_band_radiance
@@ -11,6 +12,7 @@ from mi_lcair.plugins.bsdfs.plume import is_plume
 from mi_lcair.plugins.derivatives import attached, derivations, deriving, flatten, own_memory
 from mi_lcair.plugins.emission.emissivity import Table
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
+from mi_lcair.plugins.emission.unmet import UnmetSources
 from mi_lcair.plugins.paths.launch import Launch, Paths
 from mi_lcair.plugins.paths.rays import ParallelRays
 from mi_lcair.plugins.paths.recording import Recorded
@@ -191,17 +193,16 @@ class PathTracer(RBIntegrator):
         film_position = (mi.Point2f(column, row) + position) / size
         return rays.sample_ray(rays.shutter_open(), 0, film_position, aperture)[0]
 
-    def chance_contribution(self, sensor) -> float:
-        """Upper bound of the radiance from a source that no path has hit [W m^-2 sr^-1].
+    def unmet_sources(self, sensor) -> UnmetSources:
+        """Bound of the radiance of sources that no path has hit.
 
-        This is the part of the bound that is known before paths are traced. Without emitter
-        sampling it is the radiance of the brightest emitter. With emitter sampling it is the
-        radiance of the brightest emitter in the sensor's field of view, hidden or not. The part
-        that comes from reflections is estimated along the paths (`Sums.chance`).
+        Without emitter sampling, all emitters are met by chance alone. With it, those in the
+        sensor's field of view are, hidden or not, and those that are hardly ever drawn. The part of
+        the others is estimated along the paths (`Sums.chance`).
         """
         if self.emitter_sampling:
-            return self.emitters.brightest_in_view(sensor)
-        return self.emitters.brightest
+            return self.emitters.table.unmet(self.emitters.brightest_in_view(sensor))
+        return UnmetSources(self.emitters.brightest, np.empty(0), np.empty(0))
 
 
 def block_sums(L, channels: Channels, recorders: Recorders, weight, size: int) -> BlockSums:
@@ -210,6 +211,5 @@ def block_sums(L, channels: Channels, recorders: Recorders, weight, size: int) -
     # A sample that is not finite in one column does not count at all
     for value in columns.values():
         L = dr.select(dr.isfinite(value), L, dr.nan)
-    unmet = recorders.of(UnmetSource)
     by_name = columns | channels.by_name(L, recorders)
-    return BlockSums.of(L, by_name, weight, unmet and unmet.largest, size)
+    return BlockSums.of(L, by_name, weight, recorders.of(UnmetSource), size)

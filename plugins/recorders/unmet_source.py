@@ -15,17 +15,22 @@ class UnmetSource(Recorder):
 
     The scatter of the paths' radiance cannot see a source that none of them has hit. Where emitters
     are drawn, `EmitterTable.by_chance` bounds what one such hit would add.
+
+    largest: that bound [W m^-2 sr^-1]. draws: number of directions drawn toward emitters, each
+    times the throughput.
     """
 
     emitters: EmitterTable
     largest: mi.Float
+    draws: mi.Float
 
     @staticmethod
     def of(emitters: EmitterTable) -> "UnmetSource":
-        return UnmetSource(emitters, mi.Float(0))
+        return UnmetSource(emitters, mi.Float(0), mi.Float(0))
 
     def reflect(self, reflection: Reflection) -> None:
         throughput = reflection.throughput * reflection.weight
         bound = self.emitters.by_chance(reflection.drawn, reflection.pdf, reflection.is_delta)
         receives = reflection.receives & (reflection.weight != 0)
         self.largest = dr.maximum(self.largest, dr.select(receives, throughput * bound, 0))
+        self.draws += dr.select(receives, throughput, 0)

@@ -5,7 +5,6 @@ from functools import partial
 import numpy as np
 
 from mi_lcair.reports.page.spectrum_panel import spectrum_panel
-from mi_lcair.results.result import summary_of
 from mi_lcair.results.sections import Drawing, Section
 
 SPECTRAL = "_W_sr_um"  # end of the names of a spectrum's columns
@@ -13,8 +12,7 @@ SPECTRAL = "_W_sr_um"  # end of the names of a spectrum's columns
 
 def sections(areas) -> list[Section]:
     """The spectral intensity of EffectiveAreas."""
-    section = spectrum_section(areas.columns())
-    return [Section(section.title, [summary_of(areas), *section.parts])]
+    return [spectrum_section(areas.columns())]
 
 
 def spectrum_section(columns: dict[str, np.ndarray]) -> Section:

@@ -60,10 +60,10 @@ def test_channels_behind_plumes_are_those_of_evaluated_loops(plate, sheets, clos
     sums = []
     for symbolic in (True, False):
         made = half_covered(plate, sheets, closure)
-        with dr.scoped_set_flag(dr.JitFlag.SymbolicLoops, symbolic):
-            with made.integrator().prepared(made) as tracer:
-                launch = Launch(1, 1, 1, 4, 2**9)
-                sums.append(tracer.trace(made.sensors()[0], launch, Channels("target")))
+        flag = dr.scoped_set_flag(dr.JitFlag.SymbolicLoops, symbolic)
+        with flag, made.integrator().prepared(made) as tracer:
+            launch = Launch(1, 1, 1, 4, 2**9)
+            sums.append(tracer.trace(made.sensors()[0], launch, Channels("target")))
     symbolic, evaluated = sums
     assert symbolic.channels.keys() == evaluated.channels.keys()
     for name, values in evaluated.channels.items():
