@@ -2,7 +2,11 @@
 
 from pathlib import Path
 
+import numpy as np
+
 import mi_lcair
+from mi_lcair.physics.blackbody import in_band_radiance
+from tests.detection.disc_scenario import triangles
 
 XML = """<scene version="3.0.0">
     <default name="band" value="LWIR"/> <default name="temperature" value="310"/>
@@ -34,3 +38,18 @@ def plate_scene(folder: Path, closure: str = "none", **parameters):
     path = folder / "plate.xml"
     path.write_text(XML.replace("CLOSURE", closure))
     return mi_lcair.load(path, **parameters)
+
+
+def row(budget, name):
+    return next(row for row in budget.rows if row.quantity == name)
+
+
+def slope(band, T):
+    """dB/dT of a blackbody [W m^-2 sr^-1 K^-1]."""
+    return float(in_band_radiance(band, T + 0.01) - in_band_radiance(band, T - 0.01)) / 0.02
+
+
+def triangle_areas():
+    """Areas of the disc's triangles, m^2."""
+    a, b, c = np.moveaxis(triangles(), 1, 0)
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2

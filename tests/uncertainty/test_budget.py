@@ -6,30 +6,19 @@ import pytest
 from scipy.stats import truncnorm
 
 import mi_lcair
-from mi_lcair.detection.scenario import Scenario
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.uncertainty.budget import NOISE, TRUNCATION, result_of
-from tests.detection.disc_scenario import AREA as DISC_AREA
-from tests.detection.disc_scenario import disc, triangles, write_disc
-from tests.uncertainty.plate_scene import AREA, EMISSIVITY, TEMPERATURE, plate_scene
+from mi_lcair.uncertainty.budget import NOISE, TRUNCATION
+from tests.uncertainty.plate_scene import (
+    AREA,
+    EMISSIVITY,
+    TEMPERATURE,
+    plate_scene,
+    row,
+    slope,
+)
 
 mi.set_variant("llvm_ad_mono")
-
-
-def row(budget, name):
-    return next(row for row in budget.rows if row.quantity == name)
-
-
-def slope(band, T):
-    """dB/dT of a blackbody [W m^-2 sr^-1 K^-1]."""
-    return float(in_band_radiance(band, T + 0.01) - in_band_radiance(band, T - 0.01)) / 0.02
-
-
-def triangle_areas():
-    """Areas of the disc's triangles, m^2."""
-    a, b, c = np.moveaxis(triangles(), 1, 0)
-    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
 
 
 def cylinder(**parameters):
@@ -191,64 +180,6 @@ def test_error_of_the_monte_carlo_covers_the_truth(tmp_path, sigma):
     assert np.mean(np.abs(misses) < 2.01) >= 0.8 and abs(np.mean(misses)) < 0.8
 
 
-def test_contrast_in_closed_form(tmp_path):
-    """A blackbody disc in vacuum: contrast = A (B(T) - B(T_0)) / R^2."""
-    write_disc(tmp_path)
-    scenario = disc(tmp_path, render__resolution=32, render__spp=256)
-    stated = {
-        "sigma": {"self.temperature": 1.0},
-        "scenario": {
-            "background_temperature": 2.0,
-            "range_m": 10,
-            "transmittance": 0.02,
-            "nei": 1e-9,
-        },
-    }
-    found = mi_lcair.budget(scenario, stated)
-    band = scenario.sensor.detector().band
-    B = lambda T: float(in_band_radiance(band, T))
-    scale, expected = DISC_AREA / 1000**2, found.value
-    assert found.unit == "W m^-2"
-    assert expected == pytest.approx(scale * (B(400) - B(294)), rel=3e-3)
-    contributions = {
-        "self.temperature": scale * slope(band, 400),
-        "scenario.background_temperature": -2 * scale * slope(band, 294),
-        "scenario.range_m": -2 * expected / 1000 * 10,
-        "scenario.transmittance": 0.02 * scale * B(400),
-        "scenario.nei": 1e-9,
-    }
-    for name, contribution in contributions.items():
-        assert row(found, name).contribution == pytest.approx(contribution, rel=4e-3), name
-    assert sum(row.share for row in found.rows) == pytest.approx(1)
-
-
-@pytest.mark.slow
-def test_contrast_by_sources_and_by_renders():
-    """The derivative from weights of the sources is that of contrasts that are rendered anew.
-
-    The value is that of `mi_lcair.contrast`.
-    """
-    scenario = Scenario.read(
-        "a340_landing/position_3",
-        **{"render.resolution": 32, "render.spp": 64, "render.max_bounces": "[1, 2]"},
-    )
-    with result_of(scenario, {}) as number:
-        number.start()
-        assert number.value == pytest.approx(mi_lcair.contrast(scenario).rows[-1].total.value)
-        for name, step in (("bare_aluminum.epsilon", 0.02), ("bare_aluminum.b", 0.02)):
-            (found,), (error,) = number.derivatives([name], [step])
-            ends = [number.at({name: number.known[name].value + s}) for s in (step, -step)]
-            assert found == pytest.approx((ends[0] - ends[1]) / (2 * step), abs=4 * error)
-        # Temperatures and radiances by sources, and with everything rendered
-        for name, step in (("terrain.temperature", 3.0), ("sky.radiance", 0.1)):
-            value = number.known[name].value + step
-            total = number.numbers.render({name: value})
-            rendered = number.linear(total, number.areas_of(total), {}).value
-            assert number.at({name: value}) - number.value == pytest.approx(
-                rendered - number.value, rel=1e-3
-            )
-
-
 @pytest.mark.parametrize(
     "arguments, message",
     [
@@ -272,67 +203,3 @@ def test_what_cannot_be_used(tmp_path, arguments, message):
 def test_to_a_tolerance():
     found = mi_lcair.budget(cylinder(), {"sigma": {"self.temperature": 1.0}}, tolerance=0.002)
     assert 0 < row(found, NOISE).contribution < 0.001 * found.value and found.remarks == []
-
-
-@pytest.mark.slow
-def test_independent_errors_of_facets(tmp_path):
-    """The disc's n equal facets: each has the n-th part of the derivative, and squares add."""
-    write_disc(tmp_path, np.full(len(triangles()), 400.0))
-    scenario = disc(tmp_path, render__resolution=64, render__spp=64)
-    band, areas = scenario.sensor.detector().band, triangle_areas()
-    one = slope(band, 400) / 1000**2
-    found = mi_lcair.budget(scenario, {"facets": {"self": 2.0}}, draws=50)
-    expected = 2 * one * np.sqrt(np.sum(areas**2))
-    assert row(found, "self facets").contribution == pytest.approx(expected, rel=0.02)
-    assert found.sigma_of_quantities == row(found, "self facets").contribution
-    assert found.monte_carlo.sigma == pytest.approx(found.sigma_of_quantities, rel=1e-6)
-    # Only two of the facets, from a table
-    (tmp_path / "sigma.csv").write_text("facet,sigma_K\n0,3\n7,4\n")
-    found = mi_lcair.budget(scenario, {"facets": {"self": str(tmp_path / "sigma.csv")}})
-    expected = one * np.hypot(3 * areas[0], 4 * areas[7])
-    assert row(found, "self facets").contribution == pytest.approx(expected, rel=0.1)
-
-
-@pytest.mark.parametrize(
-    "facets, message",
-    [
-        ({"selv": 1.0}, "unknown group 'selv'; known: self"),
-        ({"self": "facet,sigma_K\n9999,1\n"}, "group self has no facet 9999"),
-        ({"self": "facet,sigma_K\n0,-1\n"}, "sigma_K -1; must be 0 or more"),
-        ({"self": "facet,sigma_K\n0,1\n0,2\n"}, "a facet is listed twice"),
-        ({"self": "number,sigma\n0,1\n"}, "the header must name facet and sigma_K"),
-    ],
-)
-def test_facets_that_cannot_be_used(tmp_path, facets, message):
-    write_disc(tmp_path, np.full(len(triangles()), 400.0))
-    if isinstance(facets.get("self"), str):
-        (tmp_path / "s.csv").write_text(facets["self"])
-        facets = {"self": str(tmp_path / "s.csv")}
-    with pytest.raises(InputError, match=message):
-        mi_lcair.budget(disc(tmp_path, render__resolution=8), {"facets": facets})
-
-
-def test_a_scene_whose_sources_have_no_spectra(tmp_path):
-    """In the band `total` everything is rendered: dI/dT = 4 I / T."""
-    found = mi_lcair.budget(
-        plate_scene(tmp_path, band="total"), {"sigma": {"plate.temperature": 3}}
-    )
-    contribution = row(found, "plate.temperature").contribution
-    assert contribution == pytest.approx(4 * found.value / TEMPERATURE * 3, rel=1e-3)
-    (check,) = found.checks
-    assert check.holds and check.plus == pytest.approx(contribution, rel=0.05)
-
-
-@pytest.mark.slow
-def test_a_contrast_with_too_many_temperatures(tmp_path):
-    """The derivative then comes from differences, and its error is not known."""
-    temperatures = np.linspace(395, 405, len(triangles()))
-    write_disc(tmp_path, temperatures)
-    scenario = disc(tmp_path, render__resolution=32)
-    found = mi_lcair.budget(scenario, {"sigma": {"self.temperature": 1.0}})
-    slopes = [slope(scenario.sensor.detector().band, T) for T in temperatures]
-    expected = DISC_AREA * np.average(slopes, weights=triangle_areas()) / 1000**2
-    found_row = row(found, "self.temperature")
-    assert found_row.contribution == pytest.approx(expected, rel=0.01)
-    assert np.isnan(found_row.sensitivity_error)
-    assert found_row.as_dict()["sensitivity_error"] is None

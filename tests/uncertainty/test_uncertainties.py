@@ -6,85 +6,20 @@ import numpy as np
 import pytest
 
 from mi_lcair.errors import InputError
-from mi_lcair.sensitivity.entries import Parameter
-from mi_lcair.uncertainty.inputs import Inputs
-from mi_lcair.uncertainty.uncertainties import Uncertainties
-
-KNOWN = {
-    name: Parameter(name, kind, value, "1", -1e9, 1e9)
-    for name, kind, value in (
-        ("self.temperature", "temperature", 300.0),
-        ("walls.temperature", "temperature", 260.0),
-        ("sky.radiance", "radiance", 20.0),
-        ("paint.a", "material", 0.25),
-        ("paint.b", "material", 0.5),
-        ("other.a", "material", 0.0),
-    )
-}
-REPORT = {
-    "model": "some",
-    "parameters": {"a": 0.25, "b": 0.5},
-    "standard_error": {"a": 0.02, "b": 0.01},
-    "correlation": [[1, -0.5], [-0.5, 1]],
-}
-
-
-def inputs(tree) -> Inputs:
-    return Inputs.of(Uncertainties.read(tree), KNOWN, "the scene")
-
-
-def test_numbers_and_percentages(tmp_path):
-    path = tmp_path / "sigma.toml"
-    path.write_text('[sigma]\n"self.temperature" = 2\n"sky.radiance" = "5 %"\n')
-    found = inputs(path)
-    assert found.names == ["self.temperature", "sky.radiance"]
-    np.testing.assert_allclose(found.sigma, [2, 1])
-    np.testing.assert_array_equal(found.values, [300, 20])
-    assert [list(group.index) for group in found.groups] == [[0], [1]]
+from mi_lcair.uncertainty.uncertainties import (
+    FittedMaterial,
+    Uncertainties,
+    flat,
+    of_material,
+    relative,
+)
+from tests.uncertainty.statements import REPORT, inputs
 
 
 def test_keys_without_quotes(tmp_path):
     path = tmp_path / "sigma.toml"
     path.write_text("[sigma]\nself.temperature = 2\npaint.a = 0.1\n[sigma.paint2]\n")
     assert inputs(path).names == ["self.temperature", "paint.a"]
-
-
-def test_correlations_and_covariances():
-    tree = {
-        "sigma": {"self.temperature": 2.0, "sky.radiance": "10 %"},
-        "correlated": [
-            {"names": ["self.temperature", "sky.radiance"], "correlation": 0.5},
-            {"names": ["paint.a", "paint.b"], "covariance": [[4e-4, 1e-4], [1e-4, 1e-4]]},
-        ],
-    }
-    found = inputs(tree)
-    expected = np.zeros((4, 4))
-    expected[:2, :2] = [[4, 2], [2, 4]]
-    expected[2:, 2:] = [[4e-4, 1e-4], [1e-4, 1e-4]]
-    np.testing.assert_allclose(found.covariance, expected)
-    assert [group.label for group in found.groups] == [
-        "self.temperature & sky.radiance",
-        "paint.a & paint.b",
-    ]
-
-
-@pytest.mark.parametrize("several", [False, True])
-def test_covariance_of_a_fit(tmp_path, several):
-    """Also of a report with one fit for each band: the one with the scene's parameters counts."""
-    other = REPORT | {"parameters": {"a": 0.9, "b": 0.1}}
-    report = {"materials": {"3-5": other, "8-12": REPORT}} if several else REPORT
-    (tmp_path / "paint.json").write_text(json.dumps(report))
-    (tmp_path / "u.toml").write_text('[fits]\npaint = "paint.json"\n')
-    found = inputs(tmp_path / "u.toml")
-    assert found.names == ["paint.a", "paint.b"] and found.groups[0].label == "paint (fit)"
-    np.testing.assert_allclose(found.covariance, [[4e-4, -1e-4], [-1e-4, 1e-4]])
-
-
-def test_a_parameter_that_a_fit_held_has_no_error(tmp_path):
-    held = REPORT | {"standard_error": {"a": 0.02, "b": 0.0}, "correlation": [[1, 0], [0, 1]]}
-    (tmp_path / "paint.json").write_text(json.dumps(held))
-    found = inputs({"fits": {"paint": str(tmp_path / "paint.json")}})
-    assert found.names == ["paint.a"]
 
 
 PAIR = ["self.temperature", "sky.radiance"]
@@ -175,10 +110,56 @@ def test_reports_that_cannot_be_used(tmp_path, report, message):
         inputs({"fits": {"paint": str(tmp_path / "paint.json")}})
 
 
-def test_two_statements_on_one_quantity(tmp_path):
-    (tmp_path / "paint.json").write_text(json.dumps(REPORT))
-    tree = {"fits": {"paint": str(tmp_path / "paint.json")}, "sigma": {"paint.a": 0.1}}
-    with pytest.raises(InputError, match="'paint.a' has more than one uncertainty"):
-        inputs(tree)
-    with pytest.raises(InputError, match="unknown material of the scene 'pain'; known: paint"):
-        inputs({"fits": {"pain": str(tmp_path / "paint.json")}})
+def test_fractions():
+    assert relative("5 %") == 0.05 and relative("1e-1%") == pytest.approx(1e-3)
+    assert relative("5") is None and relative("five %") is None and relative("1.2.3 %") is None
+
+
+def test_nested_keys():
+    assert flat({"a": {"b": 1, "c": {"d": 2}}, "e.f": 3, "g": {}}) == {
+        "a.b": 1,
+        "a.c.d": 2,
+        "e.f": 3,
+    }
+
+
+def test_matrices():
+    """A correlation of three quantities, and a covariance; asymmetric ones are refused."""
+    names = ["a", "b", "c"]
+    matrix = [[1, 0.5, 0], [0.5, 1, 0.2], [0, 0.2, 1]]
+    stated = {"sigma": dict.fromkeys(names, 1.0)}
+    (group,) = Uncertainties.read(
+        stated | {"correlated": [{"names": names, "correlation": matrix}]}
+    ).correlated
+    assert group.names == ("a", "b", "c") and group.covariance is None
+    np.testing.assert_array_equal(group.correlation, matrix)
+    for wrong, message in (
+        ([[1, 0.5, 0], [0.4, 1, 0.2], [0, 0.2, 1]], "must be symmetric"),
+        ([[1, 0.9, -0.9], [0.9, 1, 0.9], [-0.9, 0.9, 1]], "no negative eigenvalue"),
+        ([[1, 0.5, 0], [0.5, 2, 0.2], [0, 0.2, 1]], "the diagonal of a correlation matrix is 1"),
+    ):
+        with pytest.raises(InputError, match=message):
+            Uncertainties.read(stated | {"correlated": [{"names": names, "correlation": wrong}]})
+    singular = {"names": ["a", "b"], "covariance": [[4, 2], [2, 1]]}
+    assert Uncertainties.read({"correlated": [singular]}).correlated[0].covariance.tolist() == [
+        [4, 2],
+        [2, 1],
+    ]
+    for wrong, message in (
+        ([[4, 2], [2, 0]], "the variances must be positive"),
+        ([[4, 2.1], [2.1, 1]], "no negative eigenvalue"),
+    ):
+        with pytest.raises(InputError, match=message):
+            Uncertainties.read({"correlated": [{"names": ["a", "b"], "covariance": wrong}]})
+
+
+def test_the_fit_of_a_material():
+    """Its parameters are those of the scene to Float32."""
+    fits = [FittedMaterial("f.json", "some", {"a": 0.25}, np.eye(1)) for _ in range(2)]
+    fits[1].values["a"] = 0.5
+    assert of_material(fits, "paint", {"a": 0.5 * (1 + 0.9e-4)}) is fits[1]
+    for present in ({"a": 0.5 * (1 + 1.1e-4)}, {"a": 0.25, "b": 1.0}, {"b": 0.25}):
+        with pytest.raises(
+            InputError, match="fit 'f.json' is of another material: it has a = 0.25"
+        ):
+            of_material(fits, "paint", present)

@@ -26,7 +26,8 @@ def other_pairs():
 
 
 def test_a_linear_prediction():
-    predicted = NOISY.at(X)
+    """From the values at which it was rendered."""
+    predicted = replace(NOISY, reference=np.array([0.5, -0.2, 0.3])).at(X + [0.5, -0.2, 0.3])
     expected = RADIANCE + np.einsum("rnk,k->rn", COLUMNS, X)
     np.testing.assert_allclose(predicted.radiance, expected)
     np.testing.assert_allclose(predicted.mean, expected.mean(axis=0))

@@ -1,0 +1,92 @@
+"""Contrasts of scenarios against closed forms and against renders."""
+
+import mitsuba as mi
+import numpy as np
+import pytest
+
+import mi_lcair
+from mi_lcair.detection.scenario import Scenario
+from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.uncertainty.budget import result_of
+from tests.detection.disc_scenario import AREA as DISC_AREA
+from tests.detection.disc_scenario import disc, triangles, write_disc
+from tests.uncertainty.plate_scene import (
+    row,
+    slope,
+    triangle_areas,
+)
+
+mi.set_variant("llvm_ad_mono")
+
+
+def test_contrast_in_closed_form(tmp_path):
+    """A blackbody disc in vacuum: contrast = A (B(T) - B(T_0)) / R^2."""
+    write_disc(tmp_path)
+    scenario = disc(tmp_path, render__resolution=32, render__spp=256)
+    stated = {
+        "sigma": {"self.temperature": 1.0},
+        "scenario": {
+            "background_temperature": 2.0,
+            "range_m": 10,
+            "transmittance": 0.02,
+            "nei": 1e-9,
+        },
+    }
+    found = mi_lcair.budget(scenario, stated)
+    band = scenario.sensor.detector().band
+    B = lambda T: float(in_band_radiance(band, T))
+    scale, expected = DISC_AREA / 1000**2, found.value
+    assert found.unit == "W m^-2"
+    assert expected == pytest.approx(scale * (B(400) - B(294)), rel=3e-3)
+    contributions = {
+        "self.temperature": scale * slope(band, 400),
+        "scenario.background_temperature": -2 * scale * slope(band, 294),
+        "scenario.range_m": -2 * expected / 1000 * 10,
+        "scenario.transmittance": 0.02 * scale * B(400),
+        "scenario.nei": 1e-9,
+    }
+    for name, contribution in contributions.items():
+        assert row(found, name).contribution == pytest.approx(contribution, rel=4e-3), name
+    assert sum(row.share for row in found.rows) == pytest.approx(1)
+
+
+@pytest.mark.slow
+def test_contrast_by_sources_and_by_renders():
+    """The derivative from weights of the sources is that of contrasts that are rendered anew.
+
+    The value is that of `mi_lcair.contrast`.
+    """
+    scenario = Scenario.read(
+        "a340_landing/position_3",
+        **{"render.resolution": 32, "render.spp": 64, "render.max_bounces": "[1, 2]"},
+    )
+    with result_of(scenario, {}) as number:
+        number.start()
+        assert number.value == pytest.approx(mi_lcair.contrast(scenario).rows[-1].total.value)
+        for name, step in (("bare_aluminum.epsilon", 0.02), ("bare_aluminum.b", 0.02)):
+            (found,), (error,) = number.derivatives([name], [step])
+            ends = [number.at({name: number.known[name].value + s}) for s in (step, -step)]
+            assert found == pytest.approx((ends[0] - ends[1]) / (2 * step), abs=4 * error)
+        # Temperatures and radiances by sources, and with everything rendered
+        for name, step in (("terrain.temperature", 3.0), ("sky.radiance", 0.1)):
+            value = number.known[name].value + step
+            total = number.numbers.render({name: value})
+            rendered = number.linear(total, number.areas_of(total), {}).value
+            assert number.at({name: value}) - number.value == pytest.approx(
+                rendered - number.value, rel=1e-3
+            )
+
+
+@pytest.mark.slow
+def test_a_contrast_with_too_many_temperatures(tmp_path):
+    """The derivative then comes from differences, and its error is not known."""
+    temperatures = np.linspace(395, 405, len(triangles()))
+    write_disc(tmp_path, temperatures)
+    scenario = disc(tmp_path, render__resolution=32)
+    found = mi_lcair.budget(scenario, {"sigma": {"self.temperature": 1.0}})
+    slopes = [slope(scenario.sensor.detector().band, T) for T in temperatures]
+    expected = DISC_AREA * np.average(slopes, weights=triangle_areas()) / 1000**2
+    found_row = row(found, "self.temperature")
+    assert found_row.contribution == pytest.approx(expected, rel=0.01)
+    assert np.isnan(found_row.sensitivity_error)
+    assert found_row.as_dict()["sensitivity_error"] is None

@@ -1,0 +1,192 @@
+"""A number that is linear in the radiances of its sources, without a render."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from mi_lcair.errors import InputError
+from mi_lcair.physics.bands import band
+from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.physics.spectrum import Spectrum
+from mi_lcair.plugins.emission.source import Source
+from mi_lcair.sensitivity.differences import NEAREST
+from mi_lcair.sensitivity.entries import Parameter
+from mi_lcair.signatures.effective_areas import EffectiveAreas
+from mi_lcair.uncertainty.number import Linear, Number, scaled, shifted
+
+LWIR = band("LWIR")
+AREAS = np.array([2.0, 3.0, 0.5])
+COVARIANCE = np.diag([0.01, 0.04, 0.09])
+SKY = Spectrum("sky", np.array([8.0, 12.0]), np.array([5.0, 7.0]))
+
+
+def B(T):
+    return float(in_band_radiance(LWIR, T))
+
+
+def parameter(name, kind, value, lower=0.0, upper=np.inf):
+    return Parameter(name, kind, value, "1", lower, upper)
+
+
+class Sum(Number):
+    """gain x (2 m^2 B(300 K) + 3 m^2 B(350 K) of `body`, and 0.5 m^2 of a sky of 24) + offset.
+
+    The paint is rendered: twice its value is the factor of all areas.
+    """
+
+    def __init__(self):
+        self.scene = SimpleNamespace(band=LWIR)
+        self.known = {
+            one.name: one
+            for one in (
+                parameter("body.temperature", "temperature", 325.0),
+                parameter("body@350.temperature", "temperature", 350.0),
+                parameter("sky.radiance", "radiance", 24.0),
+                parameter("paint.b", "material", 0.5, 0.0, 1.0),
+                parameter("scenario.gain", "scenario", 1.0, 0.0, 2.0),
+                parameter("scenario.offset", "scenario", 0.0, -np.inf),
+            )
+        }
+        sources = [
+            Source("body", "300 K", B(300), 300.0),
+            Source("body", "350 K", B(350), 350.0),
+            Source("sky", "sky", 24.0, spectrum=SKY),
+        ]
+        self.areas = EffectiveAreas(
+            LWIR, sources, AREAS, None, 1.0, COVARIANCE, np.empty(0), np.empty(0)
+        )
+        self.is_linear, self.total = True, SimpleNamespace(factor=1.0)
+        self.numbers = SimpleNamespace(render=self.render, count=3, prefix="target.", area=10.0)
+        self.base = self.linear(self.total, self.areas, {})
+
+    def render(self, values):
+        return SimpleNamespace(factor=2 * values["paint.b"])
+
+    def areas_of(self, total):
+        return self.areas
+
+    def linear(self, total, areas, quantities):
+        gain = quantities.get("scenario.gain", 1.0) * total.factor
+        factors = [gain * source.in_band for source in areas.sources]
+        covariance = np.zeros((4, 4))
+        covariance[:3, :3] = areas.covariance
+        return Linear(
+            np.append(factors, 1.0),
+            np.append(areas.area, quantities.get("scenario.offset", 0.0)),
+            covariance,
+        )
+
+
+NUMBER = Sum()
+VALUE = 2 * B(300) + 3 * B(350) + 12
+
+
+def test_value_and_error():
+    assert NUMBER.value == pytest.approx(VALUE)
+    squares = [B(300) ** 2 * 0.01, B(350) ** 2 * 0.04, 24**2 * 0.09]
+    assert NUMBER.error == pytest.approx(np.sqrt(sum(squares)))
+    NUMBER.columns = 2
+    assert NUMBER.renders == 5
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ({"body.temperature": 335.0}, 2 * B(310) + 3 * B(360) + 12),
+        ({"body@350.temperature": 340.0}, 2 * B(300) + 3 * B(340) + 12),
+        ({"sky.radiance": 30.0}, VALUE + 3),
+        ({"scenario.gain": 1.5, "sky.radiance": 30.0}, 1.5 * (VALUE + 3)),
+        ({"scenario.offset": -4.0}, VALUE - 4),
+        ({"paint.b": 0.6}, 1.2 * VALUE),
+        ({"paint.b": 0.6, "sky.radiance": 30.0, "scenario.offset": 1.0}, 1.2 * (VALUE + 3) + 1),
+    ],
+)
+def test_other_values(values, expected):
+    assert NUMBER.at(values) == pytest.approx(expected)
+
+
+def test_what_needs_a_render():
+    assert [name for name in NUMBER.known if NUMBER.needs_render(name)] == ["paint.b"]
+    several = Sum()
+    several.is_linear = False
+    assert [name for name in several.known if not several.needs_render(name)] == [
+        "scenario.gain",
+        "scenario.offset",
+    ]
+
+
+def test_derivatives_in_closed_form():
+    """Their errors come from the noise of the areas alone."""
+    slope = lambda T: (B(T + 0.1) - B(T - 0.1)) / 0.2
+    expected = {
+        "body.temperature": (
+            2 * slope(300) + 3 * slope(350),
+            np.hypot(0.1 * slope(300), 0.2 * slope(350)),
+        ),
+        "body@350.temperature": (3 * slope(350), 0.2 * slope(350)),
+        "sky.radiance": (0.5, 0.3),
+        "scenario.gain": (VALUE, NUMBER.error),
+        "scenario.offset": (1.0, 0.0),
+    }
+    names = list(expected)
+    for sigma in (1e-9, 1.0, 1e6):
+        derivative, error = NUMBER.derivatives(names, [sigma] * 5)
+        np.testing.assert_allclose(derivative, [d for d, _ in expected.values()], rtol=1e-3)
+        np.testing.assert_allclose(error, [e for _, e in expected.values()], rtol=1e-3, atol=1e-9)
+    assert NUMBER.source_slope(1) == pytest.approx(3 * slope(350), rel=1e-4)
+    assert NUMBER.source_slope(0) == pytest.approx(2 * slope(300), rel=1e-4)
+
+
+def test_derivatives_by_differences():
+    """Over a standard deviation on each side, or up to a bound."""
+    number = Sum()
+    type(number).has_weights = property(lambda self: False)
+    try:
+        derivative, error = number.derivatives(["scenario.gain", "paint.b"], [0.1, 0.1])
+        assert derivative == pytest.approx([VALUE, 2 * VALUE]) and np.isnan(error[1])
+        assert number.differences(["paint.b"], [3.0])[0] == pytest.approx([2 * VALUE])
+    finally:
+        del type(number).has_weights
+    assert number.within("paint.b", 1.7) == 1 and number.within("paint.b", 0.7) == 0.7
+    lowest = NEAREST * 325  # a temperature stays above its bound
+    assert number.within("body.temperature", -1.0) == pytest.approx(lowest)
+
+
+def test_feasible_values(monkeypatch):
+    """Bounds of what needs no render; the scene judges the rest."""
+
+    def checked(scene, values):
+        assert set(values) <= {"paint.b"}
+        if values.get("paint.b", 0) > 0.9:
+            raise InputError("too rough")
+
+    monkeypatch.setattr("mi_lcair.uncertainty.number.checked", checked)
+    assert NUMBER.is_feasible({"paint.b": 0.8})
+    assert not NUMBER.is_feasible({"paint.b": 0.95, "sky.radiance": 1.0})
+    assert NUMBER.is_feasible({"scenario.gain": 2.0, "sky.radiance": 0.0})
+    assert not NUMBER.is_feasible({"scenario.gain": 2.01})
+    assert not NUMBER.is_feasible({"sky.radiance": -0.01})
+
+
+def test_what_further_reflections_would_add():
+    """8, 4, 2 W m^-2 sr^-1 on 10 m^2: another 2 beyond, of 14, less what a closure adds."""
+    number, closure = Sum(), 0.0
+    means = {"target.bounce.0": 8.0, "target.bounce.1": 4.0, "target.bounce.2": 2.0}
+    number.total = SimpleNamespace(
+        sums=means, mean=lambda name: [means.get(name, closure)], factor=1.0
+    )
+    number.scene.mi = SimpleNamespace(integrator=lambda: SimpleNamespace(max_bounces=2))
+    np.testing.assert_allclose(number.by_reflections, [80, 40, 20])
+    assert number.truncation() == pytest.approx(2 / 14 * VALUE)
+    closure = 3.0
+    assert number.truncation() == pytest.approx(1 / 14 * VALUE)
+    means.update(dict.fromkeys(means, 0.0))
+    assert number.truncation() == 0
+
+
+def test_other_sources():
+    hot = shifted(Source("body", "300 K", B(300), 300.0), 20.0, LWIR)
+    assert (hot.temperature, hot.in_band) == (320, pytest.approx(B(320)))
+    bright = scaled(Source("sky", "sky", 24.0, spectrum=SKY), 1.5)
+    assert bright.in_band == 36 and bright.spectrum.radiance.tolist() == [7.5, 10.5]
