@@ -67,8 +67,8 @@ def unknown(kind: str, name: str, names) -> InputError:
     """
     name = printable(name, MOST_QUOTED)
     nearest_first = sorted(
-        (printable(other, MOST_QUOTED) for other in names),
-        key=lambda other: -SequenceMatcher(None, name.lower(), other.lower()).ratio(),
+        (printable(known, MOST_QUOTED) for known in names),
+        key=lambda known: -SequenceMatcher(None, name.lower(), known.lower()).ratio(),
     )
     listed = nearest_first if len(nearest_first) <= ALL else [*nearest_first[:NEAREST], "..."]
     known = ", ".join(listed) or "none"

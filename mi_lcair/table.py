@@ -24,7 +24,7 @@ FORMULA = ("=", "+", "-", "@")  # first characters of a cell that a spreadsheet 
 
 
 @dataclass
-class Table:
+class TextTable:
     """The cells of a table as text.
 
     file: name of the file in messages. columns: names of the columns. rows: line number and cells
@@ -65,7 +65,7 @@ class Table:
         marks = {}  # decimal mark: the first line that has it
         values = {}
         for column in columns:
-            place, found = self.columns.index(column), np.empty(len(self.rows))
+            place, numbers = self.columns.index(column), np.empty(len(self.rows))
             for row, (number, cells) in enumerate(self.rows):
                 cell = cells[place]
                 if "," in cell:
@@ -73,17 +73,17 @@ class Table:
                 elif "." in cell:
                     marks.setdefault(".", number)
                 if NUMBER.fullmatch(cell):
-                    found[row] = float(cell.replace(",", "."))
-                    if abs(found[row]) <= FARTHEST:
+                    numbers[row] = float(cell.replace(",", "."))
+                    if abs(numbers[row]) <= FARTHEST:
                         continue
                 elif may_lack and cell.lower() in NO_VALUE:
-                    found[row] = np.nan
+                    numbers[row] = np.nan
                     continue
                 raise InputError(
                     f"{self.file}, line {number}: {shown(cell)} in column "
                     f"'{column}' is not a number"
                 )
-            values[column] = found
+            values[column] = numbers
         if len(marks) == 2:
             raise InputError(
                 f"{self.file}: which is the decimal mark? line {marks['.']} has a point, "
@@ -106,7 +106,7 @@ class Table:
             )
 
 
-def read_table(path: str | Path, needed, kind: str = "") -> Table:
+def read_table(path: str | Path, needed, kind: str = "") -> TextTable:
     """The table in a CSV file whose header names at least the columns `needed`.
 
     kind: words before the path in messages. Raises InputError for a file without such a table. The
@@ -117,10 +117,10 @@ def read_table(path: str | Path, needed, kind: str = "") -> Table:
     text = read_text(path, file)
     columns = header_of(file, text, needed)
     if not set(needed) <= set(columns):
-        found = ", ".join(columns) if set(needed) & set(columns) else "none of them"
+        named = ", ".join(columns) if set(needed) & set(columns) else "none of them"
         raise InputError(
             f"{file}: the header must name {listed(needed)}; "
-            f"found: {found if columns else 'nothing'}"
+            f"found: {named if columns else 'nothing'}"
         )
     return parse_csv(file, text, has_keys=False)
 
@@ -176,7 +176,7 @@ def split(file: str, number: int, line: str, separator: str, width: int = 0) -> 
     return cells
 
 
-def parse_csv(file: str, text: str, has_keys: bool = True) -> Table:
+def parse_csv(file: str, text: str, has_keys: bool = True) -> TextTable:
     """The table in the text of a CSV file.
 
     file: name of the file in messages. has_keys: comments of the form `# key: value` are keys of
@@ -198,7 +198,7 @@ def parse_csv(file: str, text: str, has_keys: bool = True) -> Table:
         raise InputError(f"{file}: nothing but comments; expected a header line and rows")
     if twice := {column for column in columns if columns.count(column) > 1}:
         raise InputError(f"{file}: column {shown(min(twice))} appears twice; which one is meant?")
-    return Table(file, columns, rows, header, separator)
+    return TextTable(file, columns, rows, header, separator)
 
 
 def set_key(file: str, header: dict, key: str, value: str, number: int) -> None:

@@ -7,7 +7,7 @@ and rows of numbers separated by commas.
 import re
 
 from mi_lcair.errors import InputError, shown
-from mi_lcair.table import Table, lines_of, set_key, split
+from mi_lcair.table import TextTable, lines_of, set_key, split
 
 VARS = re.compile(r"^VARS\b", re.MULTILINE)
 
@@ -17,7 +17,7 @@ def is_astm(text: str) -> bool:
     return VARS.search(text) is not None
 
 
-def parse_astm(file: str, text: str) -> Table:
+def parse_astm(file: str, text: str) -> TextTable:
     """The table in the text of an ASTM file; the header's keys are in lower case.
 
     Raises InputError if NUM_POINTS is not the number of rows, or a column's name appears twice.
@@ -41,4 +41,4 @@ def parse_astm(file: str, text: str) -> Table:
             f"{file}, line {number}: NUM_POINTS is {shown(points)}, but {len(rows)} rows follow "
             "VARS; is the file complete?"
         )
-    return Table(file, columns, rows, header, is_astm=True)
+    return TextTable(file, columns, rows, header, is_astm=True)

@@ -18,7 +18,7 @@ from mi_lcair.fitting.scatterometer.astm import is_astm, parse_astm
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.directional_table import read_directional_table
-from mi_lcair.table import SEPARATORS, Table, lines_of, parse_csv
+from mi_lcair.table import SEPARATORS, TextTable, lines_of, parse_csv
 
 # The angles and their names in files, without the unit. The first name is that of this project.
 ANGLES = {
@@ -243,7 +243,7 @@ def pool(theta_i, theta_r, brdf, sigma=None):
     )
 
 
-def _columns(table: Table, quantity: str | None) -> dict[str, tuple[str, str]]:
+def _columns(table: TextTable, quantity: str | None) -> dict[str, tuple[str, str]]:
     """The columns that are understood, as role -> (column's name, unit).
 
     Exactly one of the roles "brdf" and "brdf_cos" is among them.
@@ -295,7 +295,7 @@ def _meaning(column: str) -> tuple[str | None, str]:
     return None, ""
 
 
-def _radians(table: Table, role: str, column: str, unit: str, values: np.ndarray) -> np.ndarray:
+def _radians(table: TextTable, role: str, column: str, unit: str, values: np.ndarray) -> np.ndarray:
     """Angles in radians; elevations within -90..90 degrees, azimuths within -360..360."""
     unit = unit or ("rad" if table.is_astm else "")
     if not unit:
@@ -414,7 +414,7 @@ def _brighter_side(theta_i, theta_r, brdf) -> str | None:
     return "specular" if verdict > 0.5 else "source" if verdict < -0.5 else None
 
 
-def _choice(table: Table, key: str, known: tuple[str, ...]) -> str | None:
+def _choice(table: TextTable, key: str, known: tuple[str, ...]) -> str | None:
     """The value of a header's key that must be one of the words `known`; None without the key."""
     value, line = table.header.get(key, (None, 0))
     if value is not None and value not in known:
@@ -422,7 +422,7 @@ def _choice(table: Table, key: str, known: tuple[str, ...]) -> str | None:
     return value
 
 
-def _band(table: Table) -> tuple[float, float] | None:
+def _band(table: TextTable) -> tuple[float, float] | None:
     """The band's limits [um] from the header's key band_um, as in `# band_um: 3 5`, or None."""
     value, line = table.header.get("band_um", ("", 0))
     if not value:
@@ -448,7 +448,7 @@ def limits(band: str) -> tuple[float, float]:
     return limited.lower_um, limited.upper_um
 
 
-def _half_angle_deg(table: Table) -> float:
+def _half_angle_deg(table: TextTable) -> float:
     """The value of the header's key source_half_angle_deg [degrees]; 0 without the key."""
     value, line = table.header.get("source_half_angle_deg", ("0", 0))
     try:

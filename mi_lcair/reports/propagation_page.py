@@ -56,13 +56,18 @@ def write_closures(path, closures) -> None:
     csv.write(path, columns)
 
 
+def sizes(closures) -> np.ndarray:
+    """Sizes of the errors, those below the end of the axis at the end."""
+    return np.maximum([abs(c.error) for c in closures], 1e-5)
+
+
 def draw_closures(path, closures) -> None:
     """Write a PNG: error of each closure against the cavity's opening, and on other scenes."""
     with drawing(path, (11, 4.6), dpi=120, layout="constrained") as figure:
         left, right = figure.subplots(1, 2, sharey=True, width_ratios=(3, 2))
         others = list(dict.fromkeys(c.case for c in closures if c.opening is None))
         for k, (bounces, closure) in enumerate(CLOSURES):
-            chosen = [c for c in closures if (c.bounces, c.closure) == (bounces, closure)]
+            measured = [c for c in closures if (c.bounces, c.closure) == (bounces, closure)]
             style = {
                 "color": f"C{k}",
                 "marker": method_chart.MARKERS[k],
@@ -70,13 +75,12 @@ def draw_closures(path, closures) -> None:
                 "label": label(bounces, closure),
                 "linestyle": ":" if closure == "none" else "-",
             }
-            size = lambda kept: np.maximum([abs(c.error) for c in kept], 1e-5)
-            cavities = [c for c in chosen if c.opening is not None]
-            left.loglog([c.opening for c in cavities], size(cavities), **style)
-            rest = [c for c in chosen if c.opening is None]
+            cavities = [c for c in measured if c.opening is not None]
+            left.loglog([c.opening for c in cavities], sizes(cavities), **style)
+            rest = [c for c in measured if c.opening is None]
             right.semilogy(
                 [others.index(c.case) + (k - 3) * 0.08 for c in rest],
-                size(rest),
+                sizes(rest),
                 **style | {"linestyle": "none"},
             )
         noise = max(c.standard_error for c in closures if c.opening is not None)
@@ -196,10 +200,11 @@ def compile_table(points) -> str:
         "|---|---|---|",
     ]
     for method in chart.names(points, "method"):
-        own = [p for p in points if p.method == method]
-        least = [chart.curve(own, case, method)[0].seconds for case in chart.names(own, "case")]
+        of_method = [p for p in points if p.method == method]
+        cases = chart.names(of_method, "case")
+        least = [chart.curve(of_method, case, method)[0].seconds for case in cases]
         lines.append(
-            f"| {method} | {chart.duration(max(p.compile_seconds for p in own))} | "
+            f"| {method} | {chart.duration(max(p.compile_seconds for p in of_method))} | "
             f"{chart.duration(float(np.median(least)))} |"
         )
     return "\n".join(lines)

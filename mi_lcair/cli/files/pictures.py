@@ -43,13 +43,13 @@ def _outlines_of(file, header, shape, scene, parameters, sensor):
         raise InputError(f"{file}: the scene of its facets is unknown; name it with --scene")
     given = loads(header.get("parameters", "{}")) | parameters
     loaded = mi_lcair.load(scene, **given)
-    seen = seen_facets(loaded, FacetTable(loaded), sensor or int(header.get("sensor", 0)))
-    if seen.shape != shape:
+    facets = seen_facets(loaded, FacetTable(loaded), sensor or int(header.get("sensor", 0)))
+    if facets.shape != shape:
         raise InputError(
             f"{file}: has {shape[1]} x {shape[0]} pixels, and the sensor of {loaded.name} "
-            f"{seen.shape[1]} x {seen.shape[0]}; name the scene that was rendered, with its -D"
+            f"{facets.shape[1]} x {facets.shape[0]}; name the scene that was rendered, with its -D"
         )
-    return seen
+    return facets
 
 
 def facet_columns(what, output, facets, channels, parameters, sensor, outlines, **scale):

@@ -43,13 +43,13 @@ def scenarios(ctx, param, incomplete: str) -> list[CompletionItem]:
 
 def scenes_and_scenarios(ctx, param, incomplete: str) -> list[CompletionItem]:
     """Bundled scenes and scenarios; files if none of them fits."""
-    found = [
+    items = [
         item
         for complete in (scenes, scenarios)
         for item in complete(ctx, param, incomplete)
         if item.type == "plain"
     ]
-    return found or [CompletionItem(incomplete, type="file")]
+    return items or [CompletionItem(incomplete, type="file")]
 
 
 def materials(ctx, param, incomplete: str) -> list[CompletionItem]:
@@ -60,12 +60,12 @@ def materials(ctx, param, incomplete: str) -> list[CompletionItem]:
 
 def pictured(ctx, param, incomplete: str) -> list[CompletionItem]:
     """What `show` draws: images, scenes and materials."""
-    found = [
+    items = [
         *offered({}, incomplete, ".exr"),
         *scenes(ctx, param, incomplete),
         *materials(ctx, param, incomplete),
     ]
-    plain = [item for item in found if item.type == "plain"]
+    plain = [item for item in items if item.type == "plain"]
     return plain or [CompletionItem(incomplete, type="file")]
 
 
@@ -98,8 +98,8 @@ def parameters_of_scene(scene: str) -> dict[str, str]:
     is_bundled = scene in bundled.names()
     meanings = bundled.parameters(scene) if is_bundled else {}
     file = bundled.path(scene) if is_bundled else bundled.in_folder(scene) or Path(scene)
-    found = survey(file, {})
-    others = sorted(found - meanings.keys())
+    names = survey(file, {})
+    others = sorted(names - meanings.keys())
     return {key: meaning.description for key, meaning in meanings.items()} | dict.fromkeys(
         others, ""
     )
@@ -130,9 +130,9 @@ def offered(names: dict[str, str], incomplete: str, suffix: str) -> list[Complet
     If nothing begins with the text, the shell completes file names.
     """
     files = {path.name: "" for path in sorted(Path().glob(f"*{suffix}"))}
-    found = [
+    items = [
         CompletionItem(name, help=text)
         for name, text in (names | files).items()
         if name.startswith(incomplete)
     ]
-    return found or [CompletionItem(incomplete, type="file")]
+    return items or [CompletionItem(incomplete, type="file")]

@@ -6,12 +6,12 @@ import numpy as np
 from mi_lcair.errors import InputError, shown
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.scene import Scene
-from mi_lcair.table import Table
+from mi_lcair.table import TextTable
 
 FACET = "facet"  # the column of facet numbers
 
 
-def by_facet(table: Table, name: str, count: int) -> np.ndarray:
+def by_facet(table: TextTable, name: str, count: int) -> np.ndarray:
     """Values of a column by facet number, (count,); NaN for a facet without a row or value.
 
     The table needs a column `facet`. Raises InputError, with the line, for a facet that is not one
@@ -61,13 +61,13 @@ def pixel_rays(camera) -> tuple[mi.Ray3f, tuple[int, int]]:
     return ray, (height, width)
 
 
-def facet_images(scene: Scene, table: Table, names, sensor: int = 0) -> dict[str, np.ndarray]:
+def facet_images(scene: Scene, table: TextTable, names, sensor: int = 0) -> dict[str, np.ndarray]:
     """Images of some columns of a facet table, as a sensor sees the facets.
 
     Parameters
     ----------
     scene : Scene
-    table : Table
+    table : TextTable
         Table with a column `facet`.
     names : iterable of str
         Columns to show.

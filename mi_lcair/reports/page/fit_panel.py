@@ -68,12 +68,12 @@ def brdf_traces(figure, fit, measurements) -> str:
     with np.errstate(divide="ignore", invalid="ignore"):
         residual = np.log10(measurements.brdf / model)
     for setting, color in zip(settings, shades(len(settings))):
-        chosen = angles[fixed] == setting
-        x = np.linspace(angles[swept][chosen].min(), angles[swept][chosen].max(), POINTS)
+        at_setting = angles[fixed] == setting
+        x = np.linspace(angles[swept][at_setting].min(), angles[swept][at_setting].max(), POINTS)
         add_curve(figure, go, fit, swept, x, fixed, setting, color)
         for points, symbol, words in (
-            (chosen & used, "circle", "measured"),
-            (chosen & ~used & (measurements.brdf > 0), "circle-open", "left out"),
+            (at_setting & used, "circle", "measured"),
+            (at_setting & ~used & (measurements.brdf > 0), "circle-open", "left out"),
         ):
             if not points.any():
                 continue
@@ -81,7 +81,7 @@ def brdf_traces(figure, fit, measurements) -> str:
                 figure, go, 1, np.degrees(angles[swept][points]), measurements.brdf[points],
                 symbol, color, setting, f"%{{y:.4g}} sr⁻¹, {words}",
             )  # fmt: skip
-        points = chosen & used
+        points = at_setting & used
         add_points(
             figure, go, 2, np.degrees(angles[swept][points]), residual[points],
             "circle", color, setting, "%{y:.3f} decades",

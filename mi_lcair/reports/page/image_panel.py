@@ -29,8 +29,8 @@ def image_panel(channels: dict[str, np.ndarray], shown=(), orthographic_m=None) 
     part = around_target(channels)
     height, width = next(iter(values.values())).shape
     names = list(values)
-    chosen = [name for name in shown if name in values] or names[:2]
-    seen = {
+    first = [name for name in shown if name in values] or names[:2]
+    groups = {
         name.removeprefix(SEEN).removesuffix(".Y"): names.index(name)
         for name in names
         if name.startswith(SEEN)
@@ -54,8 +54,8 @@ def image_panel(channels: dict[str, np.ndarray], shown=(), orthographic_m=None) 
                 for name, pixels in values.items()
             ],
             "part": part != WHOLE,
-            "shown": [names.index(name) for name in chosen],
-            "seen": {"names": list(seen), "channels": list(seen.values())},
+            "shown": [names.index(name) for name in first],
+            "seen": {"names": list(groups), "channels": list(groups.values())},
         },
         height=620,
     )
@@ -93,14 +93,14 @@ def limits(values: np.ndarray, log: bool = False, weights=None) -> tuple[float, 
     LOG_DECADES. weights: of each value, such as the areas of facets; equal ones by default.
     """
     values = np.ravel(values)
-    chosen = np.isfinite(values) & ((values > 0) | (not log))
-    values = values[chosen]
+    is_drawn = np.isfinite(values) & ((values > 0) | (not log))
+    values = values[is_drawn]
     if not values.size:
         return (0.1, 1.0) if log else (0.0, 1.0)
     if weights is None:
         low, high = map(float, np.quantile(values, (LOW, HIGH)))
     else:
-        low, high = weighted_quantiles(values, np.ravel(weights)[chosen])
+        low, high = weighted_quantiles(values, np.ravel(weights)[is_drawn])
     if low == high:
         low, high = float(values.min()), float(values.max())
     if low == high:  # a scale needs an extent; it is centred on the only value

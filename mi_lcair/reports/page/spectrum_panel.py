@@ -22,10 +22,10 @@ def spectrum_panel(wavelengths_um, curves: dict[str, np.ndarray]) -> Panel:
     groups = list(dict.fromkeys(name.partition(".")[2] for name in curves if "." in name))
     named = set()  # groups that are in the legend
     for place, part in enumerate(parts, 1):
-        shown = {"total": curves[part]} | {
+        of_part = {"total": curves[part]} | {
             group: curves[f"{part}.{group}"] for group in groups if f"{part}.{group}" in curves
         }
-        for group, values in shown.items():
+        for group, values in of_part.items():
             if not np.any(values):
                 continue
             line = (

@@ -44,8 +44,8 @@ def trend_panel(columns: dict[str, np.ndarray]) -> Panel:
             visible.append(None)
         least = NEGLIGIBLE * np.nanmax(columns["intensity_W_sr"])
         for place, kind in enumerate(kinds, 2):
-            chosen = [key for key in parts(columns, kind) if np.nanmax(columns[key]) > least]
-            for order, key in enumerate(chosen):
+            large = [key for key in parts(columns, kind) if np.nanmax(columns[key]) > least]
+            for order, key in enumerate(large):
                 azimuth, (values,) = closed(rows, key)
                 title = key.partition(".")[2].removesuffix("_W_sr")
                 title = title if kind == "group" else reflections(title)

@@ -64,7 +64,7 @@ def _temperature(figure, axes, image: Image) -> None:
     values = image.channels["temperature.Y"][part]
     # A few hot or bad pixels must not set the scale
     low, high = np.quantile(values, [0.002, 0.985])
-    shown = axes.imshow(
+    drawn = axes.imshow(
         values,
         cmap="inferno",
         vmin=low,
@@ -72,7 +72,7 @@ def _temperature(figure, axes, image: Image) -> None:
         extent=(part[1].start, part[1].stop, part[0].stop, part[0].start),
         interpolation="nearest",
     )
-    bar = figure.colorbar(shown, ax=axes, extend="both", shrink=0.9)
+    bar = figure.colorbar(drawn, ax=axes, extend="both", shrink=0.9)
     bar.set_label("apparent temperature (K)", fontsize=8)
     bar.ax.tick_params(labelsize=8)
     axes.set_title("(a) first frame, around the target", fontsize=10)

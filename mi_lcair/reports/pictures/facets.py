@@ -20,8 +20,8 @@ def figure(facets: FacetResults):
     bright, cloud = figure.subplots(1, 2)
 
     intensity = np.nan_to_num(table["intensity_W_sr"])
-    seen = np.flatnonzero(table["samples"])
-    order = seen[np.argsort(-intensity[seen], kind="stable")][:MOST_BARS]
+    visible = np.flatnonzero(table["samples"])
+    order = visible[np.argsort(-intensity[visible], kind="stable")][:MOST_BARS]
     bright.bar(
         np.arange(len(order)),
         intensity[order],
@@ -34,14 +34,14 @@ def figure(facets: FacetResults):
     bright.set_xlabel("facet", fontsize=9)
     bright.set_ylabel(r"intensity (W sr$^{-1}$)", fontsize=9)
     bright.set_title(
-        f"the {len(order)} brightest of {len(seen)} facets that the sensor sees", fontsize=10
+        f"the {len(order)} brightest of {len(visible)} facets that the sensor sees", fontsize=10
     )
 
     for name in names:
-        own = (table["group"] == name) & (table["samples"] > 0)
+        in_group = (table["group"] == name) & (table["samples"] > 0)
         cloud.plot(
-            table["temperature_K"][own],
-            table["radiance_W_m2_sr"][own],
+            table["temperature_K"][in_group],
+            table["radiance_W_m2_sr"][in_group],
             ".",
             color=colors[name],
             label=plain(name),

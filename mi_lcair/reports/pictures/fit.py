@@ -82,18 +82,25 @@ def draw_brdf(axes, below, measurements: Measurements, fit) -> None:
     )
     lowest = []
     for setting, color in zip(settings, shades(len(settings))):
-        chosen = angles[fixed] == setting
-        x = np.linspace(angles[swept][chosen].min(), angles[swept][chosen].max(), LINE_POINTS)
+        at_setting = angles[fixed] == setting
+        x = np.linspace(
+            angles[swept][at_setting].min(), angles[swept][at_setting].max(), LINE_POINTS
+        )
         line = predicted(
             fit, **{swept: np.radians(x), fixed: np.full(LINE_POINTS, np.radians(setting))}
         )
         axes.plot(x, line, color=color, lw=1.2, label=f"{setting:g}°")
-        for points, face in ((chosen & used, color), (chosen & ~used, "none")):
+        for points, face in ((at_setting & used, color), (at_setting & ~used, "none")):
             axes.plot(
                 angles[swept][points], brdf[points], "o", ms=2.6, mew=0.5, color=color, mfc=face
             )
         below.plot(
-            angles[swept][chosen & used], residual[chosen & used], "o", ms=2.2, mew=0, color=color
+            angles[swept][at_setting & used],
+            residual[at_setting & used],
+            "o",
+            ms=2.2,
+            mew=0,
+            color=color,
         )
         lowest.append(line.min())
     axes.set_yscale("log")

@@ -142,7 +142,7 @@ def check_cmap(name: str | None) -> None:
     from matplotlib import colormaps
 
     if name is not None and name not in colormaps:
-        raise unknown("colour map", name, [own for own in colormaps if not own.endswith("_r")])
+        raise unknown("colour map", name, [known for known in colormaps if known[-2:] != "_r"])
 
 
 def drawable(name: str, values: np.ndarray) -> np.ndarray:

@@ -21,7 +21,7 @@ WIDTH = 3.6  # of a panel that shows the longest side, inches
 
 
 @dataclass(frozen=True)
-class View:
+class Side:
     """A direction from which a model is drawn. Axes are 0, 1, 2 for x, y, z.
 
     right, up, near: axis and sign of what points right, up and to the observer in the picture.
@@ -34,9 +34,9 @@ class View:
 
 
 VIEWS = (
-    View("left side (azimuth 90)", (0, -1), (2, 1), (1, 1)),
-    View("front (azimuth 0)", (1, 1), (2, 1), (0, 1)),
-    View("top (elevation 90)", (0, -1), (1, -1), (2, 1)),
+    Side("left side (azimuth 90)", (0, -1), (2, 1), (1, 1)),
+    Side("front (azimuth 0)", (1, 1), (2, 1), (0, 1)),
+    Side("top (elevation 90)", (0, -1), (1, -1), (2, 1)),
 )
 TITLE = "x forward (nose), y left, z up"
 ARROWS = {0: "nose", 2: "up"}  # words at the arrows along +x and +z
@@ -85,7 +85,7 @@ def _draw_materials(drawn, panels, model, label, images, box, longest):
     from matplotlib.colors import to_rgb
     from matplotlib.patches import Patch
 
-    kinds = [f"{Path(own.material).name} ({TYPES[own.type]})" for own in model.labels]
+    kinds = [f"{Path(kind.material).name} ({TYPES[kind.type]})" for kind in model.labels]
     names = sorted(set(kinds))
     palette = colormaps["tab10" if len(names) <= 10 else "tab20"].colors
     colours = {name: palette[number % len(palette)] for number, name in enumerate(names)}
@@ -111,8 +111,8 @@ def _draw_temperatures(drawn, panels, model, images, box, longest):
     """Draw the temperatures, on a common scale from the model's lowest to its highest."""
     from matplotlib import colormaps
 
-    own = model.facets_of("f")
-    scale = model.temperature[own if own.any() else slice(None)]
+    of_target = model.facets_of("f")
+    scale = model.temperature[of_target if of_target.any() else slice(None)]
     lower, upper = scale.min(), max(scale.max(), scale.min() + 1e-3)
     kelvin = model.temperature[model.triangle_facet]
     colours = colormaps["plasma"].with_extremes(bad="white")
@@ -128,11 +128,8 @@ def _draw_temperatures(drawn, panels, model, images, box, longest):
             vmax=upper,
         )
         _finish(panel, view, box, longest)
-    beyond = [kelvin[image[image >= 0]] for image in images]
-    below, above = (
-        any((own < lower).any() for own in beyond),
-        any((own > upper).any() for own in beyond),
-    )
+    visible = np.concatenate([kelvin[image[image >= 0]] for image in images])
+    below, above = (visible < lower).any(), (visible > upper).any()
     drawn.colorbar(
         artist,
         ax=list(panels),
@@ -170,8 +167,9 @@ def _finish(panel, view, box, longest):
 
 def _window(model):
     """Lowest and highest coordinates (2, 3) that are drawn, and the model's longest side [m]."""
-    own = model.facets_of("f")[model.triangle_facet]
-    points = model.vertices[model.triangles[own if own.any() else slice(None)]].reshape(-1, 3)
+    of_target = model.facets_of("f")[model.triangle_facet]
+    triangles = model.triangles[of_target if of_target.any() else slice(None)]
+    points = model.vertices[triangles].reshape(-1, 3)
     lower, upper = points.min(axis=0), points.max(axis=0)
     longest = (upper - lower).max()
     around = np.maximum(MARGIN * longest, (0.2 * longest - (upper - lower)) / 2)
@@ -206,11 +204,11 @@ def _triangles_seen(model, view, box, pixel):
     sizes = np.ceil(np.diff(box, axis=0)[0] / pixel).astype(int)
     image = nearest_triangles(points, depth, (sizes[view.up[0]], sizes[view.right[0]]))
     turned = _area(*np.moveaxis(points, 1, 0)) < 0
-    own = model.facets_of("f")[model.triangle_facet]
-    if turned[~own].any():  # the backs of sky and terrain hide nothing
-        chosen = np.flatnonzero(own | ~turned)
-        image = nearest_triangles(points[chosen], depth[chosen], image.shape)
-        image[image >= 0] = chosen[image[image >= 0]]
+    of_target = model.facets_of("f")[model.triangle_facet]
+    if turned[~of_target].any():  # the backs of sky and terrain hide nothing
+        kept = np.flatnonzero(of_target | ~turned)
+        image = nearest_triangles(points[kept], depth[kept], image.shape)
+        image[image >= 0] = kept[image[image >= 0]]
     image[(image >= 0) & turned[np.maximum(image, 0)]] = BEHIND
     return image
 
@@ -233,22 +231,22 @@ def nearest_triangles(points: np.ndarray, depth: np.ndarray, shape) -> np.ndarra
         triangles = np.flatnonzero((groups == group) & (counts > 0))
         if not len(triangles):
             continue
-        own = np.repeat(triangles, counts[triangles])
+        triangle = np.repeat(triangles, counts[triangles])
         begins = np.cumsum(counts[triangles]) - counts[triangles]
-        within = np.arange(len(own)) - np.repeat(begins, counts[triangles])
-        column = first[own, 0] + within % spans[own, 0]
-        row = first[own, 1] + within // spans[own, 0]
+        within = np.arange(len(triangle)) - np.repeat(begins, counts[triangles])
+        column = first[triangle, 0] + within % spans[triangle, 0]
+        row = first[triangle, 1] + within // spans[triangle, 0]
         middle = np.stack([column, row], axis=1) + 0.5
-        a, b, c = np.moveaxis(points[own], 1, 0)
+        a, b, c = np.moveaxis(points[triangle], 1, 0)
         weights = np.stack([_area(middle, b, c), _area(a, middle, c), _area(a, b, middle)], axis=1)
-        weights /= area[own, None]
+        weights /= area[triangle, None]
         inside = weights.min(axis=1) >= 0
-        own, row, column = own[inside], row[inside], column[inside]
-        near = np.einsum("nk,nk->n", weights[inside], depth[own])
+        triangle, row, column = triangle[inside], row[inside], column[inside]
+        near = np.einsum("nk,nk->n", weights[inside], depth[triangle])
         order = np.argsort(near, kind="stable")  # of several in one pixel, the last one stays
         order = order[near[order] > nearest[row[order], column[order]]]
         nearest[row[order], column[order]] = near[order]
-        image[row[order], column[order]] = own[order]
+        image[row[order], column[order]] = triangle[order]
     return image
 
 

@@ -13,22 +13,22 @@ def figure(sensitivities: Sensitivities):
     columns = sensitivities.columns()
     kinds = list(dict.fromkeys(columns["unit"])) or ["W/sr"]
     rows = {unit: np.flatnonzero(columns["unit"] == unit) for unit in kinds}
-    for unit, own in rows.items():
-        largest = np.argsort(-np.abs(columns["derivative"][own]), kind="stable")
-        rows[unit] = own[largest[:MOST_BARS]]
-    heights = [1.1 + 0.3 * max(len(own), 1) for own in rows.values()]
+    for unit, of_unit in rows.items():
+        largest = np.argsort(-np.abs(columns["derivative"][of_unit]), kind="stable")
+        rows[unit] = of_unit[largest[:MOST_BARS]]
+    heights = [1.1 + 0.3 * max(len(of_unit), 1) for of_unit in rows.values()]
     figure = new_figure((8, 0.7 + sum(heights)), layout="constrained")
     panels = figure.subplots(len(rows), 1, squeeze=False, height_ratios=heights)[:, 0]
-    for panel, (unit, own) in zip(panels, rows.items()):
-        places = np.arange(len(own))
+    for panel, (unit, of_unit) in zip(panels, rows.items()):
+        places = np.arange(len(of_unit))
         panel.barh(
             places,
-            columns["derivative"][own],
-            xerr=columns["standard_error"][own],
+            columns["derivative"][of_unit],
+            xerr=columns["standard_error"][of_unit],
             height=0.65,
-            color=["C3" if columns["derivative"][k] > 0 else "C0" for k in own],
+            color=["C3" if columns["derivative"][k] > 0 else "C0" for k in of_unit],
         )
-        panel.set_yticks(places, [plain(columns["parameter"][k]) for k in own], fontsize=8)
+        panel.set_yticks(places, [plain(columns["parameter"][k]) for k in of_unit], fontsize=8)
         panel.invert_yaxis()
         panel.axvline(0, color="black", linewidth=0.8)
         panel.set_xlabel(f"derivative of the intensity ({plain(unit)})", fontsize=9)

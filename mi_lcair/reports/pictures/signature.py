@@ -57,14 +57,14 @@ def bars(panel, title: str, names: list[str], values: dict, label: str) -> None:
 
     values: {part: (values, standard errors)} with one entry for each of `names`.
     """
-    largest = np.max([np.abs(own) for own, _ in values.values()], axis=0)
+    largest = np.max([np.abs(heights) for heights, _ in values.values()], axis=0)
     order = np.argsort(-largest, kind="stable")[:MOST_BARS]
     kept = np.sort(order[largest[order] >= NEGLIGIBLE * largest.max()])
     width = 0.8 / len(values)
-    for number, (part, (own, errors)) in enumerate(values.items()):
+    for number, (part, (heights, errors)) in enumerate(values.items()):
         panel.bar(
             np.arange(len(kept)) + (number - 0.5 * (len(values) - 1)) * width,
-            np.array(own)[kept],
+            np.array(heights)[kept],
             width,
             yerr=np.array(errors)[kept],
             color=COLORS[part],

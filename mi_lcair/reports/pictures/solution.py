@@ -67,8 +67,8 @@ def _draw_image(part, fitted) -> None:
         for axis in (panel.xaxis, panel.yaxis):
             axis.set_major_locator(MaxNLocator(4, integer=True))
     measured.set_ylabel("row (pixel)", fontsize=8)
-    for one in (bar, of_residual):
-        one.ax.tick_params(labelsize=7)
+    for colour_bar in (bar, of_residual):
+        colour_bar.ax.tick_params(labelsize=7)
 
 
 def _draw_numbers(part, fitted) -> None:
