@@ -1,6 +1,7 @@
 """Air along slant paths: the bundled tables, rows left out, closed forms, unusable files."""
 
 import csv
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -185,6 +186,23 @@ def test_temperatures_of_the_air():
     assert hot._temperatures[1].max() == 400 and cold._temperatures[1].min() == 100
 
 
+def test_air_that_takes_nothing_at_a_wavelength(isothermal):
+    """A transmittance of 1 stays 1 between the entries, and nothing is emitted."""
+    clear = replace(
+        isothermal,
+        wavelengths_um=np.array([3.0, 4.0, 5.0, 5.1]),
+        transmittance=np.concatenate([isothermal.transmittance, np.ones((5, 6, 1))], axis=-1),
+        up=np.concatenate([isothermal.up, np.zeros((5, 6, 1))], axis=-1),
+        down=np.concatenate([isothermal.down, np.zeros((5, 6, 1))], axis=-1),
+    )
+    for looks_up in (True, False):
+        path = clear.along(20.0, looks_up, 700.0).path(3000)
+        assert path.transmittance[-1] == pytest.approx(1, abs=1e-11)
+        assert path.radiance[-1] == pytest.approx(0, abs=1e-9)
+        known = isothermal.along(20.0, looks_up, 700.0).path(3000)
+        np.testing.assert_allclose(path.transmittance[:3], known.transmittance, rtol=1e-9)
+
+
 def test_a_table_without_a_row(isothermal):
     left = isothermal.without(elevation_deg=10.0)
     assert left.elevations_deg.tolist() == [1, 3, 30, 90] and left.transmittance.shape == (4, 6, 3)
@@ -228,6 +246,11 @@ def test_names_and_files(tmp_path):
         (
             "10,1,3,0.5,1,1\n10,1,4,0.5,1,1\n10,2,3,0.6,1,1\n10,2,4,0.4,1,1",
             "transmittance rises from 0.5 at 1000 m to 0.6 at 2000 m",
+        ),
+        (
+            "10,1,3,0.5,1,1\n10,1,4,0.5,1,1\n20,1,3,1,0,0\n20,1,4,0.5,1,1\n30,1,3,1,5,5\n"
+            "30,1,4,0.5,1,1",
+            "air.csv at 30 degrees.*the transmittance is 1 and the path radiance 5",
         ),
     ],
 )
