@@ -45,6 +45,23 @@ def test_noise():
     assert IMAGER.noise(-5.0) == pytest.approx(np.sqrt(1.1e5 + quantisation), rel=1e-12)
 
 
+def test_defaults_are_those_of_an_ideal_camera_of_14_bits():
+    ideal = Imager(
+        focal_length_mm=50.0,
+        f_number=2.5,
+        pitch_um=20.0,
+        width=200,
+        height=100,
+        integration_time_ms=4.0,
+        well_Me=3.0,
+    )
+    assert ideal.pixel_area == pytest.approx(4e-10) and ideal.quantum_efficiency == 1
+    assert ideal.noise(0.0) == pytest.approx(3e6 / (16383 * 63 / 64) / np.sqrt(12), rel=1e-12)
+    errors = ideal.jitter_urad, ideal.defocus_um, ideal.gain_nonuniformity
+    assert (*errors, ideal.offset_nonuniformity_e, ideal.right_deg, ideal.up_deg) == (0,) * 6
+    assert not ideal.nuc and ideal.least_pixels == 1 and ideal.projection == "perspective"
+
+
 @pytest.mark.parametrize(
     "changes, message",
     [
