@@ -94,11 +94,11 @@ def spectrum(what, output):
     """Draw the spectral intensity of a signature."""
     from mi_lcair.drawing import write_figure
     from mi_lcair.formats.tables import read_columns
-    from mi_lcair.reports.pictures.spectrum import figure_of
+    from mi_lcair.reports.pictures.spectrum import figure_of_columns
 
     file = Path(what)
     output = output or file.with_suffix(".png")
-    write_figure(figure_of(read_columns(file), file.stem), output)
+    write_figure(figure_of_columns(read_columns(file), file.stem), output)
     click.echo(output)
 
 

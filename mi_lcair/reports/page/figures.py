@@ -4,23 +4,11 @@ from html import escape
 
 from mi_lcair.errors import printable
 from mi_lcair.extras import optional
+from mi_lcair.reports.line_charts import COLOURS
 from mi_lcair.reports.page.panel import LONGEST, Panel
 
 LINE = {"width": 1.6}
-INK = "#1c2430"
 BAND = 0.18  # opacity of a band of errors
-COLOURS = (
-    "#1f5fa8",
-    "#d1495b",
-    "#2e8b57",
-    "#e08e0b",
-    "#6a4c93",
-    "#0fa3b1",
-    "#8d5a2b",
-    "#c2569c",
-    "#6b7280",
-    "#9aa800",
-)
 
 
 def graph_objects():

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from mi_lcair.reports.page.figures import INK, LINE, figure_panel, graph_objects, subplots
+from mi_lcair.reports.line_charts import INK
+from mi_lcair.reports.page.figures import LINE, figure_panel, graph_objects, subplots
 from mi_lcair.reports.page.panel import Panel
 from mi_lcair.reports.pictures.fit import MOST_CURVES, directional, predicted
 

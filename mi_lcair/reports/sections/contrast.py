@@ -2,7 +2,8 @@
 
 from functools import partial
 
-from mi_lcair.reports.page.contrast_panel import contrast_panel
+from mi_lcair.reports.page.line_panel import line_panel
+from mi_lcair.reports.pictures.contrast import charts
 from mi_lcair.results.accuracy import error_row, interval
 from mi_lcair.results.sections import Drawing, Facts, Remarks, Section, Table
 
@@ -21,7 +22,12 @@ def sections(contrast, ranges: bool = True) -> list[Section]:
     ]
     if ranges and contrast.detector.nei is not None:
         result.append(Section("Detection range", [detection_ranges(contrast)]))
-    return [*result, Section("Spectra", [Drawing(partial(contrast_panel, contrast))])]
+    return [*result, Section("Spectra", [Drawing(partial(spectra, contrast))])]
+
+
+def spectra(contrast):
+    """The panel of the spectra."""
+    return line_panel(charts(contrast))
 
 
 def setting(contrast) -> list[tuple[str, str]]:

@@ -4,10 +4,9 @@ from functools import partial
 
 import numpy as np
 
-from mi_lcair.reports.page.spectrum_panel import spectrum_panel
+from mi_lcair.reports.page.line_panel import line_panel
+from mi_lcair.reports.pictures.spectrum import charts
 from mi_lcair.results.sections import Drawing, Section
-
-SPECTRAL = "_W_sr_um"  # end of the names of a spectrum's columns
 
 
 def sections(areas) -> list[Section]:
@@ -17,13 +16,6 @@ def sections(areas) -> list[Section]:
 
 def spectrum_section(columns: dict[str, np.ndarray]) -> Section:
     """Spectral intensity of target and scene by what emitted it: wavelength_um, NAME_W_sr_um."""
-    curves = {
-        name.removesuffix(SPECTRAL): np.asarray(values, float)
-        for name, values in columns.items()
-        if name.endswith(SPECTRAL)
-    }
-    wavelengths = np.asarray(columns["wavelength_um"], float)
     words = "Before any atmosphere, by what emitted it. A click on a name hides a curve."
-    return Section(
-        "Spectral intensity", [words, Drawing(partial(spectrum_panel, wavelengths, curves))]
-    )
+    drawing = Drawing(partial(line_panel, charts(columns), across=True))
+    return Section("Spectral intensity", [words, drawing])

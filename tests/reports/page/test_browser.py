@@ -10,8 +10,8 @@ import mi_lcair
 from mi_lcair.reports.page.image_panel import image_panel
 from mi_lcair.reports.page.model_panel import EMISSIVITY, with_emissivity
 from mi_lcair.reports.page.page import save
-from mi_lcair.reports.page.spectrum_panel import spectrum_panel
 from mi_lcair.reports.sections.facets import sections as facets_sections
+from mi_lcair.reports.sections.spectrum import spectrum_section
 from mi_lcair.results.sections import Drawing, Facts, Lines, Remarks, Section, Table
 from mi_lcair.signatures.facet_results import FacetResults
 
@@ -228,10 +228,11 @@ def test_names_from_files_are_only_text(visit, tmp_path):
     facets = FacetResults(SCRIPT, "MWIR", columns, triangle, np.zeros(1, int))
     channels = {SCRIPT: np.eye(4), f"seen.{SCRIPT}.Y": np.ones((4, 4))}
     image = Drawing(partial(image_panel, channels))
-    curves = {"target": [1, 2], f"target.{SCRIPT}": [1, 1]}
+    curves = {"target_W_sr_um": [1, 2], f"target.{SCRIPT}_W_sr_um": [1, 1]}
+    curves["wavelength_um"] = [1, 2]
     sections = [
         Section(SCRIPT, [image, SCRIPT, Facts([(SCRIPT, SCRIPT)]), Lines(SCRIPT, [SCRIPT])]),
-        Section("spectrum", [Drawing(partial(spectrum_panel, [1, 2.0], curves))]),
+        spectrum_section(curves),
         Section("table", [Table([SCRIPT], [[SCRIPT]]), Remarks([SCRIPT])]),
         *facets_sections(facets),
     ]

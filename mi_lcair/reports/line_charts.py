@@ -1,0 +1,110 @@
+"""Line charts: what they show, for pictures and pages alike, and their pictures."""
+
+from dataclasses import dataclass
+from textwrap import fill
+
+import numpy as np
+
+from mi_lcair.drawing import new_figure, plain
+from mi_lcair.results.cells import typeset_unit
+
+INK = "#1c2430"  # colour of the main curve
+COLOURS = (
+    "#1f5fa8",
+    "#d1495b",
+    "#2e8b57",
+    "#e08e0b",
+    "#6a4c93",
+    "#0fa3b1",
+    "#8d5a2b",
+    "#c2569c",
+    "#6b7280",
+    "#9aa800",
+)
+WIDEST_TITLE = 75  # characters of a line
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A curve of a chart.
+
+    name: in the legend. values: over the chart's abscissa. unit: of the values, as UDUNITS has it.
+    colour: number of its colour; None for the main curve. on_right: the values are fractions, over
+    an axis of their own on the right.
+    """
+
+    name: str
+    values: np.ndarray
+    unit: str
+    colour: int | None = None
+    on_right: bool = False
+
+    @property
+    def line(self) -> dict:
+        """Width and colour, as Matplotlib and plotly both name them."""
+        if self.colour is None:
+            return {"width": 2.2, "color": INK}
+        return {"width": 1.6, "color": COLOURS[self.colour % len(COLOURS)]}
+
+
+@dataclass(frozen=True)
+class LineChart:
+    """Curves over one abscissa.
+
+    title: as plain text. x: abscissa. x_label, y_label: of its axes, with units. curves: the main
+    one has the unit of the ordinate. from_zero: whether the ordinate begins at 0.
+    """
+
+    title: str
+    x: np.ndarray
+    x_label: str
+    y_label: str
+    curves: list[Curve]
+    from_zero: bool = False
+
+
+def label(quantity: str, unit: str) -> str:
+    """Label of an axis, with a unit of UDUNITS."""
+    return f"{quantity} ({typeset_unit(unit)})"
+
+
+def figure_of(charts: list[LineChart], title: str, across: bool = False):
+    """Matplotlib Figure of charts, one below the other or, with `across`, side by side."""
+    count = len(charts)
+    figure = new_figure((11, 4.5) if across else (7, 3 * count), layout="constrained")
+    rows, columns = (1, count) if across else (count, 1)
+    axes = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel()
+    for panel, chart in zip(axes, charts):
+        draw(panel, chart)
+        if across or chart is charts[-1]:
+            panel.set_xlabel(chart.x_label)
+    figure.suptitle(plain(title), fontsize=11)
+    return figure
+
+
+def draw(panel, chart: LineChart) -> None:
+    """Draw a chart in Matplotlib's axes."""
+    right = None
+    if any(curve.on_right for curve in chart.curves):
+        right = panel.twinx()
+        right.set_ylim(0, 1.25)
+        right.set_yticks(np.linspace(0, 1, 5))
+    lines = []
+    for curve in chart.curves:
+        style = {"linewidth": 0.7 * curve.line["width"], "color": curve.line["color"]}
+        target = right if curve.on_right else panel
+        lines += target.plot(chart.x, curve.values, label=plain(curve.name), **style)
+        if curve.on_right:
+            target.set_ylabel(curve.name.removesuffix(" (right)"))
+    values = np.concatenate([curve.values for curve in chart.curves if not curve.on_right])
+    low, high = min(values.min(), 0), max(values.max(), 0)
+    extent = (high - low) or 1e-30
+    # A quarter more than the largest value leaves room for the legend.
+    panel.set_ylim(0 if chart.from_zero else low - 0.05 * extent, high + 0.25 * extent)
+    panel.set_xlim(chart.x.min(), chart.x.max())
+    panel.axhline(0, color="black", linewidth=0.5)
+    panel.set_title(fill(plain(chart.title), WIDEST_TITLE), fontsize=10)
+    panel.set_ylabel(chart.y_label)
+    if len(lines) > 1:
+        names = [line.get_label() for line in lines]
+        panel.legend(lines, names, fontsize=8, frameon=False, ncols=4, loc="upper center")
