@@ -89,6 +89,7 @@ def test_closed_room_keeps_everything():
     agree(result.total["balance"], 0)
 
 
+@pytest.mark.slow
 def test_a_mesh_turned_inside_out_keeps_its_flux():
     """A cube with flip_normals emits inward: nothing escapes, half of what arrives is absorbed."""
     grey = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.5}}
@@ -212,6 +213,7 @@ def test_emissivity_of_the_model_loses_energy(plate):
     agree(result.total["balance"], 0, 5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "parameters",
     [
@@ -313,6 +315,7 @@ def test_other_emitters_are_refused(plate):
         audited(floor=plate("floor", SQUARE, black, 300.0), lamp=lamp)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("with_sky", [False, True])
 def test_sunlight_is_absorbed_or_escapes(plate, with_sky):
     """A grey plate in sunlight absorbs (1 - rho) E cos A; the sky lets the sunlight in."""

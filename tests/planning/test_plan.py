@@ -14,9 +14,8 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.reflection.interface import Rung
-from mi_lcair.planning.bounces import fewest_bounces
 from mi_lcair.planning.lobes import rungs
-from mi_lcair.planning.probe import FEW_COUNTS, Settings, difference, pixels_launch, probe
+from mi_lcair.planning.probe import Settings, pixels_launch
 from mi_lcair.rendering.scene import checked
 from mi_lcair.rendering.settings import changed
 from tests.plugins.conftest import corner, plate  # noqa: F401, fixtures
@@ -40,6 +39,7 @@ def test_diffuse_plates_need_no_lobe_and_one_reflection():
     assert plan.emitter_sampling and plan.left_out == []
 
 
+@pytest.mark.slow
 def test_a_furnace_does_not_sample_its_emitters():
     scene = mi_lcair.load("furnace", resolution=16, emitter_sampling="true")
     plan = mi_lcair.plan(scene, renders=inf)
@@ -72,6 +72,7 @@ def test_a_broad_lobe_is_kept(corner):
         assert set(mi_lcair.plan(scene, 0.01, each_pixel, renders=inf).lobe.values()) == {"brdf"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "parameters, lobe",
     [
@@ -143,6 +144,7 @@ def test_each_pixel():
     assert np.sqrt(np.mean((simple - full) ** 2)) / full.mean() < 0.02
 
 
+@pytest.mark.slow
 def test_what_cannot_win_is_not_tried():
     """A small scene is rendered sooner than a simpler lobe is probed; ten thousand are not."""
     scene = mi_lcair.load("furnace", resolution=16)
@@ -155,6 +157,7 @@ def test_what_cannot_win_is_not_tried():
         mi_lcair.plan(scene, renders=0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("each_pixel", [False, True])
 def test_surroundings_of_one_temperature_are_ambient(each_pixel):
     """In the furnace one ray after the first hit sees a blackbody at 300 K."""
@@ -178,62 +181,6 @@ def test_the_scene_is_left_as_it_was():
         assert Settings.of(scene) == plan.settings
         raise KeyError
     assert Settings.of(scene) == before
-
-
-def test_geometric_series():
-    """A tail is exact for bounces that fall by a constant ratio.
-
-    Bounces that fall faster need no tail.
-    """
-    by_bounce = np.broadcast_to(0.5 ** np.arange(33)[None, :, None], (8, 33, 4))
-    n, closure, missing = fewest_bounces(by_bounce, 1e-3, False)
-    assert (n, closure) == (2, "tail") and missing < 1e-8
-    falling = np.broadcast_to(np.r_[1, 0.5, 0.001, np.zeros(30)][None, :, None], (8, 33, 4))
-    assert fewest_bounces(falling, 1e-3, False)[:2] == (1, "none") and fewest_bounces(
-        falling, 1e-4, True
-    )[:2] == (2, "none")
-
-
-def test_few_counts_and_their_sum():
-    """Four counts and the sum of the others give the same number of reflections as all of them.
-
-    Where four are too few, the number is the largest one that was followed. Its error is that of
-    a geometric series.
-    """
-    by_bounce = np.broadcast_to(0.1 ** np.arange(33)[None, :, None], (8, 33, 4))
-    few = np.concatenate([by_bounce[:, :4], by_bounce[:, 4:].sum(axis=1, keepdims=True)], axis=1)
-    n, closure, error = fewest_bounces(few, 2e-3, False, reflections=32)
-    assert (n, closure) == fewest_bounces(by_bounce, 2e-3, False)[:2] == (2, "none")
-    assert error == pytest.approx(1e-3, rel=1e-6)
-    assert fewest_bounces(few, 5e-5, True, reflections=32)[:2] == (32, "none")
-    slow = np.broadcast_to(0.9 ** np.arange(33)[None, :, None], (8, 33, 4))
-    few = np.concatenate([slow[:, :4], slow[:, 4:].sum(axis=1, keepdims=True)], axis=1)
-    n, _, error = fewest_bounces(few, 1e-4, True, reflections=32)
-    assert n == 32 and error == pytest.approx(0.9**33, rel=0.2)
-
-
-def test_probes_count_few_or_all_reflections():
-    """Both record the same radiance; the last of few entries is the sum of the others."""
-    scene = mi_lcair.load("furnace", resolution=16)
-    for each_pixel in (False, True):
-        whole = probe(scene, Settings.of(scene), each_pixel)
-        few = probe(scene, Settings.of(scene), each_pixel, counted=FEW_COUNTS)
-        assert whole.is_complete and not few.is_complete
-        assert few.by_bounce.shape[1] == FEW_COUNTS + 1
-        assert few.value == pytest.approx(whole.value, rel=1e-5)
-        assert few.by_bounce[:, -1] == pytest.approx(
-            whole.by_bounce[:, FEW_COUNTS:].sum(axis=1), rel=1e-4, abs=1e-7
-        )
-
-
-def test_the_difference_of_images_is_that_of_the_pixels():
-    """Without noise it is the rms over the pixels; noise makes it larger, but not by its size."""
-    random = np.random.default_rng(1)
-    gap = random.normal(size=2000) * 0.01
-    still = np.broadcast_to(gap, (8, 2000))
-    assert difference(still, True) == pytest.approx(0.01, rel=0.1)
-    noisy = still + 0.05 * random.normal(size=(8, 2000))
-    assert 0.005 < difference(noisy, True) < 0.015
 
 
 @pytest.mark.parametrize("tolerance", [0, 1, -0.1])
@@ -411,9 +358,6 @@ def test_what_cannot_be_planned():
             ],
         )
         mi_lcair.plan(replaced)
-    # Radiance that grows with each reflection cannot be truncated.
-    growing = np.ones((8, 33, 4)) * np.linspace(1.0, 1.2, 33)[:, None]
-    assert fewest_bounces(growing, 1e-3, False)[2] > 0.9
 
 
 @pytest.mark.slow

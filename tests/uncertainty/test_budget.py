@@ -46,6 +46,7 @@ def test_a_plate_in_closed_form(tmp_path):
     assert found.remarks == [] and all(check.holds for check in found.checks)
 
 
+@pytest.mark.slow
 def test_correlated_quantities_together(tmp_path):
     """With a correlation of 1 contributions add, with -1 they cancel, with 0 their squares add."""
     scene, total = plate_scene(tmp_path), {}
@@ -139,6 +140,7 @@ def test_a_sigma_beyond_both_bounds(tmp_path):
     assert any("outside its bounds" in remark for remark in found.remarks)
 
 
+@pytest.mark.slow
 def test_monte_carlo_stays_inside_the_bounds(tmp_path):
     """Draws of a reflectance below 0 are drawn again, and the budget says so."""
     scene = plate_scene(tmp_path)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 from scipy.sparse import csr_array
 
 from mi_lcair.errors import InputError
@@ -117,33 +118,42 @@ def test_steps_that_no_surface_can_make_are_halved():
     assert blocks is None
 
 
-def test_a_sparse_problem_has_the_solution_of_the_dense_one():
-    """Facets: five temperatures, of which the last is in no value."""
-    LWIR, start = band("LWIR"), np.full(5, 300.0)
-    matrix = np.abs(RANDOM.normal(size=(40, 5)))
-    matrix[:, 4] = 0
-    truth = np.array([290, 305, 310, 320, 280.0])
-    values = matrix @ in_band_radiance(LWIR, truth)
-    facets = [kelvin(f"f[{k}]", kind="facet", facet=k) for k in range(5)]
+def test_facets_against_a_solver_of_scipy():
+    """40 temperatures from 200 noisy values and their priors, 300 +- 100 K; no value sees the last.
+
+    The noise is so large that the priors matter.
+    """
+    LWIR, sigma, count = band("LWIR"), 20.0, 40
+    start = np.full(count, 300.0)
+    matrix = np.abs(RANDOM.normal(size=(200, count)))
+    matrix[:, -1] = 0
+    truth = 300 + 10 * RANDOM.normal(size=count)
+    measured = matrix @ in_band_radiance(LWIR, truth) + sigma * RANDOM.normal(size=200)
     one = DatumBlock(
-        measured=values + 0.05 * RANDOM.normal(size=40),
-        noise=lambda predicted: np.full(40, 0.05),
+        measured=measured,
+        noise=lambda predicted: np.full(200, sigma),
         radiance=np.array([matrix @ in_band_radiance(LWIR, start)]),
         columns=[csr_array(matrix * slope(LWIR, start))],
-        unknown=np.arange(5),
+        unknown=np.arange(count),
         reference=start,
         band=LWIR,
-        is_temperature=np.ones(5, dtype=bool),
-        weight=np.full(40, 0.05**-2.0),
+        is_temperature=np.ones(count, dtype=bool),
+        weight=np.full(200, sigma**-2.0),
     )
-    state = solved([one], facets)
-    least = np.linalg.lstsq(matrix[:, :4], one.measured, rcond=None)[0]
-    np.testing.assert_allclose(state.x[:4], brightness_temperature(LWIR, least), rtol=1e-5)
-    assert state.x[4] == 300
-    at = matrix[:, :4] * slope(LWIR, state.x[:4])
-    expected = np.linalg.inv(at.T @ at / 0.05**2 + np.eye(4) * 1e-4)
-    np.testing.assert_allclose(state.covariance[:4, :4], expected, rtol=1e-4)
-    assert state.covariance[4, 4] == pytest.approx(100.0**2)
+    state = solved([one], [kelvin(f"f[{k}]", kind="facet", facet=k) for k in range(count)])
+
+    def residuals(x):
+        misfit = (matrix @ in_band_radiance(LWIR, x) - measured) / sigma
+        return np.append(misfit, (x - 300) / 100)
+
+    expected = least_squares(residuals, start)
+    assert np.ptp(expected.x) > 40
+    np.testing.assert_allclose(state.x, expected.x, atol=0.5)
+    assert state.x[-1] == 300
+    inverse = np.linalg.inv(expected.jac.T @ expected.jac)
+    np.testing.assert_allclose(np.diag(state.covariance), np.diag(inverse), rtol=0.02)
+    np.testing.assert_allclose(state.covariance, inverse, atol=0.02 * inverse.max())
+    np.testing.assert_allclose(state.render_share, 0, atol=1e-6)
 
 
 def test_share_of_the_render_in_the_variance():
