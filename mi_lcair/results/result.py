@@ -266,8 +266,14 @@ def strict(value):
 def whole_table(result: Result) -> list[Section]:
     """Sections of a result that has none of its own: its table, and its other entries."""
     title = result.kind.replace("_", " ").capitalize()
-    parts = [Facts([(result.kind, result.summary())]), LongTable(result.columns())]
+    parts = [summary_of(result), LongTable(result.columns())]
     return [Section(title, parts), details(result.as_dict())]
+
+
+def summary_of(result: Result) -> Facts:
+    """The summary of a result as a fact."""
+    head, _, words = result.summary().rpartition(": ")
+    return Facts([(head or result.kind.replace("_", " "), words)])
 
 
 def details(entries: dict, title: str = "How it was made") -> Section:

@@ -6,6 +6,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.reports.page.model_panel import model_panel, with_emissivity
+from mi_lcair.results.result import summary_of
 from mi_lcair.results.sections import Drawing, LongTable, Section
 
 
@@ -17,7 +18,8 @@ def sections(facets, scene=None, sensor: int = 0) -> list[Section]:
     """
     toward = None if scene is None else toward_sensor(scene, sensor)
     model = facets.triangles, facets.triangle_facet
-    return [facets_section(facets.columns(), model, toward, known_band(facets.band))]
+    section = facets_section(facets.columns(), model, toward, known_band(facets.band))
+    return [Section(section.title, [summary_of(facets), *section.parts])]
 
 
 def facets_section(columns: dict[str, np.ndarray], model=None, toward=None, band=None) -> Section:

@@ -6,12 +6,14 @@ import numpy as np
 
 from mi_lcair.reports.page.line_panel import line_panel
 from mi_lcair.reports.pictures.spectrum import charts
+from mi_lcair.results.result import summary_of
 from mi_lcair.results.sections import Drawing, Section
 
 
 def sections(areas) -> list[Section]:
     """The spectral intensity of EffectiveAreas."""
-    return [spectrum_section(areas.columns())]
+    section = spectrum_section(areas.columns())
+    return [Section(section.title, [summary_of(areas), *section.parts])]
 
 
 def spectrum_section(columns: dict[str, np.ndarray]) -> Section:

@@ -12,11 +12,15 @@ import pytest
 from PIL import Image
 
 import mi_lcair
+from mi_lcair.cli.output import print_sections
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 from mi_lcair.physics.brdf_view import brdf_view
 from mi_lcair.rendering.images.exr import read_exr
+from mi_lcair.results.html import part_html
+from mi_lcair.results.sections import Facts, Lines, Table
+from mi_lcair.results.text import blocks
 from mi_lcair.results.units import unit_of
 from mi_lcair.signatures.hemispherical_view import hemispherical_view
 from tests.cli.test_image import CAMERA
@@ -359,3 +363,18 @@ def test_a_signature_holds_its_spectrum_and_its_facets(results):
     assert (table["part"][0], table["target_W_sr"][0]) == ("all", result.target.intensity)
     bounces = table["part"] == "bounce"
     assert table["target_W_sr"][bounces].tolist() == result.target.by_bounce
+
+
+def test_the_console_prints_the_sections_of_every_result(result, capsys):
+    """Each has facts; printed and shown on a page are the same numbers."""
+    sections = result.sections()
+    rows = [row for block in blocks(sections) for row in block]
+    assert rows and all(isinstance(cell, str) for row in rows for cell in row)
+    print_sections(sections)
+    printed = capsys.readouterr().out
+    assert printed.count("\n") >= len(rows)
+    for section in sections:
+        for part in section.parts:
+            if isinstance(part, (str, Facts, Table, Lines)):
+                Tags(part_html(part).replace("<th scope=col", "<th"))
+    assert result.page_title()[0].isupper() or not result.page_title()[0].isalpha()

@@ -1,0 +1,41 @@
+"""The error of a result in words."""
+
+import pytest
+
+from mi_lcair.results.accuracy import error_row, interval, planned_row
+
+
+def test_the_interval_is_a_fraction_of_what_is_not_zero():
+    assert interval(0.5, -10, "W/sr", "it") == "the 95 % interval is +- 5 % of it"
+    assert interval(0.5, 10, "W/sr", "it", absolute=True).startswith(
+        "the 95 % interval is +- 0.5 W/sr, 5 %"
+    )
+    assert interval(2, 1.9, "W/sr", "it") == (
+        "the 95 % interval is +- 2 W/sr, and it may be zero"
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "arguments, row",
+    [
+        ((), ("error", "wide")),
+        ((0.01, True), ("tolerance", "1 % reached: wide")),
+        (
+            ("2 W", False, "in 1 view"),
+            ("tolerance", "2 W NOT reached in 1 view: wide; raise --max-spp"),
+        ),
+        ((0.01, False, "", "wait"), ("tolerance", "1 % NOT reached: wide; wait")),
+    ],
+)  # fmt: skip
+def test_rows(arguments, row):
+    assert error_row("wide", *arguments) == row
+
+
+def test_a_plan_has_the_tolerance_of_plan_and_noise():
+    entries = {"tolerance": 0.008, "reached": True, "plan": {"tolerance": 0.01, "bias": 0.002}}
+    label, words = planned_row("wide", entries)
+    assert (label, words) == (
+        "tolerance",
+        "1 % reached: wide, and the plan leaves out at most 0.2 %",
+    )
+    assert planned_row("wide", entries | {"plan": None})[1] == "0.8 % reached: wide"
