@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import mi_lcair
+from docs.studies.lobe import width_deg
 from docs.studies.page import write_page
 from mi_lcair.fitting import fit
 from mi_lcair.inversion.data.images import noise_of_netd
@@ -130,6 +131,7 @@ def gloss_black() -> dict:
     return {
         "gloss_black": rows,
         "paint_draws": len(PAINT_SEEDS),
+        "lobe_width": f"{width_deg(true[-1]):.2f}",
         "brdf_noise": f"{100 * BRDF_NOISE:g} %",
         "gloss_unfinished": unfinished,
     }

@@ -5,8 +5,9 @@ points.
 
 For each scene the intensity is computed with SEEDS seeds at a series of path counts. Its rms error
 is taken against a closed form or against a long run. The page gives the paths to 1 % and to 0.1 %
-and the ratio of the times to 0.1 %, and the same for the pixels of two images. The text is
-paths.template.md, whose {fields} are filled in. The script takes about five minutes.
+and the ratio of the times to 0.1 %, the same for the pixels of two images, and the paths that a
+tolerance takes. The text is paths.template.md, whose {fields} are filled in. The script takes about
+five minutes.
 """
 
 import math
@@ -43,6 +44,7 @@ SCENES = [
     ("cylinder_ir_range", {}),
     ("a340_landing", {"position": 3, "band": "LWIR"}),
 ]
+TOLERANCE_SEEDS = 3
 REFERENCE_PATHS = 2**20  # paths of each of the eight runs of a reference
 IMAGES = SCENES[3:]
 RESOLUTION, IMAGE_COUNTS, IMAGE_SEEDS = 64, (4, 8, 16, 32, 64, 128, 256), 2
@@ -216,6 +218,18 @@ def image(name: str, parameters: dict) -> tuple[str, dict[str, Curve]]:
     return f"| {' | '.join(cells)} |", curves
 
 
+def with_tolerances(name: str, parameters: dict) -> str:
+    """A scene's row of the table of paths that a tolerance takes: the fewest and the most."""
+    scene, cells = mi_lcair.load(name, **parameters), [label(name, parameters)]
+    for tolerance in TOLERANCES:
+        counts = [
+            mi_lcair.signature(scene, tolerance=tolerance, seed=seed).paths
+            for seed in range(TOLERANCE_SEEDS)
+        ]
+        cells.append(" to ".join(f"{count:,}" for count in sorted({min(counts), max(counts)})))
+    return f"| {' | '.join(cells)} |"
+
+
 def draw(path, panels: dict[str, tuple[str, dict[str, Curve]]]) -> None:
     """Write a PNG with a panel for each scene: rms error against the number of paths.
 
@@ -264,6 +278,8 @@ def main(page):
         randomisations=RANDOMISATIONS,
         rows="\n".join(rows),
         images="\n".join(image_rows),
+        tolerance_seeds=TOLERANCE_SEEDS,
+        tolerances="\n".join(with_tolerances(*case) for case in SCENES),
     )
 
 

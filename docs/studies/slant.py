@@ -4,7 +4,7 @@ computed here.
     python -m docs.studies.slant [PAGE]
 
 Each inner elevation and each inner range of the bundled tables is left out, and predicted by the
-others. Takes half a minute.
+others; so is each inner range of the tables of horizontal paths. Takes half a minute.
 """
 
 import sys
@@ -20,6 +20,7 @@ from mi_lcair.physics.slant.air import PREFIX, SlantAir, slant_air, slant_names
 from mi_lcair.physics.slant.geometry import height_along
 
 BANDS = ("MWIR", "LWIR")
+WIDTH_UM = 0.5  # width of the narrow bands, um
 QUANTITIES = ("transmittance", "up", "down")
 
 
@@ -73,6 +74,53 @@ def deviation(air: SlantAir) -> str:
     """Root mean square of the depths' ratio to the model, where the air is not opaque."""
     ratios, known = air._ratios[0], air.transmittance > 1e-3
     return f"{np.sqrt(np.mean(ratios[known] ** 2)):.1%}"
+
+
+def horizontal_errors(air: Atmosphere, limits: str) -> tuple[float, float]:
+    """Largest relative errors of the in-band transmittance and path radiance in a band.
+
+    Each inner range of a table of horizontal paths is left out, and predicted by the others.
+    """
+    weights = band(limits).row_weights(air.wavelengths_um)
+    errors = []
+    for n, length in list(enumerate(air.ranges_m))[1:-1]:
+        kept = air.ranges_m != length
+        fewer = Atmosphere(
+            air.name,
+            air.ranges_m[kept],
+            air.wavelengths_um,
+            air.transmittance[kept],
+            air.path_radiance[kept],
+        )
+        path = fewer.path(length)
+        errors.append(
+            (
+                abs(path.transmittance @ weights / (air.transmittance[n] @ weights) - 1),
+                abs(path.radiance @ weights / (air.path_radiance[n] @ weights) - 1),
+            )
+        )
+    return tuple(np.max(errors, axis=0))
+
+
+def horizontal_rows() -> list[str]:
+    """Rows of the table of errors of horizontal paths; the last one has the worst narrow band."""
+    tables = [atmosphere(name.removeprefix(PREFIX)) for name in slant_names()]
+    rows = []
+    for window in BANDS:
+        for air in tables:
+            errors = horizontal_errors(air, window)
+            rows.append((f"{air.name} | {band(window).label}", *errors))
+    narrow = [
+        horizontal_errors(air, f"{lower:g}-{lower + WIDTH_UM:g}")
+        for air in tables
+        for window in BANDS
+        for lower in np.arange(band(window).lower_um, band(window).upper_um, WIDTH_UM)
+    ]
+    rows.append((f"both | any {WIDTH_UM:g} um of these", *np.max(narrow, axis=0)))
+    return [
+        f"| {what} | {100 * transmittance:.2f} | {100 * radiance:.2f} |"
+        for what, transmittance, radiance in rows
+    ]
 
 
 def of_horizontal_air(air: SlantAir) -> float:
@@ -144,6 +192,7 @@ def main(page):
         radiance=worst("up", "down"),
         plain=f"{max(plain):.0%}",
         deviations=", ".join(deviations),
+        horizontal="\n".join(horizontal_rows()),
     )
 
 

@@ -64,7 +64,7 @@ plt.show()
 # ## How many reflections are enough?
 #
 # Each further reflection multiplies what is missing by q = 0.485. Four reflections leave out 2.7 %,
-# ten leave out 0.04 %. The closure `tail` continues the last two as a geometric series, and two
+# ten leave out 0.035 %. The closure `tail` continues the last two as a geometric series, and two
 # reflections are then enough.
 
 # %%
@@ -72,7 +72,7 @@ for reflections in (4, 10):
     few = mi_lcair.load("cavity", opening=8, max_bounces=reflections)
     missing = 1 - mi_lcair.signature(few, tolerance=0.001).target.intensity / exact
     theory = kept ** (reflections + 1)
-    print(f"{reflections} reflections: {missing:.2%} missing, closed form {theory:.2%}")
+    print(f"{reflections} reflections: {missing:.3%} missing, closed form {theory:.3%}")
     assert abs(missing - theory) < 0.0015
 
 # %% [markdown]

@@ -42,6 +42,7 @@ VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
 # Largest number of moves of a scene to the origin. One move may not be enough, because the position
 # of a very distant scene is known only in single precision.
 MOVES = 3
+LOBE_OF = "lobe."  # beginning of a parameter that sets the lobe of a material
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -184,7 +185,8 @@ def load(scene: str | PathLike[str] | mi.Scene, /, **parameters: object) -> Scen
         scenes` lists; or a scene that Mitsuba's functions load_file, load_dict or load_string
         returned. Its integrator must be `bounce_path`.
     **parameters
-        Values of the scene's $-parameters.
+        Values of the scene's $-parameters. "lobe.MATERIAL" sets the lobe of one material, as
+        `Scene.set_lobe` does.
 
     Returns
     -------
@@ -207,15 +209,19 @@ def load(scene: str | PathLike[str] | mi.Scene, /, **parameters: object) -> Scen
         return of_mitsuba(scene)
     path = scenes.file_of(scene)
     texts = {name: str(value) for name, value in parameters.items()}
-    known = survey(path, texts)
-    for name in texts:
+    in_file = {name: text for name, text in texts.items() if not name.startswith(LOBE_OF)}
+    known = survey(path, in_file)
+    for name in in_file:
         if name not in known:
             raise unknown(f"parameter of {path.name}", name, known)
     with searching(path.parent):
         try:
-            return parsed_and_checked(path, texts)
+            loaded = parsed_and_checked(path, in_file)
         except RuntimeError as error:
             raise with_known_plugins(mitsuba_error(error)) from None
+    for name in texts.keys() - in_file.keys():
+        loaded.set_lobe(texts[name], name.removeprefix(LOBE_OF))
+    return replace(loaded, parameters=texts)
 
 
 def scene_of(scene: SceneLike, parameters: Mapping[str, object] | None = None) -> Scene:

@@ -50,7 +50,7 @@ class SandfordRobertson(ReflectionBSDF):
     `form="normalized"` drops d(theta_r) from Eq 2.19, so that DHR(theta_i) = 1 - epsilon(theta_i)
     exactly. The model is not reciprocal. h is the Trowbridge-Reitz (GGX) distribution of width e.
 
-    Sources: D. C. Robertson and J. B. Sandford, Infrared reflectance properties of aircraft paints,
+    Sources: B. P. Sandford and D. C. Robertson, Infrared reflectance properties of aircraft paints,
     Proc. IRIS Targets, Backgrounds and Discrimination, 1985; S. I. Harkiss, A Study of
     Bi-Directional Reflectance Distribution Functions and Their Effect on Infrared Signature Models,
     2007; T. S. Trowbridge and K. P. Reitz, J. Opt. Soc. Am. 65, 531, 1975.

@@ -284,6 +284,28 @@ def test_set_lobe():
         scene.set_lobe("mirror", "tin")
 
 
+def test_the_lobe_of_a_material_when_the_scene_is_loaded():
+    """It is that of `set_lobe`; the parameters of the scene name it."""
+    given = {"lobe.bare_aluminum": "mirror", "resolution": "8"}
+    scene = mi_lcair.load("furnace", **given)
+    assert {surface.material: surface.lobe for surface in scene.surfaces()}[
+        "bare_aluminum"
+    ] == "mirror"
+    assert {surface.lobe for surface in scene.surfaces()} == {"mirror", "brdf"}
+    assert scene.parameters == given
+    later = mi_lcair.load("furnace", resolution=8)
+    later.set_lobe("mirror", "bare_aluminum")
+    assert later.fingerprint == scene.fingerprint
+    for wrong, message in (
+        ("lobe.tin", "unknown material 'tin'"),
+        ("lob.tin", "unknown parameter"),
+    ):
+        with pytest.raises(InputError, match=message):
+            mi_lcair.load("furnace", **{wrong: "mirror"})
+    with pytest.raises(InputError, match="lobe 'shiny' is unknown"):
+        mi_lcair.load("furnace", **{"lobe.bare_aluminum": "shiny"})
+
+
 @pytest.mark.slow
 def test_other_variants_are_refused():
     code = (
