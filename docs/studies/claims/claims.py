@@ -1,0 +1,284 @@
+"""What the commands claim about a case, and whether it holds."""
+
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.special import stdtrit
+
+import mi_lcair
+from docs.studies.claims.case import Case
+from docs.studies.claims.scene_file import PIXELS
+from mi_lcair.errors import InputError
+
+MOST_PATHS = 2**20  # of a window, to a tolerance
+SHARE = 0.02  # of the whole, above which a channel's error counts as a claim
+PIXEL_FREEDOM, WINDOW_FREEDOM = 3, 7  # degrees of freedom: randomisations less one
+RANGE = 1e4  # of a contrast, in sizes of the scene
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One claim.
+
+    name: what is claimed. kind: kind of the scene. setting: of emitter sampling. seed, number: of
+    the case. excess: error over what was stated or asked for; above 1 the claim is false. error:
+    the error as a fraction of the truth.
+    """
+
+    name: str
+    kind: str
+    setting: str
+    seed: int
+    number: int
+    excess: float
+    error: float
+
+    @property
+    def held(self) -> bool:
+        return self.excess <= 1
+
+
+class Witness:
+    """Compares what is stated about a case with the truth."""
+
+    def __init__(self, case: Case, seed: int, number: int, setting: str):
+        self.case, self.label = case, (case.kind, setting, seed, number)
+
+    def claim(self, name: str, value, truth, stated) -> Claim:
+        """That `value` is `truth` within `stated`."""
+        allowed = stated + self.case.error * abs(truth)
+        error = abs(value - truth)
+        excess = error / allowed if allowed > 0 else np.inf if error > 0 else 0.0
+        relative = (value - truth) / abs(truth) if truth else np.nan
+        return Claim(name, *self.label, float(excess), float(relative))
+
+    def fault(self, error: Exception) -> Claim:
+        """That a command ends without a fault, which it did not."""
+        return Claim(f"fault: {type(error).__name__}", *self.label, np.inf, np.nan)
+
+
+def student(freedom: int) -> float:
+    return float(stdtrit(freedom, 0.975))
+
+
+def signature(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
+    """Interval, channels and facets of an intensity from a number of paths."""
+    spp = int(2 ** rng.integers(6, 11))
+    facets = case.facets is not None
+    result = mi_lcair.signature(scene, spp=spp, seed=int(rng.integers(1000)), facets=facets)
+    area, whole = case.area, case.mean * case.area
+    target = result.target
+    yield witness.claim("interval, target", target.intensity, whole, target.half_width)
+    if case.fills_window:
+        shown = result.scene
+        yield witness.claim("interval, scene", shown.intensity, whole, shown.half_width)
+    factor = student(WINDOW_FREEDOM)
+    for exact, value, error in zip(case.by_bounce * area, target.by_bounce, target.by_bounce_error):
+        if exact > SHARE * whole:
+            yield witness.claim("channel, by bounce", value, exact, factor * error)
+    for group, exact in case.by_group.items():
+        if exact * area > SHARE * whole:
+            value, error = target.by_group[group], target.by_group_error[group]
+            yield witness.claim("channel, by group", value, exact * area, factor * error)
+    if facets:
+        exact = case.facets(case.radiances(), case.materials)
+        table = result.facets.table
+        for truth, value, error in zip(
+            exact, table["intensity_W_sr"], table["standard_error_W_sr"], strict=True
+        ):
+            if truth > SHARE * whole:
+                yield witness.claim("facet", value, truth, factor * error)
+
+
+def to_tolerance(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
+    """A tolerance that is reached, and the interval at which the paths ended."""
+    tolerance = float(rng.choice([0.03, 0.01, 0.003]))
+    result = mi_lcair.signature(
+        scene, tolerance=tolerance, max_spp=MOST_PATHS // PIXELS**2, seed=int(rng.integers(1000))
+    )
+    truth = case.mean * case.area
+    if result.main_part == "scene":
+        return  # no path has met the target
+    yield witness.claim("interval, stopped", result.intensity, truth, result.half_width)
+    if result.reached:
+        yield witness.claim("tolerance", result.intensity, truth, tolerance * truth)
+
+
+def planned(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
+    """The tolerance of a plan that is carried out; a plan that is refused claims nothing."""
+    tolerance = float(rng.choice([0.1, 0.03, 0.01]))
+    result = mi_lcair.signature(
+        scene,
+        tolerance=tolerance,
+        max_spp=MOST_PATHS // PIXELS**2,
+        seed=int(rng.integers(1000)),
+        plan="auto",
+    )
+    truth = case.with_all_reflections * case.area
+    if result.reached and result.main_part == "target":
+        yield witness.claim("tolerance, planned", result.intensity, truth, tolerance * truth)
+
+
+def image_of_pixels(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
+    """Errors of pixels and of the mean of an image."""
+    spp = int(2 ** rng.integers(4, 9))
+    result = mi_lcair.render(scene, spp=spp, seed=int(rng.integers(1000)))
+    exact = case.pixels.sum(axis=0)
+    normal = student(PIXEL_FREEDOM * PIXELS**2)
+    yield witness.claim("image's mean", result.mean, case.mean, normal * result.mean_error)
+    if exact.size > 1:
+        factor = student(PIXEL_FREEDOM)
+        values, errors = result.channels["Y"], result.channels["stderr.Y"]
+        for value, truth, error in zip(values.ravel(), exact.ravel(), errors.ravel()):
+            yield witness.claim("pixel", value, truth, factor * error)
+
+
+def image_to_tolerance(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
+    """The mean of an image whose rms error is below a tolerance."""
+    tolerance = float(rng.choice([0.3, 0.1, 0.03]))
+    result = mi_lcair.render(
+        scene, tolerance=tolerance, max_spp=4096, seed=int(rng.integers(1000)), split=None
+    )
+    if result.reached:
+        yield witness.claim("tolerance, image", result.mean, case.mean, tolerance * case.mean)
+
+
+def trend(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
+    """Views of a trend: their intervals, and the tolerances that they reach."""
+    tolerance = float(rng.choice([0.03, 0.01]))
+    azimuths, elevations = rng.uniform(0, 360, 4), rng.uniform(5, 85, 2)
+    if rng.random() < 0.3:
+        azimuths = np.array([0.0, 45.0, 90.0, 180.0])
+    result = mi_lcair.trend(
+        scene,
+        azimuths,
+        elevations,
+        resolution=PIXELS,
+        tolerance=tolerance,
+        max_spp=MOST_PATHS // PIXELS**2 // 4,
+        seed=int(rng.integers(1000)),
+    )
+    table = result.table
+    largest = table["intensity_W_sr"].max()
+    for k, direction in enumerate(directions(table["azimuth_deg"], table["elevation_deg"])):
+        truth, _ = case.view(direction, case.radiances(), case.materials)
+        value, half_width = table["intensity_W_sr"][k], table["half_width_W_sr"][k]
+        yield witness.claim("interval, view", value, truth, half_width)
+        if table["reached"][k]:
+            allowed = tolerance * max(truth, 1e-3 * largest)
+            yield witness.claim("tolerance, view", value, truth, allowed)
+
+
+def directions(azimuths_deg, elevations_deg) -> np.ndarray:
+    """Unit vectors toward the observer, (V, 3)."""
+    azimuth, elevation = np.radians(azimuths_deg), np.radians(elevations_deg)
+    level = np.cos(elevation)
+    return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)], axis=1)
+
+
+SCENARIO = """# An adverse case.
+[target]
+scene = "adverse.xml"
+[observer]
+range_m = {range_m!r}
+azimuth_deg = {azimuth!r}
+elevation_deg = {elevation!r}
+[atmosphere]
+table = "vacuum"
+[background]
+temperature = {background!r}
+[sensor]
+band = "{band}"
+[render]
+resolution = {pixels}
+tolerance = {tolerance!r}
+max_spp = {max_spp}
+"""
+
+
+def contrast(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
+    """The interval and the tolerance of a contrast in a void."""
+    range_m = RANGE * case.file.place.scale
+    azimuth, elevation = float(rng.uniform(0, 360)), float(rng.uniform(5, 85))
+    background, tolerance = float(rng.uniform(200, 300)), float(rng.choice([0.1, 0.03]))
+    path = scene.path.with_name("adverse.toml")
+    path.write_text(
+        SCENARIO.format(
+            range_m=range_m,
+            azimuth=azimuth,
+            elevation=elevation,
+            background=background,
+            band=case.band,
+            pixels=PIXELS,
+            tolerance=tolerance,
+            max_spp=MOST_PATHS // PIXELS**2,
+        )
+    )
+    row = mi_lcair.contrast(path).rows[-1]
+    (direction,) = directions([azimuth], [elevation])
+    intensity, projected = case.view(direction, case.radiances(), case.materials)
+    behind = case.background_radiance(background)
+    truth = (intensity - projected * behind) / range_m**2
+    yield witness.claim("interval, contrast", row.total.value, truth, row.half_width)
+    if row.reached:
+        yield witness.claim("tolerance, contrast", row.total.value, truth, tolerance * abs(truth))
+
+
+def sensitivities(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
+    """Errors of derivatives that matter: those of SHARE of the intensity per unit of log."""
+    exact = case.derivatives()
+    sizes = {f"{name}.temperature": T for name, T in case.temperatures.items()} | case.materials
+    names = [
+        name
+        for name, value in exact.items()
+        if name in sizes and abs(value * sizes[name]) > SHARE * case.mean
+    ]
+    spp = int(2 ** rng.integers(6, 11))
+    result = mi_lcair.sensitivities(scene, names, spp=spp, seed=int(rng.integers(1000)))
+    factor = student(WINDOW_FREEDOM)
+    for name, value, error in zip(names, result.derivative, result.error[1:]):
+        claim = "derivative, " + ("source" if name.endswith(".temperature") else "material")
+        yield witness.claim(claim, value, exact[name] * case.area, factor * error)
+
+
+def budget(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
+    """The row of a budget that holds the noise of the rendering."""
+    groups = [name for name in case.temperatures if case.by_group[name] > SHARE * case.mean]
+    stated = {"sigma": {f"{name}.temperature": "0.1 %" for name in groups}}
+    spp = int(2 ** rng.integers(6, 11))
+    result = mi_lcair.budget(scene, stated, spp=spp, seed=int(rng.integers(1000)))
+    noise = [row.contribution for row in result.rows if row.quantity == "noise of the rendering"]
+    truth = case.mean * case.area
+    yield witness.claim("budget's noise", result.value, truth, student(WINDOW_FREEDOM) * noise[0])
+
+
+def further(case: Case) -> list:
+    """Commands of which one more is run for the case."""
+    commands = [planned, sensitivities, budget]
+    if case.fills_window:
+        commands += [image_of_pixels, image_to_tolerance]
+    if case.view is not None:
+        commands += [trend, trend] + ([contrast] * 2 if case.band != "total" else [])
+    return commands
+
+
+def claims(case: Case, seed: int, number: int) -> list[Claim]:
+    """All claims that the commands make about a case."""
+    rng = np.random.default_rng([seed, number, 1])
+    options = further(case)
+    witness = Witness(case, seed, number, "on" if case.sampling else "off")
+    found = []
+    with tempfile.TemporaryDirectory() as folder:
+        path = case.file.write(Path(folder), case.band, case.bounces, case.sampling)
+        scene = mi_lcair.load(path)
+        for command in (signature, to_tolerance, options[rng.integers(len(options))]):
+            try:
+                found += command(case, scene, witness, rng)
+            except InputError:
+                continue  # a refusal claims nothing
+            except Exception as error:
+                found.append(witness.fault(error))
+    return found

@@ -1,0 +1,375 @@
+"""A diffuse floor that receives radiation from black sources: one reflection is all there is."""
+
+from functools import cache
+
+import numpy as np
+
+from docs.studies.claims.case import Case, Draw, Unsuitable, converged
+from docs.studies.claims.scene_file import BLACK, UP, SceneFile, diffuse, thermal
+from docs.studies.claims.view_factors import (
+    by_areas,
+    midpoints,
+    on_rectangle,
+    parallel_rectangles,
+    perpendicular_rectangles,
+    to_polygon,
+)
+
+X, Y = np.eye(3)[:2]
+SUN_UM, SUN_SPECTRAL = np.arange(0.5, 15.01, 0.1), 30.0  # of the sun's table; W m^-2 um^-1
+SIGNS = ((-1, -1), (1, -1), (1, 1), (-1, 1))  # corners of a rectangle, in order
+
+
+def corners(rectangle) -> np.ndarray:
+    centre, u, v = rectangle
+    return np.array([centre + s * u + t * v for s, t in SIGNS])
+
+
+def normal_of(rectangle) -> np.ndarray:
+    normal = np.cross(rectangle[1], rectangle[2])
+    return normal / np.linalg.norm(normal)
+
+
+def turned_to_front(rectangle, toward) -> tuple:
+    """The rectangle with its front side toward a direction."""
+    centre, u, v = rectangle
+    return (centre, u, v) if normal_of(rectangle) @ toward > 0 else (centre, -u, v)
+
+
+def reflected(shares, blocked, names, room: bool, bounces: int):
+    """Response of a floor that receives these shares, (n, H, W), from the sources `names`.
+
+    blocked: share of each direction that the sources take from the room, (H, W).
+    """
+
+    def response(B, materials):
+        rho = materials["floor.reflectance"]
+        received = np.einsum("k,khw->hw", [B[name] for name in names], shares)
+        if room:
+            received = received + (1 - blocked) * B["room"]
+        rows = [np.full_like(received, (1 - rho) * B["floor"]), rho * received]
+        return np.array(rows + [0 * received] * (bounces - 1))
+
+    return response
+
+
+def floor_scene(draw: Draw, half_floor: float, rho: float, floor: float) -> SceneFile:
+    file = SceneFile(draw.place())
+    inside = diffuse(rho, "floor") + thermal("floor", floor)
+    file.rectangle(np.zeros(3), half_floor * X, half_floor * Y, inside)
+    return file
+
+
+def room_around(draw: Draw, file: SceneFile, reach: float, temperatures: dict) -> bool:
+    """Maybe a black room around everything, of up to a million times the scene's size."""
+    if draw.chance(0.3):
+        return False
+    temperatures["room"] = draw.ambient()
+    file.room(np.zeros(3), draw.size(3, 1e6) * reach, "room", temperatures["room"])
+    return True
+
+
+def lamp(draw: Draw) -> Case:
+    """A floor and one to three rectangles above it, parallel, perpendicular or inclined."""
+    rho, half_window = draw.between(0.05, 0.95), 1.0
+    T = {"floor": draw.background()}
+    half_floor = half_window * draw.size(1.5, 10)
+    file, up = floor_scene(draw, half_floor, rho, T["floor"]), draw.up()
+    height, side = draw.size(0.2, 10), draw.size(1e-3, 1)
+    side = min(side, 2 * height)
+    turn = draw.rng.choice(["parallel", "perpendicular", "inclined"])
+    count = draw.whole(1, 3) if turn == "parallel" else 1
+    lamps = []
+    for k in range(count):
+        centre = np.array([draw.between(-1.5, 1.5), draw.between(-1.5, 1.5), height])
+        u, v = side * X, side * draw.between(0.2, 1) * Y
+        if turn == "parallel":
+            centre[0] += 4 * side * k
+            rectangle = turned_to_front((centre, u, v), -UP)
+        elif turn == "perpendicular":
+            rectangle = turned_to_front((centre, u, v[1] * UP), -Y * np.sign(centre[1]))
+        else:
+            axes = draw.rotation()
+            rectangle = turned_to_front((centre, axes @ u, axes @ v), -UP - centre)
+        if corners(rectangle)[:, 2].min() < 0.05 * height:
+            raise Unsuitable
+        lamps.append(rectangle)
+    names = [f"lamp{k}" for k in range(count)]
+    for name, rectangle in zip(names, lamps):
+        T[name] = draw.temperature()
+        file.rectangle(*rectangle, BLACK + thermal(name, T[name]))
+    room = room_around(draw, file, height + half_floor + 20 * side, T)
+    bounces = draw.whole(1, 3)
+    eye = 0.5 * min(corners(rectangle)[:, 2].min() for rectangle in lamps)
+    file.camera(eye * UP, -UP, up, half_window, 4 * eye)
+
+    def shares(points):
+        share = [to_polygon(points, UP, corners(rectangle)) for rectangle in lamps]
+        front = [(points - r[0]) @ normal_of(r) > 0 for r in lamps]
+        return [*(s * f for s, f in zip(share, front)), sum(share)]
+
+    *of_lamps, blocked = converged(shares, np.zeros(3), up, half_window)
+    window = (np.zeros(3), half_window * np.cross(-UP, up), half_window * up)
+    window = turned_to_front(window, UP)
+
+    @cache
+    def factors():
+        """Means of what the window receives from the front and the back of each lamp."""
+        sides = [((centre, u, v), (centre, -u, v)) for centre, u, v in lamps]
+        return [[by_areas(window, side, 6) for side in both] for both in sides]
+
+    def second(B, materials):
+        rho = materials["floor.reflectance"]
+        total = sum(front * B[name] for name, (front, _) in zip(names, factors()))
+        if room:
+            total += (1 - np.sum(factors())) * B["room"]
+        return (1 - rho) * B["floor"] + rho * total
+
+    return Case(
+        kind=f"lamp, {turn}",
+        file=file,
+        band=draw.band,
+        sampling=draw.sampling,
+        bounces=bounces,
+        half_window=half_window,
+        temperatures=T,
+        materials={"floor.reflectance": rho},
+        response=reflected(of_lamps, blocked, names, room, bounces),
+        second=second,
+        second_error=1e-3,
+    )
+
+
+def ball(draw: Draw) -> Case:
+    """A floor and a black sphere above it."""
+    rho, T, up = draw.between(0.05, 0.95), {"floor": draw.background()}, draw.up()
+    half_floor = draw.size(1.5, 10)
+    file = floor_scene(draw, half_floor, rho, T["floor"])
+    radius = draw.size(1e-3, 1)
+    centre = np.array([draw.between(-2, 2), draw.between(-2, 2), radius + draw.size(0.2, 5)])
+    T["ball"] = draw.temperature()
+    file.sphere(centre, radius, BLACK + thermal("ball", T["ball"]))
+    room = room_around(draw, file, centre[2] + half_floor, T)
+    bounces, eye = draw.whole(1, 3), 0.5 * (centre[2] - radius)
+    file.camera(eye * UP, -UP, up, 1.0, 4 * eye)
+
+    def shares(points):
+        d = centre - points
+        return [radius**2 * d[:, 2] / np.linalg.norm(d, axis=1) ** 3]
+
+    (share,) = converged(shares, np.zeros(3), up, 1.0)
+
+    @cache
+    def from_ball():
+        """The same share from the elements of the sphere, by reciprocity."""
+        (z, wz), (turn, wt) = midpoints(40), midpoints(10)
+        level = np.sqrt(1 - (2 * z - 1) ** 2)[:, None]
+        angle = 2 * np.pi * turn
+        normals = np.stack(
+            [
+                level * np.cos(angle),
+                level * np.sin(angle),
+                np.broadcast_to(2 * z[:, None] - 1, (len(z), len(turn))),
+            ],
+            axis=-1,
+        ).reshape(-1, 3)
+        window = corners((np.zeros(3), np.cross(-UP, up), up))
+        shares = to_polygon(centre + radius * normals, normals, window)
+        return float(np.outer(wz, wt).ravel() @ shares * np.pi * radius**2)
+
+    def second(B, materials):
+        rho = materials["floor.reflectance"]
+        around = (1 - from_ball()) * B["room"] if room else 0.0
+        return (1 - rho) * B["floor"] + rho * (from_ball() * B["ball"] + around)
+
+    return Case(
+        kind="ball",
+        file=file,
+        band=draw.band,
+        sampling=draw.sampling,
+        bounces=bounces,
+        half_window=1.0,
+        temperatures=T,
+        materials={"floor.reflectance": rho},
+        response=reflected(share[None], share, ["ball"], room, bounces),
+        second=second,
+        second_error=2e-4,
+    )
+
+
+def box(draw: Draw) -> Case:
+    """The floor of a box with black walls and maybe a lid, all at their own temperatures."""
+    rho, T, up = draw.between(0.05, 0.95), {"floor": draw.background()}, draw.up()
+    a, b, height = 1.0, draw.size(0.3, 3), draw.size(0.1, 5)  # half sides, and the walls' height
+    file = SceneFile(draw.place(2.0))
+    file.rectangle(np.zeros(3), a * X, b * Y, diffuse(rho, "floor") + thermal("floor", T["floor"]))
+    half = height / 2 * UP
+    sides = {
+        f"wall{k}": turned_to_front((s * size * axis + half, other, half), -s * axis)
+        for k, (s, axis, size, other) in enumerate(
+            [(-1, X, a, b * Y), (1, X, a, b * Y), (-1, Y, b, a * X), (1, Y, b, a * X)]
+        )
+    }
+    if draw.chance(0.5):
+        sides["lid"] = turned_to_front((height * UP, a * X, b * Y), -UP)
+    for name, rectangle in sides.items():
+        T[name] = draw.temperature() if draw.chance(0.5) else draw.ambient()
+        file.rectangle(*rectangle, BLACK + thermal(name, T[name]))
+    half_window = draw.between(0.2, 0.99) * min(a, b) / (1 if up[1] == 1 else np.sqrt(2))
+    bounces, eye = draw.whole(1, 3), 0.5 * height
+    file.camera(eye * UP, -UP, up, half_window, 4 * eye)
+    names = list(sides)
+    shares = converged(
+        lambda points: [to_polygon(points, UP, corners(sides[name])) for name in names],
+        np.zeros(3),
+        up,
+        half_window,
+    )
+
+    @cache
+    def factors():
+        """Closed forms, or for a turned window the means over its points."""
+        w = half_window
+        if up[1] != 1:
+            window = turned_to_front((np.zeros(3), w * np.cross(-UP, up), w * up), UP)
+            return [by_areas(window, sides[name], 6) for name in names]
+        size = {"wall0": (a, b), "wall1": (a, b), "wall2": (b, a), "wall3": (b, a)}
+        return [
+            parallel_rectangles((-w, w), (-w, w), (-a, a), (-b, b), height)
+            if name == "lid"
+            else perpendicular_rectangles(
+                (size[name][0] - w, size[name][0] + w),
+                (-w, w),
+                (-size[name][1], size[name][1]),
+                (0, height),
+            )
+            for name in names
+        ]
+
+    def second(B, materials):
+        rho = materials["floor.reflectance"]
+        total = sum(factor * B[name] for factor, name in zip(factors(), names))
+        return (1 - rho) * B["floor"] + rho * total
+
+    return Case(
+        kind="box",
+        file=file,
+        band=draw.band,
+        sampling=draw.sampling,
+        bounces=bounces,
+        half_window=half_window,
+        temperatures=T,
+        materials={"floor.reflectance": rho},
+        response=reflected(shares, 0, names, False, bounces),
+        second=second,
+        second_error=1e-4,
+    )
+
+
+def keyhole(draw: Draw) -> Case:
+    """A source above a black screen with a hole: the spot that it lights is within the window."""
+    rho, T, up = draw.between(0.05, 0.95), {"floor": draw.background()}, draw.up()
+    file = floor_scene(draw, draw.size(1.5, 10), rho, T["floor"])
+    screen, height = draw.between(0.2, 1), draw.between(1.2, 3)
+    hole, side = draw.size(1e-3, 0.1), draw.size(1e-3, 0.2)
+    if height / (height - screen) * (hole + side) > 0.9:
+        raise Unsuitable
+    T["lamp"] = draw.temperature(300)
+    file.rectangle(
+        *turned_to_front((height * UP, side * X, side * Y), -UP),
+        BLACK + thermal("lamp", T["lamp"]),
+    )
+    outer = 50.0
+    middle, width = (outer + hole) / 2, (outer - hole) / 2
+    for sign in (-1, 1):
+        for centre, u, v in (
+            (sign * middle * X, width * X, outer * Y),
+            (sign * middle * Y, hole * X, width * Y),
+        ):
+            file.rectangle(*turned_to_front((centre + screen * UP, u, v), -UP), BLACK)
+    bounces, eye = draw.whole(1, 3), 0.5 * screen
+    file.camera(eye * UP, -UP, up, 1.0, 4 * eye)
+    square = (-side, side)
+    opening = (-hole, hole)
+    to_hole = parallel_rectangles(square, square, opening, opening, height - screen)
+    points, weights = on_rectangle(height * UP, side * X, -side * Y, 16)
+    hole_corners = corners((screen * UP, hole * X, hole * Y))
+    by_points = weights @ to_polygon(points, -UP, hole_corners)
+    if min(side, hole) < 0.02 * (height - screen):
+        to_hole = by_points  # the closed form cancels
+    share = by_points * side**2  # of the window's hemispheres, on average
+
+    def second(B, materials):
+        rho = materials["floor.reflectance"]
+        return (1 - rho) * B["floor"] + rho * to_hole * side**2 * B["lamp"]
+
+    return Case(
+        kind="keyhole",
+        file=file,
+        band=draw.band,
+        sampling=draw.sampling,
+        bounces=bounces,
+        half_window=1.0,
+        temperatures=T,
+        materials={"floor.reflectance": rho},
+        response=reflected(np.full((1, 1, 1), share), 0, ["lamp"], False, bounces),
+        second=second,
+        second_error=1e-6,
+    )
+
+
+def shadow(draw: Draw) -> Case:
+    """A floor in the sun with the shadow of a small square within the window."""
+    rho, T, up = draw.between(0.05, 0.95), {"floor": draw.background()}, draw.up()
+    if draw.band == "total":
+        draw.band = "MWIR"
+    file = floor_scene(draw, draw.size(1.5, 10), rho, T["floor"])
+    elevation, azimuth = np.radians(draw.between(30, 90)), draw.between(0, 2 * np.pi)
+    toward = np.array(
+        [
+            np.cos(elevation) * np.cos(azimuth),
+            np.cos(elevation) * np.sin(azimuth),
+            np.sin(elevation),
+        ]
+    )
+    side, height = draw.size(1e-3, 0.3), draw.between(0.05, 0.3)
+    if side + height / np.tan(elevation) > 0.9:
+        raise Unsuitable
+    file.rectangle(height * UP, side * X, side * Y, BLACK)
+    name = "sun.csv"
+    file.others[name] = "wavelength_um,irradiance_W_m2_um\n" + "".join(
+        f"{um:.1f},{SUN_SPECTRAL}\n" for um in SUN_UM
+    )
+    file.sun(toward, name)
+    bounces, eye = draw.whole(1, 3), 0.5 * height
+    file.camera(eye * UP, -UP, up, 1.0, 4 * eye)
+    lit = 1 - side**2
+
+    def response(B, materials):
+        rho = materials["floor.reflectance"]
+        rows = [(1 - rho) * B["floor"], rho / np.pi * B["sun"] * toward[2] * lit]
+        return np.array(rows + [0.0] * (bounces - 1)).reshape(-1, 1, 1)
+
+    def second(B, materials):
+        """Area of the shadow from the projected corners, by the shoelace formula."""
+        rho = materials["floor.reflectance"]
+        points = corners((height * UP, side * X, side * Y))
+        x, y = (points - points[:, 2:] / toward[2] * toward)[:, :2].T
+        dark = abs(x @ np.roll(y, 1) - y @ np.roll(x, 1)) / 2 / 4
+        return (1 - rho) * B["floor"] + rho / np.pi * B["sun"] * toward[2] * (1 - dark)
+
+    lower, upper = {"SWIR": (1, 3), "MWIR": (3, 5), "LWIR": (8, 12)}[draw.band]
+    return Case(
+        kind="shadow",
+        file=file,
+        band=draw.band,
+        sampling=draw.sampling,
+        bounces=bounces,
+        half_window=1.0,
+        temperatures=T,
+        materials={"floor.reflectance": rho},
+        response=response,
+        second=second,
+        error=1e-5,
+        irradiance=SUN_SPECTRAL * (upper - lower),
+    )

@@ -1,0 +1,53 @@
+"""The page docs/validation/claims.md."""
+
+from docs.studies.claims.claims import SHARE, Claim
+from docs.studies.claims.coverage import Row, defects, is_tolerance, rows
+from docs.studies.page import write_page
+
+
+def line(row: Row) -> str:
+    """A row of the page's tables; a tolerance has the shares of large errors."""
+    worst = row.worst
+    where = f"{worst.kind}, scene {worst.number}, {worst.error:+.2g}, {worst.excess:.3g} times"
+    cells = [row.name, str(row.claims), str(row.scenes), f"{row.held:.1%}"]
+    cells.append(f"{row.lower:.1%} to {row.upper:.1%}")
+    if is_tolerance(row.name):
+        cells += [f"{share:.2%}" for share in row.beyond]
+    return "| " + " | ".join([*cells, where]) + " |"
+
+
+def by_kind(found: list[Claim]) -> str:
+    """Coverage of intervals and share of tolerances that hold, by kind of scene."""
+    lines = []
+    for kind in sorted({claim.kind for claim in found}):
+        own = [claim for claim in found if claim.kind == kind]
+        cells = [kind, str(len({(claim.seed, claim.number) for claim in own}))]
+        for prefix in ("interval", "tolerance", "channel"):
+            part = [claim for claim in own if claim.name.startswith(prefix)]
+            held = sum(claim.held for claim in part)
+            cells.append(f"{held / len(part):.1%} of {len(part)}" if part else "")
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def write(path: str, found: list[Claim], scenes: int, seed: int) -> None:
+    """Write the page from the claims of this number of scenes."""
+    all_rows = rows(found)
+    tolerances = [row for row in all_rows if is_tolerance(row.name)]
+    intervals = [row for row in all_rows if not is_tolerance(row.name)]
+    worst = max((row.worst for row in tolerances), key=lambda claim: claim.excess, default=None)
+    listed = [f"- {name}, {kind}: {text}." for (name, kind), text in sorted(defects(found).items())]
+    write_page(
+        path,
+        "claims",
+        scenes=scenes,
+        seed=seed,
+        claims=len(found),
+        share=f"{SHARE:.0%}",
+        intervals="\n".join(map(line, intervals)),
+        tolerances="\n".join(map(line, tolerances)),
+        kinds=by_kind(found),
+        worst="" if worst is None else f"scene {worst.number} of seed {worst.seed}, {worst.kind}",
+        worst_excess=0 if worst is None else worst.excess,
+        defects="\n".join(listed) or "None.",
+    )

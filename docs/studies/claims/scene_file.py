@@ -1,0 +1,177 @@
+"""Text of a scene file: shapes that are placed, scaled and turned together."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+PIXELS = 8  # along each side of the film
+HEAD = """<scene version="3.0.0">
+    <default name="band" value="{band}"/>
+    <integrator type="bounce_path">
+        <integer name="max_bounces" value="{bounces}"/>
+        <boolean name="emitter_sampling" value="{sampling}"/> <string name="closure" value="none"/>
+    </integrator>
+"""
+SENSOR = """    <sensor type="orthographic">
+        <transform name="to_world"> <matrix value="{matrix}"/> </transform>
+        <float name="near_clip" value="{near!r}"/> <float name="far_clip" value="{far!r}"/>
+        <film type="hdrfilm">
+            <integer name="width" value="{pixels}"/> <integer name="height" value="{pixels}"/>
+            <string name="pixel_format" value="luminance"/> <rfilter type="box"/>
+        </film>
+    </sensor>
+"""
+PLY = """ply
+format ascii 1.0
+element vertex {vertices}
+property float x
+property float y
+property float z
+element face {faces}
+property list uchar int vertex_indices
+end_header
+"""
+UP = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where the whole scene stands: points p become scale * rotation @ p + shift [m]."""
+
+    scale: float = 1.0
+    rotation: np.ndarray = field(default_factory=lambda: np.eye(3))
+    shift: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+    def points(self, points) -> np.ndarray:
+        return self.scale * self.vectors(points) + self.shift
+
+    def vectors(self, vectors) -> np.ndarray:
+        return np.asarray(vectors, float) @ self.rotation.T
+
+
+def matrix_text(columns, origin) -> str:
+    """The 16 numbers of the transform with these columns, (3, 3), and this origin, (3,)."""
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = np.transpose(columns), origin
+    return " ".join(repr(float(value)) for value in matrix.ravel())
+
+
+def diffuse(reflectance: float, name: str = "") -> str:
+    """BSDF `diffuse`; a name makes the reflectance a parameter."""
+    label = f' id="{name}"' if name else ""
+    return (
+        f'<bsdf type="diffuse"{label}> <spectrum name="reflectance" value="{reflectance!r}"/> '
+        "</bsdf>"
+    )
+
+
+BLACK = diffuse(0.0)
+
+
+def mirror(reflectance: float) -> str:
+    return (
+        '<bsdf type="conductor"> <string name="material" value="none"/> '
+        f'<spectrum name="specular_reflectance" value="{reflectance!r}"/> </bsdf>'
+    )
+
+
+def plume(transmittance: float) -> str:
+    return f'<bsdf type="plume"> <float name="transmittance" value="{transmittance!r}"/> </bsdf>'
+
+
+def thermal(group: str, temperature: float, facet_type: str = "model") -> str:
+    return (
+        '<emitter type="thermal"> <string name="band" value="$band"/> '
+        f'<float name="temperature" value="{temperature!r}"/> <string name="group" '
+        f'value="{group}"/> <string name="facet_type" value="{facet_type}"/> </emitter>'
+    )
+
+
+class SceneFile:
+    """Shapes, lights and the sensor of a scene file, in coordinates before `place`."""
+
+    def __init__(self, place: Place):
+        self.place, self.parts, self.meshes, self.others = place, [], {}, {}
+
+    def shape(self, kind: str, inside: str, transform: str = "") -> None:
+        to_world = f'<transform name="to_world"> {transform} </transform>' if transform else ""
+        self.parts.append(f'    <shape type="{kind}"> {to_world} {inside} </shape>\n')
+
+    def rectangle(self, centre, u, v, inside: str, kind: str = "rectangle") -> None:
+        """The rectangle centre +- u +- v, or the disc in it; its front side is that of u x v."""
+        u, v = (self.place.scale * self.place.vectors(half) for half in (u, v))
+        normal = np.cross(u, v)
+        normal *= np.sqrt(np.linalg.norm(u) * np.linalg.norm(v)) / np.linalg.norm(normal)
+        transform = f'<matrix value="{matrix_text((u, v, normal), self.place.points(centre))}"/>'
+        self.shape(kind, inside, transform)
+
+    def sphere(self, centre, radius: float, inside: str, inward: bool = False) -> None:
+        x, y, z = map(float, self.place.points(centre))
+        self.shape(
+            "sphere",
+            f'<point name="center" x="{x!r}" y="{y!r}" z="{z!r}"/> '
+            f'<float name="radius" value="{float(radius * self.place.scale)!r}"/> '
+            f'<boolean name="flip_normals" value="{str(inward).lower()}"/> {inside}',
+        )
+
+    def mesh(self, polygons, inside: str) -> None:
+        """Polygons, (n, V, 3), each anticlockwise from its front side, as fans of triangles."""
+        polygons = np.asarray(polygons, float)
+        count, corners, _ = polygons.shape
+        name = f"mesh{len(self.meshes)}.ply"
+        first = np.arange(count) * corners
+        fan = np.array([[0, k, k + 1] for k in range(1, corners - 1)])
+        faces = (first[:, None, None] + fan).reshape(-1, 3)
+        lines = [
+            " ".join(f"{x:.9g}" for x in p) for p in self.place.points(polygons.reshape(-1, 3))
+        ]
+        lines += [f"3 {a} {b} {c}" for a, b, c in faces]
+        head = PLY.format(vertices=count * corners, faces=len(faces))
+        self.meshes[name] = head + "\n".join(lines) + "\n"
+        self.shape(
+            "ply",
+            f'<string name="filename" value="{name}"/> '
+            f'<boolean name="face_normals" value="true"/> {inside}',
+        )
+
+    def room(self, centre, radius: float, group: str, temperature: float) -> None:
+        """A black sphere around everything, which is sky."""
+        self.sphere(centre, radius, BLACK + thermal(group, temperature, "sky"), inward=True)
+
+    def sun(self, direction, name: str) -> None:
+        """The sun in a direction, with the irradiance of a file."""
+        x, y, z = self.place.vectors(direction)
+        azimuth, elevation = np.degrees([np.arctan2(y, x), np.arcsin(np.clip(z, -1, 1))])
+        self.parts.append(
+            f'    <emitter type="sun"> <float name="azimuth_deg" value="{float(azimuth)!r}"/> '
+            f'<float name="elevation_deg" value="{float(elevation)!r}"/> '
+            f'<string name="band" value="$band"/> <string name="air" value="{name}"/> </emitter>\n'
+        )
+
+    def camera(self, eye, direction, up, half_window: float, far: float) -> None:
+        """An orthographic camera whose window is 2 x half_window wide and high."""
+        direction = np.asarray(direction, float) / np.linalg.norm(direction)
+        left = np.cross(up, direction)
+        left /= np.linalg.norm(left)
+        axes = [self.place.vectors(axis) for axis in (left, np.cross(direction, left), direction)]
+        half = self.place.scale * half_window
+        self.parts.append(
+            SENSOR.format(
+                matrix=matrix_text(
+                    (half * axes[0], half * axes[1], axes[2]), self.place.points(eye)
+                ),
+                near=float(1e-5 * far * self.place.scale),
+                far=float(far * self.place.scale),
+                pixels=PIXELS,
+            )
+        )
+
+    def write(self, folder: Path, band: str, bounces: int, sampling: bool) -> Path:
+        """Write the scene and its files into the folder; returns the scene's path."""
+        for name, text in {**self.meshes, **self.others}.items():
+            (folder / name).write_text(text, encoding="utf-8")
+        path = folder / "adverse.xml"
+        head = HEAD.format(band=band, bounces=bounces, sampling=str(sampling).lower())
+        path.write_text(head + "".join(self.parts) + "</scene>\n", encoding="utf-8")
+        return path

@@ -1,0 +1,37 @@
+"""The kinds of scenes, and the case of a seed and a number."""
+
+import numpy as np
+
+from docs.studies.claims import bodies, enclosed, lit, seen
+from docs.studies.claims.case import Case, Draw, Unsuitable
+
+KINDS = {
+    lit.lamp: 5,  # how often, relative to the others
+    lit.ball: 1,
+    lit.box: 2,
+    lit.keyhole: 1,
+    lit.shadow: 1,
+    seen.stripes: 2,
+    seen.specks: 2,
+    seen.layers: 3,
+    seen.mirrored: 1,
+    enclosed.cavity: 2,
+    enclosed.nested: 2,
+    enclosed.furnace: 1,
+    bodies.body: 6,
+}
+DARKEST = 1e-9  # least mean radiance of a scene; Float32 underflows at 1e-38 [W m^-2 sr^-1]
+
+
+def case(seed: int, number: int) -> Case:
+    """The case of a number; it is the same for the same seed, whatever the other cases are."""
+    rng = np.random.default_rng([seed, number])
+    kinds, weights = list(KINDS), np.array(list(KINDS.values()), float)
+    while True:
+        kind = kinds[rng.choice(len(kinds), p=weights / weights.sum())]
+        try:
+            result = kind(Draw(rng))
+        except Unsuitable:
+            continue
+        if result.mean > DARKEST:
+            return result
