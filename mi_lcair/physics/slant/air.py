@@ -19,7 +19,7 @@ path from the lower end through it to its upper end. The page compares some of t
 """
 
 import os
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
 
@@ -165,18 +165,6 @@ class SlantAir:
         beyond = np.where(whole.transmittance > DARK, beyond, np.minimum(beyond, most))
         name = f"{sky.name}, from {height_along(self.lower_m, elevation_deg, start_m):.4g} m"
         return Spectrum(name, x, rest.radiance + rest.transmittance * beyond)
-
-    def without(self, elevation_deg: float | None = None, range_m: float | None = None):
-        """The table without one of its elevations, or without one of its ranges."""
-        kept = self.elevations_deg != elevation_deg
-        within = self.ranges_m != range_m
-        fields = ("transmittance", "up", "down")
-        return replace(
-            self,
-            elevations_deg=self.elevations_deg[kept],
-            ranges_m=self.ranges_m[within],
-            **{name: getattr(self, name)[kept][:, within] for name in fields},
-        )
 
     @cached_property
     def _paths(self):

@@ -203,15 +203,6 @@ def test_air_that_takes_nothing_at_a_wavelength(isothermal):
         np.testing.assert_allclose(path.transmittance[:3], known.transmittance, rtol=1e-9)
 
 
-def test_a_table_without_a_row(isothermal):
-    left = isothermal.without(elevation_deg=10.0)
-    assert left.elevations_deg.tolist() == [1, 3, 30, 90] and left.transmittance.shape == (4, 6, 3)
-    assert np.array_equal(left.up[2], isothermal.up[3])
-    left = isothermal.without(range_m=2000.0)
-    assert left.ranges_m.tolist() == [500, 1000, 4000, 6000, 8000]
-    assert np.array_equal(left.down[:, 2], isothermal.down[:, 3])
-
-
 def test_ranges_along_a_line(isothermal):
     """Those of the table that lie 20 m and more beyond the start, and 64 between 20 m and the end.
 
