@@ -121,6 +121,11 @@ def test_a_response_of_many_rows_needs_no_more_nodes_than_a_smooth_band(tmp_path
     coarse = band(csv(tmp_path, *JAGGED))
     fine = band(csv(tmp_path, wavelengths, np.interp(wavelengths, *JAGGED), "fine.csv"))
     assert fine.wavelengths_um.size <= 66
+    assert 2.9 < fine.wavelengths_um.min() and fine.wavelengths_um.max() < 5.6
+    x = np.union1d(np.linspace(2.9, 5.6, 100_001), JAGGED[0])
+    for power in (0, 1, 4, 9):
+        exact = np.trapezoid(x**power * np.interp(x, *JAGGED), x)
+        assert fine.weights_um @ fine.wavelengths_um**power == pytest.approx(exact, rel=1e-8)
     for temperature in (30, 300, 6000):
         assert abs(by_rule(fine, temperature) / by_rule(coarse, temperature) - 1) < 1e-9
 
