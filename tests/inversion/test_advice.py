@@ -1,12 +1,25 @@
 """What further measurements would bring to invented estimates."""
 
+from contextlib import contextmanager
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from mi_lcair.inversion.advice import Proposal, advice, information, listed, priors
+from mi_lcair.inversion import advice as module
+from mi_lcair.inversion.advice import (
+    Proposal,
+    advice,
+    information,
+    listed,
+    measurements,
+    other_bands,
+    other_states,
+    priors,
+    surroundings,
+)
 from mi_lcair.inversion.answers import answers
+from mi_lcair.inversion.data.measurement import Observation
 from tests.inversion.blocks import block, kelvin, unknown
 
 UNKNOWNS = [kelvin("a.temperature"), unknown("paint.b")]
@@ -90,3 +103,141 @@ def test_information_of_a_measurement_that_is_not_made():
 
 def test_lists_of_names():
     assert listed(["a", "b"]) == "a, b" and listed(list("abcde")) == "a, b, c and 2 more"
+
+
+class Camera:
+    """An image of n values with columns of its own unknowns that depend on the values x."""
+
+    def __init__(self, number, is_image=True, scene=None):
+        self.number, self.is_image, self.scene = number, is_image, scene
+        self.J = np.random.default_rng(number).normal(size=(9, 8))
+
+    def numbers(self, unknowns):
+        return [k for k, one in enumerate(unknowns) if self.number in one.data]
+
+    def block(self, unknowns, x, sampling):
+        columns = self.J[:, : len(self.numbers(unknowns))] * x[self.numbers(unknowns)]
+        return block([np.ones(9)], [columns], np.ones(9), unknown=np.array(self.numbers(unknowns)))
+
+    def weight(self, unknowns, x, sampling):
+        return np.full(9, 4.0)
+
+    def expected(self, unknowns, x, count):
+        own = self.numbers(unknowns)
+        J = np.zeros((9, count))
+        J[:, own] = self.J[:, : len(own)] * x[own]
+        return J
+
+
+def informed(J):
+    """4 J^T J is the matrix, and 16 J^T J its noise of unit variance: J^T J."""
+    return J.T @ J
+
+
+def test_information_of_further_measurements():
+    """Datum 2 sees a shared unknown, and one that only it and datum 3 have."""
+    ones = [kelvin("a", data=(0, 1)), unknown("b", data=(1,))]
+    everything = [
+        kelvin("a", data=(0, 1, 2)),
+        unknown("b", data=(1,)),
+        kelvin("c", start=310.0, data=(2, 3)),
+        kelvin("d", data=(3,)),
+    ]
+    proposed = {"one": [Camera(2)], "two": [Camera(2), Camera(3)]}
+    x = np.array([300.0, 0.4])
+    one, two = measurements(ones, x, everything, proposed, None)
+    assert [e.label for e in one.extra] == ["c"] and [e.label for e in two.extra] == ["c", "d"]
+    shared = [everything[0], everything[1]]
+    J = Camera(2).expected([*shared, everything[2]], np.append(x, 310.0), 3)
+    np.testing.assert_allclose(one.information, informed(J), rtol=1e-6, atol=1e-6)
+    values = np.append(x, [310.0, 300.0])
+    both = [Camera(k).expected([*shared, *everything[2:]], values, 4) for k in (2, 3)]
+    np.testing.assert_allclose(two.information, sum(map(informed, both)), rtol=1e-6, atol=1e-6)
+    assert measurements(ones, x, everything, {}, None) == []
+
+
+def scene_of(parameters):
+    return SimpleNamespace(
+        parameters={
+            name: SimpleNamespace(kind=kind, value=value)
+            for name, (kind, value) in parameters.items()
+        }
+    )
+
+
+def test_known_surroundings():
+    """Temperatures of whole groups of which nothing is unknown."""
+    camera = Camera(0)
+    camera.where = scene_of(
+        {
+            "sky.temperature": ("temperature", 280.0),
+            "lid.temperature": ("temperature", 300.0),
+            "lid@300.temperature": ("temperature", 300.0),
+            "wall.temperature": ("temperature", 290.0),
+            "wall@290.temperature": ("temperature", 290.0),
+            "paint.b": ("material", 0.3),
+        }
+    )
+    ones = [kelvin("lid.temperature"), unknown("paint.b"), kelvin("x", name="wall@290.temperature")]
+    assert surroundings(camera, ones) == {"sky.temperature": 280.0}
+
+
+def test_a_hotter_state(monkeypatch):
+    """Temperatures, 20 K higher, are unknown anew; the paint is the same. Numbers do not count."""
+    changes = []
+
+    @contextmanager
+    def changed(scene, values):
+        changes.append(values)
+        yield
+
+    monkeypatch.setattr(module, "changed", changed)
+    ones = [unknown("paint.b"), kelvin("lid.temperature", prior=(300, 1), upper=310.0)]
+    camera, number = Camera(0), Camera(0, is_image=False)
+    camera.where = scene_of({"sky.temperature": ("temperature", 280.0)})
+    x = np.array([0.3, 305.0])
+    hot, sky = other_states(ones, x, [camera, number], None)
+    assert hot.measure.startswith("a second state with lid.temperature 20 K hotter")
+    (extra,) = hot.extra
+    assert (extra.start, extra.prior, extra.upper) == (325.0, None, np.inf)
+    J = camera.expected(ones, np.array([0.3, 325.0]), 2)
+    expected = np.zeros((3, 3))
+    expected[np.ix_([0, 2], [0, 2])] = informed(J)
+    np.testing.assert_allclose(hot.information, expected, rtol=1e-6, atol=1e-6)
+    assert changes == [{"sky.temperature": 300.0}]
+    assert sky.measure == (
+        "a second state with the surroundings (sky) 20 K hotter by a known amount"
+    )
+    known = informed(camera.expected(ones, x, 2))
+    np.testing.assert_allclose(sky.information, known, rtol=1e-6, atol=1e-6)
+    assert other_states(ones, x, [number], None) == []
+
+
+def test_other_bands(monkeypatch):
+    """Images with a NETD, in scenes with a parameter `band`, in the bands that they lack."""
+    monkeypatch.setattr(module, "survey", lambda path, parameters: parameters)
+
+    def image(number, band="LWIR", netd_mK=50.0, is_image=True, parameters=("band",)):
+        scene = SimpleNamespace(
+            path="s", parameters=dict.fromkeys(parameters), band=SimpleNamespace(name=band)
+        )
+        camera = Camera(number, is_image, scene)
+        camera.entry = Observation("s", f"i{number}", {"T": 3}, 0, "hot", netd_mK)
+        return camera
+
+    class Loader:
+        def datum(self, candidate, number, groups):
+            made.append(candidate)
+            return number
+
+    made = []
+    data = [image(0), image(1, "MWIR"), image(2, netd_mK=None), image(3, is_image=False)]
+    data.append(image(4, parameters=("T",)))
+    found = other_bands(data, Loader(), 7)
+    assert found == {"the same image in MWIR": [7], "the same image in LWIR": [8]}
+    assert [(one.name, one.parameters) for one in made] == [
+        ("i0 in MWIR", {"T": 3, "band": "MWIR"}),
+        ("i1 in LWIR", {"T": 3, "band": "LWIR"}),
+    ]
+    assert {(one.state, one.netd_mK) for one in made} == {("hot", 50.0)}
+    assert list(other_bands([image(0), image(1)], Loader(), 2)) == ["the same images in MWIR"]

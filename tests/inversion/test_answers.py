@@ -114,3 +114,30 @@ def test_chi_square_with_noise_of_the_render_has_its_mean_and_variance():
     p = np.array([draw["p_value"] for draw in draws])
     assert p.mean() == pytest.approx(0.5, abs=0.03)
     assert np.mean(p < 0.05) == pytest.approx(0.05, abs=0.02)
+
+
+def test_probability_with_noise_of_the_render():
+    """A chi-square with the mean and variance of the sum: 2 m^2 + 4 m v + 2 v^2 R / (R - 1)."""
+    random = np.random.default_rng(4)
+    R, n, sigma = 3, 12, 0.5
+    F, measured = 0.4 * random.normal(size=(R, n)), 0.5 * random.normal(size=n)
+    weight = 1 + random.random(n)
+    one = block(F, np.zeros((R, n, 1)), measured, sigma, weight=weight)
+    found = chi_square([one], np.zeros(1), 2.0)
+    r = measured - F
+    total = np.mean([np.sum(weight * r[a] * r[b]) for a in range(R) for b in range(R) if a != b])
+    m, v = weight * sigma**2, weight * F.var(axis=0, ddof=1) / R
+    share = 10 / 12
+    variance = share * np.sum(2 * m**2 + 4 * m * v + 2 * v**2 * R / (R - 1))
+    equivalent = 2 * (share * m.sum()) ** 2 / variance
+    ratio = total / (share * m.sum())
+    assert found["chi_square"] == pytest.approx(10 * ratio)
+    assert found["p_value"] == pytest.approx(stats.chi2.sf(ratio * equivalent, equivalent))
+
+
+def test_one_that_is_not_determined_makes_a_pair():
+    ones = [kelvin("a.temperature"), unknown("paint.b")]
+    covariance = np.array([[0.01, 0.0196], [0.0196, 0.04]])  # the first is known to 0.1 K
+    judged = answers(ones, [300, 0.5], covariance, [0, 0], [False, False])
+    assert [one.is_determined for one in judged] == [True, False]
+    assert len(directions(judged, covariance, lambda a, b: "so")) == 1

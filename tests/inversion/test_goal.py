@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mi_lcair.errors import InputError
-from mi_lcair.inversion.goal import achieved, chosen, first_guesses
+from mi_lcair.inversion.goal import achieved, best_of_starts, chosen, first_guesses
 from mi_lcair.inversion.tables import Goal, RenderTable
 from tests.inversion.blocks import block, kelvin, unknown
 
@@ -72,3 +72,20 @@ def test_how_near_a_goal_is():
     assert achieved(datum, state, UNKNOWNS, RenderTable()) == (
         "rms contrast over 2 aspects: 3.162 W/sr before, 0.7071 W/sr after; wanted at most 2.5 W/sr"
     )
+
+
+def test_the_best_of_several_starts(monkeypatch):
+    """The cost is the square of the first value that each start ends at."""
+    ends = iter([0.5, -0.3, 0.4])
+
+    def estimate(tried, data, sampling, progress):
+        starts.append([one.start for one in tried])
+        return SimpleNamespace(x=np.array([next(ends), 0.0]), blocks=[])
+
+    starts = []
+    monkeypatch.setattr("mi_lcair.inversion.goal.estimate", estimate)
+    monkeypatch.setattr("mi_lcair.inversion.goal.cost_of", lambda blocks, x: x[0] ** 2)
+    goal = Goal("intensity", "cavity", starts=3)
+    problem = SimpleNamespace(goal=goal, render=RenderTable(seed=3))
+    assert best_of_starts(UNKNOWNS, [Picky()], problem, None).x[0] == -0.3
+    np.testing.assert_array_equal(starts, guesses(3))

@@ -4,9 +4,18 @@ import numpy as np
 import pytest
 from scipy.optimize import curve_fit
 
-from mi_lcair.fitting.judgement.uncertainty import effective_count
+from mi_lcair.fitting.cube import parameters_at
+from mi_lcair.fitting.judgement.uncertainty import (
+    Linearized,
+    correlation,
+    effective_count,
+    neighbour,
+    neighbour_correlation,
+    profile_lanes,
+    standard_errors,
+)
 from tests.fitting.numpy_model import brdf
-from tests.fitting.synthetic import NAMES, ROUGH, fit, scan
+from tests.fitting.synthetic import MODEL, NAMES, ROUGH, fit, scan
 
 
 def test_standard_errors_and_correlation_are_those_of_scipy():
@@ -69,3 +78,102 @@ def test_residuals_that_follow_each_other_count_less(scanned_is_theta_i):
 
 def test_white_residuals_count_in_full():
     assert effective_count(*autocorrelated(0.0)) == (720, 0)
+
+
+U = np.array([0.3, 0.4, 0.6, 0.5])
+FREE = np.array([True, True, False, True])
+SLOPES = np.random.default_rng(0).normal(size=(30, 4))
+LEVEL = np.random.default_rng(1).normal(size=30)
+NEAR = Linearized(MODEL, U, FREE, SLOPES, 0.25, LEVEL)
+
+
+def jacobian(step=1e-6):
+    """Derivatives of the parameters with respect to the coordinates."""
+    ends = [parameters_at(MODEL, U + sign * step * np.eye(4))[0] for sign in (1, -1)]
+    return ((ends[0] - ends[1]) / (2 * step)).T
+
+
+def test_covariance_of_a_linearized_fit():
+    """(J^T J / variance + 12)^-1 of the free coordinates, carried to the parameters."""
+    J = SLOPES[:, FREE]
+    inverse = np.linalg.inv(J.T @ J / 0.25 + 12 * np.eye(3))
+    np.testing.assert_allclose(NEAR.cube_covariance[np.ix_(FREE, FREE)], inverse)
+    assert not NEAR.cube_covariance[2].any()
+    D = jacobian()[:, FREE]
+    np.testing.assert_allclose(NEAR.covariance(with_level=False), D @ inverse @ D.T, rtol=1e-5)
+    shift = inverse @ (J.T @ LEVEL) / 0.25
+    np.testing.assert_allclose(NEAR.shift[FREE], shift)
+    both = inverse + np.outer(shift, shift)
+    np.testing.assert_allclose(NEAR.covariance(), D @ both @ D.T, rtol=1e-5)
+    np.testing.assert_allclose(NEAR.parameters, MODEL.values_at(U))
+
+
+def test_shift_of_the_common_scale():
+    """The larger change of either sign, within the cube."""
+    expected = [
+        np.abs(MODEL.values_at(np.clip(U + sign * NEAR.shift, 0, 1)) - MODEL.values_at(U))
+        for sign in (1, -1)
+    ]
+    np.testing.assert_allclose(NEAR.level_shift(), np.max(expected, axis=0), rtol=1e-9)
+
+
+def test_standard_errors_are_at_most_the_range():
+    ranges = [parameter.upper - parameter.lower for parameter in MODEL.parameters]
+    found = standard_errors(MODEL, np.diag([1e-4, 1e9, -1e-20, 0.04]))
+    np.testing.assert_allclose(found, [0.01, ranges[1], 0, 0.2])
+
+
+def test_correlation_of_parameters_that_do_not_vary():
+    found = correlation(np.array([[4.0, 3.0, 0], [3.0, 9.0, 0], [0, 0, 0]]))
+    np.testing.assert_allclose(found, [[1, 0.5, 0], [0.5, 1, 0], [0, 0, 1]])
+
+
+def test_points_of_profiles():
+    """Steps in standard errors, and 0.1, 0.3 and all of the way to each bound."""
+    steps = np.array([0.5, 1, 1.5, 2, 2.5, 3, 4, 6, 10, 20, 50])
+    which, side, distance = profile_lanes(
+        np.array([0.43, 1.0]), np.array([0.01, 0.0]), np.zeros(2), np.ones(2)
+    )
+    of = lambda k, sign: distance[(which == k) & (side == sign)]
+    np.testing.assert_allclose(of(0, -1), np.unique([*steps[:10] * 0.01, 0.043, 0.129, 0.43]))
+    np.testing.assert_allclose(of(0, 1), np.unique([*steps * 0.01, 0.057, 0.171, 0.57]))
+    # At its bound a parameter moves in thousandths of its range, to one side only
+    np.testing.assert_allclose(of(1, -1), np.unique([*steps / 1000, 0.1, 0.3, 1.0]))
+    assert not len(of(1, 1))
+
+
+def test_start_of_a_profile():
+    """The others follow as their covariance says, if that changes them by half at most."""
+    best = np.array([0.3, 0.2, 0.4, 0.25])
+    matrix = np.diag([1e-4] * 4)
+    matrix[0, 1] = matrix[1, 0] = 5e-5
+    matrix[0, 2] = matrix[2, 0] = -1.9e-4
+    near = neighbour(MODEL, best, matrix, 0, 0.4)
+    np.testing.assert_allclose(near, [0.4, 0.25, 0.21, 0.25])
+    far = neighbour(MODEL, best, matrix, 0, 0.41)
+    np.testing.assert_allclose(far, [0.41, 0.255, 0.4, 0.25])  # 0.209 is more than half of 0.4
+    held = neighbour(MODEL, best, 0 * matrix, 0, 0.35)
+    np.testing.assert_allclose(held, [0.35, 0.2, 0.4, 0.25])
+
+
+def test_neighbours_along_a_scan():
+    """2 sum of products over the sum of squares of all pairs; scans do not touch."""
+    theta_i, theta_r = np.repeat([0.1, 0.2], 4), np.tile([0.0, 0.3, 0.1, 0.2], 2)
+    rows = np.array([1.0, 4, 2, 3, -1, 2, 0, 1])
+    value, pairs = neighbour_correlation(rows, theta_i, theta_r)
+    products = 1 * 2 + 2 * 3 + 3 * 4 + -1 * 0 + 0 * 1 + 1 * 2
+    squares = 1 + 4 + 4 + 9 + 9 + 16 + 1 + 0 + 0 + 1 + 1 + 4
+    assert value == pytest.approx(2 * products / squares) and pairs == 6
+    assert neighbour_correlation(0 * rows, theta_i, theta_r) == (0, 6)
+
+
+def test_limit_of_a_correlation_by_chance():
+    """3 / sqrt(pairs); fewer independent residuals than parameters are none."""
+    angles = np.zeros(100), np.linspace(0, 1, 100)
+    for r, is_seen in ((0.33, True), (0.27, False)):
+        rows = np.cos(np.arccos(r) * np.arange(100))  # neighbours correlate by about r
+        value, pairs = neighbour_correlation(rows, *angles)
+        count, correlated = effective_count(rows, *angles)
+        assert (correlated > 0) == (value >= 3 / np.sqrt(pairs)) == is_seen
+        assert count == pytest.approx(100 * (1 - value) / (1 + value) if is_seen else 100)
+    assert effective_count(np.ones(100), *angles, fewest=5) == (5, 1)

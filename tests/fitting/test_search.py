@@ -1,0 +1,83 @@
+"""The noise that a candidate leaves, and minima from given starts."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from mi_lcair.fitting.search import assess, inner_deviation
+
+
+class Leftover:
+    """Data of which the residuals are given."""
+
+    def __init__(self, rows, has_sigma=False, tables=0):
+        self.rows_, self.points = np.asarray(rows, float), len(rows) - tables
+        self.rows, self.has_sigma = len(rows), has_sigma
+        self.directional = ["table"] if tables else []
+        self.theta_i = np.zeros(self.points)
+        self.theta_r = np.linspace(0, 1, self.points)
+
+    def residuals(self, variant):
+        def rows(u):
+            return self.rows_[None], None
+
+        rows.instrument = lambda u: (np.ones((1, self.points)), None)
+        return rows
+
+    def per_decade(self, f):
+        return np.append(np.full(self.points, 5.0), np.zeros(self.rows - self.points))
+
+
+CANDIDATE = SimpleNamespace(variant=None, u=np.zeros(4), size=3)
+WHITE = np.random.default_rng(0).normal(0, 2, 400)
+
+
+def test_variance_of_white_residuals():
+    noise = assess(Leftover(WHITE), CANDIDATE)
+    assert noise.variance == pytest.approx(np.sum(WHITE**2) / 397)
+    assert (noise.correlation, noise.effective, noise.brdf_effective) == (0, 400, 400)
+    assert noise.curvature == 1 and noise.level_dex == 0
+    small = Leftover(WHITE / 100, has_sigma=True)
+    assert assess(small, CANDIDATE).variance == 1  # sigma was stated
+    assert assess(Leftover(WHITE, has_sigma=True), CANDIDATE).variance == noise.variance
+
+
+def test_variance_of_correlated_residuals():
+    """Waves of 40 points: the few independent ones make the variance of each larger."""
+    waves = np.repeat(WHITE[:40], 10)
+    noise = assess(Leftover(waves), CANDIDATE)
+    pairs = waves[1:] * waves[:-1]
+    r = 2 * pairs.sum() / (np.sum(waves[1:] ** 2) + np.sum(waves[:-1] ** 2))
+    assert noise.correlation == pytest.approx(r)
+    assert noise.effective == pytest.approx(400 * (1 - r) / (1 + r))
+    share = noise.effective / 400
+    assert noise.variance == pytest.approx(np.sum(waves**2) / 397 / share)
+    assert noise.level_dex == pytest.approx(np.sqrt(r) * np.sqrt(np.mean((waves / 5) ** 2)))
+
+
+def test_directional_tables_count_in_full():
+    """In a joint fit the rows have unit variance at least."""
+    rows = np.append(WHITE, [10.0, -10.0])
+    noise = assess(Leftover(rows, tables=2), CANDIDATE)
+    assert noise.effective == 402 and noise.brdf_effective == 400
+    assert noise.variance == pytest.approx(np.sum(rows**2) / 399)
+    assert assess(Leftover(rows / 100, tables=2), CANDIDATE).variance == 1
+
+
+def test_outliers_of_a_robust_fit():
+    """Influence r / (1 + (r/c)^2) and its mean slope, of the Cauchy loss."""
+    rows = np.append(WHITE[:-4], [50.0, -60, 70, 80])
+    noise = assess(Leftover(rows), CANDIDATE, c=4.0)
+    ratio2 = (rows / 4) ** 2
+    curvature = np.mean((1 - ratio2) / (1 + ratio2) ** 2)
+    assert noise.curvature == pytest.approx(curvature)
+    influence = np.sum((rows / (1 + ratio2)) ** 2)
+    assert noise.variance == pytest.approx(influence / curvature**2 / 397)
+    assert noise.outliers == 4
+
+
+def test_inner_deviation_is_that_of_a_normal_distribution():
+    assert inner_deviation(WHITE) == pytest.approx(2, rel=0.1)
+    assert inner_deviation(np.append(WHITE, np.full(20, 1e9))) == pytest.approx(2, rel=0.15)
+    assert inner_deviation(np.zeros(5)) == 1e-9
