@@ -14,6 +14,8 @@ from contextlib import contextmanager
 import drjit as dr
 import mitsuba as mi
 
+from mi_lcair.plugins.tracing import is_traced
+
 
 class Deriving(ABC):
     """What derives something from parameters.
@@ -77,35 +79,6 @@ def same_variables(arrays, kept) -> bool:
         (array.index, array.index_ad) == (kept_array.index, kept_array.index_ad)
         for array, kept_array in zip(arrays, kept)
     )
-
-
-# The plugins of the scene that `bounce_path` is tracing; None while it traces nothing. This is a
-# module variable because a plugin's methods receive only the interaction, not the scene. Dr.Jit
-# records calls of every plugin that is alive, including those of other scenes.
-_traced = None
-
-
-@contextmanager
-def tracing(plugins):
-    """Context manager in which `is_traced` is True for these plugins and False for all others.
-
-    The quantities that the plugins derive must be up to date.
-    """
-    global _traced
-    before, _traced = _traced, set(plugins)
-    try:
-        yield
-    finally:
-        _traced = before
-
-
-def is_traced(plugin) -> bool | None:
-    """Whether the plugin belongs to the scene being traced.
-
-    None while `bounce_path` does not trace, for example under Mitsuba's integrators. Dr.Jit records
-    calls of every plugin that is alive, even if its scene and its shape are deleted.
-    """
-    return None if _traced is None else plugin in _traced
 
 
 def check_attached(plugin) -> None:

@@ -17,6 +17,7 @@ from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
 from mi_lcair.plugins.derivatives import deriving_plugins, nodes
 from mi_lcair.plugins.paths.launch import numbers
 from mi_lcair.plugins.scene_state import SceneState
+from mi_lcair.plugins.tracing import exclusive
 from mi_lcair.rendering.loading.files import survey
 from mi_lcair.rendering.loading.fingerprint import described_digest, fingerprint, source_digest
 from mi_lcair.rendering.loading.meshes import check_mesh_files, check_shapes
@@ -90,6 +91,12 @@ class Scene:
     # The state of the scene for which triangles were last compared, and the remarks on them.
     _compared: list = field(default_factory=list, init=False, repr=False, compare=False)
 
+    def __del__(self) -> None:
+        # Mitsuba's objects leave Dr.Jit's registry. If another thread is recording, it holds the
+        # registry and waits for Python's lock, which this thread would hold meanwhile.
+        with exclusive:
+            vars(self).clear()
+
     def __repr__(self) -> str:
         from mi_lcair.rendering.loading.description import line
 
@@ -107,9 +114,10 @@ class Scene:
         These are the notes, triangles that overlap in one plane, and parts of the scene beyond a
         sensor's clip distances. Triangles are compared again only if the scene has changed.
         """
-        state = SceneState(nodes(self.mi))
-        if not self._compared or self._compared[0] != state:
-            self._compared[:] = state, thin_sheets(self.mi)
+        with exclusive:
+            state = SceneState(nodes(self.mi))
+            if not self._compared or self._compared[0] != state:
+                self._compared[:] = state, thin_sheets(self.mi)
         return [*self.notes, *self._compared[1], *clipped(self.mi, self.sensors)]
 
     @property
@@ -214,7 +222,7 @@ def load(scene: str | PathLike[str] | mi.Scene, /, **parameters: object) -> Scen
     for name in in_file:
         if name not in known:
             raise unknown(f"parameter of {path.name}", name, known)
-    with searching(path.parent):
+    with exclusive, searching(path.parent):
         try:
             loaded = parsed_and_checked(path, in_file)
         except RuntimeError as error:

@@ -15,7 +15,6 @@ from mi_lcair.physics.spectrum import spectrum
 from mi_lcair.plugins.derivatives import (
     check_attached,
     held,
-    is_traced,
     members,
     same_variables,
     unrecorded,
@@ -25,6 +24,7 @@ from mi_lcair.plugins.emission.radiance_bound import largest, texture_bound
 from mi_lcair.plugins.emission.triangles import Choice, TriangleTable, is_faceted
 from mi_lcair.plugins.emitters.thermal_emitter import EmitterParameter, ThermalEmitter
 from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST, RADIANCE_UNIT, Property
+from mi_lcair.plugins.tracing import is_traced
 
 
 class Thermal(ThermalEmitter):

@@ -10,10 +10,11 @@ import mitsuba as mi
 from mitsuba.python.ad.integrators.common import RBIntegrator
 
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.derivatives import deriving, leaves, nodes, tracing
+from mi_lcair.plugins.derivatives import deriving, leaves, nodes
 from mi_lcair.plugins.paths.path_tracer import PathTracer
 from mi_lcair.plugins.properties import HOTTEST, Property, read
 from mi_lcair.plugins.scene_state import SceneState
+from mi_lcair.plugins.tracing import exclusive, tracing
 
 MOST_KEPT = 8  # tracers of a scene that are kept, each with other settings
 
@@ -94,7 +95,7 @@ class BouncePath(RBIntegrator):
         """Context manager that gives a `PathTracer` for the scene.
 
         Inside the context, all data that plugins derive from the scene's parameters are up to date,
-        and the scene must not change.
+        and the scene must not change. Other threads wait until this one leaves it.
 
         Parameters
         ----------
@@ -106,13 +107,14 @@ class BouncePath(RBIntegrator):
             them is given again if nothing has changed since, and a new one is added.
         """
         self.check()
-        objects = nodes(scene)
-        plugins = deriving(objects)
-        with dr.resume_grad():
-            for plugin in plugins:
-                plugin.refresh()
-        with tracing(plugins):
-            yield self.tracer(scene, objects, by_spectrum, {} if kept is None else kept)
+        with exclusive:
+            objects = nodes(scene)
+            plugins = deriving(objects)
+            with dr.resume_grad():
+                for plugin in plugins:
+                    plugin.refresh()
+            with tracing(plugins):
+                yield self.tracer(scene, objects, by_spectrum, {} if kept is None else kept)
 
     def tracer(self, scene, objects, by_spectrum: bool, kept: dict):
         """A tracer for the present state of a scene and its objects: a kept one, or a new one.
