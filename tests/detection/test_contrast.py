@@ -12,13 +12,14 @@ import pytest
 import mi_lcair
 from mi_lcair.detection import contrast as module
 from mi_lcair.detection import setting
-from mi_lcair.detection.contrast import contrast
-from mi_lcair.detection.irradiance import Backdrop, Estimate, Irradiance, RenderError
-from mi_lcair.detection.scenario import Scenario
+from mi_lcair.detection.contrast import check_met, check_reachable, contrast, remarks
+from mi_lcair.detection.irradiance import TERMS, Backdrop, Estimate, Irradiance, RenderError
+from mi_lcair.detection.scenario import RenderTable, Scenario
 from mi_lcair.errors import InputError
 from mi_lcair.physics.atmosphere import atmosphere
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import spectral_radiance
+from mi_lcair.physics.detector import Detector
 from mi_lcair.plugins.emission.source import Source
 from mi_lcair.rendering.views import Target, View, seen_from
 from mi_lcair.reports.pictures.contrast import figure
@@ -702,3 +703,87 @@ def test_the_pixels_of_the_picture_add_up_to_it():
         row.path.value, rel=4 * error / expected
     )
     assert of_air.max() == pytest.approx(result.path_radiance, rel=2e-5)  # only target in the pixel
+
+
+# Parts of a contrast, calculated by hand
+
+
+def one_row(value, error, reached=None, bounces=2):
+    return SimpleNamespace(total=Estimate(value, error), reached=reached, max_bounces=bounces)
+
+
+def test_remarks():
+    """On contrasts within 3 standard errors, wide targets, near ranges, and what lies between."""
+    narrow, target = Detector("MWIR", field_of_view_deg=10), SimpleNamespace(radius=2.0)
+    rows = [one_row(3.1, 1.0), one_row(-2.9, 1.0), one_row(0.1, 1.0, True), one_row(0, 1, False)]
+    lines = remarks(rows, narrow, target, 500.0, 0.0)
+    assert [line.split("; ")[1][:20] for line in lines] == [
+        "raise spp", "lower the tolerance", "no fraction of zero ",
+    ]  # fmt: skip
+    assert lines[0].startswith("with 2 reflections the contrast is less than 3 of its standard")
+    # The sphere has 10 degrees at 2 / sin(5 degrees) = 22.947 m
+    assert remarks([], narrow, target, 22.95, 0.0) == []
+    (wide,) = remarks([], narrow, target, 22.94, 0.0)
+    assert "2 m in radius, is wider than the field of view" in wide
+    assert remarks([], Detector("MWIR"), target, 20.0, 0.0) == []
+    (near,) = remarks([], Detector("MWIR"), target, 19.9, 0.0)
+    assert near.startswith("the range is only 9.9 radii of the target")
+    (between,) = remarks([], Detector("MWIR"), target, 500.0, 0.04)
+    assert between.startswith("4% of the target has sky or terrain")
+
+
+def irradiance_of(contrast, half_width, least):
+    """In place of `Irradiance`: a contrast of 40 W m^-2 sr^-1 background, of 3 m^2."""
+    return SimpleNamespace(
+        at=lambda path: dict.fromkeys(TERMS, Estimate(1.0, 0.5)) | {"total": contrast},
+        half_width=lambda path: half_width,
+        least_half_width=lambda path: least,
+        projected_area=Estimate(3.0, 0.1),
+        background=lambda path: np.full(2, 20.0),
+        in_band=lambda spectrum: float(spectrum.sum()),
+    )
+
+
+def test_tolerances_that_no_number_of_samples_reaches():
+    """The largest contrast of the interval, 1.1, times the tolerance, against the least width."""
+    sampling = RenderTable(tolerance=0.01)
+    check_reachable(sampling, irradiance_of(Estimate(-1.0, 0.1), 0.1, 0.0109), None)
+    with pytest.raises(InputError, match="a tolerance of 0.011 W m.-2 cannot be reached"):
+        check_reachable(sampling, irradiance_of(Estimate(-1.0, 0.1), 0.1, 0.0111), None)
+    # A contrast that may be zero is not judged by a fraction
+    check_reachable(sampling, irradiance_of(Estimate(-1.0, 0.1), 1.0, 9.0), None)
+    absolute = RenderTable(tolerance_W_m2=0.5)
+    check_reachable(absolute, irradiance_of(Estimate(0.0, 0.1), 1.0, 0.49), None)
+    with pytest.raises(InputError, match="leave half a 95 % interval of 0.51 W"):
+        check_reachable(absolute, irradiance_of(Estimate(0.0, 0.1), 1.0, 0.51), None)
+
+
+def test_a_target_that_no_path_has_met():
+    """Less than a millionth of the radius squared is the rounding of Float32."""
+    target = SimpleNamespace(radius=2.0)
+    met, missed = (
+        SimpleNamespace(effective_areas=SimpleNamespace(projected_area=area))
+        for area in (4.1e-6, 3.9e-6)
+    )
+    check_met(met, target)
+    with pytest.raises(InputError, match="no ray met the target"):
+        check_met(missed, target)
+
+
+def test_a_row():
+    """Solid angle A / R^2, NEI by optics and ratio, and the field of view with the target."""
+    path, target = SimpleNamespace(range_m=100.0), SimpleNamespace(radius=2.0)
+    irradiance = irradiance_of(Estimate(-0.3, 0.06), 0.12, 0.0)
+    detector = Detector("MWIR", 0.5, field_of_view_deg=10, nei=0.014, snr=10)
+    made = module.row(3, irradiance, path, detector, target, True)
+    assert (made.max_bounces, made.reached, made.half_width) == (3, True, 0.12)
+    assert made.solid_angle == pytest.approx(3e-4) and made.total == (-0.3, 0.06)
+    assert made.nei_max == pytest.approx((0.015, 0.003)) and made.detected
+    field = 2 * np.pi * (1 - np.cos(np.radians(5)))
+    assert made.observed == pytest.approx(40 * field - 0.3, rel=1e-12)
+    weak = Detector("MWIR", 0.5, nei=0.016, snr=10)
+    assert not module.row(3, irradiance, path, weak, target, None).detected
+    assert module.row(3, irradiance, path, weak, target, None).observed is None
+    near = SimpleNamespace(range_m=20.0)
+    assert module.row(3, irradiance, near, detector, target, None).observed is None  # overfills it
+    assert module.row(3, irradiance, path, Detector("MWIR"), target, None).detected is None
