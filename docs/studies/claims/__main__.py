@@ -31,13 +31,16 @@ def parsed(arguments=None) -> argparse.Namespace:
     return parser.parse_args(arguments)
 
 
-def run(seed: int, numbers, kind: str = "") -> list[Claim]:
-    """The claims of the cases with these numbers."""
+def run(seed: int, numbers, kind: str = "", path: str | None = None) -> list[Claim]:
+    """The claims of the cases with these numbers; those of each case are added to a CSV file."""
     found = []
     for number in tqdm(numbers, unit="scene"):
         drawn = case(seed, number)
         if kind in drawn.kind:
-            found += claims(drawn, seed, number)
+            of_case = claims(drawn, seed, number)
+            found += of_case
+            if path:
+                add_to(path, of_case)
     return found
 
 
@@ -64,9 +67,7 @@ def table(found: list[Claim], by_kind: bool) -> str:
 def main(arguments=None) -> None:
     options = parsed(arguments)
     numbers = range(options.first, options.first + options.scenes)
-    found = run(options.seed, numbers, options.kind)
-    if options.csv:
-        add_to(options.csv, found)
+    found = run(options.seed, numbers, options.kind, options.csv)
     if options.scenes == 1:
         for claim in found:
             print(claim)

@@ -3,9 +3,10 @@
 import numpy as np
 
 from docs.studies.claims.case import Case, Draw
-from docs.studies.claims.lit import SUN_SPECTRAL, SUN_UM, X, Y, corners
+from docs.studies.claims.lit import SUN_SPECTRAL, SUN_UM, X, Y
 from docs.studies.claims.planck import BANDS_UM
 from docs.studies.claims.scene_file import BLACK, UP, SceneFile, diffuse, thermal
+from docs.studies.claims.sources import corners
 from docs.studies.claims.view_factors import to_polygon
 
 ROUND = 24  # sides of a cone

@@ -257,7 +257,9 @@ def budget(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
 
 def further(case: Case) -> list:
     """Commands of which one more is run for the case."""
-    commands = [planned, sensitivities, budget]
+    commands = [sensitivities, budget]
+    if np.isfinite(case.with_all_reflections):
+        commands.append(planned)
     if case.fills_window:
         commands += [image_of_pixels, image_to_tolerance]
     if case.view is not None:

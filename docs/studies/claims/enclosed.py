@@ -3,8 +3,9 @@
 import numpy as np
 
 from docs.studies.claims.case import Case, Draw
-from docs.studies.claims.lit import X, Y, corners, turned_to_front
+from docs.studies.claims.lit import X, Y, turned_to_front
 from docs.studies.claims.scene_file import BLACK, UP, SceneFile, diffuse, plume, thermal
+from docs.studies.claims.sources import corners
 
 RIM = 1.001  # radius of a disc in a sphere, so that no ray passes beside it
 

@@ -5,7 +5,8 @@ from functools import cache
 import numpy as np
 
 from docs.studies.claims.case import Case, Draw, Unsuitable, converged
-from docs.studies.claims.scene_file import BLACK, UP, SceneFile, diffuse, thermal
+from docs.studies.claims.scene_file import BLACK, UP, SceneFile, diffuse, mirror, thermal
+from docs.studies.claims.sources import add_source, corners
 from docs.studies.claims.view_factors import (
     by_areas,
     midpoints,
@@ -17,12 +18,6 @@ from docs.studies.claims.view_factors import (
 
 X, Y = np.eye(3)[:2]
 SUN_UM, SUN_SPECTRAL = np.arange(0.5, 15.01, 0.1), 30.0  # of the sun's table; W m^-2 um^-1
-SIGNS = ((-1, -1), (1, -1), (1, 1), (-1, 1))  # corners of a rectangle, in order
-
-
-def corners(rectangle) -> np.ndarray:
-    centre, u, v = rectangle
-    return np.array([centre + s * u + t * v for s, t in SIGNS])
 
 
 def normal_of(rectangle) -> np.ndarray:
@@ -51,6 +46,12 @@ def reflected(shares, blocked, names, room: bool, bounces: int):
         return np.array(rows + [0 * received] * (bounces - 1))
 
     return response
+
+
+def whole_less_part(shares, front) -> list:
+    """Shares of a part and of the rest of a whole, from those of the part and the whole."""
+    part, whole = shares
+    return [part * front, (whole - part) * front]
 
 
 def floor_scene(draw: Draw, half_floor: float, rho: float, floor: float) -> SceneFile:
@@ -94,19 +95,21 @@ def lamp(draw: Draw) -> Case:
         if corners(rectangle)[:, 2].min() < 0.05 * height:
             raise Unsuitable
         lamps.append(rectangle)
-    names = [f"lamp{k}" for k in range(count)]
-    for name, rectangle in zip(names, lamps):
-        T[name] = draw.temperature()
-        file.rectangle(*rectangle, BLACK + thermal(name, T[name]))
+    sources = [add_source(draw, file, f"lamp{k}", r, T) for k, r in enumerate(lamps)]
+    names = [name for parts in sources for name in parts]
     room = room_around(draw, file, height + half_floor + 20 * side, T)
     bounces = draw.whole(1, 3)
     eye = 0.5 * min(corners(rectangle)[:, 2].min() for rectangle in lamps)
     file.camera(eye * UP, -UP, up, half_window, 4 * eye)
 
     def shares(points):
-        share = [to_polygon(points, UP, corners(rectangle)) for rectangle in lamps]
-        front = [(points - r[0]) @ normal_of(r) > 0 for r in lamps]
-        return [*(s * f for s, f in zip(share, front)), sum(share)]
+        of_parts, blocked = [], 0.0
+        for parts, rectangle in zip(sources, lamps):
+            front = (points - rectangle[0]) @ normal_of(rectangle) > 0
+            share = [to_polygon(points, UP, corners(part)) for part in parts.values()]
+            blocked = blocked + share[-1]
+            of_parts += [share[0] * front] if len(share) == 1 else whole_less_part(share, front)
+        return [*of_parts, blocked]
 
     *of_lamps, blocked = converged(shares, np.zeros(3), up, half_window)
     window = (np.zeros(3), half_window * np.cross(-UP, up), half_window * up)
@@ -114,15 +117,21 @@ def lamp(draw: Draw) -> Case:
 
     @cache
     def factors():
-        """Means of what the window receives from the front and the back of each lamp."""
-        sides = [((centre, u, v), (centre, -u, v)) for centre, u, v in lamps]
-        return [[by_areas(window, side, 6) for side in both] for both in sides]
+        """What the window receives from each source, and what the lamps take from the room."""
+        received, taken = [], 0.0
+        for parts in sources:
+            share = [by_areas(window, part, 6) for part in parts.values()]
+            received += share if len(share) == 1 else whole_less_part(share, 1.0)
+            centre, u, v = list(parts.values())[-1]
+            taken += share[-1] + by_areas(window, (centre, -u, v), 6)
+        return np.array(received), taken
 
     def second(B, materials):
         rho = materials["floor.reflectance"]
-        total = sum(front * B[name] for name, (front, _) in zip(names, factors()))
+        received, taken = factors()
+        total = received @ [B[name] for name in names]
         if room:
-            total += (1 - np.sum(factors())) * B["room"]
+            total += (1 - taken) * B["room"]
         return (1 - rho) * B["floor"] + rho * total
 
     return Case(
@@ -137,6 +146,60 @@ def lamp(draw: Draw) -> Case:
         response=reflected(of_lamps, blocked, names, room, bounces),
         second=second,
         second_error=1e-3,
+    )
+
+
+def in_mirror(draw: Draw) -> Case:
+    """A source that lights the floor by way of a mirror above it alone.
+
+    The mirror also shows the floor. Two reflections are followed, so that of the floor only its own
+    emission returns, which is the same everywhere.
+    """
+    rho, reflectance = draw.between(0.05, 0.95), draw.between(0.5, 1)
+    T, up, half_floor = {"floor": draw.background()}, draw.up(), draw.size(4, 10)
+    file = floor_scene(draw, half_floor, rho, T["floor"])
+    height, side, low = draw.between(1, 3), draw.size(1e-3, 0.3), 0.01
+    file.rectangle(*turned_to_front((height * UP, 500 * X, 500 * Y), -UP), mirror(reflectance))
+    place = np.array([2.0, draw.between(-1, 1), low])
+    T["lamp"] = draw.temperature(300)
+    file.rectangle(place, side * X, side * Y, BLACK + thermal("lamp", T["lamp"]))
+    file.camera(0.5 * height * UP, -UP, up, 1.0, 4 * height)
+    image = turned_to_front((place * [1, 1, 0] + (2 * height - low) * UP, side * X, side * Y), -UP)
+    images = {"lamp": image, "floor": (2 * height * UP, half_floor * X, -half_floor * Y)}
+    lamp_share, whole = converged(
+        lambda points: [to_polygon(points, UP, corners(part)) for part in images.values()],
+        np.zeros(3),
+        up,
+        1.0,
+    )
+
+    def response(B, materials, shares=(lamp_share, whole)):
+        rho = materials["floor.reflectance"]
+        own = (1 - rho) * B["floor"]
+        returned = shares[0] * B["lamp"] + (shares[1] - shares[0]) * own
+        return np.array([own + 0 * returned, 0 * returned, rho * reflectance * returned])
+
+    @cache
+    def factors():
+        window = turned_to_front((np.zeros(3), np.cross(-UP, up), np.asarray(up)), UP)
+        return [np.full((1, 1), by_areas(window, part, 6)) for part in images.values()]
+
+    def second(B, materials):
+        return float(response(B, materials, factors()).sum())
+
+    return Case(
+        kind="lamp, in a mirror",
+        file=file,
+        band=draw.band,
+        sampling=draw.sampling,
+        bounces=2,
+        half_window=1.0,
+        temperatures=T,
+        materials={"floor.reflectance": rho},
+        response=response,
+        second=second,
+        second_error=1e-4,
+        unlimited=lambda B, materials: np.nan,
     )
 
 

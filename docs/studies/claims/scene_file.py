@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import mitsuba as mi
 import numpy as np
 
 PIXELS = 8  # along each side of the film
@@ -30,7 +31,7 @@ property float y
 property float z
 element face {faces}
 property list uchar int vertex_indices
-end_header
+{attribute}end_header
 """
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -88,11 +89,20 @@ def thermal(group: str, temperature: float, facet_type: str = "model") -> str:
     )
 
 
+def of_texture(group: str, texture: str) -> str:
+    """Emitter whose temperature is a texture."""
+    return (
+        f'<emitter type="thermal"> <string name="band" value="$band"/> {texture} '
+        f'<string name="group" value="{group}"/> </emitter>'
+    )
+
+
 class SceneFile:
     """Shapes, lights and the sensor of a scene file, in coordinates before `place`."""
 
     def __init__(self, place: Place):
-        self.place, self.parts, self.meshes, self.others = place, [], {}, {}
+        self.place, self.parts = place, []
+        self.meshes, self.others, self.bitmaps = {}, {}, {}  # files by name
 
     def shape(self, kind: str, inside: str, transform: str = "") -> None:
         to_world = f'<transform name="to_world"> {transform} </transform>' if transform else ""
@@ -115,19 +125,28 @@ class SceneFile:
             f'<boolean name="flip_normals" value="{str(inward).lower()}"/> {inside}',
         )
 
-    def mesh(self, polygons, inside: str) -> None:
-        """Polygons, (n, V, 3), each anticlockwise from its front side, as fans of triangles."""
+    def mesh(self, polygons, inside: str, temperatures=None) -> None:
+        """Polygons, (n, V, 3), each anticlockwise from its front side, as fans of triangles.
+
+        temperatures: those of the polygons, for a `mesh_attribute` face_temperature [K].
+        """
         polygons = np.asarray(polygons, float)
         count, corners, _ = polygons.shape
         name = f"mesh{len(self.meshes)}.ply"
         first = np.arange(count) * corners
         fan = np.array([[0, k, k + 1] for k in range(1, corners - 1)])
         faces = (first[:, None, None] + fan).reshape(-1, 3)
-        lines = [
-            " ".join(f"{x:.9g}" for x in p) for p in self.place.points(polygons.reshape(-1, 3))
-        ]
-        lines += [f"3 {a} {b} {c}" for a, b, c in faces]
-        head = PLY.format(vertices=count * corners, faces=len(faces))
+        points = self.place.points(polygons.reshape(-1, 3))
+        lines = [" ".join(f"{x:.9g}" for x in point) for point in points]
+        values = [""] * len(faces)
+        if temperatures is not None:
+            values = [f" {T:.9g}" for T in np.repeat(temperatures, len(fan))]
+        lines += [f"3 {a} {b} {c}{value}" for (a, b, c), value in zip(faces, values)]
+        head = PLY.format(
+            vertices=count * corners,
+            faces=len(faces),
+            attribute="" if temperatures is None else "property float temperature_0\n",
+        )
         self.meshes[name] = head + "\n".join(lines) + "\n"
         self.shape(
             "ply",
@@ -171,6 +190,8 @@ class SceneFile:
         """Write the scene and its files into the folder; returns the scene's path."""
         for name, text in {**self.meshes, **self.others}.items():
             (folder / name).write_text(text, encoding="utf-8")
+        for name, image in self.bitmaps.items():
+            mi.Bitmap(image.astype(np.float32)).write(str(folder / name))
         path = folder / "adverse.xml"
         head = HEAD.format(band=band, bounces=bounces, sampling=str(sampling).lower())
         path.write_text(head + "".join(self.parts) + "</scene>\n", encoding="utf-8")

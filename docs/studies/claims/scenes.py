@@ -7,6 +7,7 @@ from docs.studies.claims.case import Case, Draw, Unsuitable
 
 KINDS = {
     lit.lamp: 5,  # how often, relative to the others
+    lit.in_mirror: 1,
     lit.ball: 1,
     lit.box: 2,
     lit.keyhole: 1,

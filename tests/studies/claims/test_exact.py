@@ -6,9 +6,9 @@ import pytest
 from docs.studies.claims import planck
 from docs.studies.claims.case import Draw, Unsuitable
 from docs.studies.claims.enclosed import overlap
-from docs.studies.claims.lit import corners
 from docs.studies.claims.scenes import DARKEST, KINDS, case
 from docs.studies.claims.seen import below_line, clipped_area
+from docs.studies.claims.sources import corners
 from docs.studies.claims.view_factors import (
     by_areas,
     on_rectangle,
