@@ -110,7 +110,7 @@ def body(draw: Draw) -> Case:
         toward_sun = draw.direction() * [1, 1, 0] + draw.between(0.3, 2) * UP
         toward_sun /= np.linalg.norm(toward_sun)
         name = "sun.csv"
-        file.others[name] = "wavelength_um,irradiance_W_m2_um\n" + "".join(
+        file.texts[name] = "wavelength_um,irradiance_W_m2_um\n" + "".join(
             f"{um:.1f},{SUN_SPECTRAL}\n" for um in SUN_UM
         )
         file.sun(toward_sun, name)

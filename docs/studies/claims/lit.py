@@ -400,7 +400,7 @@ def shadow(draw: Draw) -> Case:
         raise Unsuitable
     file.rectangle(height * UP, side * X, side * Y, BLACK)
     name = "sun.csv"
-    file.others[name] = "wavelength_um,irradiance_W_m2_um\n" + "".join(
+    file.texts[name] = "wavelength_um,irradiance_W_m2_um\n" + "".join(
         f"{um:.1f},{SUN_SPECTRAL}\n" for um in SUN_UM
     )
     file.sun(toward, name)

@@ -24,7 +24,7 @@ SENSOR = """    <sensor type="orthographic">
     </sensor>
 """
 PLY = """ply
-format ascii 1.0
+format binary_little_endian 1.0
 element vertex {vertices}
 property float x
 property float y
@@ -102,7 +102,7 @@ class SceneFile:
 
     def __init__(self, place: Place):
         self.place, self.parts = place, []
-        self.meshes, self.others, self.bitmaps = {}, {}, {}  # files by name
+        self.meshes, self.texts, self.bitmaps = {}, {}, {}  # files by name
 
     def shape(self, kind: str, inside: str, transform: str = "") -> None:
         to_world = f'<transform name="to_world"> {transform} </transform>' if transform else ""
@@ -136,18 +136,18 @@ class SceneFile:
         first = np.arange(count) * corners
         fan = np.array([[0, k, k + 1] for k in range(1, corners - 1)])
         faces = (first[:, None, None] + fan).reshape(-1, 3)
-        points = self.place.points(polygons.reshape(-1, 3))
-        lines = [" ".join(f"{x:.9g}" for x in point) for point in points]
-        values = [""] * len(faces)
+        points = self.place.points(polygons.reshape(-1, 3)).astype("<f4")
+        kinds = [("corners", "u1"), ("vertices", "<i4", 3), ("temperature", "<f4")]
+        table = np.zeros(len(faces), kinds if temperatures is not None else kinds[:2])
+        table["corners"], table["vertices"] = 3, faces
         if temperatures is not None:
-            values = [f" {T:.9g}" for T in np.repeat(temperatures, len(fan))]
-        lines += [f"3 {a} {b} {c}{value}" for (a, b, c), value in zip(faces, values)]
+            table["temperature"] = np.repeat(temperatures, len(fan))
         head = PLY.format(
             vertices=count * corners,
             faces=len(faces),
             attribute="" if temperatures is None else "property float temperature_0\n",
         )
-        self.meshes[name] = head + "\n".join(lines) + "\n"
+        self.meshes[name] = head.encode() + points.tobytes() + table.tobytes()
         self.shape(
             "ply",
             f'<string name="filename" value="{name}"/> '
@@ -188,7 +188,9 @@ class SceneFile:
 
     def write(self, folder: Path, band: str, bounces: int, sampling: bool) -> Path:
         """Write the scene and its files into the folder; returns the scene's path."""
-        for name, text in {**self.meshes, **self.others}.items():
+        for name, content in self.meshes.items():
+            (folder / name).write_bytes(content)
+        for name, text in self.texts.items():
             (folder / name).write_text(text, encoding="utf-8")
         for name, image in self.bitmaps.items():
             mi.Bitmap(image.astype(np.float32)).write(str(folder / name))
