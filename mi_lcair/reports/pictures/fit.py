@@ -5,9 +5,9 @@ from textwrap import wrap
 import numpy as np
 
 from mi_lcair.drawing import new_figure, plain, write_figure
-from mi_lcair.fitting.model import Hemispherical, Scatterometer
 from mi_lcair.fitting.scatterometer.measurements import Measurements
 from mi_lcair.physics import reflection
+from mi_lcair.reports.fit_curves import directional, model_of, scans_of
 
 ANGLES = {"theta_i": r"$\theta_i$", "theta_r": r"$\theta_r$"}
 TITLES = {
@@ -15,8 +15,6 @@ TITLES = {
     "dhr": ("directional-hemispherical reflectance", "theta_i"),
 }
 INK, PALE = "0.15", "0.45"  # greys of main and of secondary text
-MOST_CURVES = 12  # largest number of angles that are drawn, evenly chosen from all
-LINE_POINTS = 300  # points of a fitted curve
 
 
 def figure(fit):
@@ -66,47 +64,17 @@ def draw_brdf(axes, below, measurements: Measurements, fit) -> None:
     The angle with more values is the abscissa. Each value of the other angle has its own colour.
     Points that the fit left out are hollow.
     """
-    angles = {
-        "theta_r": np.degrees(measurements.theta_r),
-        "theta_i": np.degrees(measurements.theta_i),
-    }
-    swept, fixed = sorted(angles, key=lambda name: -len(np.unique(angles[name])))
-    settings = np.unique(angles[fixed])
-    settings = settings[
-        np.unique(np.linspace(0, len(settings) - 1, MOST_CURVES).round().astype(int))
-    ]
+    swept, fixed, scans = scans_of(fit, measurements)
+    for scan, color in zip(scans, shades(len(scans))):
+        axes.plot(*scan.curve, color=color, lw=1.2, label=f"{scan.setting:g}°")
+        for points, face in ((scan.fitted, color), (scan.left_out, "none")):
+            axes.plot(*points, "o", ms=2.6, mew=0.5, color=color, mfc=face)
+        below.plot(scan.fitted[0], scan.residuals, "o", ms=2.2, mew=0, color=color)
     brdf, used = measurements.brdf, fit.used_points
-    residual = np.log10(
-        np.where(used, brdf, 1)
-        / np.where(used, predicted(fit, measurements.theta_i, measurements.theta_r), 1)
-    )
-    lowest = []
-    for setting, color in zip(settings, shades(len(settings))):
-        at_setting = angles[fixed] == setting
-        x = np.linspace(
-            angles[swept][at_setting].min(), angles[swept][at_setting].max(), LINE_POINTS
-        )
-        line = predicted(
-            fit, **{swept: np.radians(x), fixed: np.full(LINE_POINTS, np.radians(setting))}
-        )
-        axes.plot(x, line, color=color, lw=1.2, label=f"{setting:g}°")
-        for points, face in ((at_setting & used, color), (at_setting & ~used, "none")):
-            axes.plot(
-                angles[swept][points], brdf[points], "o", ms=2.6, mew=0.5, color=color, mfc=face
-            )
-        below.plot(
-            angles[swept][at_setting & used],
-            residual[at_setting & used],
-            "o",
-            ms=2.2,
-            mew=0,
-            color=color,
-        )
-        lowest.append(line.min())
+    lowest = min(scan.curve[1].min() for scan in scans)
+    least = brdf[used & (brdf > 0)].min()
     axes.set_yscale("log")
-    axes.set_ylim(
-        max(min(lowest + [brdf[used].min()]), 0.03 * brdf[used].min()) / 2, 4 * brdf[brdf > 0].max()
-    )
+    axes.set_ylim(max(min(lowest, least), 0.03 * least) / 2, 4 * brdf[brdf > 0].max())
     axes.set_ylabel("BRDF (1/sr)")
     axes.legend(
         title=f"{ANGLES[fixed]}: dots measured\n(hollow: left out), lines fitted",
@@ -121,7 +89,8 @@ def draw_brdf(axes, below, measurements: Measurements, fit) -> None:
         alignment="left",
     )
     below.axhline(0, color=INK, lw=0.8)
-    reach = max(0.1, 1.1 * abs(residual[used]).max())
+    largest = max(abs(scan.residuals).max(initial=0) for scan in scans)
+    reach = max(0.1, 1.1 * largest)
     below.set_ylim(-reach, reach)
     below.set_ylabel("measured / fitted\n(decades)")
     below.set_xlabel(f"{ANGLES[swept]} (degrees)")
@@ -191,33 +160,6 @@ def draw_directional(axes, fit, quantity: str, data) -> None:
     axes.set_ylabel(title)
     axes.grid(color="0.9", lw=0.6)
     axes.set_axisbelow(True)
-
-
-def model_of(fit) -> str:
-    """Title of the fitted model, with its form if it has several, and its restriction."""
-    model = reflection.model(fit.model)
-    form = [f"{fit.form} form"] if len(model.forms) > 1 else []
-    restriction = [fit.restriction] if fit.restriction else []
-    return ", ".join([model.title, *form, *restriction])
-
-
-def coordinates(fit) -> np.ndarray:
-    """Coordinates of a fit's parameters in the unit cube of its model, shape (1, n)."""
-    return reflection.model(fit.model).to_cube([list(fit.parameters.values())])
-
-
-def predicted(fit, theta_i, theta_r) -> np.ndarray:
-    """The fitted BRDF, 1/sr, as the instrument measures it, at angles in radians."""
-    half_angle = np.radians(fit.settings["source_half_angle_deg"])
-    model = reflection.model(fit.model)
-    instrument = Scatterometer(model, fit.form, theta_i, theta_r, half_angle)
-    return instrument(coordinates(fit))[0][0]
-
-
-def directional(fit, quantity: str, theta) -> np.ndarray:
-    """The fitted emissivity or DHR at angles theta, radians."""
-    model = reflection.model(fit.model)
-    return Hemispherical(model, fit.form, theta, quantity)(coordinates(fit))[0][0]
 
 
 def shades(count: int):

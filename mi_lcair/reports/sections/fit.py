@@ -7,8 +7,8 @@ import numpy as np
 
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData
 from mi_lcair.physics import reflection
+from mi_lcair.reports.fit_curves import model_of
 from mi_lcair.reports.page.fit_panel import fit_panel
-from mi_lcair.reports.pictures.fit import model_of
 from mi_lcair.results.cells import unpacked, words_of
 from mi_lcair.results.sections import Drawing, Facts, Section, Table
 
