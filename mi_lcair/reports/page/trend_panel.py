@@ -12,23 +12,21 @@ from mi_lcair.reports.page.figures import (
     subplots,
 )
 from mi_lcair.reports.page.panel import Panel
+from mi_lcair.reports.pictures.trend import KINDS, closed, elevations_of, large_parts
+from mi_lcair.signatures.trend_result import Trend
 
-NEGLIGIBLE = 1e-3  # parts below this share of the largest intensity are not drawn
-KINDS = {"group": "by what emitted it", "bounce": "by number of reflections"}
 HEIGHT = 560  # pixels
 
 
-def trend_panel(columns: dict[str, np.ndarray]) -> Panel:
+def trend_panel(trend: Trend) -> Panel:
     """The panel of a trend.
 
-    columns: table of a trend, see `Trend`. Azimuth 0 (the nose) is up, and 90 (the left side) is on
-    the left. Bands are the 95 % intervals of the intensity. Its parts are shown at one elevation,
-    which a menu chooses.
+    Azimuth 0 (the nose) is up, and 90 (the left side) is on the left. Bands are the 95 % intervals
+    of the intensity. Its parts are shown at one elevation, which a menu chooses.
     """
     go = graph_objects()
-    elevations = np.unique(columns["elevation_deg"])
-    level = int(np.argmin(np.abs(elevations)))
-    kinds = [kind for kind in KINDS if parts(columns, kind)]
+    elevations, level = elevations_of(trend)
+    kinds = [kind for kind in KINDS if trend.parts(kind)]
     figure = subplots(
         rows=1,
         cols=1 + len(kinds),
@@ -37,19 +35,17 @@ def trend_panel(columns: dict[str, np.ndarray]) -> Panel:
     )
     visible = []  # elevation of each trace; None for those that are always shown
     for number, elevation in enumerate(elevations):
-        rows = at_elevation(columns, elevation)
-        azimuth, (middle, half) = closed(rows, "intensity_W_sr", "half_width_W_sr")
-        for trace in curve(go, f"{elevation:g}° elevation", azimuth, middle, half, number):
+        at = trend.at_elevation(elevation)
+        intensity = at.table["intensity_W_sr"]
+        half = at.table.get("half_width_W_sr", np.full(len(intensity), np.nan))
+        title = f"{elevation:g}° elevation"
+        for trace in curve(go, title, closed(at, intensity, half), number):
             figure.add_trace(trace.update(legend="legend"), row=1, col=1)
             visible.append(None)
-        least = NEGLIGIBLE * np.nanmax(columns["intensity_W_sr"])
         for place, kind in enumerate(kinds, 2):
-            large = [key for key in parts(columns, kind) if np.nanmax(columns[key]) > least]
-            for order, key in enumerate(large):
-                azimuth, (values,) = closed(rows, key)
-                title = key.partition(".")[2].removesuffix("_W_sr")
-                title = title if kind == "group" else reflections(title)
-                for trace in curve(go, title, azimuth, values, None, order):
+            for order, (part, values) in enumerate(large_parts(at, kind).items()):
+                title = part if kind == "group" else reflections(part)
+                for trace in curve(go, title, values, order):
                     trace.update(visible=number == level, legend=f"legend{place}")
                     figure.add_trace(trace, row=1, col=place)
                     visible.append(number)
@@ -62,39 +58,18 @@ def trend_panel(columns: dict[str, np.ndarray]) -> Panel:
     return figure_panel(figure, HEIGHT)
 
 
-def parts(columns: dict, kind: str) -> list[str]:
-    """Columns of the parts of one kind, "group" or "bounce"."""
-    return [key for key in columns if key.startswith(f"{kind}.")]
-
-
 def reflections(number: str) -> str:
     """Words for a number of reflections."""
     return "none" if number in ("0", "00") else number.lstrip("0")
 
 
-def at_elevation(columns: dict, elevation: float) -> dict[str, np.ndarray]:
-    """The rows at an elevation, in the order of their azimuths."""
-    rows = np.flatnonzero(columns["elevation_deg"] == elevation)
-    rows = rows[np.argsort(columns["azimuth_deg"][rows], kind="stable")]
-    return {key: np.asarray(values, float)[rows] for key, values in columns.items()}
-
-
-def closed(rows: dict, *keys: str) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Azimuths and columns; the first view is repeated at the end of a full turn."""
-    azimuth = rows["azimuth_deg"]
-    values = [rows.get(key, np.full(len(azimuth), np.nan)) for key in keys]
-    steps = np.diff(np.append(azimuth, azimuth[0] + 360))
-    if len(azimuth) > 2 and np.allclose(steps, 360 / len(azimuth), atol=1e-6):
-        azimuth = np.append(azimuth, azimuth[0] + 360)
-        values = [np.append(column, column[0]) for column in values]
-    return azimuth, values
-
-
-def curve(go, title: str, azimuth, values, half, number: int) -> list:
-    """Traces of a curve and, with half widths, of its band."""
+def curve(go, title: str, columns: list[np.ndarray], number: int) -> list:
+    """Traces of a curve and its band: columns are azimuths, values and, if any, half widths."""
+    azimuth, values, *rest = columns
+    half = rest[0] if rest and np.isfinite(rest[0]).any() else None
     color, title = colour(number), name(title)
     traces = []
-    if half is not None and np.isfinite(half).any():
+    if half is not None:
         low, high = np.maximum(values - half, 0), values + half
         traces.append(
             go.Scatterpolar(

@@ -6,6 +6,7 @@ from mi_lcair.drawing import new_figure, plain
 from mi_lcair.signatures.trend_result import Trend
 
 NEGLIGIBLE = 1e-3  # parts below this share of the largest intensity are not drawn
+KINDS = {"group": "by what emitted it", "bounce": "by number of reflections"}
 UNIT = r"W sr$^{-1}$"
 
 
@@ -15,26 +16,17 @@ def figure(trend: Trend):
     Azimuth 0 (the nose) is up, and 90 (the left side) is on the left. The last two panels are at
     the elevation nearest to 0.
     """
-    elevations = np.unique(trend.table["elevation_deg"])
-    level = elevations[np.argmin(np.abs(elevations))]
-    at_level = trend.at_elevation(level)
+    elevations, level = elevations_of(trend)
+    at_level = trend.at_elevation(elevations[level])
     figure = new_figure((14, 5.6), layout="constrained")
     panels = figure.subplots(1, 3, subplot_kw={"projection": "polar"})
-    draw(
-        panels[0],
-        "by elevation",
-        {
-            f"elevation {elevation:g}°": (at, at.table["intensity_W_sr"])
-            for elevation in elevations
-            for at in [trend.at_elevation(elevation)]
-        },
-    )
-    draw(panels[1], f"by what emitted it, elevation {level:g}°", large_parts("group", at_level))
-    draw(
-        panels[2],
-        f"by number of reflections, elevation {level:g}°",
-        large_parts("bounce", at_level),
-    )
+    curves = {}
+    for elevation in elevations:
+        at = trend.at_elevation(elevation)
+        curves[f"elevation {elevation:g}°"] = closed(at, at.table["intensity_W_sr"])
+    draw(panels[0], "by elevation", curves)
+    for panel, (kind, words) in zip(panels[1:], KINDS.items()):
+        draw(panel, f"{words}, elevation {elevations[level]:g}°", large_parts(at_level, kind))
     figure.suptitle(
         f"{plain(f'{trend.scene_name}, {trend.band}')}: intensity of the model by azimuth ({UNIT})",
         fontsize=12,
@@ -42,29 +34,46 @@ def figure(trend: Trend):
     return figure
 
 
-def large_parts(kind: str, trend: Trend) -> dict:
-    """Curves, as `draw` takes them, of the parts that are not negligible everywhere.
+def elevations_of(trend: Trend) -> tuple[np.ndarray, int]:
+    """Elevations of a trend, degrees, and the number of the one nearest to 0."""
+    elevations = np.unique(trend.table["elevation_deg"])
+    return elevations, int(np.argmin(np.abs(elevations)))
 
-    `kind` is "group" or "bounce".
+
+def closed(at: Trend, *columns: np.ndarray) -> list[np.ndarray]:
+    """Azimuths, degrees, and columns of a trend at one elevation, in the order of the azimuths.
+
+    The first view is repeated at the end of an even full turn.
     """
-    least = NEGLIGIBLE * trend.table["intensity_W_sr"].max()
-    parts = trend.parts(kind)
-    return {name: (trend, values) for name, values in parts.items() if values.max() > least}
+    azimuth = np.asarray(at.table["azimuth_deg"], float)
+    order = np.argsort(azimuth, kind="stable")
+    azimuth, *columns = (np.asarray(values, float)[order] for values in (azimuth, *columns))
+    steps = np.diff(np.append(azimuth, azimuth[0] + 360))
+    if len(azimuth) > 2 and np.allclose(steps, 360 / len(azimuth), atol=1e-6):
+        azimuth = np.append(azimuth, azimuth[0] + 360)
+        columns = [np.append(values, values[0]) for values in columns]
+    return [azimuth, *columns]
+
+
+def large_parts(at: Trend, kind: str) -> dict[str, list[np.ndarray]]:
+    """Curves of the parts of a trend at one elevation that are not negligible everywhere.
+
+    `kind` is "group" or "bounce". Each curve is as `closed` gives it.
+    """
+    least = NEGLIGIBLE * np.nanmax(at.table["intensity_W_sr"])
+    return {
+        name: closed(at, values)
+        for name, values in at.parts(kind).items()
+        if np.nanmax(values, initial=0) > least
+    }
 
 
 def draw(panel, title: str, curves: dict) -> None:
-    """Draw curves in a polar panel: {label: (Trend, values of its views)}."""
+    """Draw curves in a polar panel: {label: [azimuths in degrees, values]}."""
     panel.set_theta_zero_location("N")
-    for label, (at, values) in curves.items():
-        order = np.argsort(at.table["azimuth_deg"])
-        azimuth, values = np.radians(at.table["azimuth_deg"][order]), values[order]
-        if closes(at.table["azimuth_deg"][order]):
-            azimuth, values = (
-                np.append(azimuth, azimuth[0] + 2 * np.pi),
-                np.append(values, values[0]),
-            )
+    for label, (azimuth, values) in curves.items():
         panel.plot(
-            azimuth,
+            np.radians(azimuth),
             values,
             linewidth=1.3,
             label=plain(label),
@@ -75,11 +84,4 @@ def draw(panel, title: str, curves: dict) -> None:
     panel.tick_params(labelsize=8)
     panel.legend(
         loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=4, fontsize=8, frameon=False
-    )
-
-
-def closes(azimuths_deg) -> bool:
-    """Whether the azimuths are evenly spaced over a full turn."""
-    return len(azimuths_deg) > 2 and np.allclose(
-        np.diff(np.append(azimuths_deg, azimuths_deg[0] + 360)), 360 / len(azimuths_deg), atol=1e-6
     )

@@ -29,7 +29,7 @@ def sections(trend) -> list[Section]:
     remark = "some samples were NaN or infinite and count as 0; see column invalid"
     parts += [
         Remarks([remark] if invalid else []),
-        Drawing(partial(trend_panel, trend.columns())),
+        Drawing(partial(trend_panel, trend)),
         LongTable(trend.columns()),
     ]
     return [Section("Intensity by aspect", parts)]
