@@ -212,6 +212,17 @@ def slant(elevation, transmittance, range_km, h1=0.0, h2=0.0, **columns):
     )
 
 
+def test_the_range_on_card_3(file):
+    """In km; 0 means that the card does not state it. An elevation is 90 degrees less ANGLE."""
+    for text, elevation in ((block(MWIR, range_km=0.0005), 0.0), (slant(-30, 0.5, 0.0005), -30.0)):
+        (computed,) = tape7.blocks(file(text))
+        assert computed.range_m == pytest.approx(0.5) and computed.elevation_deg == elevation
+        assert not computed.to_space and computed.line == 7
+    for text in (block(MWIR, range_km=0), slant(30, 0.5, 0.0, 1, 1)):
+        assert tape7.blocks(file(text))[0].range_m is None
+    assert tape7.blocks(file(block(MWIR, itype=3)))[0].to_space
+
+
 def test_the_range_of_a_slant_path_from_its_heights(file):
     for elevation, h1, h2, length in ((30, 0, 2, 4.0), (-30, 2, 0, 4.0), (90, 1, 3, 2.0)):
         (computed,) = tape7.blocks(file(slant(elevation, 0.5, 0.0, h1, h2)))
