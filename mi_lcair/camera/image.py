@@ -14,6 +14,7 @@ from mi_lcair.camera.optics import MARGIN
 from mi_lcair.camera.quality import measured
 from mi_lcair.camera.range_table import RangedTarget, at_ranges, table_ranges
 from mi_lcair.camera.view import CameraView
+from mi_lcair.declared import Bounds
 from mi_lcair.detection.scenario import Scenario, scenario_of
 from mi_lcair.detection.setting import setting_of
 from mi_lcair.errors import InputError
@@ -72,12 +73,8 @@ def image(
     scenario = scenario_of(
         scenario, parameters, spp=spp, tolerance=fraction(tolerance), max_spp=max_spp
     )
-    for name, value, least, most in (
-        ("frames", frames, 1, MOST_FRAMES),
-        ("seed", seed, 0, 2**32 - 1),
-    ):
-        if not least <= value <= most:
-            raise InputError(f"{name} = {value}; must lie in {least}..{most}")
+    Bounds(lower=1, upper=MOST_FRAMES).check(frames, "frames")
+    Bounds(lower=0, upper=2**32 - 1).check(seed, "seed")
     try:
         return recorded(scenario, frames, seed, progress)
     except InputError as error:
