@@ -101,39 +101,28 @@ def account(scene: Scene, table: FacetTable, tally: Tally, photons: int) -> Audi
         )
 
     names = [field.name for field in fields(Flux)] + ["created"]
-    total = {
-        name: getattr(by_facet, name).sum(axis=1)
-        for name in ("emitted", "absorbed", "behind", "created")
-    } | tally.ends
+    of_scene = ("emitted", "absorbed", "behind", "created")
+    total = {name: getattr(by_facet, name).sum(axis=1) for name in of_scene} | tally.ends
     total["emitted"] = total["emitted"] + total.pop("sunlight")
-    total["balance"] = sum(
-        total[name] * sign
-        for name, sign in (
-            ("emitted", 1),
-            ("created", 1),
-            ("absorbed", -1),
-            ("behind", -1),
-            ("escaped", -1),
-            ("unfinished", -1),
-        )
-    )
+    total["balance"] = total["emitted"] + total["created"]
+    for name in ("absorbed", "behind", "escaped", "unfinished"):
+        total["balance"] = total["balance"] - total[name]
     kind = kinds(scene, table)
-    materials = {
+    fluxes = {"scene": total} | {
         name: {flux: getattr(by_facet, flux)[:, kind == name].sum(axis=1) for flux in names}
         for name in dict.fromkeys(kind)
     }
     shares = {
-        "scene": {name: share(batches, total["emitted"]) for name, batches in total.items()},
-        **{
-            name: {key: share(batches, flux["incident"]) for key, batches in flux.items()}
-            for name, flux in materials.items()
-        },
+        of: {
+            name: share(batches, flux["emitted" if flux is total else "incident"])
+            for name, batches in flux.items()
+        }
+        for of, flux in fluxes.items()
     }
-    total = {name: figure(batches) for name, batches in total.items()}
     materials = {
-        name: {key: figure(batches) for key, batches in flux.items()}
-        for name, flux in materials.items()
+        of: {name: figure(batches) for name, batches in flux.items()} for of, flux in fluxes.items()
     }
+    total = materials.pop("scene")
     return Audit(
         scene_name=scene.name,
         band=scene.band.name,

@@ -17,7 +17,7 @@ tried. Both are counted in rays, so that the load of the machine decides nothing
 import time
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import ClassVar
 
 import numpy as np
@@ -107,13 +107,7 @@ class Plan(Result):
     @property
     def settings(self) -> Settings:
         """The part of the plan that is applied to the scene."""
-        return Settings(
-            lobe=self.lobe,
-            max_bounces=self.max_bounces,
-            emitter_sampling=self.emitter_sampling,
-            closure=self.closure,
-            ambient_temperature=self.ambient_temperature,
-        )
+        return Settings(**{entry.name: getattr(self, entry.name) for entry in fields(Settings)})
 
     def summary(self) -> str:
         """One line with the settings and the bound of their error."""
@@ -127,21 +121,8 @@ class Plan(Result):
 
     def entries(self) -> dict:
         """Entries for JSON."""
-        return {
-            "scene_name": self.scene_name,
-            "lobe": self.lobe,
-            "max_bounces": self.max_bounces,
-            "emitter_sampling": self.emitter_sampling,
-            "closure": self.closure,
-            "ambient_temperature_K": self.ambient_temperature,
-            "tolerance": self.tolerance,
-            "each_pixel": self.each_pixel,
-            "bias": self.bias,
-            "noise_tolerance": self.noise_tolerance,
-            "probe_time_s": self.probe_seconds,
-            "left_out": self.left_out,
-            "untried": self.untried,
-        }
+        units = {"ambient_temperature": "ambient_temperature_K", "probe_seconds": "probe_time_s"}
+        return {units.get(name, name): value for name, value in vars(self).items()}
 
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each setting, as texts."""
