@@ -5,7 +5,6 @@ import time
 import numpy as np
 import pytest
 
-from mi_lcair.models3d import coincident
 from mi_lcair.models3d.coincident import overlaps
 
 SQUARE = np.array([[[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0]]], float)
@@ -99,13 +98,13 @@ def test_random_triangles_against_a_direct_search():
     assert len(found) < 1.3 * shared.sum()  # those that share less than a point of the grid
 
 
-def test_large_planes(monkeypatch):
-    """Above ALL_PAIRS triangles exact copies are still found, and what covers a centroid."""
-    monkeypatch.setattr(coincident, "ALL_PAIRS", 100)
+def test_large_planes():
+    """Ten copies among 3200 triangles, and a square over 20 x 20 cells of two triangles each."""
     flat = grid(40)
     assert counts(flat) == (0, 0)
-    assert counts(np.concatenate([flat, flat[500:510, ::-1]]))[0] >= 10
-    assert counts(np.concatenate([flat, SQUARE * 0.5 + [0.2, 0.2, 0]]))[1] > 400
+    assert counts(np.concatenate([flat, flat[500:510, ::-1]])) == (10, 0)
+    assert counts(np.concatenate([flat, SQUARE * 0.5 + [0.2, 0.2, 0]])) == (0, 800)
+    assert counts(np.concatenate([flat, SQUARE[:, ::-1] * [0.5, 0.5, 1]])) == (800, 0)
 
 
 @pytest.mark.slow
