@@ -37,7 +37,7 @@ def two_sources(**more):
         np.array([[AREA, 4.0], [99.0, 99.0]]),
         np.zeros((2, 2)),
         15.0,
-        np.array([COVARIANCE, COVARIANCE]),
+        np.array([COVARIANCE, 9 * COVARIANCE]),  # of the target, and of the whole scene
         np.empty(0),
         np.empty((2, 0)),
     )
@@ -99,10 +99,10 @@ def test_many_temperatures_as_one_spectrum():
     nodes = np.polynomial.chebyshev.chebpts1(24) * 2 + 10
     spectrum = spectral_radiance(nodes, HOT) * AREA
     covariance = np.zeros((2, 1, 1))
-    covariance[:, -1, -1] = 0.05
+    covariance[:, -1, -1] = 0.05, 9.0
     areas = EffectiveAreas(
         LWIR, [], np.zeros((2, 0)), np.zeros((2, 0)), 15.0, covariance, nodes,
-        np.array([spectrum, spectrum]),
+        np.array([spectrum, 7 * spectrum]),
     )  # fmt: skip
     terms = Irradiance(areas, RenderError(0.02), LWIR, grey_air(), BACKDROP).at(
         grey_air().path(RANGE)
