@@ -169,12 +169,10 @@ def as_dict(fits: list[Fit]) -> dict:
 
     Returns the report of a single fit, or {"kind": "fit", "materials": {band: report}} for several.
     """
-    reports = [{"kind": KIND, **fit.entries()} for fit in fits]
-    return (
-        reports[0]
-        if len(reports) == 1
-        else {"kind": KIND, "materials": {report["band"]: report for report in reports}}
-    )
+    reports = [fit.as_dict() for fit in fits]
+    if len(reports) == 1:
+        return reports[0]
+    return {"kind": KIND, "materials": {report["band"]: report for report in reports}}
 
 
 def bands(report: dict) -> list[str]:
@@ -190,16 +188,7 @@ def bands(report: dict) -> list[str]:
 
 def to_json(report: dict) -> str:
     """The report as strict JSON, with at most 17 digits a number, from which it is read exactly."""
-    return (
-        json.dumps(
-            report,
-            indent=2,
-            allow_nan=False,
-            ensure_ascii=False,
-            default=lambda value: value.tolist(),
-        )
-        + "\n"
-    )
+    return json.dumps(report, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
 
 
 def band_name(measurements: Measurements) -> str | None:

@@ -7,7 +7,7 @@ faces that have further properties. plyfile is under the GPL.
 
 import re
 import struct
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -121,7 +121,6 @@ def _parsed(content):
     data = np.frombuffer(content, np.uint8, offset=begin)
     if order == ORDERS[TEXT]:
         data = _text_numbers(content[begin:]).view(np.uint8)
-        elements = [_as_doubles(element) for element in elements]
     vertices = faces = None
     for element in elements:
         columns, data = _columns(data, element, order)
@@ -156,8 +155,10 @@ def _header(content):
         elif element := ELEMENT.fullmatch(words):
             elements.append(Element(element[1], int(element[2]), []))
         elif entry and elements and entry[2] in TYPES and (entry[1] or "int") in TYPES:
-            count_type = TYPES[entry[1]] if entry[1] else None
-            elements[-1].properties.append(Property(entry[3], TYPES[entry[2]], count_type))
+            kind, count_type = TYPES[entry[2]], entry[1] and TYPES[entry[1]]
+            if order == ORDERS[TEXT]:  # every number of a text becomes a double
+                kind, count_type = "f8", count_type and "f8"
+            elements[-1].properties.append(Property(entry[3], kind, count_type))
         else:
             raise InputError(f"its header's line '{line.strip()[:60]}' cannot be understood")
     if order is None:
@@ -178,14 +179,6 @@ def _text_numbers(text):
         return np.array(text.split(), dtype=float)
     except ValueError:
         raise InputError("holds a word that is no number") from None
-
-
-def _as_doubles(element):
-    """The element as `_text_numbers` stores it: every number is a double."""
-    return replace(
-        element,
-        properties=[Property(p.name, "f8", p.count_type and "f8") for p in element.properties],
-    )
 
 
 def _columns(data, element, order):

@@ -152,6 +152,25 @@ def test_units_of_radiances():
     check_radiance("a", np.full(5, 1e9), np.zeros(5), LWIR)  # a dark scene tells nothing
 
 
+def test_channels_of_an_exr(tmp_path):
+    """Y if there are several, the only one otherwise; masks are of any band."""
+    from mi_lcair.rendering.images.exr import write_exr
+
+    path, ones = str(tmp_path / "a.exr"), np.ones((2, 3))
+    write_exr(path, {"Y": ones, "temperature.Y": 300 * ones}, {"band": "MWIR"})
+    with pytest.raises(InputError, match="is of band MWIR, and the scene of band LWIR"):
+        read_values(path, None, None, LWIR)
+    assert read_values(path, None, "mask", LWIR)[0].tolist() == ones.tolist()
+    values, quantity = read_values(path, "temperature.Y", None, band("MWIR"))
+    assert values[0, 0] == 300 and quantity == "apparent_temperature"
+    assert read_values(path, None, None, band("MWIR"))[1] == "radiance"
+    write_exr(path, {"temperature.Y": 300 * ones}, {})
+    assert read_values(path, None, None, LWIR)[1] == "apparent_temperature"
+    write_exr(path, {"a.Y": ones, "b.Y": ones}, {})
+    with pytest.raises(InputError, match="unknown channel of .* 'Y'; known: a.Y"):
+        read_values(path, None, None, LWIR)
+
+
 def test_size():
     check_size("a", np.zeros((2, 3)), (2, 3))
     with pytest.raises(InputError, match="has 3 x 2 pixels, and the scene's film 2 x 3"):
