@@ -122,6 +122,10 @@ class ThermalEmitter(mi.Emitter):
         scaled = Spectrum(table.name, table.wavelengths_um, table.radiance * factor)
         return [Source(self.group, table.name, in_band, spectrum=scaled)]
 
+    def to_string(self):
+        given = ", ".join(f"{name} = {value}" for name, value in self.values.items())
+        return f"{type(self).__name__}[{given}]"
+
 
 def is_thermal(emitter) -> bool:
     """Whether an emitter is a `ThermalEmitter`; False for Mitsuba's emitters and for None."""
