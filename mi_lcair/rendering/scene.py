@@ -20,6 +20,7 @@ from mi_lcair.plugins.scene_state import SceneState
 from mi_lcair.plugins.tracing import exclusive
 from mi_lcair.rendering.loading.files import survey
 from mi_lcair.rendering.loading.fingerprint import described_digest, fingerprint, source_digest
+from mi_lcair.rendering.loading.flat_parts import remarks_on_triangles
 from mi_lcair.rendering.loading.meshes import check_mesh_files, check_shapes
 from mi_lcair.rendering.loading.nodes import check_nodes
 from mi_lcair.rendering.loading.origin import check_meshes_near, far_origin, move
@@ -35,7 +36,6 @@ from mi_lcair.rendering.loading.remarks import (
     remarks_on_materials,
     shapes_without_bsdf,
     suns_below_the_horizon,
-    thin_sheets,
 )
 from mi_lcair.rendering.loading.samplers import remarks_on_samplers
 
@@ -117,7 +117,7 @@ class Scene:
         with exclusive:
             state = SceneState(nodes(self.mi))
             if not self._compared or self._compared[0] != state:
-                self._compared[:] = state, thin_sheets(self.mi)
+                self._compared[:] = state, remarks_on_triangles(self.mi)
         return [*self.notes, *self._compared[1], *clipped(self.mi, self.sensors)]
 
     @property

@@ -9,6 +9,7 @@ from mi_lcair.plugins.bsdfs.plume import is_passed
 from mi_lcair.plugins.emission.draw_table import DrawTable
 from mi_lcair.plugins.emission.field_of_view import FieldOfView
 from mi_lcair.plugins.emission.groups import Groups, at_pointer
+from mi_lcair.plugins.emission.offsets import Offsets
 from mi_lcair.plugins.emission.one_sun import one_sun
 from mi_lcair.plugins.emission.radiance_bound import can_be_hit, radiance_bound
 from mi_lcair.plugins.emission.samples import DrawnDirection, EmitterSample
@@ -21,9 +22,6 @@ from mi_lcair.plugins.emission.triangles import (
 )
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 
-# Smallest offset of a ray's start from a surface, relative to the scene's extent. It is larger than
-# the rounding error of a hit's position.
-OFFSET = 64 * 2.0**-24
 # Largest number of surfaces in a row that a ray passes. A path that needs more is not a number, so
 # that it is counted and reported as an invalid sample.
 MOST_PASSED = 32
@@ -68,25 +66,12 @@ class EmitterTable:
         self.transmits = any(
             of_bsdf & int(mi.BSDFFlags.Transmission) and not is_passed(of_bsdf) for of_bsdf in flags
         )
-        box = scene.bbox()
-        extent = max(np.abs(box.min).max(), np.abs(box.max).max())
-        self.least_offset = mi.Float(OFFSET * extent)
-        dr.make_opaque(self.least_offset, self.sun_id)
+        self.offsets = Offsets(scene)
+        dr.make_opaque(self.sun_id)
 
     def leave(self, si, d):
-        """Start of a ray from the hit `si` in the direction `d`, just off the surface [m].
-
-        Mitsuba's offset, (1 + |p|) 9e-5 m, is too large for a small scene. Float32 needs an offset
-        of only a few rounding errors of the scene's extent. The start of a reflected ray is also
-        moved toward the observer by the same distance. A hit on the edge between two walls lies on
-        both walls, and the offset from one wall would leave the start on the other.
-        """
-        mitsuba = (1 + dr.max(dr.abs(si.p))) * mi.math.RayEpsilon
-        offset = dr.minimum(mitsuba, self.least_offset)
-        cos = dr.dot(si.n, d)
-        observer = si.to_world(si.wi)
-        back = dr.select(cos * dr.dot(si.n, observer) > 0, dr.minimum(offset, 0.5 * si.t), 0)
-        return dr.fma(observer, back, dr.fma(si.n, dr.mulsign(offset, cos), si.p))
+        """Start of a ray from the hit `si` in the direction `d`, see `Offsets`."""
+        return self.offsets.leave(si, d)
 
     def spawn_ray(self, si, d):
         return mi.Ray3f(self.leave(si, d), d)

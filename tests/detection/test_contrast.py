@@ -198,7 +198,7 @@ def totals(monkeypatch, folder, seeds: int, **changes):
     loaded = setting.load(folder / "disc.xml", temperature="400", band="MWIR")
     monkeypatch.setattr(setting, "load", lambda *_, **__: loaded)
     # The search for overlapping triangles takes three times as long as such a render
-    monkeypatch.setattr("mi_lcair.rendering.scene.thin_sheets", lambda _: [])
+    monkeypatch.setattr("mi_lcair.rendering.scene.remarks_on_triangles", lambda _: [])
     changes |= {"target__parameters__temperature": 400, "sensor__band": "MWIR"}
     rows = [contrast(disc(folder, **changes, render__seed=seed)).rows[0] for seed in range(seeds)]
     expected = closed_form("MWIR", 400, 1000, np.ones_like, np.zeros_like, lambda x: planck(x, 294))

@@ -17,6 +17,8 @@ from mi_lcair.benchmark.propagation.primary import part_corners, part_index, vis
 from mi_lcair.benchmark.propagation.problem import Method, Problem, emitted
 from mi_lcair.plugins.samplers.lattice import Lattice
 
+ABOVE = 2**-13  # height of a ray that meets a patch from above, relative to the scene
+
 
 def intensity(problem: Problem, patches: int, rays: int, seed: int) -> tuple[float, int]:
     """Compute the intensity by radiosity.
@@ -69,7 +71,7 @@ def at_middles(scene, emitters, corners) -> tuple[np.ndarray, np.ndarray]:
     """Emitted exitance [W m^-2] and reflectance of each patch, evaluated at its middle."""
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    above = corners.mean(axis=1) + 32 * float(emitters.least_offset[0]) * normal
+    above = corners.mean(axis=1) + ABOVE * np.abs(corners).max() * normal
     si = scene.ray_intersect(mi.Ray3f(mi.Point3f(above.T), mi.Vector3f(-normal.T)))
     rho = si.bsdf().eval_diffuse_reflectance(si)[0]
     return np.pi * emitted(si, scene).numpy().astype(float), rho.numpy().astype(float)

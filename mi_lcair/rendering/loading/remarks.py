@@ -4,12 +4,10 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.models3d.coincident import overlaps
 from mi_lcair.plugins.bsdfs.plume import is_passed
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf, reflection_layers
 from mi_lcair.plugins.derivatives import deriving_plugins, members
 from mi_lcair.plugins.emission.one_sun import one_sun
-from mi_lcair.plugins.emission.triangles import is_faceted
 from mi_lcair.plugins.emitters.thermal_emitter import thermal_shapes
 from mi_lcair.plugins.paths.launch import numbers
 from mi_lcair.rendering.loading.nodes import properties, references
@@ -102,41 +100,6 @@ def surfaces_that_emit_nothing(scene: mi.Scene) -> list[str]:
                 "use a material that absorbs, or give the emitter an `emissivity`"
             )
     return remarks
-
-
-def thin_sheets(scene: mi.Scene) -> list[str]:
-    """Remarks on triangles that overlap in one plane, where rays hit either one at random."""
-    corners, shape_of, number = [], [], []
-    for shape in scene.shapes():
-        if is_faceted(shape):
-            buffers = members(shape)
-            vertices, faces = (
-                buffers[name].numpy().reshape(-1, 3) for name in ("vertex_positions", "faces")
-            )
-            corners.append(vertices[faces].astype(float))
-            shape_of += [shape] * len(faces)
-            number.append(np.arange(len(faces)))
-    if not corners:
-        return []
-    sheets, number = overlaps(np.concatenate(corners)), np.concatenate(number)
-    remarks = []
-    for pairs, how in (
-        (sheets.back_to_back, "back to back"),
-        (sheets.same_side, "one on the other"),
-    ):
-        if len(pairs):
-            a, b = (f"{triangle_name(shape_of[k])} {number[k]}" for k in pairs[0])
-            remarks.append(
-                f"{len(pairs)} pair{'s' * (len(pairs) > 1)} of triangles lie in one plane, {how}, "
-                f"first {a} and {b}; which of them is seen is left to rounding: move them apart or "
-                "remove one"
-            )
-    return remarks
-
-
-def triangle_name(shape) -> str:
-    """Name of the triangles of a shape in a remark."""
-    return f"triangle of '{shape.id()}'" if shape.id() else "triangle"
 
 
 def clipped(loaded, sensors) -> list[str]:

@@ -10,7 +10,7 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
-from mi_lcair.rendering.loading.remarks import thin_sheets
+from mi_lcair.rendering.loading.flat_parts import remarks_on_triangles
 from tests.rendering.loading.scene_text import (
     FACETS,
     HALVES,
@@ -268,8 +268,8 @@ def test_triangles_are_compared_once_for_each_state_of_the_scene(tmp_path, monke
     )
     calls = []
     monkeypatch.setattr(
-        "mi_lcair.rendering.scene.thin_sheets",
-        lambda loaded: (calls.append(1), thin_sheets(loaded))[1],
+        "mi_lcair.rendering.scene.remarks_on_triangles",
+        lambda loaded: (calls.append(1), remarks_on_triangles(loaded))[1],
     )
     overlap = lambda: any("triangles" in remark for remark in scene.remarks)
     assert not overlap() and not overlap() and len(calls) == 1
