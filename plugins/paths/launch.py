@@ -102,7 +102,7 @@ class Paths:
         else:
             number = window * self.randomisations + randomisation % self.randomisations
             sampler = Lattice.at(number, point, self.seed, self.vector)
-        position, weight = sampler.next_2d(), mi.Float(1)
+        position, weight = sampler.next_position(), mi.Float(1)
         if self.aim is not None:
             position, weight = place(*self.aim, position)
         return sampler, window % self.columns, window // self.columns, position, weight
@@ -124,3 +124,5 @@ class Random:
     def next_2d(self, active=True):
         x = self.next_1d(active)
         return mi.Point2f(x, self.next_1d(active))
+
+    next_position = next_2d

@@ -21,6 +21,11 @@ def hashed(x: mi.UInt32) -> mi.UInt32:
     return x ^ (x >> 16)
 
 
+def uniform(number: mi.UInt32) -> mi.Float:
+    """A 32-bit integer as a number in 0..1, without rounding to 1."""
+    return mi.Float(number >> (32 - MANTISSA)) * 2.0**-MANTISSA
+
+
 class Lattice(mi.Sampler):
     r"""Points of an embedded rank-1 lattice with a random shift in each dimension.
 
@@ -85,14 +90,29 @@ class Lattice(mi.Sampler):
         self.key, self.dimension = hashed(self.key + GOLDEN), mi.UInt32(0)
 
     def next_1d(self, active=True):
-        z = dr.gather(mi.UInt32, self.vector, self.dimension % len(VECTOR))
-        u = self.reversed_index * z + hashed(self.key + self.dimension * GOLDEN)
-        self.dimension += 1
-        return mi.Float(u >> (32 - MANTISSA)) * 2.0**-MANTISSA
+        return uniform(self.next_integer())
 
     def next_2d(self, active=True):
         x = self.next_1d(active)
         return mi.Point2f(x, self.next_1d(active))
+
+    def next_position(self):
+        """A position in a window: the next two numbers, sheared by a random angle.
+
+        The coordinates of a lattice's points are evenly spaced, and something in the window that
+        repeats with their spacing would be hit by all of them or by none. Each randomisation
+        therefore moves the points along x by a part of their y, which is the same for all of them.
+        """
+        shear = hashed(self.key ^ GOLDEN)
+        x, y = self.next_integer(), self.next_integer()
+        return mi.Point2f(uniform(x + dr.mul_hi(shear, y)), uniform(y))
+
+    def next_integer(self) -> mi.UInt32:
+        """The next number times 2^32."""
+        z = dr.gather(mi.UInt32, self.vector, self.dimension % len(VECTOR))
+        number = self.reversed_index * z + hashed(self.key + self.dimension * GOLDEN)
+        self.dimension += 1
+        return number
 
     def fork(self):
         """A sampler with the same sample count, not seeded."""
