@@ -146,8 +146,15 @@ class Totals:
         return np.where(points >= EVEN_POINTS, q * contrast / np.maximum(points, 1), 0)
 
     def standard_error(self, name: str | None = None) -> np.ndarray:
-        """Standard error of each window's mean, (windows,); infinite for one randomisation."""
-        return np.hypot(self.scatter_error(name), self.systematic * self.mean(name))
+        """Standard error of each window's mean, (windows,); infinite for one randomisation.
+
+        That of a channel which no path has met is what a path may have missed.
+        """
+        mean = self.mean(name)
+        error = np.hypot(self.scatter_error(name), self.systematic * mean)
+        if name is None:
+            return error
+        return np.where(mean == 0, np.maximum(error, self.missed() / student_factor(np.inf)), error)
 
     def missed(self, name: str | None = None) -> np.ndarray:
         """What a source that no path has hit adds to a window's mean, at most, with 95 %.

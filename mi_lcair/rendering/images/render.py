@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from mi_lcair.planning.plan import Plan
 
 BOUNCE_CHANNELS = 17  # bounce channels in the image; the last holds all counts from 16 on
+# Pixels along each side of the neighbourhood in which the errors of pixels are averaged
+POOLED = 5
 
 
 def render(
@@ -131,7 +133,8 @@ def rendered(
     closure_error = None
     if total.tail is not None:
         closure_error = total.tail.error(scene.mi.integrator().max_bounces)
-    channels, air = image_channels(total, scene.band), {}
+    size = windows.rows, windows.columns
+    channels, air = image_channels(total, scene.band, size), {}
     if atmosphere is not None:
         air = {
             "atmosphere": atmosphere.name,
@@ -145,7 +148,6 @@ def rendered(
             atmosphere,
             range_m,
         )
-    size = windows.rows, windows.columns
     return Render(
         channels={
             name: np.ascontiguousarray(values.reshape(size), dtype=np.float32)
@@ -168,12 +170,15 @@ def rendered(
     )
 
 
-def image_channels(total: Totals, band: Band) -> dict[str, np.ndarray]:
-    """Channels of the radiance EXR by name, in the order in which it has them, (P,) each."""
+def image_channels(total: Totals, band: Band, size: tuple[int, int]) -> dict[str, np.ndarray]:
+    """Channels of the radiance EXR by name, in the order in which it has them, (P,) each.
+
+    size: height and width of the image.
+    """
     mean = total.mean()
     channels = {"Y": mean, "temperature.Y": brightness_temperature(band, mean)}
     if total.randomisations > 1:
-        channels["stderr.Y"] = total.standard_error()
+        channels["stderr.Y"] = pixel_errors(total.standard_error(), size)
     parts = {name: total.mean(name) for name in total.sums}
     if parts:
         by_bounce = [values for name, values in parts.items() if name.startswith("bounce.")]
@@ -191,6 +196,18 @@ def image_channels(total: Totals, band: Band) -> dict[str, np.ndarray]:
         # Mean over the paths that hit something
         channels["range.Y"] = parts["range"] / np.maximum(parts["hit"], 1e-30)
     return channels
+
+
+def pixel_errors(errors: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """Standard errors of pixels, from the scatter in their neighbourhood, (P,).
+
+    The scatter of a few paths through one pixel says little about its error: where paths rarely
+    meet a source, most pixels have none. The rms over POOLED x POOLED pixels says more.
+    """
+    from scipy.ndimage import uniform_filter
+
+    variance = uniform_filter(errors.reshape(size) ** 2, POOLED, mode="nearest")
+    return np.sqrt(np.maximum(variance, 0)).ravel()
 
 
 def header(scene: Scene, sampling: Sampling, spp: int, total: Totals, closure_error) -> dict:

@@ -105,10 +105,11 @@ def test_tolerance():
         load(), tolerance=0.02, progress=lambda done, goal: steps.append((done, goal))
     )
     errors = result.channels["stderr.Y"].astype(np.float64)
-    of_one_path = float(in_band_radiance(result.band, 800.0)) ** 2 / (result.spp * result.paths)
-    assert result.reached and result.rms_error == pytest.approx(
-        np.sqrt(np.mean(errors**2) + of_one_path) / result.mean, rel=1e-5
-    )
+    # 2.5 paths that a source may have missed, as a standard error
+    missed = 2.5 / 1.96 * float(in_band_radiance(result.band, 800.0))
+    rms = np.sqrt(np.mean(errors**2) + missed**2 / (result.spp * result.paths))
+    # Errors of pixels are averaged over their neighbourhoods, which changes their rms at the border
+    assert result.reached and result.rms_error == pytest.approx(rms / result.mean, rel=0.03)
     assert 0.008 < result.rms_error <= 0.02
     assert steps[-1][0] == result.spp and [done for done, _ in steps] == sorted(
         {done for done, _ in steps}
@@ -178,3 +179,20 @@ def test_paths_are_traced_once(closure, split):
         mi_lcair.render(scene, spp=4, seed=1, split=split)
         kernels = dr.kernel_history([dr.KernelType.JIT])
     assert sum(kernel["operation_count"] > 200 for kernel in kernels) == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["open_box", "cavity"])
+def test_errors_of_pixels_hold_with_few_samples(name):
+    """The interval of 1.96 standard errors holds the pixel in 90 to 98 of 100 at 16 samples.
+
+    The scatter of the pixel's own samples alone: in 82 and in 40 of 100.
+    """
+    scene = mi_lcair.load(name, resolution="32")
+    exact = mi_lcair.render(scene, spp=2048, seed=99).channels["Y"].astype(float)
+    inside = []
+    for seed in range(4):
+        found = mi_lcair.render(scene, spp=16, seed=seed).channels
+        error = 1.96 * found["stderr.Y"].astype(float) + 1e-5 * exact
+        inside.append(np.mean((np.abs(found["Y"] - exact) <= error)[exact > 0]))
+    assert 0.90 < np.mean(inside) < 0.98
