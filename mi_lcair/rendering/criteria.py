@@ -42,7 +42,8 @@ class PixelError(Criterion):
         check_reachable(self.tolerance, tracer, name)
 
     def excess(self, total):
-        return total.rms_error() / self.tolerance
+        error = total.rms_error()
+        return np.inf if error is None else error / self.tolerance
 
 
 @dataclass(frozen=True)

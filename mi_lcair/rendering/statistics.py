@@ -1,5 +1,7 @@
 """Statistics of a render: means over windows, and their errors from randomisations."""
 
+from math import hypot
+
 import numpy as np
 from scipy.special import stdtrit
 
@@ -186,25 +188,31 @@ class Totals:
         random = np.maximum(of_scatter, of_edges)
         return np.sqrt(random**2 + systematic**2 + self.missed(name) ** 2)
 
+    def missed_by_all(self) -> float:
+        """Standard error of the mean over all windows from sources that no path has hit."""
+        unmet = 0.0 if self.unmet is None else float(self.unmet.bound(self.draws.sum()))
+        most = UNSEEN * max(unmet, float(self.chance.max()))
+        return most / student_factor(np.inf) / max(self.paths.sum(), 1)
+
     def mean_error(self) -> float | None:
         """Standard error of the mean over all windows; None for one randomisation."""
         if self.randomisations < 2:
             return None
         scatter = np.sqrt(np.sum(self.scatter_error() ** 2)) / len(self.valid)
-        return float(np.hypot(scatter, self.systematic * self.mean().mean()))
+        return hypot(scatter, self.systematic * self.mean().mean(), self.missed_by_all())
 
     def rms_error(self) -> float | None:
         """Rms standard error over the windows as a fraction of the mean of all windows.
 
-        It is None for one randomisation. It includes a source that no path of all windows has hit.
+        None for one randomisation, and where paths have met nothing but may have missed something.
         """
         if self.randomisations < 2:
             return None
-        unmet = 0.0 if self.unmet is None else float(self.unmet.bound(self.draws.sum()))
-        most = UNSEEN / student_factor(np.inf) * max(unmet, self.chance.max())
-        missed = most**2 / (self.paths.mean() * self.paths.sum())
+        missed = len(self.valid) * self.missed_by_all() ** 2
         mean, rms = self.mean().mean(), np.sqrt(np.mean(self.standard_error() ** 2) + missed)
-        return float(rms / mean) if mean > 0 else 0.0
+        if mean > 0:
+            return float(rms / mean)
+        return None if rms > 0 else 0.0
 
 
 def student_factor(freedom: float) -> float:

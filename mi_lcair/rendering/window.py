@@ -136,7 +136,7 @@ class Windows:
         """
         if self.are_pixels:
             samples = done * self.randomisations
-            needed = min(MOST_TIMES * samples, int(samples * 1.05 * excess**2) + 1)
+            needed = int(min(MOST_TIMES * samples, samples * 1.05 * excess**2 + 1))
             return -(-needed // self.randomisations)
         # A lattice is most uniform after a power of two points, so that the number is doubled. It
         # is doubled more than once only where even an error that falls as 1 / points needs that.

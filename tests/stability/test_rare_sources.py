@@ -106,3 +106,19 @@ def test_an_ordinary_source_is_claimed(plate):
     scene, truth = floor_below(plate, 0.1, 1000.0, 5.0, sampling=True)
     found = mi_lcair.signature(scene, tolerance=0.02, seed=1)
     assert found.reached and found.target.intensity == pytest.approx(truth, rel=0.03)
+
+
+def test_a_dark_image_claims_no_tolerance(plate):
+    """A small body in a large window that no path meets: the image is dark, and not known."""
+    speck = plate("speck", [[0, 0, 0], [1e-6, 0, 0], [1e-6, 1e-6, 0], [0, 1e-6, 0]], diffuse(0.0))
+    scene = mi.load_dict(
+        {
+            "type": "scene",
+            "integrator": {"type": "bounce_path", "max_bounces": 0},
+            "sensor": {**camera(2, 10.0), "sampler": {"type": "lattice"}},
+            "speck": {**speck, "emitter": surfaces(3000.0, "speck")},
+        },
+        optimize=False,
+    )
+    found = mi_lcair.render(scene, tolerance=0.3, max_spp=256, seed=1)
+    assert found.mean == 0 and found.reached is False and found.mean_error > 0

@@ -156,7 +156,7 @@ def test_bound_of_radiance(scene):
 
 @pytest.mark.slow
 def test_audit(scene):
-    """What is emitted is absorbed or escapes; or the emitter is named as one that has no photons."""
+    """What is emitted is absorbed or escapes; or the emitter is named as one without photons."""
     try:
         audit = mi_lcair.audit(scene, photons=2**14)
     except InputError as error:
