@@ -1,13 +1,8 @@
-"""Draw the error of Float32 against Float64 over the whole parameter box.
-
-    python -m docs.studies.float32_map [FILE.png]
+"""The error of Float32 against Float64 over the whole parameter box, for the page on stability.
 
 The plugin computes in Float32. The exact answer is computed in Float64 from the same Float32
 vectors and parameters.
 """
-
-import sys
-from pathlib import Path
 
 import mitsuba as mi
 import numpy as np
@@ -25,7 +20,6 @@ B = np.array([0, 1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.2, 0.4, 0.6, 0.8, 0.95, 1])
 SHARES = ((0.0, 0.0), (0.5, 0.2), (0.5, 0.5), (0.0, 1.0))  # epsilon / G(b) and rho_d / G(b)
 FROM_HORIZON_DEG = np.array([90, 60, 30, 10, 5, 2, 1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 1e-3, 1e-4])
 PER_ANGLE = 200  # number of sampled directions per viewing angle
-PICTURE = Path(__file__).parents[1] / "validation" / "stability" / "float32.png"
 
 
 def load(parameters, form="thesis"):
@@ -144,12 +138,3 @@ def draw(path, by_b, value, weight, HDR):
     figure.suptitle("sandford_robertson in Float32 against Float64, thesis form")
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=100)
-
-
-if __name__ == "__main__":
-    worst = study()
-    draw(Path(sys.argv[1]) if len(sys.argv) > 1 else PICTURE, *worst)
-    print(
-        "worst: value to 89.9 degrees, value, weight, HDR:",
-        *(f"{error.max():.1e}" for error in worst),
-    )

@@ -27,8 +27,10 @@ PLUME = "f*blackbody*500*group=plume"
 NOSE = LENGTH / 2  # m, x of the nose; stations are distances aft of it in m
 
 
-def airliner() -> dict[str, list[Facet]]:
+def airliner(widening: float = 1.0) -> dict[str, list[Facet]]:
     """Return the closed bodies by name.
+
+    widening: factor of the exhausts' radii, which are those of the core nozzle and the cone's base.
 
     They are fuselage, belly, wing, tailplane and fin, and for each engine n = 1 to 4 nacelle_n and
     pylon_n.
@@ -41,7 +43,7 @@ def airliner() -> dict[str, list[Facet]]:
         "fin": fin(),
     }
     for number, lateral in enumerate(ENGINES, start=1):
-        parts[f"nacelle_{number}"] = nacelle(lateral, number)
+        parts[f"nacelle_{number}"] = nacelle(lateral, number, widening)
         parts[f"pylon_{number}"] = pylon(lateral, number)
     return parts
 
@@ -222,12 +224,12 @@ def engine_front(lateral):
     return np.interp(abs(lateral), y, leading_edge) - 4.7, np.interp(abs(lateral), y, z) - 1.75
 
 
-def nacelle(lateral, number):
+def nacelle(lateral, number, widening):
     """Return cowl (300 K), turbine annulus (800 K) and exhaust cone (500 K) as one body."""
     columns = 24
     station, z = engine_front(lateral)
-    nozzle = COWL[-1][0]
-    cone = [(nozzle + EXHAUST_LENGTH * t, EXHAUST_RADIUS * (1 - t)) for t in np.linspace(0, 1, 9)]
+    nozzle, base = (COWL[-1][0], widening * COWL[-1][1]), widening * EXHAUST_RADIUS
+    cone = [(nozzle[0] + EXHAUST_LENGTH * t, base * (1 - t)) for t in np.linspace(0, 1, 9)]
     disc = [(0.0, 0.0), (0.0, 0.5), COWL[0]]
 
     def surface(aft_and_radius, label):
@@ -235,8 +237,8 @@ def nacelle(lateral, number):
         return patch(revolve(path, columns, centre=(lateral, z)), label)
 
     return (
-        surface(disc + COWL[1:], f"{SKIN}*nacelle_{number}")
-        + surface([COWL[-1], cone[0]], f"{HOT_PARTS}*engine_{number}")
+        surface([*disc, *COWL[1:-1], nozzle], f"{SKIN}*nacelle_{number}")
+        + surface([nozzle, cone[0]], f"{HOT_PARTS}*engine_{number}")
         + surface(cone, f"{PLUME}*engine_{number}")
     )
 
