@@ -112,74 +112,6 @@ class Probe:
         return self.chance / (self.paths * self.mean)
 
 
-def probe(
-    scene: Scene,
-    settings: Settings,
-    each_pixel: bool,
-    seed: int = 0,
-    sensor: int = 0,
-    factor: int = 1,
-    counted: int | None = None,
-    count_segments: bool = False,
-) -> Probe:
-    """Trace a few paths through some pixels of a scene, or through its whole window.
-
-    Parameters
-    ----------
-    scene : Scene
-        Scene to probe.
-    settings : Settings
-        Settings that are applied to the scene during the probe.
-    each_pixel : bool
-        Whether pixels of the image are measured. Otherwise the radiance of the model's facets is.
-    seed : int
-        Seed of the random numbers.
-    sensor : int
-        Number of the scene's sensor, from 0.
-    factor : int
-        Points of each randomisation, as a multiple of the usual number.
-    counted, count_segments
-        As for `PathTracer.trace`.
-
-    Returns
-    -------
-    Probe
-    """
-    camera = scene.sensor(sensor)
-    if each_pixel:
-        launch = pixels_launch(*camera.film().crop_size(), seed, factor)
-        split, prefix = "image", ""
-    else:
-        launch = Launch(
-            columns=1,
-            rows=1,
-            seed=seed,
-            randomisations=WINDOW_RANDOMISATIONS,
-            points=WINDOW_POINTS * factor,
-            aim=Aim.anywhere(),
-        )
-        split, prefix = "target", "target."
-    with settings.applied(scene), scene.prepared() as tracer:
-        sums = tracer.trace(camera, launch, Channels(split, counted, count_segments))
-        unmet = float(tracer.unmet_sources(camera).bound(sums.draws.sum()))
-        chance = UNSEEN * max(unmet, float(sums.chance.max()))
-    valid = np.maximum(sums.valid, 1)
-
-    def mean(values):
-        return (values / valid).T
-
-    names = [name for name in sums.channels if name.startswith(f"{prefix}bounce.")]
-    return Probe(
-        value=mean(sums.radiance if each_pixel else sums.channels["target"]),
-        by_bounce=np.stack([mean(sums.channels[name]) for name in names], axis=1),
-        closure=mean(sums.channels[f"{prefix}closure"]),
-        reflections=settings.max_bounces,
-        segments=float(mean(sums.channels["segments"]).mean()) if count_segments else None,
-        paths=launch.paths,
-        chance=chance,
-    )
-
-
 def pixels_launch(width: int, height: int, seed: int, factor: int) -> Launch:
     """The launch of a probe of some pixels of an image."""
     wanted = np.clip(width * height // PIXEL_SHARE, LEAST_PIXELS, MOST_PIXELS)
@@ -202,27 +134,76 @@ def pixels_launch(width: int, height: int, seed: int, factor: int) -> Launch:
 class ProbeSeries:
     """Probes of one scene under different settings, with the same pixels and random numbers.
 
-    `factor` multiplies the paths of the following probes; `done` counts the probes so far.
-    `progress` is called with (probes done, probes expected) after each probe.
+    Attributes
+    ----------
+    scene : Scene
+    each_pixel : bool
+        Whether pixels of the image are measured. Otherwise the radiance of the model's facets is.
+    seed : int
+        Seed of the random numbers.
+    sensor : int
+        Number of the scene's sensor, from 0.
+    progress : callable or None
+        Called with (probes done, probes expected) after each probe.
+    factor : int
+        Points of each randomisation of the following probes, as a multiple of the usual number.
+    done : int
+        Number of probes so far.
     """
 
     scene: Scene
     each_pixel: bool
-    seed: int
-    sensor: int
-    progress: Callable | None
+    seed: int = 0
+    sensor: int = 0
+    progress: Callable | None = None
     factor: int = 1
     done: int = 0
 
-    def __call__(self, settings: Settings, **counts) -> Probe:
-        """The probe of the scene under `settings`; counts: what it counts, as for `probe`."""
+    def __call__(
+        self, settings: Settings, counted: int | None = None, count_segments: bool = False
+    ) -> Probe:
+        """Trace a few paths through some pixels of the scene, or through its whole window.
+
+        The scene has `settings` meanwhile. counted, count_segments: as for `Channels`.
+        """
+        camera = self.scene.sensor(self.sensor)
+        split, prefix = ("image", "") if self.each_pixel else ("target", "target.")
+        launch = self.launch(camera)
+        with settings.applied(self.scene), self.scene.prepared() as tracer:
+            sums = tracer.trace(camera, launch, Channels(split, counted, count_segments))
+            unmet = float(tracer.unmet_sources(camera).bound(sums.draws.sum()))
+            chance = UNSEEN * max(unmet, float(sums.chance.max()))
+        valid = np.maximum(sums.valid, 1)
+
+        def mean(values):
+            return (values / valid).T
+
+        names = [name for name in sums.channels if name.startswith(f"{prefix}bounce.")]
         self.done += 1
-        result = probe(
-            self.scene, settings, self.each_pixel, self.seed, self.sensor, self.factor, **counts
-        )
         if self.progress:
             self.progress(self.done, self.done + 2)
-        return result
+        return Probe(
+            value=mean(sums.radiance if self.each_pixel else sums.channels["target"]),
+            by_bounce=np.stack([mean(sums.channels[name]) for name in names], axis=1),
+            closure=mean(sums.channels[f"{prefix}closure"]),
+            reflections=settings.max_bounces,
+            segments=float(mean(sums.channels["segments"]).mean()) if count_segments else None,
+            paths=launch.paths,
+            chance=chance,
+        )
+
+    def launch(self, camera) -> Launch:
+        """The launch of a probe."""
+        if self.each_pixel:
+            return pixels_launch(*camera.film().crop_size(), self.seed, self.factor)
+        return Launch(
+            columns=1,
+            rows=1,
+            seed=self.seed,
+            randomisations=WINDOW_RANDOMISATIONS,
+            points=WINDOW_POINTS * self.factor,
+            aim=Aim.anywhere(),
+        )
 
 
 def cost(segments: float, draws_emitters: bool) -> float:

@@ -7,13 +7,13 @@ from scipy import stats
 import mi_lcair
 from mi_lcair.planning.probe import (
     FEW_COUNTS,
+    ProbeSeries,
     Settings,
     cost,
     differ,
     difference,
     half_width,
     pixels_launch,
-    probe,
     upper,
 )
 from tests.planning.probes import SCATTER
@@ -24,8 +24,11 @@ def test_probes_count_few_or_all_reflections():
     """Both record the same radiance; the last of few entries is the sum of the others."""
     scene = mi_lcair.load("furnace", resolution=16)
     for each_pixel in (False, True):
-        whole = probe(scene, Settings.of(scene), each_pixel)
-        few = probe(scene, Settings.of(scene), each_pixel, counted=FEW_COUNTS)
+        done = []
+        probes = ProbeSeries(scene, each_pixel, progress=lambda *counts: done.append(counts))
+        whole = probes(Settings.of(scene))
+        few = probes(Settings.of(scene), counted=FEW_COUNTS)
+        assert done == [(1, 3), (2, 4)]
         assert whole.is_complete and not few.is_complete
         assert few.by_bounce.shape[1] == FEW_COUNTS + 1
         assert few.value == pytest.approx(whole.value, rel=1e-5)
