@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mi_lcair.fitting.judgement.quality import NEGLIGIBLE_DEX, judged
+from mi_lcair.fitting.judgement.quality import NEGLIGIBLE_DEX, judged, size
 from mi_lcair.fitting.scatterometer.measurements import Measurements
 from mi_lcair.fitting.scatterometer.reading import pool
 from mi_lcair.physics.reflection import MODELS
@@ -131,3 +131,40 @@ def test_a_robust_fit_disregards_outliers():
     data.brdf[::40] *= 10
     assert fit(data, form="thesis", starts=4, robust=True).quality.lack_of_fit is False
     assert fit(data, form="thesis", starts=4).quality.lack_of_fit is True
+
+
+def wave(amplitude):
+    """Alternating noise of 1 on a slow wave."""
+    signs = np.where(np.arange(POINTS) % 2, 1.0, -1.0)
+    return signs + amplitude * np.sin(ANGLES[1] * 3)
+
+
+def test_figures_of_known_residuals():
+    """Reduced chi-square, its p-value, and the systematic part of the rms."""
+    rows, freedom = wave(1.5), POINTS - PARAMETERS
+    found = verdict_on(rows, SIGMA_DEX)
+    chi_square = np.sum(rows**2) / freedom
+    assert found.degrees_of_freedom == freedom and found.noise_dex == SIGMA_DEX
+    assert found.reduced_chi_square == pytest.approx(chi_square)
+    assert found.p_value == pytest.approx(stats.chi2.sf(chi_square * freedom, freedom))
+    rms = SIGMA_DEX * np.sqrt(np.mean(rows**2))
+    share = max(1 - 1 / chi_square, found.residual_correlation)
+    assert found.lack_of_fit and found.systematic_dex == pytest.approx(rms * np.sqrt(share))
+    pairs = POINTS - 3  # of three scans
+    assert found.correlation_by_chance == pytest.approx(3 / np.sqrt(pairs))
+    repeats = verdict_on(rows, SIGMA_DEX, 20.0)
+    assert repeats.p_value == pytest.approx(stats.f.sf(chi_square, freedom, 20))
+
+
+def test_repeats_need_twice_the_variance():
+    """A chi-square of 1.9 from repeats is no lack of fit, one of 2.1 is."""
+    noise = np.where(np.arange(POINTS) % 2, 1.0, -1.0)  # neighbours are opposite
+    scale = np.sqrt((POINTS - PARAMETERS) / POINTS)
+    for chi_square, lacks in ((1.9, False), (2.1, True)):
+        rows = noise * scale * np.sqrt(chi_square)
+        assert verdict_on(rows, SIGMA_DEX, 1e6).lack_of_fit is lacks
+        assert verdict_on(rows, SIGMA_DEX).lack_of_fit  # of a stated sigma
+
+
+def test_differences_in_words():
+    assert size(0.002) == "0.46 %" and size(0.25) == "78 %" and size(0.31) == "a factor of 2"

@@ -1,8 +1,11 @@
 """Verdicts on data that do not determine all parameters."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from mi_lcair.fitting.judgement.verdict import Doubt, verdict
 from mi_lcair.fitting.model import Scatterometer
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData
 from tests.fitting.synthetic import (
@@ -256,3 +259,64 @@ def test_nothing_but_a_floor():
     result = fit(data, form="thesis", starts=8)
     assert result.verdict["e"].startswith("not determined by these data")
     assert all(np.isfinite(value) and value <= 1 for value in result.standard_error.values())
+
+
+def parameter(**changes):
+    plain = {"advice": "", "at_lower": "", "precision": 0.1, "absolute_precision": 0.01}
+    return SimpleNamespace(**plain | changes)
+
+
+def words(interval, value=0.5, at_bound=None, bounds=(0.0, 1.0), doubt=(False, False, 0), **of):
+    return verdict(parameter(**of), value, interval, bounds, at_bound, Doubt(*doubt))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        ({"interval": (0.451, 0.549)}, "determined"),  # a tenth of the value
+        ({"interval": (0.449, 0.551)}, "weakly determined: interval 0.449..0.551"),
+        ({"interval": (0.0501, 0.0699), "value": 0.06}, "determined"),  # 0.01
+        (
+            {"interval": (0.0499, 0.0701), "value": 0.06},
+            "weakly determined: interval 0.0499..0.0701",
+        ),
+        ({"interval": (0.2, 0.699)}, "weakly determined: interval 0.2..0.699"),
+        ({"interval": (0.2, 0.71)}, "not determined by these data: anything in 0.2..0.71 fits"),
+        (
+            {"interval": (0.4, 0.61), "bounds": (0.3, 0.7)},
+            "not determined by these data: anything in 0.4..0.61 fits",
+        ),
+        ({"interval": (0.9, 1), "at_bound": "b = 1"}, "at its bound b = 1: interval 0.9..1"),
+        (
+            {"interval": (0.5, 0.51), "doubt": (True, False, 0)},
+            "not determined by these data: the model misses whole scans",
+        ),
+        (
+            {"interval": (0.5, 0.51), "doubt": (False, False, 3)},
+            "weakly determined: interval 0.5..0.51, drawn by 3 outliers; try --robust",
+        ),
+        (
+            {"interval": (0.3, 0.6), "advice": "give more"},
+            "weakly determined: interval 0.3..0.6; give more",
+        ),
+        (
+            {"interval": (0.3, 0.6), "advice": "give more", "doubt": (False, True, 0)},
+            "weakly determined: interval 0.3..0.6",
+        ),
+        (
+            {"interval": (0.3, 0.31), "advice": "give more", "doubt": (True, False, 0)},
+            "not determined by these data: the model misses whole scans; give more",
+        ),
+        ({"interval": (0.5, 0.51), "advice": "give more", "doubt": (True, True, 0)}, "determined"),
+        (
+            {"interval": (0.015, 0.02), "bounds": (0.01, 1), "at_lower": "below {high:.2g}"},
+            "not determined by these data: below 0.02",
+        ),
+        (
+            {"interval": (0.016, 0.02), "bounds": (0.01, 1), "at_lower": "below {high:.2g}"},
+            "determined",
+        ),
+    ],
+)
+def test_words(arguments, expected):
+    assert words(**arguments) == expected
