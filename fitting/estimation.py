@@ -18,7 +18,7 @@ from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measure
 from mi_lcair.fitting.scatterometer.reading import read, read_directional
 from mi_lcair.fitting.search import COARSE, Noise, compare, descend
 from mi_lcair.fitting.selection import AUTO, FittedVariant, Variant, variants
-from mi_lcair.fitting.settings import Settings
+from mi_lcair.fitting.settings import FitSettings
 from mi_lcair.progress import Progress, stepper
 
 CONVERGED = 1e-9  # relative gradient below which a fit is called converged
@@ -106,7 +106,7 @@ def fit(
     if source_half_angle_deg is not None:
         half_angle = np.radians(source_half_angle_deg)
     compared = variants(model, form)
-    settings = Settings(
+    settings = FitSettings(
         model=model,
         form=form,
         starts=starts,
@@ -176,7 +176,7 @@ def searched(
     data: Data,
     compared: list[Variant],
     directional: dict[str, DirectionalData],
-    settings: Settings,
+    settings: FitSettings,
     step: Callable[[], None],
 ) -> Search:
     """Search all variants, and join the directional tables to the BRDF points.

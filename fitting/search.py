@@ -9,7 +9,7 @@ from mi_lcair.fitting.descent import ROUND_OFF, explore, levenberg_marquardt
 from mi_lcair.fitting.judgement.uncertainty import effective_count
 from mi_lcair.fitting.loss import Cauchy
 from mi_lcair.fitting.selection import FittedVariant, Variant, choose, criterion
-from mi_lcair.fitting.settings import Settings
+from mi_lcair.fitting.settings import FitSettings
 
 # Relative gradient at which the descents from all starts stop. The best then continues to
 # round-off.
@@ -56,7 +56,7 @@ class Noise:
 
 
 def compare(
-    data: Data, variants: list[Variant], settings: Settings, step, before=()
+    data: Data, variants: list[Variant], settings: FitSettings, step, before=()
 ) -> tuple[FittedVariant, list[FittedVariant], Noise]:
     """Search each variant and choose the one that the data require.
 

@@ -9,7 +9,7 @@ from mi_lcair.fitting.loss import SCALES
 
 
 @dataclass(frozen=True)
-class Settings:
+class FitSettings:
     """What is compared and how it is searched; see `fit`.
 
     half_angle: angular radius of the source [radians]. Raises InputError for the first setting that

@@ -17,7 +17,7 @@ from docs.studies.inversion import FOLDER, NETD_MK, STRIPES, TRUE, TWO_SKIES, cl
 from mi_lcair.inversion.data.images import noise_of_netd
 from mi_lcair.inversion.data.loader import Loader
 from mi_lcair.inversion.least_squares.estimate import estimate
-from mi_lcair.inversion.problem import Problem
+from mi_lcair.inversion.problem import InverseProblem
 from mi_lcair.inversion.unknowns import unknowns
 
 RENDERS, DRAWS = 25, 4
@@ -50,7 +50,7 @@ def deviations(name: str, tree: dict, renders: int, draws: int):
     """Deviations from the truth in stated errors, (renders x draws, N), and the unknowns."""
     result = []
     for seed in range(renders):
-        problem = Problem.of(tree | {"render": {"seed": 2000 + seed}})
+        problem = InverseProblem.of(tree | {"render": {"seed": 2000 + seed}})
         loader = Loader()
         data = [loader.datum(place, k, set()) for k, place in enumerate(problem.data)]
         sought = unknowns(problem.unknowns, {}, [datum.where for datum in data], len(data))

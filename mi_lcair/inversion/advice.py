@@ -13,7 +13,7 @@ from mi_lcair.inversion.data.loader import Loader
 from mi_lcair.inversion.data.measurement import Candidate
 from mi_lcair.inversion.least_squares.prediction import DatumBlock, equations
 from mi_lcair.inversion.least_squares.solve import State
-from mi_lcair.inversion.tables import RenderTable
+from mi_lcair.inversion.tables import RenderSettings
 from mi_lcair.inversion.unknowns import Unknown
 from mi_lcair.rendering.loading.files import survey
 from mi_lcair.sensitivity.parameters import changed
@@ -129,7 +129,7 @@ def measurements(
     x: np.ndarray,
     everything: list[Unknown],
     proposed: dict[str, list[Datum]],
-    sampling: RenderTable,
+    sampling: RenderSettings,
 ) -> list[Proposal]:
     """Proposals to make further measurements.
 
@@ -143,7 +143,7 @@ def measurements(
         The unknowns of the data and of all that is proposed.
     proposed : dict of str to list of Datum
         Measurements by what they are, numbered behind the data.
-    sampling : RenderTable
+    sampling : RenderSettings
 
     Returns
     -------
@@ -176,7 +176,7 @@ def measurements(
 
 
 def other_states(
-    unknowns: list[Unknown], x: np.ndarray, data: list[Datum], sampling: RenderTable
+    unknowns: list[Unknown], x: np.ndarray, data: list[Datum], sampling: RenderSettings
 ) -> list[Proposal]:
     """Proposals to measure all images again with everything of one kind hotter.
 
@@ -274,7 +274,7 @@ def other_bands(data: list[Datum], loader: Loader, first: int) -> dict[str, list
 
 
 def rendered(
-    datum: Datum, unknowns: list[Unknown], x: np.ndarray, sampling: RenderTable
+    datum: Datum, unknowns: list[Unknown], x: np.ndarray, sampling: RenderSettings
 ) -> DatumBlock:
     block = datum.block(unknowns, x, sampling)
     return replace(block, weight=datum.weight(unknowns, x, sampling))

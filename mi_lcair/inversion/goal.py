@@ -9,14 +9,14 @@ from mi_lcair.inversion.data.datum import Datum
 from mi_lcair.inversion.least_squares.estimate import estimate
 from mi_lcair.inversion.least_squares.prediction import cost_of
 from mi_lcair.inversion.least_squares.solve import State
-from mi_lcair.inversion.problem import Problem
-from mi_lcair.inversion.tables import RenderTable
+from mi_lcair.inversion.problem import InverseProblem
+from mi_lcair.inversion.tables import RenderSettings
 from mi_lcair.inversion.unknowns import Unknown
 
 DRAWS = 100  # random values drawn for one first guess that a surface can have
 
 
-def best_of_starts(everything, data, problem: Problem, progress) -> State:
+def best_of_starts(everything, data, problem: InverseProblem, progress) -> State:
     """The best estimate for a goal from several first guesses.
 
     The first guess is that of the unknowns, the others are random within the bounds. Guesses that
@@ -31,7 +31,7 @@ def best_of_starts(everything, data, problem: Problem, progress) -> State:
     return best
 
 
-def first_guesses(everything: list[Unknown], datum: Datum, problem: Problem):
+def first_guesses(everything: list[Unknown], datum: Datum, problem: InverseProblem):
     """Yield the first guesses (N,) for a goal."""
     random, first = (
         np.random.default_rng(problem.render.seed),
@@ -69,7 +69,7 @@ def chosen(verdict: str) -> str:
     return "chosen" if verdict == "determined" else verdict
 
 
-def achieved(datum: Datum, state: State, everything, sampling: RenderTable) -> str:
+def achieved(datum: Datum, state: State, everything, sampling: RenderSettings) -> str:
     """How near the goal is, before and after."""
     first = np.array([unknown.start for unknown in everything])
     before = datum.block(everything, first, sampling).radiance.mean(axis=0)

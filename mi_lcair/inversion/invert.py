@@ -25,7 +25,7 @@ from mi_lcair.inversion.fitted import fitted, materials
 from mi_lcair.inversion.goal import achieved, best_of_starts, chosen
 from mi_lcair.inversion.least_squares.estimate import estimate
 from mi_lcair.inversion.least_squares.solve import State, is_informed
-from mi_lcair.inversion.problem import Problem, parts
+from mi_lcair.inversion.problem import InverseProblem, parts
 from mi_lcair.inversion.solution import Solution
 from mi_lcair.inversion.unknowns import FACETS, Unknown, instruments, unknowns
 from mi_lcair.progress import Progress
@@ -37,7 +37,7 @@ IMPROBABLE = 1e-3  # p-value below which the model is said to miss something
 
 
 def invert(
-    problem: str | PathLike[str] | dict | Problem,
+    problem: str | PathLike[str] | dict | InverseProblem,
     advise: bool = True,
     progress: Progress | None = None,
 ) -> Solution:
@@ -45,7 +45,7 @@ def invert(
 
     Parameters
     ----------
-    problem : path-like, dict or Problem
+    problem : path-like, dict or InverseProblem
         TOML file, its content as a dictionary, or the problem itself.
     advise : bool
         Whether to compute what further measurements would bring, if something is not determined.
@@ -63,9 +63,9 @@ def invert(
     """
     start = time.perf_counter()
     if isinstance(problem, dict):
-        problem = Problem.of(problem)
-    elif not isinstance(problem, Problem):
-        problem = Problem.read(problem)
+        problem = InverseProblem.of(problem)
+    elif not isinstance(problem, InverseProblem):
+        problem = InverseProblem.read(problem)
     try:
         return _inverted(problem, advise, progress, start)
     except InputError as error:
@@ -74,7 +74,7 @@ def invert(
         raise InputError(text if text.startswith(prefix) else prefix + text) from None
 
 
-def _inverted(problem: Problem, advise: bool, progress, start: float) -> Solution:
+def _inverted(problem: InverseProblem, advise: bool, progress, start: float) -> Solution:
     loader, groups = Loader(), facet_groups(problem)
     if problem.goal is not None:
         data, proposed = [goal_datum(problem.goal, problem.render)], []
@@ -130,7 +130,7 @@ def _inverted(problem: Problem, advise: bool, progress, start: float) -> Solutio
     )
 
 
-def facet_groups(problem: Problem) -> set[str]:
+def facet_groups(problem: InverseProblem) -> set[str]:
     """Groups whose facets are unknown."""
     names = [parts(text)[0] for text in (*problem.unknowns, *problem.nuisance)]
     return {name.removesuffix(FACETS) for name in names if name.endswith(FACETS)}
@@ -218,14 +218,14 @@ def unseen_facets(state: State, answered: list[Answer]) -> list[int]:
     ]
 
 
-def unknowns_of(problem: Problem, data: list[Datum], more=()) -> list[Unknown]:
+def unknowns_of(problem: InverseProblem, data: list[Datum], more=()) -> list[Unknown]:
     """The unknowns of a problem's data, and of more data that may be measured."""
     places = [datum.where for datum in (*data, *more)]
     return unknowns(problem.unknowns, problem.nuisance, places, len(data))
 
 
 def advice_for(
-    problem: Problem, everything, state: State, answered, data: list[Datum], proposed, loader
+    problem: InverseProblem, everything, state: State, answered, data: list[Datum], proposed, loader
 ) -> list[Advice]:
     """What further measurements would bring: those of [[candidates]] and some others."""
     if len(everything) > MOST_UNKNOWNS:

@@ -12,7 +12,7 @@ from mi_lcair import scenes
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import parse_toml, read_text
 from mi_lcair.inversion.data.measurement import Candidate, Measurement
-from mi_lcair.inversion.tables import Goal, RenderTable, UnknownEntry
+from mi_lcair.inversion.tables import Goal, RenderSettings, UnknownEntry
 from mi_lcair.toml_table import filled
 
 TABLES = ("data", "unknowns", "nuisance", "candidates", "goal", "render")
@@ -21,7 +21,7 @@ LABELLED = re.compile(r"\s*(?P<name>[^\[\]]*[^\[\]\s])\s*(\[(?P<of>[^\[\]]+)\])?
 
 
 @dataclass(frozen=True)
-class Problem:
+class InverseProblem:
     """An inverse problem.
 
     name: name of its file. title: first comment of the file. data, unknowns, nuisance, candidates,
@@ -35,10 +35,10 @@ class Problem:
     nuisance: dict[str, UnknownEntry] = field(default_factory=dict)
     candidates: tuple[Candidate, ...] = ()
     goal: Goal | None = None
-    render: RenderTable = field(default_factory=RenderTable)
+    render: RenderSettings = field(default_factory=RenderSettings)
 
     @staticmethod
-    def read(source) -> "Problem":
+    def read(source) -> "InverseProblem":
         """Read a problem from a TOML file, with paths relative to its folder.
 
         Raises InputError if the file cannot be used.
@@ -46,10 +46,10 @@ class Problem:
         path = Path(source)
         text = read_text(path, f"problem '{source}'")
         tree = parse_toml(text, f"problem '{source}'")
-        return Problem.of(tree, path.parent, str(source), scenes.first_comment(text))
+        return InverseProblem.of(tree, path.parent, str(source), scenes.first_comment(text))
 
     @staticmethod
-    def of(tree: dict, folder=".", name: str = "problem", title: str = "") -> "Problem":
+    def of(tree: dict, folder=".", name: str = "problem", title: str = "") -> "InverseProblem":
         """The problem that a tree of tables, as in the file, describes.
 
         folder: folder to which paths are relative. Raises InputError if an entry cannot be used.
@@ -62,7 +62,7 @@ class Problem:
             candidates = rows(tree, "candidates", Candidate, Path(folder))
             goal = tree.get("goal")
             goal = None if goal is None else filled(Goal, located(goal, folder), "[goal]")
-            problem = Problem(
+            problem = InverseProblem(
                 name=name,
                 title=title,
                 data=data,
@@ -70,7 +70,7 @@ class Problem:
                 nuisance=entries(tree, "nuisance"),
                 candidates=candidates,
                 goal=goal,
-                render=of_table(RenderTable, tree.get("render", {}), "[render]"),
+                render=of_table(RenderSettings, tree.get("render", {}), "[render]"),
             )
             problem.check()
         except InputError as error:

@@ -93,7 +93,7 @@ class Goal:
 
 
 @dataclass(frozen=True)
-class RenderTable:
+class RenderSettings:
     """Table [render].
 
     Attributes

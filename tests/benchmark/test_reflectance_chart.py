@@ -9,7 +9,7 @@ from drjit.llvm import Float64
 
 from mi_lcair.benchmark import reflectance_chart
 from mi_lcair.benchmark.chart import Point
-from mi_lcair.benchmark.reflectance import Method
+from mi_lcair.benchmark.reflectance import ReflectanceMethod
 from mi_lcair.reports import reflectance_page
 
 
@@ -25,7 +25,7 @@ def test_time_is_shared_among_repetitions_and_compile_is_apart(monkeypatch):
 
     point = reflectance_chart.measured(
         "box",
-        Method("slow", "", (5,), lambda effort: 2 * effort, run),
+        ReflectanceMethod("slow", "", (5,), lambda effort: 2 * effort, run),
         5,
         None,
         1.0,

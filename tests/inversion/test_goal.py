@@ -8,7 +8,7 @@ import pytest
 
 from mi_lcair.errors import InputError
 from mi_lcair.inversion.goal import achieved, best_of_starts, chosen, first_guesses
-from mi_lcair.inversion.tables import Goal, RenderTable
+from mi_lcair.inversion.tables import Goal, RenderSettings
 from tests.inversion.blocks import block, kelvin, unknown
 
 UNKNOWNS = [unknown(start=0.2, lower=0.1, upper=0.9), kelvin()]
@@ -26,7 +26,7 @@ class Picky:
 
 def guesses(starts):
     goal = Goal("intensity", "cavity", starts=starts)
-    problem = SimpleNamespace(goal=goal, render=RenderTable(seed=3))
+    problem = SimpleNamespace(goal=goal, render=RenderSettings(seed=3))
     return np.array(list(first_guesses(UNKNOWNS, Picky(), problem)))
 
 
@@ -69,7 +69,7 @@ def test_how_near_a_goal_is():
         views=(1, 2),
     )
     state = SimpleNamespace(blocks=[after], x=np.zeros(2))
-    assert achieved(datum, state, UNKNOWNS, RenderTable()) == (
+    assert achieved(datum, state, UNKNOWNS, RenderSettings()) == (
         "rms contrast over 2 aspects: 3.162 W/sr before, 0.7071 W/sr after; wanted at most 2.5 W/sr"
     )
 
@@ -86,6 +86,6 @@ def test_the_best_of_several_starts(monkeypatch):
     monkeypatch.setattr("mi_lcair.inversion.goal.estimate", estimate)
     monkeypatch.setattr("mi_lcair.inversion.goal.cost_of", lambda blocks, x: x[0] ** 2)
     goal = Goal("intensity", "cavity", starts=3)
-    problem = SimpleNamespace(goal=goal, render=RenderTable(seed=3))
+    problem = SimpleNamespace(goal=goal, render=RenderSettings(seed=3))
     assert best_of_starts(UNKNOWNS, [Picky()], problem, None).x[0] == -0.3
     np.testing.assert_array_equal(starts, guesses(3))

@@ -12,7 +12,7 @@ from mi_lcair.inversion.answers import chi_square
 from mi_lcair.inversion.data.images import noise_of_netd
 from mi_lcair.inversion.data.loader import Loader
 from mi_lcair.inversion.least_squares.solve import solve
-from mi_lcair.inversion.problem import Problem
+from mi_lcair.inversion.problem import InverseProblem
 from mi_lcair.inversion.unknowns import unknowns
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.sensitivity.solution_file import apply_solution
@@ -141,7 +141,7 @@ def cylinder():
 
 
 def stripes_problem(path, parameters, seed):
-    return Problem.of(
+    return InverseProblem.of(
         {
             "data": [
                 {

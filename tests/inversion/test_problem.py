@@ -5,7 +5,7 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
-from mi_lcair.inversion.problem import Problem
+from mi_lcair.inversion.problem import InverseProblem
 from tests.inversion.plate import UNKNOWNS, datum, write_scene
 
 
@@ -130,4 +130,4 @@ def test_closure_tail_has_no_derivatives(entry, folder):
 def test_a_file_is_one_line(tmp_path):
     (tmp_path / "p.toml").write_text("[[data]\n")
     with pytest.raises(InputError, match="p.toml"):
-        Problem.read(tmp_path / "p.toml")
+        InverseProblem.read(tmp_path / "p.toml")

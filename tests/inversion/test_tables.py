@@ -3,7 +3,7 @@
 import pytest
 
 from mi_lcair.errors import InputError
-from mi_lcair.inversion.tables import Goal, RenderTable, UnknownEntry, check_prior
+from mi_lcair.inversion.tables import Goal, RenderSettings, UnknownEntry, check_prior
 
 
 @pytest.mark.parametrize(
@@ -59,7 +59,7 @@ def test_aspects_of_a_goal():
 )
 def test_limits_of_renders(key, least, most):
     for value in (least, most):
-        assert getattr(RenderTable(**{key: value}), key) == value
+        assert getattr(RenderSettings(**{key: value}), key) == value
     for value in (least - 1, most + 1):
         with pytest.raises(InputError, match=f"{key} = {value}; must lie in {least}..{most}"):
-            RenderTable(**{key: value})
+            RenderSettings(**{key: value})

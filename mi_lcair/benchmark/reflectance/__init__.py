@@ -13,10 +13,10 @@ from mi_lcair.benchmark.reflectance import (
     stratified_quadrature,
     uniform_quadrature,
 )
-from mi_lcair.benchmark.reflectance.method import Method
-from mi_lcair.benchmark.reflectance.problem import Problem, problem
+from mi_lcair.benchmark.reflectance.method import ReflectanceMethod
+from mi_lcair.benchmark.reflectance.problem import ReflectanceProblem, problem
 
-METHODS: tuple[Method, ...] = tuple(
+METHODS: tuple[ReflectanceMethod, ...] = tuple(
     module.method
     for module in (
         uniform_quadrature,

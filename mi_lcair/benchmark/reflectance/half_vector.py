@@ -11,7 +11,7 @@ that the integral need not be known in advance.
 import drjit as dr
 from drjit.llvm import Array3f64, Float64
 
-from mi_lcair.benchmark.reflectance.method import Method, mean
+from mi_lcair.benchmark.reflectance.method import ReflectanceMethod, mean
 from mi_lcair.physics.reflection import sandford_robertson_equations as sr
 from mi_lcair.physics.reflection.directions import SMALLEST, cos_theta, sample_cosine, sin2_theta
 
@@ -40,4 +40,4 @@ def weights(problem, u_choice, u1, u2):
 
 
 EFFORTS = (1, 4, 16, 64, 128, 256, 1024, 4096, 16384, 65536)
-method = Method("half-vector sampling (ours)", "", EFFORTS, lambda n: n, run)
+method = ReflectanceMethod("half-vector sampling (ours)", "", EFFORTS, lambda n: n, run)

@@ -8,7 +8,7 @@ import mitsuba as mi
 from drjit.llvm import Float64
 
 from mi_lcair.benchmark.reflectance.half_vector import EFFORTS, weights
-from mi_lcair.benchmark.reflectance.method import Method, lanes, mean
+from mi_lcair.benchmark.reflectance.method import ReflectanceMethod, lanes, mean
 from mi_lcair.plugins.samplers.lattice import Lattice
 
 
@@ -21,4 +21,4 @@ def run(problem, samples, repetitions, seed):
     return mean(weights(problem, *numbers), samples)
 
 
-method = Method("half-vector sampling, lattice (ours)", "", EFFORTS, lambda n: n, run)
+method = ReflectanceMethod("half-vector sampling, lattice (ours)", "", EFFORTS, lambda n: n, run)

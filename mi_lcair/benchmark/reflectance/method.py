@@ -8,7 +8,7 @@ from drjit.llvm import Float64, UInt32
 
 
 @dataclass(frozen=True)
-class Method:
+class ReflectanceMethod:
     """A method that estimates a directional-hemispherical reflectance (DHR).
 
     Attributes

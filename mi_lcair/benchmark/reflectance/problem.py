@@ -14,7 +14,7 @@ from mi_lcair.physics.reflection.directions import cos_theta
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class ReflectanceProblem:
     """The DHR of one surface at one angle of incidence.
 
     DHR(theta_i) = int f_r(i, r) cos(theta_r) domega_r (thesis Eq 2.8), dimensionless; theta_i in
@@ -43,7 +43,7 @@ class Problem:
 
 def problem(
     epsilon: float, rho_d: float, b: float, e: float, theta_i_deg: float, form: str = "thesis"
-) -> Problem:
+) -> ReflectanceProblem:
     """Return the problem for one surface.
 
     Parameters
@@ -66,7 +66,7 @@ def problem(
     S = sr.surface(*numbers, form=form)
     theta_i = dr.opaque(Float64, theta_i_deg * dr.pi / 180)
     dr.make_opaque(S)
-    return Problem(S, theta_i)
+    return ReflectanceProblem(S, theta_i)
 
 
 def direction(theta, phi) -> Array3f64:

@@ -12,7 +12,7 @@ from drjit.llvm import Float64, UInt32
 from scipy.stats import qmc
 
 from mi_lcair.benchmark.reflectance.half_vector import EFFORTS, weights
-from mi_lcair.benchmark.reflectance.method import Method, lanes, mean
+from mi_lcair.benchmark.reflectance.method import ReflectanceMethod, lanes, mean
 
 DIMENSIONS, BITS = 3, 32
 
@@ -49,4 +49,4 @@ def laine_karras(x, key):
     return x
 
 
-method = Method("half-vector sampling, Sobol (ours)", "", EFFORTS, lambda n: n, run)
+method = ReflectanceMethod("half-vector sampling, Sobol (ours)", "", EFFORTS, lambda n: n, run)

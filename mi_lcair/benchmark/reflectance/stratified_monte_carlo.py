@@ -7,7 +7,7 @@ See its Figure 3.18. The numbers of samples are in the same ratio as in the stra
 import drjit as dr
 from drjit.llvm import Float64
 
-from mi_lcair.benchmark.reflectance.method import Method, mean
+from mi_lcair.benchmark.reflectance.method import ReflectanceMethod, mean
 from mi_lcair.benchmark.reflectance.regions import (
     PEAK_SHARE,
     REST_PER_PEAK,
@@ -37,7 +37,7 @@ def run(problem, samples, repetitions, seed):
     return total
 
 
-method = Method(
+method = ReflectanceMethod(
     "Monte Carlo, stratified",
     "3.3.2.2",
     (250, 1000, 4000, 16000, 64000, 250000, 1000000),

@@ -7,7 +7,7 @@ dimension suffice in the peak region and 50 in the rest. Other efforts keep that
 import drjit as dr
 from drjit.llvm import Float64
 
-from mi_lcair.benchmark.reflectance.method import Method, grid, lanes, mean
+from mi_lcair.benchmark.reflectance.method import ReflectanceMethod, grid, lanes, mean
 from mi_lcair.benchmark.reflectance.regions import (
     PEAK_SHARE,
     REST_PER_PEAK,
@@ -51,6 +51,6 @@ def whole_cells(problem, N):
     return dr.maximum(dr.round(PEAK_SHARE * N), 1) / N, rows / N
 
 
-method = Method(
+method = ReflectanceMethod(
     "stratified quadrature", "3.3.3", (8, 16, 24, 32, 48, 64, 80, 120, 160, 240, 480), samples, run
 )

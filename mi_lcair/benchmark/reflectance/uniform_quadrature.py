@@ -7,7 +7,7 @@ is evaluated at their middles. With corners the convergence would be one order s
 import drjit as dr
 from drjit.llvm import Float64
 
-from mi_lcair.benchmark.reflectance.method import Method, grid, lanes, mean
+from mi_lcair.benchmark.reflectance.method import ReflectanceMethod, grid, lanes, mean
 from mi_lcair.benchmark.reflectance.problem import direction
 
 
@@ -26,6 +26,6 @@ def run(problem, N, repetitions, seed):
     return dr.square(dr.pi) * mean(f_cos * dr.sin(theta), N * N)
 
 
-method = Method(
+method = ReflectanceMethod(
     "uniform quadrature", "3.3", (25, 50, 100, 200, 300, 400, 500, 700, 1000), lambda N: N * N, run
 )

@@ -12,7 +12,7 @@ from mi_lcair.inversion.data.contrast import MeasuredContrast, of_randomisations
 from mi_lcair.inversion.data.images import slope
 from mi_lcair.inversion.data.measurement import Observation
 from mi_lcair.inversion.least_squares.prediction import DatumBlock, variance_of_mean
-from mi_lcair.inversion.tables import Goal, RenderTable
+from mi_lcair.inversion.tables import Goal, RenderSettings
 from mi_lcair.inversion.unknowns import Unknown, Where
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.sensitivity.differences import randomised_images
@@ -138,7 +138,9 @@ class Datum:
         ):
             yield
 
-    def weight(self, unknowns: list[Unknown], x: np.ndarray, sampling: RenderTable) -> np.ndarray:
+    def weight(
+        self, unknowns: list[Unknown], x: np.ndarray, sampling: RenderSettings
+    ) -> np.ndarray:
         """Weights (n,) of the measured values: inverse variances of measurement and render.
 
         They come from a render of their own. A variance of few samples is correlated with their
@@ -163,10 +165,10 @@ class Datum:
                 variance = maximum_filter(variance_of_mean(images), NEIGHBOURS)[self.counts]
         return 1 / (self.noise(radiance.mean(axis=0)) ** 2 + variance)
 
-    def _seed(self, sampling: RenderTable, kind: int) -> int:
+    def _seed(self, sampling: RenderSettings, kind: int) -> int:
         return (sampling.seed + SEEDS * (2 * self.number + kind)) % 2**32
 
-    def block(self, unknowns: list[Unknown], x: np.ndarray, sampling: RenderTable) -> DatumBlock:
+    def block(self, unknowns: list[Unknown], x: np.ndarray, sampling: RenderSettings) -> DatumBlock:
         """The prediction and its derivatives at the values x of the unknowns.
 
         Its weights are 1, see `weight`. Raises InputError for values that no surface can have.
@@ -208,7 +210,7 @@ class Datum:
             half_width=self.goal.value if self.goal is not None and self.goal.at_most else 0.0,
         )
 
-    def _traced_image(self, names, sampling: RenderTable, seed: int):
+    def _traced_image(self, names, sampling: RenderSettings, seed: int):
         """Radiance (R, n) and columns [(n, K)] of the pixels that count."""
         images = derivative_images(
             self.scene,
@@ -243,7 +245,7 @@ class Datum:
         columns = [sparse.csr_array(matrix[rows][:, wanted] @ rate) for matrix in seen.matrices]
         return radiance, columns
 
-    def _traced_numbers(self, names, sampling: RenderTable, seed: int):
+    def _traced_numbers(self, names, sampling: RenderSettings, seed: int):
         """Intensities (R, n) and columns [(n, K)], one row for each view, or a contrast's."""
         if self.sight:
             contrast, columns = self.sight.contrast(names, sampling.spp, seed)

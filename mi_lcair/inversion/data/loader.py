@@ -11,7 +11,7 @@ from mi_lcair.inversion.data.datum import SPP_OF_VIEWS, Datum
 from mi_lcair.inversion.data.images import check_radiance, measured_radiance, noise_of_netd
 from mi_lcair.inversion.data.measurement import Candidate, Measurement, Observation
 from mi_lcair.inversion.least_squares.prediction import DatumBlock
-from mi_lcair.inversion.tables import Goal, RenderTable
+from mi_lcair.inversion.tables import Goal, RenderSettings
 from mi_lcair.inversion.unknowns import Where
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.rendering.scene import Scene, load
@@ -91,7 +91,7 @@ class Loader:
         )
 
 
-def goal_datum(goal: Goal, sampling: RenderTable) -> Datum:
+def goal_datum(goal: Goal, sampling: RenderSettings) -> Datum:
     """The datum of a goal: wanted intensities, all with the same small standard deviation."""
     entry = Observation(goal.scene, "goal", dict(goal.parameters))
     scene = load(entry.scene, **entry.scene_parameters())

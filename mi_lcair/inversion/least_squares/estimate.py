@@ -7,12 +7,12 @@ from mi_lcair.inversion.data.datum import Datum
 from mi_lcair.inversion.data.loader import check_units
 from mi_lcair.inversion.least_squares.prediction import DatumBlock
 from mi_lcair.inversion.least_squares.solve import State, solve
-from mi_lcair.inversion.tables import RenderTable
+from mi_lcair.inversion.tables import RenderSettings
 from mi_lcair.inversion.unknowns import Unknown
 
 
 def estimate(
-    everything: list[Unknown], data: list[Datum], sampling: RenderTable, progress
+    everything: list[Unknown], data: list[Datum], sampling: RenderSettings, progress
 ) -> State:
     """The estimate of the unknowns from the data."""
     is_checked = False

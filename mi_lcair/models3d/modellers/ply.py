@@ -42,7 +42,7 @@ LONGEST_HEADER = 2**16  # bytes
 
 
 @dataclass(frozen=True)
-class Property:
+class PlyProperty:
     """One property of an element. count_type: type of a list's number of entries, or None."""
 
     name: str
@@ -56,7 +56,7 @@ class Element:
 
     name: str
     count: int
-    properties: list[Property]
+    properties: list[PlyProperty]
 
 
 @dataclass(frozen=True)
@@ -158,7 +158,7 @@ def _header(content):
             kind, count_type = TYPES[entry[2]], entry[1] and TYPES[entry[1]]
             if order == ORDERS[TEXT]:  # every number of a text becomes a double
                 kind, count_type = "f8", count_type and "f8"
-            elements[-1].properties.append(Property(entry[3], kind, count_type))
+            elements[-1].properties.append(PlyProperty(entry[3], kind, count_type))
         else:
             raise InputError(f"its header's line '{line.strip()[:60]}' cannot be understood")
     if order is None:

@@ -8,7 +8,7 @@ import pytest
 from mi_lcair.inversion.data.datum import Datum
 from mi_lcair.inversion.data.loader import Loader
 from mi_lcair.inversion.data.measurement import Candidate, Observation
-from mi_lcair.inversion.tables import RenderTable
+from mi_lcair.inversion.tables import RenderSettings
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from tests.inversion.blocks import kelvin, unknown
@@ -66,7 +66,7 @@ def plate(tmp_path_factory):
 def test_block_and_weights_in_closed_form(plate):
     """L = (1 - R) B(T) + R B(S): dL/dT = (1 - R) B'(T) and dL/dR = B(S) - B(T)."""
     ones = [kelvin("plate.temperature"), unknown("paint.reflectance"), unknown("sky", data=(7,))]
-    x, sampling = np.array([320.0, 0.4, 0.5]), RenderTable(spp=16, randomisations=3)
+    x, sampling = np.array([320.0, 0.4, 0.5]), RenderSettings(spp=16, randomisations=3)
     block = plate.block(ones, x, sampling)
     LWIR = band("LWIR")
     B = lambda T: float(in_band_radiance(LWIR, T))
@@ -91,12 +91,12 @@ B_TABLE = KELVIN, in_band_radiance(band("LWIR"), KELVIN)
 
 def test_renders_have_seeds_of_their_own(plate):
     """Of two data and of the two kinds of renders of each."""
-    sampling = RenderTable(seed=5)
+    sampling = RenderSettings(seed=5)
     seeds = {
         Datum(plate.entry, number, None, None, None, None, None)._seed(sampling, kind)
         for number in range(3)
         for kind in (0, 1)
     }
     assert len(seeds) == 6 and 5 in seeds and max(seeds) - min(seeds) == 5 * 104_729
-    last = RenderTable(seed=2**32 - 1)
+    last = RenderSettings(seed=2**32 - 1)
     assert Datum(plate.entry, 1, None, None, None, None, None)._seed(last, 0) == 2 * 104_729 - 1

@@ -17,7 +17,7 @@ from mi_lcair.inversion.data.loader import (
     noise_model,
 )
 from mi_lcair.inversion.data.measurement import Candidate, Observation
-from mi_lcair.inversion.tables import Goal, RenderTable
+from mi_lcair.inversion.tables import Goal, RenderSettings
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from tests.inversion.plate import write_scene
@@ -80,14 +80,16 @@ def test_a_wanted_contrast(tmp_path):
     """
     write_scene(tmp_path)
     goal = {"scene": str(tmp_path / "plate.xml"), "elevation_deg": (90.0,)}
-    datum = goal_datum(Goal("contrast", background_K=290.0, value=3.0, **goal), RenderTable(spp=16))
+    datum = goal_datum(
+        Goal("contrast", background_K=290.0, value=3.0, **goal), RenderSettings(spp=16)
+    )
     B = lambda T: float(in_band_radiance(LWIR, T))
     assert datum.background == pytest.approx(4 * B(290), rel=0.01)
     np.testing.assert_allclose(datum.measured, 3 + datum.background)
     assert datum.noise(np.zeros(1)) == pytest.approx(
         1e-3 * 4 * (0.7 * B(310) + 0.3 * B(290)), rel=0.01
     )
-    least = goal_datum(Goal("intensity", value=3.0, at_most=True, **goal), RenderTable(spp=16))
+    least = goal_datum(Goal("intensity", value=3.0, at_most=True, **goal), RenderSettings(spp=16))
     assert least.measured.tolist() == [0.0] and least.background.tolist() == [0.0]
 
 
