@@ -26,6 +26,13 @@ def test_a_linear_number_needs_few_draws():
     assert found.sentence() is None and "results" not in found.as_dict()
 
 
+def test_small_numbers():
+    """In units in which the result is a million times smaller."""
+    tiny = Formula(lambda a, b: 1e-6 * (3 * a - 2 * b), {"a": 1.0, "b": 2.0})
+    found = monte_carlo(tiny, PAIR, 1e-6 * SLOPE, 0.0, 20, 1)
+    assert found.sigma == pytest.approx(1e-6 * np.sqrt(18.4)) and found.is_controlled
+
+
 def test_independent_errors_are_added():
     """Those of facets, drawn together: 18.4 + 9."""
     found = monte_carlo(LINEAR, PAIR, SLOPE, 3.0, 20, 1)
