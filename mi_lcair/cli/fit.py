@@ -124,9 +124,7 @@ def known_form(ctx, param, value):
     "file states).",
 )
 @json_option
-def command(
-    files, output, plot, bands, emissivities, dhrs, quantity, theta_r_positive, json, **settings
-):
+def command(files, output, plot, bands, json, **settings):
     """Fit a reflection model to measured BRDFs.
 
     DATA are CSV or ASTM E1392/E2387 files with in-plane measurements of one surface in 1/sr, one
@@ -140,18 +138,15 @@ def command(
     from mi_lcair.fitting.scatterometer import reading
 
     _check_count("--band", bands, files)
+    companions = _companions(files, settings.pop("emissivities"), settings.pop("dhrs"))
+    quantity, side = settings.pop("quantity"), settings.pop("theta_r_positive")
     measurements = [
-        reading.read(file, quantity, theta_r_positive, band)
-        for file, band in zip_longest(files, bands)
+        reading.read(file, quantity, side, band) for file, band in zip_longest(files, bands)
     ]
     report.check_bands(measurements)
     joint = [
-        {
-            quantity: reading.read_directional(file, quantity)
-            for quantity, file in companions.items()
-            if file
-        }
-        for companions in _companions(files, emissivities, dhrs)
+        {kind: reading.read_directional(file, kind) for kind, file in of_file.items() if file}
+        for of_file in companions
     ]
 
     from mi_lcair.fitting.estimation import fit

@@ -6,7 +6,7 @@ from base64 import b64encode
 from inspect import signature
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, get_args
 
 import numpy as np
 
@@ -231,12 +231,18 @@ class Result:
 def check_options(what: str, function, options: dict) -> None:
     """Raise InputError for an option that the function of a picture or format does not take.
 
-    A function that passes any options on checks them itself.
+    Options that a function passes on are those of the TypedDict that it unpacks. A function that
+    passes any options on checks them itself.
     """
-    parameters = signature(function).parameters.values()
-    if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
-        return
-    known = [entry.name for entry in parameters if entry.default is not entry.empty]
+    known = []
+    for parameter in signature(function).parameters.values():
+        if parameter.kind is parameter.VAR_KEYWORD:
+            if parameter.annotation is parameter.empty:
+                return
+            (options_type,) = get_args(parameter.annotation)
+            known += options_type.__annotations__
+        elif parameter.default is not parameter.empty:
+            known.append(parameter.name)
     for name in options:
         if name not in known:
             raise unknown(f"option of {what}", name, known)

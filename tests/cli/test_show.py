@@ -78,7 +78,7 @@ def test_facets(run, folder, figures):
     panel, bar, second, second_bar = figures[0].axes
     assert (panel.get_title(), bar.get_ylabel(), second_bar.get_ylabel()) == (
         "area_m2",
-        "area (m$^2$)",
+        "area (m²)",
         "mean cosine",
     )
     assert panel.images[0].get_array().shape == (8, 8) and written(folder) == ["t.png"]

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from mi_lcair.formats.channels import has_value, quantity_of
+from mi_lcair.formats.channels import has_value
 from mi_lcair.reports.page.arrays import rounded
 from mi_lcair.reports.page.panel import Panel
 from mi_lcair.reports.pictures.colour_scale import LOG_DECADES
-from mi_lcair.results.cells import typeset_unit
+from mi_lcair.reports.pictures.image_channels import channel_quantity
 
 LOW, HIGH = 0.005, 0.995  # quantiles of the pixels that are the default limits of a scale
 SEEN = "seen."
@@ -44,8 +44,8 @@ def image_panel(channels: dict[str, np.ndarray], shown=(), orthographic_m=None) 
             "channels": [
                 {
                     "name": name,
-                    "quantity": quantity(name)[0],
-                    "unit": quantity(name)[1],
+                    "quantity": channel_quantity(name)[0],
+                    "unit": channel_quantity(name)[1],
                     "values": pixels.ravel(),
                     "limits": limits(pixels[part]),
                     "log_limits": limits(pixels[part], log=True),
@@ -71,12 +71,6 @@ def around_target(channels: dict) -> tuple[slice, slice]:
         return WHOLE
     rows, columns = np.nonzero(np.asarray(error) > 0)
     return slice(rows.min(), rows.max() + 1), slice(columns.min(), columns.max() + 1)
-
-
-def quantity(name: str) -> tuple[str, str]:
-    """Quantity of a channel of a radiance image, and its unit as people write it."""
-    words, unit = quantity_of(name)
-    return words, typeset_unit(unit)
 
 
 def with_gaps(name: str, pixels: np.ndarray) -> np.ndarray:

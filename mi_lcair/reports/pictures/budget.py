@@ -1,8 +1,7 @@
 """Tornado chart of an uncertainty budget."""
 
-import re
-
 from mi_lcair.drawing import new_figure, plain
+from mi_lcair.results.cells import typeset
 from mi_lcair.uncertainty.budget import Budget
 
 MOST_ROWS = 20  # rows that are drawn; the smaller ones are left out
@@ -57,9 +56,9 @@ def figure(budget: Budget):
     panel.axvline(0, color="black", linewidth=0.8)
     panel.margins(x=0.17)
     panel.ticklabel_format(axis="x", style="sci", scilimits=(-2, 4))
-    panel.set_xlabel(f"change of the {plain(budget.title)} ({raised(budget.unit)})")
+    panel.set_xlabel(f"change of the {plain(budget.title)} ({typeset(budget.unit)})")
     figure.suptitle(
-        f"{plain(budget.what)}: {budget.value:.4g} ± {budget.sigma:.2g} {raised(budget.unit)} "
+        f"{plain(budget.what)}: {budget.value:.4g} ± {budget.sigma:.2g} {typeset(budget.unit)} "
         "(one standard uncertainty)",
         fontsize=10,
     )
@@ -76,13 +75,8 @@ def label(row) -> str:
     """Name of a row, with its standard deviation if it is a quantity."""
     if row.sigma is None:
         return plain(row.quantity)
-    unit = "" if row.unit == "1" else f" {raised(row.unit)}"
+    unit = "" if row.unit == "1" else f" {typeset(row.unit)}"
     return f"{plain(row.quantity)} ± {row.sigma:.3g}{unit}"
-
-
-def raised(unit: str) -> str:
-    """A unit with its exponents as superscripts."""
-    return plain(re.sub(r"\^-(\d)", lambda m: "⁻" + "⁰¹²³⁴⁵⁶⁷⁸⁹"[int(m[1])], unit))
 
 
 def share(fraction: float) -> str:

@@ -1,8 +1,9 @@
 """Picture of the channels of a radiance image, with colour bars in physical units."""
 
-import re
+from dataclasses import dataclass
 from math import ceil, sqrt
 from pathlib import Path
+from typing import TypedDict, Unpack
 
 import numpy as np
 
@@ -10,8 +11,8 @@ from mi_lcair.drawing import new_figure, plain, write_figure
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.formats.channels import has_value
 from mi_lcair.formats.channels import quantity_of as quantity_of_channel
-from mi_lcair.reports.pictures.colour_scale import limits_of
-from mi_lcair.results.units import quantity_of, unit_of
+from mi_lcair.reports.pictures.colour_scale import Limits, limits_of
+from mi_lcair.results.cells import heading, typeset_unit
 
 NOTHING = {"grey": "0.6", "blue": "steelblue"}  # colours of pixels without a value
 LARGEST = 1e37  # largest value that is drawn; differences and ratios of larger ones overflow
@@ -20,24 +21,47 @@ LEFT, RIGHT, BOTTOM, TOP = 0.75, 1.25, 0.55, 0.4  # margins of an image, inches
 BAR = 0.15  # width of the colour bar, and its distance from the image, inches
 
 
+class Scale(TypedDict, total=False):
+    """Options of the colour scales of a picture.
+
+    log: make the scales logarithmic, over `colour_scale.LOG_DECADES` at most. vmin, vmax: their
+    ends. cmap: name of a colour map of Matplotlib. common_scale: channels of one quantity have the
+    same scale, which is the default.
+    """
+
+    log: bool
+    vmin: float | None
+    vmax: float | None
+    cmap: str | None
+    common_scale: bool
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A channel to draw: its name, its pixels (H, W), its quantity and unit, and its scale."""
+
+    name: str
+    values: np.ndarray
+    quantity: tuple[str, str]
+    is_log: bool
+
+    @property
+    def has_value(self) -> np.ndarray:
+        """Which pixels have a value that can be drawn."""
+        known = has_value(self.name, self.values)
+        return known & (self.values > 0) if self.is_log else known
+
+
 def channel_quantity(name: str) -> tuple[str, str]:
-    """Quantity of a channel of a radiance image, and its unit."""
+    """Quantity of a channel of a radiance image, and its unit as it is printed."""
     quantity, unit = quantity_of_channel(name)
-    return quantity, formula(unit)
+    return quantity, typeset_unit(unit)
 
 
 def column_quantity(name: str) -> tuple[str, str]:
-    """Quantity of a column of a table, and its unit, which the end of its name states.
-
-    The unit is "" for a number without one.
-    """
-    return quantity_of(name), formula(unit_of(name))
-
-
-def formula(unit: str) -> str:
-    """A unit of UDUNITS as a formula of Matplotlib."""
-    unit = re.sub(r"(-\d)", r"$^{\1}$", re.sub(r"(?<!-)(\d)", r"$^\1$", unit))
-    return unit.replace("um", "µm")
+    """Quantity of a column of a table, and its unit, "" for a number without one."""
+    quantity, unit = heading(name)
+    return quantity, typeset_unit(unit)
 
 
 def save_picture(path: str | Path, channels: dict[str, np.ndarray], *args, **options) -> None:
@@ -48,15 +72,11 @@ def save_picture(path: str | Path, channels: dict[str, np.ndarray], *args, **opt
 def figure(
     channels: dict[str, np.ndarray],
     title: str = "",
-    log: bool = False,
-    quantity=channel_quantity,
     *,
-    vmin: float | None = None,
-    vmax: float | None = None,
-    cmap: str | None = None,
-    common_scale: bool = True,
+    quantity=channel_quantity,
     window_m: tuple[float, float] | None = None,
     outlines: np.ndarray | None = None,
+    **scale: Unpack[Scale],
 ):
     """Figure with one panel and one colour bar for each channel.
 
@@ -70,34 +90,27 @@ def figure(
         Channels by name.
     title : str
         Title of the picture.
-    log : bool
-        Make the scales logarithmic, over `colour_scale.LOG_DECADES` at most.
     quantity : callable
         Function that gives the quantity and the unit of a channel from its name.
-    vmin, vmax : float, optional
-        Ends of the scales.
-    cmap : str, optional
-        Name of a colour map of Matplotlib.
-    common_scale : bool
-        Channels of one quantity have the same scale.
     window_m : tuple of float, optional
         Width and height of the sensor's window [m], for axes in metres from its middle.
     outlines : ndarray of int, shape (H, W), optional
         Number of the facet in each pixel, for lines between the facets.
+    **scale
+        Options of the colour scales, see `Scale`.
 
     Raises
     ------
     InputError
         If a value exceeds LARGEST, or for a colour map or limits that cannot be used.
     """
+    cmap = scale.get("cmap")
     check_cmap(cmap)
-    channels = {name: drawable(name, values) for name, values in channels.items()}
-    drawn = {name: _drawn(name, values, log) for name, values in channels.items()}
-    scale_of = {name: quantity(name) if common_scale else name for name in channels}
-    scales = {
-        key: limits_of([drawn[name] for name in channels if scale_of[name] == key], log, vmin, vmax)
-        for key in dict.fromkeys(scale_of.values())
-    }
+    drawn = [
+        Channel(name, drawable(name, values), quantity(name), scale.get("log", False))
+        for name, values in channels.items()
+    ]
+    scales = _scales(drawn, scale)
     single = len(channels) == 1
     height, width = next(iter(channels.values())).shape
     sides = np.array([width, height] if window_m is None else window_m, dtype=float)
@@ -108,7 +121,7 @@ def figure(
     size = cell * (columns, rows) + (0, 0 if single else TOP)
 
     figure = new_figure(size)
-    for index, (name, values) in enumerate(channels.items()):
+    for index, channel in enumerate(drawn):
         left, bottom = cell * (index % columns, rows - 1 - index // columns) + (LEFT, BOTTOM)
         panel = figure.add_axes((left / size[0], bottom / size[1], *image / size))
         bar = figure.add_axes(
@@ -119,12 +132,11 @@ def figure(
                 image[1] / size[1],
             )
         )
-        limits = scales[scale_of[name]]
-        _draw(panel, bar, name, values, log, quantity(name), limits, cmap, window_m)
+        _draw(panel, bar, channel, scales[channel.name], cmap, window_m)
         if outlines is not None:
             _draw_outlines(panel, outlines, window_m)
     if single:
-        panel.set_title(plain(", ".join(filter(None, (title, name)))), fontsize=11)
+        panel.set_title(plain(", ".join(filter(None, (title, channel.name)))), fontsize=11)
     else:
         figure.text(
             0.5,
@@ -135,6 +147,20 @@ def figure(
             va="center",
         )
     return figure
+
+
+def _scales(channels: list[Channel], scale: Scale) -> dict[str, Limits]:
+    """The limits of each channel by name; channels of one quantity may have the same."""
+    common, names = scale.get("common_scale", True), {}
+    for channel in channels:
+        key = channel.quantity if common else channel.name
+        names.setdefault(key, []).append(channel)
+    limits = {}
+    for group in names.values():
+        values = [channel.values[channel.has_value] for channel in group]
+        common_limits = limits_of(values, group[0].is_log, scale.get("vmin"), scale.get("vmax"))
+        limits |= {channel.name: common_limits for channel in group}
+    return limits
 
 
 def check_cmap(name: str | None) -> None:
@@ -156,37 +182,26 @@ def drawable(name: str, values: np.ndarray) -> np.ndarray:
     return np.where((size > 0) & (size < SMALLEST), 0, values)
 
 
-def _has_value(name: str, values: np.ndarray, log: bool) -> np.ndarray:
-    """Which pixels have a value that can be drawn."""
-    known = has_value(name, values)
-    return known & (values > 0) if log else known
-
-
-def _drawn(name: str, values: np.ndarray, log: bool) -> np.ndarray:
-    return values[_has_value(name, values, log)]
-
-
-def _draw(panel, bar_axes, name, values, log, quantity, limits, cmap, window_m) -> None:
+def _draw(panel, bar_axes, channel: Channel, limits: Limits, cmap, window_m) -> None:
     """Draw a channel in the axes `panel`, and its colour bar in `bar_axes`.
 
-    quantity: the channel's quantity and its unit. limits: `Limits` of the scale. The others are
-    those of `figure`.
+    limits: of the scale. cmap, window_m: as for `figure`.
     """
     from matplotlib.colors import LogNorm, Normalize
     from matplotlib.ticker import MaxNLocator
 
-    kind, (what, unit) = name.split(".")[0], quantity
-    with_value = _has_value(name, values, log)
+    kind, (what, unit) = channel.name.split(".")[0], channel.quantity
+    values, with_value = channel.values, channel.has_value
     height, width = values.shape
     picture = panel.imshow(
         np.ma.array(values, mask=~with_value),
-        norm=(LogNorm if log else Normalize)(limits.lower, limits.upper),
+        norm=(LogNorm if channel.is_log else Normalize)(limits.lower, limits.upper),
         aspect="auto",
         cmap=cmap or ("viridis" if kind in ("range", "stderr") else "inferno"),
         extent=_extent(width, height, window_m),
         interpolation="nearest",
     )
-    panel.set_title(plain(name), fontsize=9)
+    panel.set_title(plain(channel.name), fontsize=9)
     # Grey cannot mean "no value" where it is a colour of the scale
     nothing = "blue" if np.ptp(picture.cmap(0.5)[:3]) < 0.1 else "grey"
     panel.set_facecolor(NOTHING[nothing])
@@ -207,7 +222,7 @@ def _draw(panel, bar_axes, name, values, log, quantity, limits, cmap, window_m) 
 
     bar = panel.figure.colorbar(picture, cax=bar_axes, extend=limits.extend)
     bar.set_label(f"{plain(what)} ({unit})" if unit else plain(what), fontsize=8)
-    if log:
+    if channel.is_log:
         log_ticks(bar, limits.lower, limits.upper)
     else:
         bar.formatter.set_useOffset(False)

@@ -1,10 +1,13 @@
 """Picture of a rendered image."""
 
+from typing import Unpack
+
 import numpy as np
 
 from mi_lcair.errors import unknown
 from mi_lcair.rendering.images.render_result import Render
 from mi_lcair.reports.pictures import image_channels
+from mi_lcair.reports.pictures.image_channels import Scale
 
 DEFAULT = ("Y", "temperature.Y")
 
@@ -12,45 +15,25 @@ DEFAULT = ("Y", "temperature.Y")
 def figure(
     render: Render,
     channels=DEFAULT,
-    log: bool = False,
     *,
-    vmin: float | None = None,
-    vmax: float | None = None,
-    cmap: str | None = None,
-    common_scale: bool = True,
     outlines: np.ndarray | None = None,
+    **scale: Unpack[Scale],
 ):
     """Figure with one panel for each channel, see `image_channels.figure`.
 
-    Parameters
-    ----------
-    render : Render
-    channels : sequence of str
-        Names of channels of the image.
-    log : bool
-        Make the scales logarithmic.
-    vmin, vmax, cmap, common_scale, outlines
-        As in `image_channels.figure`.
-
-    Raises
-    ------
-    InputError
-        If the image has no such channel.
+    channels: names of channels of the image. outlines: number of the facet in each pixel. scale:
+    options of the colour scales. Raises InputError if the image has no such channel.
     """
     return image_channels.figure(
-        chosen(render.channels, channels, render.scene_name),
+        named_channels(render.channels, channels, render.scene_name),
         f"{render.scene_name}, {render.band.label}",
-        log,
-        vmin=vmin,
-        vmax=vmax,
-        cmap=cmap,
-        common_scale=common_scale,
         outlines=outlines,
         window_m=render.window_m,
+        **scale,
     )
 
 
-def chosen(known: dict, channels, scene_name: str) -> dict:
+def named_channels(known: dict, channels, scene_name: str) -> dict:
     """The named channels of `known`; raises InputError for a name that it does not have."""
     names = [channels] if isinstance(channels, str) else list(channels)
     for name in names:

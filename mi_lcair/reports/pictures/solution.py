@@ -4,7 +4,7 @@ import numpy as np
 
 from mi_lcair.drawing import new_figure, plain
 from mi_lcair.formats.channels import RADIANCE
-from mi_lcair.reports.pictures.image_channels import formula
+from mi_lcair.results.cells import typeset_unit
 
 SIDE = 2.9  # width of a panel, inches
 MOST_ROWS = 12  # data that are drawn
@@ -54,7 +54,7 @@ def _draw_image(part, fitted) -> None:
         drawn = panel.imshow(image, vmin=low, vmax=high, cmap="inferno")
         panel.set_title(title, fontsize=9)
     bar = part.colorbar(drawn, ax=[measured, predicted], shrink=0.85, extend="both", pad=0.01)
-    bar.set_label(f"radiance ({formula(RADIANCE)})", fontsize=8)
+    bar.set_label(f"radiance ({typeset_unit(RADIANCE)})", fontsize=8)
     drawn = residual.imshow(fitted.residual, vmin=-SIGMAS, vmax=SIGMAS, cmap="RdBu_r")
     rms = np.sqrt(np.nanmean(fitted.residual**2))
     residual.set_title(f"measured - predicted, rms {rms:.2f}", fontsize=9)
