@@ -2,13 +2,23 @@
 
 import warnings
 from contextlib import contextmanager
-from functools import partial
+from functools import partial, wraps
 from io import BytesIO
 
 from mi_lcair.errors import printable
 from mi_lcair.files import check_suffix, write_bytes
 
 NOTEBOOK_DPI = 75  # pixels per inch of a picture in a notebook
+# Sizes of texts in all pictures, points
+STYLE = {
+    "axes.labelsize": 9,
+    "axes.titlesize": 10,
+    "figure.titlesize": 11,
+    "legend.fontsize": 8,
+    "legend.frameon": False,
+    "legend.title_fontsize": 8,
+}
+TICK_SIZE = 8
 LONGEST = 120  # characters of a name in a title or legend
 PICTURES = (".png", ".svg", ".pdf")  # suffixes of the files that `write_figure` writes
 # The entries that would hold the time of writing. Equal pictures are equal files without them.
@@ -29,6 +39,22 @@ def new_figure(size, dpi: int = 150, **options):
     # IPython itself shows figures only after an import of pyplot, and then does not ask for this
     figure._repr_png_ = partial(notebook_png, figure)
     return figure
+
+
+def styled(draw):
+    """Decorator: the figure that a function draws has the sizes of texts of all pictures."""
+
+    @wraps(draw)
+    def drawn(*args, **options):
+        from matplotlib import rc_context
+
+        with rc_context(STYLE):
+            figure = draw(*args, **options)
+        for axes in figure.axes:  # Matplotlib makes most ticks only when it renders
+            axes.tick_params(labelsize=TICK_SIZE)
+        return figure
+
+    return drawn
 
 
 def notebook_png(figure) -> bytes:

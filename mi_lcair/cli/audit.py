@@ -8,12 +8,7 @@ from mi_lcair.cli.output import print_result
 from mi_lcair.cli.usage.examples import examples
 
 
-@click.command(
-    "audit",
-    epilog=examples(
-        "mi-lcair audit open_box --photons 4096",
-    ),
-)
+@click.command("audit", epilog=examples("mi-lcair audit open_box --photons 4096"))
 @loading_options
 @click.option(
     "--photons",

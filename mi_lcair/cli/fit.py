@@ -34,7 +34,7 @@ def known_form(ctx, param, value):
 @click.command(
     "fit",
     epilog=examples(
-        "mi-lcair fit paint.csv --model microfacet --starts 8 -o paint.json --plot paint.png",
+        "mi-lcair fit paint.csv --model microfacet --starts 8 -o paint.json --plot paint.png"
     ),
 )
 @click.argument("files", nargs=-1, required=True, type=FILE, metavar="DATA...")

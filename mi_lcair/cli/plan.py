@@ -10,12 +10,7 @@ from mi_lcair.cli.output import print_result
 from mi_lcair.cli.usage.examples import examples
 
 
-@click.command(
-    "plan",
-    epilog=examples(
-        "mi-lcair plan open_box --tolerance 2%",
-    ),
-)
+@click.command("plan", epilog=examples("mi-lcair plan open_box --tolerance 2%"))
 @loading_options
 @sensor_option
 @click.option(

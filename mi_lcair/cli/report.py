@@ -32,11 +32,7 @@ class Called(click.Command):
 
 
 @click.command(
-    "report",
-    cls=Called,
-    epilog=examples(
-        "mi-lcair report two_plates --spp 16 -o two_plates.html",
-    ),
+    "report", cls=Called, epilog=examples("mi-lcair report two_plates --spp 16 -o two_plates.html")
 )
 @click.argument("what", nargs=-1, required=True, shell_complete=completion.scenes_and_scenarios)
 @output_option("the page, FILE.html", required=True)
@@ -82,12 +78,7 @@ def command(call, what, output, parameters, variant, threads, **options):
     prepare_renderer(variant, threads)
     with progress_bar() as progress:
         notes = mi_lcair.report(
-            what,
-            output,
-            parameters=dict(parameters),
-            command=call,
-            progress=progress,
-            **options,
+            what, output, parameters=dict(parameters), command=call, progress=progress, **options
         )
     for remark in notes:
         note(remark)

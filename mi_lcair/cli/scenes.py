@@ -7,13 +7,7 @@ from mi_lcair.cli.output import print_columns, print_json
 from mi_lcair.cli.usage.examples import examples
 
 
-@click.command(
-    "scenes",
-    epilog=examples(
-        "mi-lcair scenes",
-        "mi-lcair scenes --json",
-    ),
-)
+@click.command("scenes", epilog=examples("mi-lcair scenes", "mi-lcair scenes --json"))
 @json_option
 def command(json):
     """List the bundled scenes.

@@ -68,7 +68,7 @@ class Azimuths(Angles):
 @click.command(
     "trend",
     epilog=examples(
-        "mi-lcair trend cylinder_ir_range --azimuth 0:180:45 --resolution 16 --spp 16 -o trend.csv",
+        "mi-lcair trend cylinder_ir_range --azimuth 0:180:45 --resolution 16 --spp 16 -o trend.csv"
     ),
 )
 @loading_options

@@ -5,7 +5,7 @@ from textwrap import fill
 
 import numpy as np
 
-from mi_lcair.drawing import new_figure, plain
+from mi_lcair.drawing import new_figure, plain, styled
 from mi_lcair.results.cells import typeset_unit
 
 INK = "#1c2430"  # colour of the main curve
@@ -68,6 +68,7 @@ def label(quantity: str, unit: str) -> str:
     return f"{quantity} ({typeset_unit(unit)})"
 
 
+@styled
 def figure_of(charts: list[LineChart], title: str, across: bool = False):
     """Matplotlib Figure of charts, one below the other or, with `across`, side by side."""
     count = len(charts)
@@ -78,7 +79,7 @@ def figure_of(charts: list[LineChart], title: str, across: bool = False):
         draw(panel, chart)
         if across or chart is charts[-1]:
             panel.set_xlabel(chart.x_label)
-    figure.suptitle(plain(title), fontsize=11)
+    figure.suptitle(plain(title))
     return figure
 
 
@@ -103,8 +104,8 @@ def draw(panel, chart: LineChart) -> None:
     panel.set_ylim(0 if chart.from_zero else low - 0.05 * extent, high + 0.25 * extent)
     panel.set_xlim(chart.x.min(), chart.x.max())
     panel.axhline(0, color="black", linewidth=0.5)
-    panel.set_title(fill(plain(chart.title), WIDEST_TITLE), fontsize=10)
+    panel.set_title(fill(plain(chart.title), WIDEST_TITLE))
     panel.set_ylabel(chart.y_label)
     if len(lines) > 1:
         names = [line.get_label() for line in lines]
-        panel.legend(lines, names, fontsize=8, frameon=False, ncols=4, loc="upper center")
+        panel.legend(lines, names, ncols=4, loc="upper center")

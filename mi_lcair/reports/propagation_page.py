@@ -7,12 +7,7 @@ import numpy as np
 
 from mi_lcair.benchmark import chart
 from mi_lcair.benchmark.propagation import GROUPS
-from mi_lcair.benchmark.propagation_chart import (
-    CHOICE,
-    CLOSURES,
-    LEAST_REPETITIONS,
-    Chart,
-)
+from mi_lcair.benchmark.propagation_chart import CHOICE, CLOSURES, LEAST_REPETITIONS, Chart
 from mi_lcair.drawing import drawing
 from mi_lcair.files import replacing
 from mi_lcair.formats import csv

@@ -10,12 +10,7 @@ from mi_lcair.cli.output import print_json
 from mi_lcair.cli.usage.examples import examples
 
 
-@click.command(
-    "propagation",
-    epilog=examples(
-        "mi-lcair chart propagation --quick -o charts",
-    ),
-)
+@click.command("propagation", epilog=examples("mi-lcair chart propagation --quick -o charts"))
 @chart_options("propagation.png, .csv and .md, and propagation_closure.png and .csv")
 def command(folder, quick, json):
     """Compare methods that follow radiation from facet to facet.

@@ -10,12 +10,7 @@ from mi_lcair.cli.output import print_json
 from mi_lcair.cli.usage.examples import examples
 
 
-@click.command(
-    "reflectance",
-    epilog=examples(
-        "mi-lcair chart reflectance --quick -o charts",
-    ),
-)
+@click.command("reflectance", epilog=examples("mi-lcair chart reflectance --quick -o charts"))
 @chart_options("reflectance.png, .csv and .md")
 def command(folder, quick, json):
     """Compare eight methods that integrate a BRDF over the hemisphere.

@@ -33,9 +33,7 @@ COMMON = ("variant", "threads", "json")  # options that go into SceneOptions and
 
 @click.command(
     "budget",
-    epilog=examples(
-        "mi-lcair budget box.toml -u sigma.toml -D render.max_bounces=1 --spp 16",
-    ),
+    epilog=examples("mi-lcair budget box.toml -u sigma.toml -D render.max_bounces=1 --spp 16"),
 )
 @click.argument("what", shell_complete=completion.scenes_and_scenarios)
 @click.option(

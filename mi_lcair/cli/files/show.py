@@ -59,10 +59,7 @@ NOT_DRAWN = {
     help="One scale for all panels of a quantity (default), or one for each panel.",
 )
 @click.option("--outlines", is_flag=True, help="Draw lines between the facets.")
-@click.option(
-    "--scene",
-    help="With --outlines: the scene of FILE.exr, if it is not a bundled one.",
-)
+@click.option("--scene", help="With --outlines: the scene of FILE.exr, if it is not a bundled one.")
 @click.option(
     "--facet",
     type=click.IntRange(min=0),

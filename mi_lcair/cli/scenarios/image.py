@@ -3,13 +3,7 @@
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import (
-    POSITIVE,
-    output_option,
-    plot_option,
-    scenario_options,
-    seed_option,
-)
+from mi_lcair.cli.options import POSITIVE, output_option, plot_option, scenario_options, seed_option
 from mi_lcair.cli.output import check_outputs, print_result, print_written, time_row
 from mi_lcair.cli.usage.examples import examples
 from mi_lcair.drawing import PICTURES
@@ -17,10 +11,7 @@ from mi_lcair.files import together
 
 
 @click.command(
-    "image",
-    epilog=examples(
-        "mi-lcair image box.toml --spp 4 -o seen.exr --plot seen.png",
-    ),
+    "image", epilog=examples("mi-lcair image box.toml --spp 4 -o seen.exr --plot seen.png")
 )
 @scenario_options(
     "camera.f_number=2",

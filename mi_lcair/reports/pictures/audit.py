@@ -2,21 +2,16 @@
 
 import numpy as np
 
-from mi_lcair.drawing import new_figure, plain
+from mi_lcair.drawing import new_figure, plain, styled
 from mi_lcair.planning.audit_result import Audit
 
 ENDS = ("absorbed", "escaped", "behind", "unfinished")  # where the emitted flux of a scene goes
 OF_MATERIAL = ("absorbed", "reflected", "behind")  # where the flux that arrives goes
-COLORS = {
-    "absorbed": "C0",
-    "reflected": "C2",
-    "escaped": "C1",
-    "behind": "C3",
-    "unfinished": "C4",
-}
+COLORS = {"absorbed": "C0", "reflected": "C2", "escaped": "C1", "behind": "C3", "unfinished": "C4"}
 MOST_MATERIALS = 20  # materials with a bar, those with the largest incident flux
 
 
+@styled
 def figure(audit: Audit):
     """Figure with a bar for the scene and for each material, in percent.
 
@@ -47,13 +42,12 @@ def figure(audit: Audit):
     panel.axvline(100, color="black", linewidth=0.8, linestyle=":")
     panel.set_yticks(places, [plain(name) for name in names], fontsize=8)
     panel.invert_yaxis()
-    panel.set_ylabel("scene, and materials", fontsize=9)
+    panel.set_ylabel("scene, and materials")
     panel.set_xlabel("share of the flux that the scene emits, or that arrives at a material (%)")
-    panel.tick_params(axis="x", labelsize=8)
-    figure.legend(loc="outside lower center", ncols=len(COLORS), fontsize=8, frameon=False)
+    figure.legend(loc="outside lower center", ncols=len(COLORS))
     flux, error = audit.total["emitted"]
     left_out = len(order) - len(names) + 1
     more = f"; {left_out} more materials" if left_out else ""
     title = f"{audit.scene_name}, {audit.band}: {flux:.5g} ± {error:.2g} W emitted{more}"
-    figure.suptitle(plain(title), fontsize=11)
+    figure.suptitle(plain(title))
     return figure

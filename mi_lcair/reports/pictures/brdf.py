@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mi_lcair.drawing import new_figure, plain
+from mi_lcair.drawing import new_figure, plain, styled
 from mi_lcair.physics.brdf_view import BRDFView
 from mi_lcair.reports.pictures.image_channels import log_ticks
 
@@ -10,14 +10,14 @@ GRAZING = 80.0  # degrees; smaller values at larger angles do not extend the sca
 PALE = "0.45"  # grey of secondary lines and text
 
 
+@styled
 def figure(view: BRDFView):
     """Figure of a BRDF over the hemisphere, and of its cut through the plane of incidence."""
     figure = new_figure((11, 4.8), layout="constrained")
     left, right = figure.subfigures(1, 2, width_ratios=(1, 1.15))
     figure.suptitle(
         f"{plain(f'{view.material.name}, {view.band.label}')}, incidence {view.theta_i:g}°: "
-        f"DHR {view.dhr:.4f}, emissivity at {view.theta_i:g}° {view.emissivity:.4f}",
-        fontsize=11,
+        f"DHR {view.dhr:.4f}, emissivity at {view.theta_i:g}° {view.emissivity:.4f}"
     )
     draw_hemisphere(left, view, *scale(view))
     draw_cut(right.subplots(), view, *scale(view))
@@ -71,7 +71,7 @@ def draw_hemisphere(figure, view: BRDFView, lower: float, upper: float) -> None:
     )
     axes.xaxis.grid(False)
     axes.set_title(r"$\theta_r$ from the middle, azimuth from the mirror side", fontsize=8, pad=14)
-    axes.legend(fontsize=7, frameon=False, loc="lower left", bbox_to_anchor=(-0.22, -0.1))
+    axes.legend(fontsize=7, loc="lower left", bbox_to_anchor=(-0.22, -0.1))
     bar = figure.colorbar(
         picture,
         ax=axes,
@@ -79,8 +79,7 @@ def draw_hemisphere(figure, view: BRDFView, lower: float, upper: float) -> None:
         pad=0.1,
         extend="min" if view.brdf.min() < lower else "neither",
     )
-    bar.set_label("BRDF (1/sr)", fontsize=8)
-    bar.ax.tick_params(labelsize=8)
+    bar.set_label("BRDF (1/sr)")
     log_ticks(bar, lower, upper)
 
 
@@ -104,11 +103,9 @@ def draw_cut(axes, view: BRDFView, lower: float, upper: float) -> None:
     axes.set_xlim(-90, 90)
     axes.set_xticks(range(-90, 91, 30))
     axes.set_xlabel(
-        r"$\theta_r$ in the plane of incidence (degrees, positive on the mirror direction's side)",
-        fontsize=8,
+        r"$\theta_r$ in the plane of incidence (degrees, positive on the mirror direction's side)"
     )
-    axes.set_ylabel("BRDF (1/sr)", fontsize=8)
-    axes.tick_params(labelsize=8)
+    axes.set_ylabel("BRDF (1/sr)")
     axes.grid(color="0.9", lw=0.6)
     axes.set_axisbelow(True)
     if not view.cut.any():

@@ -1,6 +1,6 @@
 """Tornado chart of an uncertainty budget."""
 
-from mi_lcair.drawing import new_figure, plain
+from mi_lcair.drawing import new_figure, plain, styled
 from mi_lcair.results.cells import typeset
 from mi_lcair.uncertainty.budget import Budget
 
@@ -8,6 +8,7 @@ MOST_ROWS = 20  # rows that are drawn; the smaller ones are left out
 RAISES, LOWERS, NEUTRAL = "C3", "C0", "C7"  # colours
 
 
+@styled
 def figure(budget: Budget):
     """Figure with a bar for the contribution of each row, the largest at the top.
 
@@ -59,8 +60,7 @@ def figure(budget: Budget):
     panel.set_xlabel(f"change of the {plain(budget.title)} ({typeset(budget.unit)})")
     figure.suptitle(
         f"{plain(budget.what)}: {budget.value:.4g} ± {budget.sigma:.2g} {typeset(budget.unit)} "
-        "(one standard uncertainty)",
-        fontsize=10,
+        "(one standard uncertainty)"
     )
     legend(panel, bool(checks))
     return figure
@@ -111,6 +111,4 @@ def legend(panel, has_checks: bool) -> None:
         loc="upper center",
         bbox_to_anchor=(0.4, -0.75 / panel.figure.get_figheight()),
         ncols=3,
-        fontsize=8,
-        frameon=False,
     )

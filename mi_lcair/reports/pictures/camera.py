@@ -3,12 +3,13 @@
 import numpy as np
 
 from mi_lcair.camera.image_result import Image
-from mi_lcair.drawing import new_figure, plain, write_figure
+from mi_lcair.drawing import new_figure, plain, styled, write_figure
 
 SIZE = (11, 7.6)  # inches
 SMALLEST_ERROR = 1e-2  # smallest error of the rendering that is drawn, in noises of the camera
 
 
+@styled
 def figure(image: Image):
     """Figure of a camera's image, with four panels.
 
@@ -28,8 +29,7 @@ def figure(image: Image):
             f"f = {camera.focal_length_mm:g} mm, f/{camera.f_number:g}, "
             f"{camera.integration_time_ms:g} ms, NETD {1e3 * measures.netd:.3g} mK "
             f"at {measures.temperature:.4g} K"
-        ),
-        fontsize=11,
+        )
     )
     return figure
 
@@ -39,16 +39,14 @@ def save_pictures(path, images: list[Image]) -> None:
     write_figure(pictures(images), path)
 
 
+@styled
 def pictures(images: list[Image]):
     """Figure with the first frame of each image around its target, side by side."""
     figure = new_figure((4.4 * len(images), 2.5), layout="constrained")
     for axes, image in zip(np.atleast_1d(figure.subplots(1, len(images))), images):
         _temperature(figure, axes, image)
         measures, observer = image.measures, image.scenario.observer
-        axes.set_title(
-            f"{observer.range_m:g} m: {measures.pixels:.0f} pixels on the target",
-            fontsize=10,
-        )
+        axes.set_title(f"{observer.range_m:g} m: {measures.pixels:.0f} pixels on the target")
     return figure
 
 
@@ -73,12 +71,10 @@ def _temperature(figure, axes, image: Image) -> None:
         interpolation="nearest",
     )
     bar = figure.colorbar(drawn, ax=axes, extend="both", shrink=0.9)
-    bar.set_label("apparent temperature (K)", fontsize=8)
-    bar.ax.tick_params(labelsize=8)
-    axes.set_title("(a) first frame, around the target", fontsize=10)
-    axes.set_xlabel("column (pixel)", fontsize=8)
-    axes.set_ylabel("row (pixel)", fontsize=8)
-    axes.tick_params(labelsize=8)
+    bar.set_label("apparent temperature (K)")
+    axes.set_title("(a) first frame, around the target")
+    axes.set_xlabel("column (pixel)")
+    axes.set_ylabel("row (pixel)")
 
 
 def _mtf(axes, image: Image) -> None:
@@ -98,11 +94,10 @@ def _mtf(axes, image: Image) -> None:
     )
     axes.set_ylim(0, 1.02)
     axes.set_xlim(0, mtf["frequency"][-1])
-    axes.set_title("(b) MTF up to Nyquist", fontsize=10)
-    axes.set_xlabel("frequency in the image plane (cycles/mm)", fontsize=8)
-    axes.set_ylabel("MTF", fontsize=8)
-    axes.tick_params(labelsize=8)
-    axes.legend(fontsize=8, frameon=False)
+    axes.set_title("(b) MTF up to Nyquist")
+    axes.set_xlabel("frequency in the image plane (cycles/mm)")
+    axes.set_ylabel("MTF")
+    axes.legend()
 
 
 def _noise(axes, image: Image) -> None:
@@ -124,11 +119,10 @@ def _noise(axes, image: Image) -> None:
         temperature[order], 1e3 * noise[order], color="C3", label="noise of the camera in time"
     )
     axes.set_yscale("log")
-    axes.set_title("(c) noise of camera and rendering in each pixel", fontsize=10)
-    axes.set_xlabel("mean apparent temperature of a pixel (K)", fontsize=8)
-    axes.set_ylabel("standard deviation (mK)", fontsize=8)
-    axes.tick_params(labelsize=8)
-    axes.legend(fontsize=8, frameon=False)
+    axes.set_title("(c) noise of camera and rendering in each pixel")
+    axes.set_xlabel("mean apparent temperature of a pixel (K)")
+    axes.set_ylabel("standard deviation (mK)")
+    axes.legend()
 
 
 def _ranges(axes, image: Image) -> None:
@@ -157,10 +151,7 @@ def _ranges(axes, image: Image) -> None:
     )
     if image.detected_to_m and image.detected_to_m > 0.999 * x.max():
         detected += " at least"
-    axes.set_title(f"(d) target over range: {detected}", fontsize=10)
-    axes.set_xlabel("range (m)", fontsize=8)
-    axes.set_ylabel("ratio, number; dotted: what a detection needs", fontsize=8)
-    axes.tick_params(labelsize=8)
-    axes.legend(
-        [snr, pixels], ["signal-to-noise ratio", "pixels on the target"], fontsize=8, frameon=False
-    )
+    axes.set_title(f"(d) target over range: {detected}")
+    axes.set_xlabel("range (m)")
+    axes.set_ylabel("ratio, number; dotted: what a detection needs")
+    axes.legend([snr, pixels], ["signal-to-noise ratio", "pixels on the target"])

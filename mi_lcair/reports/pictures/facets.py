@@ -2,12 +2,13 @@
 
 import numpy as np
 
-from mi_lcair.drawing import new_figure, plain
+from mi_lcair.drawing import new_figure, plain, styled
 from mi_lcair.signatures.facet_results import FacetResults
 
 MOST_BARS = 20  # facets with a bar
 
 
+@styled
 def figure(facets: FacetResults):
     """Figure with the intensities of the brightest facets, and all radiances over temperature.
 
@@ -31,11 +32,9 @@ def figure(facets: FacetResults):
     bright.set_xticks(np.arange(len(order)), [str(table["facet"][k]) for k in order])
     bright.tick_params(axis="x", rotation=90 if len(order) > 10 else 0)
     bright.set_xlim(-1, max(len(order), 2))
-    bright.set_xlabel("facet", fontsize=9)
-    bright.set_ylabel(r"intensity (W sr$^{-1}$)", fontsize=9)
-    bright.set_title(
-        f"the {len(order)} brightest of {len(visible)} facets that the sensor sees", fontsize=10
-    )
+    bright.set_xlabel("facet")
+    bright.set_ylabel(r"intensity (W sr$^{-1}$)")
+    bright.set_title(f"the {len(order)} brightest of {len(visible)} facets that the sensor sees")
 
     for name in names:
         in_group = (table["group"] == name) & (table["samples"] > 0)
@@ -47,11 +46,9 @@ def figure(facets: FacetResults):
             label=plain(name),
         )
     cloud.ticklabel_format(useOffset=False)
-    cloud.set_xlabel("temperature (K)", fontsize=9)
-    cloud.set_ylabel(r"radiance (W m$^{-2}$ sr$^{-1}$)", fontsize=9)
-    cloud.set_title("radiance of these facets, by group", fontsize=10)
-    cloud.legend(fontsize=8, frameon=False, ncols=1 + len(names) // 12)
-    for panel in (bright, cloud):
-        panel.tick_params(labelsize=8)
-    figure.suptitle(plain(f"{facets.scene_name}, {facets.band}"), fontsize=11)
+    cloud.set_xlabel("temperature (K)")
+    cloud.set_ylabel(r"radiance (W m$^{-2}$ sr$^{-1}$)")
+    cloud.set_title("radiance of these facets, by group")
+    cloud.legend(ncols=1 + len(names) // 12)
+    figure.suptitle(plain(f"{facets.scene_name}, {facets.band}"))
     return figure

@@ -4,7 +4,7 @@ from textwrap import wrap
 
 import numpy as np
 
-from mi_lcair.drawing import new_figure, plain, write_figure
+from mi_lcair.drawing import new_figure, plain, styled, write_figure
 from mi_lcair.fitting.scatterometer.measurements import Measurements
 from mi_lcair.physics import reflection
 from mi_lcair.reports.fit_curves import directional, model_of, scans_of
@@ -25,6 +25,7 @@ def figure(fit):
     return figure_of([(fit.measurements, fit, fit.directional)])
 
 
+@styled
 def figure_of(fits):
     """Figure with a row of panels for each of (Measurements, Fit, {quantity: DirectionalData})."""
     whole = new_figure((11, 6.2 * len(fits)), layout="constrained")
@@ -44,10 +45,7 @@ def draw_fit(figure, measurements: Measurements, fit, directional: dict) -> None
     `directional` is the measured emissivity or DHR by quantity.
     """
     band = ", {:g}-{:g} um".format(*measurements.band_um) if measurements.band_um else ""
-    figure.suptitle(
-        plain(f"{measurements.name}{band}: {model_of(fit)}"),
-        fontsize=12,
-    )
+    figure.suptitle(plain(f"{measurements.name}{band}: {model_of(fit)}"))
     left, right = figure.subfigures(1, 2, width_ratios=(1.8, 1))
     draw_brdf(*left.subplots(2, 1, sharex=True, height_ratios=(3, 1)), measurements, fit)
     table, *panels = right.subplots(
@@ -78,11 +76,8 @@ def draw_brdf(axes, below, measurements: Measurements, fit) -> None:
     axes.set_ylabel("BRDF (1/sr)")
     axes.legend(
         title=f"{ANGLES[fixed]}: dots measured\n(hollow: left out), lines fitted",
-        fontsize=8,
-        title_fontsize=8,
         ncols=2,
         loc="upper left",
-        frameon=False,
         handlelength=1.2,
         columnspacing=1,
         labelspacing=0.3,
@@ -153,7 +148,7 @@ def draw_directional(axes, fit, quantity: str, data) -> None:
             capsize=2,
             label="measured",
         )
-    axes.legend(fontsize=8, frameon=False)
+    axes.legend()
     axes.set_ylim(0, 1)
     axes.set_xlim(0, 90)
     axes.set_xlabel(f"{ANGLES[angle]} (degrees)")

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mi_lcair.drawing import new_figure, plain
+from mi_lcair.drawing import new_figure, plain, styled
 from mi_lcair.signatures.hemispherical_view import MAP_PHI, MAP_THETA, NOTHING, HemisphericalView
 
 PAPER = (0.93, 0.93, 0.93)  # colour of directions without a surface
@@ -13,6 +13,7 @@ ROOM = 4.5  # distance of a label from the edges of its facet, degrees
 COARSE = 4  # step, in pixels of the map, of the search for places of labels
 
 
+@styled
 def figure(view: HemisphericalView):
     """Figure of the facets that a facet sees, theta against phi.
 
@@ -42,11 +43,8 @@ def figure(view: HemisphericalView):
         )
     axes.set_xticks(range(-180, 181, 45))
     axes.set_yticks(range(0, 91, 15))
-    axes.set_xlabel(
-        "azimuth φ from the direction of the facet's second corner (degrees)", fontsize=9
-    )
-    axes.set_ylabel("θ from the normal (degrees)", fontsize=9)
-    axes.tick_params(labelsize=8)
+    axes.set_xlabel("azimuth φ from the direction of the facet's second corner (degrees)")
+    axes.set_ylabel("θ from the normal (degrees)")
     axes.set_title(
         plain(
             f"{view.scene_name}: what facet {view.facet} sees (group {view.group(view.facet)}, "
@@ -65,10 +63,7 @@ def figure(view: HemisphericalView):
         ],
         [text for _, text in entries],
         loc="outside right upper",
-        fontsize=8,
-        frameon=False,
         title="group: view factor",
-        title_fontsize=8,
         alignment="left",
     )
     return figure

@@ -7,7 +7,7 @@ from typing import TypedDict, Unpack
 
 import numpy as np
 
-from mi_lcair.drawing import new_figure, plain, write_figure
+from mi_lcair.drawing import new_figure, plain, styled, write_figure
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.formats.channels import has_value
 from mi_lcair.formats.channels import quantity_of as quantity_of_channel
@@ -69,6 +69,7 @@ def save_picture(path: str | Path, channels: dict[str, np.ndarray], *args, **opt
     write_figure(figure(channels, *args, **options), path)
 
 
+@styled
 def figure(
     channels: dict[str, np.ndarray],
     title: str = "",
@@ -125,12 +126,7 @@ def figure(
         left, bottom = cell * (index % columns, rows - 1 - index // columns) + (LEFT, BOTTOM)
         panel = figure.add_axes((left / size[0], bottom / size[1], *image / size))
         bar = figure.add_axes(
-            (
-                (left + image[0] + BAR) / size[0],
-                bottom / size[1],
-                BAR / size[0],
-                image[1] / size[1],
-            )
+            ((left + image[0] + BAR) / size[0], bottom / size[1], BAR / size[0], image[1] / size[1])
         )
         _draw(panel, bar, channel, scales[channel.name], cmap, window_m)
         if outlines is not None:
@@ -139,12 +135,7 @@ def figure(
         panel.set_title(plain(", ".join(filter(None, (title, channel.name)))), fontsize=11)
     else:
         figure.text(
-            0.5,
-            1 - 0.5 * TOP / size[1],
-            plain(title),
-            fontsize=11,
-            ha="center",
-            va="center",
+            0.5, 1 - 0.5 * TOP / size[1], plain(title), fontsize=11, ha="center", va="center"
         )
     return figure
 
@@ -208,8 +199,8 @@ def _draw(panel, bar_axes, channel: Channel, limits: Limits, cmap, window_m) -> 
     remarks = [] if with_value.all() else [f"{nothing}: no value"]
     remarks += filter(None, [limits.remark])
     across, along = ("column (pixel)", "row (pixel)") if window_m is None else ("x (m)", "y (m)")
-    panel.set_xlabel("; ".join([across, *remarks]), fontsize=8)
-    panel.set_ylabel(along, fontsize=8)
+    panel.set_xlabel("; ".join([across, *remarks]))
+    panel.set_ylabel(along)
     for axis, length in ((panel.xaxis, width), (panel.yaxis, height)):
         share = length / max(height, width)
         if window_m is not None:
@@ -221,13 +212,11 @@ def _draw(panel, bar_axes, channel: Channel, limits: Limits, cmap, window_m) -> 
         )
 
     bar = panel.figure.colorbar(picture, cax=bar_axes, extend=limits.extend)
-    bar.set_label(f"{plain(what)} ({unit})" if unit else plain(what), fontsize=8)
+    bar.set_label(f"{plain(what)} ({unit})" if unit else plain(what))
     if channel.is_log:
         log_ticks(bar, limits.lower, limits.upper)
     else:
         bar.formatter.set_useOffset(False)
-    for axes in (panel, bar_axes):
-        axes.tick_params(labelsize=8)
     bar_axes.yaxis.get_offset_text().set_fontsize(8)
 
 

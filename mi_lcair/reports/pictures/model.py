@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.drawing import new_figure, plain
+from mi_lcair.drawing import new_figure, plain, styled
 from mi_lcair.models3d.label import TYPES
 from mi_lcair.models3d.model import Model
 
@@ -51,6 +51,7 @@ def png(model: Model, title: str = TITLE) -> bytes:
     return content.getvalue()
 
 
+@styled
 def figure(model: Model, title: str = TITLE):
     """Matplotlib Figure of a model from its left side, from the front and from above.
 
@@ -66,16 +67,13 @@ def figure(model: Model, title: str = TITLE):
     widths = [sizes[view.right[0]] for view in VIEWS]
     heights = [sizes[view.up[0]] for view in VIEWS]
     scale = WIDTH / max(*widths, *heights)
-    size = (
-        scale * sum(widths) + 4.2,
-        (1 + differ) * (scale * max(heights) + 0.7) + 0.3,
-    )
+    size = (scale * sum(widths) + 4.2, (1 + differ) * (scale * max(heights) + 0.7) + 0.3)
     drawn = new_figure(np.maximum(size, (8, 3)), dpi=100, layout="constrained")
     rows = drawn.subplots(1 + differ, 3, squeeze=False, width_ratios=widths)
     _draw_materials(drawn, rows[0], model, label, images, box, longest)
     if differ:
         _draw_temperatures(drawn, rows[1], model, images, box, longest)
-    drawn.suptitle(plain(title), fontsize=11)
+    drawn.suptitle(plain(title))
     return drawn
 
 
@@ -104,7 +102,7 @@ def _draw_materials(drawn, panels, model, label, images, box, longest):
         _finish(panel, view, box, longest)
     if any((image == BEHIND).any() for image in images):
         patches.append(Patch(color=BACK, label="seen from behind"))
-    drawn.legend(handles=patches, loc="outside right upper", fontsize=8)
+    drawn.legend(handles=patches, loc="outside right upper")
 
 
 def _draw_temperatures(drawn, panels, model, images, box, longest):
@@ -142,9 +140,8 @@ def _finish(panel, view, box, longest):
     """Add a title, axes in metres, and arrows in front of the nose and above the model."""
     panel.set_title(view.title, fontsize=9)
     panel.set_facecolor("white")
-    panel.set_xlabel(f"{'xyz'[view.right[0]]} (m)", fontsize=8)
-    panel.set_ylabel(f"{'xyz'[view.up[0]]} (m)", fontsize=8)
-    panel.tick_params(labelsize=7)
+    panel.set_xlabel(f"{'xyz'[view.right[0]]} (m)")
+    panel.set_ylabel(f"{'xyz'[view.up[0]]} (m)")
     for axis, word in ARROWS.items():
         if axis == view.near[0]:
             continue

@@ -13,11 +13,7 @@ DEFAULT = ("Y", "temperature.Y")
 
 
 def figure(
-    render: Render,
-    channels=DEFAULT,
-    *,
-    outlines: np.ndarray | None = None,
-    **scale: Unpack[Scale],
+    render: Render, channels=DEFAULT, *, outlines: np.ndarray | None = None, **scale: Unpack[Scale]
 ):
     """Figure with one panel for each channel, see `image_channels.figure`.
 

@@ -2,12 +2,13 @@
 
 import numpy as np
 
-from mi_lcair.drawing import new_figure, plain
+from mi_lcair.drawing import new_figure, plain, styled
 from mi_lcair.sensitivity.sensitivities import Sensitivities
 
 MOST_BARS = 20  # bars of one unit, those with the largest derivatives
 
 
+@styled
 def figure(sensitivities: Sensitivities):
     """Figure with one panel for each unit, because derivatives per kelvin and per 1 differ."""
     columns = sensitivities.columns()
@@ -31,13 +32,11 @@ def figure(sensitivities: Sensitivities):
         panel.set_yticks(places, [plain(columns["parameter"][k]) for k in of_unit], fontsize=8)
         panel.invert_yaxis()
         panel.axvline(0, color="black", linewidth=0.8)
-        panel.set_xlabel(f"derivative of the intensity ({plain(unit)})", fontsize=9)
-        panel.tick_params(axis="x", labelsize=8)
+        panel.set_xlabel(f"derivative of the intensity ({plain(unit)})")
     figure.suptitle(
         plain(
             f"{sensitivities.scene_name}, {sensitivities.band}: intensity "
             f"{sensitivities.value:.6g} ± {sensitivities.error[0]:.2g} W/sr (standard error)"
-        ),
-        fontsize=11,
+        )
     )
     return figure

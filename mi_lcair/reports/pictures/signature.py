@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mi_lcair.drawing import new_figure, plain
+from mi_lcair.drawing import new_figure, plain, styled
 from mi_lcair.signatures.effective_areas import PARTS
 from mi_lcair.signatures.signature_result import Signature
 
@@ -12,6 +12,7 @@ NEGLIGIBLE = 1e-3  # parts below this share of the largest one are not drawn
 UNIT = r"intensity (W sr$^{-1}$)"
 
 
+@styled
 def figure(signature: Signature):
     """Figure with bars and standard errors for each number of reflections and group.
 
@@ -40,14 +41,13 @@ def figure(signature: Signature):
             for of in [getattr(signature, part)]
         }
         bars(panel, title, names, values, label)
-    panels[0].legend(fontsize=8, frameon=False)
+    panels[0].legend()
     main = signature.main
     figure.suptitle(
         plain(
             f"{signature.scene_name}, {signature.band}: {signature.main_part} "
             f"{main.intensity:.6g} ± {main.half_width:.2g} W/sr (95 %)"
-        ),
-        fontsize=11,
+        )
     )
     return figure
 
@@ -74,8 +74,7 @@ def bars(panel, title: str, names: list[str], values: dict, label: str) -> None:
     panel.set_xticks(np.arange(len(kept)), [plain(names[k]) for k in kept])
     if max(len(names[k]) for k in kept) > 4 and len(kept) > 4:
         panel.tick_params(axis="x", rotation=45)
-    panel.set_title(title, fontsize=10)
+    panel.set_title(title)
     panel.set_xlim(-1, len(kept))
-    panel.set_xlabel(label, fontsize=9)
-    panel.set_ylabel(UNIT, fontsize=9)
-    panel.tick_params(labelsize=8)
+    panel.set_xlabel(label)
+    panel.set_ylabel(UNIT)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mi_lcair.drawing import new_figure, plain
+from mi_lcair.drawing import new_figure, plain, styled
 from mi_lcair.formats.channels import RADIANCE
 from mi_lcair.results.cells import typeset_unit
 
@@ -12,6 +12,7 @@ SIGMAS = 4.0  # end of the scale of residuals, standard deviations
 TALLEST = 2.0  # largest ratio of a panel's height to its width
 
 
+@styled
 def figure(solution):
     """Figure with one row for each datum of a `Solution`, the first MOST_ROWS.
 
@@ -23,7 +24,7 @@ def figure(solution):
     figure = new_figure((3 * SIDE + 1.6, sum(heights)), layout="constrained")
     parts = np.atleast_1d(figure.subfigures(len(data), 1, height_ratios=heights))
     for part, fitted in zip(parts, data):
-        part.suptitle(plain(_title(fitted)), fontsize=10)
+        part.suptitle(plain(_title(fitted)))
         (_draw_image if fitted.is_image else _draw_numbers)(part, fitted)
     return figure
 
@@ -54,21 +55,18 @@ def _draw_image(part, fitted) -> None:
         drawn = panel.imshow(image, vmin=low, vmax=high, cmap="inferno")
         panel.set_title(title, fontsize=9)
     bar = part.colorbar(drawn, ax=[measured, predicted], shrink=0.85, extend="both", pad=0.01)
-    bar.set_label(f"radiance ({typeset_unit(RADIANCE)})", fontsize=8)
+    bar.set_label(f"radiance ({typeset_unit(RADIANCE)})")
     drawn = residual.imshow(fitted.residual, vmin=-SIGMAS, vmax=SIGMAS, cmap="RdBu_r")
     rms = np.sqrt(np.nanmean(fitted.residual**2))
     residual.set_title(f"measured - predicted, rms {rms:.2f}", fontsize=9)
     of_residual = part.colorbar(drawn, ax=residual, shrink=0.85, extend="both", pad=0.02)
-    of_residual.set_label("standard deviations", fontsize=8)
+    of_residual.set_label("standard deviations")
     for panel in (measured, predicted, residual):
         panel.set_facecolor("0.6")
-        panel.set_xlabel("column (pixel)", fontsize=8)
-        panel.tick_params(labelsize=7)
+        panel.set_xlabel("column (pixel)")
         for axis in (panel.xaxis, panel.yaxis):
             axis.set_major_locator(MaxNLocator(4, integer=True))
-    measured.set_ylabel("row (pixel)", fontsize=8)
-    for colour_bar in (bar, of_residual):
-        colour_bar.ax.tick_params(labelsize=7)
+    measured.set_ylabel("row (pixel)")
 
 
 def _draw_numbers(part, fitted) -> None:
@@ -79,11 +77,10 @@ def _draw_numbers(part, fitted) -> None:
         x, label = np.array([azimuth for azimuth, _ in fitted.aspects]), "azimuth (degrees)"
     values.plot(x, fitted.measured, "o", color="C3", markersize=4, label="measured")
     values.plot(x, fitted.predicted, "x", color="black", markersize=5, label="predicted")
-    values.set_ylabel(plain(fitted.quantity), fontsize=8)
-    values.legend(fontsize=8, frameon=False)
+    values.set_ylabel(plain(fitted.quantity))
+    values.legend()
     residual.axhline(0, color="black", linewidth=0.5)
     residual.plot(x, fitted.residual, "o", color="C0", markersize=4)
-    residual.set_ylabel("measured - predicted (standard deviations)", fontsize=8)
+    residual.set_ylabel("measured - predicted (standard deviations)")
     for panel in (values, residual):
-        panel.set_xlabel(label, fontsize=8)
-        panel.tick_params(labelsize=8)
+        panel.set_xlabel(label)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mi_lcair.drawing import new_figure, plain
+from mi_lcair.drawing import new_figure, plain, styled
 from mi_lcair.signatures.trend_result import Trend
 
 NEGLIGIBLE = 1e-3  # parts below this share of the largest intensity are not drawn
@@ -10,6 +10,7 @@ KINDS = {"group": "by what emitted it", "bounce": "by number of reflections"}
 UNIT = r"W sr$^{-1}$"
 
 
+@styled
 def figure(trend: Trend):
     """Figure with three polar panels.
 
@@ -28,8 +29,7 @@ def figure(trend: Trend):
     for panel, (kind, words) in zip(panels[1:], KINDS.items()):
         draw(panel, f"{words}, elevation {elevations[level]:g}°", large_parts(at_level, kind))
     figure.suptitle(
-        f"{plain(f'{trend.scene_name}, {trend.band}')}: intensity of the model by azimuth ({UNIT})",
-        fontsize=12,
+        f"{plain(f'{trend.scene_name}, {trend.band}')}: intensity of the model by azimuth ({UNIT})"
     )
     return figure
 
@@ -80,8 +80,5 @@ def draw(panel, title: str, curves: dict) -> None:
             marker="." if len(values) < 8 else None,
         )
     panel.set_ylim(0, None)
-    panel.set_title(title, fontsize=10)
-    panel.tick_params(labelsize=8)
-    panel.legend(
-        loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=4, fontsize=8, frameon=False
-    )
+    panel.set_title(title)
+    panel.legend(loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=4)

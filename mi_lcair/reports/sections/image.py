@@ -5,13 +5,7 @@ from mi_lcair.reports.sections.render import image_sections
 from mi_lcair.results.accuracy import error_row
 from mi_lcair.results.sections import Facts, Lines, Remarks, Section, Table
 
-OVER_RANGE = [
-    ("range", "m"),
-    "pixels on target",
-    "electrons",
-    "signal to noise, even",
-    "detected",
-]
+OVER_RANGE = [("range", "m"), "pixels on target", "electrons", "signal to noise, even", "detected"]
 
 
 def sections(image) -> list[Section]:

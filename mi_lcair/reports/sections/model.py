@@ -27,10 +27,7 @@ def sections(model, materials=None) -> list[Section]:
         ("facing inward", figures["inward"]),
         ("without area", figures["degenerate"]),
         ("duplicate", figures["duplicate"]),
-        (
-            "not planar",
-            f"{figures['non_planar']} (at most {figures['non_planar_mm']:.3g} mm off)",
-        ),
+        ("not planar", f"{figures['non_planar']} (at most {figures['non_planar_mm']:.3g} mm off)"),
     ]
     remarks = [*model.remarks, *remarkable(figures, materials)]
     return [Section("Model", [Facts(rows), Remarks(remarks)])]
