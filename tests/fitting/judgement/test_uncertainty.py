@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import stats
 from scipy.optimize import curve_fit
 
 from mi_lcair.fitting.cube import parameters_at
@@ -11,6 +12,7 @@ from mi_lcair.fitting.judgement.uncertainty import (
     effective_count,
     neighbour,
     neighbour_correlation,
+    profile_intervals,
     profile_lanes,
     standard_errors,
 )
@@ -177,3 +179,46 @@ def test_limit_of_a_correlation_by_chance():
         assert (correlated > 0) == (value >= 3 / np.sqrt(pairs)) == is_seen
         assert count == pytest.approx(100 * (1 - value) / (1 + value) if is_seen else 100)
     assert effective_count(np.ones(100), *angles, fewest=5) == (5, 1)
+
+
+class LinearInParameters:
+    """Rows A (p - best), whose profiles are known; `unit` is the change for one decade."""
+
+    unit = 50.0
+
+    def __init__(self, A, best):
+        self.A, self.best = A, best
+
+    def __call__(self, u, lanes=None):
+        values, slopes = parameters_at(MODEL, u)
+        return (values - self.best) @ self.A.T, self.A @ slopes
+
+
+@pytest.mark.parametrize("level", [0.0, 0.003])
+def test_profiles_of_linear_rows(level):
+    """t standard errors with the others refitted; the common scale is added in squares.
+
+    The rise of the cost by variance t^2 / 2 is that of a parabola.
+    """
+    A = 200 * np.random.default_rng(3).normal(size=(40, 4))
+    best = MODEL.values_at(U)
+    rows = LinearInParameters(A, best)
+    slopes = rows(U[None])[1][0]
+    variance, curvature, dof = 0.5, 0.8, 30
+    free = np.ones(4, dtype=bool)
+    near = Linearized(MODEL, U, free, slopes, variance, level * slopes.sum(axis=1))
+    found = profile_intervals(near, rows, 0.0, curvature, dof)
+    errors = np.sqrt(np.diag(np.linalg.inv(A.T @ A / (variance * curvature))))
+    t = stats.t.ppf(0.975, dof)
+    expected = np.hypot(t * errors, t * near.level_shift())
+    np.testing.assert_allclose(best - found[:, 0], expected, rtol=5e-3)
+    np.testing.assert_allclose(found[:, 1] - best, expected, rtol=5e-3)
+
+
+def test_intervals_end_at_the_feasible_range():
+    """Data that say nothing about the parameters."""
+    best = MODEL.values_at(U)
+    rows = LinearInParameters(1e-6 * np.eye(4), best)
+    near = Linearized(MODEL, U, np.ones(4, dtype=bool), rows(U[None])[1][0], 1.0, np.zeros(4))
+    found = profile_intervals(near, rows, 0.0, 1.0, 30)
+    np.testing.assert_allclose(found.T, MODEL.feasible_range(best))
