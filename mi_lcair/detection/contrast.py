@@ -19,7 +19,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.fraction import fraction
 from mi_lcair.physics.atmosphere import LineOfSight
 from mi_lcair.physics.detector import Detector
-from mi_lcair.plugins.emission.one_sun import one_sun
+from mi_lcair.plugins.emitters.one_sun import one_sun
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.settings import changed

@@ -9,7 +9,7 @@ from mi_lcair.detection.scenario import Scenario
 from mi_lcair.errors import InputError
 from mi_lcair.physics.atmosphere import Atmosphere, LineOfSight
 from mi_lcair.physics.detector import Detector
-from mi_lcair.plugins.emission.one_sun import check_fits, one_sun
+from mi_lcair.plugins.emitters.one_sun import check_fits, one_sun
 from mi_lcair.rendering.loading.files import survey
 from mi_lcair.rendering.scene import Scene, load
 from mi_lcair.rendering.views import Target, View, seen_from

@@ -19,8 +19,8 @@ from mi_lcair.errors import InputError
 from mi_lcair.planning.audit_result import Audit
 from mi_lcair.planning.photons import BATCHES, MAX_REFLECTIONS, Flux, Tally, World, follow
 from mi_lcair.plugins.bsdfs.reflection_bsdf import reflection_layers
-from mi_lcair.plugins.emission.one_sun import one_sun
 from mi_lcair.plugins.emission.triangles import pointer_id
+from mi_lcair.plugins.emitters.one_sun import one_sun
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.facets.table import FacetTable

@@ -9,8 +9,6 @@ from mi_lcair.plugins.bsdfs.plume import is_passed
 from mi_lcair.plugins.emission.draw_table import DrawTable
 from mi_lcair.plugins.emission.field_of_view import FieldOfView
 from mi_lcair.plugins.emission.groups import Groups, at_pointer
-from mi_lcair.plugins.emission.offsets import Offsets
-from mi_lcair.plugins.emission.one_sun import one_sun
 from mi_lcair.plugins.emission.radiance_bound import can_be_hit, radiance_bound
 from mi_lcair.plugins.emission.samples import DrawnDirection, EmitterSample
 from mi_lcair.plugins.emission.sources import Sources
@@ -20,7 +18,9 @@ from mi_lcair.plugins.emission.triangles import (
     random_integer,
     triangle_corners,
 )
+from mi_lcair.plugins.emitters.one_sun import one_sun
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
+from mi_lcair.plugins.paths.offsets import Offsets
 
 # Largest number of surfaces in a row that a ray passes. A path that needs more is not a number, so
 # that it is counted and reported as an invalid sample.

@@ -5,8 +5,8 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.physics.sun.daytime_sky import daytime_sky, sky_air_names
-from mi_lcair.plugins.emission.one_sun import check_fits
 from mi_lcair.plugins.emitters.distant_emitter import DistantEmitter
+from mi_lcair.plugins.emitters.one_sun import check_fits
 from mi_lcair.plugins.properties import Property
 
 # Cells of the table of radiances over the sine of the elevation and over the azimuth from the sun,

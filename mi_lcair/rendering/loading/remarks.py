@@ -7,7 +7,7 @@ import numpy as np
 from mi_lcair.plugins.bsdfs.plume import is_passed
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf, reflection_layers
 from mi_lcair.plugins.derivatives import deriving_plugins, members
-from mi_lcair.plugins.emission.one_sun import one_sun
+from mi_lcair.plugins.emitters.one_sun import one_sun
 from mi_lcair.plugins.emitters.thermal_emitter import thermal_shapes
 from mi_lcair.plugins.paths.launch import numbers
 from mi_lcair.rendering.loading.nodes import properties, references

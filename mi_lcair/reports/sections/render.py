@@ -24,9 +24,7 @@ def sections(render) -> list[Section]:
     """The image of a render with its mean radiance and error, and how it was made."""
     height, width = render.channels["Y"].shape
     error = "the rms standard error over the pixels is " + (
-        "unknown"
-        if render.rms_error is None
-        else f"{percent(render.rms_error)} of the mean"
+        "unknown" if render.rms_error is None else f"{percent(render.rms_error)} of the mean"
     )
     rows = [
         ("image", f"{width} x {height} pixels, {render.band.label}"),
