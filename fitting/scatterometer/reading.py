@@ -334,64 +334,58 @@ def _in_plane(table, columns, data, stated):
     theta_r = np.where(theta_i < 0, -theta_r, theta_r)
     is_named_so = columns["theta_r"][0].lower().startswith("theta_r") and not (theta_i < 0).any()
     theta_i = abs(theta_i)
-    by_azimuth = same_azimuth = False
+    azimuths = None  # what they say about the side: "opposite", "alike", or nothing
     if "phi_r" in data:
         between = data["phi_r"] - data.get("phi_i", 0)
         rows = abs(np.sin(between)) <= IN_PLANE
         # The azimuth of the specular half-plane differs by pi from that of the source.
-        by_azimuth = (rows & (np.cos(between) < 0)).any()
-        same_azimuth = not by_azimuth
-        theta_r = -theta_r * np.sign(np.cos(between)) if by_azimuth else theta_r
+        azimuths = "opposite" if (rows & (np.cos(between) < 0)).any() else "alike"
+        theta_r = -theta_r * np.sign(np.cos(between)) if azimuths == "opposite" else theta_r
     elif "phi" in data:
         rows = abs(np.sin(data["phi"])) <= IN_PLANE
         opposite = np.cos(data["phi"]) < 0
         is_named_so = is_named_so and not (rows & opposite).any()
         theta_r = np.where(opposite, -theta_r, theta_r)
-
-    stated = stated or _choice(table, "theta_r_positive", SIDES)
-    values = data.get("brdf", data.get("brdf_cos"))
-    brighter = _brighter_side(theta_i[rows], theta_r[rows], values[rows])
-    signed = (theta_r[rows] < 0).any()
-    ask = (
-        f"{table.file}: on which side is theta_r positive? {{}}; say it in the header, "
-        f"'# theta_r_positive: specular' (or source; THETA_R_POSITIVE in ASTM files), or with "
-        f"--theta-r-positive"
+    side, how = _side(
+        table,
+        azimuths,
+        stated or _choice(table, "theta_r_positive", SIDES),
+        columns["theta_r"][0] if is_named_so else None,
+        (theta_i[rows], theta_r[rows], data.get("brdf", data.get("brdf_cos"))[rows]),
     )
-    if by_azimuth:
-        if stated == "source" or brighter == "source":
-            raise InputError(
-                ask.format(
-                    "the azimuths say specular, the "
-                    + ("statement" if stated else "brighter side")
-                    + " says source"
-                )
-            )
-        return rows, theta_i, theta_r, "specular (by azimuth)"
-    if stated:
-        return rows, theta_i, theta_r if stated == "specular" else -theta_r, f"{stated} (stated)"
-    if is_named_so and not same_azimuth:
-        if brighter == "source":
-            raise InputError(
-                ask.format(
-                    f"the name {columns['theta_r'][0]} says specular, but the peaks lie at -theta_i"
-                )
-            )
-        return rows, theta_i, theta_r, "specular (by the column's name)"
-    if not signed and not same_azimuth:
-        return rows, theta_i, theta_r, "specular (theta_r has no sign)"
-    if brighter is None:
-        raise InputError(
-            ask.format(
-                "the data do not show it: neither side holds the specular peaks alone"
-                if signed
-                else "all azimuths are alike, which would put every observer on the source's side"
-            )
-        )
-    return (
-        rows,
-        theta_i,
-        theta_r if brighter == "specular" else -theta_r,
-        f"{brighter} (by the specular peaks)",
+    return rows, theta_i, theta_r if side == "specular" else -theta_r, f"{side} ({how})"
+
+
+def _side(table, azimuths, stated, name, points) -> tuple[str, str]:
+    """The side on which theta_r is positive, and how it was identified.
+
+    azimuths: as in `_in_plane`. stated: the side that was stated, or None. name: name of the column
+    if it says specular, or None. points: theta_i, theta_r and BRDF in the plane.
+    """
+    brighter, signed = _brighter_side(*points), (points[1] < 0).any()
+    if azimuths == "opposite":
+        if "source" not in (stated, brighter):
+            return "specular", "by azimuth"
+        other = "statement" if stated else "brighter side"
+        reason = f"the azimuths say specular, the {other} says source"
+    elif stated:
+        return stated, "stated"
+    elif name and azimuths != "alike":
+        if brighter != "source":
+            return "specular", "by the column's name"
+        reason = f"the name {name} says specular, but the peaks lie at -theta_i"
+    elif not signed and azimuths != "alike":
+        return "specular", "theta_r has no sign"
+    elif brighter:
+        return brighter, "by the specular peaks"
+    elif signed:
+        reason = "the data do not show it: neither side holds the specular peaks alone"
+    else:
+        reason = "all azimuths are alike, which would put every observer on the source's side"
+    raise InputError(
+        f"{table.file}: on which side is theta_r positive? {reason}; say it in the header, "
+        "'# theta_r_positive: specular' (or source; THETA_R_POSITIVE in ASTM files), or with "
+        "--theta-r-positive"
     )
 
 
