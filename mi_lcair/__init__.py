@@ -28,7 +28,7 @@ if TYPE_CHECKING:  # the names of `_HOME`, for type checkers and editors
     from mi_lcair.signatures.trend import trend as trend
     from mi_lcair.uncertainty.budget import budget as budget
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 # Module of each public name; it is imported at the first use of the name.
 _HOME = {

@@ -1,0 +1,91 @@
+"""CONTRIBUTING names every room and only what exists, and its steps work."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from tests.docs.fences import ROOT, fences
+from tests.test_architecture import FLOORS
+
+PAGE = "CONTRIBUTING.md"
+TEXT = (ROOT / PAGE).read_text(encoding="utf-8")
+ROW = re.compile(r"^\| *(\d*) *\| `([^`]+)/` \|", re.MULTILINE)
+# Names that stand for something, what a tool makes, and the sample of a command
+PLACEHOLDERS = ("NAME", "build/site", "groups")
+
+
+def rooms() -> dict[str, int]:
+    """Floor by folder, of the table of rooms; a row without a floor has that of the row above."""
+    floors, floor = {}, 0
+    for number, folder in ROW.findall(TEXT):
+        floor = int(number or floor)
+        floors[folder] = floor
+    return floors
+
+
+def test_every_room_is_named_with_its_floor():
+    named = rooms()
+    for module, floor in FLOORS.items():
+        folder = module.replace(".", "/")
+        if not (ROOT / folder).is_dir() or module.count(".") != 1:
+            continue
+        top = folder.removeprefix("mi_lcair/")
+        folder = top if (ROOT / top).is_dir() else folder
+        assert named.get(folder) == floor, folder
+    packages = [path.parent for path in (ROOT / "mi_lcair").glob("*/__init__.py")]
+    for package in packages:
+        assert {package.name, f"mi_lcair/{package.name}"} & named.keys(), package
+
+
+def test_every_file_that_is_named_exists():
+    prose = re.sub(r"```.*?```", "", TEXT, flags=re.DOTALL)
+    for name in re.findall(r"`(\w[\w./-]*/[\w.-]+/?)`", prose):
+        if not any(mark in name for mark in PLACEHOLDERS):
+            assert (ROOT / name).exists(), name
+
+
+def test_the_tests_that_are_named_can_be_collected():
+    """The lines of "Run tests" name files and words that exist."""
+    (block,) = [fence for fence in fences(PAGE) if "# everything" in fence.text]
+    lines = [line.partition("#")[0].strip() for line in block.text.splitlines()]
+    narrow = [line for line in lines if "tests/" in line]
+    assert narrow
+    for line in narrow:
+        done = subprocess.run(
+            f"{line.replace('python', sys.executable, 1)} --collect-only -q -n 0",
+            shell=True,
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+        )
+        assert done.returncode == 0, (line, done.stdout[-500:])
+
+
+@pytest.mark.slow
+def test_a_command_is_added_by_the_steps(tmp_path):
+    """The sample is copied to where it belongs, and its line among the commands."""
+    shutil.copytree(ROOT / "mi_lcair", tmp_path / "mi_lcair")
+    command, line = (
+        fence.text
+        for fence in fences(PAGE)
+        if fence.language == "python" and "groups" in fence.text
+    )
+    (tmp_path / "mi_lcair/cli/groups.py").write_text(command)
+    file = tmp_path / "mi_lcair/cli/__init__.py"
+    before = '        "scenes": "scenes",\n'
+    text = file.read_text()
+    assert text.count(before) == 1
+    file.write_text(text.replace(before, before + line))
+    for options, expected in (([], "\nplate\n"), (["--json"], '"kind": "groups"')):
+        done = subprocess.run(
+            [sys.executable, "-m", "mi_lcair", "groups", "two_plates", *options],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        )
+        assert done.returncode == 0 and expected in done.stdout, done.stderr
