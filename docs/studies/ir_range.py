@@ -16,10 +16,12 @@ import numpy as np
 from tqdm import tqdm
 
 import mi_lcair
+from docs.studies.lobe import width_deg
 from docs.studies.page import write_page
 from mi_lcair.drawing import drawing
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.physics.materials import material
 from mi_lcair.rendering.facets.image import pixel_rays
 from mi_lcair.rendering.facets.table import FacetTable
 
@@ -78,14 +80,16 @@ def case(finish: str, band: str) -> Case:
 
 
 def load(finish, band, lobe, resolution):
-    return mi_lcair.load(
+    """Load the scene and set the lobe of the finish; the walls stay diffuse."""
+    scene = mi_lcair.load(
         "cylinder_ir_range",
         finish=finish,
         band=band,
-        lobe=lobe,
         max_bounces=BOUNCES,
         resolution=resolution,
     )
+    scene.set_lobe(lobe, finish)
+    return scene
 
 
 def first_and_second(scene) -> tuple[np.ndarray, np.ndarray]:
@@ -201,6 +205,7 @@ def fields(
 ) -> dict[str, str]:
     """Return every number on the page as text, name -> text."""
     percent = lambda value: f"{100 * value:.1f} %"
+    bare = material("bare_aluminum", band_of("LWIR")).parameters
     text = {
         "facet": str(facet),
         "spp": str(SPP),
@@ -209,6 +214,8 @@ def fields(
         "converged": str(converged(brdf)),
         "converged_mirror": str(converged(mirror)),
         "facet_error": f"{error:.2g}",
+        "lobe_width": f"{width_deg(bare['e']):.2g}",
+        "floor": f"{100 * bare['rho_d']:g} %",
         "facet_rows": "\n".join(
             f"| {k} | {a:.3f} | {percent(1 - a / brdf[-1])} "
             f"| {b:.3f} | {percent(1 - b / mirror[-1])} |"
@@ -229,6 +236,7 @@ def fields(
             f"{key}_missed_integrated": percent(case.missed("brdf", 1, case.met)),
             f"{key}_missed_integrated_second": percent(case.missed("brdf", 2, case.met)),
             f"{key}_missed_target": percent(case.missed("mirror", 1, case.target)),
+            f"{key}_missed_target_second": percent(case.missed("mirror", 2, case.target)),
             f"{key}_missed_elsewhere": percent(case.missed("mirror", 1, beside)),
             f"{key}_met": percent(case.met.sum() / case.target.sum()),
             f"{key}_emitted": f"{emitted:.3f}",
