@@ -16,7 +16,7 @@ from mi_lcair.physics.atmosphere import atmosphere
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.directional_table import over_the_hemisphere, read_directional_table
 from mi_lcair.physics.materials import names
-from mi_lcair.physics.spectrum import spectrum
+from mi_lcair.physics.sky import spectrum
 from mi_lcair.rendering.images.exr import read_exr
 from mi_lcair.table import read_table, safe_cell
 

@@ -117,7 +117,7 @@ def seen(light: str, range_m: float) -> Image:
             light,
             **{
                 "observer.range_m": float(range_m),
-                "atmosphere.table": "slant_midlat_summer",
+                "atmosphere.table": "midlat_summer",
                 "render.spp": IMAGE_SPP,
             },
             **camera,

@@ -24,7 +24,7 @@ from mi_lcair.detection.irradiance import Estimate, Irradiance
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.drawing import drawing
 from mi_lcair.physics.atmosphere import atmosphere
-from mi_lcair.physics.spectrum import spectrum
+from mi_lcair.physics.sky import spectrum
 from mi_lcair.scenes.build.airliner import airliner
 from mi_lcair.scenes.build.wavefront import wavefront
 

@@ -36,7 +36,7 @@ azimuth_deg = 90                # on its left side
 elevation_deg = -11.3           # below it, so that the observer looks up
 
 [atmosphere]
-table = "slant_midlat_summer"   # air between aircraft and sensor
+table = "midlat_summer"         # air between aircraft and sensor
 
 [background]
 sky = "midlat_summer_clear"     # what the aircraft hides

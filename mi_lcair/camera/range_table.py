@@ -9,7 +9,7 @@ from mi_lcair.camera.camera import Camera
 from mi_lcair.camera.exposure import Exposure, detector_mean
 from mi_lcair.detection.irradiance import Backdrop
 from mi_lcair.errors import InputError
-from mi_lcair.physics.atmosphere import Atmosphere
+from mi_lcair.physics.air.atmosphere import Atmosphere
 from mi_lcair.physics.bands import Band
 from mi_lcair.rendering.images.apparent import Arrival
 

@@ -17,7 +17,7 @@ from mi_lcair.detection.scenario import RenderTable, Scenario, scenario_of
 from mi_lcair.detection.setting import Setting, setting_of
 from mi_lcair.errors import InputError
 from mi_lcair.fraction import fraction
-from mi_lcair.physics.atmosphere import LineOfSight
+from mi_lcair.physics.air.atmosphere import LineOfSight
 from mi_lcair.physics.detector import Detector
 from mi_lcair.plugins.emitters.one_sun import one_sun
 from mi_lcair.progress import Progress

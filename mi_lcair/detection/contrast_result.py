@@ -8,7 +8,7 @@ import numpy as np
 from mi_lcair.detection.detection_range import DetectionRange, detection_range
 from mi_lcair.detection.irradiance import Estimate, Irradiance
 from mi_lcair.detection.scenario import Scenario
-from mi_lcair.physics.atmosphere import Atmosphere, LineOfSight
+from mi_lcair.physics.air.atmosphere import Atmosphere, LineOfSight
 from mi_lcair.physics.detector import Detector
 from mi_lcair.results import Result
 

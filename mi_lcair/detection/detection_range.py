@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 from mi_lcair.detection.irradiance import Irradiance
 from mi_lcair.errors import InputError
-from mi_lcair.physics.atmosphere import Atmosphere
+from mi_lcair.physics.air.atmosphere import Atmosphere
 from mi_lcair.physics.detector import Detector
 from mi_lcair.results import Result
 

@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mi_lcair.physics.atmosphere import Atmosphere, LineOfSight
+from mi_lcair.physics.air.atmosphere import Atmosphere, LineOfSight
 from mi_lcair.physics.bands import Band
+from mi_lcair.physics.spectrum import Spectrum
 from mi_lcair.rendering.statistics import student_factor
 from mi_lcair.signatures.effective_areas import EffectiveAreas
 
@@ -37,12 +38,15 @@ class Backdrop(NamedTuple):
     path_at : callable or None
         Path from the background to the sensor, at a range of the target, m. Without it the
         spectral radiance is that at the sensor.
+    reflected : tuple of (float, Spectrum)
+        Light in `at` that has crossed air before the background reflects it, with factors.
     """
 
     name: str
     at: Callable[[np.ndarray], np.ndarray]
     rows_um: np.ndarray
     path_at: Callable[[float], LineOfSight] | None = None
+    reflected: tuple[tuple[float, Spectrum], ...] = ()
 
     def at_sensor(self, range_m: float) -> "Backdrop":
         """The background as it arrives at the sensor, for a target at a range, m."""
@@ -52,7 +56,11 @@ class Backdrop(NamedTuple):
 
         def arriving(wavelengths_um):
             transmittance, radiance = path.at(wavelengths_um)
-            return transmittance * self.at(wavelengths_um) + radiance
+            total = transmittance * self.at(wavelengths_um) + radiance
+            for factor, light in self.reflected:
+                share = path.share(light, wavelengths_um) - transmittance
+                total = total + factor * light.at(wavelengths_um) * share
+            return total
 
         return Backdrop(self.name, arriving, np.union1d(self.rows_um, path.wavelengths_um))
 
@@ -169,15 +177,33 @@ class Irradiance:
             for name, value, error in zip(TERMS, per_amount @ self.amounts, errors)
         }
 
+    def arriving(self, path: LineOfSight) -> np.ndarray:
+        """Spectra of the amounts but the last one at the end of a path, (amounts - 1, n).
+
+        Light that has crossed air before the target reflects it gets the amounts of both paths.
+        """
+        transmittance, _ = path.at(self.wavelengths_um)
+        arriving = self.spectra * transmittance
+        for k, (source, area) in enumerate(zip(self.areas.sources, self.areas.area[0])):
+            if source.spectrum is None:
+                continue
+            share = path.share(source.spectrum, self.wavelengths_um) - transmittance
+            light = source.spectrum.at(self.wavelengths_um) * share
+            if self.areas.nodes_um.size:  # all sources are one row
+                arriving[0] += area * light
+            else:
+                arriving[k] += light
+        return arriving
+
     def per_amount(self, path: LineOfSight) -> np.ndarray:
         """Derivative of each of the TERMS with respect to each of the amounts, (TERMS, amounts).
 
         The amounts are the effective areas and, last, the projected area of the target.
         """
-        transmittance, radiance = path.at(self.wavelengths_um)
+        _, radiance = path.at(self.wavelengths_um)
         per_amount = np.zeros((len(TERMS), len(self.amounts)))
         per_amount[0, :-1] = self.spectra @ self.weights_um
-        per_amount[1, :-1] = self.spectra @ (transmittance * self.weights_um)
+        per_amount[1, :-1] = self.arriving(path) @ self.weights_um
         per_amount[2, -1] = self.in_band(radiance)
         per_amount[3, -1] = self.in_band(self.background(path))
         per_amount[4] = per_amount[1] + per_amount[2] - per_amount[3]
@@ -205,9 +231,9 @@ class Irradiance:
 
         The intensity is in W sr^-1 um^-1, the irradiances are in W m^-2 um^-1.
         """
-        transmittance, radiance = path.at(self.wavelengths_um)
+        _, radiance = path.at(self.wavelengths_um)
         solid_angle = self.projected_area.value / path.range_m**2
         intensity = self.amounts[:-1] @ self.spectra
-        target = transmittance * intensity / path.range_m**2
+        target = self.amounts[:-1] @ self.arriving(path) / path.range_m**2
         air, hidden = radiance * solid_angle, self.background(path) * solid_angle
         return dict(zip(TERMS, (intensity, target, air, hidden, target + air - hidden)))

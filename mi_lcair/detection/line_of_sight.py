@@ -4,24 +4,28 @@ A line that looks up ends in the sky. One that looks down goes on behind the tar
 through air of its own, which is longer than the target's if the target is above the ground.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from mi_lcair.detection.irradiance import Backdrop
-from mi_lcair.detection.scenario import Background, Scenario
+from mi_lcair.detection.scenario import HIGHEST_M, Scenario
 from mi_lcair.errors import InputError
-from mi_lcair.physics.atmosphere import Atmosphere, LineOfSight, atmosphere
+from mi_lcair.physics.air.atmosphere import PAST_GROUND, Atmosphere, LineOfSight
+from mi_lcair.physics.air.clear_air import SunDirection, clear_air
+from mi_lcair.physics.air.clear_paths import ClearPaths
+from mi_lcair.physics.air.geometry import extended_down, height_along, lower_end
+from mi_lcair.physics.air.levels import Weather
+from mi_lcair.physics.atmosphere import HEIGHT_M, atmosphere, clear_air_name
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.detector import Detector
-from mi_lcair.physics.slant.air import SlantAir, is_slant, slant_air
-from mi_lcair.physics.slant.geometry import extended_down, height_along, lower_end
-from mi_lcair.physics.spectrum import Spectrum, has_elevations, spectrum
-from mi_lcair.physics.sun.daytime_sky import SUN_ELEVATION_DEG, daytime_sky
+from mi_lcair.physics.sky import clear_name, has_elevations, mean_nodes, spectrum
+from mi_lcair.physics.slant_table import is_slant, slant_table
+from mi_lcair.physics.spectrum import Spectrum
+from mi_lcair.physics.sun.daytime_sky import daytime_sky
 from mi_lcair.physics.sun.sunlight import sunlight
 
-SKY_NODES = 8  # elevations at which the sky that the ground reflects is integrated
 CLOSE_M = 0.5  # difference of two ranges that is rounding of a table in km
 
 
@@ -32,106 +36,112 @@ class Sight:
     Attributes
     ----------
     elevation_deg : float
-        Elevation of the line of sight, degrees, upward from the sensor, in the scene's axes.
+        Elevation of the line of sight at its lower end, degrees, upward from the sensor.
     observer_m, target_m : float or None
-        Heights of the ends above the ground, m; None where neither scenario nor table states them.
+        Heights of the ends above the ground, m; None where neither scenario nor air states them.
     air : Atmosphere
         Air between target and sensor, over the range from the target to the sensor. The lower one
         of the two stays where it is.
-    below : Atmosphere
-        Air between the ground and a sensor that looks down, over the range from the ground; `air`
-        if the line of sight looks up.
-    base_elevation_deg : float
-        Elevation of the line of sight, degrees, where it meets the ground or the lower end of the
-        air's table.
     beyond_m : float
-        Length, m, of the line of sight from there to its lower end. If the sensor looks down, this
-        is the path between the target and the ground.
+        Length, m, of the straight line of sight from its lower end on to the ground; infinite if
+        it does not meet the ground.
     extrapolate : bool
-        Whether ranges beyond the table are allowed.
-    slant : SlantAir or None
-        Table of slant paths that the air is from.
+        Whether ranges beyond a table are allowed.
+    sun : SunDirection or None
+        Sun, with the azimuth of the line of sight from it.
     """
 
     elevation_deg: float
     observer_m: float | None
     target_m: float | None
     air: Atmosphere
-    below: Atmosphere
-    base_elevation_deg: float
     beyond_m: float
     extrapolate: bool
-    slant: SlantAir | None
+    sun: SunDirection | None = None
 
     @staticmethod
-    def of(scenario: Scenario) -> "Sight":
-        """The line of sight of a scenario; raises InputError if its air does not cover it."""
+    def of(scenario: Scenario, sun: tuple[float, float] | None = None) -> "Sight":
+        """The line of sight of a scenario; raises InputError if its air does not cover it.
+
+        sun: azimuth and elevation of a sun in the scene's axes [degrees]; None by night.
+        """
         observer, of_air = scenario.observer, scenario.atmosphere
-        slant = slant_air(of_air.table) if is_slant(of_air.table) else None
-        if slant is not None and of_air.ranges_m is not None:
+        name, slanting = clear_air_name(of_air.table), is_slant(of_air.table)
+        if (name or slanting) and of_air.ranges_m is not None:
             raise InputError(
                 f"atmosphere '{of_air.table}': ranges_m are for the blocks of a MODTRAN tape7 "
                 "only; leave them out"
             )
         upward = 0.0 - observer.elevation_deg
-        base = 0.0 if slant is None else slant.lower_m
-        lower = lower_height(observer, base)
-        lowest = base if lower is None else max(lower, base)
-        extension = extended_down(lowest, abs(upward), base)
-        if slant is None:
-            air = below = atmosphere(of_air.table, of_air.ranges_m, upward)
-            extension = extension or (0.0, np.inf)
-        elif extension is None:
+        lower = lower_height(scenario, HEIGHT_M if name or slanting else None)
+        lowest = lower or 0.0
+        upper = height_along(lowest, abs(upward), observer.range_m)
+        if lower is not None and upper > HIGHEST_M:
             raise InputError(
-                f"atmosphere '{slant.name}': the line of sight, of {abs(upward):.4g} degrees at "
-                f"{lowest:.6g} m, does not reach down to {base:g} m, where its paths begin; choose "
-                "a higher elevation, or a table of horizontal paths"
+                f"[observer]: the upper end of the line of sight is {upper:.6g} m above the "
+                f"ground; must be at most {HIGHEST_M:g} m"
             )
+        direction = None if sun is None else from_sun(observer.azimuth_deg, *sun)
+        if name:
+            clear = clear_air(name, of_air.weather)
+            ends = of_air.table, clear, lowest, abs(upward), upward >= 0
+            air = ClearPaths(*ends, observer.range_m, direction)
+        elif slanting:
+            air = slant_table(of_air.table).along(abs(upward), upward >= 0, lowest)
         else:
-            air = slant.along(extension[0], upward >= 0, extension[1])
-            below = air if upward >= 0 else slant.along(extension[0], False)
-        upper = None if lower is None else height_along(lowest, abs(upward), observer.range_m)
+            air = atmosphere(of_air.table, of_air.ranges_m, upward)
+        # Paths of a table of slant paths begin above the ground, and end there
+        extension = (0.0, 0.0) if slanting else extended_down(lowest, abs(upward), 0.0)
+        heights = (None, None) if lower is None else (lower, upper)
         return Sight(
             upward,
-            *((lower, upper) if upward >= 0 else (upper, lower)),
+            *(heights if upward >= 0 else heights[::-1]),
             air,
-            below,
-            *extension,
+            np.inf if extension is None else extension[1],
             of_air.extrapolate,
-            slant,
+            direction,
         )
 
     def to_ground(self, range_m: float) -> LineOfSight:
         """Path from the ground to a sensor that looks down and is `range_m` from the target."""
+        if isinstance(self.air, ClearPaths):
+            return self.air.to_ground(range_m)
+        if not np.isfinite(self.beyond_m):
+            raise InputError(PAST_GROUND)
         length = range_m + self.beyond_m
-        if not np.isfinite(length):
-            raise InputError(
-                "the line of sight goes past the ground; lower elevation_deg of [observer], or "
-                "give [background] a temperature"
-            )
-        if not self.below.is_vacuum and abs(length - self.below.ranges_m[-1]) < CLOSE_M:
-            length = float(self.below.ranges_m[-1])
-        return self.below.path(length, self.extrapolate)
+        if not self.air.is_vacuum and abs(length - self.air.ranges_m[-1]) < CLOSE_M:
+            length = float(self.air.ranges_m[-1])
+        return self.air.path(length, self.extrapolate)
 
 
-def lower_height(observer, base_m: float) -> float | None:
-    """Height of the lower end of the line of sight, m.
-
-    Without a height of the observer it is that of the table's paths, or unknown (None) if the
-    table's paths begin at no height of their own (`base_m` 0).
-    """
-    if observer.height_m is None:
-        return base_m or None
-    if observer.elevation_deg <= 0:
-        return observer.height_m
-    height = lower_end(observer.height_m, observer.elevation_deg, observer.range_m)
+def lower_height(scenario: Scenario, unstated_m: float | None) -> float | None:
+    """Height of the lower end of the line of sight, m; `unstated_m` if the scenario states none."""
+    observer, height_m = scenario.observer, scenario.target.height_m
+    if height_m is not None and observer.height_m is not None:
+        raise InputError(
+            "height_m of [target] and of [observer]; give one of them, the other follows from "
+            "range and elevation"
+        )
+    target_is_lower = observer.elevation_deg > 0
+    if height_m is None and observer.height_m is None:
+        return unstated_m
+    if (height_m is None) != target_is_lower:
+        return observer.height_m if height_m is None else height_m
+    upper, where = (observer.height_m, "[observer]") if height_m is None else (height_m, "[target]")
+    height = lower_end(upper, abs(observer.elevation_deg), observer.range_m)
     if height < -0.5:
         raise InputError(
-            f"[observer]: from height_m = {observer.height_m:g} the line of sight, "
-            f"{observer.elevation_deg:g} degrees downward, ends below the ground before "
+            f"{where}: from height_m = {upper:g} the line of sight, "
+            f"{abs(observer.elevation_deg):g} degrees downward, ends below the ground before "
             f"range_m = {observer.range_m:g}; choose a shorter range or a larger height"
         )
     return max(height, 0.0)
+
+
+def from_sun(observer_azimuth_deg: float, azimuth_deg: float, elevation_deg: float) -> SunDirection:
+    """Direction of a sun from the sensor, which looks away from where the target sees it."""
+    turn = observer_azimuth_deg + 180 - azimuth_deg
+    return SunDirection(elevation_deg, abs((turn + 180) % 360 - 180))
 
 
 def backdrop(scenario: Scenario, detector: Detector, sight: Sight) -> Backdrop:
@@ -156,49 +166,57 @@ def backdrop(scenario: Scenario, detector: Detector, sight: Sight) -> Backdrop:
             f"the line of sight looks down, by {-upward:g} degrees, where no sky is behind "
             "the target; give [background] a temperature or ground_temperature"
         )
-    is_higher = sight.slant is not None and sight.beyond_m > 0
-    elevation = sight.base_elevation_deg if is_higher else upward
+    height_m = HEIGHT_M if sight.observer_m is None else sight.observer_m
     if behind.daytime_sky is not None:
-        table = sunlit_sky(scenario, elevation)
+        weather = weather_of(scenario, behind.daytime_sky)
+        sky = daytime_sky(behind.daytime_sky, behind.sun_elevation_deg, height_m, weather)
+        sun = background_sun(scenario)
+        direction = from_sun(scenario.observer.azimuth_deg, *sun)
+        name = (
+            f"{sky.name} by day, {upward:.4g} deg, azimuth {direction.azimuth_deg:.4g} deg from "
+            "the sun"
+        )
+        table = replace(sky.at(upward, direction.azimuth_deg), name=name)
     else:
-        table = spectrum(behind.sky, elevation if has_direction else None)
+        weather = weather_of(scenario, clear_name(behind.sky))
+        table = spectrum(behind.sky, upward if has_direction else None, height_m, weather)
     table.in_band_radiance(detector.band)  # raises InputError if the table does not cover the band
-    if has_direction and is_higher:
-        table = sight.slant.sky_above(table, elevation, sight.beyond_m)
     return Backdrop(f"sky {table.name}", table.at, table.wavelengths_um)
 
 
-def sunlit_sky(scenario: Scenario, elevation_deg: float) -> Spectrum:
-    """The clear daytime sky in the azimuth in which the sensor looks, and at an elevation."""
+def background_sun(scenario: Scenario) -> tuple[float, float] | None:
+    """Azimuth and elevation of the sun of a daytime sky [degrees]; None without one."""
     behind = scenario.background
-    sky = daytime_sky(behind.daytime_sky)
-    # The sensor looks away from where it is seen from the target.
-    from_sun = scenario.observer.azimuth_deg + 180 - behind.sun_azimuth_deg
-    from_sun = abs((from_sun + 180) % 360 - 180)
-    radiance = sky.between(sky.thermal, sky.scattered, elevation_deg, from_sun)
-    name = f"{sky.name} by day, {elevation_deg:.4g} deg, azimuth {from_sun:.4g} deg from the sun"
-    return Spectrum(name, sky.wavelengths_um, radiance)
+    if behind.daytime_sky is None:
+        return None
+    return behind.sun_azimuth_deg, behind.sun_elevation_deg
 
 
-def reflected(background: Background) -> list[tuple[float, Spectrum]]:
+def weather_of(scenario: Scenario, name: str | None) -> Weather:
+    """Weather of a clear sky: that of [atmosphere] if it is the same model atmosphere."""
+    of_air = scenario.atmosphere
+    same = name is not None and clear_air_name(of_air.table) == name
+    return of_air.weather if same else Weather()
+
+
+def reflected(scenario: Scenario) -> list[tuple[float, Spectrum]]:
     """Radiance that white ground reflects diffusely, as spectra with factors that add up.
 
     It is the mean of the sky, weighted by the cosine to the zenith, and by day also the direct sun.
     """
+    background = scenario.background
     if background.daytime_sky is not None:
-        sky = daytime_sky(background.daytime_sky)
-        sun = sunlight(background.daytime_sky, SUN_ELEVATION_DEG)
-        factor = np.sin(np.radians(SUN_ELEVATION_DEG)) / np.pi
-        direct = Spectrum(sun.name, sun.wavelengths_um, sun.irradiance)
-        return [(1.0, sky.mean_spectrum()), (factor, direct)]
+        name, elevation = background.daytime_sky, background.sun_elevation_deg
+        weather = weather_of(scenario, name)
+        sky = daytime_sky(name, elevation, 0.0, weather)
+        light = sunlight(name, elevation, height_m=0.0, weather=weather)
+        return [(1.0, sky.mean_spectrum()), (np.sin(np.radians(elevation)), light.over(np.pi))]
     if not has_elevations(background.sky):
         return [(1.0, spectrum(background.sky))]
-    # In the squared sine of the elevation all parts of the mean have the same weight.
-    nodes, weights = np.polynomial.legendre.leggauss(SKY_NODES)
-    elevations = np.degrees(np.arcsin(np.sqrt((nodes + 1) / 2)))
+    weather = weather_of(scenario, clear_name(background.sky))
     return [
-        (weight / 2, spectrum(background.sky, elevation))
-        for weight, elevation in zip(weights, elevations)
+        (weight, spectrum(background.sky, elevation, 0.0, weather))
+        for elevation, weight in zip(*mean_nodes())
     ]
 
 
@@ -210,7 +228,7 @@ def ground(scenario: Scenario, detector: Detector, sight: Sight) -> Backdrop:
     name = f"ground at {temperature:g} K, emissivity {emissivity:g}"
     if emissivity == 1:
         return Backdrop(name, emitted, np.empty(0), sight.to_ground)
-    light = reflected(behind)
+    light = reflected(scenario)
     for _, table in light:
         table.in_band_radiance(detector.band)  # raises InputError if it does not cover the band
 
@@ -220,4 +238,5 @@ def ground(scenario: Scenario, detector: Detector, sight: Sight) -> Backdrop:
 
     rows = np.unique(np.concatenate([table.wavelengths_um for _, table in light]))
     above = behind.sky or f"{behind.daytime_sky} by day"
-    return Backdrop(f"{name}, below {above}", radiance, rows, sight.to_ground)
+    through_air = tuple(((1 - emissivity) * factor, table) for factor, table in light)
+    return Backdrop(f"{name}, below {above}", radiance, rows, sight.to_ground, through_air)

@@ -15,6 +15,8 @@ from mi_lcair import scenes
 from mi_lcair.declared import check_fields, within
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import parse_toml, read_text
+from mi_lcair.physics.air.levels import Weather
+from mi_lcair.physics.atmosphere import clear_air_name
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.detector import LOCK_ON, Detector
 from mi_lcair.physics.imager import Imager
@@ -32,6 +34,7 @@ FILES = (
     ("background", "sky"),
     ("sensor", "response"),
 )
+WEATHER = tuple(entry.name for entry in fields(Weather))
 POLAR = ("range_m", "azimuth_deg", "elevation_deg")
 HIGHEST_M = 100_000.0  # largest height of a sensor, above all air
 KELVIN = within(is_positive=True, unit="K")
@@ -69,13 +72,17 @@ class TargetModel:
     solution : str, optional
         File of an inversion's solution, FILE.json or FILE.json:STATE, whose temperatures, materials
         and radiances the scene gets.
+    height_m : float, optional
+        Height of the target above the ground, m, in place of the observer's.
     """
 
     scene: str
     parameters: dict = field(default_factory=dict)
     solution: str | None = None
+    height_m: float | None = field(default=None, metadata=within(lower=0, upper=HIGHEST_M))
 
     def __post_init__(self):
+        check_fields(self, "[target]: ")
         for name, table in {"band": "[sensor]", **dict.fromkeys(POSE, "[pose]")}.items():
             if name in self.parameters:
                 raise InputError(f"[target.parameters]: {name} is given in {table}")
@@ -117,8 +124,8 @@ class Observer:
     position_m : tuple of float, optional
         x, y and z, m, instead of range, azimuth and elevation, which are derived from it.
     height_m : float, optional
-        Height of the sensor above the ground, m. Without it the lower end of the line of sight is
-        where the paths of the atmosphere's table begin.
+        Height of the sensor above the ground, m. Without it, and without that of the target, the
+        lower one of the two is 50 m above the ground.
     """
 
     range_m: float | None = field(default=None, metadata=within(is_positive=True))
@@ -162,16 +169,39 @@ class Air:
     Attributes
     ----------
     table : str
-        Bundled name, CSV, MODTRAN tape7 or "vacuum", as `physics.atmosphere.atmosphere` takes it.
+        Name of a clear air, CSV, MODTRAN tape7 or "vacuum", as `physics.atmosphere.atmosphere`
+        takes it.
     extrapolate : bool
-        Whether ranges beyond the table are allowed.
+        Whether ranges beyond a table are allowed.
     ranges_m : tuple of float, optional
         Ranges, m, of the blocks of a tape7 that does not state them.
+    temperature, humidity, pressure, visibility, co2 : float, optional
+        Weather of a clear air, see `Weather`: temperature [K], relative humidity (0..1) and
+        pressure [hPa] at the ground, visibility [km], carbon dioxide [ppmv].
     """
 
     table: str
     extrapolate: bool = False
     ranges_m: tuple[float, ...] | None = None
+    temperature: float | None = None
+    humidity: float | None = None
+    pressure: float | None = None
+    visibility: float | None = None
+    co2: float | None = None
+
+    def __post_init__(self):
+        given = [name for name in WEATHER if getattr(self, name) is not None]
+        if given and clear_air_name(self.table) is None:
+            raise InputError(
+                f"[atmosphere]: {given[0]} is weather of a clear air, but table = '{self.table}' "
+                "has its own; choose us_standard or midlat_summer"
+            )
+        check_fields(self.weather, "[atmosphere]: ")
+
+    @property
+    def weather(self) -> Weather:
+        """The weather of a clear air."""
+        return Weather(**{name: getattr(self, name) for name in WEATHER})
 
 
 @dataclass(frozen=True)
@@ -185,11 +215,13 @@ class Background:
     sky : str, optional
         Sky table.
     daytime_sky : str, optional
-        Bundled air whose clear sky with scattered sunlight (3-5 um, sun at 45 degrees) is the sky.
-        The ground then reflects the sun, too.
+        Clear air whose sky with scattered sunlight is the sky. The ground then reflects the sun,
+        too.
     sun_azimuth_deg : float
         Azimuth of that sun in the scene's axes, from +x toward +y, degrees. It is that of the
         scene's emitter `sun`, if it has one.
+    sun_elevation_deg : float
+        Elevation of that sun, degrees.
     temperature : float, optional
         Apparent temperature of a blackbody, K, instead of sky and ground.
     ground_temperature : float, optional
@@ -201,6 +233,7 @@ class Background:
     sky: str | None = None
     daytime_sky: str | None = None
     sun_azimuth_deg: float = 0.0
+    sun_elevation_deg: float = field(default=45.0, metadata=within(lower=1, upper=90))
     temperature: float | None = field(default=None, metadata=KELVIN)
     ground_temperature: float | None = field(default=None, metadata=KELVIN)
     ground_emissivity: float = field(default=1.0, metadata=within(is_positive=True, upper=1))

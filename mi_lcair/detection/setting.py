@@ -4,11 +4,12 @@ from dataclasses import dataclass
 
 from mi_lcair import scenes
 from mi_lcair.detection.irradiance import Backdrop
-from mi_lcair.detection.line_of_sight import Sight, backdrop
+from mi_lcair.detection.line_of_sight import Sight, backdrop, background_sun
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.errors import InputError
-from mi_lcair.physics.atmosphere import Atmosphere, LineOfSight
+from mi_lcair.physics.air.atmosphere import Atmosphere, LineOfSight
 from mi_lcair.physics.detector import Detector
+from mi_lcair.plugins.emitters.distant_emitter import DistantEmitter
 from mi_lcair.plugins.emitters.one_sun import check_fits, one_sun
 from mi_lcair.rendering.loading.files import survey
 from mi_lcair.rendering.scene import Scene, load
@@ -49,17 +50,15 @@ class Setting:
 def setting_of(scenario: Scenario) -> Setting:
     """The setting of a scenario; raises InputError if the scenario cannot be used."""
     observer, detector = scenario.observer, scenario.sensor.detector()
-    sight = Sight.of(scenario)
-    air = sight.air
-    air.check_covers(detector.band)
-    path = air.path(observer.range_m, scenario.atmosphere.extrapolate)
-    behind = backdrop(scenario, detector, sight)
-    if behind.path_at is not None:
-        behind.path_at(observer.range_m)  # raises InputError if the table ends before the ground
+    line = line_of(scenario, detector, background_sun(scenario))
     scene = target_scene(scenario, detector)
     sun = one_sun(scene.mi.emitters())
     if sun is not None and scenario.background.daytime_sky is not None:
         check_fits(sun, scenario.background, "the daytime_sky of [background]")
+    if sun is not None and sun.elevation_deg > 0:
+        line = line_of(scenario, detector, (sun.azimuth_deg, sun.elevation_deg))
+    sight, path, behind = line
+    light_at(scene, sight.target_m)
     target = Target.of(scene)
     if observer.range_m <= target.radius:
         raise InputError(
@@ -69,7 +68,30 @@ def setting_of(scenario: Scenario) -> Setting:
     view = seen_from(
         scene, View(observer.azimuth_deg, observer.elevation_deg), scenario.render.resolution
     )
-    return Setting(detector, sight, air, path, behind, target, view)
+    return Setting(detector, sight, sight.air, path, behind, target, view)
+
+
+def line_of(
+    scenario: Scenario, detector: Detector, sun: tuple[float, float] | None
+) -> tuple[Sight, LineOfSight, Backdrop]:
+    """Line of sight, path and background, with the azimuth and elevation of a sun [degrees].
+
+    Raises InputError if the scenario cannot be used.
+    """
+    sight, range_m = Sight.of(scenario, sun), scenario.observer.range_m
+    sight.air.check_covers(detector.band)
+    path = sight.air.path(range_m, scenario.atmosphere.extrapolate)
+    behind = backdrop(scenario, detector, sight)
+    if behind.path_at is not None:
+        behind.path_at(range_m)  # raises InputError if a table ends before the ground
+    return sight, path, behind
+
+
+def light_at(scene: Scene, height_m: float | None) -> None:
+    """Give sun and sky of a scene the light at the target's height above the ground, if known."""
+    for emitter in scene.mi.emitters() if height_m is not None else ():
+        if isinstance(emitter, DistantEmitter):
+            emitter.at_height(height_m)
 
 
 def target_scene(scenario: Scenario, detector: Detector) -> Scene:

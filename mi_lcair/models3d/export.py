@@ -13,7 +13,7 @@ from mi_lcair.models3d.model import Model
 from mi_lcair.models3d.record import check_unedited, recorded, signed
 from mi_lcair.models3d.scene_xml import fragment, scene
 from mi_lcair.physics.materials import is_json
-from mi_lcair.physics.spectrum import sky_names, spectrum
+from mi_lcair.physics.sky import sky_names, spectrum
 
 
 def export(

@@ -4,7 +4,6 @@ Both are functions of range and wavelength.
 """
 
 import os
-import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
@@ -15,12 +14,13 @@ from numpy.typing import ArrayLike
 
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.physics import tape7
-from mi_lcair.physics.bands import Band
+from mi_lcair.physics.air.atmosphere import VACUUM, Atmosphere
+from mi_lcair.physics.air.clear_air import clear_air
+from mi_lcair.physics.air.clear_paths import ClearPaths
+from mi_lcair.physics.air.levels import model_names
 from mi_lcair.physics.spectral_table import spectral_table
-from mi_lcair.physics.spectrum import BUNDLED
 from mi_lcair.table import LARGEST
 
-VACUUM = "vacuum"
 RANGE, TRANSMITTANCE, PATH_RADIANCE = "range_km", "transmittance", "path_radiance_W_m2_sr_um"
 # Upper bound of a transmittance that is printed as 0 with six decimals.
 SMALLEST_TRANSMITTANCE = 5e-7
@@ -32,54 +32,12 @@ CLEAR = 1e-12
 # Tolerance for the rounding of a printed table: rise of the transmittance with range, or radiance
 # at transmittance 1 as a share of the largest radiance.
 ROUNDING = 1e-3
+HEIGHT_M = 50.0  # height above the ground of paths that state none
 SAME_ELEVATION_DEG = 0.25  # largest difference of elevations that count as one
-RANGES_AT_ONCE = 1024  # ranges of a long list that are computed together, to bound the memory
 
 
 @dataclass(frozen=True, eq=False)
-class LineOfSight:
-    """Transmittance and path radiance of one line of sight between target and sensor.
-
-    Attributes
-    ----------
-    range_m
-        Length of the path [m].
-    wavelengths_um
-        Rising wavelengths [um], (n,); empty for vacuum, as are the other arrays.
-    transmittance
-        Transmittance of the path, 0..1, (n,).
-    radiance
-        Radiance that the path itself emits and scatters to the sensor [W m^-2 sr^-1 um^-1], (n,).
-    """
-
-    range_m: float
-    wavelengths_um: np.ndarray
-    transmittance: np.ndarray
-    radiance: np.ndarray
-
-    def at(self, wavelengths_um: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """Interpolate transmittance and radiance linearly at these wavelengths [um].
-
-        Raises InputError for wavelengths outside the table. Gaps between its rows are not checked
-        here; `Atmosphere.check_covers` checks them for a band.
-        """
-        x = np.asarray(wavelengths_um, dtype=float)
-        if not self.wavelengths_um.size:
-            return np.ones(x.shape), np.zeros(x.shape)
-        first, last = self.wavelengths_um[[0, -1]]
-        if x.size and not (first <= x.min() and x.max() <= last):
-            raise InputError(
-                f"atmosphere: wavelengths {x.min():g}-{x.max():g} um are outside its "
-                f"{first:.4g}-{last:.4g} um"
-            )
-        return tuple(
-            np.interp(x, self.wavelengths_um, values)
-            for values in (self.transmittance, self.radiance)
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class Atmosphere:
+class AtmosphereTable(Atmosphere):
     """A table of transmittance and path radiance over range and wavelength.
 
     Between the tabulated ranges, and from the first one down to 0, the optical depth at each
@@ -109,159 +67,6 @@ class Atmosphere:
     transmittance: np.ndarray
     path_radiance: np.ndarray
 
-    @property
-    def is_vacuum(self) -> bool:
-        """Whether this is vacuum, which transmits everything and emits nothing."""
-        return self.wavelengths_um.size == 0
-
-    def path(self, range_m: float, extrapolate: bool = False) -> LineOfSight:
-        """The line of sight of length `range_m` [m].
-
-        Raises InputError for a range that is not positive, or that lies beyond the last one of the
-        table. With `extrapolate`, the optical depth beyond the table follows its last power of
-        range instead, and a Python warning says so.
-        """
-        ranges = self._checked([range_m], extrapolate)
-        transmittance, radiance = self._along(ranges, slice(None))
-        return LineOfSight(float(ranges[0]), self.wavelengths_um, transmittance[0], radiance[0])
-
-    def check_covers(self, band: Band) -> None:
-        """Raise InputError if the table does not cover the band.
-
-        The band `total` has no wavelengths and is always refused, except by vacuum.
-        """
-        if self.is_vacuum:
-            return
-        if band.is_total:
-            raise InputError(
-                f"atmosphere '{self.name}': band total has no wavelengths that it could act on; "
-                f"choose a band with limits, or atmosphere {VACUUM}"
-            )
-        band.check_covered(self.wavelengths_um, f"atmosphere '{self.name}'")
-
-    def transmittance_mean(self, band: Band, range_m: float, extrapolate: bool = False) -> float:
-        """Mean transmittance in the band, weighted by the detector's response only.
-
-        range_m and extrapolate are those of `path`.
-        """
-        mean = self.band_transmittance(
-            band, np.ones((1, len(self.wavelengths_um))), [range_m], extrapolate
-        )
-        return float(mean[0, 0])
-
-    def band_transmittance(
-        self, band: Band, spectra: ArrayLike, ranges_m: ArrayLike, extrapolate: bool = False
-    ) -> np.ndarray:
-        """Mean transmittance in the band at many ranges, weighted by response and spectrum.
-
-        Parameters
-        ----------
-        band
-            Band with the detector's response.
-        spectra
-            Source spectra in any unit, (s, k), at the atmosphere's wavelengths_um. A spectrum that
-            is 0 in the whole band is replaced by a constant one.
-        ranges_m
-            Ranges [m], (r,).
-        extrapolate
-            Whether ranges beyond the table are allowed; see `path`.
-
-        Returns
-        -------
-        numpy.ndarray
-            Mean transmittances, 0..1, (s, r).
-
-        Raises
-        ------
-        InputError
-            If the table does not cover the band or a range.
-        """
-        spectra = np.atleast_2d(np.asarray(spectra, dtype=float))
-        if self.is_vacuum:
-            return np.ones((len(spectra), len(self._checked(ranges_m, extrapolate))))
-        rows, weights = self._rows(band)
-        of_spectra = spectra[:, rows] * weights
-        of_spectra[of_spectra.sum(axis=1) == 0] = weights
-        of_spectra /= of_spectra.sum(axis=1, keepdims=True)
-        return self._in_pieces(
-            ranges_m, extrapolate, lambda ranges: self._along(ranges, rows)[0] @ of_spectra.T
-        ).T
-
-    def band_path_radiance(
-        self, band: Band, ranges_m: ArrayLike, extrapolate: bool = False
-    ) -> np.ndarray:
-        """In-band path radiance, weighted by the response, at many ranges.
-
-        Parameters
-        ----------
-        band
-            Band with the detector's response.
-        ranges_m
-            Ranges [m], (r,).
-        extrapolate
-            Whether ranges beyond the table are allowed; see `path`.
-
-        Returns
-        -------
-        numpy.ndarray
-            In-band path radiances [W m^-2 sr^-1], (r,).
-
-        Raises
-        ------
-        InputError
-            If the table does not cover the band or a range.
-        """
-        if self.is_vacuum:
-            return np.zeros(len(self._checked(ranges_m, extrapolate)))
-        rows, weights = self._rows(band)
-        return self._in_pieces(
-            ranges_m, extrapolate, lambda ranges: self._along(ranges, rows)[1] @ weights
-        )
-
-    def _rows(self, band):
-        """Indices of the wavelengths with a weight in the band, and their weights [um]."""
-        self.check_covers(band)
-        weights = band.row_weights(self.wavelengths_um)
-        rows = np.flatnonzero(weights)
-        return rows, weights[rows]
-
-    def _in_pieces(self, ranges_m, extrapolate, function):
-        """Values of `function` at checked ranges [m], computed for RANGES_AT_ONCE at a time."""
-        ranges = self._checked(ranges_m, extrapolate)
-        return np.concatenate(
-            [
-                function(ranges[start : start + RANGES_AT_ONCE])
-                for start in range(0, max(len(ranges), 1), RANGES_AT_ONCE)
-            ]
-        )
-
-    def _checked(self, ranges_m, extrapolate) -> np.ndarray:
-        """The ranges [m] as an array; see `path` for what is refused."""
-        ranges = np.asarray(ranges_m, dtype=float)
-        usable = (ranges > 0) & np.isfinite(ranges)
-        if not usable.all():
-            wrong = ranges[~usable][0]
-            raise InputError(
-                f"atmosphere '{self.name}': "
-                f"{'zero range' if wrong == 0 else f'range {wrong:g} m'}; "
-                "the range to the target must be positive and finite, in metres"
-            )
-        if not self.is_vacuum and ranges.size and ranges.max() > (last := self.ranges_m[-1]):
-            beyond = (
-                f"atmosphere '{self.name}': range {ranges.max():g} m is beyond its last one, "
-                f"{last:g} m"
-            )
-            if not extrapolate:
-                raise InputError(
-                    f"{beyond}; choose a shorter one, or in a scenario set extrapolate = true of "
-                    "[atmosphere]"
-                )
-            warnings.warn(
-                f"{beyond}: its optical depth is extrapolated with its last power of range",
-                stacklevel=3,
-            )
-        return ranges
-
     @cached_property
     def _knots(self):
         """Optical depths and source functions (n, k), and the depths' powers of range (n + 1, k).
@@ -288,18 +93,18 @@ class Atmosphere:
             source[n] = np.where(emissivity[n] > SMALLEST_EMISSIVITY, source[n], source[n + 1])
         return depths, source, np.vstack([first, powers, last])
 
-    def _along(self, ranges, rows):
+    def along(self, ranges_m, rows):
         """Transmittance and path radiance at ranges [m] and wavelength indices, (ranges, rows)."""
         if self.is_vacuum:
-            return np.ones((len(ranges), 0)), np.zeros((len(ranges), 0))
+            return np.ones((len(ranges_m), 0)), np.zeros((len(ranges_m), 0))
         depths, source, powers = (values[:, rows] for values in self._knots)
         knots = self.ranges_m
-        interval = np.searchsorted(knots, ranges)  # 0 for ranges below the first one
+        interval = np.searchsorted(knots, ranges_m)  # 0 for ranges below the first one
         before = np.maximum(interval - 1, 0)
         beyond = np.minimum(interval, len(knots) - 1)
-        depth = depths[before] * (ranges / knots[before])[:, None] ** powers[interval]
+        depth = depths[before] * (ranges_m / knots[before])[:, None] ** powers[interval]
         transmittance = np.where(depth > 2 * CLEAR, np.exp(-depth), 1)
-        share = (ranges - knots[before]) / np.maximum(knots[beyond] - knots[before], 1e-300)
+        share = (ranges_m - knots[before]) / np.maximum(knots[beyond] - knots[before], 1e-300)
         share = np.clip(share, 0, 1)[:, None]
         return transmittance, (1 - transmittance) * (
             source[before] + share * (source[beyond] - source[before])
@@ -307,12 +112,17 @@ class Atmosphere:
 
 
 def atmosphere_names() -> list[str]:
-    """Names of the bundled atmospheres, and "vacuum".
+    """Names of the clear airs of LOWTRAN7's band model, and "vacuum"."""
+    return [*model_names(), VACUUM]
 
-    The bundled ones are horizontal paths near the ground, computed with LOWTRAN7. The headers of
-    their files say how they were made.
+
+def clear_air_name(source: object) -> str | None:
+    """Name of the model atmosphere that `source` names; None for another atmosphere.
+
+    "slant_NAME" is an older name of the same air.
     """
-    return [*sorted(file.stem.removeprefix("path_") for file in BUNDLED.glob("path_*.csv")), VACUUM]
+    name = str(source).removeprefix("slant_")
+    return name if name in model_names() else None
 
 
 def atmosphere(
@@ -325,11 +135,12 @@ def atmosphere(
     Parameters
     ----------
     source
-        One of `atmosphere_names()`, the path of a CSV file, or the path of a MODTRAN tape7. The CSV
-        has the columns range_km, wavelength_um, transmittance and path_radiance_W_m2_sr_um in any
-        order, with the same wavelengths for every range. The blocks of the tape7 (see
-        `mi_lcair.physics.tape7`) have the same wavelengths at each range; several blocks at one
-        range are joined. An `Atmosphere` is returned as it is.
+        One of `atmosphere_names()`, the path of a CSV file, or the path of a MODTRAN tape7. A name
+        of clear air stands for horizontal paths 50 m above the ground; in a scenario, for the air
+        along its line of sight. The CSV has the columns range_km, wavelength_um, transmittance and
+        path_radiance_W_m2_sr_um in any order, with the same wavelengths for every range. The blocks
+        of the tape7 (see `mi_lcair.physics.tape7`) have the same wavelengths at each range; several
+        blocks at one range are joined. An `Atmosphere` is returned as it is.
     ranges_m
         Range [m] of each block of a tape7. It replaces the ranges in the file.
     elevation_deg
@@ -340,7 +151,7 @@ def atmosphere(
     Returns
     -------
     Atmosphere
-        The table.
+        The air.
 
     Raises
     ------
@@ -349,26 +160,21 @@ def atmosphere(
     """
     if isinstance(source, Atmosphere):
         return source
-    path = Path(source)
-    if str(source) in atmosphere_names():
-        path = BUNDLED / f"path_{source}.csv"
-    elif not path.suffix and not os.path.exists(path):
-        slant = sorted(file.stem for file in BUNDLED.glob("slant_*.csv"))
-        if str(source) in slant:
-            raise InputError(
-                f"atmosphere '{source}' holds slant paths, among which the line of sight of a "
-                f"scenario chooses; known here: {', '.join(atmosphere_names())}"
-            )
-        raise unknown("atmosphere", str(source), [*atmosphere_names(), *slant, "a file"])
-    elif tape7.is_tape7(path):
-        return _from_tape7(str(source), path, ranges_m, elevation_deg)
+    path, name = Path(source), clear_air_name(source)
+    if name is None and str(source) != VACUUM:
+        if not path.suffix and not os.path.exists(path):
+            raise unknown("atmosphere", str(source), [*atmosphere_names(), "a file"])
+        if tape7.is_tape7(path):
+            return _from_tape7(str(source), path, ranges_m, elevation_deg)
     if ranges_m is not None:
         raise InputError(
             f"atmosphere '{source}': ranges_m are for the blocks of a MODTRAN tape7 only; leave "
             "them out"
         )
+    if name is not None:
+        return ClearPaths(str(source), clear_air(name), HEIGHT_M, 0.0, True)
     if str(source) == VACUUM:
-        return Atmosphere(VACUUM, *np.zeros((2, 0)), *np.zeros((2, 0, 0)))
+        return AtmosphereTable(VACUUM, *np.zeros((2, 0)), *np.zeros((2, 0, 0)))
     return _from_csv(str(source), path)
 
 
@@ -379,7 +185,7 @@ def _from_csv(name, path) -> Atmosphere:
         raise InputError(
             f"atmosphere {path}: {RANGE} 0; ranges must be positive (at range 0 nothing is lost)"
         )
-    return plausible(Atmosphere(name, 1000 * table.keys, table.wavelengths_um, *table.columns))
+    return plausible(AtmosphereTable(name, 1000 * table.keys, table.wavelengths_um, *table.columns))
 
 
 def plausible(air: Atmosphere) -> Atmosphere:
@@ -438,10 +244,12 @@ def _from_tape7(name, path, ranges_m, elevation_deg) -> Atmosphere:
         airs.append(_over_ranges(name, path, [blocks[n] for n in numbers], ranges[numbers]))
     if len(airs) == 1:
         return airs[0]
-    return _between(path, np.array([group.mean() for group in groups]), airs, elevation_deg)
+    return between_elevations(
+        path, np.array([group.mean() for group in groups]), airs, elevation_deg
+    )
 
 
-def _between(path, elevations_deg, airs, elevation_deg) -> Atmosphere:
+def between_elevations(path, elevations_deg, airs, elevation_deg) -> AtmosphereTable:
     """The air at an elevation, from airs at rising elevations [degrees]."""
     first, last = elevations_deg[0], elevations_deg[-1]
     if elevation_deg is None:
@@ -469,7 +277,7 @@ def _between(path, elevations_deg, airs, elevation_deg) -> Atmosphere:
     transmittance = np.exp(-(depth ** (1 - share)) * next_depth**share)
     radiance = (1 - transmittance) * ((1 - share) * source + share * next_source)
     first = airs[0]
-    return Atmosphere(
+    return AtmosphereTable(
         f"{first.name} at {elevation_deg:g} degrees",
         first.ranges_m,
         first.wavelengths_um,
@@ -492,7 +300,7 @@ def _over_ranges(name, path, blocks, ranges) -> Atmosphere:
                 f"and {block.line} have different wavelengths; run every range with the same ones"
             )
     return plausible(
-        Atmosphere(
+        AtmosphereTable(
             name,
             np.unique(ranges),
             first.wavelengths_um,

@@ -13,7 +13,6 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.physics.spectrum import Spectrum
 from mi_lcair.planning.bounces import beyond_last
 from mi_lcair.plugins.emission.source import Source, rounded
 from mi_lcair.plugins.recorders.by_bounce import MAX_BOUNCE_CHANNELS
@@ -308,9 +307,8 @@ def shifted(source: Source, by: float, band) -> Source:
 
 def scaled(source: Source, factor: float) -> Source:
     """A source whose spectrum is multiplied by a factor."""
-    table = source.spectrum
     return replace(
         source,
         in_band=source.in_band * factor,
-        spectrum=Spectrum(table.name, table.wavelengths_um, table.radiance * factor),
+        spectrum=source.spectrum.scaled(factor),
     )

@@ -49,6 +49,9 @@ class DistantEmitter(ThermalEmitter):
     def check_fits(self, sun) -> None:
         """Raise InputError if its radiance is not that of a sky with this `sun`."""
 
+    def at_height(self, height_m: float) -> None:
+        """Take the light at a height above the ground [m], if it depends on the height."""
+
     def parameters(self) -> list[EmitterParameter]:
         return [EmitterParameter(self.SCALE, "radiance", self.SCALE_UNIT, BRIGHTEST, self.SCALE)]
 

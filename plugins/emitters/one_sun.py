@@ -1,7 +1,6 @@
 """The sun of a scene, and whether it fits the sky."""
 
 from mi_lcair.errors import InputError
-from mi_lcair.physics.sun.daytime_sky import SUN_ELEVATION_DEG
 from mi_lcair.plugins.emitters.distant_emitter import DistantEmitter
 from mi_lcair.plugins.emitters.sun import Sun
 
@@ -24,15 +23,15 @@ def one_sun(emitters):
 
 
 def check_fits(sun, sky, name: str) -> None:
-    """Raise InputError if the sun is not where the tables of a daytime sky assume it.
+    """Raise InputError if the sun is not where a daytime sky has it.
 
-    `sky` has a `sun_azimuth_deg`; `name` says in the message what it is.
+    `sky` has a `sun_azimuth_deg` and a `sun_elevation_deg`; `name` says in the message what it is.
     """
     turn = (sun.azimuth_deg - sky.sun_azimuth_deg + 180) % 360 - 180
-    if abs(turn) >= 0.01 or abs(sun.elevation_deg - SUN_ELEVATION_DEG) > ELEVATION_RANGE_DEG:
+    if abs(turn) >= 0.01 or abs(sun.elevation_deg - sky.sun_elevation_deg) > ELEVATION_RANGE_DEG:
         raise InputError(
             f"the sun at azimuth {sun.azimuth_deg:g} and elevation {sun.elevation_deg:g} degrees "
             f"does not fit {name}, whose sun is at {sky.sun_azimuth_deg:g} and "
-            f"{SUN_ELEVATION_DEG:g} degrees; it must have the same azimuth, and an elevation "
+            f"{sky.sun_elevation_deg:g} degrees; it must have the same azimuth, and an elevation "
             f"within {ELEVATION_RANGE_DEG:g} degrees"
         )

@@ -4,7 +4,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.physics.sun.daytime_sky import daytime_sky, sky_air_names
+from mi_lcair.physics.sun.daytime_sky import HEIGHT_M, SUN_ELEVATION_DEG, daytime_sky, sky_air_names
 from mi_lcair.plugins.emitters.distant_emitter import DistantEmitter
 from mi_lcair.plugins.emitters.one_sun import check_fits
 from mi_lcair.plugins.properties import Property
@@ -17,12 +17,15 @@ ROWS, COLUMNS = 128, 90
 class SkyDome(DistantEmitter):
     r"""Clear daytime sky above the horizon, with sunlight scattered once.
 
-    =============== ====== =========================================================================
-    sun_azimuth_deg float  azimuth of the sun, from +x toward +y; its elevation is 45         (0.0)
-    band            string MWIR, or a band within 3-5 um
-    air             string midlat_summer or us_standard                             (midlat_summer)
-    group           string label of the sky, `[A-Za-z0-9_-]+`, at most 64 characters          (sky)
-    =============== ====== =========================================================================
+    ================= ====== =======================================================================
+    sun_azimuth_deg   float  azimuth of the sun, from +x toward +y                            (0.0)
+    sun_elevation_deg float  elevation of the sun, 1 or more                                 (45.0)
+    band              string MWIR, LWIR, or a band within one of them
+    air               string midlat_summer or us_standard                           (midlat_summer)
+    height_m          float  height of the scene above the ground; a scenario that states the
+                             height of its target replaces the default                       (50.0)
+    group             string label of the sky, `[A-Za-z0-9_-]+`, at most 64 characters        (sky)
+    ================= ====== =======================================================================
 
     .. code-block:: xml
 
@@ -32,14 +35,16 @@ class SkyDome(DistantEmitter):
     the environment of the scene, of which there can be one. The parameter `scale` multiplies its
     radiance. With `emitter_sampling`, its directions are drawn, uniformly over the hemisphere.
 
-    The tables hold the sun at 45 degrees of elevation. A scene may also have a `sun` at the dome's
-    azimuth and an elevation of 40 to 50 degrees. The bright aureole within 10 degrees of the sun is
-    missing, see `DaytimeSky.in_band_radiance`. Where sources are told apart by their spectra, the
-    whole dome has the spectrum of its irradiance on the ground.
+    A scene may also have a `sun` at the dome's azimuth, and within 5 degrees of its elevation. The
+    aureole of multiple scattering around the sun is missing, see `DaytimeSky.in_band_radiance`.
+    Where sources are told apart by their spectra, the whole dome has the spectrum of its irradiance
+    on the ground.
     """
 
     PROPERTIES = (
         Property("sun_azimuth_deg", "float", 0.0),
+        Property("sun_elevation_deg", "float", SUN_ELEVATION_DEG, lower=1, upper=90),
+        Property("height_m", "float", lower=0, upper=100_000),
         Property("band", "string", is_file=True),
         Property("air", "string", "midlat_summer", choices=tuple(sky_air_names())),
         Property("group", "string", "sky", is_label=True),
@@ -48,7 +53,14 @@ class SkyDome(DistantEmitter):
     def __init__(self, props):
         super().__init__(props)
         self.sun_azimuth_deg = self.values["sun_azimuth_deg"]
-        sky = daytime_sky(self.values["air"])
+        self.sun_elevation_deg = self.values["sun_elevation_deg"]
+        self.shine(HEIGHT_M if self.values["height_m"] is None else self.values["height_m"])
+        x, y = np.cos(np.radians(self.sun_azimuth_deg)), np.sin(np.radians(self.sun_azimuth_deg))
+        self.toward_sun = mi.Vector2f(float(x), float(y))
+
+    def shine(self, height_m: float) -> None:
+        """Set radiances and spectrum to those at a height [m]."""
+        sky = daytime_sky(self.values["air"], self.sun_elevation_deg, height_m)
         elevation = np.degrees(np.arcsin(np.linspace(0, 1, ROWS + 1)))
         azimuth = np.linspace(0, 180, COLUMNS + 1)
         table = sky.in_band_radiance(self.band, *np.meshgrid(elevation, azimuth, indexing="ij"))
@@ -56,8 +68,10 @@ class SkyDome(DistantEmitter):
         self.table = mi.Float(table.ravel())
         self.spectrum = sky.mean_spectrum()
         self.mean_radiance = self.spectrum.in_band_radiance(self.band)
-        x, y = np.cos(np.radians(self.sun_azimuth_deg)), np.sin(np.radians(self.sun_azimuth_deg))
-        self.toward_sun = mi.Vector2f(float(x), float(y))
+
+    def at_height(self, height_m: float) -> None:
+        if self.values["height_m"] is None:
+            self.shine(height_m)
 
     def facet_radiance(self):
         """Mean in-band radiance, weighted by the cosine to the zenith [W m^-2 sr^-1]."""

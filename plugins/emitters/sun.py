@@ -5,9 +5,9 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.physics.spectrum import Spectrum
+from mi_lcair.physics.air.levels import model_names
 from mi_lcair.physics.sun.position import sun_position
-from mi_lcair.physics.sun.sunlight import NO_AIR, air_names, sunlight
+from mi_lcair.physics.sun.sunlight import HEIGHT_M, NO_AIR, air_names, sunlight
 from mi_lcair.plugins.emitters.distant_emitter import DistantEmitter
 from mi_lcair.plugins.properties import Property
 
@@ -29,8 +29,10 @@ class Sun(DistantEmitter):
     diameter_deg  float   diameter of the disc, at most 10                                    (0.53)
     band          string  MWIR, LWIR, "a-b" in um, or the CSV file of a response
     air           string  none: ASTM E490 outside the air; midlat_summer, us_standard: through
-                          that clear air, for an elevation of 5 or more; or a CSV file
+                          that clear air, for an elevation of 1 or more; or a CSV file
                           wavelength_um,irradiance_W_m2_um with the irradiance at the scene   (none)
+    height_m      float   height of the scene above the ground in clear air; a scenario that states
+                          the height of its target replaces the default                      (50.0)
     distance_au   float   distance in astronomical units, 1 or that of the time; not for a file
     group         string  label of the sun, `[A-Za-z0-9_-]+`, at most 64 characters            (sun)
     ============= ======= ==========================================================================
@@ -66,6 +68,7 @@ class Sun(DistantEmitter):
         Property("diameter_deg", "float", 0.53, is_positive=True, upper=10),
         Property("band", "string", is_file=True),
         Property("air", "string", NO_AIR, is_file=True),
+        Property("height_m", "float", lower=0, upper=100_000),
         Property("distance_au", "float", is_positive=True, upper=100),
         Property("group", "string", "sun", is_label=True),
     )
@@ -77,16 +80,12 @@ class Sun(DistantEmitter):
         # Mitsuba takes an infinite emitter without a delta flag for the scene's environment
         self.m_flags = mi.EmitterFlags.Infinite | mi.EmitterFlags.DeltaDirection
         self.azimuth_deg, self.elevation_deg, distance_au = position(self.values)
-        light = sunlight(self.values["air"], self.elevation_deg, distance_au)
-        self.scale = mi.Float(light.in_band_irradiance(self.band))
-
+        self.distance_au = distance_au
         radius = np.radians(self.values["diameter_deg"]) / 2
         self.sin_radius, self.sin_half_radius = float(np.sin(radius)), float(np.sin(radius / 2))
         self.solid_angle = 4 * np.pi * self.sin_half_radius**2  # of the disc [sr]
         self.projected_angle = np.pi * self.sin_radius**2  # on a plane perpendicular to it [sr]
-        self.spectrum = Spectrum(
-            light.name, light.wavelengths_um, light.irradiance / self.projected_angle
-        )
+        self.shine(HEIGHT_M if self.values["height_m"] is None else self.values["height_m"])
         # The direction toward the disc's centre, and two unit vectors perpendicular to it. Float32
         # resolves a place on the disc by its offsets along these, but not by its angle's cosine.
         azimuth, elevation = np.radians([self.azimuth_deg, self.elevation_deg])
@@ -96,6 +95,17 @@ class Sun(DistantEmitter):
             mi.Vector3f(*map(float, vector))
             for vector in ((cos * x, cos * y, sin), (-y, x, 0), (-sin * x, -sin * y, cos))
         )
+
+    def shine(self, height_m: float) -> None:
+        """Set irradiance and spectrum to those at a height [m]."""
+        air = self.values["air"]
+        light = sunlight(air, self.elevation_deg, self.distance_au, height_m)
+        self.scale = mi.Float(light.in_band_irradiance(self.band))
+        self.spectrum = light.over(self.projected_angle)
+
+    def at_height(self, height_m: float) -> None:
+        if self.values["height_m"] is None and self.values["air"] in model_names():
+            self.shine(height_m)
 
     @property
     def radiance(self):

@@ -11,7 +11,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.physics.spectrum import spectrum
+from mi_lcair.physics.sky import spectrum
 from mi_lcair.plugins.derivatives import (
     check_attached,
     held,

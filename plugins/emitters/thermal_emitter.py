@@ -119,8 +119,7 @@ class ThermalEmitter(mi.Emitter):
             return Source.of_blackbodies(self.group, self.band, self.temperatures())
         in_band, table = float(self.facet_radiance()[0]), self.spectrum
         factor = in_band / table.in_band_radiance(self.band)
-        scaled = Spectrum(table.name, table.wavelengths_um, table.radiance * factor)
-        return [Source(self.group, table.name, in_band, spectrum=scaled)]
+        return [Source(self.group, table.name, in_band, spectrum=table.scaled(factor))]
 
     def to_string(self):
         given = ", ".join(f"{name} = {value}" for name, value in self.values.items())

@@ -15,7 +15,7 @@ from mi_lcair.camera.range_table import (
 )
 from mi_lcair.detection.irradiance import Backdrop
 from mi_lcair.errors import InputError
-from mi_lcair.physics.atmosphere import Atmosphere, atmosphere
+from mi_lcair.physics.atmosphere import AtmosphereTable, atmosphere
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.physics.imager import Imager
@@ -63,7 +63,7 @@ def grey(per_km):
     ranges = np.array([100.0, 1000.0, 10_000.0])
     transmittance = np.exp(-per_km * ranges[:, None] / 1e3) * np.ones(len(x))
     air_radiance = 0.05 * spectral_radiance(x, 290.0)
-    return Atmosphere("grey", ranges, x, transmittance, (1 - transmittance) * air_radiance)
+    return AtmosphereTable("grey", ranges, x, transmittance, (1 - transmittance) * air_radiance)
 
 
 def test_in_vacuum():

@@ -177,12 +177,12 @@ def test_notes_on_stderr(run):
         "-D",
         "atmosphere.extrapolate=true",
         "-D",
-        "observer.range_m=6000",
+        "observer.range_m=300000",
         "-D",
-        "sensor.field_of_view_deg=0.01",
+        "sensor.field_of_view_deg=0.0005",
     )
     notes = [line for line in result.stderr.splitlines() if line.startswith("mi-lcair: note: ")]
-    assert len(notes) == 2 and "6000 m is beyond" in notes[0] and "field of view" in notes[1]
+    assert len(notes) == 2 and "300000 m is beyond" in notes[0] and "field of view" in notes[1]
 
 
 @pytest.mark.parametrize(
@@ -201,8 +201,8 @@ def test_notes_on_stderr(run):
             "does not cover band SWIR",
         ),
         (
-            ["-D", "atmosphere.table=midlat_summer", "-D", "observer.range_m=5001"],
-            "range 5001 m is beyond",
+            ["-D", "atmosphere.table=midlat_summer", "-D", "observer.range_m=200001"],
+            "range 200001 m is beyond",
         ),
         (["-D", "atmosphere.table=negative.csv"], "transmittance -0.1"),
         (["-D", "sensor.response=row.csv"], "needs two rows"),

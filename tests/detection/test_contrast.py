@@ -2,7 +2,6 @@
 
 import warnings
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import drjit as dr
@@ -16,10 +15,13 @@ from mi_lcair.detection.contrast import check_met, check_reachable, contrast, re
 from mi_lcair.detection.irradiance import TERMS, Backdrop, Estimate, Irradiance, RenderError
 from mi_lcair.detection.scenario import RenderTable, Scenario
 from mi_lcair.errors import InputError
+from mi_lcair.physics.air.bands import bands
+from mi_lcair.physics.air.clear_air import clear_air
 from mi_lcair.physics.atmosphere import atmosphere
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.detector import Detector
+from mi_lcair.physics.sky import spectrum
 from mi_lcair.plugins.emission.source import Source
 from mi_lcair.rendering.views import Target, View, seen_from
 from mi_lcair.reports.pictures.contrast import figure
@@ -27,7 +29,6 @@ from mi_lcair.signatures.effective_areas import EffectiveAreas
 from tests.detection.disc_scenario import AREA, disc, triangles, write_disc
 
 LIMITS = {"MWIR": (3.0, 5.0), "LWIR": (8.0, 12.0)}
-LOWTRAN = Path(mi_lcair.__file__).parent / "physics" / "lowtran7"
 
 
 @pytest.fixture
@@ -42,15 +43,6 @@ def planck(x, T):
     Their units are W um^4 m^-2 sr^-1 and um K.
     """
     return 1.191042972e8 / x**5 / np.expm1(14387.76877 / (x * T))
-
-
-def table(name, key):
-    """The rows of a bundled table that belong to one key, as {column: values}."""
-    header, *lines = [
-        line for line in (LOWTRAN / name).read_text().splitlines() if not line.startswith("#")
-    ]
-    rows = np.loadtxt(lines, delimiter=",")
-    return dict(zip(header.split(","), rows[rows[:, 0] == key].T))
 
 
 def integral(band, values):
@@ -68,15 +60,16 @@ def closed_form(band, T, range_m, transmittance, path_radiance, background):
     )
 
 
-def lowtran(range_km):
-    """Transmittance and path radiance of midlat_summer at a range of its table.
+def clear(range_km, elevation_deg):
+    """Transmittance and path radiance of midlat_summer upward from 50 m.
 
     Both are functions of the wavelength.
     """
-    rows = table("path_midlat_summer.csv", range_km)
+    air = clear_air("midlat_summer")
+    along = air.ray(50.0, elevation_deg, 1000 * range_km)
+    columns = bands().transmittance(along.amounts[-1]), air.emitted(along).radiance
     return [
-        lambda x, column=column: np.interp(x, rows["wavelength_um"], rows[column])
-        for column in ("transmittance", "path_radiance_W_m2_sr_um")
+        lambda x, column=column: np.interp(x, bands().wavelengths_um, column) for column in columns
     ]
 
 
@@ -113,9 +106,8 @@ def test_disc_through_a_bundled_atmosphere(folder, band, T, range_km):
             observer__elevation_deg=-8,
         )
     )
-    low, high = (table("sky_midlat_summer_stratus.csv", key) for key in (5, 15))
-    sky = 0.7 * low["radiance_W_m2_sr_um"] + 0.3 * high["radiance_W_m2_sr_um"]
-    transmittance, path_radiance = lowtran(range_km)
+    sky = spectrum("midlat_summer_stratus", 8.0).at
+    transmittance, path_radiance = clear(range_km, 8.0)
     slant = np.cos(np.radians(8))
     expected = slant * closed_form(
         band,
@@ -123,14 +115,14 @@ def test_disc_through_a_bundled_atmosphere(folder, band, T, range_km):
         1000 * range_km,
         transmittance,
         path_radiance,
-        lambda x: np.interp(x, low["wavelength_um"], sky),
+        sky,
     )
     row = result.rows[0]
     assert (expected > 0) == (T > 294) and row.total.value == pytest.approx(expected, rel=2e-3)
     parts = {
         "target": lambda x: transmittance(x) * planck(x, T),
         "path": path_radiance,
-        "background": lambda x: np.interp(x, low["wavelength_um"], sky),
+        "background": sky,
     }
     for name, values in parts.items():
         assert getattr(row, name).value == pytest.approx(
@@ -157,7 +149,7 @@ def test_quadrature(folder):
             )
         )
         row, area = result.rows[0], result.rows[0].projected_area.value
-        transmittance, path_radiance = lowtran(1)
+        transmittance, path_radiance = clear(1, 5.0)
         assert row.target.value == pytest.approx(
             integral(band, lambda x: transmittance(x) * planck(x, 400)) * area / 1e6, rel=1e-6
         )
@@ -470,8 +462,8 @@ def test_contrast_within_the_noise_is_remarked(folder):
             "does not cover band 4-6",
         ),
         (
-            {"atmosphere__table": "midlat_summer", "observer__range_m": 6000},
-            "range 6000 m is beyond its last one, 5000 m",
+            {"atmosphere__table": "midlat_summer", "observer__range_m": 300_000},
+            "range 300000 m is beyond its last one, 200000 m",
         ),
         (
             {"atmosphere__table": "midlat_sumer"},
@@ -540,12 +532,15 @@ def test_a_scene_without_lobes(folder):
 
 
 def test_extrapolation_warns_once(folder):
+    rows = [f"{R},{x},{0.8**R},0.1" for R in (1, 5) for x in np.linspace(3, 5, 99)]
+    header = "range_km,wavelength_um,transmittance,path_radiance_W_m2_sr_um"
+    (folder / "air.csv").write_text("\n".join([header, *rows]))
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         contrast(
             disc(
                 folder,
-                atmosphere__table="midlat_summer",
+                atmosphere__table=str(folder / "air.csv"),
                 atmosphere__extrapolate="true",
                 observer__range_m=6000,
                 render__resolution=8,

@@ -7,7 +7,7 @@ from scipy.optimize import brentq
 from mi_lcair.detection.detection_range import detection_range
 from mi_lcair.detection.irradiance import Backdrop, Irradiance, RenderError
 from mi_lcair.errors import InputError
-from mi_lcair.physics.atmosphere import Atmosphere, atmosphere
+from mi_lcair.physics.atmosphere import AtmosphereTable, atmosphere
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.physics.detector import Detector
@@ -40,7 +40,7 @@ def grey_air(last_m=10_000.0):
     """Air with the same optical depth per metre at all wavelengths, at AIR kelvin."""
     x, ranges = np.linspace(7.9, 12.1, 1001), np.array([100.0, last_m])
     transmittance = np.exp(-DEPTH * ranges)[:, None] * np.ones(len(x))
-    return Atmosphere(
+    return AtmosphereTable(
         "grey", ranges, x, transmittance, (1 - transmittance) * spectral_radiance(x, AIR)
     )
 

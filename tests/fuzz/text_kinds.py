@@ -18,7 +18,7 @@ from mi_lcair.physics.atmosphere import atmosphere
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.directional_table import over_the_hemisphere, read_directional_table
-from mi_lcair.physics.spectrum import has_elevations, spectrum
+from mi_lcair.physics.sky import has_elevations, spectrum
 from mi_lcair.rendering.facets.image import by_facet
 from mi_lcair.rendering.images.exr import read_exr, write_exr
 from mi_lcair.rendering.sampling import DEFAULT_MAX_SPP

@@ -13,7 +13,7 @@ SKY = (
     "elevation_deg,wavelength_um,radiance_W_m2_sr_um\n"
     + "".join(  # radiances that fall evenly from 1 to 0.5 at the zenith
         f"{elevation},{step / 20},{1 - elevation / 180}\n"
-        for elevation in (0, 90)
+        for elevation in (0, 45, 90)
         for step in range(150, 251)
     )
 )

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from mi_lcair.errors import InputError
-from mi_lcair.physics.atmosphere import Atmosphere, atmosphere, atmosphere_names
+from mi_lcair.physics.atmosphere import AtmosphereTable, atmosphere, atmosphere_names
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
+from mi_lcair.physics.sky import spectrum
 from mi_lcair.physics.spectral_table import spectral_table
-from mi_lcair.physics.spectrum import BUNDLED, spectrum
+from mi_lcair.physics.spectrum import BUNDLED
 from tests.physics.test_tape7 import LWIR, MWIR, block, file, planck, slant  # noqa: F401
 
 BANDS = {"3-5": "MWIR", "8-12": "LWIR"}
@@ -29,7 +30,7 @@ def grey(ranges_m=(1000.0, 3000.0), per_m=(1e-3, 2e-4), temperature=290.0):
     """Homogeneous air with two wavelengths and an extinction coefficient for each."""
     wavelengths = np.array([4.0, 4.05])
     transmittance = np.exp(-np.outer(ranges_m, per_m))
-    return Atmosphere(
+    return AtmosphereTable(
         "grey",
         np.array(ranges_m),
         wavelengths,
@@ -38,8 +39,21 @@ def grey(ranges_m=(1000.0, 3000.0), per_m=(1e-3, 2e-4), temperature=290.0):
     )
 
 
-def test_bundled_paths_have_their_stated_values():
-    """Transmittance and radiance of every path agree with all digits of the tables' summary."""
+def tabulated(name):
+    """Clear air as a table of the ranges that LOWTRAN7's tables of horizontal paths have."""
+    air, ranges = atmosphere(name), np.array([250.0, 500.0, 1000.0, 2000.0, 5000.0])
+    paths = [air.path(length) for length in ranges]
+    return AtmosphereTable(
+        name,
+        ranges,
+        air.wavelengths_um,
+        np.array([path.transmittance for path in paths]).round(6),
+        np.array([path.radiance for path in paths]),
+    )
+
+
+def test_horizontal_paths_have_the_values_of_lowtran7():
+    """Transmittance and radiance of every path agree with LOWTRAN7's own within 0.15 %."""
     rows = summary("path")
     assert {row["atmosphere"] for row in rows} | {"vacuum"} == set(atmosphere_names()) and len(
         rows
@@ -51,17 +65,17 @@ def test_bundled_paths_have_their_stated_values():
             1000 * float(row["range_km"]),
         )
         assert air.transmittance_mean(window, length) == pytest.approx(
-            float(row["transmittance_mean"]), abs=6e-5
+            float(row["transmittance_mean"]), rel=1.5e-3
         ), row
         assert air.band_path_radiance(window, [length])[0] == pytest.approx(
-            float(row["radiance_W_m2_sr"]), abs=6e-5
+            float(row["radiance_W_m2_sr"]), rel=1.5e-3
         ), row
 
 
 @pytest.mark.slow
-def test_bundled_skies_have_their_stated_transmittance():
-    rows = summary("sky")
-    assert len(rows) == 8 * 11 * 2
+def test_cloudy_skies_have_their_stated_transmittance():
+    rows = [row for row in summary("sky") if row["sky"] != "clear"]
+    assert len(rows) == 6 * 11 * 2
     for row in rows:
         path = BUNDLED / f"sky_{row['atmosphere']}_{row['sky']}.csv"
         table = spectral_table(path, "sky", (("transmittance", 1.0),), key="elevation_deg")
@@ -95,20 +109,20 @@ def test_the_checks_of_the_tables_readme(name, air, sea_level, clear, stratus):
             line.in_band_radiance(band("LWIR")) / in_band_radiance(band("LWIR"), sea_level),
         )
 
-    assert ratios("clear", (air, sea_level)) == pytest.approx(clear, abs=6e-5)
+    assert ratios("clear", (air, sea_level)) == pytest.approx(clear, abs=2e-3)
     assert ratios("stratus", (sea_level,)) == pytest.approx(stratus, abs=6e-5)
 
 
 @pytest.mark.parametrize("name", AIR)
 @pytest.mark.parametrize("length", [3, 100, 250, 700, 4000])
 def test_bundled_air_is_a_blackbody_where_it_is_opaque(name, length):
-    """The path radiance is (1 - transmittance) B(air), to the 0.03 % that the tables state.
+    """The path radiance is (1 - transmittance) B(air), to 0.2 % (0.03 K).
 
     This holds at the tabulated ranges and between them.
     """
     path = atmosphere(name).path(length)
     expected = (1 - path.transmittance) * spectral_radiance(path.wavelengths_um, AIR[name])
-    np.testing.assert_allclose(path.radiance, expected, rtol=4e-4)
+    np.testing.assert_allclose(path.radiance, expected, rtol=2e-3)
 
 
 @pytest.mark.parametrize("length", [1e-3, 10, 999, 1000, 2345, 3000])
@@ -130,7 +144,7 @@ def test_between_ranges_optical_depth_is_a_power_and_source_linear():
     source function there lies between 3 and 5, in proportion to range.
     """
     depths = np.array([[0.3] * 2, [0.9] * 2])
-    air = Atmosphere(
+    air = AtmosphereTable(
         "slant",
         np.array([1e3, 4e3]),
         np.array([4.0, 4.1]),
@@ -144,15 +158,15 @@ def test_between_ranges_optical_depth_is_a_power_and_source_linear():
 
 @pytest.mark.parametrize("name", AIR)
 @pytest.mark.parametrize("left_out", [1, 2, 3])
-def test_a_range_that_is_left_out_of_the_bundled_tables(name, left_out):
+def test_a_range_that_is_left_out(name, left_out):
     """A tabulated range that is left out is predicted from its neighbours.
 
     The relative error of the in-band transmittance is below 0.7 %, that of the path radiance below
     1.2 %. In MWIR the transmittance has half the error of an optical depth that is linear in range.
     """
-    air = atmosphere(name)
+    air = tabulated(name)
     kept = np.arange(len(air.ranges_m)) != left_out
-    fewer = Atmosphere(
+    fewer = AtmosphereTable(
         "fewer",
         air.ranges_m[kept],
         air.wavelengths_um,
@@ -177,13 +191,13 @@ def test_a_range_that_is_left_out_of_the_bundled_tables(name, left_out):
 
 
 @pytest.mark.parametrize("name", AIR)
-def test_short_ranges_of_the_bundled_tables(name):
+def test_short_ranges_of_a_table(name):
     """The path of 0.25 km is predicted from the longer ranges within 1 %.
 
     The transmittance at range 0 is 1.
     """
-    air = atmosphere(name)
-    fewer = Atmosphere(
+    air = tabulated(name)
+    fewer = AtmosphereTable(
         "fewer", air.ranges_m[1:], air.wavelengths_um, air.transmittance[1:], air.path_radiance[1:]
     )
     for window in (band("MWIR"), band("LWIR")):
@@ -195,7 +209,7 @@ def test_short_ranges_of_the_bundled_tables(name):
 
 @pytest.mark.parametrize("name", AIR)
 def test_a_tabulated_range_gives_the_table(name):
-    air = atmosphere(name)
+    air = tabulated(name)
     for k, length in enumerate(air.ranges_m):
         path = air.path(length)
         # The absolute tolerance is for opaque rows, whose transmittance is below the last digit.
@@ -211,14 +225,16 @@ def test_opaque_rows_are_bounded_by_what_is_printed():
     It is also less than every transmittance in the table.
     """
     table = np.array([[0.5, 0.0, 1.0], [0.0, 0.0, 1.0]])
-    air = Atmosphere("opaque", np.array([1.0, 2.0]), np.array([4.0, 4.1, 4.2]), table, 1 - table)
+    air = AtmosphereTable(
+        "opaque", np.array([1.0, 2.0]), np.array([4.0, 4.1, 4.2]), table, 1 - table
+    )
     np.testing.assert_allclose(air.path(2).transmittance, [5e-7, 5e-7, 1], rtol=1e-9)
     # Below an opaque first range the depth is proportional to range, below another one by its power
     power = np.clip(np.log2(np.log(5e-7) / np.log(0.5)), 0.5, 1)
     np.testing.assert_allclose(
         air.path(0.5).transmittance, [np.exp(-np.log(2) * 0.5**power), np.sqrt(5e-7), 1], rtol=1e-9
     )
-    fine = Atmosphere(
+    fine = AtmosphereTable(
         "fine",
         air.ranges_m,
         air.wavelengths_um,
@@ -228,7 +244,7 @@ def test_opaque_rows_are_bounded_by_what_is_printed():
     np.testing.assert_allclose(fine.path(2).transmittance, [5e-9, 5e-9, 1], rtol=1e-9)
     assert np.all(
         np.diff(
-            [atmosphere("midlat_summer").path(R).transmittance for R in np.linspace(1, 5000, 60)],
+            [tabulated("midlat_summer").path(R).transmittance for R in np.linspace(1, 5000, 60)],
             axis=0,
         )
         <= 1e-6
@@ -237,7 +253,7 @@ def test_opaque_rows_are_bounded_by_what_is_printed():
 
 def test_a_path_too_clear_to_tell_has_the_source_of_the_next_one():
     """A rounding error in 1 - transmittance would make the source function 100 times too large."""
-    air = Atmosphere(
+    air = AtmosphereTable(
         "clear",
         np.array([10.0, 1000.0]),
         np.array([4.0, 4.1, 4.2]),
@@ -266,7 +282,7 @@ def test_beyond_the_last_range():
     np.testing.assert_allclose(
         path.radiance, (1 - path.transmittance) * spectral_radiance([4.0, 4.05], 290), rtol=1e-9
     )
-    odd = Atmosphere(
+    odd = AtmosphereTable(
         "odd",
         np.array([1.0, 2.0]),
         np.array([4.0, 4.1]),

@@ -42,7 +42,7 @@ class AirLight(Spectrum):
 
     def scaled(self, factor: float) -> "AirLight":
         """The light times a factor."""
-        return replace(self, radiance=factor * self.radiance, sources=factor * self.sources)
+        return replace(self, radiance=self.radiance * factor, sources=self.sources * factor)
 
     def plus(self, other: "AirLight") -> "AirLight":
         """The sum of two lights."""

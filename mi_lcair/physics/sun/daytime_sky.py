@@ -1,147 +1,151 @@
-"""Clear daytime sky in 3-5 um: its own emission and sunlight scattered once."""
+"""Clear daytime sky: its own emission and sunlight scattered once."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mi_lcair.errors import InputError, unknown
+from mi_lcair.errors import InputError
+from mi_lcair.physics.air.bands import bands
+from mi_lcair.physics.air.clear_air import ClearAir, SunDirection, clear_air
+from mi_lcair.physics.air.levels import Weather, model_names
+from mi_lcair.physics.air.light import AirLight
 from mi_lcair.physics.bands import Band
-from mi_lcair.physics.spectrum import BUNDLED, Spectrum
-from mi_lcair.physics.sun.sunlight import air_mass
-from mi_lcair.table import read_table
+from mi_lcair.physics.sky import HEIGHT_M, air_mass, mean_nodes
 
-SUN_ELEVATION_DEG = 45.0  # of the tables
-ELEVATION, AZIMUTH, WAVELENGTH = "elevation_deg", "relative_azimuth_deg", "wavelength_um"
-SMALLEST = 1e-15  # stands for a radiance of 0 in logarithms [W m^-2 sr^-1 um^-1]
-MEAN_ROWS, MEAN_COLUMNS = 24, 36  # directions for the mean over the sky
-RADIANCE, THERMAL = "radiance_W_m2_sr_um", "thermal_W_m2_sr_um"
+SUN_ELEVATION_DEG = 45.0  # of a sky that states none
+# Elevations at which the sky is computed [degrees]; the radiance between them is interpolated
+RINGS_DEG = 0, 0.5, 1, 1.5, 2.5, 4, 6, 8, 11, 15, 20, 26, 34, 43, 53, 65, 78, 90
+ANGLES_DEG = np.concatenate([np.arange(0, 20, 1.0), np.arange(20, 181, 4.0)])  # from the sun
+MEAN_COLUMNS = 18  # azimuths for the mean over the sky
+SMALLEST = 1e-30  # stands for a radiance of 0 in logarithms [W m^-2 sr^-1]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class DaytimeSky:
-    """Spectral radiance of a clear sky with the sun at SUN_ELEVATION_DEG.
+    """A clear sky with the sun, seen from one height.
 
     Attributes
     ----------
-    name
-        Name of the air.
-    elevations_deg, azimuths_deg
-        Tabulated elevations, (e,), and azimuths from the sun, 0 toward it, (a,) [degrees].
-    wavelengths_um
-        Rising wavelengths [um], (n,).
-    thermal, scattered
-        Emission of the air, (e, n), and sunlight scattered once, (e, a, n) [W m^-2 sr^-1 um^-1].
+    air
+        Clear air.
+    height_m
+        Height of the viewer above the ground [m].
+    sun_elevation_deg
+        True elevation of the sun [degrees].
     """
 
-    name: str
-    elevations_deg: np.ndarray
-    azimuths_deg: np.ndarray
-    wavelengths_um: np.ndarray
-    thermal: np.ndarray
-    scattered: np.ndarray
+    air: ClearAir
+    height_m: float
+    sun_elevation_deg: float
+
+    @property
+    def name(self) -> str:
+        """Name of the air."""
+        return self.air.name
+
+    def at(self, elevation_deg: float, azimuth_deg: float) -> AirLight:
+        """The sky at an elevation and an azimuth from the sun [degrees], as light through air."""
+        sun = SunDirection(self.sun_elevation_deg, azimuth_deg)
+        return self.air.sky(self.height_m, elevation_deg, sun)
 
     def in_band_radiance(self, band: Band, elevation_deg, azimuth_deg) -> np.ndarray:
         """In-band radiance toward directions above the horizon [W m^-2 sr^-1].
 
-        The logarithm of the emission is interpolated over that of the air mass. The logarithm of
-        the scattered light is interpolated over the angle from the sun, and then over the logarithm
-        of the air mass. Within 10 degrees of the sun, where the tables do not resolve the aureole,
-        it is about that at 10 degrees. Below the lowest elevation of the tables, the sky is that
-        at this elevation. With one elevation left out of the tables, the radiance in 3-5 um is
-        found to 3.1 % away from the sun and to 5 % toward it, except within 10 degrees of the sun,
-        where it is up to 23 % too small.
+        It is computed at RINGS_DEG. Between them the logarithms of emission and of scattered light
+        are interpolated over that of the air mass. There is no aureole of multiple scattering.
 
         Parameters
         ----------
         band
-            Band that the tables cover.
+            Band within 3-5 um or 8-12 um.
         elevation_deg, azimuth_deg
             Elevation and azimuth from the sun [degrees], arrays of one shape.
 
-        Raises InputError if the tables do not cover the band.
+        Raises InputError if the air is not known in the band.
         """
+        what = f"daytime sky '{self.name}'"
         if band.is_total:
-            raise InputError(f"daytime sky '{self.name}': does not cover band total; choose MWIR")
-        band.check_covered(self.wavelengths_um, f"daytime sky '{self.name}'")
-        thermal, scattered = (
-            band.integral(self.wavelengths_um, part) for part in (self.thermal, self.scattered)
+            raise InputError(f"{what}: does not cover band total; choose MWIR or LWIR")
+        band.check_covered(bands().wavelengths_um, what)
+        elevation, azimuth = np.broadcast_arrays(
+            np.asarray(elevation_deg, dtype=float), np.asarray(azimuth_deg, dtype=float)
         )
-        return self.between(thermal[:, None], scattered[:, :, None], elevation_deg, azimuth_deg)[
-            ..., 0
-        ]
+        thermal, scattered = map(np.array, zip(*(self.ring(band, ring) for ring in RINGS_DEG)))
+        thermal, scattered = np.log(thermal), np.log(np.maximum(scattered, SMALLEST))
+        places = -np.log(air_mass(np.array(RINGS_DEG)))
+        place = np.interp(-np.log(air_mass(elevation)), places, np.arange(len(places)))
+        low = np.minimum(place.astype(int), len(places) - 2)
+        up = place - low
+        place = np.interp(self.from_sun(elevation, azimuth), ANGLES_DEG, np.arange(len(ANGLES_DEG)))
+        near = np.minimum(place.astype(int), len(ANGLES_DEG) - 2)
+        off = place - near
+        of_ring = lambda ring: (1 - off) * scattered[ring, near] + off * scattered[ring, near + 1]
+        return np.exp((1 - up) * thermal[low] + up * thermal[low + 1]) + np.exp(
+            (1 - up) * of_ring(low) + up * of_ring(low + 1)
+        )
 
-    def between(self, thermal, scattered, elevation_deg, azimuth_deg) -> np.ndarray:
-        """Sum of emission and scattered light between the rows, (..., n).
+    def from_sun(self, elevation_deg, azimuth_deg) -> np.ndarray:
+        """Angle between directions and the sun [degrees]."""
+        h, s, azimuth = np.radians(elevation_deg), np.radians(self.sun_elevation_deg), azimuth_deg
+        cosine = np.sin(h) * np.sin(s) + np.cos(h) * np.cos(s) * np.cos(np.radians(azimuth))
+        return np.degrees(np.arccos(np.clip(cosine, -1, 1)))
 
-        thermal, scattered: values at the rows, (e, n) and (e, a, n). elevation_deg, azimuth_deg:
-        directions as for `in_band_radiance`, (...).
+    def ring(self, band: Band, elevation_deg: float) -> tuple[float, np.ndarray]:
+        """In-band emission at an elevation, and light scattered by the angles ANGLES_DEG there.
+
+        The angle from the sun is taken as the same along a ray, as it is without refraction, and
+        the way to the sun as that at right angles to the ray's azimuth.
         """
-        thermal, scattered = (np.log(np.maximum(part, SMALLEST)) for part in (thermal, scattered))
-        first, last = self.elevations_deg[[0, -1]]
-        elevation = np.clip(np.asarray(elevation_deg, dtype=float), first, last)
-        angle = from_sun(elevation, azimuth_deg)
-        of_rows = []
-        for row, values in zip(self.elevations_deg, scattered):
-            # At the zenith all azimuths are the same direction
-            nodes, places = np.unique(from_sun(row, self.azimuths_deg).round(6), return_index=True)
-            of_rows.append(at_places(values[places], np.interp(angle, nodes, range(len(nodes)))))
-        masses = -np.log(air_mass(self.elevations_deg))
-        x = np.interp(-np.log(air_mass(elevation)), masses, range(len(masses)))
-        k = np.minimum(x.astype(int), len(masses) - 2)
-        below, above = (
-            np.take_along_axis(np.array(of_rows), (k + step)[None, ..., None], axis=0)[0]
-            for step in (0, 1)
-        )
-        share = (x - k)[..., None]
-        return np.exp(at_places(thermal, x)) + np.exp((1 - share) * below + share * above)
+        model = bands()
+        weights = band.row_weights(model.wavelengths_um)
+        along = self.air.ray(self.height_m, elevation_deg)
+        to_sun = self.air.amounts_to_sun(along, SunDirection(self.sun_elevation_deg, 90.0))
+        through = model.transmittance(along.amounts + to_sun) * model.sun * weights
+        scattered = np.zeros(len(ANGLES_DEG))
+        for k, amount in enumerate(np.diff(along.amounts, axis=0).T):
+            if amount.any() and model.scattering[k].any():
+                light = amount @ (through[1:] + through[:-1]) / 2 * model.scattering[k]
+                scattered += model.phase(k, ANGLES_DEG) @ light
+        return float(self.air.emitted(along).radiance @ weights), scattered
 
-    def mean_spectrum(self) -> Spectrum:
+    def mean_spectrum(self) -> AirLight:
         """Mean radiance of the sky, weighted by the cosine to the zenith.
 
         It is the spectral irradiance of the sky on the ground, divided by pi.
         """
-        x, weights = np.polynomial.legendre.leggauss(MEAN_ROWS)
-        elevation = np.degrees(np.arcsin(np.sqrt((x + 1) / 2)))
-        azimuth = (np.arange(MEAN_COLUMNS) + 0.5) * 180 / MEAN_COLUMNS
-        directions = np.meshgrid(elevation, azimuth, indexing="ij")
-        radiance = self.between(self.thermal, self.scattered, *directions)
-        mean = weights / 2 @ radiance.mean(axis=1)
-        return Spectrum(f"daytime sky {self.name}", self.wavelengths_um, mean)
-
-
-def at_places(rows, places) -> np.ndarray:
-    """Rows (k, n), linear between them, at places 0..k - 1 (...); (..., n)."""
-    k = places.astype(int)
-    share = (places - k)[..., None]
-    return (1 - share) * rows[k] + share * rows[np.minimum(k + 1, len(rows) - 1)]
-
-
-def from_sun(elevation_deg, azimuth_deg) -> np.ndarray:
-    """Angle between a direction and the sun [degrees]."""
-    h, s, azimuth = (
-        np.radians(elevation_deg),
-        np.radians(SUN_ELEVATION_DEG),
-        np.radians(azimuth_deg),
-    )
-    cos = np.sin(h) * np.sin(s) + np.cos(h) * np.cos(s) * np.cos(azimuth)
-    return np.degrees(np.arccos(np.clip(cos, -1, 1)))
+        azimuths = (np.arange(MEAN_COLUMNS) + 0.5) * 180 / MEAN_COLUMNS
+        sun = SunDirection(self.sun_elevation_deg, 90.0)
+        mean = None
+        for elevation, weight in zip(*mean_nodes()):
+            along = self.air.ray(self.height_m, elevation)
+            scattered = AirLight.of(
+                "",
+                self.air.scattering(along, sun, azimuths).mean(axis=0),
+                along.amounts + self.air.amounts_to_sun(along, sun),
+            )
+            part = self.air.emitted(along).plus(scattered).scaled(weight)
+            mean = part if mean is None else mean.plus(part)
+        return replace(mean, name=f"daytime sky {self.name}")
 
 
 def sky_air_names() -> list[str]:
-    """Names of the bundled airs whose daytime sky is known."""
-    names = (file.stem for file in BUNDLED.glob("skysun_*_clear.csv"))
-    return sorted(name.removeprefix("skysun_").removesuffix("_clear") for name in names)
+    """Names of the clear airs whose daytime sky is known."""
+    return model_names()
 
 
-def daytime_sky(air: str) -> DaytimeSky:
-    """The daytime sky of a bundled air; raises InputError for an unknown name."""
-    if air not in sky_air_names():
-        raise unknown("air", air, sky_air_names())
-    columns = ELEVATION, AZIMUTH, WAVELENGTH, RADIANCE, THERMAL
-    table = read_table(BUNDLED / f"skysun_{air}_clear.csv", columns, "daytime sky").numbers(columns)
-    elevations, azimuths, wavelengths = (np.unique(table[name]) for name in columns[:3])
-    # The rows are ordered by elevation, azimuth and wavelength
-    shape = len(elevations), len(azimuths), len(wavelengths)
-    radiance, thermal = (table[name].reshape(shape) for name in columns[3:])
-    scattered = np.maximum(radiance - thermal, 0)
-    return DaytimeSky(air, elevations, azimuths, wavelengths, thermal[:, 0], scattered)
+def daytime_sky(
+    air: str,
+    sun_elevation_deg: float = SUN_ELEVATION_DEG,
+    height_m: float = HEIGHT_M,
+    weather: Weather = Weather(),
+) -> DaytimeSky:
+    """The daytime sky of a clear air, with a sun at sun_elevation_deg [degrees].
+
+    height_m: of the viewer above the ground [m]. Raises InputError for an unknown name, and for a
+    sun below 1 degree.
+    """
+    if not 1 <= sun_elevation_deg <= 90:
+        raise InputError(
+            f"daytime sky '{air}': sun at {sun_elevation_deg:g} degrees; must lie in 1..90"
+        )
+    return DaytimeSky(clear_air(air, weather), height_m, sun_elevation_deg)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import BarycentricInterpolator
 
-from mi_lcair.physics.atmosphere import Atmosphere
+from mi_lcair.physics.air.atmosphere import Atmosphere
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.plugins.emission.source import Source
@@ -25,9 +25,10 @@ def apparent(
     """Apparent radiance of each pixel and the path radiance in it.
 
     The atmosphere is applied to the model only. The background radiance is assumed to be given at
-    the sensor, as in a sky table. Each spectrum has its own transmittance. Radiance of unknown
-    spectrum (from `closure` or from an emitter that is not thermal) gets the mean transmittance of
-    the band.
+    the sensor, as in a sky table. Each spectrum has its own transmittance. Light that has crossed
+    air before the target, such as sunlight, gets the amounts of absorbers of both paths. Radiance
+    of unknown spectrum (from `closure` or from an emitter that is not thermal) gets the mean
+    transmittance of the band.
 
     Parameters
     ----------
@@ -115,7 +116,7 @@ class Arrival:
         for k, source in enumerate(sources.list):
             if source.name is not None:
                 name = f"target.source.{k}"
-                spectra[name] = spectrum_of(source, x)
+                spectra[name] = source.spectrum or spectral_radiance(x, source.temperature)
                 in_band[name] = 1.0
                 at_detector[name] = 1.0 if same else in_band_ratio(source, detector, band)
         if len(nodes := sources.wavelengths_um):
@@ -132,7 +133,7 @@ class Arrival:
         spectra[REST] = np.ones(len(x))
         at_detector[REST] = 1.0 if same else detector.weights_um.sum() / band.weights_um.sum()
         transmittance = atmosphere.band_transmittance(
-            detector, np.array(list(spectra.values())), ranges_m, extrapolate
+            detector, list(spectra.values()), ranges_m, extrapolate
         )
         return Arrival(
             in_band,
@@ -161,12 +162,3 @@ def in_band_ratio(source: Source, detector: Band, band: Band) -> float:
         for rule in (detector, band)
     )
     return float(value / radiance) if radiance > 0 else 0.0
-
-
-def spectrum_of(source: Source, wavelengths_um) -> np.ndarray:
-    """Spectral radiance of a source at some wavelengths [W m^-2 sr^-1 um^-1]."""
-    return (
-        spectral_radiance(wavelengths_um, source.temperature)
-        if source.spectrum is None
-        else source.spectrum.at(wavelengths_um)
-    )

@@ -12,7 +12,7 @@ import mitsuba as mi
 import numpy as np
 
 import mi_lcair
-from mi_lcair.physics.atmosphere import Atmosphere
+from mi_lcair.physics.air.atmosphere import Atmosphere
 from mi_lcair.physics.atmosphere import atmosphere as read_atmosphere
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import brightness_temperature

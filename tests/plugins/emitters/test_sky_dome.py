@@ -64,6 +64,23 @@ def test_a_sun_that_does_not_fit(elevation, azimuth):
 
 
 def test_bands():
-    for name in ("LWIR", "total"):
+    """LWIR is known too; there the sky by day is that of the night."""
+    mi.load_dict({**DOME, "band": "LWIR"})
+    for name in ("SWIR", "total"):
         with pytest.raises(RuntimeError, match=f"does not cover band {name}"):
             mi.load_dict({**DOME, "band": name})
+
+
+def test_height_and_elevation_of_the_sun(plate):
+    """The dome of a higher place is darker, and one of a low sun has its own radiances."""
+    for changes, sky in (
+        ({"height_m": 3000.0}, daytime_sky("midlat_summer", height_m=3000.0)),
+        ({"sun_elevation_deg": 20.0}, daytime_sky("midlat_summer", 20.0)),
+    ):
+        dome = mi.load_dict({**DOME, **changes})
+        expected = sky.mean_spectrum().in_band_radiance(MWIR)
+        assert float(dome.facet_radiance()[0]) == pytest.approx(expected, rel=1e-6)
+    high, low = mi.load_dict({**DOME}), mi.load_dict({**DOME, "height_m": 3000.0})
+    high.at_height(3000.0)
+    low.at_height(0.0)  # the scene states its height itself
+    assert float(high.facet_radiance()[0]) == float(low.facet_radiance()[0])

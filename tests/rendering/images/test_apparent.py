@@ -10,7 +10,7 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
-from mi_lcair.physics.atmosphere import Atmosphere, atmosphere
+from mi_lcair.physics.atmosphere import AtmosphereTable, atmosphere
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.rendering.scene import checked
@@ -148,7 +148,7 @@ def test_opaque_air_shows_itself(plate):
     it, grey and reflecting.
     """
     x = np.linspace(2.9, 5.1, 500)
-    air = Atmosphere(
+    air = AtmosphereTable(
         "fog",
         np.array([10.0, 2000.0]),
         x,
@@ -167,7 +167,7 @@ def test_opaque_air_shows_itself(plate):
     "changes, message",
     [
         ({"range_m": 0.0}, "zero range"),
-        ({"range_m": 9000.0}, "beyond its last one, 5000 m"),
+        ({"range_m": 300_000.0}, "beyond its last one, 200000 m"),
         ({"band": "3-6"}, "does not cover band"),
         ({"band": "total"}, "total"),
     ],
@@ -182,6 +182,7 @@ def test_refused_before_rendering(plate, changes, message):
 
 
 def test_a_pixel_beyond_the_table(plate):
-    far = [[x, y, -5000] for x, y, _ in SQUARE]
+    far, x = [[x, y, -5000] for x, y, _ in SQUARE], AIR.wavelengths_um
+    short = AtmosphereTable("short", np.array([1e3, 5e3]), x, np.full((2, len(x)), 0.5), 0 * x)
     with pytest.raises(InputError, match="m is beyond its last one, 5000 m"):
-        mi_lcair.render(scene(far=plate("far", far, BLACK, 350.0, "MWIR")), spp=1, atmosphere=AIR)
+        mi_lcair.render(scene(far=plate("far", far, BLACK, 350.0, "MWIR")), spp=1, atmosphere=short)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mi_lcair.physics.slant.geometry import (
+from mi_lcair.physics.air.geometry import (
     EFFECTIVE_RADIUS_M,
     extended_down,
     height_along,

@@ -1,0 +1,128 @@
+"""How well does clear air agree with LOWTRAN7? The page docs/validation/air.md; every number on it
+is computed here.
+
+    python -m docs.studies.air [PAGE]
+
+LOWTRAN7's own in-band values, at geometries that are in no table of the product, are those of
+tests/physics/air/lowtran7.csv. Takes half a minute.
+"""
+
+import csv
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from docs.studies.page import write_page
+from mi_lcair.physics.air.bands import bands
+from mi_lcair.physics.air.clear_air import SunDirection, clear_air
+from mi_lcair.physics.air.levels import model_names
+from mi_lcair.physics.air.light import AirLight
+from mi_lcair.physics.bands import band
+
+LOWTRAN7 = Path(__file__).parents[2] / "tests/physics/air/lowtran7.csv"
+X = bands().wavelengths_um
+BANDS = "MWIR", "LWIR"
+KINDS = {
+    "sky": "night sky, radiance",
+    "sky_transmittance": "the same, transmittance to space",
+    "day_sky": "day sky in MWIR, total",
+    "sun": "direct sun",
+    "transmittance": "path between two heights, transmittance",
+    "path_up": "path radiance, seen from below",
+    "path_down": "path radiance, seen from above",
+}
+RANGES_KM = 0.5, 2.0, 5.0, 10.0
+
+
+def spectrum(kind: str, name: str, a: float, b: float, c: float, d: float) -> np.ndarray:
+    """Spectrum of a case; its geometry is that of the table's header."""
+    air = clear_air(name)
+    if kind == "sky":
+        return air.sky(1000 * a, b).radiance
+    if kind == "sky_transmittance":
+        return bands().transmittance(air.ray(1000 * a, b).amounts[-1])
+    if kind == "sun":
+        return air.sun(1000 * a, b).radiance
+    if kind == "day_sky":
+        return air.sky(1000 * a, c, SunDirection(b, d)).radiance
+    along = air.ray(1000 * a, c, 1000 * d)
+    if kind == "transmittance":
+        return bands().transmittance(along.amounts[-1])
+    if kind == "path_down":
+        end, turned = 1000 * along.heights_km[-1], -along.elevations_deg[-1]
+        along = air.ray(end, turned, 1000 * d)
+    return air.emitted(along).radiance
+
+
+def errors() -> dict[tuple[str, str], np.ndarray]:
+    """Relative errors of in-band values, by kind and air."""
+    found = {}
+    lines = (line for line in LOWTRAN7.read_text().splitlines() if line[0] != "#")
+    for row in csv.DictReader(lines):
+        kind, name, rule = row["kind"], row["air"], band(row["band"])
+        if kind not in KINDS:
+            continue
+        value = rule.integral(X, spectrum(kind, name, *(float(row[key]) for key in "abcd")))
+        if "transmittance" in kind:
+            value /= rule.integral(X, np.ones_like(X))
+        found.setdefault((kind, name), []).append(value / float(row["value"]) - 1)
+    return {key: np.array(values) for key, values in found.items()}
+
+
+def product_over_sum(light: AirLight, name: str) -> list[str]:
+    """In-band product of transmittances over summed amounts, less 1, of the RANGES_KM, per cent."""
+    cells = []
+    for rule in map(band, BANDS):
+        for length in RANGES_KM:
+            amounts = clear_air(name).ray(50.0, 0.0, 1000 * length).amounts[-1]
+            product = rule.integral(X, light.radiance * bands().transmittance(amounts))
+            cells.append(f"{100 * (product / rule.integral(X, light.through(amounts)) - 1):+.0f}")
+    return cells
+
+
+def milliseconds() -> float:
+    """Time of a processor for a sky of 12 rings, the sun, and a path by day."""
+    air, durations = clear_air("us_standard"), []
+    for _ in range(5):
+        start = time.process_time()
+        for elevation in np.linspace(3, 87, 12):
+            air.sky(50.0, elevation)
+        air.sun(50.0, 45.0)
+        air.emitted(air.ray(50.0, 10.0, 5000.0), SunDirection(45.0, 60.0))
+        durations.append(time.process_time() - start)
+    return 1000 * min(durations)
+
+
+def main(page: Path) -> None:
+    """Write the page."""
+    found = errors()
+    cell = lambda values: f"{100 * abs(values).max():.2f} ({100 * np.median(abs(values)):.3f})"
+    rows = "\n".join(
+        f"| {words} | {len(found[kind, model_names()[0]])} | "
+        + " | ".join(cell(found[kind, name]) for name in model_names())
+        + " |"
+        for kind, words in KINDS.items()
+    )
+    lights = {
+        "sun at 45 degrees": lambda air: air.sun(50.0, 45.0),
+        "night sky at 45 degrees": lambda air: air.sky(50.0, 45.0),
+    }
+    products = "\n".join(
+        f"| {words} | {name} | {' | '.join(product_over_sum(light(clear_air(name)), name))} |"
+        for words, light in lights.items()
+        for name in model_names()
+    )
+    write_page(
+        page,
+        "air",
+        airs=" | ".join(model_names()),
+        rows=rows,
+        products=products,
+        milliseconds=f"{milliseconds():.0f}",
+    )
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/validation/air.md"))

@@ -1,1 +1,0 @@
-"""Air along slant paths, up and down, and the geometry of their lines of sight."""
