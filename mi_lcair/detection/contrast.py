@@ -13,6 +13,7 @@ import numpy as np
 
 from mi_lcair.detection.contrast_result import Contrast, ContrastRow
 from mi_lcair.detection.irradiance import Estimate, Irradiance, RenderError
+from mi_lcair.detection.multiplied_light import multiplied_light
 from mi_lcair.detection.scenario import RenderTable, Scenario, scenario_of
 from mi_lcair.detection.setting import Setting, setting_of
 from mi_lcair.errors import InputError
@@ -122,6 +123,7 @@ def measured(scenario: Scenario, progress) -> Contrast:
             *view.remarks,
             *invalid_remark(invalid, paths),
             *unlit_sky(view, scenario, detector),
+            *multiplied_light(setting, irradiance.areas.sources),
             *remarks(
                 rows, detector, target, observer.range_m, hidden_share(view, observer.range_m)
             ),

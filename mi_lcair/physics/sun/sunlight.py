@@ -19,6 +19,7 @@ from mi_lcair.physics.spectrum import BUNDLED, Spectrum
 from mi_lcair.table import LARGEST
 
 NO_AIR = "none"
+OUTSIDE_AIR = "E490"  # name of the spectrum outside the air
 IRRADIANCE = "irradiance_W_m2_um"
 # Rows between those of ASTM E490, whose own rows are up to 1 um apart at 10 um. On straight lines
 # between rows in these steps, a curve that is straight in logarithms has an error below 1e-5.
@@ -115,7 +116,7 @@ def sunlight(
                 "at the scene; leave the distance out"
             )
         return Sunlight(str(air), table.wavelengths_um, table.columns[0])
-    return Sunlight("E490", x, irradiance / (distance_au or 1) ** 2)
+    return Sunlight(OUTSIDE_AIR, x, irradiance / (distance_au or 1) ** 2)
 
 
 def outside_air() -> tuple[np.ndarray, np.ndarray]:

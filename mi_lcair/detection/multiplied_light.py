@@ -1,0 +1,64 @@
+"""Remark on light that has crossed air before the target, where transmittances are multiplied.
+
+The amounts of absorbers of both paths add only if both are known, which tables do not state. The
+size of the error is that of clear air.
+"""
+
+from mi_lcair.detection.setting import Setting
+from mi_lcair.physics.air.clear_air import clear_air
+from mi_lcair.physics.air.clear_paths import ClearPaths
+from mi_lcair.physics.air.light import AirLight
+from mi_lcair.physics.atmosphere import HEIGHT_M
+from mi_lcair.physics.sun.sunlight import OUTSIDE_AIR
+from mi_lcair.plugins.emission.one_sun import one_sun
+from mi_lcair.plugins.emission.source import Source
+
+STAND_IN = "us_standard"  # clear air that stands for air of which only a table is known
+STAND_IN_DEG = 45.0  # elevation of light that stands for a table's
+
+
+def multiplied_light(setting: Setting, sources: list[Source]) -> list[str]:
+    """Remark on the light that the product of transmittances changes most, in a list.
+
+    Parameters
+    ----------
+    setting : Setting
+    sources : list of Source
+        Sources of the scene.
+    """
+    if setting.air.is_vacuum:
+        return []
+    sun = one_sun(setting.view.mi.emitters())
+    errors = {}
+    for source in sources:
+        light = source.spectrum
+        is_known = isinstance(light, AirLight) and setting.path.amounts is not None
+        if light is None or light.name == OUTSIDE_AIR or is_known:
+            continue
+        of_sun = sun is not None and source.group == sun.group
+        errors[f"{source.group} ({light.name})"] = product_error(setting, light, of_sun)
+    if not errors:
+        return []
+    name = max(errors, key=lambda key: abs(errors[key]))
+    sign = "bright" if errors[name] > 0 else "dark"
+    return [
+        f"light of {name} has crossed air before the target, but a table does not state its "
+        "absorbers: transmittances are multiplied, which in clear air makes this light "
+        f"{abs(errors[name]):.0%} too {sign}"
+    ]
+
+
+def product_error(setting: Setting, light, of_sun: bool) -> float:
+    """Relative error of the product of spectrum and transmittance in the band, in clear air."""
+    sight, path, band = setting.sight, setting.path, setting.detector.band
+    clear = clear_air(STAND_IN)
+    if path.amounts is None:
+        heights = [h for h in (sight.observer_m, sight.target_m) if h is not None]
+        ends = min(heights, default=HEIGHT_M), abs(sight.elevation_deg), sight.elevation_deg >= 0
+        path = ClearPaths(STAND_IN, clear, *ends, path.range_m).path(path.range_m)
+    if not isinstance(light, AirLight):
+        height_m = HEIGHT_M if sight.target_m is None else sight.target_m
+        light = (clear.sun if of_sun else clear.sky)(height_m, STAND_IN_DEG)
+    band.check_covered(path.wavelengths_um, f"air '{STAND_IN}'")
+    product = band.integral(path.wavelengths_um, light.radiance * path.transmittance)
+    return float(product / band.integral(path.wavelengths_um, light.through(path.amounts)) - 1)
