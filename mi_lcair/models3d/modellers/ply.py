@@ -8,6 +8,7 @@ faces that have further properties. plyfile is under the GPL.
 import re
 import struct
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +39,7 @@ LISTS_OF_CORNERS = ("vertex_index", "vertex_indices")
 FORMAT = re.compile(rf"format ({'|'.join(ORDERS)}) \S+")
 ELEMENT = re.compile(r"element ([A-Za-z0-9_]+) ([0-9]{1,12})")
 PROPERTY = re.compile(r"property (?:list (u?char|u?short|u?int|u?int\d+) )?(\w+) ([A-Za-z0-9_]+)")
+END_OF_HEADER = re.compile(rb"(?:^|\n)end_header[ \t\r]*\n")
 LONGEST_HEADER = 2**16  # bytes
 
 
@@ -117,7 +119,11 @@ def _check(faces):
 
 def _parsed(content):
     """The Faces in the content of a file, as they stand there."""
-    order, elements, begin = _header(content)
+    end = END_OF_HEADER.search(content[:LONGEST_HEADER])
+    if not re.match(rb"ply[ \t\r]*\n", content) or not end:
+        raise InputError("is no PLY file; it must begin with 'ply' and a header up to 'end_header'")
+    order, elements = _header(content[: end.start()])
+    begin = end.end()
     data = np.frombuffer(content, np.uint8, offset=begin)
     if order == ORDERS[TEXT]:
         data = _text_numbers(content[begin:]).view(np.uint8)
@@ -139,13 +145,11 @@ def _parsed(content):
     return Faces(vertices, sizes, _indices(corners))
 
 
+@lru_cache(maxsize=64)  # many meshes of a scene have the same header
 def _header(content):
-    """Byte order, elements, and where the content begins."""
-    end = re.search(rb"(?:^|\n)end_header[ \t\r]*\n", content[:LONGEST_HEADER])
-    if not re.match(rb"ply[ \t\r]*\n", content) or not end:
-        raise InputError("is no PLY file; it must begin with 'ply' and a header up to 'end_header'")
+    """Byte order and elements in the lines of a header."""
     order, elements = None, []
-    for line in content[: end.start()].decode("ascii", "replace").splitlines()[1:]:
+    for line in content.decode("ascii", "replace").splitlines()[1:]:
         words = " ".join(line.split())
         if not words or words.split()[0] in ("comment", "obj_info"):
             continue
@@ -171,7 +175,7 @@ def _header(content):
             raise InputError(f"its element '{element.name}' has no properties")
         if len({entry.name for entry in element.properties}) < len(element.properties):
             raise InputError(f"its header gives element '{element.name}' a property twice")
-    return order, elements, end.end()
+    return order, elements
 
 
 def _text_numbers(text):
