@@ -1,4 +1,4 @@
-"""`report`, which writes the page of one thing or of several."""
+"""`report`, which writes the page of one subject or of several."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ TAKEN = (
 
 @dataclass(frozen=True)
 class Request:
-    """How the things on a page are made.
+    """How the subjects on a page are made.
 
     Attributes
     ----------
@@ -126,8 +126,8 @@ def report(
         If something cannot be shown, or the file cannot be written. Nothing is written then.
     """
     check_output(path)
-    things = list(what) if isinstance(what, (list, tuple)) else [what]
-    if not things:
+    subjects = list(what) if isinstance(what, (list, tuple)) else [what]
+    if not subjects:
         raise InputError("a report needs something to show; name a file, a scene or a scenario")
     options = {
         "spp": spp,
@@ -143,14 +143,14 @@ def report(
         plan=plan,
         progress=progress,
     )
-    pages = [page_of(thing, request) for thing in things]
+    pages = [page_of(subject, request) for subject in subjects]
     sections = [
         Section(f"{title}: {section.title}" if len(pages) > 1 else section.title, section.parts)
         for title, of_thing in pages
         for section in sorted(of_thing, key=is_detail)
     ]
     title = ", ".join(title for title, _ in pages)
-    save(path, title, [*sections, this_page(command, things)])
+    save(path, title, [*sections, this_page(command, subjects)])
     return remarks(sections)
 
 
@@ -160,7 +160,7 @@ def is_detail(section: Section) -> bool:
 
 
 def page_of(what: What, request: Request) -> tuple[str, list[Section]]:
-    """Title and sections of one thing."""
+    """Title and sections of one subject."""
     if isinstance(what, Result):
         return what.page_title(), what.sections()
     kind = kinds.kind_of(what) if isinstance(what, (str, PathLike)) else kinds.SCENE
@@ -274,11 +274,11 @@ def of_scenario(what: str, request: Request) -> tuple[str, list[Section]]:
     ]
 
 
-def this_page(command: str | None, things: list) -> Section:
+def this_page(command: str | None, subjects: list) -> Section:
     """How a page was made: the call and the versions that read and drew it."""
     names = ", ".join(
-        repr(str(thing)) if isinstance(thing, (str, PathLike)) else type(thing).__name__
-        for thing in things
+        repr(str(subject)) if isinstance(subject, (str, PathLike)) else type(subject).__name__
+        for subject in subjects
     )
     rows = [
         ("made by", command or f"mi_lcair.report({names})"),

@@ -256,11 +256,13 @@ def sampling_options(spp: str, tolerance: str, max_spp: str | None = None):
     return decorator
 
 
-def output_option(what: str, required: bool = False, metavar: str = "FILE"):
-    """Decorator that gives a command the option -o. `what` is written, and to which file."""
-    return click.option(
-        "-o", "--output", type=FILE, metavar=metavar, required=required, help=f"Write {what}."
-    )
+def output_option(what: str, metavar: str = "FILE", **settings):
+    """Decorator that gives a command the option -o. `what` is written, and to which file.
+
+    settings: further arguments of click.option.
+    """
+    help = f"Write {what}."
+    return click.option("-o", "--output", type=FILE, metavar=metavar, help=help, **settings)
 
 
 def file_option(name: str, help: str, **settings):

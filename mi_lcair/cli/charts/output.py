@@ -2,31 +2,29 @@
 
 import click
 
-from mi_lcair.cli.options import json_option
+from mi_lcair.cli.options import json_option, output_option
 from mi_lcair.cli.output import print_columns
 
 
 def chart_options(files: str):
-    """Give a command the options -o FOLDER, --quick and --json.
+    """Decorator that gives a command the options -o FOLDER, --quick and --json.
 
-    The command receives `folder`, `quick` and `json`. `files` names its files in the help.
+    The command receives `output`, `quick` and `json`. `files` names its files in the help.
     """
+    written = output_option(
+        f"{files} to FOLDER, which is made if it is absent",
+        metavar="FOLDER",
+        default=".",
+        show_default=True,
+    )
+    quick = click.option(
+        "--quick",
+        is_flag=True,
+        help="Measure fewer efforts and repetitions, in seconds instead of minutes.",
+    )
 
     def decorator(command):
-        command = click.option(
-            "--quick",
-            is_flag=True,
-            help="Measure fewer efforts and repetitions, in seconds instead of minutes.",
-        )(json_option(command))
-        return click.option(
-            "-o",
-            "--output",
-            "folder",
-            type=click.Path(),
-            default=".",
-            show_default=True,
-            help=f"Folder to write {files} to; it is made if it is absent.",
-        )(command)
+        return written(quick(json_option(command)))
 
     return decorator
 

@@ -12,7 +12,7 @@ from mi_lcair.cli.usage.examples import examples
 
 @click.command("propagation", epilog=examples("mi-lcair chart propagation --quick -o charts"))
 @chart_options("propagation.png, .csv and .md, and propagation_closure.png and .csv")
-def command(folder, quick, json):
+def command(output, quick, json):
     """Compare methods that follow radiation from facet to facet.
 
     The methods are those of the thesis, path tracing and Mitsuba's own integrator, on six scenes.
@@ -23,7 +23,7 @@ def command(folder, quick, json):
     from mi_lcair.reports import propagation_page
 
     # `filling` comes before the work, so that an unusable folder is refused at once.
-    with filling(folder) as partial:
+    with filling(output) as partial:
         with progress_bar("curves") as progress:
             result = propagation_chart.measure(quick, progress)
         propagation_page.write(partial, result)
@@ -41,4 +41,4 @@ def command(folder, quick, json):
         "No larger effort of a method is tried once a run takes more than "
         f"{result.effort.seconds:g} s of processor time on each thread, however busy the machine."
     )
-    click.echo(f"wrote propagation.png, .csv and .md, propagation_closure.png and .csv to {folder}")
+    click.echo(f"wrote propagation.png, .csv and .md, propagation_closure.png and .csv to {output}")

@@ -12,7 +12,7 @@ from mi_lcair.cli.usage.examples import examples
 
 @click.command("reflectance", epilog=examples("mi-lcair chart reflectance --quick -o charts"))
 @chart_options("reflectance.png, .csv and .md")
-def command(folder, quick, json):
+def command(output, quick, json):
     """Compare eight methods that integrate a BRDF over the hemisphere.
 
     Printed and written are relative rms errors against samples and time in s.
@@ -22,7 +22,7 @@ def command(folder, quick, json):
     from mi_lcair.reports import reflectance_page
 
     # `filling` comes before the work, so that an unusable folder is refused at once.
-    with filling(folder) as partial:
+    with filling(output) as partial:
         with progress_bar("points") as progress:
             points = reflectance_chart.measure(quick, progress)
         reflectance_page.write(partial, points, quick)
@@ -30,4 +30,4 @@ def command(folder, quick, json):
         print_json({"points": [asdict(point) for point in points]})
         return
     print_cheapest(points, "case", "samples")
-    click.echo(f"wrote reflectance.png, reflectance.csv and reflectance.md to {folder}")
+    click.echo(f"wrote reflectance.png, reflectance.csv and reflectance.md to {output}")
