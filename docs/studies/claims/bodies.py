@@ -5,7 +5,7 @@ import numpy as np
 from docs.studies.claims.case import Case, Draw
 from docs.studies.claims.lit import SUN_SPECTRAL, SUN_UM, X, Y
 from docs.studies.claims.planck import BANDS_UM
-from docs.studies.claims.scene_file import BLACK, UP, SceneFile, diffuse, thermal
+from docs.studies.claims.scene_file import BLACK, FARTHEST, UP, SceneFile, diffuse, thermal
 from docs.studies.claims.sources import corners
 from docs.studies.claims.view_factors import to_polygon
 
@@ -94,7 +94,7 @@ def body(draw: Draw) -> Case:
 
     if around != "void":
         T["sky"] = draw.background()
-        far = draw.size(30, 1e5) * radius
+        far = min(draw.size(30, 1e5) * radius, FARTHEST / place.scale)
         file.room(np.zeros(3), far, "sky", T["sky"])
     if around == "terrain":
         T["terrain"] = draw.ambient()

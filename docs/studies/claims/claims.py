@@ -246,7 +246,8 @@ def sensitivities(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
 
 def budget(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
     """The row of a budget that holds the noise of the rendering."""
-    groups = [name for name in case.temperatures if case.by_group[name] > SHARE * case.mean]
+    by_group = case.by_group
+    groups = [name for name in case.temperatures if by_group.get(name, 0) > SHARE * case.mean]
     stated = {"sigma": {f"{name}.temperature": "0.1 %" for name in groups}}
     spp = int(2 ** rng.integers(6, 11))
     result = mi_lcair.budget(scene, stated, spp=spp, seed=int(rng.integers(1000)))

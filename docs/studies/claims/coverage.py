@@ -12,6 +12,7 @@ from docs.studies.claims.claims import Claim
 LEVEL = 0.95  # of the intervals that are claimed, and of those of the shares
 AT_LEAST = 0.90  # share of claims that must hold
 FALSE = (1.0, 1.5, 3.0)  # errors of a tolerance that was reached, in tolerances
+FAR = 30.0  # error over what was stated that chance does not give: Student's t of 70 or more
 SURE = 1e-4  # probability that a share which is good enough is taken for a defect
 
 
@@ -93,15 +94,15 @@ def rows(claims: Iterable[Claim], by_kind: bool = False, level: float = LEVEL) -
     return [row(*key, groups[key], level) for key in sorted(groups)]
 
 
-def defects(claims: Iterable[Claim]) -> dict[tuple[str, str], str]:
-    """Names and kinds whose claims do not hold, each with its number.
+def defects(claims: Iterable[Claim], by_kind: bool = True) -> dict[tuple[str, str], str]:
+    """Names of claims that do not hold, and kinds of scenes, each with its number.
 
-    These are intervals whose coverage is below AT_LEAST beyond chance, tolerances that are missed
-    by more than three times or too often beyond chance, and faults.
+    These are intervals whose coverage is below AT_LEAST beyond chance or that are missed by more
+    than FAR times, tolerances that are missed by more than three times, and faults.
     """
     result = {}
-    for entry in rows(claims, by_kind=True, level=1 - 2 * SURE):
-        is_false = is_tolerance(entry.name) and entry.beyond[-1] > 0
+    for entry in rows(claims, by_kind, level=1 - 2 * SURE):
+        is_false = entry.worst.excess > (FALSE[-1] if is_tolerance(entry.name) else FAR)
         if entry.upper < AT_LEAST or is_false or entry.name.startswith("fault"):
             result[entry.name, entry.kind] = (
                 f"{entry.claims - round(entry.held * entry.claims)} of {entry.claims} false, "

@@ -335,7 +335,7 @@ def keyhole(draw: Draw) -> Case:
     file = floor_scene(draw, draw.size(1.5, 10), rho, T["floor"])
     screen, height = draw.between(0.2, 1), draw.between(1.2, 3)
     hole, side = draw.size(1e-3, 0.1), draw.size(1e-3, 0.2)
-    if height / (height - screen) * (hole + side) > 0.9:
+    if np.sqrt(2) * height / (height - screen) * (hole + side) > 0.9:
         raise Unsuitable
     T["lamp"] = draw.temperature(300)
     file.rectangle(
@@ -396,7 +396,7 @@ def shadow(draw: Draw) -> Case:
         ]
     )
     side, height = draw.size(1e-3, 0.3), draw.between(0.05, 0.3)
-    if side + height / np.tan(elevation) > 0.9:
+    if np.sqrt(2) * side + height / np.tan(elevation) > 0.9:
         raise Unsuitable
     file.rectangle(height * UP, side * X, side * Y, BLACK)
     name = "sun.csv"

@@ -34,6 +34,7 @@ property list uchar int vertex_indices
 {attribute}end_header
 """
 UP = np.array([0.0, 0.0, 1.0])
+FARTHEST = 5e8  # radius of a room; the loader refuses shapes beyond 1e9 m
 
 
 @dataclass(frozen=True)
@@ -156,6 +157,7 @@ class SceneFile:
 
     def room(self, centre, radius: float, group: str, temperature: float) -> None:
         """A black sphere around everything, which is sky."""
+        radius = min(radius, FARTHEST / self.place.scale)
         self.sphere(centre, radius, BLACK + thermal(group, temperature, "sky"), inward=True)
 
     def sun(self, direction, name: str) -> None:

@@ -1,0 +1,75 @@
+"""What the commands claim about adverse scenes holds, but for the defects that are listed."""
+
+import numpy as np
+import pytest
+
+from docs.studies.claims.__main__ import main, run
+from docs.studies.claims.claims import Claim
+from docs.studies.claims.coverage import defects, interval, rows
+
+SEED, SCENES = 1, 40  # about a minute
+
+# What does not hold yet, with the number of another seed. The list must not grow.
+KNOWN = {}
+
+
+@pytest.mark.slow
+def test_claims_hold_but_for_known_defects():
+    found = run(SEED, range(SCENES))
+    assert len(found) > 10 * SCENES
+    failed = defects(found, by_kind=False)
+    unknown = {name: text for (name, _), text in failed.items() if name not in KNOWN}
+    assert not unknown
+
+
+def claim(held: bool, scene: int, name: str = "interval, target") -> Claim:
+    return Claim(name, "lamp", "off", 1, scene, 0.5 if held else 1.2, 0.01)
+
+
+def test_interval_of_independent_claims_is_that_of_clopper_and_pearson():
+    held = np.arange(100) < 90
+    lower, upper = interval(held, np.arange(100))
+    assert lower == pytest.approx(0.8238, abs=2e-3)  # tables: .8238 to .9510
+    assert upper == pytest.approx(0.9510, abs=2e-3)
+
+
+def test_claims_that_fail_together_count_as_one():
+    """Ten scenes of ten claims each, of which one scene fails: like 9 of 10."""
+    held, scenes = np.repeat(np.arange(10) > 0, 10), np.repeat(np.arange(10), 10)
+    lower, upper = interval(held, scenes)
+    assert lower == pytest.approx(0.555, abs=0.05)  # tables: .555 to .9975
+    assert upper == pytest.approx(0.9975, abs=0.005)
+
+
+def test_a_defect_is_coverage_below_90_beyond_chance():
+    assert not defects([claim(k % 10 > 0, k) for k in range(100)])  # 90 of 100
+    assert not defects([claim(k > 0, k) for k in range(4)])  # 3 of 4
+    (text,) = defects([claim(k % 3 > 0, k) for k in range(100)]).values()
+    assert text == "34 of 100 false, worst 1.2 times (--seed 1 --first 0)"
+
+
+def test_an_interval_that_is_far_off_is_a_defect_however_rare():
+    held = [claim(True, k) for k in range(200)]
+    near, far = (Claim("interval, target", "lamp", "off", 1, 7, excess, 0.3) for excess in (29, 31))
+    assert not defects([*held, near])
+    assert list(defects([*held, far])) == [("interval, target", "lamp")]
+
+
+def test_a_tolerance_that_is_far_off_is_a_defect_however_rare():
+    held = [claim(True, k, "tolerance") for k in range(200)]
+    far = Claim("tolerance", "lamp", "off", 1, 7, 3.1, 0.3)
+    assert not defects(held)
+    assert list(defects([*held, far])) == [("tolerance", "lamp")]
+    (row,) = rows([*held, far])
+    assert row.beyond == pytest.approx([1 / 201] * 3)
+    assert row.worst is far
+
+
+@pytest.mark.slow
+def test_command_writes_the_page(tmp_path, capsys):
+    arguments = ["--scenes", "1", "--first", "21", "--seed", "7"]
+    main([*arguments, "--page", str(tmp_path / "claims.md"), "--csv", str(tmp_path / "claims.csv")])
+    assert "interval, target" in capsys.readouterr().out
+    page = (tmp_path / "claims.md").read_text()
+    assert "| tolerance | 1 | 1 | 100.0% |" in page
+    assert len((tmp_path / "claims.csv").read_text().splitlines()) > 5
