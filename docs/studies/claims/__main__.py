@@ -1,10 +1,11 @@
 """Draw adverse scenes, run the commands on them, and count the claims that hold.
 
     python -m docs.studies.claims [--scenes N] [--seed S] [--first K] [--kind TEXT] [--page FILE]
-                                  [--csv FILE]
+                                  [--csv FILE] [--read FILE ...]
 
 A scene takes about two seconds. `--scenes 1 --first K` repeats the scene K of the seed S and prints
-its claims. `--page docs/validation/claims.md` writes the page.
+its claims. `--page docs/validation/claims.md` writes the page. Several processes may each write a
+part of the claims with `--first` and `--csv`. `--read` then takes them all in place of a run.
 """
 
 import argparse
@@ -28,6 +29,7 @@ def parsed(arguments=None) -> argparse.Namespace:
     parser.add_argument("--kind", default="", help="only scenes whose kind contains this text")
     parser.add_argument("--page", help="file of the page to write")
     parser.add_argument("--csv", help="file to which a row for each claim is added")
+    parser.add_argument("--read", nargs="+", help="CSV files of earlier runs, in place of a run")
     return parser.parse_args(arguments)
 
 
@@ -52,6 +54,15 @@ def add_to(path: str, found: list[Claim]) -> None:
         writer.writerows(map(astuple, found))
 
 
+def read_from(path: str) -> list[Claim]:
+    """The claims of a CSV file."""
+    with Path(path).open(newline="", encoding="utf-8") as file:
+        return [
+            Claim(**{entry.name: entry.type(row[entry.name]) for entry in fields(Claim)})
+            for row in csv.DictReader(file)
+        ]
+
+
 def table(found: list[Claim], by_kind: bool) -> str:
     lines = []
     for row in rows(found, by_kind):
@@ -67,7 +78,11 @@ def table(found: list[Claim], by_kind: bool) -> str:
 def main(arguments=None) -> None:
     options = parsed(arguments)
     numbers = range(options.first, options.first + options.scenes)
-    found = run(options.seed, numbers, options.kind, options.csv)
+    if options.read:
+        read = [claim for path in options.read for claim in read_from(path)]
+        found = [claim for claim in read if claim.seed == options.seed and claim.number in numbers]
+    else:
+        found = run(options.seed, numbers, options.kind, options.csv)
     if options.scenes == 1:
         for claim in found:
             print(claim)
