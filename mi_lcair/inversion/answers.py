@@ -7,6 +7,7 @@ from scipy import stats
 
 from mi_lcair.fitting.judgement.verdict import UNDETERMINED
 from mi_lcair.inversion.least_squares.prediction import DatumBlock, product
+from mi_lcair.inversion.least_squares.solve import State
 from mi_lcair.inversion.unknowns import Unknown
 
 NORMAL_95 = stats.norm.ppf(0.975)
@@ -60,16 +61,13 @@ class Direction:
         return asdict(self)
 
 
-def answers(unknowns: list[Unknown], x, covariance, at_bound, held) -> list[Answer]:
-    """The answer for each unknown.
-
-    x: values (N,). covariance: (N, N). at_bound: -1, 0 or 1 for each. held: whether the noise of
-    the render hides its derivative, (N,).
-    """
+def answers(unknowns: list[Unknown], state: State) -> list[Answer]:
+    """The answer for each unknown."""
     result = []
     for k, unknown in enumerate(unknowns):
-        error = float(np.sqrt(max(covariance[k, k], 0)))
-        low, high = x[k] - NORMAL_95 * error, x[k] + NORMAL_95 * error
+        value, error = float(state.x[k]), float(np.sqrt(max(state.covariance[k, k], 0)))
+        low, high = value - NORMAL_95 * error, value + NORMAL_95 * error
+        words = HIDDEN if state.held[k] else verdict(unknown, value, error, state.at_bound[k])
         low, high = (float(np.clip(end, unknown.lower, unknown.upper)) for end in (low, high))
         result.append(
             Answer(
@@ -77,11 +75,11 @@ def answers(unknowns: list[Unknown], x, covariance, at_bound, held) -> list[Answ
                 name=unknown.name,
                 kind=unknown.kind,
                 unit=unknown.unit,
-                value=float(x[k]),
+                value=value,
                 standard_error=error,
                 lower=low,
                 upper=high,
-                verdict=HIDDEN if held[k] else verdict(unknown, float(x[k]), error, at_bound[k]),
+                verdict=words,
                 is_sought=unknown.is_sought,
                 facet=unknown.facet,
             )

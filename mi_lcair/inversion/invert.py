@@ -75,47 +75,39 @@ def invert(
 
 
 def _inverted(problem: InverseProblem, advise: bool, progress, start: float) -> Solution:
-    loader, groups = Loader(), facet_groups(problem)
     if problem.goal is not None:
-        data, proposed = [goal_datum(problem.goal, problem.render)], []
+        data = [goal_datum(problem.goal, problem.render)]
+        everything = unknowns_of(problem, data)
+        check_counts(everything, data)
+        state = best_of_starts(everything, data, problem, progress)
+        answered, chi, pairs, advised = answers(everything, state), UNTESTED, [], []
+        reached = achieved(data[0], state, everything, problem.render)
+        notes = [reached, *remarks(state, answered, chi)]
+        answered = [replace(answer, verdict=chosen(answer.verdict)) for answer in answered]
     else:
+        loader, groups = Loader(), facet_groups(problem)
         entries = enumerate([*problem.data, *problem.candidates])
         loaded = [loader.datum(entry, number, groups) for number, entry in entries]
         data, proposed = loaded[: len(problem.data)], loaded[len(problem.data) :]
-    everything = [*unknowns_of(problem, data), *instruments(problem.data)]
-    check_counts(everything, data)
-    if problem.goal is None:
+        everything = [*unknowns_of(problem, data), *instruments(problem.data)]
+        check_counts(everything, data)
         state = estimate(everything, data, problem.render, progress)
-    else:
-        state = best_of_starts(everything, data, problem, progress)
-
-    answered = answers(everything, state.x, state.covariance, state.at_bound, state.held)
-    if problem.goal is None and not state.converged:
-        answered = [
-            replace(answer, verdict=UNFINISHED) if answer.is_determined else answer
-            for answer in answered
-        ]
-    chi = UNTESTED
-    if problem.goal is None:
+        answered = answers(everything, state)
+        if not state.converged:
+            answered = [
+                replace(answer, verdict=UNFINISHED) if answer.is_determined else answer
+                for answer in answered
+            ]
         chi = chi_square(state.blocks, state.x, determined(state))
-    notes = remarks(state, answered, chi)
-    if problem.goal is not None:
-        answered = [replace(answer, verdict=chosen(answer.verdict)) for answer in answered]
-        notes = [achieved(data[0], state, everything, problem.render), *notes]
-    advised = []
-    if (
-        advise
-        and problem.goal is None
-        and not all(answer.is_determined for answer in answered if answer.is_sought)
-    ):
-        advised = advice_for(problem, everything, state, answered, data, proposed, loader)
+        notes = remarks(state, answered, chi)
+        pairs, advised = directions(answered, state.covariance, reasons(everything, data)), []
+        if advise and any(answer.is_sought and not answer.is_determined for answer in answered):
+            advised = advice_for(problem, everything, state, answered, data, proposed, loader)
     return Solution(
         problem=problem.name,
         answers=answered,
         covariance=state.covariance,
-        directions=directions(answered, state.covariance, reasons(everything, data))
-        if problem.goal is None
-        else [],
+        directions=pairs,
         advice=advised,
         **chi,
         render_share=state.render_share,

@@ -1,5 +1,7 @@
 """Predictions and unknowns of invented data, for tests without a render."""
 
+from types import SimpleNamespace
+
 import numpy as np
 
 from mi_lcair.inversion.least_squares.prediction import DatumBlock
@@ -49,4 +51,12 @@ def kelvin(label="plate.temperature", **changes) -> Unknown:
     return unknown(
         label,
         **{"kind": "temperature", "unit": "K", "start": 300.0, "upper": np.inf} | changes,
+    )
+
+
+def estimated(x, covariance, at_bound=0, held=False):
+    """What an estimate says about its unknowns, alike at their bounds and hidden."""
+    count = len(x)
+    return SimpleNamespace(
+        x=x, covariance=np.asarray(covariance), at_bound=[at_bound] * count, held=[held] * count
     )

@@ -20,7 +20,7 @@ from mi_lcair.inversion.advice import (
 )
 from mi_lcair.inversion.answers import answers
 from mi_lcair.inversion.data.measurement import Observation
-from tests.inversion.blocks import block, kelvin, unknown
+from tests.inversion.blocks import block, estimated, kelvin, unknown
 
 UNKNOWNS = [kelvin("a.temperature"), unknown("paint.b")]
 INFORMATION = np.array([[0.02, 0.8], [0.8, 40.0]])
@@ -29,7 +29,7 @@ PRIOR = np.array([1e-4, 1.0])
 
 def estimate():
     covariance = np.linalg.inv(INFORMATION + np.diag(PRIOR))
-    found = answers(UNKNOWNS, [300.0, 0.3], covariance, [0, 0], [False, False])
+    found = answers(UNKNOWNS, estimated([300.0, 0.3], covariance))
     assert not any(answer.is_determined for answer in found)
     state = SimpleNamespace(equations=SimpleNamespace(information=INFORMATION), prior=PRIOR)
     return state, found
@@ -72,7 +72,7 @@ def test_a_proposal_is_worth_a_fifth_of_an_error():
     """Of an unknown alone: from an error of 1 to 0.81 or 0.79."""
     ones = [unknown("a", kind="emissivity")]
     state = SimpleNamespace(equations=SimpleNamespace(information=np.ones((1, 1))), prior=[0.0])
-    found = answers(ones, [0.3], np.ones((1, 1)), [0], [False])
+    found = answers(ones, estimated([0.3], np.ones((1, 1))))
     for error, count in ((0.81, 0), (0.79, 1)):
         proposal = Proposal("it", np.array([[error**-2.0 - 1]]))
         assert len(advice(ones, state, found, [proposal])) == count

@@ -7,13 +7,13 @@ import pytest
 from scipy import stats
 
 from mi_lcair.inversion.answers import HIDDEN, answers, chi_square, correlation, directions
-from tests.inversion.blocks import block, kelvin, unknown
+from tests.inversion.blocks import block, estimated, kelvin, unknown
 
 GAIN = unknown("gain [a]", kind="gain", lower=0.0, upper=np.inf, start=1.0, is_sought=False)
 
 
 def answer(one, value, error, at_bound=0, held=False):
-    (result,) = answers([one], [value], np.array([[error**2]]), [at_bound], [held])
+    (result,) = answers([one], estimated([value], [[error**2]], at_bound, held))
     return result
 
 
@@ -60,7 +60,7 @@ def test_unknowns_that_trade():
     """The one with a unit is said to change; the worst pair comes first."""
     ones = [unknown("paint.b"), kelvin("lid.temperature [hot]"), unknown("paint.e")]
     covariance = np.array([[1.0, 19.2, 0.97], [19.2, 400, 18], [0.97, 18, 1]])
-    judged = answers(ones, [0.5, 300, 0.5], covariance, [0] * 3, [False] * 3)
+    judged = answers(ones, estimated([0.5, 300, 0.5], covariance))
     found = directions(judged, covariance, lambda a, b: f"because {a}{b}")
     assert [direction.correlation for direction in found] == pytest.approx([0.97, 0.96])
     assert found[0].words == "b and e of `paint` trade at 0.97 a unit: because 02"
@@ -68,7 +68,7 @@ def test_unknowns_that_trade():
     assert found[1].slope == pytest.approx(19.2)
     assert found[1].words.startswith("`lid.temperature [hot]` and `paint.b` trade at 19.2 K a unit")
     small = 1e-8 * covariance
-    known = answers(ones, [0.5, 300, 0.5], small, [0] * 3, [False] * 3)
+    known = answers(ones, estimated([0.5, 300, 0.5], small))
     assert directions(known, small, None) == []
     facets = [replace(one, kind="facet") for one in judged]
     assert directions(facets, covariance, None) == []
@@ -77,7 +77,7 @@ def test_unknowns_that_trade():
 def test_temperatures_that_trade():
     ones = [kelvin("a.temperature"), kelvin("b.temperature")]
     covariance = np.array([[400.0, -790], [-790, 1600]])
-    judged = answers(ones, [300, 300], covariance, [0, 0], [False, False])
+    judged = answers(ones, estimated([300, 300], covariance))
     (found,) = directions(judged, covariance, lambda a, b: "so")
     assert found.slope == pytest.approx(-790 / 1600)
     assert found.words == "`a.temperature` and `b.temperature` trade at 0.494 K for 1 K: so"
@@ -138,6 +138,6 @@ def test_probability_with_noise_of_the_render():
 def test_one_that_is_not_determined_makes_a_pair():
     ones = [kelvin("a.temperature"), unknown("paint.b")]
     covariance = np.array([[0.01, 0.0196], [0.0196, 0.04]])  # the first is known to 0.1 K
-    judged = answers(ones, [300, 0.5], covariance, [0, 0], [False, False])
+    judged = answers(ones, estimated([300, 0.5], covariance))
     assert [one.is_determined for one in judged] == [True, False]
     assert len(directions(judged, covariance, lambda a, b: "so")) == 1
