@@ -4,9 +4,10 @@ import numpy as np
 
 from docs.studies.claims.case import Case, Draw
 from docs.studies.claims.lit import X, Y, turned_to_front
-from docs.studies.claims.scene_file import BLACK, UP, SceneFile, diffuse, plume, thermal
+from docs.studies.claims.scene_file import BLACK, UP, Place, SceneFile, diffuse, plume, thermal
 from docs.studies.claims.sources import corners
 
+RESOLVED = 1e-4  # side over largest coordinate of a part that Float32 resolves
 RIM = 1.001  # radius of a disc in a sphere, so that no ray passes beside it
 
 
@@ -167,11 +168,30 @@ def overlap(radius: float, half: float) -> float:
     return (np.pi * radius**2 - segments) / (2 * half) ** 2
 
 
-def furnace(draw: Draw, place=None, kind: str = "furnace") -> Case:
+def part(draw: Draw) -> Case:
+    """A closed cube far from the origin of a scene that is larger still.
+
+    The cube is well resolved if its side is more than RESOLVED of its largest coordinate.
+    """
+    side, distance = draw.size(1e-3, 1), float(draw.rng.choice([0.0, 30.0, 1e3, 1e5]))
+    extent = min(1e6, max(distance, side) * draw.size(1, 1e4))
+    direction, rotation = draw.direction(), draw.rotation()
+    place = Place(side / 2, rotation, distance * direction)
+    resolved = side > RESOLVED * (np.abs(place.shift).max() + side)
+    kind = "part, " + ("resolved" if resolved else "too small")
+    result = furnace(draw, place, kind, np.ones(3))
+    opposite = (-extent * direction - place.shift) @ rotation / place.scale
+    size = 1e-3 * extent / place.scale
+    result.file.rectangle(opposite, size * X, size * Y, BLACK)
+    return result
+
+
+def furnace(draw: Draw, place=None, kind: str = "furnace", half=None) -> Case:
     """A closed diffuse box of one temperature, of any proportions, seen from within."""
     rho, T = draw.between(0.1, 0.95), {"wall": draw.temperature(200)}
     file = SceneFile(place or draw.place(2.0))
-    half = np.array([draw.size(0.1, 1), draw.size(0.1, 1), draw.size(0.1, 1)])
+    if half is None:
+        half = np.array([draw.size(0.1, 1), draw.size(0.1, 1), draw.size(0.1, 1)])
     sides = []
     for k in range(3):
         for sign in (-1, 1):

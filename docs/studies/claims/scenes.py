@@ -19,6 +19,7 @@ KINDS = {
     enclosed.cavity: 2,
     enclosed.nested: 2,
     enclosed.furnace: 1,
+    enclosed.part: 2,
     bodies.body: 6,
 }
 DARKEST = 1e-9  # least mean radiance of a scene; Float32 underflows at 1e-38 [W m^-2 sr^-1]
