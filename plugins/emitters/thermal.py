@@ -83,7 +83,6 @@ class Thermal(ThermalEmitter):
         self.temperature = self.radiance = self.texture = self.attribute = None
         self.by_primitive = False  # whether the temperature depends on the facet that was hit
         self.derived_from = None  # the temperatures from which `derived` was computed
-        self.first_temperatures = None  # the temperatures when the scene was loaded, in NumPy
         self.bsdf = self.triangles = None  # the shape's BSDF and triangle table, set when needed
         if values["radiance"] is not None:
             self.radiance = mi.Float(values["radiance"])

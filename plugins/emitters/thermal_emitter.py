@@ -48,6 +48,9 @@ class ThermalEmitter(mi.Emitter):
         What its surface belongs to: model, sky or terrain (thesis, section 3.2.1.5).
     spectrum : Spectrum or None
         Tabulated spectrum; None for a blackbody and for a source without one.
+    first_temperatures : ndarray or None
+        Temperatures when the scene was loaded [K]; None for a source that is no blackbody, and
+        until facet temperatures are used.
     given_emissivity : mi.Float or None
         Emissivity that stands for that of the material; None if the material's is used.
     derived : mi.Float or None
@@ -57,6 +60,7 @@ class ThermalEmitter(mi.Emitter):
     PROPERTIES: tuple[Property, ...] = ()
     facet_type = "model"
     spectrum: Spectrum | None = None
+    first_temperatures = None
     given_emissivity = None
     derived = None
     derivations = ()

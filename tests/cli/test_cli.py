@@ -255,8 +255,8 @@ time               1.50 s
         ({"closure_error": 0.0123}, "closure error      0.012 W m^-2 sr^-1 (estimated)"),
         (
             {"rms_error": None, "reached": False},
-            "tolerance          1 % NOT reached: the rms standard error over the pixels is unknown; "
-            "raise --max-spp",
+            "tolerance          1 % NOT reached: the rms standard error over the pixels is "
+            "unknown; raise --max-spp",
         ),
     ],
 )

@@ -4,6 +4,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mi_lcair.models3d.label import ICE_POINT, LOWEST
 from mi_lcair.plugins.bsdfs.plume import is_passed
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf, reflection_layers
 from mi_lcair.plugins.derivatives import deriving_plugins, members
@@ -14,6 +15,7 @@ from mi_lcair.rendering.loading.nodes import properties, references
 from mi_lcair.rendering.loading.origin import far_origin
 from mi_lcair.rendering.loading.samplers import INDEPENDENT
 
+CELSIUS = 4.3  # temperatures below are those of helium and of space [K]
 WITHOUT_BSDF = ("instance", "shapegroup", "merge")  # shapes whose parts have the BSDFs
 
 
@@ -44,7 +46,7 @@ def remarks_on_materials(scene: mi.Scene) -> list[str]:
             f"standard error {table.error:.1e}"
             for table in plugin.derivations
         ]
-    return list(dict.fromkeys([*lines, *surfaces_that_emit_nothing(scene)]))
+    return list(dict.fromkeys([*lines, *surfaces_that_emit_nothing(scene), *in_celsius(scene)]))
 
 
 def remarks_on_loaded(scene: mi.Scene) -> list[str]:
@@ -69,6 +71,20 @@ def suns_below_the_horizon(scene: mi.Scene) -> list[str]:
         f"{sun.group}: elevation_deg = {sun.elevation_deg:g} is below the horizon, and the sun "
         "lights the scene from below; choose one above 0"
     ]
+
+
+def in_celsius(scene: mi.Scene) -> list[str]:
+    """Remarks on temperatures that are probably meant in degrees Celsius."""
+    lines = []
+    for shape in thermal_shapes(scene):
+        given = shape.emitter().first_temperatures
+        if given is not None and CELSIUS < given.min() <= LOWEST:
+            coldest = float(given.min())
+            lines.append(
+                f"group {shape.emitter().group}: a temperature of {coldest:g} K looks like degrees "
+                f"Celsius; in kelvin it is {coldest + ICE_POINT:g}"
+            )
+    return lines
 
 
 def surfaces_that_emit_nothing(scene: mi.Scene) -> list[str]:
