@@ -17,11 +17,11 @@ from mi_lcair.physics.air.clear_air import SunDirection, clear_air
 from mi_lcair.physics.air.clear_paths import ClearPaths
 from mi_lcair.physics.air.geometry import extended_down, height_along, lower_end
 from mi_lcair.physics.air.levels import Weather
+from mi_lcair.physics.air.slant_table import is_slant, slant_table
 from mi_lcair.physics.atmosphere import HEIGHT_M, atmosphere, clear_air_name
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.detector import Detector
 from mi_lcair.physics.sky import clear_name, has_elevations, mean_nodes, spectrum
-from mi_lcair.physics.slant_table import is_slant, slant_table
 from mi_lcair.physics.spectrum import Spectrum
 from mi_lcair.physics.sun.daytime_sky import daytime_sky
 from mi_lcair.physics.sun.sunlight import sunlight

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mi_lcair.errors import InputError, unknown
-from mi_lcair.physics import tape7
+from mi_lcair.physics.air import tape7
 from mi_lcair.physics.air.atmosphere import VACUUM, Atmosphere
 from mi_lcair.physics.air.clear_air import clear_air
 from mi_lcair.physics.air.clear_paths import ClearPaths
@@ -139,7 +139,7 @@ def atmosphere(
         of clear air stands for horizontal paths 50 m above the ground; in a scenario, for the air
         along its line of sight. The CSV has the columns range_km, wavelength_um, transmittance and
         path_radiance_W_m2_sr_um in any order, with the same wavelengths for every range. The blocks
-        of the tape7 (see `mi_lcair.physics.tape7`) have the same wavelengths at each range; several
+        of the tape7 (see `physics.air.tape7`) have the same wavelengths at each range; several
         blocks at one range are joined. An `Atmosphere` is returned as it is.
     ranges_m
         Range [m] of each block of a tape7. It replaces the ranges in the file.

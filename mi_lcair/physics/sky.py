@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from mi_lcair.errors import InputError, unknown
-from mi_lcair.physics import tape7
+from mi_lcair.physics.air import tape7
 from mi_lcair.physics.air.clear_air import clear_air
 from mi_lcair.physics.air.levels import Weather, model_names
 from mi_lcair.physics.blackbody import C1, C2, spectral_radiance

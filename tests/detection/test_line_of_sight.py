@@ -20,7 +20,7 @@ from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.sky import spectrum
 from mi_lcair.physics.sun.daytime_sky import daytime_sky
 from tests.detection.disc_scenario import AREA, disc, write_disc
-from tests.physics.test_tape7 import block
+from tests.physics.air.test_tape7 import block
 
 LIMITS = {"MWIR": (3.0, 5.0), "LWIR": (8.0, 12.0)}
 AIR = clear_air("us_standard")

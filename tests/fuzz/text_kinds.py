@@ -13,7 +13,8 @@ from mi_lcair.detection.scenario import Scenario
 from mi_lcair.errors import InputError
 from mi_lcair.fitting.scatterometer import reading
 from mi_lcair.models3d import read as read_model
-from mi_lcair.physics import materials, tape7
+from mi_lcair.physics import materials
+from mi_lcair.physics.air import tape7
 from mi_lcair.physics.atmosphere import atmosphere
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
@@ -28,7 +29,7 @@ from mi_lcair.signatures.trend_file import TrendFile, beside
 from mi_lcair.table import read_table
 from tests.fuzz.mutants import Kind
 from tests.models3d.shapes import cube
-from tests.physics.test_tape7 import LWIR, MWIR, block
+from tests.physics.air.test_tape7 import LWIR, MWIR, block
 
 WITHIN = band("3.5-4.5")  # within what the examples cover
 MOST_RAYS = 10_000  # a scenario that asks for more is read but not measured

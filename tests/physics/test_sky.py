@@ -12,7 +12,7 @@ from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.sky import air_mass, has_elevations, sky_names, spectrum
 from mi_lcair.physics.spectrum import BUNDLED
-from tests.physics.test_tape7 import LWIR, MWIR, block, file, planck  # noqa: F401
+from tests.physics.air.test_tape7 import LWIR, MWIR, block, file, planck  # noqa: F401
 
 LWIR_AT_3_KM = 4.33269  # LOWTRAN7, W m^-2 sr^-1
 BANDS = {"3-5": "MWIR", "8-12": "LWIR"}

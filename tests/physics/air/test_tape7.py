@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from mi_lcair.errors import InputError
-from mi_lcair.physics import tape7
+from mi_lcair.physics.air import tape7
 from mi_lcair.physics.atmosphere import atmosphere
 from mi_lcair.physics.sky import spectrum
 
-REAL = Path(__file__).parents[3] / "shared" / "data" / "modtran"
+REAL = Path(__file__).parents[4] / "shared" / "data" / "modtran"
 REAL_FILES = ("tape7-02", "tape7.LWIRSun", "tape7.MWIRSun")
 COLUMNS = {
     "FREQ": "8.2f",

@@ -6,8 +6,8 @@ import pytest
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.clear_air import clear_air
 from mi_lcair.physics.air.clear_paths import ClearPaths
+from mi_lcair.physics.air.slant_table import is_slant, slant_table
 from mi_lcair.physics.bands import band
-from mi_lcair.physics.slant_table import is_slant, slant_table
 
 HEADER = (
     "elevation_deg,range_km,wavelength_um,transmittance,"
