@@ -1,6 +1,7 @@
 """What the contrast of a scenario is computed from, after all checks."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 from mi_lcair import scenes
 from mi_lcair.detection.irradiance import Backdrop
@@ -36,6 +37,8 @@ class Setting:
         Sphere that holds the target.
     view : Scene
         Scene with the sensor of the observer.
+    sun : tuple of float or None
+        Azimuth and elevation of the sun whose light the air scatters, degrees; None by night.
     """
 
     detector: Detector
@@ -45,18 +48,30 @@ class Setting:
     backdrop: Backdrop
     target: Target
     view: Scene
+    sun: tuple[float, float] | None = None
+
+    def in_weather(self, scenario: Scenario, weather: Mapping[str, float]) -> "Setting":
+        """The setting with other entries of weather in [atmosphere] of its scenario.
+
+        Light that reaches the target stays as it is.
+        """
+        changed = replace(scenario, atmosphere=replace(scenario.atmosphere, **weather))
+        sight, path, behind = line_of(changed, self.detector, self.sun)
+        return replace(self, sight=sight, air=sight.air, path=path, backdrop=behind)
 
 
 def setting_of(scenario: Scenario) -> Setting:
     """The setting of a scenario; raises InputError if the scenario cannot be used."""
     observer, detector = scenario.observer, scenario.sensor.detector()
-    line = line_of(scenario, detector, background_sun(scenario))
+    direction = background_sun(scenario)
+    line = line_of(scenario, detector, direction)
     scene = target_scene(scenario, detector)
     sun = one_sun(scene.mi.emitters())
     if sun is not None and scenario.background.daytime_sky is not None:
         check_fits(sun, scenario.background, "the daytime_sky of [background]")
     if sun is not None and sun.elevation_deg > 0:
-        line = line_of(scenario, detector, (sun.azimuth_deg, sun.elevation_deg))
+        direction = sun.azimuth_deg, sun.elevation_deg
+        line = line_of(scenario, detector, direction)
     sight, path, behind = line
     light_at(scene, sight.target_m)
     target = Target.of(scene)
@@ -68,7 +83,7 @@ def setting_of(scenario: Scenario) -> Setting:
     view = seen_from(
         scene, View(observer.azimuth_deg, observer.elevation_deg), scenario.render.resolution
     )
-    return Setting(detector, sight, sight.air, path, behind, target, view)
+    return Setting(detector, sight, sight.air, path, behind, target, view, direction)
 
 
 def line_of(

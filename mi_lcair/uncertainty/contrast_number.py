@@ -1,5 +1,6 @@
 """The contrast of a scenario as a number with an uncertainty budget."""
 
+from dataclasses import fields
 from functools import partial
 
 import numpy as np
@@ -8,6 +9,13 @@ from mi_lcair.detection.irradiance import TERMS, Backdrop, Irradiance, RenderErr
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import Setting
 from mi_lcair.errors import InputError
+from mi_lcair.physics.air.levels import (
+    STANDARD_CO2_PPMV,
+    STANDARD_VISIBILITY_KM,
+    Weather,
+    levels,
+)
+from mi_lcair.physics.atmosphere import clear_air_name
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.plugins.properties import RADIANCE_UNIT
 from mi_lcair.rendering.criteria import ExcessFunction
@@ -18,6 +26,14 @@ from mi_lcair.sensitivity.parameters import parameters
 from mi_lcair.signatures.effective_areas import SPECTRUM_ROWS
 from mi_lcair.uncertainty.number import Linear, Number
 
+# Quantities of a scenario by name, and the entries of [atmosphere] that they are
+WEATHER = {
+    "air_temperature": "temperature",
+    "air_humidity": "humidity",
+    "air_pressure": "pressure",
+    "visibility": "visibility",
+    "co2": "co2",
+}
 TARGET, PATH, BACKGROUND, TOTAL = (
     TERMS.index(n) for n in ("target", "path", "background", "total")
 )
@@ -34,6 +50,8 @@ class ContrastNumber(Number):
     scenario.background_temperature  temperature of a background that is a blackbody [K]
     scenario.range_m               range; the path changes with it [m]
     scenario.nei                   noise of the sensor, an irradiance [W m^-2]
+    scenario.air_temperature, air_humidity, air_pressure, visibility, co2
+                                   weather of a clear air, see `Weather`
 
     Parameters
     ----------
@@ -81,6 +99,8 @@ class ContrastNumber(Number):
         temperature = self.scenario.background.temperature
         if temperature is not None:
             values["background_temperature"] = (temperature, "K", 1.0, np.inf)
+        if (name := clear_air_name(self.scenario.atmosphere.table)) is not None:
+            values |= weather_values(name, self.scenario.atmosphere.weather)
         return {
             f"scenario.{name}": Parameter(
                 f"scenario.{name}", "scenario", float(value), unit, lower, upper
@@ -96,9 +116,15 @@ class ContrastNumber(Number):
             return np.inf
         return float(air.ranges_m[-1])
 
-    def irradiance(self, total: Totals, areas, temperature: float | None = None) -> Irradiance:
-        """Irradiances of a render, optionally before a background of another temperature [K]."""
-        setting, backdrop = self.setting, self.setting.backdrop
+    def irradiance(
+        self, total: Totals, areas, temperature: float | None = None, setting: Setting | None = None
+    ) -> Irradiance:
+        """Irradiances of a render, optionally before a background of another temperature [K].
+
+        setting: that of other weather.
+        """
+        setting = setting or self.setting
+        backdrop = setting.backdrop
         if temperature is not None:
             at = partial(spectral_radiance, temperature=temperature)
             backdrop = Backdrop(backdrop.name, at, backdrop.rows_um)
@@ -127,10 +153,12 @@ class ContrastNumber(Number):
         def value(name):
             return quantities.get(f"scenario.{name}")
 
-        irradiance = self.irradiance(total, areas, value("background_temperature"))
-        path = self.setting.path
+        weather = {entry: value(name) for name, entry in WEATHER.items() if value(name) is not None}
+        setting = self.setting.in_weather(self.scenario, weather) if weather else self.setting
+        irradiance = self.irradiance(total, areas, value("background_temperature"), setting)
+        path = setting.path
         if value("range_m") is not None:
-            path = self.setting.air.path(value("range_m"), self.scenario.atmosphere.extrapolate)
+            path = setting.air.path(value("range_m"), self.scenario.atmosphere.extrapolate)
         per_amount = irradiance.per_amount(path)[[TARGET, PATH, BACKGROUND]]
         for row, name in enumerate(("transmittance", "path_radiance", "background_radiance")):
             was = self.known[f"scenario.{name}"].value if value(name) is not None else 0.0
@@ -166,3 +194,21 @@ class ContrastNumber(Number):
     def of_intensity(self) -> float:
         irradiance, (target, *_) = self.terms(self.total, self.areas, {})
         return float(target @ irradiance.amounts)
+
+
+def weather_values(name: str, weather: Weather) -> dict[str, tuple]:
+    """Value, unit and bounds of each quantity of WEATHER in a model atmosphere's weather."""
+    air = levels(name, weather)
+    stated = {
+        "temperature": air.temperature[0],
+        "humidity": air.humidity[0],
+        "pressure": air.pressure[0],
+        "visibility": STANDARD_VISIBILITY_KM if weather.visibility is None else weather.visibility,
+        "co2": STANDARD_CO2_PPMV if weather.co2 is None else weather.co2,
+    }
+    bounds = {entry.name: entry.metadata["bounds"] for entry in fields(Weather)}
+    return {
+        quantity: (stated[entry], of_entry.unit, of_entry.lower, of_entry.upper)
+        for quantity, entry in WEATHER.items()
+        for of_entry in [bounds[entry]]
+    }

@@ -6,6 +6,7 @@ import pytest
 
 import mi_lcair
 from mi_lcair.detection.scenario import Scenario
+from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.uncertainty.budget import result_of
 from tests.detection.disc_scenario import AREA as DISC_AREA
@@ -90,3 +91,35 @@ def test_a_contrast_with_too_many_temperatures(tmp_path):
     assert found_row.contribution == pytest.approx(expected, rel=0.01)
     assert np.isnan(found_row.sensitivity_error)
     assert found_row.as_dict()["sensitivity_error"] is None
+
+
+def test_weather_of_a_contrast(tmp_path):
+    """The contribution of weather is the difference of contrasts in two weathers."""
+    write_disc(tmp_path)
+    given = {
+        "render__resolution": 16,
+        "render__spp": 64,
+        "observer__range_m": 5000,
+        "observer__elevation_deg": -20,
+        "sensor__band": "LWIR",
+        "atmosphere__table": "us_standard",
+        "background__sky": "us_standard_clear",
+    }
+    sigma = {"air_temperature": 1.0, "air_humidity": 0.02, "visibility": 1.0, "co2": 10.0}
+    found = mi_lcair.budget(disc(tmp_path, **given), {"scenario": sigma})
+    for name, entry, value in (
+        ("air_temperature", "temperature", 288.2),
+        ("air_humidity", "humidity", 0.4584),
+        ("visibility", "visibility", 23.0),
+        ("co2", "co2", 330.0),
+    ):
+        high, low = (
+            mi_lcair.contrast(disc(tmp_path, **given, **{f"atmosphere__{entry}": end}))
+            for end in (value + sigma[name], value - sigma[name])
+        )
+        difference = (high.rows[0].total.value - low.rows[0].total.value) / 2
+        assert row(found, f"scenario.{name}").contribution == pytest.approx(
+            difference, rel=0.03, abs=2e-4 * abs(found.value)
+        ), name
+    with pytest.raises(InputError, match="unknown quantity.*scenario.co2"):
+        mi_lcair.budget(disc(tmp_path), {"scenario": {"co2": 10.0}})

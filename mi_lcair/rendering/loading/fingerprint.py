@@ -8,6 +8,7 @@ from pathlib import Path
 import mitsuba as mi
 import numpy as np
 
+from mi_lcair.physics.air.bands import TABLES
 from mi_lcair.physics.materials import BUILT_IN
 from mi_lcair.physics.spectrum import BUNDLED
 from mi_lcair.plugins.beside_scene import beside_scene
@@ -34,7 +35,7 @@ def source_digest(state) -> bytes:
                     contents[value] = path and content_digest(path)
                 content = contents[value]
             add(digest, name, content or exact(value))
-    for path in (BUILT_IN, *sorted(BUNDLED.glob("*.csv"))):
+    for path in (BUILT_IN, *sorted(BUNDLED.glob("*.csv")), *sorted(TABLES.glob("*.csv"))):
         add(digest, content_digest(path))
     return digest.digest()
 
