@@ -1,13 +1,11 @@
 """Images of scenarios, against closed forms and against `contrast`."""
 
-import mitsuba as mi
 import numpy as np
 import pytest
 
 from mi_lcair.camera.electronics.response import electron_band, electrons
 from mi_lcair.camera.image import image
 from mi_lcair.camera.optics import OVERSAMPLING
-from mi_lcair.camera.view import CameraView
 from mi_lcair.detection.contrast import contrast
 from mi_lcair.errors import InputError
 from mi_lcair.physics.atmosphere import atmosphere
@@ -18,10 +16,7 @@ from mi_lcair.physics.blackbody import (
     brightness_temperature,
     spectral_radiance,
 )
-from mi_lcair.physics.imager import Imager
 from mi_lcair.physics.sun.sunlight import sunlight
-from mi_lcair.rendering.scene import load
-from mi_lcair.rendering.views import Target, View
 from tests.detection.disc_scenario import AREA, disc, write_disc
 
 CAMERA = {
@@ -99,40 +94,6 @@ def test_same_contrast_as_a_detector(scenario):
     angle = (15e-6 / 0.1 / OVERSAMPLING) ** 2
     total = contrast(scenario(**changes)).rows[-1].total
     assert found.exposure.radiance.sum() * angle == pytest.approx(total.value, rel=3e-3)
-
-
-@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
-def test_rays_of_the_sensor(tmp_path, projection):
-    """Columns go to the right, rows go down, and pixels are where the view says."""
-    scene = load(write_disc(tmp_path).with_suffix(".xml"))
-    imager = Imager(**(CAMERA | {"projection": projection, "right_deg": 0.1, "up_deg": -0.05}))
-    target = Target.of(scene)
-    view = CameraView.of(target, View(20.0, 10.0), 1000.0, imager)
-    sensor = view.sensor(scene)
-    ray, _ = sensor.sample_ray(0, 0, mi.Point2f([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]), mi.Point2f(0.5))
-    starts, directions = (np.array(v, dtype=float).T for v in (ray.o, ray.d))
-    # The rays meet the plane across the axis through the target's middle
-    depth = (target.centre - view.eye) @ view.axis
-    meets = (
-        starts
-        + directions
-        * ((depth - (starts - view.eye) @ view.axis) / (directions @ view.axis))[:, None]
-    )
-    column, row = (
-        half
-        + (meets - view.eye) @ side / (depth if projection == "perspective" else 1000.0) / 1.5e-4
-        for half, side in ((32, view.right), (24, -view.up))
-    )
-    (first, top), (width, height) = (
-        np.array(pair) / view.parts for pair in (view.first, view.size)
-    )
-    assert column == pytest.approx([first, first + width, first], abs=0.02)
-    assert row == pytest.approx([top, top, top + height], abs=0.02)
-    middle = (target.centre - view.eye) / 1000.0
-    assert middle @ view.right < 0 < middle @ view.up  # the axis points to its right, and below
-    near = np.linalg.norm(starts - view.eye, axis=1)
-    if projection == "perspective":
-        assert near == pytest.approx(view.near_range()[[0, 0, -1], [0, -1, 0]], rel=1e-5)
 
 
 def test_tolerance(scenario):

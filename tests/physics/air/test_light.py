@@ -42,6 +42,16 @@ def test_where_there_is_no_light_the_air_alone_counts():
     np.testing.assert_allclose(share[:101], MODEL.transmittance(MORE)[:101], rtol=1e-12)
 
 
+def test_light_that_is_faint_beside_the_brightest_is_rounding():
+    """Below 1e-9 of the largest radiance the share is that of the air alone."""
+    sources = np.full((1, 353), 1e3)
+    sources[0, 50], sources[0, 60] = 1e-9 * 1e3 * 5, 1e-9 * 1e3 / 5
+    crossed = AirLight.of("faint", sources, AMOUNTS[:1])
+    share, plain = crossed.transmittance(MORE), MODEL.transmittance(MORE)
+    known = crossed.radiance > 1e-9 * crossed.radiance.max()
+    assert known[50] and not known[60] and share[60] == plain[60] and share[50] != plain[50]
+
+
 def test_scaled_and_added(light):
     double = light.scaled(2.0)
     np.testing.assert_allclose(double.radiance, 2 * light.radiance)
