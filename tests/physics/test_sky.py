@@ -10,7 +10,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.air.levels import Weather
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import spectral_radiance
-from mi_lcair.physics.sky import air_mass, has_elevations, sky_names, spectrum
+from mi_lcair.physics.sky import air_mass, has_elevations, mean_nodes, sky_names, spectrum
 from mi_lcair.physics.spectrum import BUNDLED
 from tests.physics.air.test_tape7 import LWIR, MWIR, block, file, planck  # noqa: F401
 
@@ -183,3 +183,11 @@ def test_a_file_that_was_edited_is_read_again(tmp_path):
 def test_air_mass(elevation, mass):
     """1 at the zenith, about 2 at 30 degrees, 38 at the horizon (Kasten and Young 1989)."""
     assert air_mass(elevation) == pytest.approx(mass, rel=1e-3)
+
+
+def test_nodes_of_the_mean_over_the_sky():
+    """Weighted by the cosine to the zenith, sines have the mean 2/3 and their squares 1/2."""
+    elevations, weights = mean_nodes()
+    sines = np.sin(np.radians(elevations))
+    for power, mean in ((0, 1), (1, 2 / 3), (2, 1 / 2), (5, 2 / 7)):
+        assert weights @ sines**power == pytest.approx(mean, rel=1e-12)
