@@ -207,6 +207,9 @@ def together():
     token = _waiting.set(waiting)
     try:
         yield waiting
+        for partial, target in waiting.items():
+            with _naming(target, partial), partial.open("rb+") as file:
+                os.fsync(file.fileno())  # renaming waits for nothing then, and a full disk shows
         with held_back():
             for partial, target in waiting.items():
                 with _naming(target, partial):
