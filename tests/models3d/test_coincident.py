@@ -98,13 +98,25 @@ def test_random_triangles_against_a_direct_search():
     assert len(found) < 1.3 * shared.sum()  # those that share less than a point of the grid
 
 
-def test_large_planes():
+@pytest.mark.parametrize("stretch", [(1, 1, 1), (0.1, 5, 1), (5, 0.1, 1)])
+def test_large_planes(stretch):
     """Ten copies among 3200 triangles, and a square over 20 x 20 cells of two triangles each."""
     flat = grid(40)
-    assert counts(flat) == (0, 0)
-    assert counts(np.concatenate([flat, flat[500:510, ::-1]])) == (10, 0)
-    assert counts(np.concatenate([flat, SQUARE * 0.5 + [0.2, 0.2, 0]])) == (0, 800)
-    assert counts(np.concatenate([flat, SQUARE[:, ::-1] * [0.5, 0.5, 1]])) == (800, 0)
+    assert counts(flat * stretch) == (0, 0)
+    for more, expected in (
+        (flat[500:510, ::-1], (10, 0)),
+        (SQUARE * 0.5 + [0.2, 0.2, 0], (0, 800)),
+        (SQUARE[:, ::-1] * [0.5, 0.5, 1], (800, 0)),
+    ):
+        assert counts(np.concatenate([flat, more]) * stretch) == expected
+
+
+def test_planes_that_are_nearly_parallel():
+    """A tilt of 1e-3 is seen, and one of 1e-8 is none."""
+    for tilt, expected in ((1e-3, (0, 0)), (1e-8, (0, 2))):
+        other = SQUARE.copy()
+        other[..., 2] = tilt * (other[..., 0] - 0.3)
+        assert counts(np.concatenate([SQUARE, other])) == expected
 
 
 @pytest.mark.slow

@@ -55,8 +55,8 @@ def test_contrast_in_closed_form(tmp_path):
 def test_contrast_by_sources_and_by_renders():
     """The derivative from weights of the sources is that of contrasts that are rendered anew.
 
-    The value is that of `mi_lcair.contrast`. Differences of renders with these steps scatter by 10 %
-    from seed to seed, because the choice of lobes changes with the parameters.
+    The value is that of `mi_lcair.contrast`. Differences of renders with these steps scatter by
+    10 % from seed to seed, because the choice of lobes changes with the parameters.
     """
     scenario = Scenario.read(
         "a340_landing/position_3",
