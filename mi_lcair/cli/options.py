@@ -100,14 +100,15 @@ class ScenarioOptions:
     json: bool
 
     def read(self):
-        """The Scenario, with the changes."""
+        """The Scenario, with the changes; raises InputError if its scene does not exist."""
         from mi_lcair.detection.scenario import Scenario
 
-        return Scenario.read(self.scenario, **self.changes)
+        scenario = Scenario.read(self.scenario, **self.changes)
+        scenario.check_scene()  # before the renderer is imported, which takes its time
+        return scenario
 
     def run(self, function, scenario, **arguments):
         """Set variant and threads, and return function(scenario, **arguments, progress=...)."""
-        scenario.check_scene()
         prepare_renderer(self.variant, self.threads)
         with progress_bar() as progress:
             return function(scenario, **arguments, progress=progress)

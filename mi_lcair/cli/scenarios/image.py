@@ -39,7 +39,8 @@ def command(options, output, frames, seed, plot):
     """
     pages = output.with_suffix(".tif")
     check_outputs((output, ".exr"), (pages, ".tif"), (plot, PICTURES))
-    result = options.run(mi_lcair.image, options.read(), frames=frames, seed=seed)
+    scenario = options.read()
+    result = options.run(mi_lcair.image, scenario, frames=frames, seed=seed)
     with together():
         result.save(output)
         result.save(pages)

@@ -225,6 +225,7 @@ def test_names_from_files_are_only_text(visit, tmp_path):
     """Labels, channels and titles with markup are shown as they are, and nothing runs."""
     triangle = np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0.0]]])
     columns = {"facet": np.arange(1), "group": np.array([SCRIPT]), f"{SCRIPT}_K": np.ones(1)}
+    columns |= dict.fromkeys(("intensity_W_sr", "standard_error_W_sr", "samples"), np.ones(1))
     facets = FacetResults(SCRIPT, "MWIR", columns, triangle, np.zeros(1, int))
     channels = {SCRIPT: np.eye(4), f"seen.{SCRIPT}.Y": np.ones((4, 4))}
     image = Drawing(partial(image_panel, channels))
