@@ -67,7 +67,7 @@ def part(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
     remarked = any(CLIPPED not in remark for remark in scene.remarks)
     if remarked and "too small" in case.kind:
         return
-    result = mi_lcair.signature(scene, spp=256, seed=int(rng.integers(1000)))
+    result = mi_lcair.signature(scene, spp=4096, seed=int(rng.integers(1000)))
     truth = case.mean * case.area
     yield witness.claim("small part", result.intensity, truth, PART * truth)
 
