@@ -6,61 +6,30 @@ imported before mi_lcair, both are done afterwards, see `mi_lcair.llvm.prepare_l
 """
 
 import importlib
+import re
 import sys
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:  # the names of `_HOME`, for type checkers and editors
-    from mi_lcair.api.report import report as report
-    from mi_lcair.camera.image import image as image
-    from mi_lcair.detection.contrast import contrast as contrast
-    from mi_lcair.errors import InputError as InputError
-    from mi_lcair.fitting.estimation import fit as fit
-    from mi_lcair.inversion.invert import invert as invert
-    from mi_lcair.planning.audit import audit as audit
-    from mi_lcair.planning.plan import plan as plan
-    from mi_lcair.rendering.images.render import render as render
-    from mi_lcair.rendering.scene import Scene as Scene
-    from mi_lcair.rendering.scene import load as load
-    from mi_lcair.sensitivity.images import derivative_images as derivative_images
-    from mi_lcair.sensitivity.parameters import parameters as parameters
-    from mi_lcair.sensitivity.window import sensitivities as sensitivities
-    from mi_lcair.signatures.signature import signature as signature
-    from mi_lcair.signatures.trend import trend as trend
-    from mi_lcair.uncertainty.budget import budget as budget
+from pathlib import Path
 
 __version__ = "0.2.0"
 
-# Module of each public name; it is imported at the first use of the name.
+# The module of each public name. The stub `__init__.pyi`, which type checkers and editors read, is
+# the registry; a module is imported at the first use of its name.
 _HOME = {
-    "InputError": "errors",
-    "Scene": "rendering.scene",
-    "load": "rendering.scene",
-    "render": "rendering.images.render",
-    "fit": "fitting.estimation",
-    "signature": "signatures.signature",
-    "trend": "signatures.trend",
-    "plan": "planning.plan",
-    "audit": "planning.audit",
-    "contrast": "detection.contrast",
-    "image": "camera.image",
-    "parameters": "sensitivity.parameters",
-    "sensitivities": "sensitivity.window",
-    "derivative_images": "sensitivity.images",
-    "budget": "uncertainty.budget",
-    "invert": "inversion.invert",
-    "report": "api.report",
+    name: home
+    for home, name in re.findall(
+        r"^from (\S+) import \w+ as (\w+)$", Path(f"{__file__}i").read_text("utf-8"), re.MULTILINE
+    )
 }
 __all__ = ["__version__", *_HOME]
 
-if not TYPE_CHECKING:  # type checkers would take it for any misspelt name
 
-    def __getattr__(name):
-        if name in _HOME:
-            return getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
-        # With the name and the module, Python suggests the nearest name
-        raise AttributeError(
-            f"module '{__name__}' has no attribute '{name}'", name=name, obj=sys.modules[__name__]
-        )
+def __getattr__(name):
+    if name in _HOME:
+        return getattr(importlib.import_module(_HOME[name]), name)
+    # With the name and the module, Python suggests the nearest name
+    raise AttributeError(
+        f"module '{__name__}' has no attribute '{name}'", name=name, obj=sys.modules[__name__]
+    )
 
 
 def __dir__() -> list[str]:

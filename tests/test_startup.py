@@ -386,7 +386,7 @@ def test_derivatives_after_another_variant(first, other):
     """A scene that was loaded before keeps its surfaces and its derivatives."""
     done = python(
         f"import mitsuba as mi; mi.set_variant('{first}')\n"
-        "from mi_lcair.sensitivity.window import sensitivities\n"
+        "from mi_lcair.api.sensitivities import sensitivities\n"
         "import mi_lcair; mi.set_variant('llvm_ad_mono')\n"
         "scene = mi_lcair.load('two_plates', resolution=4)\n"
         "names = [name for name in mi_lcair.parameters(scene) if 'blackbody' in name]\n"

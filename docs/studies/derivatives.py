@@ -17,9 +17,10 @@ from tqdm import tqdm
 
 import mi_lcair
 from docs.studies.page import label, write_page
+from mi_lcair.api.parameters import parameters
+from mi_lcair.api.sensitivities import sensitivities
 from mi_lcair.sensitivity.differences import differences
-from mi_lcair.sensitivity.parameters import chosen, parameters
-from mi_lcair.sensitivity.window import sensitivities
+from mi_lcair.sensitivity.parameters import chosen
 
 SCENES = [
     ("cylinder_ir_range", {}),

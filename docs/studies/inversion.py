@@ -15,11 +15,12 @@ import numpy as np
 import mi_lcair
 from docs.studies.lobe import width_deg
 from docs.studies.page import write_page
+from mi_lcair.api.parameters import parameters
 from mi_lcair.fitting import fit
 from mi_lcair.inversion.data.images import noise_of_netd
 from mi_lcair.physics.reflection import MODELS
 from mi_lcair.rendering.views import View, seen_from
-from mi_lcair.sensitivity.parameters import changed, parameters
+from mi_lcair.sensitivity.parameters import changed
 from tests.fitting.synthetic import THESIS_SETS, scan_of
 from tests.inversion.plate import XML
 

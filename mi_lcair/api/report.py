@@ -6,6 +6,7 @@ from importlib.metadata import version
 from os import PathLike
 
 import mi_lcair
+from mi_lcair.api.scene import scene_of
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import setting_of
 from mi_lcair.errors import InputError
@@ -13,7 +14,7 @@ from mi_lcair.formats import kinds
 from mi_lcair.fraction import fraction
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.facets.table import FacetTable
-from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
+from mi_lcair.rendering.scene import Scene, SceneLike
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.window import window_size
 from mi_lcair.reports.page import reading

@@ -1,8 +1,6 @@
 """The image of a scenario's target as its camera records it."""
 
 import time
-from collections.abc import Mapping
-from os import PathLike
 
 import numpy as np
 
@@ -14,75 +12,20 @@ from mi_lcair.camera.optics import MARGIN
 from mi_lcair.camera.quality import measured
 from mi_lcair.camera.range_table import RangedTarget, at_ranges, table_ranges
 from mi_lcair.camera.view import CameraView
-from mi_lcair.declared import Bounds
-from mi_lcair.detection.scenario import Scenario, scenario_of
+from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import setting_of
 from mi_lcair.errors import InputError
-from mi_lcair.fraction import fraction
 from mi_lcair.physics.imager import Imager
-from mi_lcair.progress import Progress
 from mi_lcair.rendering.limits import GIB, available_memory
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.rendering.views import View, hidden_share
 
-MOST_FRAMES = 10_000
 BYTES_PER_PIXEL = 400  # memory for a pixel of the frame beside its counts [bytes]
 
 
-def image(
-    scenario: Scenario | str | PathLike[str],
-    frames: int = 1,
-    seed: int = 0,
-    progress: Progress | None = None,
-    *,
-    parameters: Mapping[str, object] | None = None,
-    spp: int | None = None,
-    tolerance: float | str | None = None,
-    max_spp: int | None = None,
-) -> Image:
-    """The image of a scenario's target as its camera records it.
-
-    Parameters
-    ----------
-    scenario : Scenario, str or path-like
-        Scenario with a table [camera], or the file or bundled name that `Scenario.read` takes. Its
-        spp, max_spp and tolerance of [render] are those of a pixel. Of several numbers of
-        reflections, the largest is used.
-    frames : int
-        Number of frames. They have independent noise, and one render.
-    seed : int
-        Seed of the camera's noise and fixed pattern. The same seed gives the same frames.
-    progress : callable, optional
-        Called with (paths through a pixel done, expected).
-    parameters : mapping of str to object, optional
-        Entries of a scenario that is named, by dotted key such as {"sensor.band": "LWIR"}.
-    spp, tolerance, max_spp
-        Entries of [render] of a scenario that is named: paths through a pixel, or the allowed rms
-        standard error over the pixels on the target, such as 0.01 or "1%", and the most paths.
-
-    Returns
-    -------
-    Image
-
-    Raises
-    ------
-    InputError
-        If the scenario cannot be used. All inputs are checked before anything is rendered.
-    """
-    scenario = scenario_of(
-        scenario, parameters, spp=spp, tolerance=fraction(tolerance), max_spp=max_spp
-    )
-    Bounds(lower=1, upper=MOST_FRAMES).check(frames, "frames")
-    Bounds(lower=0, upper=2**32 - 1).check(seed, "seed")
-    try:
-        return recorded(scenario, frames, seed, progress)
-    except InputError as error:
-        raise InputError(f"scenario '{scenario.name}': {error}") from None
-
-
-def recorded(scenario: Scenario, frames: int, seed: int, progress) -> Image:
-    """The image of a scenario; see `image`."""
+def record_image(scenario: Scenario, frames: int, seed: int, progress) -> Image:
+    """Render the target of a scenario, and record frames of it with the scenario's camera."""
     start = time.perf_counter()
     imager, observer = scenario.camera, scenario.observer
     if imager is None:

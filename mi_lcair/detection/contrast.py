@@ -6,27 +6,24 @@ effective areas.
 """
 
 import time
-from collections.abc import Iterator, Mapping
-from os import PathLike
+from collections.abc import Iterator
 
 import numpy as np
 
 from mi_lcair.detection.contrast_result import Contrast, ContrastRow
 from mi_lcair.detection.irradiance import Estimate, Irradiance, RenderError
 from mi_lcair.detection.multiplied_light import multiplied_light
-from mi_lcair.detection.scenario import RenderTable, Scenario, scenario_of
+from mi_lcair.detection.scenario import RenderTable, Scenario
 from mi_lcair.detection.setting import Setting, setting_of
 from mi_lcair.errors import InputError
-from mi_lcair.fraction import fraction
 from mi_lcair.physics.air.atmosphere import LineOfSight
 from mi_lcair.physics.detector import Detector
 from mi_lcair.plugins.emitters.one_sun import one_sun
-from mi_lcair.progress import Progress
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.rendering.views import Target, hidden_share
-from mi_lcair.signatures.signature import integrated
+from mi_lcair.signatures.signature import measure_signature
 from mi_lcair.signatures.signature_result import Signature
 
 THERMAL_UM = 5.0  # wavelength from which on a sky scatters no sunlight worth mentioning, um
@@ -44,55 +41,8 @@ REMEDIES = {
 NEAR = 10  # range, in radii of the target, below which rays to the observer are not parallel
 
 
-def contrast(
-    scenario: Scenario | str | PathLike[str],
-    progress: Progress | None = None,
-    *,
-    parameters: Mapping[str, object] | None = None,
-    spp: int | None = None,
-    tolerance: float | str | None = None,
-    tolerance_W_m2: float | None = None,
-    max_spp: int | None = None,
-) -> Contrast:
-    """Contrast of a scenario and its parts (3.19), for each number of reflections.
-
-    Parameters
-    ----------
-    scenario : Scenario, str or path-like
-        Scenario, or the file or bundled name that `Scenario.read` takes.
-    progress : callable, optional
-        Called with (samples per pixel done, expected).
-    parameters : mapping of str to object, optional
-        Entries of a scenario that is named, by dotted key such as {"sensor.band": "LWIR"}.
-    spp, tolerance, tolerance_W_m2, max_spp
-        Entries of [render] of a scenario that is named, see `RenderTable`. The tolerance may be
-        written 0.01 or "1%".
-
-    Returns
-    -------
-    Contrast
-
-    Raises
-    ------
-    InputError
-        If the scenario cannot be used. All inputs are checked before anything is rendered.
-    """
-    scenario = scenario_of(
-        scenario,
-        parameters,
-        spp=spp,
-        tolerance=fraction(tolerance),
-        tolerance_W_m2=tolerance_W_m2,
-        max_spp=max_spp,
-    )
-    try:
-        return measured(scenario, progress)
-    except InputError as error:
-        raise InputError(f"scenario '{scenario.name}': {error}") from None
-
-
-def measured(scenario: Scenario, progress) -> Contrast:
-    """The contrast of a scenario; see `contrast`."""
+def measure_contrast(scenario: Scenario, progress) -> Contrast:
+    """The contrast of a scenario, for each of its numbers of reflections."""
     start = time.perf_counter()
     setting = setting_of(scenario)
     detector, air, path, behind = setting.detector, setting.air, setting.path, setting.backdrop
@@ -180,7 +130,7 @@ def rendered(
                 progress(k * total + done, len(bounces) * total)
 
         with changed(view, lobe=sampling.lobe, max_bounces=count):
-            result = integrated(
+            result = measure_signature(
                 view,
                 sampling.of_render(step),
                 by_spectrum=True,

@@ -4,7 +4,6 @@ A scenario is read from a TOML file and checked. Each table of the file is a dat
 """
 
 import os
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from os import PathLike
 from pathlib import Path
@@ -490,44 +489,6 @@ def locate(tree: dict, folder: Path) -> None:
     for key, value in parameters.items() if isinstance(parameters, dict) else ():
         if isinstance(value, str) and os.path.isfile(folder / value):
             parameters[key] = str(folder / value)
-
-
-def scenario_of(
-    scenario: Scenario | str | PathLike[str],
-    parameters: Mapping[str, object] | None = None,
-    **sampling: object,
-) -> Scenario:
-    """The scenario that a caller means.
-
-    Parameters
-    ----------
-    scenario : Scenario, str or path-like
-        Scenario, or the file or bundled name that `Scenario.read` takes.
-    parameters : mapping of str to object, optional
-        Entries of a scenario that is named, by dotted key such as "sensor.band".
-    **sampling
-        Entries of [render] of a scenario that is named; those that are None are left out.
-
-    Raises
-    ------
-    InputError
-        If the scenario cannot be used, or if entries are given for one that is read already.
-    """
-    given = {name: value for name, value in sampling.items() if value is not None}
-    if "spp" in given and given.keys() & set(TO_A_TOLERANCE):
-        raise InputError(
-            "spp sets a fixed number of samples; tolerances and max_spp choose one, and do not go "
-            "with it"
-        )
-    changes = dict(parameters or {}) | {f"render.{name}": value for name, value in given.items()}
-    if not isinstance(scenario, Scenario):
-        return Scenario.read(scenario, **changes)
-    if changes:
-        raise InputError(
-            f"scenario '{scenario.name}': is read already, so that {', '.join(changes)} cannot be "
-            "changed here; Scenario.read takes changes"
-        )
-    return scenario
 
 
 def change(tree: dict, keys: list[str], value) -> None:

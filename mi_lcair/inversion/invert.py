@@ -2,7 +2,6 @@
 
 import time
 from dataclasses import replace
-from os import PathLike
 
 import numpy as np
 from scipy import sparse
@@ -36,45 +35,18 @@ UNFINISHED = "not converged: the value still moves, and its error may be too sma
 IMPROBABLE = 1e-3  # p-value below which the model is said to miss something
 
 
-def invert(
-    problem: str | PathLike[str] | dict | InverseProblem,
-    advise: bool = True,
-    progress: Progress | None = None,
-) -> Solution:
-    """Estimate the unknowns of an inverse problem.
+def solve_problem(problem: InverseProblem, advise: bool, progress: Progress | None) -> Solution:
+    """Load the scenes of a problem, and estimate its unknowns.
 
     Parameters
     ----------
-    problem : path-like, dict or InverseProblem
-        TOML file, its content as a dictionary, or the problem itself.
+    problem : InverseProblem
     advise : bool
         Whether to compute what further measurements would bring, if something is not determined.
     progress : callable or None
         Called with (renders of each datum done, largest number).
-
-    Returns
-    -------
-    Solution
-
-    Raises
-    ------
-    InputError
-        If the problem, or one of its files or scenes, cannot be used.
     """
     start = time.perf_counter()
-    if isinstance(problem, dict):
-        problem = InverseProblem.of(problem)
-    elif not isinstance(problem, InverseProblem):
-        problem = InverseProblem.read(problem)
-    try:
-        return _inverted(problem, advise, progress, start)
-    except InputError as error:
-        text = str(error)
-        prefix = f"problem '{problem.name}': "
-        raise InputError(text if text.startswith(prefix) else prefix + text) from None
-
-
-def _inverted(problem: InverseProblem, advise: bool, progress, start: float) -> Solution:
     if problem.goal is not None:
         data = [goal_datum(problem.goal, problem.render)]
         everything = unknowns_of(problem, data)

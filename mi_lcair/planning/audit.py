@@ -8,7 +8,6 @@ holds in each direction only for reciprocal BRDFs. An emissivity from another so
 energy.
 """
 
-from collections.abc import Mapping
 from dataclasses import fields
 
 import drjit as dr
@@ -24,47 +23,26 @@ from mi_lcair.plugins.emitters.one_sun import one_sun
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.facets.table import FacetTable
-from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
+from mi_lcair.rendering.scene import Scene
 
 SIGNIFICANT = 1e-3  # an imbalance is reported if it exceeds this share of the flux
 NAMED = 5  # largest number of facets that a remark names
 
 
-def audit(
-    scene: SceneLike,
-    photons: int = 2**18,
-    seed: int = 0,
-    progress: Progress | None = None,
-    *,
-    parameters: Mapping[str, object] | None = None,
-) -> Audit:
-    """Follow photons from the emitters of a scene until they are absorbed or escape.
+def audit_flux(scene: Scene, photons: int, seed: int, progress: Progress | None) -> Audit:
+    """Follow photons from the emitters of a loaded scene until they are absorbed or escape.
 
     Parameters
     ----------
-    scene : Scene, str, Path or mi.Scene
-        A loaded scene, or what `mi_lcair.load` takes: a bundled name, a file, Mitsuba's own scene.
-        Its emitters must all be thermal, or the sun.
+    scene : Scene
     photons : int
         Photons from each emitter.
     seed : int
-        Seed of the random numbers.
-    progress : callable, optional
+    progress : callable or None
         Called with (emitters done, all emitters).
-    parameters : mapping of str to object, optional
-        Values of the scene's $-parameters, for a name or a file.
 
-    Returns
-    -------
-    Audit
-
-    Raises
-    ------
-    InputError
-        If the scene has an emitter that is not thermal, or a surface without an emitter whose
-        absorption is unknown.
+    Raises InputError for a scene whose flux cannot be followed.
     """
-    scene = scene_of(scene, parameters)
     table = FacetTable(scene)
     emitters = list(scene.mi.emitters())
     sun = one_sun(emitters)

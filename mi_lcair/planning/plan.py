@@ -15,7 +15,6 @@ tried. Both are counted in rays, so that the load of the machine decides nothing
 """
 
 import time
-from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, fields
 from typing import ClassVar
@@ -23,7 +22,7 @@ from typing import ClassVar
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.fraction import fraction, percent
+from mi_lcair.fraction import percent
 from mi_lcair.planning.bounces import check_bounces, fewer_bounces, truncation_error
 from mi_lcair.planning.emitter_sampling import cheaper_emitter_sampling
 from mi_lcair.planning.lobes import candidates, simpler_lobes
@@ -34,9 +33,9 @@ from mi_lcair.planning.reference import (
     pixel_count,
     reference_probe,
 )
-from mi_lcair.progress import Progress
 from mi_lcair.rendering.criteria import check_bounded
-from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
+from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.window import window_area
 from mi_lcair.results import Result
 
@@ -48,6 +47,7 @@ INTENSITY_SHARE, PIXEL_SHARE = 0.2, 0.5
 # million rays in a second.
 KERNEL = 2**21
 FOR_AN_IMAGE = "; to plan a render of its image, give each_pixel (--each-pixel)"
+DEFAULT_TOLERANCE = 0.01  # error that a plan allows, as a fraction of the mean radiance
 SAVING = 0.3  # share of a render's cost that simpler lobes or other emitter sampling may save
 
 
@@ -139,58 +139,25 @@ class Plan(Result):
         return self.settings.applied(scene)
 
 
-def plan(
-    scene: SceneLike,
-    tolerance: float | str = 0.01,
-    each_pixel: bool = False,
-    seed: int = 0,
-    sensor: int = 0,
-    progress: Progress | None = None,
-    renders: float = 1,
-    *,
-    parameters: Mapping[str, object] | None = None,
+def find_plan(
+    scene: Scene, sampling: Sampling, each_pixel: bool = False, renders: float = 1
 ) -> Plan:
-    """Plan a render of `scene` whose error is below `tolerance`.
-
-    Give the plan to `render` or `signature`. They render under its settings until the noise is
-    below the plan's `noise_tolerance`.
+    """Plan a render of a loaded scene.
 
     Parameters
     ----------
-    scene : Scene, str, Path or mi.Scene
-        A loaded scene, or what `mi_lcair.load` takes: a bundled name, a file, Mitsuba's own scene.
-        Its own settings are the same afterwards.
-    tolerance : float or str
-        Error that is allowed, as a fraction of the mean radiance, between 0 and 1, such as 0.01 or
-        "1%".
+    scene : Scene
+    sampling : Sampling
+        Its tolerance is the error that is allowed, as a fraction of the mean radiance. Its progress
+        is called with (probes done, probes expected).
     each_pixel : bool
-        True for the rms error over the pixels, as `render` reports it. False for the error of the
-        target's intensity, which needs an orthographic sensor.
-    seed : int
-        Seed of the random numbers.
-    sensor : int
-        Number of the scene's sensor, from 0.
-    progress : callable, optional
-        Called with (probes done, probes expected).
+        Whether the error is the rms over the pixels.
     renders : float
-        Number of renders that the plan is for. Probes that save less time in all of them than they
-        take are left out. With infinity all simplifications are tried.
-    parameters : mapping of str to object, optional
-        Values of the scene's $-parameters, for a name or a file.
+        Number of renders that the plan is for.
 
-    Returns
-    -------
-    Plan
-
-    Raises
-    ------
-    InputError
-        If the tolerance is not between 0 and 1, if the scene is dark, or if no settings that can
-        be probed reach the tolerance.
+    Raises InputError if no settings that can be probed reach the tolerance.
     """
-    scene, tolerance = scene_of(scene, parameters), fraction(tolerance)
-    if not 0 < tolerance < 1:
-        raise InputError(f"tolerance = {tolerance} must lie between 0 and 1")
+    tolerance, sensor, progress = sampling.tolerance, sampling.sensor, sampling.progress
     if not renders > 0:
         raise InputError(f"renders = {renders} must be positive")
     if not each_pixel:
@@ -199,7 +166,7 @@ def plan(
     with scene.prepared() as tracer:
         check_bounded(tracer.emitters, scene.name)
     given = Settings.of(scene)
-    probes = ProbeSeries(scene, each_pixel, seed, sensor, progress)
+    probes = ProbeSeries(scene, each_pixel, sampling.seed, sensor, progress)
 
     def expected(reference: Probe) -> float:
         paths = expected_paths(reference, tolerance, each_pixel, pixel_count(scene, sensor))

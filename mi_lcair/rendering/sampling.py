@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from mi_lcair.errors import InputError
-from mi_lcair.fraction import fraction
 from mi_lcair.progress import Progress
 
 if TYPE_CHECKING:
@@ -31,7 +30,7 @@ class Sampling:
     paths : int or None
         Paths of each window in place of `spp`.
     tolerance : float or None
-        Allowed error as a fraction, given as 0.01 or "1%". The function that measures says of what.
+        Allowed error as a fraction. The function that measures says of what.
     max_spp : int or None
         Largest number of samples per pixel for a tolerance (65536).
     seed : int
@@ -51,7 +50,6 @@ class Sampling:
     progress: Progress | None = None
 
     def __post_init__(self):
-        object.__setattr__(self, "tolerance", fraction(self.tolerance))
         for name in ("spp", "paths", "tolerance", "max_spp"):
             value = getattr(self, name)
             if value is not None and not value > 0:

@@ -232,28 +232,6 @@ def load(scene: str | PathLike[str] | mi.Scene, /, **parameters: object) -> Scen
     return replace(loaded, parameters=texts)
 
 
-def scene_of(scene: SceneLike, parameters: Mapping[str, object] | None = None) -> Scene:
-    """The scene that a caller means.
-
-    Parameters
-    ----------
-    scene : Scene, str, Path or mi.Scene
-        A loaded scene, or what `load` takes.
-    parameters : mapping of str to object, optional
-        Values of $-parameters, for a name or a path.
-
-    Raises
-    ------
-    InputError
-        If the scene cannot be used, or if parameters are given for one that is loaded.
-    """
-    if not isinstance(scene, Scene):
-        return load(scene, **parameters or {})
-    if parameters:
-        raise InputError(f"{parameters_of_loaded(parameters)}; mi_lcair.load takes them")
-    return scene
-
-
 def parameters_of_loaded(parameters: Mapping[str, object]) -> str:
     """The beginning of an error for $-parameters of a scene that is loaded already."""
     return f"the scene is loaded, so that its $-parameters ({', '.join(parameters)}) are set"

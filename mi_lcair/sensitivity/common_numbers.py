@@ -74,6 +74,11 @@ class CommonNumbers:
         """Number of paths; None until the first render has chosen it."""
         return None if self.criterion else self.windows.paths(self.sampling)
 
+    @property
+    def repeated(self) -> Sampling:
+        """The sampling of another render from the same random numbers, without progress."""
+        return Sampling(paths=self.paths, seed=self.sampling.seed)
+
     def render(self, values: Mapping[str, float] | None = None) -> Totals:
         """Sums over the paths, with these values of parameters in place of the scene's."""
         measurands = Measurands.of("target", self.by_spectrum)

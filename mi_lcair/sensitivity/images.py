@@ -1,15 +1,14 @@
 """Images of the derivatives of the radiance with respect to many parameters, from one render."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from mi_lcair.progress import Progress
 from mi_lcair.rendering.limits import check_memory
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Sampling
-from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
+from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import Windows
 from mi_lcair.sensitivity.columns import recordings
@@ -17,52 +16,13 @@ from mi_lcair.sensitivity.derivative_images import DerivativeImages
 from mi_lcair.sensitivity.parameters import units
 
 
-def derivative_images(
-    scene: SceneLike,
-    names: Sequence[str],
-    *,
-    sensor: int = 0,
-    spp: int | None = None,
-    seed: int = 0,
-    randomisations: int = 4,
-    progress: Progress | None = None,
-    parameters: Mapping[str, object] | None = None,
+def differentiate_image(
+    scene: Scene, names: Sequence[str], sampling: Sampling, randomisations: int = 4
 ) -> DerivativeImages:
-    """Images of the radiance and of its derivatives, all from the same paths.
+    """Images of a loaded scene's radiance and of its derivatives, all from the same paths.
 
-    Parameters
-    ----------
-    scene : Scene, str, Path or mi.Scene
-        A loaded scene, or what `mi_lcair.load` takes: a bundled name, a file, Mitsuba's own scene.
-    names : sequence of str
-        Names of parameters, see `mi_lcair.sensitivity.parameters`.
-    sensor, spp, seed
-        As for `render`.
-    randomisations : int
-        Number of independent images.
-    progress : callable or None
-        Called with (samples per pixel done, expected) of all renders.
-    parameters : mapping of str to object, optional
-        Values of the scene's $-parameters, for a name or a file.
-
-    Returns
-    -------
-    DerivativeImages
-
-    Raises
-    ------
-    InputError
-        If a name is unknown, if a parameter has no derivative, and as for `render`.
+    names: names of parameters. randomisations: number of independent images.
     """
-    scene = scene_of(scene, parameters)
-    sampling = Sampling(spp=spp, seed=seed, sensor=sensor, progress=progress)
-    return derived_images(scene, names, sampling, randomisations)
-
-
-def derived_images(
-    scene: Scene, names: Sequence[str], sampling: Sampling, randomisations: int
-) -> DerivativeImages:
-    """The derivatives of a loaded scene's image; see `derivative_images`."""
     camera = scene.sensor(sampling.sensor)
     sampling = sampling.settled(camera)
     windows = Windows.of_image(camera, randomisations, by_randomisation=True)

@@ -27,7 +27,7 @@ import mitsuba as mi
 
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.plugins.derivatives import own_memory
-from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
+from mi_lcair.rendering.scene import Scene
 from mi_lcair.sensitivity.entries import (
     Entry,
     Parameter,
@@ -38,30 +38,9 @@ from mi_lcair.sensitivity.entries import (
 )
 
 
-def parameters(
-    scene: SceneLike, parameters: Mapping[str, object] | None = None
-) -> dict[str, Parameter]:
-    """All parameters of a scene that have derivatives or can be changed, by name.
-
-    Groups come first, then materials, in order of names.
-
-    Parameters
-    ----------
-    scene : Scene, str, Path or mi.Scene
-        A loaded scene, or what `mi_lcair.load` takes: a bundled name, a file, Mitsuba's own scene.
-    parameters : mapping of str to object, optional
-        Values of the scene's $-parameters, for a name or a file.
-
-    Returns
-    -------
-    dict of str to Parameter
-
-    Raises
-    ------
-    InputError
-        If the scene cannot be used.
-    """
-    return {name: entry.described() for name, entry in entries(scene_of(scene, parameters)).items()}
+def parameters_of(scene: Scene) -> dict[str, Parameter]:
+    """All parameters of a loaded scene that have derivatives or can be changed, by name."""
+    return {name: entry.described() for name, entry in entries(scene).items()}
 
 
 def parameter(scene: Scene, name: str) -> Parameter:

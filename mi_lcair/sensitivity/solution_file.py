@@ -7,7 +7,7 @@ from mi_lcair.files import parse_json, read_text
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.sensitivity.facet_temperatures import set_facets
-from mi_lcair.sensitivity.parameters import parameters, set_values
+from mi_lcair.sensitivity.parameters import parameters_of, set_values
 
 KIND = "mi_lcair solution"  # first entry of the file
 OF_ANY_BAND = ("temperature",)  # kinds of parameters that hold in every band
@@ -56,7 +56,7 @@ def applied(file: str, content: dict, scene: Scene, state: str | None) -> list[s
     states = {entry["state"] for entry in data}
     if state is not None and state not in states:
         raise unknown(f"state of {file}", state, states)
-    known = parameters(scene)
+    known = parameters_of(scene)
     values, facets, owner = {}, {}, {}
     for entry in data:
         if state is not None and entry["state"] != state:

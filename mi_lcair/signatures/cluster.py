@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from functools import lru_cache
 from urllib.parse import urlsplit
 
-import mi_lcair
 from mi_lcair.errors import InputError
+from mi_lcair.rendering.scene import load
 
 RETRIES = 3  # attempts for a batch that failed on a worker; Dask itself replaces dead workers
 CONNECTION_S = 3  # time until the scheduler's machine takes a connection, s
@@ -137,7 +137,7 @@ def loaded(source: str, parameters: tuple, fingerprint: str):
 
     Raises InputError if the files on this worker give a scene with another fingerprint.
     """
-    scene = mi_lcair.load(source, **dict(parameters))
+    scene = load(source, **dict(parameters))
     if scene.fingerprint != fingerprint:
         raise InputError(
             f"scene '{source}' is another one on the Dask worker at {socket.gethostname()}; the "

@@ -1,20 +1,18 @@
 """Intensity of a scene toward an orthographic sensor, with and without the background."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.recorders.channels import Channels
-from mi_lcair.progress import Progress
 from mi_lcair.rendering.criteria import ExcessFunction, IntensityInterval
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Sampling
-from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
-from mi_lcair.rendering.settings import planned
+from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import Windows, window, window_area
 from mi_lcair.signatures.effective_areas import effective_areas
@@ -22,86 +20,30 @@ from mi_lcair.signatures.facet_results import FacetSums
 from mi_lcair.signatures.signature_result import Intensity, Signature
 
 if TYPE_CHECKING:
-    from mi_lcair.planning.plan import Plan
+    pass
 
 
-def signature(
-    scene: SceneLike,
-    spp: int | None = None,
-    tolerance: float | str | None = None,
-    max_spp: int | None = None,
-    seed: int = 0,
-    sensor: int = 0,
-    by_spectrum: bool = False,
-    facets: bool = False,
-    progress: Progress | None = None,
-    excess: Callable[[Signature], float] | None = None,
-    *,
-    parameters: Mapping[str, object] | None = None,
-    plan: "Plan | str | None" = None,
-) -> Signature:
-    """Render a scene and integrate its radiance over the sensor's window.
-
-    The intensity is int L dA, W/sr.
-
-    Parameters
-    ----------
-    scene : Scene, str, Path or mi.Scene
-        A loaded scene, or what `mi_lcair.load` takes: a bundled name, a file, Mitsuba's own scene.
-        Its sensor must be orthographic.
-    spp : int or None
-        Number of paths, divided by the number of pixels of the sensor's film (the number in the
-        scene). The paths begin anywhere in the window, not in one pixel each.
-    tolerance : float, str or None
-        Trace paths until the 95 % interval of the target's intensity is within this fraction of it,
-        such as 0.01 or "1%", or until max_spp is reached. Without a target it is that of the
-        scene's intensity.
-    max_spp : int or None
-        As `spp`: the largest number of paths with a tolerance (65536).
-    seed, sensor : int
-        As for `render`.
-    progress : callable or None
-        Called with (paths done, paths expected).
-    by_spectrum : bool
-        Also compute the effective area of each source in the scene.
-    facets : bool
-        Also compute the results of each facet of the model.
-    excess : callable or None
-        Instead of a tolerance: ratio of the error to the allowed error for the Signature (without
-        facets) that the paths so far give. Paths are added until it is at most 1.
-    parameters : mapping of str to object, optional
-        Values of the scene's $-parameters, for a name or a file.
-    plan : Plan, "auto" or None
-        Trace paths under the settings of a plan that `mi_lcair.plan` made; "auto" makes one for the
-        tolerance (1 %). The tolerance is then that of plan and noise together.
-
-    Returns
-    -------
-    Signature
-
-    Raises
-    ------
-    InputError
-        If the sensor is not orthographic, if `by_spectrum` is asked of the band "total", if a
-        number of paths is given beside a tolerance, or if a tolerance cannot be reached.
-    """
-    sampling = Sampling(
-        spp=spp, tolerance=tolerance, max_spp=max_spp, seed=seed, sensor=sensor, progress=progress
-    )
-    scene = scene_of(scene, parameters)
-    with planned(scene, plan, False, sampling) as (made, sampling):
-        result = integrated(scene, sampling, by_spectrum, facets, excess)
-    return replace(result, plan=made)
-
-
-def integrated(
+def measure_signature(
     scene: Scene,
     sampling: Sampling,
     by_spectrum: bool = False,
     facets: bool = False,
     excess: Callable[[Signature], float] | None = None,
 ) -> Signature:
-    """The intensity of a loaded scene under its own settings; see `signature`."""
+    """Integrate the radiance of a loaded scene over a sensor's window, under its own settings.
+
+    Parameters
+    ----------
+    scene : Scene
+    sampling : Sampling
+        Its tolerance is half of the 95 % interval of the intensity, as a fraction of it.
+    by_spectrum : bool
+        Whether to compute the effective area of each source.
+    facets : bool
+        Whether to compute the results of each facet of the model.
+    excess : callable or None
+        Instead of a tolerance: ratio of the error to the allowed error, see `Criterion`.
+    """
     if by_spectrum and scene.band.is_total:
         raise InputError(
             f"{scene.name}: band total has no wavelengths, so that its intensity has no spectrum; "

@@ -2,10 +2,8 @@
 
 import json
 import os
-from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from hashlib import sha256
-from os import PathLike
 from pathlib import Path
 
 import mitsuba as mi
@@ -15,9 +13,9 @@ import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.sampling import Sampling
-from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
+from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import View, check_resolution
-from mi_lcair.signatures.many_views import DEFAULT_TOLERANCE, render_views, views_per_batch
+from mi_lcair.signatures.many_views import render_views, views_per_batch
 from mi_lcair.signatures.trend_file import TrendFile
 from mi_lcair.signatures.trend_result import Trend
 
@@ -69,6 +67,39 @@ class Sweep:
     batch: int
     variant: str
 
+    @staticmethod
+    def of(
+        scene: Scene,
+        views: tuple[View, ...],
+        resolution: int,
+        sampling: Sampling,
+        batch: int | None = None,
+    ) -> "Sweep":
+        """The sweep of a loaded scene; without `batch`, as many views in one as fit into a pass.
+
+        Raises InputError if a view is given twice, for no views, and for numbers out of bounds.
+        """
+        if len(set(views)) < len(views) or not views:
+            raise InputError(
+                "a trend needs views, each once; an azimuth or elevation is missing or given twice"
+            )
+        check_resolution(resolution)
+        most = MOST_PASSES * views_per_batch(resolution)
+        if batch is not None and not 1 <= batch <= most:
+            raise InputError(
+                f"batch = {batch} must lie in 1..{most} for {resolution} x {resolution} pixels"
+            )
+        return Sweep(
+            scene=scene.source,
+            parameters={name: whole_path(value) for name, value in scene.parameters.items()},
+            fingerprint=scene.fingerprint,
+            views=views,
+            resolution=resolution,
+            sampling=sampling,
+            batch=min(batch or views_per_batch(resolution), len(views)),
+            variant=mi.variant(),
+        )
+
     def batches(self) -> list[tuple[int, tuple[View, ...]]]:
         """(number, views) of batches of nearly equal size."""
         count = -(-len(self.views) // self.batch)
@@ -103,133 +134,36 @@ class Sweep:
         }
 
 
-def trend(
-    scene: SceneLike,
-    azimuths_deg: Iterable[float],
-    elevations_deg: Iterable[float] = (0.0,),
-    resolution: int = 64,
-    spp: int | None = None,
-    tolerance: float | str | None = None,
-    max_spp: int | None = None,
-    seed: int = 0,
-    batch: int | None = None,
-    path: str | PathLike[str] | None = None,
-    resume: bool = False,
-    overwrite: bool = False,
-    dask: str | None = None,
-    progress: Progress | None = None,
-    *,
-    parameters: Mapping[str, object] | None = None,
+def render_trend(
+    scene: Scene, sweep: Sweep, file: TrendFile, dask: str | None, progress: Progress | None
 ) -> Trend:
-    """Intensity of a scene's model toward each azimuth and elevation of the observer.
+    """Render the views of a sweep that a file does not hold yet.
 
     Parameters
     ----------
-    scene : Scene, str, Path or mi.Scene
-        A loaded scene, or what `mi_lcair.load` takes: a bundled name, a file, Mitsuba's own scene.
-        It needs a model.
-    azimuths_deg : sequence of float
-        Azimuths of the observer, degrees: 0 sees the nose, 90 the left side.
-    elevations_deg : sequence of float
-        Elevations of the observer above the horizontal, degrees.
-    resolution : int
-        `spp` and `max_spp` count the paths of a view divided by resolution x resolution. The paths
-        begin anywhere in the view, not in one pixel each.
-    spp : int, optional
-        Samples per pixel, instead of a tolerance.
-    tolerance : float or str, optional
-        Half of the 95 % interval of each view's intensity, as a fraction of it, such as 0.01 or
-        "1%"; 0.01 if spp is not given.
-    max_spp : int, optional
-        Largest number of samples per pixel for the tolerance.
-    seed : int
-        Seed of the random numbers.
-    batch : int, optional
-        Views that are rendered together; by default as many as fit into a pass.
-    path : path-like, optional
-        CSV file to write, see `TrendFile`. It is complete after each batch.
-    resume : bool
-        Keep the views that the file holds already.
-    overwrite : bool
-        Replace a file that exists. Without it and `resume` such a file is refused.
-    dask : str, optional
-        Address of a Dask scheduler whose workers render the batches. They load the scene from the
-        same path. The numbers are the same.
-    progress : callable, optional
+    scene : Scene
+    sweep : Sweep
+    file : TrendFile
+        It is written after each batch.
+    dask : str or None
+        Address of a Dask scheduler whose workers render the batches.
+    progress : callable or None
         Called with (views done, all views).
-    parameters : mapping of str to object, optional
-        Values of the scene's $-parameters, for a name or a file.
 
-    Returns
-    -------
-    Trend
-
-    Raises
-    ------
-    InputError
-        If the arguments do not fit together, if a view is missing or given twice, or if the file or
-        the scheduler cannot be used.
+    Raises InputError if the scheduler cannot be used.
     """
-    scene = scene_of(scene, parameters)
-    sampling = Sampling(spp=spp, tolerance=tolerance, max_spp=max_spp, seed=seed)
-    if spp is None and tolerance is None:
-        sampling = replace(sampling, tolerance=DEFAULT_TOLERANCE)
     if dask and scene.path is None:
         raise InputError(
             f"{scene.name}: workers load a scene from its file, and this one was loaded by "
             "Mitsuba; leave dask out, or give the file"
         )
-    azimuths = angles("azimuths_deg", azimuths_deg)
-    views = tuple(
-        View(azimuth, elevation)
-        for elevation in angles("elevations_deg", elevations_deg)
-        for azimuth in azimuths
-    )
-    if len(set(views)) < len(views) or not views:
-        raise InputError(
-            "a trend needs views, each once; an azimuth or elevation is missing or given twice"
-        )
-    check_resolution(resolution)
-    most = MOST_PASSES * views_per_batch(resolution)
-    if batch is not None and not 1 <= batch <= most:
-        raise InputError(
-            f"batch = {batch} must lie in 1..{most} for {resolution} x {resolution} pixels"
-        )
-    sweep = Sweep(
-        scene.source,
-        {name: whole_path(value) for name, value in scene.parameters.items()},
-        scene.fingerprint,
-        views,
-        resolution,
-        sampling,
-        min(batch or views_per_batch(resolution), len(views)),
-        mi.variant(),
-    )
-    file = TrendFile(path, sweep.header(scene), sweep.batches())
-    if resume:
-        file.resume()
-    elif not overwrite:
-        file.refuse_to_overwrite()
     # A batch is skipped only if all of its views are done.
     missing = [(number, views) for number, views in sweep.batches() if not file.holds(views)]
     for rows in results(scene, sweep, missing, dask):
         file.add(rows)
         if progress:
-            progress(len(file.rows), len(views))
-    return Trend(scene.name, file.columns(), scene.band.label, sampling.tolerance)
-
-
-def angles(name: str, values: Iterable[float]) -> list[float]:
-    """Angles in degrees as numbers; raises InputError for what is no sequence of numbers."""
-    try:
-        if isinstance(values, str):
-            raise ValueError(values)
-        return [float(value) for value in values]
-    except (TypeError, ValueError):
-        raise InputError(
-            f"{name} = {values!r} is no sequence of angles in degrees, such as range(0, 360, 10) "
-            "or [0, 30]"
-        ) from None
+            progress(len(file.rows), len(sweep.views))
+    return Trend(scene.name, file.columns(), scene.band.label, sweep.sampling.tolerance)
 
 
 def whole_path(value: str) -> str:

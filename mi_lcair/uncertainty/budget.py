@@ -1,22 +1,17 @@
 """Uncertainty budget of an intensity or of a contrast."""
 
 import time
-from collections.abc import Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
-from os import PathLike
-from pathlib import Path
+from dataclasses import asdict, dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
-from mi_lcair import scenes
-from mi_lcair.detection.scenario import Scenario, scenario_of
+from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import setting_of
 from mi_lcair.errors import InputError
-from mi_lcair.progress import Progress
 from mi_lcair.rendering.sampling import Sampling
-from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
+from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.settings import changed as settings_changed
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.results import Result
@@ -26,7 +21,7 @@ from mi_lcair.uncertainty.contrast_number import ContrastNumber
 from mi_lcair.uncertainty.facet_errors import facet_contribution
 from mi_lcair.uncertainty.inputs import Inputs
 from mi_lcair.uncertainty.intensity_number import IntensityNumber
-from mi_lcair.uncertainty.monte_carlo import MonteCarlo, check_draws, monte_carlo
+from mi_lcair.uncertainty.monte_carlo import MonteCarlo, monte_carlo
 from mi_lcair.uncertainty.number import Number
 from mi_lcair.uncertainty.propagation import BudgetRow, combined, rows
 from mi_lcair.uncertainty.uncertainties import Uncertainties
@@ -144,62 +139,21 @@ class Budget(Result):
         }
 
 
-def budget(
-    what: SceneLike | Scenario,
-    uncertainties: str | PathLike[str] | Mapping | Uncertainties,
-    *,
-    sensor: int = 0,
-    spp: int | None = None,
-    tolerance: float | str | None = None,
-    seed: int = 0,
-    draws: int | None = None,
-    progress: Progress | None = None,
-    parameters: Mapping[str, object] | None = None,
+def draw_up(
+    what: Scene | Scenario, stated: Uncertainties, sampling: Sampling, draws: int | None = None
 ) -> Budget:
-    """Uncertainty budget of a target's intensity, or of the contrast of a scenario.
+    """Draw up the budget of a loaded scene or of a scenario.
 
     Parameters
     ----------
-    what : Scene, mi.Scene, Scenario, str or path-like
-        A scene with an orthographic sensor, a contrast scenario, or the file or the bundled name of
-        either.
-    uncertainties : str, path-like, dict or Uncertainties
-        TOML file with the uncertainties, or its tables as a dictionary, see
-        `mi_lcair.uncertainty.uncertainties`.
-    sensor, spp, tolerance, seed
-        As for `signature`. A scenario has no sensor. The others replace the entries of [render] of
-        a scenario that is named.
+    what : Scene or Scenario
+    stated : Uncertainties
+    sampling : Sampling
+        That of a scene; a scenario has its own. Its progress is called with (draws done, expected).
     draws : int or None
-        Also compute the distribution of the result from this number of random draws.
-    progress : callable or None
-        Called with (renders or draws done, expected).
-    parameters : mapping of str to object, optional
-        Values of the $-parameters of a scene, or entries of a scenario by dotted key, where it is
-        named.
-
-    Returns
-    -------
-    Budget
-
-    Raises
-    ------
-    InputError
-        If the uncertainties name something that the scene does not have, or anything else cannot be
-        used.
+        Random draws from which the distribution of the result is computed.
     """
     start = time.perf_counter()
-    stated = Uncertainties.read(uncertainties)
-    if draws is not None:
-        check_draws(draws)
-    sampling = Sampling(spp=spp, tolerance=tolerance, seed=seed, sensor=sensor)
-    if is_scenario(what):
-        if sensor:
-            raise InputError("sensor is one of a scene; a scenario has its observer")
-        what = scenario_of(
-            what, parameters, spp=spp, tolerance=sampling.tolerance, seed=seed or None
-        )
-    else:
-        what = scene_of(what, parameters)
     with result_of(what, sampling) as number:
         inputs = Inputs.of(stated, number.known, number.what)
         number.start()
@@ -224,8 +178,8 @@ def budget(
                 derivative,
                 np.hypot.reduce([*facets.values(), 0]),
                 draws,
-                seed,
-                progress,
+                sampling.seed,
+                sampling.progress,
             )
         return Budget(
             what=number.what,
@@ -244,13 +198,6 @@ def budget(
         )
 
 
-def is_scenario(what: object) -> bool:
-    """Whether it is a contrast scenario, or the file or the bundled name of one."""
-    if isinstance(what, (str, PathLike)):
-        return Path(what).suffix == ".toml" or str(what) in scenes.scenarios()
-    return isinstance(what, Scenario)
-
-
 @contextmanager
 def result_of(what: Scene | Scenario, sampling: Sampling):
     """Context manager that gives the `Number` of a scene or scenario."""
@@ -266,7 +213,7 @@ def result_of(what: Scene | Scenario, sampling: Sampling):
             raise InputError(f"scenario '{what.name}': {error}") from None
     else:
         check_differentiable(what)
-        yield IntensityNumber(what, sampling)
+        yield IntensityNumber(what, replace(sampling, progress=None))
 
 
 def check_differentiable(scene: Scene) -> None:

@@ -22,7 +22,7 @@ from mi_lcair.rendering.criteria import ExcessFunction
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.sensitivity.common_numbers import CommonNumbers
 from mi_lcair.sensitivity.entries import Parameter
-from mi_lcair.sensitivity.parameters import parameters
+from mi_lcair.sensitivity.parameters import parameters_of
 from mi_lcair.signatures.effective_areas import SPECTRUM_ROWS
 from mi_lcair.uncertainty.number import Linear, Number
 
@@ -68,7 +68,7 @@ class ContrastNumber(Number):
     def __init__(self, scenario: Scenario, setting: Setting, progress=None):
         self.scenario, self.setting = scenario, setting
         self.scene, self.what = setting.view, scenario.name
-        self.known = parameters(self.scene) | self.scenario_quantities()
+        self.known = parameters_of(self.scene) | self.scenario_quantities()
         table = scenario.render
         sampling = table.of_render(progress)
         criterion = ExcessFunction(self.excess) if table.has_tolerance else None

@@ -1,24 +1,20 @@
 """Maps of an uncertainty budget: derivatives of each pixel, and its standard uncertainty."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 
-from mi_lcair.rendering.images.render import render
+from mi_lcair.rendering.images.render import render_image
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.sensitivity.derivative_images import DerivativeImages
-from mi_lcair.sensitivity.images import derivative_images
+from mi_lcair.sensitivity.images import differentiate_image
 from mi_lcair.uncertainty.inputs import Inputs
 
 
 def budget_image(
-    scene: Scene,
-    inputs: Inputs,
-    *,
-    sensor: int = 0,
-    spp: int | None = None,
-    seed: int = 0,
-    progress=None,
+    scene: Scene, inputs: Inputs, sampling: Sampling
 ) -> tuple[dict[str, np.ndarray], dict]:
     """Channels and header of an image with the derivatives of every pixel.
 
@@ -27,8 +23,8 @@ def budget_image(
     scene : Scene
     inputs : Inputs
         The uncertain quantities, such as `Budget.inputs` of the same scene.
-    sensor, spp, seed, progress
-        As for `render`.
+    sampling : Sampling
+        Without a tolerance.
 
     Returns
     -------
@@ -38,10 +34,8 @@ def budget_image(
     header : dict
         That of `render`, with the names and the covariance of the quantities.
     """
-    image = render(scene, spp=spp, seed=seed, sensor=sensor)
-    of_radiance = derivative_images(
-        scene, inputs.names, sensor=sensor, spp=spp, seed=seed, progress=progress
-    )
+    image = render_image(scene, replace(sampling, progress=None))
+    of_radiance = differentiate_image(scene, inputs.names, sampling)
     derivatives = {
         f"d.{name}.Y": column.astype(np.float32)
         for name, column in zip(inputs.names, of_radiance.derivative)

@@ -7,7 +7,7 @@ from mi_lcair.plugins.emission.source import Source
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.sensitivity.common_numbers import CommonNumbers
-from mi_lcair.sensitivity.parameters import parameters
+from mi_lcair.sensitivity.parameters import parameters_of
 from mi_lcair.signatures.effective_areas import PARTS
 from mi_lcair.uncertainty.number import Linear, Number
 
@@ -29,7 +29,7 @@ class IntensityNumber(Number):
     def __init__(self, scene, sampling: Sampling, part: str = "target"):
         self.title = f"intensity of the {part}"
         self.part, self.scene, self.what = part, scene, scene.name
-        self.known = parameters(scene)
+        self.known = parameters_of(scene)
         self.numbers = CommonNumbers(scene, sampling, has_spectra(scene), part)
 
     def linear(self, total, areas, quantities):

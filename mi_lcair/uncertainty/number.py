@@ -22,7 +22,7 @@ from mi_lcair.sensitivity.common_numbers import CommonNumbers
 from mi_lcair.sensitivity.differences import NEAREST
 from mi_lcair.sensitivity.entries import Parameter
 from mi_lcair.sensitivity.parameters import checked
-from mi_lcair.sensitivity.window import sensitivities
+from mi_lcair.sensitivity.window import differentiate_intensity
 from mi_lcair.signatures.effective_areas import EffectiveAreas, effective_areas
 
 # Step of a derivative in closed form, in standard deviations. Its error falls with the square.
@@ -236,13 +236,8 @@ class Number(ABC):
     def rendered_derivatives(self, names, sigma):
         if not self.has_weights:
             return self.differences(names, sigma)
-        sensitivity = sensitivities(
-            self.scene,
-            names,
-            part=self.part,
-            weights=self.weights(),
-            paths=self.numbers.paths,
-            seed=self.numbers.sampling.seed,
+        sensitivity = differentiate_intensity(
+            self.scene, names, self.numbers.repeated, self.part, self.weights()
         )
         self.columns += -(-len(names) // MOST_COLUMNS)
         return sensitivity.derivative, sensitivity.error[1:]

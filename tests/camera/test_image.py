@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from mi_lcair.api.contrast import contrast
+from mi_lcair.api.image import image
 from mi_lcair.camera.electronics.response import electron_band, electrons
-from mi_lcair.camera.image import image
 from mi_lcair.camera.optics import OVERSAMPLING
-from mi_lcair.detection.contrast import contrast
 from mi_lcair.errors import InputError
 from mi_lcair.physics.atmosphere import atmosphere
 from mi_lcair.physics.bands import band

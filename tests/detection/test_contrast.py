@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 import mi_lcair
+from mi_lcair.api.contrast import contrast
 from mi_lcair.detection import contrast as module
 from mi_lcair.detection import setting
-from mi_lcair.detection.contrast import check_met, check_reachable, contrast, remarks
+from mi_lcair.detection.contrast import check_met, check_reachable, remarks
 from mi_lcair.detection.irradiance import TERMS, Backdrop, Estimate, Irradiance, RenderError
 from mi_lcair.detection.scenario import RenderTable, Scenario
 from mi_lcair.errors import InputError
@@ -277,7 +278,7 @@ def test_each_number_of_reflections_ends_at_the_tolerance():
 
 def kernels_by_row(monkeypatch, scenario):
     """Hashes of the kernels that trace paths, which are large, in the render of each row."""
-    found, render = [], module.integrated
+    found, render = [], module.measure_signature
 
     def counted(*args, **kwargs):
         with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
@@ -287,7 +288,7 @@ def kernels_by_row(monkeypatch, scenario):
             found.append({entry["hash"] for entry in history if entry["operation_count"] > 200})
         return result
 
-    monkeypatch.setattr(module, "integrated", counted)
+    monkeypatch.setattr(module, "measure_signature", counted)
     contrast(scenario)
     return found
 

@@ -6,7 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mi_lcair.detection.contrast import contrast, unlit_sky
+from mi_lcair.api.contrast import contrast
+from mi_lcair.detection.contrast import unlit_sky
 from mi_lcair.detection.detection_range import detection_range
 from mi_lcair.detection.line_of_sight import Sight, lower_height, reflected
 from mi_lcair.detection.scenario import Background, Observer

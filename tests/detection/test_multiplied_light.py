@@ -5,7 +5,7 @@ import csv
 import numpy as np
 import pytest
 
-from mi_lcair.detection.contrast import contrast
+from mi_lcair.api.contrast import contrast
 from mi_lcair.detection.multiplied_light import multiplied_light
 from mi_lcair.detection.setting import setting_of
 from mi_lcair.physics.air.bands import TABLES

@@ -8,11 +8,11 @@ import pytest
 from click.testing import CliRunner
 
 import mi_lcair
+from mi_lcair.api.parameters import parameters
 from mi_lcair.cli import main
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.materials import material
-from mi_lcair.sensitivity.parameters import parameters
 from mi_lcair.sensitivity.solution_file import apply_solution
 from tests.inversion.plate import datum, write_scene
 

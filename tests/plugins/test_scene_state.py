@@ -4,10 +4,10 @@ import drjit as dr
 import mitsuba as mi
 import pytest
 
+from mi_lcair.api.signature import signature
 from mi_lcair.plugins.derivatives import nodes
 from mi_lcair.plugins.scene_state import SceneState
 from mi_lcair.rendering.scene import load
-from mi_lcair.signatures.signature import signature
 from tests.plugins.small_scenes import SCENES
 
 

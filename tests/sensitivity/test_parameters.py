@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 import mi_lcair
+from mi_lcair.api.parameters import parameters
 from mi_lcair.errors import InputError
-from mi_lcair.sensitivity.parameters import changed, parameter, parameters, set_values
+from mi_lcair.sensitivity.parameters import changed, parameter, set_values
 
 mi.set_variant("llvm_ad_mono")
 

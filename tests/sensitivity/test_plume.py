@@ -3,10 +3,11 @@
 import pytest
 
 import mi_lcair
+from mi_lcair.api.parameters import parameters
 from mi_lcair.errors import InputError
 from mi_lcair.sensitivity.differences import differences
 from mi_lcair.sensitivity.facets import facet_matrix
-from mi_lcair.sensitivity.parameters import changed, parameters, set_values
+from mi_lcair.sensitivity.parameters import changed, set_values
 
 LANDING = {"position": 3, "band": "LWIR", "plume_transmittance": 0.7}
 

@@ -7,6 +7,8 @@ import pytest
 from scipy.stats import chi2
 
 import mi_lcair
+from mi_lcair.api.derivative_images import derivative_images
+from mi_lcair.api.sensitivities import sensitivities
 from mi_lcair.errors import InputError
 from mi_lcair.physics import reflection
 from mi_lcair.physics.blackbody import in_band_radiance
@@ -15,9 +17,7 @@ from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.sensitivity.columns import recordings
 from mi_lcair.sensitivity.differences import differences, image_differences
-from mi_lcair.sensitivity.images import derivative_images
 from mi_lcair.sensitivity.parameters import changed
-from mi_lcair.sensitivity.window import sensitivities
 
 mi.set_variant("llvm_ad_mono")
 

@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 
 from mi_lcair import scenes
+from mi_lcair.api.parameters import parameters
+from mi_lcair.api.sensitivities import sensitivities
+from mi_lcair.api.signature import signature
+from mi_lcair.api.trend import trend
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.sun.sunlight import sunlight
 from mi_lcair.rendering.scene import load
-from mi_lcair.sensitivity.parameters import parameters, set_values
-from mi_lcair.sensitivity.window import sensitivities
-from mi_lcair.signatures.signature import signature
-from mi_lcair.signatures.trend import trend
+from mi_lcair.sensitivity.parameters import set_values
 from tests.plugins.paths.test_recording import check
 
 E = sunlight().in_band_irradiance(band("MWIR"))

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.uncertainty.image import budget_image, variance
 from mi_lcair.uncertainty.inputs import Inputs
 from mi_lcair.uncertainty.uncertainties import Uncertainties
@@ -49,9 +50,11 @@ def test_maps_of_a_plate(tmp_path):
     """The plate is 2 m wide in a window of 4 m: eps B'(T) on the plate, 0 beside it."""
     scene = plate_scene(tmp_path)
     stated = Uncertainties.read({"sigma": {"plate.temperature": 2.0}})
-    from mi_lcair.sensitivity.parameters import parameters
+    from mi_lcair.api.parameters import parameters
 
-    channels, header = budget_image(scene, Inputs.of(stated, parameters(scene), "plate"), spp=16)
+    channels, header = budget_image(
+        scene, Inputs.of(stated, parameters(scene), "plate"), Sampling(spp=16)
+    )
     expected = EMISSIVITY * slope(scene.band, TEMPERATURE)
     column = channels["d.plate.temperature.Y"]
     np.testing.assert_allclose(column[5:11, 5:11], expected, rtol=1e-3)

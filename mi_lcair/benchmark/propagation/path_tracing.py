@@ -5,8 +5,9 @@ beyond the last one, and the sampler.
 """
 
 from mi_lcair.benchmark.propagation.problem import Method, Problem
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.settings import changed
-from mi_lcair.signatures.signature import signature
+from mi_lcair.signatures.signature import measure_signature
 
 EFFORTS = [4**k for k in range(3, 13)]  # numbers of paths that are tried
 
@@ -54,7 +55,7 @@ def intensity(
         closure=closure,
         ambient_temperature=temperature,
     ):
-        result = signature(scene, spp=paths, seed=seed)
+        result = measure_signature(scene, Sampling(spp=paths, seed=seed))
     part = result.target if problem.has_background else result.scene
     segments = 1 + bounces + (closure == "ambient") + (bounces if emitter_sampling else 0)
     return part.intensity, result.paths * segments

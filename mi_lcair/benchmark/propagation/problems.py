@@ -9,12 +9,11 @@ from math import log2
 import mitsuba as mi
 import numpy as np
 
-import mi_lcair
 from mi_lcair.benchmark.propagation import exact, path_tracing
 from mi_lcair.benchmark.propagation.problem import Problem
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.rendering.facets.table import FacetTable
-from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.scene import Scene, load
 from mi_lcair.rendering.window import window
 
 RANGE_WALLS = 258.0  # K: between the upper half's 263 K and the lower half's 253 K
@@ -172,7 +171,7 @@ def loaded(name: str, **parameters) -> list[Scene]:
     The film has a single pixel, so that paths per pixel are paths.
     """
     return [
-        mi_lcair.load(name, resolution=1, sampler=sampler, **parameters)
+        load(name, resolution=1, sampler=sampler, **parameters)
         for sampler in ("lattice", "independent")
     ]
 

@@ -76,7 +76,7 @@ def command(what, uncertainties, plot, image, draws, **options):
     uncertainty of the result, the largest share of the variance first. It checks the contributions
     that matter with renders at plus and minus one standard deviation.
     """
-    from mi_lcair.uncertainty.budget import is_scenario
+    from mi_lcair.api.budget import is_scenario
     from mi_lcair.uncertainty.uncertainties import Uncertainties
 
     check_outputs((plot, PICTURES), (image, ".exr"))
@@ -119,8 +119,10 @@ def _scene(what, sampling, image, **options):
 def _write_image(path, scene, result, arguments):
     """Write the image of a scene with its derivatives."""
     from mi_lcair.rendering.images.exr import write_exr
+    from mi_lcair.rendering.sampling import Sampling
     from mi_lcair.uncertainty.image import budget_image
 
-    sampling = {name: arguments[name] for name in ("sensor", "seed", "spp") if name in arguments}
-    with progress_bar("pixels") as progress:
-        write_exr(path, *budget_image(scene, result.inputs, progress=progress, **sampling))
+    numbers = {name: arguments[name] for name in ("sensor", "seed", "spp") if name in arguments}
+    with progress_bar() as progress:
+        sampling = Sampling(progress=progress, **numbers)
+        write_exr(path, *budget_image(scene, result.inputs, sampling))

@@ -9,9 +9,9 @@ from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import Setting, setting_of
 from mi_lcair.errors import InputError
 from mi_lcair.rendering.settings import changed
-from mi_lcair.sensitivity.parameters import parameters
+from mi_lcair.sensitivity.parameters import parameters_of
 from mi_lcair.sensitivity.sensitivities import Sensitivities
-from mi_lcair.sensitivity.window import sensitivities
+from mi_lcair.sensitivity.window import differentiate_intensity
 from mi_lcair.uncertainty.contrast_number import ContrastNumber
 from mi_lcair.uncertainty.number import SOURCE_STEP, shifted
 
@@ -74,7 +74,7 @@ class MeasuredContrast:
             return self._contrast(number, names)
 
     def _contrast(self, number: ContrastNumber, names) -> tuple[np.ndarray, np.ndarray]:
-        known = parameters(number.scene)
+        known = parameters_of(number.scene)
         hot = [name for name in names if known[name].kind == "temperature"]
         rest = [name for name in names if name not in hot]
         parts = [number_of(number, rest, number.weights())]
@@ -93,13 +93,7 @@ class MeasuredContrast:
 
 def number_of(number: ContrastNumber, names, weights: Mapping) -> Sensitivities:
     """The sum over the sources with these weights, from the paths of a contrast."""
-    return sensitivities(
-        number.scene,
-        names,
-        weights=weights,
-        paths=number.numbers.paths,
-        seed=number.numbers.sampling.seed,
-    )
+    return differentiate_intensity(number.scene, names, number.numbers.repeated, weights=weights)
 
 
 def slope_weights(number: ContrastNumber) -> dict:

@@ -14,13 +14,14 @@ from mi_lcair.inversion.data.measurement import Observation
 from mi_lcair.inversion.least_squares.prediction import DatumBlock, variance_of_mean
 from mi_lcair.inversion.tables import Goal, RenderSettings
 from mi_lcair.inversion.unknowns import Unknown, Where
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.sensitivity.differences import randomised_images
 from mi_lcair.sensitivity.facet_temperatures import with_facets
 from mi_lcair.sensitivity.facets import facet_matrix
-from mi_lcair.sensitivity.images import derivative_images
+from mi_lcair.sensitivity.images import differentiate_image
 from mi_lcair.sensitivity.parameters import changed
-from mi_lcair.sensitivity.window import sensitivities
+from mi_lcair.sensitivity.window import differentiate_intensity
 
 SEEDS = 104_729  # distance between the seeds of two renders, whose noise must be independent
 SPP_OF_VIEWS = 16  # default of `spp` for the aspects of a trend
@@ -212,13 +213,11 @@ class Datum:
 
     def _traced_image(self, names, sampling: RenderSettings, seed: int):
         """Radiance (R, n) and columns [(n, K)] of the pixels that count."""
-        images = derivative_images(
+        images = differentiate_image(
             self.scene,
             names,
-            sensor=self.entry.sensor,
-            spp=sampling.spp,
-            seed=seed,
-            randomisations=sampling.randomisations,
+            Sampling(spp=sampling.spp, seed=seed, sensor=self.entry.sensor),
+            sampling.randomisations,
         )
         radiance = images.radiance[:, self.counts].astype(float)
         columns = [of[:, self.counts].T.astype(float) for of in images.derivatives]
@@ -253,13 +252,12 @@ class Datum:
         radiance, columns = [], []
         for view in self.views:
             is_own = view is self.scene
-            sensitivity = sensitivities(
-                view,
-                names,
-                sensor=self.entry.sensor if is_own else 0,
+            of_view = Sampling(
                 spp=sampling.spp if is_own else sampling.spp or SPP_OF_VIEWS,
                 seed=seed,
+                sensor=self.entry.sensor if is_own else 0,
             )
+            sensitivity = differentiate_intensity(view, names, of_view)
             each = of_randomisations(sensitivity)
             radiance.append(each[0])
             columns.append(each[1:])

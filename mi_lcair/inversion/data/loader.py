@@ -14,11 +14,12 @@ from mi_lcair.inversion.least_squares.prediction import DatumBlock
 from mi_lcair.inversion.tables import Goal, RenderSettings
 from mi_lcair.inversion.unknowns import Where
 from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene, load
 from mi_lcair.rendering.views import View, seen_from
 from mi_lcair.sensitivity.facet_temperatures import facet_temperatures
-from mi_lcair.sensitivity.parameters import parameters
-from mi_lcair.signatures.signature import signature
+from mi_lcair.sensitivity.parameters import parameters_of
+from mi_lcair.signatures.signature import measure_signature
 from mi_lcair.table import read_table
 
 DETAIL = 1e-3  # deviation from a goal that counts as one standard deviation, relative
@@ -78,7 +79,7 @@ class Loader:
             entry.name,
             scene.band.name,
             entry.state,
-            parameters(scene),
+            parameters_of(scene),
             facet_temperatures(scene, facet_groups),
         )
         if counts is None and where.facets:
@@ -99,8 +100,10 @@ def goal_datum(goal: Goal, sampling: RenderSettings) -> Datum:
     views = views_of(scene, goal.aspects)
     is_contrast = goal.background_K is not None
     signatures = [
-        signature(
-            view, spp=sampling.spp or SPP_OF_VIEWS, seed=sampling.seed, by_spectrum=is_contrast
+        measure_signature(
+            view,
+            Sampling(spp=sampling.spp or SPP_OF_VIEWS, seed=sampling.seed),
+            by_spectrum=is_contrast,
         )
         for view in views
     ]
@@ -113,7 +116,7 @@ def goal_datum(goal: Goal, sampling: RenderSettings) -> Datum:
         entry=entry,
         number=0,
         scene=scene,
-        where=Where(entry.name, scene.band.name, "", parameters(scene), {}),
+        where=Where(entry.name, scene.band.name, "", parameters_of(scene), {}),
         measured=(0.0 if goal.at_most else goal.value) + background,
         noise=lambda predicted: np.full(len(predicted), sigma),
         counts=None,

@@ -2,10 +2,6 @@
 
 import json
 import time
-from collections.abc import Mapping
-from dataclasses import replace
-from os import PathLike
-from typing import TYPE_CHECKING
 
 import drjit as dr
 import mitsuba as mi
@@ -13,105 +9,44 @@ import numpy as np
 
 import mi_lcair
 from mi_lcair.physics.air.atmosphere import Atmosphere
-from mi_lcair.physics.atmosphere import atmosphere as read_atmosphere
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import brightness_temperature
-from mi_lcair.progress import Progress
 from mi_lcair.rendering.criteria import PixelError
 from mi_lcair.rendering.images.apparent import apparent
 from mi_lcair.rendering.images.render_result import Render
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Sampling
-from mi_lcair.rendering.scene import Scene, SceneLike, scene_of
-from mi_lcair.rendering.settings import planned
+from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import PILOT_SPP, PIXEL_RANDOMISATIONS, Windows, window_size
-
-if TYPE_CHECKING:
-    from mi_lcair.planning.plan import Plan
 
 BOUNCE_CHANNELS = 17  # bounce channels in the image; the last holds all counts from 16 on
 # Pixels along each side of the neighbourhood in which the errors of pixels are averaged
 POOLED = 5
 
 
-def render(
-    scene: SceneLike,
-    spp: int | None = None,
-    tolerance: float | str | None = None,
-    max_spp: int | None = None,
-    seed: int = 0,
-    sensor: int = 0,
-    split: str | None = "image",
-    atmosphere: Atmosphere | str | PathLike[str] | None = None,
-    range_m: float | None = None,
-    progress: Progress | None = None,
-    *,
-    parameters: Mapping[str, object] | None = None,
-    plan: "Plan | str | None" = None,
-) -> Render:
-    """Render a scene.
-
-    Parameters
-    ----------
-    scene : Scene, str, Path or mi.Scene
-        A loaded scene, or what `mi_lcair.load` takes: a bundled name, a file, Mitsuba's own scene.
-    spp : int or None
-        Samples per pixel (the number in the scene), rounded up to a multiple of 4 if it is
-        larger. It does not go with a tolerance.
-    tolerance : float, str or None
-        Render until the rms standard error over the pixels is below this fraction of the mean
-        radiance, such as 0.01 or "1%", or until max_spp is reached.
-    max_spp : int or None
-        Largest number of samples per pixel for a tolerance (65536).
-    seed : int
-        The same seed gives the same image.
-    sensor : int
-        Number of the sensor, counted from 0.
-    split : str or None
-        What is recorded beside the radiance, see `PathTracer.trace`.
-    atmosphere : Atmosphere, str, Path or None
-        Also compute the apparent radiance through this atmosphere (`apparent.Y`, `path.Y`): one
-        that is loaded, a bundled name, a CSV, a MODTRAN tape7, or "vacuum".
-    range_m : float or None
-        Range of the model for the atmosphere [m]. None: each pixel's own range.
-    progress : callable or None
-        Called with the samples per pixel that are done and their expected number.
-    parameters : mapping of str to object, optional
-        Values of the scene's $-parameters, for a name or a file.
-    plan : Plan, "auto" or None
-        Render under the settings of a plan that `mi_lcair.plan` made with each_pixel=True; "auto"
-        makes one for the tolerance (1 %). The tolerance is then that of plan and noise together.
-
-    Returns
-    -------
-    Render
-
-    Raises
-    ------
-    InputError
-        For settings out of bounds, samples beside a tolerance, a tolerance that cannot be reached,
-        and an image that needs more memory than is free.
-    """
-    sampling = Sampling(
-        spp=spp, tolerance=tolerance, max_spp=max_spp, seed=seed, sensor=sensor, progress=progress
-    )
-    scene = scene_of(scene, parameters)
-    atmosphere = None if atmosphere is None else read_atmosphere(atmosphere)
-    with planned(scene, plan, True, sampling) as (made, sampling):
-        result = rendered(scene, sampling, split, atmosphere, range_m)
-    return replace(result, plan=made)
-
-
-def rendered(
+def render_image(
     scene: Scene,
     sampling: Sampling,
     split: str | None = "image",
     atmosphere: Atmosphere | None = None,
     range_m: float | None = None,
 ) -> Render:
-    """The image of a loaded scene under its own settings; see `render`."""
+    """Render the image of a loaded scene under its own settings.
+
+    Parameters
+    ----------
+    scene : Scene
+    sampling : Sampling
+        Its tolerance is the rms standard error over the pixels, as a fraction of the mean.
+    split : str or None
+        What is recorded beside the radiance, see `Channels`.
+    atmosphere : Atmosphere or None
+        Air for the apparent radiance.
+    range_m : float or None
+        Range of the model for the atmosphere [m]. None: each pixel's own range.
+    """
     if atmosphere is not None:
         atmosphere.check_covers(scene.band)
         if range_m is not None:

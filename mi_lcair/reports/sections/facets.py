@@ -45,8 +45,9 @@ def known_band(name: str):
 
 
 def toward_sensor(scene, sensor: int = 0):
-    """Direction from a scene, in any form that `load` takes, toward its sensor, (3,)."""
-    from mi_lcair.rendering.scene import scene_of
+    """Direction from a scene, loaded or in any form that `load` takes, toward its sensor, (3,)."""
+    from mi_lcair.rendering.scene import Scene, load
     from mi_lcair.rendering.window import window
 
-    return -window(scene_of(scene).sensor(sensor))[3]
+    scene = scene if isinstance(scene, Scene) else load(scene)
+    return -window(scene.sensor(sensor))[3]

@@ -8,6 +8,8 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
+from mi_lcair.api.signature import signature
+from mi_lcair.api.trend import trend
 from mi_lcair.plugins.derivatives import nodes
 from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.plugins.paths.launch import Launch
@@ -17,8 +19,6 @@ from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.scene import load
 from mi_lcair.rendering.views import Target, View, cameras
 from mi_lcair.signatures.facet_results import FacetSums
-from mi_lcair.signatures.signature import signature
-from mi_lcair.signatures.trend import trend
 from tests.plugins.small_scenes import SCENES
 
 POINTS = 64

@@ -1,0 +1,20 @@
+# The public names of mi_lcair: `__init__.py` imports each of them from here, at its first use.
+from mi_lcair.api.audit import audit as audit
+from mi_lcair.api.budget import budget as budget
+from mi_lcair.api.contrast import contrast as contrast
+from mi_lcair.api.derivative_images import derivative_images as derivative_images
+from mi_lcair.api.image import image as image
+from mi_lcair.api.invert import invert as invert
+from mi_lcair.api.parameters import parameters as parameters
+from mi_lcair.api.plan import plan as plan
+from mi_lcair.api.render import render as render
+from mi_lcair.api.report import report as report
+from mi_lcair.api.sensitivities import sensitivities as sensitivities
+from mi_lcair.api.signature import signature as signature
+from mi_lcair.api.trend import trend as trend
+from mi_lcair.errors import InputError as InputError
+from mi_lcair.fitting.estimation import fit as fit
+from mi_lcair.rendering.scene import Scene as Scene
+from mi_lcair.rendering.scene import load as load
+
+__version__: str

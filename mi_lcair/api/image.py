@@ -1,0 +1,63 @@
+"""`image`, what the camera of a scenario records."""
+
+from collections.abc import Mapping
+from os import PathLike
+
+from mi_lcair.api.scenario import named_errors, scenario_of
+from mi_lcair.camera.image import record_image
+from mi_lcair.camera.image_result import Image
+from mi_lcair.declared import Bounds
+from mi_lcair.detection.scenario import Scenario
+from mi_lcair.fraction import fraction
+from mi_lcair.progress import Progress
+
+MOST_FRAMES = 10_000
+
+
+def image(
+    scenario: Scenario | str | PathLike[str],
+    frames: int = 1,
+    seed: int = 0,
+    progress: Progress | None = None,
+    *,
+    parameters: Mapping[str, object] | None = None,
+    spp: int | None = None,
+    tolerance: float | str | None = None,
+    max_spp: int | None = None,
+) -> Image:
+    """The image of a scenario's target as its camera records it.
+
+    Parameters
+    ----------
+    scenario : Scenario, str or path-like
+        Scenario with a table [camera], or the file or bundled name that `Scenario.read` takes. Its
+        spp, max_spp and tolerance of [render] are those of a pixel. Of several numbers of
+        reflections, the largest is used.
+    frames : int
+        Number of frames. They have independent noise, and one render.
+    seed : int
+        Seed of the camera's noise and fixed pattern. The same seed gives the same frames.
+    progress : callable, optional
+        Called with (paths through a pixel done, expected).
+    parameters : mapping of str to object, optional
+        Entries of a scenario that is named, by dotted key such as {"sensor.band": "LWIR"}.
+    spp, tolerance, max_spp
+        Entries of [render] of a scenario that is named: paths through a pixel, or the allowed rms
+        standard error over the pixels on the target, such as 0.01 or "1%", and the most paths.
+
+    Returns
+    -------
+    Image
+
+    Raises
+    ------
+    InputError
+        If the scenario cannot be used. All inputs are checked before anything is rendered.
+    """
+    scenario = scenario_of(
+        scenario, parameters, spp=spp, tolerance=fraction(tolerance), max_spp=max_spp
+    )
+    Bounds(lower=1, upper=MOST_FRAMES).check(frames, "frames")
+    Bounds(lower=0, upper=2**32 - 1).check(seed, "seed")
+    with named_errors(scenario):
+        return record_image(scenario, frames, seed, progress)

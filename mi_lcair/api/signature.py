@@ -1,0 +1,88 @@
+"""`signature`, which integrates the radiance of a scene over the window of a sensor."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+from mi_lcair.api.planned import planned
+from mi_lcair.api.scene import scene_of
+from mi_lcair.fraction import fraction
+from mi_lcair.planning.plan import Plan
+from mi_lcair.progress import Progress
+from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.rendering.scene import SceneLike
+from mi_lcair.signatures.signature import measure_signature
+from mi_lcair.signatures.signature_result import Signature
+
+
+def signature(
+    scene: SceneLike,
+    spp: int | None = None,
+    tolerance: float | str | None = None,
+    max_spp: int | None = None,
+    seed: int = 0,
+    sensor: int = 0,
+    by_spectrum: bool = False,
+    facets: bool = False,
+    progress: Progress | None = None,
+    excess: Callable[[Signature], float] | None = None,
+    *,
+    parameters: Mapping[str, object] | None = None,
+    plan: Plan | str | None = None,
+) -> Signature:
+    """Render a scene and integrate its radiance over the sensor's window.
+
+    The intensity is int L dA, W/sr.
+
+    Parameters
+    ----------
+    scene : Scene, str, Path or mi.Scene
+        A loaded scene, or what `mi_lcair.load` takes: a bundled name, a file, Mitsuba's own scene.
+        Its sensor must be orthographic.
+    spp : int or None
+        Number of paths, divided by the number of pixels of the sensor's film (the number in the
+        scene). The paths begin anywhere in the window, not in one pixel each.
+    tolerance : float, str or None
+        Trace paths until the 95 % interval of the target's intensity is within this fraction of it,
+        such as 0.01 or "1%", or until max_spp is reached. Without a target it is that of the
+        scene's intensity.
+    max_spp : int or None
+        As `spp`: the largest number of paths with a tolerance (65536).
+    seed, sensor : int
+        As for `render`.
+    progress : callable or None
+        Called with (paths done, paths expected).
+    by_spectrum : bool
+        Also compute the effective area of each source in the scene.
+    facets : bool
+        Also compute the results of each facet of the model.
+    excess : callable or None
+        Instead of a tolerance: ratio of the error to the allowed error for the Signature (without
+        facets) that the paths so far give. Paths are added until it is at most 1.
+    parameters : mapping of str to object, optional
+        Values of the scene's $-parameters, for a name or a file.
+    plan : Plan, "auto" or None
+        Trace paths under the settings of a plan that `mi_lcair.plan` made; "auto" makes one for the
+        tolerance (1 %). The tolerance is then that of plan and noise together.
+
+    Returns
+    -------
+    Signature
+
+    Raises
+    ------
+    InputError
+        If the sensor is not orthographic, if `by_spectrum` is asked of the band "total", if a
+        number of paths is given beside a tolerance, or if a tolerance cannot be reached.
+    """
+    sampling = Sampling(
+        spp=spp,
+        tolerance=fraction(tolerance),
+        max_spp=max_spp,
+        seed=seed,
+        sensor=sensor,
+        progress=progress,
+    )
+    scene = scene_of(scene, parameters)
+    with planned(scene, plan, False, sampling) as (made, sampling):
+        result = measure_signature(scene, sampling, by_spectrum, facets, excess)
+    return replace(result, plan=made)

@@ -1,0 +1,116 @@
+"""`trend`, the intensity of a scene as a function of the aspect."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from os import PathLike
+
+from mi_lcair.api.scene import scene_of
+from mi_lcair.errors import InputError
+from mi_lcair.fraction import fraction
+from mi_lcair.progress import Progress
+from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.rendering.scene import SceneLike
+from mi_lcair.rendering.views import View
+from mi_lcair.signatures.many_views import DEFAULT_TOLERANCE
+from mi_lcair.signatures.trend import Sweep, render_trend
+from mi_lcair.signatures.trend_file import TrendFile
+from mi_lcair.signatures.trend_result import Trend
+
+
+def trend(
+    scene: SceneLike,
+    azimuths_deg: Iterable[float],
+    elevations_deg: Iterable[float] = (0.0,),
+    resolution: int = 64,
+    spp: int | None = None,
+    tolerance: float | str | None = None,
+    max_spp: int | None = None,
+    seed: int = 0,
+    batch: int | None = None,
+    path: str | PathLike[str] | None = None,
+    resume: bool = False,
+    overwrite: bool = False,
+    dask: str | None = None,
+    progress: Progress | None = None,
+    *,
+    parameters: Mapping[str, object] | None = None,
+) -> Trend:
+    """Intensity of a scene's model toward each azimuth and elevation of the observer.
+
+    Parameters
+    ----------
+    scene : Scene, str, Path or mi.Scene
+        A loaded scene, or what `mi_lcair.load` takes: a bundled name, a file, Mitsuba's own scene.
+        It needs a model.
+    azimuths_deg : sequence of float
+        Azimuths of the observer, degrees: 0 sees the nose, 90 the left side.
+    elevations_deg : sequence of float
+        Elevations of the observer above the horizontal, degrees.
+    resolution : int
+        `spp` and `max_spp` count the paths of a view divided by resolution x resolution. The paths
+        begin anywhere in the view, not in one pixel each.
+    spp : int, optional
+        Samples per pixel, instead of a tolerance.
+    tolerance : float or str, optional
+        Half of the 95 % interval of each view's intensity, as a fraction of it, such as 0.01 or
+        "1%"; 0.01 if spp is not given.
+    max_spp : int, optional
+        Largest number of samples per pixel for the tolerance.
+    seed : int
+        Seed of the random numbers.
+    batch : int, optional
+        Views that are rendered together; by default as many as fit into a pass.
+    path : path-like, optional
+        CSV file to write, see `TrendFile`. It is complete after each batch.
+    resume : bool
+        Keep the views that the file holds already.
+    overwrite : bool
+        Replace a file that exists. Without it and `resume` such a file is refused.
+    dask : str, optional
+        Address of a Dask scheduler whose workers render the batches. They load the scene from the
+        same path. The numbers are the same.
+    progress : callable, optional
+        Called with (views done, all views).
+    parameters : mapping of str to object, optional
+        Values of the scene's $-parameters, for a name or a file.
+
+    Returns
+    -------
+    Trend
+
+    Raises
+    ------
+    InputError
+        If the arguments do not fit together, if a view is missing or given twice, or if the file or
+        the scheduler cannot be used.
+    """
+    scene = scene_of(scene, parameters)
+    sampling = Sampling(spp=spp, tolerance=fraction(tolerance), max_spp=max_spp, seed=seed)
+    if spp is None and tolerance is None:
+        sampling = replace(sampling, tolerance=DEFAULT_TOLERANCE)
+    azimuths = angles("azimuths_deg", azimuths_deg)
+    views = tuple(
+        View(azimuth, elevation)
+        for elevation in angles("elevations_deg", elevations_deg)
+        for azimuth in azimuths
+    )
+    sweep = Sweep.of(scene, views, resolution, sampling, batch)
+    file = TrendFile(path, sweep.header(scene), sweep.batches())
+    if resume:
+        file.resume()
+    elif not overwrite:
+        file.refuse_to_overwrite()
+    return render_trend(scene, sweep, file, dask, progress)
+
+
+def angles(name: str, values: Iterable[float]) -> list[float]:
+    """Angles in degrees as numbers; raises InputError for what is no sequence of numbers."""
+    try:
+        if isinstance(values, str):
+            raise ValueError(values)
+        return [float(value) for value in values]
+    except (TypeError, ValueError):
+        raise InputError(
+            f"{name} = {values!r} is no sequence of angles in degrees, such as range(0, 360, 10) "
+            "or [0, 30]"
+        ) from None
