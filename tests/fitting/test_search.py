@@ -5,7 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mi_lcair.fitting.search import assess, inner_deviation
+from mi_lcair.fitting.search import assess, descend, inner_deviation, search
+from mi_lcair.fitting.selection import Variant
+from tests.fitting.synthetic import MODEL
 
 
 class Leftover:
@@ -81,3 +83,36 @@ def test_inner_deviation_is_that_of_a_normal_distribution():
     assert inner_deviation(WHITE) == pytest.approx(2, rel=0.1)
     assert inner_deviation(np.append(WHITE, np.full(20, 1e9))) == pytest.approx(2, rel=0.15)
     assert inner_deviation(np.zeros(5)) == 1e-9
+
+
+class Valleys:
+    """Residuals with minima at u0 = 0.2, of cost 0, and near 0.8; the others are at 0.5."""
+
+    unit, half_angle, rows = 1.0, 0.0, 5
+
+    def residuals(self, variant, aperture=True):
+        return self
+
+    def __call__(self, u, lanes=None):
+        x, zero = u[:, 0], np.zeros(len(u))
+        rows = [5 * (x - 0.2) * (x - 0.8), 0.1 * (x - 0.2), *(u[:, 1:] - 0.5).T]
+        slopes = np.zeros((len(u), 5, 4))
+        slopes[:, 0, 0], slopes[:, 1, 0] = 5 * (2 * x - 1.0), 0.1 + zero
+        slopes[:, [2, 3, 4], [1, 2, 3]] = 1.0
+        return np.stack(rows, axis=1), slopes
+
+
+def test_share_of_the_starts_in_the_lowest_valley():
+    starts = np.full((5, 4), 0.4)
+    starts[:, 0] = [0.02, 0.15, 0.25, 0.85, 0.98]
+    best = search(Valleys(), Variant(MODEL, "thesis"), starts)
+    np.testing.assert_allclose(best.u, [0.2, 0.5, 0.5, 0.5], atol=1e-4)
+    assert best.cost < 1e-8 and best.share == pytest.approx(0.6)
+    finer = descend(best, best.residuals, 1e-12)
+    np.testing.assert_allclose(finer.u, [0.2, 0.5, 0.5, 0.5], atol=1e-9)
+
+
+def test_a_variance_of_rounding_alone():
+    """Residuals of nothing have the variance of 1e-9 decades."""
+    noise = assess(Leftover(np.zeros(50)), CANDIDATE)
+    assert noise.variance == pytest.approx((1e-9 * 5) ** 2)
