@@ -310,7 +310,7 @@ def test_detection_range_along_the_line_of_sight(folder):
     x, along = bands().wavelengths_um, behind_target(30, 10)
     expected = bands().transmittance(along.amounts[-1]) * planck(x, 300)
     expected = expected + AIR.emitted(along).radiance
-    np.testing.assert_allclose(steep.at_sensor(10_000).at(x), expected, rtol=1e-4)
+    np.testing.assert_allclose(steep.at_sensor(10_000).at(x), expected, rtol=1e-3)
 
 
 def test_a_tape7_of_slant_paths(folder):

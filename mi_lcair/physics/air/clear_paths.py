@@ -14,6 +14,7 @@ from mi_lcair.physics.air.light import AirLight
 from mi_lcair.physics.spectrum import Spectrum
 
 NEAREST_M, LONGEST_M = 10.0, 200_000.0  # first and last range that is computed
+SAME_RANGE = 1e-3  # relative difference of two ranges of which one is enough
 GROUND_KM = 1e-3  # height of a ray's end that counts as the ground
 RANGES = 48  # ranges between which the air is interpolated
 LEAST_DEPTH = 1e-12  # optical depth that stands for 0 in logarithms
@@ -121,16 +122,37 @@ class ClearPaths(Atmosphere):
     def to_ground(self, range_m: float) -> LineOfSight:
         """The path from the sensor past a target at a range [m] to the ground.
 
-        Raises InputError if the line of sight goes past the ground.
+        Between the computed ranges of the target it is interpolated, as `path` is. Raises
+        InputError if the line of sight goes past the ground.
         """
+        if range_m == self.stated_m or range_m > LONGEST_M:
+            length, amounts, radiance = self._to_ground(range_m)
+        else:
+            place = np.log(max(range_m, self.ranges_m[0]))
+            length, amounts, source = (np.exp(values(place)) for values in self._grounds)
+            radiance = -np.expm1(-bands().depth(amounts)) * source
+        transmittance = bands().transmittance(amounts)
+        return LineOfSight(float(length), self.wavelengths_um, transmittance, radiance, amounts)
+
+    def _to_ground(self, range_m: float) -> tuple[float, np.ndarray, np.ndarray]:
+        """Length [m], amounts (c,) and radiance (k,) of the path to the ground."""
         up = self.air.ray(self.lower_m, self.elevation_deg, range_m)
         along = self.air.ray(1000 * up.heights_km[-1], -up.elevations_deg[-1])
         if self.looks_up or along.heights_km[-1] > GROUND_KM:
             raise InputError(PAST_GROUND)
-        transmittance = bands().transmittance(along.amounts[-1])
         radiance = self.air.emitted(along, self.sun).radiance
-        length = 1000 * along.lengths_km[-1]
-        return LineOfSight(length, self.wavelengths_um, transmittance, radiance, along.amounts[-1])
+        return 1000 * along.lengths_km[-1], along.amounts[-1], radiance
+
+    @cached_property
+    def _grounds(self):
+        """Logarithms of what `_to_ground` gives over that of range, the radiance as its source."""
+        paths = [self._to_ground(range_m) for range_m in self.ranges_m]
+        lengths, amounts, radiance = (np.array(values) for values in zip(*paths))
+        source = radiance / np.maximum(-np.expm1(-bands().depth(amounts)), 1e-300)
+        return [
+            PchipInterpolator(np.log(self.ranges_m), np.log(np.maximum(values, 1e-300)))
+            for values in (lengths, amounts, source)
+        ]
 
     def _computed(self, range_m: float) -> tuple[np.ndarray, np.ndarray]:
         """Amounts (c,) and path radiance (k,) at a range [m]."""
@@ -145,7 +167,14 @@ class ClearPaths(Atmosphere):
     def _way(self):
         """Lengths from the lower end upward [m], (n,), and the amounts up to there, (n, c)."""
         up = self.air.ray(self.lower_m, self.elevation_deg, LONGEST_M)
-        return 1000 * up.lengths_km[1:], up.amounts[1:]
+        lengths, amounts = 1000 * up.lengths_km[1:], up.amounts[1:]
+        if self.stated_m is not None:  # met as it is
+            other = abs(lengths / self.stated_m - 1) > SAME_RANGE
+            lengths, amounts = lengths[other], amounts[other]
+            place = np.searchsorted(lengths, self.stated_m)
+            lengths = np.insert(lengths, place, self.stated_m)
+            amounts = np.insert(amounts, place, self._stated[0], axis=0)
+        return lengths, amounts
 
     @cached_property
     def _source(self):
