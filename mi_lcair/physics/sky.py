@@ -58,7 +58,7 @@ class SkyTable:
         x, limit = self.wavelengths_um, self.radiance
         warmest = (C2 / x / np.log1p(C1 / x**5 / np.maximum(limit, 1e-300))).max()
         black = ABOVE_AIR * spectral_radiance(x, warmest)
-        share = np.clip(self.radiance / black, LEAST, 1 - LEAST)
+        share = np.maximum(self.radiance / black, LEAST)
         depths = np.log(-np.log1p(-share))
         places = -np.log(air_mass(self.elevations_deg))
         place = np.interp(-np.log(air_mass(elevation_deg)), places, np.arange(len(places)))

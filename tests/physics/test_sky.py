@@ -81,6 +81,18 @@ def test_a_table_of_clear_sky_is_interpolated_as_air(tmp_path):
             assert computed == pytest.approx(expected, rel=0.01)
 
 
+def test_rows_of_a_table_are_kept(tmp_path):
+    """At an elevation of the table its row is the spectrum; a single row is that of the sky."""
+    file, header = tmp_path / "sky.csv", "elevation_deg,wavelength_um,radiance_W_m2_sr_um\n"
+    file.write_text(header + "10,4,0.3\n10,4.1,0\n")
+    for elevation in (3, 10, 80):
+        assert spectrum(file, elevation).radiance.tolist() == [0.3, 0]
+    file.write_text(header + "10,4,0.3\n10,4.1,0\n40,4,0.1\n40,4.1,0.7\n")
+    assert spectrum(file, 10).radiance.tolist() == [0.3, 0]
+    assert spectrum(file, 40).radiance.tolist() == [0.1, 0.7]
+    assert np.all(np.isfinite(spectrum(file, 20).radiance))
+
+
 def test_a_clear_sky_depends_on_height_and_weather():
     """LOWTRAN7's sky at 3 km and 10 degrees; a table for 50 m was 53 % too bright there."""
     sky = spectrum("us_standard_clear", 10, height_m=3000.0)
