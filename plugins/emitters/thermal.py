@@ -177,7 +177,7 @@ class Thermal(ThermalEmitter):
                 where = f" of facet {int(bad.argmax())}" if len(values) > 1 else ""
                 raise InputError(
                     f"thermal: temperature{where} = {values[bad][0]:g} K; "
-                    "it must be positive and finite"
+                    "must be positive and finite"
                 )
             if self.first_temperatures is None:
                 self.first_temperatures = np.array(values)

@@ -267,12 +267,10 @@ def test_a_bad_temperature_names_its_facet(plate, bad, number):
     one_plate = scene(
         INTEGRATORS["bounce_path"], camera(2), mesh=plate("p", SQUARE, GREY, temperatures)
     )
-    assert f"temperature of facet {number} = {bad:g} K; it must be positive and finite" in failure(
+    assert f"temperature of facet {number} = {bad:g} K; must be positive and finite" in failure(
         one_plate
     )
-    with pytest.raises(
-        RuntimeError, match=f"temperature = {bad:g} K; it must be positive and finite"
-    ):
+    with pytest.raises(RuntimeError, match=f"temperature = {bad:g} K; must be "):
         mi.load_dict({"type": "scene", "p": plate("q", SQUARE, GREY, bad)}, optimize=False)
 
 
