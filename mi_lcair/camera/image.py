@@ -12,6 +12,7 @@ from mi_lcair.camera.optics import MARGIN
 from mi_lcair.camera.quality import measured
 from mi_lcair.camera.range_table import RangedTarget, at_ranges, table_ranges
 from mi_lcair.camera.view import CameraView
+from mi_lcair.detection.multiplied_light import multiplied_light
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import setting_of
 from mi_lcair.errors import InputError
@@ -82,6 +83,7 @@ def record_image(scenario: Scenario, frames: int, seed: int, progress) -> Image:
         correction=camera.correction,
         remarks=[
             *scene.remarks,
+            *multiplied_light(setting, exposed.sources.list),
             *invalid_remark(exposed.invalid, exposed.paths),
             *remarks(imager, view, channels["electrons.Y"], measures, hidden, exposed.reached),
         ],

@@ -1,7 +1,7 @@
 """Base class of atmospheres, and one line of sight through an atmosphere."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,6 +38,9 @@ class LineOfSight:
     amounts
         Amounts of absorbers along the path, (c,), see `mi_lcair.physics.air.bands`; None for a
         table, which does not know them.
+    shares
+        Function that gives the transmittance for light that has crossed air before, (n,). None if
+        it is computed from the amounts.
     """
 
     range_m: float
@@ -45,6 +48,7 @@ class LineOfSight:
     transmittance: np.ndarray
     radiance: np.ndarray
     amounts: np.ndarray | None = None
+    shares: Callable[[AirLight], np.ndarray] | None = None
 
     def at(self, wavelengths_um: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Interpolate transmittance and radiance linearly at these wavelengths [um].
@@ -74,7 +78,8 @@ class LineOfSight:
         """
         if self.amounts is None or not isinstance(light, AirLight):
             return self.at(wavelengths_um)[0]
-        return np.interp(wavelengths_um, self.wavelengths_um, light.transmittance(self.amounts))
+        share = light.transmittance(self.amounts) if self.shares is None else self.shares(light)
+        return np.interp(wavelengths_um, self.wavelengths_um, share)
 
 
 class Atmosphere:

@@ -1,5 +1,6 @@
 """Clear air along one line of sight, over the range from target to sensor."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -69,6 +70,7 @@ class ClearPaths(Atmosphere):
 
     def path(self, range_m: float, extrapolate: bool = False) -> LineOfSight:
         (range_m,) = self._checked([range_m], extrapolate)
+        shares = None
         if range_m == self.stated_m:
             amounts, radiance = self._stated
         elif range_m > LONGEST_M:
@@ -76,8 +78,35 @@ class ClearPaths(Atmosphere):
         else:
             (amounts,) = self.amounts(np.array([range_m]))
             (radiance,) = self.along(np.array([range_m]), slice(None))[1]
+            shares = self._shares(self.amounts, range_m)
         transmittance = bands().transmittance(amounts)
-        return LineOfSight(float(range_m), self.wavelengths_um, transmittance, radiance, amounts)
+        x = self.wavelengths_um
+        return LineOfSight(float(range_m), x, transmittance, radiance, amounts, shares)
+
+    def _shares(self, amounts_at: Callable, range_m: float) -> Callable | None:
+        """Function of a light that gives its transmittance at a range [m], between LIGHT_RANGES.
+
+        amounts_at: function of ranges [m] that gives the amounts. A search over many ranges asks
+        for the same light again and again, which may have hundreds of sources.
+        """
+        if range_m < NEAREST_M:
+            return None
+
+        def shares(light: AirLight) -> np.ndarray:
+            key = amounts_at.__name__, light
+            if key not in self._lights:
+                at = np.geomspace(NEAREST_M, LONGEST_M, LIGHT_RANGES)
+                table = [light.transmittance(amounts) for amounts in amounts_at(at)]
+                depths = -np.log(np.clip(table, 1e-300, 1 - LEAST_DEPTH))
+                self._lights[key] = PchipInterpolator(np.log(at), np.log(depths))
+            return np.exp(-np.exp(self._lights[key](np.log(range_m))))
+
+        return shares
+
+    @cached_property
+    def _lights(self) -> dict:
+        """Logarithms of optical depths for lights, over that of range."""
+        return {}
 
     def along(self, ranges_m, rows):
         transmittance = bands().transmittance(self.amounts(ranges_m))[:, rows]
@@ -125,14 +154,21 @@ class ClearPaths(Atmosphere):
         Between the computed ranges of the target it is interpolated, as `path` is. Raises
         InputError if the line of sight goes past the ground.
         """
+        shares = None
         if range_m == self.stated_m or range_m > LONGEST_M:
             length, amounts, radiance = self._to_ground(range_m)
         else:
+            shares = self._shares(self.ground_amounts, range_m)
             place = np.log(max(range_m, self.ranges_m[0]))
             length, amounts, source = (np.exp(values(place)) for values in self._grounds)
             radiance = -np.expm1(-bands().depth(amounts)) * source
         transmittance = bands().transmittance(amounts)
-        return LineOfSight(float(length), self.wavelengths_um, transmittance, radiance, amounts)
+        x = self.wavelengths_um
+        return LineOfSight(float(length), x, transmittance, radiance, amounts, shares)
+
+    def ground_amounts(self, ranges_m: np.ndarray) -> np.ndarray:
+        """Amounts of the absorbers from the sensor to the ground, for ranges of a target [m]."""
+        return np.exp(self._grounds[1](np.log(ranges_m)))
 
     def _to_ground(self, range_m: float) -> tuple[float, np.ndarray, np.ndarray]:
         """Length [m], amounts (c,) and radiance (k,) of the path to the ground."""

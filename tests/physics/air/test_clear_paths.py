@@ -55,6 +55,18 @@ def test_light_that_has_crossed_air(ranges):
         assert np.all(with_light < plain)
 
 
+@pytest.mark.parametrize("to_ground", [False, True])
+def test_share_of_a_light_between_ranges(to_ground):
+    """Within 0.2 % of summed amounts in band, and at the stated range exactly."""
+    air, light = line(20.0, False, 3000.0), AIR.sky(0.0, 45.0)
+    for range_m, tolerance in ((777.0, 2e-3), (3000.0, 1e-9), (12_345.0, 2e-3)):
+        path = air.to_ground(range_m) if to_ground else air.path(range_m)
+        for rule in BANDS:
+            computed = rule.integral(X, path.share(light, X) * light.radiance)
+            expected = rule.integral(X, light.through(path.amounts))
+            assert computed == pytest.approx(expected, rel=tolerance)
+
+
 def test_on_to_the_ground():
     """From the sensor past the target; the path to the target is a part of it."""
     air = line(20.0, False, 3000.0)
