@@ -67,6 +67,18 @@ def test_the_bound_of_a_noisy_truncation():
     assert (n, closure) == (0, "none") and error == pytest.approx(expected)
 
 
+def test_what_lies_beyond_counts_in_the_whole():
+    """0.9^n, four numbers apart and the others up to 32 together: 3 % of all lie beyond."""
+    by_bounce = np.broadcast_to(0.9 ** np.arange(33)[None, :, None], (8, 33, 4))
+    few = np.concatenate([by_bounce[:, :4], by_bounce[:, 4:].sum(axis=1, keepdims=True)], axis=1)
+    last, before = few[0, 4, 0], few[0, 3, 0]
+    missing = last * (last / (last + before)) ** 29
+    expected = missing / (few[0, :, 0].sum() + missing)
+    for each_pixel in (False, True):
+        n, closure, error = fewest_bounces(few, 1e-4, each_pixel, reflections=32)
+        assert (n, closure) == (32, "none") and error == pytest.approx(expected, rel=1e-9)
+
+
 def test_a_tail_in_each_pixel():
     """A tail of the mean ratio 0.5, where two pixels have ratios of 0.4 and 0.6."""
     k, ratios = np.arange(40)[:, None], np.array([0.4, 0.6])

@@ -16,13 +16,17 @@ PATHS = 2**13
 
 
 def series(chance, noise=1e-4, with_sampling=0.0, mean_with_sampling=1.0):
-    """Probes with a source that may add `chance` to all paths together, in units of the mean."""
+    """Probes with a source that may add `chance` to all paths together, in units of the mean.
+
+    The mean is 2, or twice `mean_with_sampling`. `noise` is in units of the mean, too.
+    """
 
     def give(settings):
         paths = PATHS * probes.factor
         if settings.emitter_sampling:
-            return probe(mean_with_sampling, noise, paths=paths, chance=with_sampling)
-        return probe(1.0, noise, paths=paths, chance=chance)
+            mean = 2 * mean_with_sampling
+            return probe(mean, 2 * noise, paths=paths, chance=2 * with_sampling)
+        return probe(2.0, 2 * noise, paths=paths, chance=2 * chance)
 
     probes = Probes(give)
     return probes
@@ -32,7 +36,7 @@ def test_full_fidelity():
     """All lobes are BRDFs; at least 32 reflections are followed, few of them counted apart."""
     probes = series(0.0)
     full, reference = reference_probe(probes, OWN, 0.01, None)
-    assert full == Settings({"paint": "brdf"}, 32, False) and reference.mean == 1
+    assert full == Settings({"paint": "brdf"}, 32, False) and reference.mean == 2
     assert probes.counts == [{"counted": FEW_COUNTS}]
     probes = series(0.0)
     full, _ = reference_probe(probes, replace(OWN, max_bounces=16), 0.01, None)
@@ -104,9 +108,9 @@ def test_dark_scenes():
 
 def test_expected_paths_of_an_intensity():
     """paths x ((noise / tolerance)^1.5 + lack / tolerance), from a half width of 0.0125 on."""
-    one = probe(1.0, 0.05, chance=0.002 * PATHS)
+    one = probe(2.0, 0.1, chance=0.004 * PATHS)
     noise = student_factor(63) * 0.05 / 8
-    assert half_width(one.value[:, 0]) == pytest.approx(noise)
+    assert half_width(one.value[:, 0]) == pytest.approx(2 * noise)
     expected = PATHS * ((noise / 0.001) ** 1.5 + 2)
     assert expected_paths(one, 0.001, False, 256) == pytest.approx(expected)
     few = expected_paths(one, 0.5, False, 256)
@@ -115,7 +119,7 @@ def test_expected_paths_of_an_intensity():
 
 def test_expected_paths_of_an_image():
     """spp (standard error / tolerance)^2 for each of 1000 pixels, of which 4 were probed."""
-    value = 1 + 0.1 * np.broadcast_to(SCATTER, (64, 4))
+    value = 2 + 0.2 * np.broadcast_to(SCATTER, (64, 4))
     one = probe(value=value, paths=64 * 4 * 8)
     error = 0.1 / 8
     expected = 1000 * 64 * 8 * (error / 0.001) ** 2
