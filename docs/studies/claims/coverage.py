@@ -106,7 +106,7 @@ def defects(claims: Iterable[Claim], by_kind: bool = True) -> dict[tuple[str, st
         if entry.upper < AT_LEAST or is_false or entry.name.startswith("fault"):
             result[entry.name, entry.kind] = (
                 f"{entry.claims - round(entry.held * entry.claims)} of {entry.claims} false, "
-                f"worst {entry.worst.excess:.3g} times (--seed {entry.worst.seed} --first "
-                f"{entry.worst.number})"
+                f"worst {entry.worst.excess:.3g} times ({entry.worst.kind}, "
+                f"--seed {entry.worst.seed} --first {entry.worst.number})"
             )
     return result

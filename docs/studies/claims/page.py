@@ -36,7 +36,8 @@ def write(path: str, found: list[Claim], scenes: int, seed: int) -> None:
     tolerances = [row for row in all_rows if is_tolerance(row.name)]
     intervals = [row for row in all_rows if not is_tolerance(row.name)]
     worst = max((row.worst for row in tolerances), key=lambda claim: claim.excess, default=None)
-    listed = [f"- {name}, {kind}: {text}." for (name, kind), text in sorted(defects(found).items())]
+    failed = defects(found, by_kind=False)
+    listed = [f"- {name}: {text}." for (name, _), text in sorted(failed.items())]
     write_page(
         path,
         "claims",

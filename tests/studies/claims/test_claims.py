@@ -57,7 +57,7 @@ def test_a_defect_is_coverage_below_90_beyond_chance():
     assert not defects([claim(k % 10 > 0, k) for k in range(100)])  # 90 of 100
     assert not defects([claim(k > 0, k) for k in range(4)])  # 3 of 4
     (text,) = defects([claim(k % 3 > 0, k) for k in range(100)]).values()
-    assert text == "34 of 100 false, worst 1.2 times (--seed 1 --first 0)"
+    assert text == "34 of 100 false, worst 1.2 times (lamp, --seed 1 --first 0)"
 
 
 def test_an_interval_that_is_far_off_is_a_defect_however_rare():
