@@ -83,9 +83,9 @@ def prepare_loaded():
         prepare()
         _restart_drjit()
     if drjit.detail.llvm_version()[0] < OLDEST:
-        found = f"LLVM {version}" if version > 0 else "no LLVM"
+        library = f"LLVM {version}" if version > 0 else "no LLVM"
         raise ImportError(
-            f"drjit was imported before mi_lcair and found {found}, where {OLDEST} or newer is "
+            f"drjit was imported before mi_lcair and found {library}, where {OLDEST} or newer is "
             f"needed{', and Mitsuba has created objects with it' if in_use else ''}: import "
             f"mi_lcair first, or set {VARIABLE}"
         )
@@ -137,9 +137,11 @@ def _candidates():
     if os.environ.get(VARIABLE):
         yield os.environ[VARIABLE]
     yield from _in_wheel()
-    found = {os.path.realpath(path) for pattern in SYSTEM for path in glob.glob(pattern)}
+    libraries = {os.path.realpath(path) for pattern in SYSTEM for path in glob.glob(pattern)}
     yield from sorted(
-        found, key=lambda path: [int(digits) for digits in re.findall(r"\d+", path)], reverse=True
+        libraries,
+        key=lambda path: [int(digits) for digits in re.findall(r"\d+", path)],
+        reverse=True,
     )
 
 

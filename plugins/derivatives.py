@@ -138,8 +138,8 @@ def value_along(bsdf, ctx, si, sample1, sample2, bs, active=True):
     """
     is_delta = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
     value = bsdf.eval(ctx, si, bs.wo, active & ~is_delta)
-    chosen, weight = bsdf.sample(ctx, si, sample1, sample2, active & is_delta)
-    return dr.select(is_delta, weight * chosen.pdf, value)
+    again, weight = bsdf.sample(ctx, si, sample1, sample2, active & is_delta)
+    return dr.select(is_delta, weight * again.pdf, value)
 
 
 class Members(mi.TraversalCallback):
@@ -172,15 +172,15 @@ def children(node) -> list:
 
 def nodes(scene) -> list:
     """The objects of a scene that a path can meet, each once: no sensors and no integrator."""
-    found, waiting, seen = [], [scene], {scene}
+    reached, waiting, seen = [], [scene], {scene}
     while waiting:
         node = waiting.pop()
-        found.append(node)
+        reached.append(node)
         # A BSDF that is `twosided` may have the same child twice
         new = [child for child in dict.fromkeys(children(node)) if child not in seen]
         seen.update(new)
         waiting += [child for child in new if not isinstance(child, (mi.Sensor, mi.Integrator))]
-    return found
+    return reached
 
 
 def deriving_plugins(scene) -> list:

@@ -32,16 +32,16 @@ class SceneState:
         self.values, self.plugins, self.is_known, arrays = list(settings), [], True, []
         self.is_recordable = True
         for node in objects:
-            found = [node, *members(node).values()]
+            values = [node, *members(node).values()]
             if type(node).__module__.startswith(PACKAGE):
                 self.plugins.append(node)
-                found += vars(node).values()
+                values += vars(node).values()
                 arrays += flatten(tuple(node.derivations)) if isinstance(node, Deriving) else []
             elif not type(node).__module__.startswith("mitsuba"):
                 self.is_known = self.is_recordable = False
             elif node.class_name().partition("[")[0] not in RECORDABLE:
                 self.is_recordable = False
-            for value in found:
+            for value in values:
                 (arrays if dr.is_array_v(value) else self.values).append(value)
         self.variables = held([variable for array in arrays for variable in components(array)])
 

@@ -146,7 +146,7 @@ def contestants(scene: str, bounces: int, spp: int, resolution: int) -> dict:
         return lambda seed: loaded.integrator().render(loaded, seed=seed, spp=spp)
 
     bare = ours()
-    found = {
+    contestants = {
         "bounce_path": (renders(bare), bounces + 1, "prb_basic"),
         "bounce_path, microfacet": (renders(ours("microfacet")), bounces + 1, "prb_basic"),
         "prb_basic": (renders(stock("prb_basic")), bounces + 1, ""),
@@ -158,10 +158,10 @@ def contestants(scene: str, bounces: int, spp: int, resolution: int) -> dict:
         "path": (renders(stock("path")), 2 * bounces + 1, ""),
     }
     if scene != "furnace":
-        return found
+        return contestants
     split, whole = ours(), ours()
     paths = resolution**2 * spp
-    return found | {
+    return contestants | {
         "bounce_path, split into channels": (
             observes(split, spp, "image"),
             bounces + 1,

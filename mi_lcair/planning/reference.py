@@ -31,7 +31,7 @@ LARGE_PROBE = 0.5  # share of the render's paths from which on a probe is too la
 
 
 def reference_probe(
-    probes: ProbeSeries, own: Settings, tolerance: float, expected: Callable
+    probes: ProbeSeries, given: Settings, tolerance: float, expected: Callable
 ) -> tuple[Settings, Probe]:
     """Settings of full fidelity, and a probe under them that has missed no important source.
 
@@ -43,7 +43,7 @@ def reference_probe(
     Parameters
     ----------
     probes : ProbeSeries
-    own : Settings
+    given : Settings
         The scene's own settings.
     tolerance : float
         Error that is allowed, as a fraction of the mean radiance.
@@ -54,11 +54,11 @@ def reference_probe(
     """
     scene = probes.scene
     full = Settings(
-        lobe=dict.fromkeys(own.lobe, "brdf") | candidates(scene, exact=True),
-        max_bounces=min(max(own.max_bounces, PROBED_BOUNCES), MOST_BOUNCES),
-        emitter_sampling=own.emitter_sampling,
+        lobe=dict.fromkeys(given.lobe, "brdf") | candidates(scene, exact=True),
+        max_bounces=min(max(given.max_bounces, PROBED_BOUNCES), MOST_BOUNCES),
+        emitter_sampling=given.emitter_sampling,
     )
-    counted = FEW_COUNTS if probes.each_pixel or own.max_bounces < MANY_BOUNCES else None
+    counted = FEW_COUNTS if probes.each_pixel or given.max_bounces < MANY_BOUNCES else None
     reference = probes(full, counted=counted)
     if not reference.mean > 0:
         raise InputError(

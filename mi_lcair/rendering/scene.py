@@ -172,10 +172,10 @@ class Scene:
     def set_lobe(self, lobe: str, material: str | None = None) -> None:
         """Set the lobe (brdf, mirror or diffuse) of one material, or of all reflection models."""
         surfaces = self.surfaces()
-        chosen = [surface for surface in surfaces if material in (None, surface.material)]
-        if not chosen:
+        of_material = [surface for surface in surfaces if material in (None, surface.material)]
+        if not of_material:
             raise unknown("material", material, {surface.material for surface in surfaces})
-        for surface in chosen:
+        for surface in of_material:
             surface.set_lobe(lobe)
 
 
@@ -291,9 +291,9 @@ def checked(loaded: mi.Scene, path: Path | None, parameters: dict[str, str]) -> 
         where = str(path)
     integrator = loaded.integrator()
     if not isinstance(integrator, PLUGINS["bounce_path"].type):
-        own = "" if integrator is None else f", not {integrator.class_name()}"
+        now = "" if integrator is None else f", not {integrator.class_name()}"
         raise InputError(
-            f'{where}: the integrator must be bounce_path{own}: <integrator type="bounce_path"/>'
+            f'{where}: the integrator must be bounce_path{now}: <integrator type="bounce_path"/>'
             + (', or {"type": "bounce_path"} for mi.load_dict' if path is None else "")
         )
     if not loaded.sensors():

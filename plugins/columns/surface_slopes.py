@@ -77,15 +77,19 @@ class Slopes:
         row = np.zeros(2 + max(max(of_bsdf) for of_bsdf in places.values()), dtype=np.uint32)
         for number, (bsdf, _) in enumerate(surfaces):
             row[places[bsdf]] = number + 1
-        found = [with_slopes(bsdf) for bsdf, _ in surfaces]
+        with_derivatives = [with_slopes(bsdf) for bsdf, _ in surfaces]
         count = len(surfaces[0][1])
         tables = Slopes(
             **vars(kind),
             row=mi.UInt32(row),
-            surface=joined([S for (S, _), _ in found]),
-            surface_slopes=[joined([slopes[k][0] for _, slopes in found]) for k in range(count)],
-            HDR=joined([table for (_, table), _ in found]),
-            HDR_slopes=[joined([slopes[k][1] for _, slopes in found]) for k in range(count)],
+            surface=joined([S for (S, _), _ in with_derivatives]),
+            surface_slopes=[
+                joined([slopes[k][0] for _, slopes in with_derivatives]) for k in range(count)
+            ],
+            HDR=joined([table for (_, table), _ in with_derivatives]),
+            HDR_slopes=[
+                joined([slopes[k][1] for _, slopes in with_derivatives]) for k in range(count)
+            ],
             columns=[mi.UInt32([numbers[k] for _, numbers in surfaces]) for k in range(count)],
         )
         own_memory(flatten(tuple(vars(tables).values())))
@@ -194,21 +198,21 @@ def with_slopes(bsdf) -> tuple:
         values = (float(dr.detach(mi.traverse(bsdf)[key])[0]),)
         b, e = dr.opaque(mi.Float, 0), dr.opaque(mi.Float, 1)
         function = lambda rho: tables(model, (1 - rho, rho, b, e), form)
-    found = []
-    for chosen in (None, *range(len(values))):
+    slopes = []
+    for number in (None, *range(len(values))):
         with dr.resume_grad():
             parameters = [mi.Float(value) for value in values]
             dr.make_opaque(parameters)
-            if chosen is None:
+            if number is None:
                 plain = function(*parameters)
                 continue
-            dr.enable_grad(parameters[chosen])
+            dr.enable_grad(parameters[number])
             S, table = function(*parameters)
-            dr.forward_from(parameters[chosen])
+            dr.forward_from(parameters[number])
             slope = S.map(dr.grad), dr.grad(table)
         dr.eval(slope)
-        found.append(slope)
-    return plain, found
+        slopes.append(slope)
+    return plain, slopes
 
 
 def joined(parts: list):
@@ -225,14 +229,14 @@ def places_of(bsdfs) -> dict:
 
     A `twosided` BSDF refers to those that it wraps. Both sides of a plume are the same.
     """
-    found = {}
+    places = {}
     for bsdf in bsdfs:
         number = 2 * pointer_id(mi.BSDFPtr(bsdf))
         if bsdf.class_name() == "TwoSidedBRDF":
             inner = children(bsdf)
             for side, layer in ((0, inner[0]), (1, inner[-1])):
-                found.setdefault(layer, []).append(number + side)
+                places.setdefault(layer, []).append(number + side)
         else:
             sides = [number, number + 1] if is_plume(bsdf) else [number]
-            found.setdefault(bsdf, []).extend(sides)
-    return found
+            places.setdefault(bsdf, []).extend(sides)
+    return places

@@ -80,18 +80,18 @@ def column_tables(scene, columns: list, weights: dict | None = None) -> ColumnTa
     size = next((size for size in SIZES if size >= len(columns)), None)
     if size is None:
         raise InputError(f"{len(columns)} columns; one launch records at most {SIZES[-1]}")
-    chosen = {}  # for each BSDF the numbers of the columns of its parameters
+    numbers_of = {}  # for each BSDF the numbers of the columns of its parameters
     for number, column in enumerate(of_materials):
         for bsdf in column.surfaces:
             names = names_of(bsdf)
-            numbers = chosen.setdefault(bsdf, [size] * len(names))
+            numbers = numbers_of.setdefault(bsdf, [size] * len(names))
             numbers[names.index(column.parameter)] = number
     bsdfs = [node for node in nodes(scene) if isinstance(node, mi.BSDF)]
     places, by_kind = places_of(bsdfs), {}
-    for bsdf, numbers in chosen.items():
+    for bsdf, numbers in numbers_of.items():
         by_kind.setdefault(kind_of(bsdf), []).append((bsdf, numbers))
     surface = np.zeros(1 + max(place // 2 for of in places.values() for place in of), np.uint32)
-    for number, bsdf in enumerate(chosen):
+    for number, bsdf in enumerate(numbers_of):
         surface[[place // 2 for place in places[bsdf]]] = number + 1
 
     tables = ColumnTables(
@@ -100,7 +100,7 @@ def column_tables(scene, columns: list, weights: dict | None = None) -> ColumnTa
         slopes=[Slopes.of(kind, surfaces, places) for kind, surfaces in by_kind.items()],
         **emitter_tables(scene, columns[len(of_materials) :], len(of_materials), size, weights),
         surface=mi.UInt32(surface),
-        surfaces=len(chosen),
+        surfaces=len(numbers_of),
         incoming=None,
     )
     own_memory([tables.surface])
@@ -132,16 +132,16 @@ def emitter_tables(scene, columns: list, first_number: int, size: int, weights) 
         entries += count
         radiance.append(source * depends)
         weight.append(np.broadcast_to(1.0 if weights is None else weights[emitter], count))
-        for column, found in zip(columns, of_columns):
-            found.append(np.broadcast_to(column.relative.get(emitter, 0.0), count))
-    relative = np.array([np.concatenate(found) for found in of_columns]).reshape(-1, entries)
+        for column, parts in zip(columns, of_columns):
+            parts.append(np.broadcast_to(column.relative.get(emitter, 0.0), count))
+    relative = np.array([np.concatenate(parts) for parts in of_columns]).reshape(-1, entries)
     # The columns that a facet belongs to, without gaps: most facets belong to one or two
     rank = np.cumsum(relative != 0, axis=0) * (relative != 0)
     tables = []
     for k in range(1, rank.max(initial=0) + 1):
-        found = rank == k
-        numbers = np.where(found.any(axis=0), found.argmax(axis=0) + first_number, size)
-        tables.append((mi.UInt32(numbers), mi.Float(np.sum(relative * found, axis=0))))
+        has_rank = rank == k
+        numbers = np.where(has_rank.any(axis=0), has_rank.argmax(axis=0) + first_number, size)
+        tables.append((mi.UInt32(numbers), mi.Float(np.sum(relative * has_rank, axis=0))))
     made = {
         "first": mi.UInt32(first),
         "stride": mi.UInt32(stride),

@@ -136,14 +136,14 @@ class Thermal(ThermalEmitter):
         if self.radiance is not None:
             name = "radiance"
             return [EmitterParameter(name, name, RADIANCE_UNIT, BRIGHTEST, name)]
-        name, found = "temperature", []
+        name, parameters = "temperature", []
         if self.sources():
             key = self.attribute or name
             by_facet = self.attribute is not None
-            found.append(EmitterParameter(name, name, "K", HOTTEST, key, by_facet))
+            parameters.append(EmitterParameter(name, name, "K", HOTTEST, key, by_facet))
         if self.given_emissivity is not None:
-            found.append(EmitterParameter("emissivity", "emissivity", "1", 1.0, "emissivity"))
-        return found
+            parameters.append(EmitterParameter("emissivity", "emissivity", "1", 1.0, "emissivity"))
+        return parameters
 
     def parameters_changed(self, keys=()):
         self.triangles = None  # the shape may have moved

@@ -55,10 +55,10 @@ class Launch:
             return np.array(self.chosen)
         return self.first + self.stride * np.arange(self.windows)
 
-    def paths_from(self, own) -> "Paths":
-        """The paths of the launch. own: the sensor's sampler, which chooses the random numbers."""
+    def paths_from(self, sampler) -> "Paths":
+        """The paths of the launch. sampler: the sensor's, which chooses the random numbers."""
         opaque = lambda value: dr.opaque(mi.UInt32, value)
-        is_lattice = numbers(own) == "lattice"
+        is_lattice = numbers(sampler) == "lattice"
         lane, windows = dr.arange(mi.UInt32, self.paths), mi.UInt32(self.window_numbers)
         dr.eval(lane)
         own_memory([windows])

@@ -142,11 +142,11 @@ def attributes_replaced(plugins, attributes):
     `freeze` looks for arrays in all attributes of plugins in Python. That takes up to 7 ms for each
     call. It finds none in an empty dictionary, and gets the arrays in a list.
     """
-    own = [vars(plugin) for plugin in plugins]
+    originals = [vars(plugin) for plugin in plugins]
     for plugin, replacement in zip(plugins, attributes):
         plugin.__dict__ = replacement
     try:
         yield
     finally:
-        for plugin, original in zip(plugins, own):
+        for plugin, original in zip(plugins, originals):
             plugin.__dict__ = original

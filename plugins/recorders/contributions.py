@@ -25,8 +25,8 @@ class ColumnTable:
         keys = [pointer_id(mi.EmitterPtr(emitter)) for emitter in emitters]
         # Entry 0 belongs to every other emitter, and to hits without an emitter
         first, last = np.zeros((2, max(keys) + 1), dtype=np.uint32)
-        first[keys] = 1 + np.cumsum([0, *(len(own) for own in columns[:-1])])
-        last[keys] = [len(own) - 1 for own in columns]
+        first[keys] = 1 + np.cumsum([0, *(len(of_emitter) for of_emitter in columns[:-1])])
+        last[keys] = [len(of_emitter) - 1 for of_emitter in columns]
         self.first, self.last = mi.UInt32(first), mi.UInt32(last)
         self.columns = mi.UInt32(np.concatenate([[ABSENT], *columns]).astype(np.uint32))
         dr.make_opaque(self.first, self.last, self.columns)

@@ -75,12 +75,12 @@ def visible_points(problem: Problem, count: int, corners=None, owner=None) -> Po
     divisions = np.maximum(1, np.round(np.sqrt(count * area / area.sum()))).astype(int)
     places, piece, part, parts_before = [], [], [], 0
     for n in np.unique(divisions):
-        chosen = np.flatnonzero(divisions == n)
+        divided = np.flatnonzero(divisions == n)
         weights, within = finer_middles(n)
-        places.append(np.einsum("mc,tcx->tmx", weights, pieces[chosen]).reshape(-1, 2))
-        piece.append(np.repeat(chosen, len(weights)))
-        part.append((parts_before + n * n * np.arange(len(chosen))[:, None] + within).ravel())
-        parts_before += n * n * len(chosen)
+        places.append(np.einsum("mc,tcx->tmx", weights, pieces[divided]).reshape(-1, 2))
+        piece.append(np.repeat(divided, len(weights)))
+        part.append((parts_before + n * n * np.arange(len(divided))[:, None] + within).ravel())
+        parts_before += n * n * len(divided)
     places, piece, part = np.concatenate(places), np.concatenate(piece), np.concatenate(part)
 
     start = origin + places[:, :1] * right + places[:, 1:] * up

@@ -36,8 +36,12 @@ class FacetPolygons:
         order = np.argsort(triangle_facet, kind="stable")
         numbers, begins = np.unique(triangle_facet[order], return_index=True)
         faces, facet = [], []
-        for number, own in zip(numbers, np.split(order, begins[1:])):
-            polygons = [corners[own[0]]] if len(own) == 1 else _merged(vertices, corners[own])
+        for number, of_facet in zip(numbers, np.split(order, begins[1:])):
+            polygons = (
+                [corners[of_facet[0]]]
+                if len(of_facet) == 1
+                else _merged(vertices, corners[of_facet])
+            )
             faces += polygons
             facet += [number] * len(polygons)
         return FacetPolygons(vertices, faces, np.array(facet, dtype=np.int64))
@@ -66,13 +70,13 @@ def _merged(vertices: np.ndarray, triangles: np.ndarray) -> list[np.ndarray]:
     corner, shared = np.unique(triangles, return_counts=True)
     start = loop.index(corner[shared.argmax()])
     loop = np.array(loop[start:] + loop[:start])
-    own = np.linalg.norm(_normals(vertices[triangles]), axis=1).sum()
+    area_of_triangles = np.linalg.norm(_normals(vertices[triangles]), axis=1).sum()
     fan = _normals(
         vertices[np.stack([np.full(len(loop) - 2, loop[0]), loop[1:-1], loop[2:]], axis=1)]
     )
     # The first holds for concave outlines too, the second also out of a plane
     for area in (np.linalg.norm(fan.sum(axis=0)), np.linalg.norm(fan, axis=1).sum()):
-        if abs(area - own) <= PLANAR * own:
+        if abs(area - area_of_triangles) <= PLANAR * area_of_triangles:
             return [loop]
     return list(triangles)
 

@@ -199,8 +199,8 @@ def material_of(bsdf) -> str:
     layers = [b for b in (bsdf, *children(bsdf)) if is_reflection_bsdf(b) or is_plume(b)]
     names = [layer.material for layer in layers if layer.material]
     # Mitsuba's class_name() is "BSDF" for every plugin that is written in Python
-    own = type(bsdf).__name__
-    return names[0] if names else bsdf.class_name() if own == "BSDF" else own
+    python_name = type(bsdf).__name__
+    return names[0] if names else bsdf.class_name() if python_name == "BSDF" else python_name
 
 
 def area_of(shape):

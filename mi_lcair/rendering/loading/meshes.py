@@ -117,11 +117,11 @@ def mesh_attribute(shape, texture, name: str) -> tuple[np.ndarray, str]:
     attribute = match[1] if match else "?"
     buffers = members(shape)
     known = [key for key in buffers if key.startswith(("face_", "vertex_"))]
-    own = [key for key in known if key not in ("vertex_positions", "vertex_normals")]
-    if attribute not in own or not is_faceted(shape):
+    attributes = [key for key in known if key not in ("vertex_positions", "vertex_normals")]
+    if attribute not in attributes or not is_faceted(shape):
         raise InputError(
             f"{name} names the mesh attribute '{attribute}', which the shape does not have; it has "
-            f"{', '.join(key for key in own if key != 'vertex_texcoords') or 'none'}"
+            f"{', '.join(key for key in attributes if key != 'vertex_texcoords') or 'none'}"
         )
     values = buffers[attribute].numpy()
     of = "facet" if attribute.startswith("face_") else "vertex"

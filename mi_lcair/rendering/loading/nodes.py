@@ -122,16 +122,16 @@ def check_values(node, values: dict, nodes) -> None:
         if isinstance(value, mi.ScalarAffineTransform4d | mi.ScalarProjectiveTransform4d):
             check_transform(name, np.array(value.matrix, dtype=float), node.type)
             continue
-        found = numbers(value)
+        given = numbers(value)
         with np.errstate(over="ignore"):
-            bad = ~np.isfinite(found.astype(np.float32))
+            bad = ~np.isfinite(given.astype(np.float32))
         if bad.any():
-            raise InputError(f"{plugin}: {name} = {found[bad][0]:g}; it must be finite")
+            raise InputError(f"{plugin}: {name} = {given[bad][0]:g}; it must be finite")
         bounds = BOUNDS.get(node.type, {}).get(name)
         if bounds:
             where = f"{plugin}: {name}"
             if plugin not in CHECKED_BY_THEMSELVES:
-                check_bounds(where, found, bounds)
+                check_bounds(where, given, bounds)
             if isinstance(value, mi.Properties.ResolvedReference):
                 child, child_values = nodes[value.index()]
                 if child.type == mi.ObjectType.Texture:
@@ -139,15 +139,15 @@ def check_values(node, values: dict, nodes) -> None:
                         check_bounds(where, numbers(child_values.get(key)), bounds)
 
 
-def check_bounds(where: str, found: np.ndarray, bounds: tuple[float, float]) -> None:
+def check_bounds(where: str, given: np.ndarray, bounds: tuple[float, float]) -> None:
     """Raise InputError for the first number outside the bounds; NaN is outside."""
     lower, upper = bounds
-    bad = ~((found >= lower) & (found <= upper))
+    bad = ~((given >= lower) & (given <= upper))
     if bad.any():
         right = "be positive" if lower == POSITIVE[0] else f"lie in {lower:g}..{upper:g}"
         if lower == POSITIVE[0] and upper < POSITIVE[1]:
             right += f" and at most {upper:g}"
-        raise InputError(f"{where} = {found[bad][0]:g}; it must {right}")
+        raise InputError(f"{where} = {given[bad][0]:g}; it must {right}")
 
 
 def check_transform(name: str, matrix: np.ndarray, kind) -> None:
@@ -183,20 +183,20 @@ def check_complete(node, values: dict, nodes) -> None:
 
 def check_bands(state, nodes) -> None:
     """Raise InputError if the BSDFs and emitters of a scene name different bands."""
-    found = []
+    bands = []
     for node, values in nodes:
         text = values.get("band")
         if isinstance(text, str) and node.type in (mi.ObjectType.BSDF, mi.ObjectType.Emitter):
             try:
-                found.append((node, text, band(beside_scene(text))))
+                bands.append((node, text, band(beside_scene(text))))
             except InputError:
                 return  # the plugin raises the error when it is created
-    emitted = {own.name for node, _, own in found if node.type == mi.ObjectType.Emitter}
+    emitted = {of_node.name for node, _, of_node in bands if node.type == mi.ObjectType.Emitter}
     if len(emitted) > 1:
         return  # the integrator raises an error that lists the bands
-    for node, text, own in found:
-        other, other_text, first = found[0]
-        if not same_band(own, first):
+    for node, text, of_node in bands:
+        other, other_text, first = bands[0]
+        if not same_band(of_node, first):
             raise InputError(
                 f"{mi.parser.file_location(state, node)}: {node.props.plugin_name()}: band {text} "
                 f"differs from {other_text} at {mi.parser.file_location(state, other)}; a scene "
