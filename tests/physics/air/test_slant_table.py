@@ -55,6 +55,16 @@ def test_at_an_entry_and_between_elevations(table, looks_up):
                 )
 
 
+def test_the_ends_of_the_table(table):
+    """Its first and last elevation belong to it, and what rounding leaves beside them."""
+    for elevation, entry in ((10.0, 10), (10 - 5e-10, 10), (40.0, 40), (40 + 5e-10, 40)):
+        computed = table.along(elevation, True).path(2000.0).transmittance
+        np.testing.assert_allclose(computed, paths(entry, 2000.0)[0].transmittance, atol=1e-6)
+    for elevation in (10 - 2e-9, 40 + 2e-9):
+        with pytest.raises(InputError, match="is outside its 10-40 degrees"):
+            table.along(elevation, True)
+
+
 def test_outside_the_table(table):
     with pytest.raises(InputError, match="elevation of 5 degrees is outside its 10-40 degrees"):
         table.along(5.0, True)

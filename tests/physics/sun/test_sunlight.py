@@ -76,6 +76,9 @@ def test_a_users_table_and_the_distance(tmp_path):
     file = tmp_path / "sun.csv"
     file.write_text("# measured\nirradiance_W_m2_um,wavelength_um\n3,3\n3,3.1\n5,3.2\n")
     assert sunlight(file).in_band_irradiance(band("3-3.2")) == pytest.approx(0.7)
+    plain = file.rename(tmp_path / "sun_without_suffix")
+    assert sunlight(plain).in_band_irradiance(band("3-3.2")) == pytest.approx(0.7)
+    file = plain.rename(file)
     with pytest.raises(InputError, match="distance_au = 2, but a file"):
         sunlight(file, None, 2.0)
     near, far = (sunlight("none", None, d).in_band_irradiance(band("MWIR")) for d in (None, 2.0))
