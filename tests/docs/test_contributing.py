@@ -26,7 +26,9 @@ def rooms() -> dict[str, int]:
 
 
 def test_every_room_is_named_with_its_floor():
+    """The table goes from the top down, also within a floor."""
     named = rooms()
+    order = []
     for module, floor in FLOORS.items():
         folder = module.replace(".", "/")
         if not (ROOT / folder).is_dir() or module.count(".") != 1:
@@ -34,6 +36,8 @@ def test_every_room_is_named_with_its_floor():
         top = folder.removeprefix("mi_lcair/")
         folder = top if (ROOT / top).is_dir() else folder
         assert named.get(folder) == floor, folder
+        order.append(list(named).index(folder))
+    assert order == sorted(order, reverse=True)
     packages = [path.parent for path in (ROOT / "mi_lcair").glob("*/__init__.py")]
     for package in packages:
         assert {package.name, f"mi_lcair/{package.name}"} & named.keys(), package
