@@ -20,7 +20,6 @@ from mi_lcair.plugins.scene_state import SceneState
 from mi_lcair.plugins.tracing import exclusive
 from mi_lcair.rendering.loading.files import survey
 from mi_lcair.rendering.loading.fingerprint import described_digest, fingerprint, source_digest
-from mi_lcair.rendering.loading.flat_parts import remarks_on_triangles
 from mi_lcair.rendering.loading.meshes import check_mesh_files, check_shapes
 from mi_lcair.rendering.loading.nodes import check_nodes
 from mi_lcair.rendering.loading.origin import check_meshes_near, far_origin, move
@@ -30,7 +29,8 @@ from mi_lcair.rendering.loading.parsing import (
     searching,
     with_known_plugins,
 )
-from mi_lcair.rendering.loading.remarks import (
+from mi_lcair.rendering.loading.remarks.flat_parts import remarks_on_triangles
+from mi_lcair.rendering.loading.remarks.loaded import (
     clipped,
     remarks_on_loaded,
     remarks_on_materials,

@@ -7,7 +7,7 @@ import pytest
 import mi_lcair
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.recorders.channels import Channels
-from mi_lcair.rendering.loading.flat_parts import remarks_on_triangles
+from mi_lcair.rendering.loading.remarks.flat_parts import remarks_on_triangles
 from tests.plugins.conftest import FILM
 
 SQUARES = np.array(  # the inner sides of a cube that is open at the top

@@ -10,7 +10,7 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
-from mi_lcair.rendering.loading.flat_parts import remarks_on_triangles
+from mi_lcair.rendering.loading.remarks.flat_parts import remarks_on_triangles
 from tests.rendering.loading.scene_text import (
     FACETS,
     HALVES,

@@ -1,4 +1,4 @@
-"""Remarks on a loaded scene that point out possible errors of its image."""
+"""Remarks on materials, suns, clip distances and temperatures of a loaded scene."""
 
 import drjit as dr
 import mitsuba as mi
