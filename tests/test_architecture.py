@@ -45,7 +45,6 @@ EXEMPT = {"mi_lcair/api", "mi_lcair/reports/pictures", "mi_lcair/reports/section
 STILL_LARGE = {  # to be divided
     "mi_lcair",
     "mi_lcair/physics",
-    "mi_lcair/sensitivity",
 }
 # Arrows within a floor that are still to be turned, as (room, room)
 STILL_UPWARD = {("mi_lcair.scenes", "mi_lcair.formats")}

@@ -16,10 +16,10 @@ import numpy as np
 from tqdm import tqdm
 
 import mi_lcair
+from docs.studies.differences import differences
 from docs.studies.page import label, write_page
 from mi_lcair.api.parameters import parameters
 from mi_lcair.api.sensitivities import sensitivities
-from mi_lcair.sensitivity.differences import differences
 from mi_lcair.sensitivity.parameters import chosen
 
 SCENES = [

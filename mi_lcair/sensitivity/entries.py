@@ -15,6 +15,7 @@ from mi_lcair.plugins.emission.triangles import is_faceted, triangle_corners
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal, thermal_shapes
 
 SCALED = ("radiance", "emissivity")  # kinds whose several numbers change by a common factor
+NEAREST = 1e-3  # fraction of the way to its lower bound that a temperature keeps away from it
 BISECTIONS = 50  # steps in the search for the bound of a feasible material parameter
 
 

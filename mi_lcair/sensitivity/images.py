@@ -56,6 +56,15 @@ def differentiate_image(
     )
 
 
+def randomised_images(scene: Scene, sampling: Sampling, randomisations: int) -> np.ndarray:
+    """Independent images of the radiance, (randomisations, height, width) [W m^-2 sr^-1]."""
+    camera = scene.sensor(sampling.sensor)
+    windows = Windows.of_image(camera, randomisations, by_randomisation=True)
+    total = measure(scene, windows, sampling, Measurands.of(None))
+    means = total.radiance / np.maximum(total.valid, 1)
+    return means.T.reshape(randomisations, windows.rows, windows.columns)
+
+
 def mean_images(total: Totals, channels, windows: Windows) -> np.ndarray:
     """Means of the sum of some channels over the paths of each pixel, for each randomisation."""
     means = sum(total.sums[name] for name in channels) / np.maximum(total.valid, 1)

@@ -19,8 +19,7 @@ from mi_lcair.plugins.recorders.by_bounce import MAX_BOUNCE_CHANNELS
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.sensitivity.columns import MOST_COLUMNS
 from mi_lcair.sensitivity.common_numbers import CommonNumbers
-from mi_lcair.sensitivity.differences import NEAREST
-from mi_lcair.sensitivity.entries import Parameter
+from mi_lcair.sensitivity.entries import NEAREST, Parameter
 from mi_lcair.sensitivity.parameters import checked
 from mi_lcair.sensitivity.window import differentiate_intensity
 from mi_lcair.signatures.effective_areas import EffectiveAreas, effective_areas

@@ -3,9 +3,9 @@
 import pytest
 
 import mi_lcair
+from docs.studies.differences import differences
 from mi_lcair.api.parameters import parameters
 from mi_lcair.errors import InputError
-from mi_lcair.sensitivity.differences import differences
 from mi_lcair.sensitivity.facets import facet_matrix
 from mi_lcair.sensitivity.parameters import changed, set_values
 

@@ -7,6 +7,7 @@ import pytest
 from scipy.stats import chi2
 
 import mi_lcair
+from docs.studies.differences import differences, image_differences
 from mi_lcair.api.derivative_images import derivative_images
 from mi_lcair.api.sensitivities import sensitivities
 from mi_lcair.errors import InputError
@@ -16,7 +17,6 @@ from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.sensitivity.columns import recordings
-from mi_lcair.sensitivity.differences import differences, image_differences
 from mi_lcair.sensitivity.parameters import changed
 
 mi.set_variant("llvm_ad_mono")

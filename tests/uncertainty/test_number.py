@@ -10,8 +10,7 @@ from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.spectrum import Spectrum
 from mi_lcair.plugins.emission.source import Source
-from mi_lcair.sensitivity.differences import NEAREST
-from mi_lcair.sensitivity.entries import Parameter
+from mi_lcair.sensitivity.entries import NEAREST, Parameter
 from mi_lcair.signatures.effective_areas import EffectiveAreas
 from mi_lcair.uncertainty.number import Linear, Number, scaled, shifted
 

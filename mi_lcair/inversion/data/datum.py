@@ -16,10 +16,9 @@ from mi_lcair.inversion.tables import Goal, RenderSettings
 from mi_lcair.inversion.unknowns import Unknown, Where
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
-from mi_lcair.sensitivity.differences import randomised_images
 from mi_lcair.sensitivity.facet_temperatures import with_facets
 from mi_lcair.sensitivity.facets import facet_matrix
-from mi_lcair.sensitivity.images import differentiate_image
+from mi_lcair.sensitivity.images import differentiate_image, randomised_images
 from mi_lcair.sensitivity.parameters import changed
 from mi_lcair.sensitivity.window import differentiate_intensity
 
@@ -157,9 +156,11 @@ class Datum:
             else:
                 images = randomised_images(
                     self.scene,
-                    self.entry.sensor,
-                    sampling.spp,
-                    self._seed(sampling, PILOT),
+                    Sampling(
+                        spp=sampling.spp,
+                        seed=self._seed(sampling, PILOT),
+                        sensor=self.entry.sensor,
+                    ),
                     sampling.randomisations,
                 ).astype(float)
                 radiance = images[:, self.counts]

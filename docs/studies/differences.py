@@ -8,19 +8,17 @@ from collections.abc import Mapping
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.rendering.measurands import Measurands
-from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.statistics import Totals
-from mi_lcair.rendering.window import Windows
 from mi_lcair.sensitivity.columns import weight_of
 from mi_lcair.sensitivity.common_numbers import PARTS, CommonNumbers
 from mi_lcair.sensitivity.derivative_images import DerivativeImages
+from mi_lcair.sensitivity.entries import NEAREST
+from mi_lcair.sensitivity.images import randomised_images
 from mi_lcair.sensitivity.parameters import changed, parameter, units
 from mi_lcair.sensitivity.sensitivities import Sensitivities
 
 METHOD = "difference"
-NEAREST = 1e-3  # fraction of the way to its lower bound that a temperature keeps away from it
 
 
 def differences(
@@ -153,7 +151,8 @@ def image_differences(
     expected = 1 + 2 * len(names)
 
     def image(number: int) -> np.ndarray:
-        result = randomised_images(scene, sensor, spp, seed, randomisations)
+        sampling = Sampling(spp=spp, seed=seed, sensor=sensor)
+        result = randomised_images(scene, sampling, randomisations)
         if progress:
             progress(number, expected)
         return result
@@ -176,15 +175,6 @@ def image_differences(
         band=scene.band.name,
         units=units(scene, names),
     )
-
-
-def randomised_images(scene, sensor, spp, seed, randomisations) -> np.ndarray:
-    """Independent images of the radiance, (randomisations, height, width) [W m^-2 sr^-1]."""
-    sampling = Sampling(spp=spp, seed=seed, sensor=sensor)
-    windows = Windows.of_image(scene.sensor(sensor), randomisations, by_randomisation=True)
-    total = measure(scene, windows, sampling, Measurands.of(None))
-    means = total.radiance / np.maximum(total.valid, 1)
-    return means.T.reshape(randomisations, windows.rows, windows.columns)
 
 
 def spread(names, steps) -> np.ndarray:

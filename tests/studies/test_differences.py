@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 import mi_lcair
+from docs.studies.differences import differences, image_differences
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.sensitivity.differences import differences, image_differences
 from mi_lcair.sensitivity.parameters import changed, parameter
 
 mi.set_variant("llvm_ad_mono")
