@@ -135,7 +135,8 @@ class PathTracer(RBIntegrator):
             paths = launch.paths_from(sensor.sampler())
             rays = ParallelRays.of(sensor) if rays is None else rays
             channels = channels or Channels()
-            arguments = paths, rays or sensor, channels, block_size(launch)
+            # `freeze` does not compare a number that comes after the tables of the channels
+            arguments = paths, rays or sensor, block_size(launch), channels
             if facets is not None or self.closure == "tail":
                 blocks, tail = self.whole_sums(*arguments, facets, launch)
             elif rays is None:
@@ -146,7 +147,7 @@ class PathTracer(RBIntegrator):
             sums = Sums.of(blocks, tail, launch)
             return sums.without(f"bounce.{k}" for k in range(self.max_bounces + 1, SIZES[-1]))
 
-    def block_sums(self, paths: Paths, rays, channels: Channels, size: int) -> BlockSums:
+    def block_sums(self, paths: Paths, rays, size: int, channels: Channels) -> BlockSums:
         """Sums over blocks of `size` paths of a launch.
 
         It may be recorded. It therefore uses only the tracer and its arguments, and launches
@@ -156,7 +157,7 @@ class PathTracer(RBIntegrator):
         return block_sums(L, channels, recorders, weight, size)
 
     def whole_sums(
-        self, paths: Paths, rays, channels: Channels, size: int, facets, launch: Launch
+        self, paths: Paths, rays, size: int, channels: Channels, facets, launch: Launch
     ) -> tuple[BlockSums, Tail | None]:
         """As `block_sums`, also for facets and for closure = tail, which read values."""
         L, recorders, weight = self.follow(paths, rays, channels, facets)
