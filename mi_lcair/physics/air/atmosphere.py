@@ -107,11 +107,13 @@ class Atmosphere:
         """Whether this is vacuum, which transmits everything and emits nothing."""
         return self.wavelengths_um.size == 0
 
-    def along(self, ranges_m: np.ndarray, rows) -> tuple[np.ndarray, np.ndarray]:
+    def along(self, ranges_m: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Transmittance and path radiance at ranges [m] and wavelength indices, (ranges, rows)."""
         raise NotImplementedError
 
-    def light_transmittance(self, light: Spectrum, ranges_m: np.ndarray, rows) -> np.ndarray:
+    def light_transmittance(
+        self, light: Spectrum, ranges_m: np.ndarray, rows: np.ndarray
+    ) -> np.ndarray:
         """Transmittance for light that has crossed air before, (ranges, rows)."""
         return self.along(ranges_m, rows)[0]
 
