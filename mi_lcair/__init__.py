@@ -2,7 +2,7 @@
 
 `import mi_lcair` is fast. It installs an import hook. The hook chooses an LLVM that Dr.Jit can use
 before `drjit` is imported, and registers the plugins when `mitsuba` is imported. Where these were
-imported before mi_lcair, both are done afterwards, see `mi_lcair.llvm.prepare_loaded`.
+imported before mi_lcair, both are done afterwards, see `mi_lcair.startup.llvm.prepare_loaded`.
 """
 
 import importlib
@@ -40,7 +40,7 @@ def _prepare_mitsuba():
     """Prepare the imported Mitsuba: plugins, functions that take scenes, messages to logging."""
     importlib.import_module(".plugins", __name__)
     importlib.import_module(".rendering.loading.mitsuba_functions", __name__).take_loaded_scenes()
-    importlib.import_module(".renderer_log", __name__).pass_on()
+    importlib.import_module(".startup.renderer_log", __name__).pass_on()
 
 
 class _OnImport:
@@ -55,8 +55,8 @@ class _OnImport:
     @classmethod
     def find_spec(cls, name, path=None, target=None):
         if name == "drjit":
-            importlib.import_module(".llvm", __name__).prepare()
-            importlib.import_module(".kernel_cache", __name__).prepare()
+            importlib.import_module(".startup.llvm", __name__).prepare()
+            importlib.import_module(".startup.kernel_cache", __name__).prepare()
         if name != "mitsuba":
             return None
         others = (
@@ -76,6 +76,6 @@ class _OnImport:
 
 sys.meta_path.insert(0, _OnImport)
 if "drjit" in sys.modules:
-    importlib.import_module(".llvm", __name__).prepare_loaded()
+    importlib.import_module(".startup.llvm", __name__).prepare_loaded()
 if "mitsuba" in sys.modules:
     _prepare_mitsuba()

@@ -17,7 +17,7 @@ from types import SimpleNamespace
 import pytest
 
 import mi_lcair
-from mi_lcair import kernel_cache, llvm
+from mi_lcair.startup import kernel_cache, llvm
 
 ROOT = Path(__file__).resolve().parents[1]
 LLVM_14 = Path("/usr/lib/x86_64-linux-gnu/libLLVM-14.so.1")
@@ -99,7 +99,7 @@ def test_usable_variable_comes_first(usable_llvm, tmp_path):
 @pytest.mark.parametrize("variable", [None, pytest.param(LLVM_15, marks=needs_llvm_15)])
 def test_no_usable_llvm_is_one_line_that_says_what_to_install(variable):
     done = python(
-        "from mi_lcair import llvm\n"
+        "from mi_lcair.startup import llvm\n"
         "llvm.WHEEL, llvm.SYSTEM = 'a-wheel-that-nobody-has', ()\n"
         "try: import mitsuba\n"
         "except ImportError as error: print(error)",

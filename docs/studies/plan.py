@@ -25,11 +25,11 @@ import numpy as np
 import mi_lcair
 from docs.studies.page import label, write_page
 from mi_lcair.benchmark.propagation import exact
-from mi_lcair.kernel_cache import VARIABLE
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.planning.probe import Settings
 from mi_lcair.planning.reference import PROBED_BOUNCES
+from mi_lcair.startup.kernel_cache import VARIABLE
 
 REPETITIONS, TOLERANCE, PIXEL_TOLERANCE = 12, 0.01, 0.01
 TIMES = 3  # times that each run is timed; the median counts

@@ -1,0 +1,1 @@
+"""What must be ready before Dr.Jit and Mitsuba are imported: LLVM, kernel cache, messages."""
