@@ -135,17 +135,16 @@ class Totals:
     def edge_error(self, name: str | None = None) -> np.ndarray:
         """Standard error of each window's mean that edges may cause, below which none is stated.
 
-        The points of a randomisation divide the window evenly. All R randomisations may therefore
-        agree on how many of them lie on one side of an edge, where the true number is larger by q.
-        They do so with a probability of (1 - q)^R, which is 5 % for the q used here. The edge is
-        one between the darkest and the brightest path.
+        The points of a randomisation divide the window evenly. All randomisations may therefore
+        agree on how many of them lie on one side of an edge, see `edge_share`. The edge is one
+        between the darkest and the brightest path.
         """
         name, points = name or "radiance", self.paths / self.randomisations
         if name not in self.highest:
             return np.zeros(len(self.valid))
         contrast = np.maximum(self.highest[name] - self.lowest[name], 0)
-        q = (1 - 0.05 ** (1 / self.randomisations)) / student_factor(np.inf)
-        return np.where(points >= EVEN_POINTS, q * contrast / np.maximum(points, 1), 0)
+        of_edges = edge_share(self.randomisations) * contrast / np.maximum(points, 1)
+        return np.where(points >= EVEN_POINTS, of_edges, 0)
 
     def standard_error(self, name: str | None = None) -> np.ndarray:
         """Standard error of each window's mean, (windows,); infinite for one randomisation.
@@ -213,6 +212,16 @@ class Totals:
         if mean > 0:
             return float(rms / mean)
         return None if rms > 0 else 0.0
+
+
+def edge_share(randomisations: int) -> float:
+    """Standard error of the number of a randomisation's points on one side of an edge.
+
+    The true number may be larger by q than the whole number on which all R randomisations agree.
+    They do so with a probability of (1 - q)^R. It is 5 % for the q of which this is the standard
+    error.
+    """
+    return (1 - 0.05 ** (1 / randomisations)) / student_factor(np.inf)
 
 
 def student_factor(freedom: float) -> float:

@@ -11,6 +11,7 @@ from mi_lcair.plugins.recorders.by_bounce import MAX_BOUNCE_CHANNELS
 from mi_lcair.rendering.facets.polygons import FacetPolygons
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.images.render import BOUNCE_CHANNELS
+from mi_lcair.rendering.statistics import edge_share
 from mi_lcair.results import Result
 
 EDGE_ON = 1e-6  # cosine below which the projected area of a facet is only rounding error
@@ -154,7 +155,11 @@ class FacetSums:
             )
         # The sum is R times the mean of the R randomisations
         R = len(self.by_randomisation)
-        error = np.sqrt(R) * self.by_randomisation.std(axis=0, ddof=1) * per_sample
+        scatter = np.sqrt(R) * self.by_randomisation.std(axis=0, ddof=1) * per_sample
+        # All randomisations may agree on a facet's points, also on none, and miss a part of a point
+        brightest = np.nanmax(radiance, initial=0.0)
+        of_part = edge_share(R) * R * np.where(self.hits > 0, radiance, brightest) * per_sample
+        error = np.maximum(scatter, np.where(mean_cosine > EDGE_ON, of_part, 0))
         bounces = {
             f"bounce{k:02d}_W_m2_sr": by_bounce[k]
             if k < BOUNCE_CHANNELS - 1
