@@ -81,7 +81,7 @@ def use_atmosphere(path: Path) -> None:
         finite(air.transmittance_mean(WITHIN, float(air.ranges_m[0]) / 2), 0, 1)
         ranges = air.ranges_m[:1] * [0.1, 1.0]
         spectra = np.linspace(1, 2, len(air.wavelengths_um))
-        finite(air.band_transmittance(WITHIN, spectra, ranges), 0, 1)
+        finite(air.band_transmittance(WITHIN, [spectra], ranges), 0, 1)
         finite(air.band_path_radiance(WITHIN, ranges), 0)
 
 
