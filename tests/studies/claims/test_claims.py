@@ -18,10 +18,8 @@ KNOWN = {
     "derivative, material": "1 of 4: derivatives of what no path meets are 0 +- 0",
     "derivative, source": "1 of 13: derivatives of what no path meets are 0 +- 0",
     "facet": "2 of 14: a facet that no path meets has 0 +- 0",
-    "image's mean": "3 of 10 of seed 7: it leaves out what few paths meet",
     "pixel": "65 of 128 of seed 7: pixels leave out what few paths meet",
     "small part": "1 of 3: a mesh that rounding makes a point gets no remark",
-    "tolerance, image": "1 of 12 of seed 7: an image without any radiance claims to be reached",
 }
 
 

@@ -1,0 +1,110 @@
+"""Errors of totals by hand: scatter, edges, sources that no path has met."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from mi_lcair.plugins.emission.unmet import UnmetSources
+from mi_lcair.rendering.statistics import Totals, edge_share, student_factor
+
+NORMAL = 1.959964  # half of a normal 95 % interval
+T7 = 2.364624  # half of Student's, for 7 degrees of freedom
+
+
+def launch_of(windows: int, randomisations: int, points: int):
+    return SimpleNamespace(
+        window_numbers=np.arange(windows),
+        randomisations=randomisations,
+        points=points,
+        paths=windows * randomisations * points,
+    )
+
+
+def totals(radiance, points=64, lowest=0.0, highest=0.0, unmet=None, chance=0.0, channels=None):
+    """Totals of one window with these mean radiances of its randomisations."""
+    radiance = np.atleast_2d(np.asarray(radiance, dtype=float))
+    windows, randomisations = radiance.shape
+    total = Totals(windows, randomisations, by_randomisation=True, unmet=unmet)
+    sums = SimpleNamespace(
+        valid=np.full(radiance.shape, float(points)),
+        radiance=points * radiance,
+        channels={} if channels is None else channels,
+        lowest={"radiance": np.full(windows, lowest)},
+        highest={"radiance": np.full(windows, highest)},
+        chance=np.full(windows, chance),
+        draws=np.zeros(windows),
+        tail=None,
+    )
+    total.add(launch_of(windows, randomisations, points), sums)
+    return total
+
+
+def test_scatter_of_randomisations():
+    """Means 1, 2, 3, 4: standard deviation 1.29099, standard error half of it."""
+    total = totals([1, 2, 3, 4])
+    assert total.mean() == pytest.approx(2.5)
+    assert total.standard_error() == pytest.approx(1.2909944 / 2)
+    assert total.half_width() == pytest.approx(3.182446 * 1.2909944 / 2)  # Student, 3 degrees
+
+
+def test_all_randomisations_agree_on_an_edge():
+    """Eight times the same mean: a part q of a point may be missed, with (1 - q)^8 = 5 %."""
+    q = 1 - 0.05 ** (1 / 8)
+    assert (1 - q) ** 8 == pytest.approx(0.05, rel=1e-4)
+    assert edge_share(8) == pytest.approx(q / NORMAL, rel=1e-4)
+    total = totals(np.full(8, 3.0), points=64, lowest=1.0, highest=5.0)
+    assert total.half_width() == pytest.approx(4.0 * q / 64, rel=1e-4)
+    assert total.standard_error() == pytest.approx(4.0 * q / 64 / NORMAL, rel=1e-4)
+    # Fewer than 8 points do not divide the window evenly
+    assert totals(np.full(8, 3.0), points=7, lowest=1.0, highest=5.0).half_width() == 0
+
+
+def test_the_larger_of_scatter_and_edge_counts():
+    scatter = np.array([2.9, 3.1] * 4)
+    of_scatter = scatter.std(ddof=1) / np.sqrt(8)
+    total = totals(scatter, points=64, lowest=1.0, highest=5.0)
+    assert total.half_width() == pytest.approx(T7 * of_scatter, rel=1e-5)
+
+
+def test_a_source_that_no_path_met():
+    """2.5 paths of the brightest source: e^-2.5 = 8 % of such sources are missed."""
+    unmet = UnmetSources(100.0, np.empty(0), np.empty(0))
+    total = totals(np.full(8, 3.0), points=64, unmet=unmet)
+    assert total.half_width() == pytest.approx(2.5 * 100 / 512)
+    assert total.missed_by_all() == pytest.approx(2.5 * 100 / 512 / NORMAL, rel=1e-5)
+    assert total.mean_error() == pytest.approx(2.5 * 100 / 512 / NORMAL, rel=1e-5)
+    # What drawn sources may add counts if it is more
+    total = totals(np.full(8, 3.0), points=64, unmet=unmet, chance=300.0)
+    assert total.half_width() == pytest.approx(2.5 * 300 / 512)
+
+
+def test_a_channel_that_no_path_met_has_an_error():
+    unmet = UnmetSources(100.0, np.empty(0), np.empty(0))
+    dark = {"group.lamp": np.zeros((1, 8)), "group.wall": np.full((1, 8), 64 * 3.0)}
+    total = totals(np.full(8, 3.0), points=64, unmet=unmet, channels=dark)
+    assert total.standard_error("group.lamp") == pytest.approx(2.5 * 100 / 512 / NORMAL, rel=1e-5)
+    assert total.standard_error("group.wall") == 0
+
+
+def test_rms_over_the_pixels_of_an_image():
+    """Four pixels; the missed source is in one of them."""
+    unmet = UnmetSources(10.0, np.empty(0), np.empty(0))
+    radiance = [[1, 3], [2, 2], [3, 5], [4, 4]]
+    total = totals(radiance, points=4, unmet=unmet)
+    missed = 2.5 * 10 / 32 / NORMAL  # of the mean over all pixels
+    variance = np.mean([1.0, 0, 1.0, 0]) + 4 * missed**2
+    assert total.rms_error() == pytest.approx(np.sqrt(variance) / 3, rel=1e-5)
+
+
+def test_a_dark_image_is_not_known():
+    unmet = UnmetSources(10.0, np.empty(0), np.empty(0))
+    assert totals(np.zeros(8), unmet=unmet).rms_error() is None
+    assert totals(np.zeros(8)).rms_error() == 0
+    assert totals([5.0], unmet=unmet).rms_error() is None  # one randomisation
+
+
+def test_student_factors():
+    assert student_factor(7) == pytest.approx(T7, rel=1e-6)
+    assert student_factor(np.inf) == pytest.approx(NORMAL, rel=1e-6)
+    assert student_factor(0) == np.inf
