@@ -97,19 +97,15 @@ class Lattice(mi.Sampler):
         return mi.Point2f(x, self.next_1d(active))
 
     def next_position(self):
-        """A position in a window: the next two numbers, sheared twice by random angles.
+        """A position in a window: the next two numbers, sheared by a random angle.
 
         The coordinates of a lattice's points are evenly spaced, and something in the window that
         repeats with their spacing would be hit by all of them or by none. Each randomisation
-        therefore moves the points along x by a part of their y, and then along y by a part of their
-        x, which are the same for all points.
+        therefore moves the points along x by a part of their y, which is the same for all of them.
         """
-        along_x = hashed(self.key ^ GOLDEN)
-        along_y = hashed(along_x)
+        shear = hashed(self.key ^ GOLDEN)
         x, y = self.next_integer(), self.next_integer()
-        x += dr.mul_hi(along_x, y)
-        y += dr.mul_hi(along_y, x)
-        return mi.Point2f(uniform(x), uniform(y))
+        return mi.Point2f(uniform(x + dr.mul_hi(shear, y)), uniform(y))
 
     def next_integer(self) -> mi.UInt32:
         """The next number times 2^32."""

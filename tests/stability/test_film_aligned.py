@@ -2,7 +2,6 @@
 
 import mitsuba as mi
 import numpy as np
-import pytest
 
 import mi_lcair
 from mi_lcair.physics.bands import band
@@ -33,11 +32,8 @@ def in_window(**shapes):
     )
 
 
-def black(plate, start, end, name="black", axis=0):
-    """A black strip across the window, between two positions along an axis of the film."""
-    corners = [[start, -0.5, 0], [end, -0.5, 0], [end, 0.5, 0], [start, 0.5, 0]]
-    if axis == 1:
-        corners = [[y, x, z] for x, y, z in reversed(corners)]
+def black(plate, x0, x1, name="black"):
+    corners = [[x0, -0.5, 0], [x1, -0.5, 0], [x1, 0.5, 0], [x0, 0.5, 0]]
     bsdf = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}
     return plate(name, corners, bsdf, 300.0)
 
@@ -60,14 +56,13 @@ def test_an_edge_along_the_film_is_in_the_interval(plate):
     assert inside >= 69
 
 
-@pytest.mark.parametrize("axis", [0, 1], ids=["columns", "rows"])
-def test_stripes_along_the_film(plate, axis):
+def test_stripes_along_the_film(plate):
     """1,024 stripes as narrow as the points' spacing: within the interval, and this is below 6 %.
 
     A lattice whose coordinates are evenly spaced meets all of them or none, and states 85 %.
     """
     stripes = {
-        f"s{k}": black(plate, k / POINTS - 0.5, (k + 0.5) / POINTS - 0.5, f"s{k}", axis)
+        f"s{k}": black(plate, k / POINTS - 0.5, (k + 0.5) / POINTS - 0.5, f"s{k}")
         for k in range(POINTS)
     }
     scene = in_window(**stripes)
