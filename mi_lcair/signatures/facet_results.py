@@ -157,7 +157,7 @@ class FacetSums:
         R = len(self.by_randomisation)
         scatter = np.sqrt(R) * self.by_randomisation.std(axis=0, ddof=1) * per_sample
         # All randomisations may agree on a facet's points, also on none, and miss a part of a point
-        brightest = np.nanmax(radiance, initial=0.0)
+        brightest = np.nan_to_num(radiance).max(initial=0.0)
         of_part = edge_share(R) * R * np.where(self.hits > 0, radiance, brightest) * per_sample
         error = np.maximum(scatter, np.where(mean_cosine > EDGE_ON, of_part, 0))
         bounces = {
