@@ -164,14 +164,12 @@ def body(draw: Draw) -> Case:
         return radiances(B, materials, of_terrain).sum(axis=0) * seen
 
     lower, upper = BANDS_UM[draw.band]
-    return Case(
-        kind=f"{kind}, {around}" + (", sun" if sunlit else ""),
-        file=file,
-        band=draw.band,
-        sampling=draw.sampling,
-        bounces=bounces,
+    return draw.case(
+        f"{kind}, {around}" + (", sun" if sunlit else ""),
+        file,
+        T,
+        bounces,
         half_window=half_window,
-        temperatures=T,
         materials={"paint.reflectance": rho} if rho else {},
         response=response,
         second=second,

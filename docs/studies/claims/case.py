@@ -195,6 +195,27 @@ class Draw:
         q *= np.sign(np.diag(r))
         return q * np.sign(np.linalg.det(q))
 
+    def case(
+        self,
+        kind: str,
+        file: SceneFile,
+        temperatures: Values,
+        bounces: int,
+        half_window: float = 1.0,
+        **exact,
+    ) -> Case:
+        """A case in the band and with the sampling of this draw; exact: its other attributes."""
+        return Case(
+            kind=kind,
+            file=file,
+            band=self.band,
+            sampling=self.sampling,
+            bounces=bounces,
+            half_window=half_window,
+            temperatures=temperatures,
+            **exact,
+        )
+
     def place(self, farthest: float = 10.0) -> Place:
         """Scale over six decades, rotation, and a shift of up to `farthest` sizes."""
         scale, rotation = self.size(1e-3, 1e3), self.rotation()

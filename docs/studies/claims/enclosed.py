@@ -18,20 +18,6 @@ def wall(draw: Draw, T: dict, file: SceneFile, rho: float) -> None:
     file.sphere(np.zeros(3), 1.0, inside, inward=True)
 
 
-def case_of(draw: Draw, kind: str, file, T, rho, bounces, half_window, **parts) -> Case:
-    return Case(
-        kind=kind,
-        file=file,
-        band=draw.band,
-        sampling=draw.sampling,
-        bounces=bounces,
-        half_window=half_window,
-        temperatures=T,
-        materials={"wall.reflectance": rho},
-        **parts,
-    )
-
-
 def cavity(draw: Draw) -> Case:
     """A diffuse sphere with a black opening and a hot spot, all of it equally lit.
 
@@ -78,7 +64,9 @@ def cavity(draw: Draw) -> Case:
         return ((1 - rho) * B["wall"] + received) / (1 - rho * free)
 
     parts = {"response": response, "second": second, "unlimited": unlimited}
-    return case_of(draw, "cavity", file, T, rho, bounces, half_window, **parts)
+    return draw.case(
+        "cavity", file, T, bounces, half_window, materials={"wall.reflectance": rho}, **parts
+    )
 
 
 def nested(draw: Draw) -> Case:
@@ -154,7 +142,9 @@ def nested(draw: Draw) -> Case:
 
     parts = {"response": response, "second": second, "unlimited": unlimited}
     parts["second_error"] = 3e-3
-    return case_of(draw, "nested plumes", file, T, rho, bounces, half_window, **parts)
+    return draw.case(
+        "nested plumes", file, T, bounces, half_window, materials={"wall.reflectance": rho}, **parts
+    )
 
 
 def overlap(radius: float, half: float) -> float:
@@ -213,4 +203,6 @@ def furnace(draw: Draw, place=None, kind: str = "furnace", half=None) -> Case:
 
     parts = {"response": response, "second": second}
     parts["unlimited"] = lambda B, materials: B["wall"]
-    return case_of(draw, kind, file, T, rho, bounces, half_window, **parts)
+    return draw.case(
+        kind, file, T, bounces, half_window, materials={"wall.reflectance": rho}, **parts
+    )

@@ -134,14 +134,12 @@ def lamp(draw: Draw) -> Case:
             total += (1 - taken) * B["room"]
         return (1 - rho) * B["floor"] + rho * total
 
-    return Case(
-        kind=f"lamp, {turn}",
-        file=file,
-        band=draw.band,
-        sampling=draw.sampling,
-        bounces=bounces,
+    return draw.case(
+        f"lamp, {turn}",
+        file,
+        T,
+        bounces,
         half_window=half_window,
-        temperatures=T,
         materials={"floor.reflectance": rho},
         response=reflected(of_lamps, blocked, names, room, bounces),
         second=second,
@@ -187,14 +185,11 @@ def in_mirror(draw: Draw) -> Case:
     def second(B, materials):
         return float(response(B, materials, factors()).sum())
 
-    return Case(
-        kind="lamp, in a mirror",
-        file=file,
-        band=draw.band,
-        sampling=draw.sampling,
-        bounces=2,
-        half_window=1.0,
-        temperatures=T,
+    return draw.case(
+        "lamp, in a mirror",
+        file,
+        T,
+        2,
         materials={"floor.reflectance": rho},
         response=response,
         second=second,
@@ -245,14 +240,11 @@ def ball(draw: Draw) -> Case:
         around = (1 - from_ball()) * B["room"] if room else 0.0
         return (1 - rho) * B["floor"] + rho * (from_ball() * B["ball"] + around)
 
-    return Case(
-        kind="ball",
-        file=file,
-        band=draw.band,
-        sampling=draw.sampling,
-        bounces=bounces,
-        half_window=1.0,
-        temperatures=T,
+    return draw.case(
+        "ball",
+        file,
+        T,
+        bounces,
         materials={"floor.reflectance": rho},
         response=reflected(share[None], share, ["ball"], room, bounces),
         second=second,
@@ -314,14 +306,12 @@ def box(draw: Draw) -> Case:
         total = sum(factor * B[name] for factor, name in zip(factors(), names))
         return (1 - rho) * B["floor"] + rho * total
 
-    return Case(
-        kind="box",
-        file=file,
-        band=draw.band,
-        sampling=draw.sampling,
-        bounces=bounces,
+    return draw.case(
+        "box",
+        file,
+        T,
+        bounces,
         half_window=half_window,
-        temperatures=T,
         materials={"floor.reflectance": rho},
         response=reflected(shares, 0, names, False, bounces),
         second=second,
@@ -366,14 +356,11 @@ def keyhole(draw: Draw) -> Case:
         rho = materials["floor.reflectance"]
         return (1 - rho) * B["floor"] + rho * to_hole * side**2 * B["lamp"]
 
-    return Case(
-        kind="keyhole",
-        file=file,
-        band=draw.band,
-        sampling=draw.sampling,
-        bounces=bounces,
-        half_window=1.0,
-        temperatures=T,
+    return draw.case(
+        "keyhole",
+        file,
+        T,
+        bounces,
         materials={"floor.reflectance": rho},
         response=reflected(np.full((1, 1, 1), share), 0, ["lamp"], False, bounces),
         second=second,
@@ -422,14 +409,11 @@ def shadow(draw: Draw) -> Case:
         return (1 - rho) * B["floor"] + rho / np.pi * B["sun"] * toward[2] * (1 - dark)
 
     lower, upper = {"SWIR": (1, 3), "MWIR": (3, 5), "LWIR": (8, 12)}[draw.band]
-    return Case(
-        kind="shadow",
-        file=file,
-        band=draw.band,
-        sampling=draw.sampling,
-        bounces=bounces,
-        half_window=1.0,
-        temperatures=T,
+    return draw.case(
+        "shadow",
+        file,
+        T,
+        bounces,
         materials={"floor.reflectance": rho},
         response=response,
         second=second,

@@ -50,19 +50,6 @@ def black_scene(draw: Draw, T: dict, up) -> SceneFile:
     return file
 
 
-def case_of(draw: Draw, kind: str, file: SceneFile, T: dict, bounces: int, **parts) -> Case:
-    return Case(
-        kind=kind,
-        file=file,
-        band=draw.band,
-        sampling=draw.sampling,
-        bounces=bounces,
-        half_window=1.0,
-        temperatures=T,
-        **parts,
-    )
-
-
 def padded(rows, bounces: int) -> np.ndarray:
     """The rows (K, H, W) with zeros for further reflections."""
     rows = np.asarray(rows, float)
@@ -110,7 +97,7 @@ def stripes(draw: Draw) -> Case:
 
     kind = "stripes, " + ("along the film" if angle in (0, np.pi / 2) else "at an angle")
     parts = {"materials": {}, "response": response, "second": second}
-    return case_of(draw, kind, file, T, bounces, **parts)
+    return draw.case(kind, file, T, bounces, **parts)
 
 
 def specks(draw: Draw) -> Case:
@@ -146,7 +133,7 @@ def specks(draw: Draw) -> Case:
 
     kind = "specks, " + ("seen" if area else "unseen")
     parts = {"materials": {}, "response": response, "second": second}
-    return case_of(draw, kind, file, T, bounces, **parts)
+    return draw.case(kind, file, T, bounces, **parts)
 
 
 def layers(draw: Draw) -> Case:
@@ -235,7 +222,7 @@ def layers(draw: Draw) -> Case:
 
     kind = "plumes, " + ("before a mirror" if reflectance else "before a plate")
     parts = {"materials": {}, "response": response, "second": second}
-    return case_of(draw, kind, file, T, bounces, **parts)
+    return draw.case(kind, file, T, bounces, **parts)
 
 
 def mirrored(draw: Draw) -> Case:
@@ -271,4 +258,4 @@ def mirrored(draw: Draw) -> Case:
         return (1 - of_mirror) * B["plate"] + reflectance * image * B["speck"]
 
     parts = {"materials": {}, "response": response, "second": second}
-    return case_of(draw, "mirror", file, T, bounces, **parts)
+    return draw.case("mirror", file, T, bounces, **parts)
