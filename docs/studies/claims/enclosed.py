@@ -63,9 +63,16 @@ def cavity(draw: Draw) -> Case:
         received = rho * sum(share[name] * B[name] for name in caps)
         return ((1 - rho) * B["wall"] + received) / (1 - rho * free)
 
-    parts = {"response": response, "second": second, "unlimited": unlimited}
     return draw.case(
-        "cavity", file, T, bounces, half_window, materials={"wall.reflectance": rho}, **parts
+        "cavity",
+        file,
+        T,
+        bounces,
+        half_window,
+        materials={"wall.reflectance": rho},
+        response=response,
+        second=second,
+        unlimited=unlimited,
     )
 
 
@@ -140,10 +147,17 @@ def nested(draw: Draw) -> Case:
         wall = ((1 - rho) * B["wall"] + rho * from_wall @ emission) / (1 - rho * from_wall @ t)
         return in_window @ emission + in_window @ t * wall
 
-    parts = {"response": response, "second": second, "unlimited": unlimited}
-    parts["second_error"] = 3e-3
     return draw.case(
-        "nested plumes", file, T, bounces, half_window, materials={"wall.reflectance": rho}, **parts
+        "nested plumes",
+        file,
+        T,
+        bounces,
+        half_window,
+        materials={"wall.reflectance": rho},
+        response=response,
+        second=second,
+        second_error=3e-3,
+        unlimited=unlimited,
     )
 
 
@@ -201,8 +215,14 @@ def furnace(draw: Draw, place=None, kind: str = "furnace", half=None) -> Case:
     def second(B, materials):
         return B["wall"] * (1 - materials["wall.reflectance"] ** (bounces + 1))
 
-    parts = {"response": response, "second": second}
-    parts["unlimited"] = lambda B, materials: B["wall"]
     return draw.case(
-        kind, file, T, bounces, half_window, materials={"wall.reflectance": rho}, **parts
+        kind,
+        file,
+        T,
+        bounces,
+        half_window,
+        materials={"wall.reflectance": rho},
+        response=response,
+        second=second,
+        unlimited=lambda B, materials: B["wall"],
     )
