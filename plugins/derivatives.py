@@ -14,7 +14,7 @@ from contextlib import contextmanager
 import drjit as dr
 import mitsuba as mi
 
-from mi_lcair.plugins.tracing import is_traced
+from mi_lcair.plugins.tracing import exclusive, is_traced
 
 
 class Deriving(ABC):
@@ -171,15 +171,19 @@ def children(node) -> list:
 
 
 def nodes(scene) -> list:
-    """The objects of a scene that a path can meet, each once: no sensors and no integrator."""
+    """The objects of a scene that a path can meet, each once: no sensors and no integrator.
+
+    While another thread records paths, plugins have no attributes, so that this waits for it.
+    """
     reached, waiting, seen = [], [scene], {scene}
-    while waiting:
-        node = waiting.pop()
-        reached.append(node)
-        # A BSDF that is `twosided` may have the same child twice
-        new = [child for child in dict.fromkeys(children(node)) if child not in seen]
-        seen.update(new)
-        waiting += [child for child in new if not isinstance(child, (mi.Sensor, mi.Integrator))]
+    with exclusive:
+        while waiting:
+            node = waiting.pop()
+            reached.append(node)
+            # A BSDF that is `twosided` may have the same child twice
+            new = [child for child in dict.fromkeys(children(node)) if child not in seen]
+            seen.update(new)
+            waiting += [child for child in new if not isinstance(child, (mi.Sensor, mi.Integrator))]
     return reached
 
 

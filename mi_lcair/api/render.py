@@ -51,7 +51,7 @@ def render(
     sensor : int
         Number of the sensor, counted from 0.
     split : str or None
-        What is recorded beside the radiance, see `PathTracer.trace`.
+        What is recorded beside the radiance, see `Channels`.
     atmosphere : Atmosphere, str, Path or None
         Also compute the apparent radiance through this atmosphere (`apparent.Y`, `path.Y`): one
         that is loaded, a bundled name, a CSV, a MODTRAN tape7, or "vacuum".

@@ -30,7 +30,7 @@ def sensitivities(
     Derivatives with respect to temperatures, radiances and emissivities of emitters are exact
     consequences of the linearity of radiance in its sources. Those with respect to parameters of
     materials are estimated from the scores of the paths, with a control variate where a pilot finds
-    less noise with it (see `plugins.columns.tables`).
+    less noise with it (see `plugins.recorders.columns`).
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ def check_memory(pixels: int, tracer, split: str | None) -> None:
     pixels : int
     tracer : PathTracer
     split : str or None
-        Channels recorded beside the radiance, see `PathTracer.trace`.
+        Channels recorded beside the radiance, see `Channels`.
     """
     needed = pixels * (BYTES_PER_PIXEL + BYTES_PER_CHANNEL * channel_count(tracer, split))
     available = available_memory()

@@ -167,8 +167,7 @@ class Scene:
 
     def surfaces(self) -> list[mi.BSDF]:
         """The scene's BSDFs of reflection models."""
-        with exclusive:
-            return [plugin for plugin in deriving_plugins(self.mi) if is_reflection_bsdf(plugin)]
+        return [plugin for plugin in deriving_plugins(self.mi) if is_reflection_bsdf(plugin)]
 
     def set_lobe(self, lobe: str, material: str | None = None) -> None:
         """Set the lobe (brdf, mirror or diffuse) of one material, or of all reflection models."""

@@ -129,8 +129,7 @@ class Totals:
 
     def scatter_error(self, name: str | None = None) -> np.ndarray:
         """Standard error of each window's mean from the scatter of its randomisations."""
-        scatter = np.sqrt(np.sum(self.deviations(name) ** 2, axis=1))
-        return np.maximum(scatter, self.edge_error(name))
+        return np.sqrt(np.sum(self.deviations(name) ** 2, axis=1))
 
     def edge_error(self, name: str | None = None) -> np.ndarray:
         """Standard error of each window's mean that edges may cause, below which none is stated.
@@ -146,13 +145,17 @@ class Totals:
         of_edges = edge_share(self.randomisations) * contrast / np.maximum(points, 1)
         return np.where(points >= EVEN_POINTS, of_edges, 0)
 
+    def random_error(self, name: str | None = None) -> np.ndarray:
+        """Standard error of each window's mean without what more samples do not reduce."""
+        return np.maximum(self.scatter_error(name), self.edge_error(name))
+
     def standard_error(self, name: str | None = None) -> np.ndarray:
         """Standard error of each window's mean, (windows,); infinite for one randomisation.
 
         That of a channel which no path has met is what a path may have missed.
         """
         mean = self.mean(name)
-        error = np.hypot(self.scatter_error(name), self.systematic * mean)
+        error = np.hypot(self.random_error(name), self.systematic * mean)
         if name is None:
             return error
         return np.where(mean == 0, np.maximum(error, self.missed() / student_factor(np.inf)), error)
@@ -180,8 +183,7 @@ class Totals:
 
         It includes the contribution of sources that no path has hit.
         """
-        scatter = np.sqrt(np.sum(self.deviations(name) ** 2, axis=1))
-        of_scatter = student_factor(self.randomisations - 1) * scatter
+        of_scatter = student_factor(self.randomisations - 1) * self.scatter_error(name)
         of_edges = student_factor(np.inf) * self.edge_error(name)
         systematic = student_factor(np.inf) * self.systematic * self.mean(name)
         random = np.maximum(of_scatter, of_edges)
@@ -197,8 +199,8 @@ class Totals:
         """Standard error of the mean over all windows; None for one randomisation."""
         if self.randomisations < 2:
             return None
-        scatter = np.sqrt(np.sum(self.scatter_error() ** 2)) / len(self.valid)
-        return hypot(scatter, self.systematic * self.mean().mean(), self.missed_by_all())
+        random = np.sqrt(np.sum(self.random_error() ** 2)) / len(self.valid)
+        return hypot(random, self.systematic * self.mean().mean(), self.missed_by_all())
 
     def rms_error(self) -> float | None:
         """Rms standard error over the windows as a fraction of the mean of all windows.

@@ -5,8 +5,8 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.plugins.emission.triangles import is_faceted, pointer_id, triangle_corners
+from mi_lcair.plugins.paths.rounding import UNIT
 
-UNIT = 2.0**-24  # the largest relative error of one rounding
 # Distances in roundings: of the coordinates of a hit, which follow from those of three corners, and
 # of lengths along the surface, which enter the distance of the next hit.
 OF_POSITION, OF_SIZE = 3, 64

@@ -181,7 +181,8 @@ class PathTracer(RBIntegrator):
         """Radiance, recorders and weight of each path."""
         sampler, column, row, position, weight = paths.begin()
         ray = self.first_ray(paths, rays, sampler, column, row, position)
-        recorders = channels.recorders(self, facets, cell_of(paths, column, row, position))
+        cell = None if channels.tables is None else cell_of(paths, column, row, position)
+        recorders = channels.recorders(self, facets, cell)
         L, recorders = self.radiance(sampler, ray, recorders)
         return L, recorders, weight
 

@@ -44,7 +44,7 @@ class Channels:
         """Recorders of these channels, and of what a tracer needs itself.
 
         facets: numbering of the facets that paths hit first, see `FirstHit`; or None. cell: cell of
-        the film in which each path begins, see `Columns`.
+        the film in which each path begins, see `Columns`; None without tables.
         """
         parts, is_tailed = [], tracer.closure == "tail"
         if self.tables is not None:
@@ -66,19 +66,17 @@ class Channels:
 
     def by_name(self, L: mi.Float, recorders: Recorders) -> dict:
         """The channels of each path by name; L: its radiance [W m^-2 sr^-1]."""
-        channels = {}
-        if self.split:
-            parts = recorders.without((Columns, Incoming)).samples(L)
-            of_model = recorders.of(FirstHit).of_model
-            on_model = {name: value * of_model for name, value in parts.items()}
+        if not self.split:
+            return {}
+        channels = recorders.without((Columns, Incoming)).samples(L)
+        of_model = recorders.of(FirstHit).of_model
+        if self.split != "image":
+            on_model = {name: value * of_model for name, value in channels.items()}
             if self.split == "model":
                 channels = on_model
-            elif self.split == "target":
-                channels = parts | {f"target.{name}": value for name, value in on_model.items()}
             else:
-                channels = parts
-            channels["target"] = L * of_model
-        return channels
+                channels |= {f"target.{name}": value for name, value in on_model.items()}
+        return channels | {"target": L * of_model}
 
     def columns(self, L: mi.Float, recorders: Recorders) -> dict:
         """The derivatives of each path by name, and what a control variate needs."""

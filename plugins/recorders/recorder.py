@@ -85,7 +85,7 @@ class Recorder:
         """Note a sampled direction."""
 
     def turn(self) -> None:
-        """Note that the next ray was traced."""
+        """Note that the ray has been followed to its end."""
 
     def samples(self, L: mi.Float) -> dict:
         """What was recorded, by name: one value for each path. L: radiance [W m^-2 sr^-1]."""

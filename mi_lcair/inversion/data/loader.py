@@ -14,6 +14,7 @@ from mi_lcair.inversion.least_squares.prediction import DatumBlock
 from mi_lcair.inversion.tables import Goal, RenderSettings
 from mi_lcair.inversion.unknowns import Where
 from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.plugins.paths.rounding import UNIT
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene, load
 from mi_lcair.rendering.views import View, seen_from
@@ -23,7 +24,6 @@ from mi_lcair.signatures.signature import measure_signature
 from mi_lcair.table import read_table
 
 DETAIL = 1e-3  # deviation from a goal that counts as one standard deviation, relative
-SINGLE_PRECISION = 2.0**-24  # relative rounding error of the renderer's numbers
 RESOLUTION = 64  # pixels along each side of an aspect's view, which `spp` counts by
 ASPECT, INTENSITY, ERROR = (
     ("azimuth_deg", "elevation_deg"),
@@ -141,7 +141,7 @@ def check_noise(noise: np.ndarray, measured: np.ndarray) -> None:
 
     Rounding would then count as a difference of many standard deviations.
     """
-    resolved = SINGLE_PRECISION * np.sqrt(np.mean(np.square(measured)))
+    resolved = UNIT * np.sqrt(np.mean(np.square(measured)))
     if np.max(noise) < resolved:
         raise InputError(
             f"the noise {np.max(noise):.2g} is below the single precision of the renderer, "

@@ -5,11 +5,11 @@ import numpy as np
 
 from mi_lcair.models3d.coincident import overlaps
 from mi_lcair.plugins.derivatives import members
-from mi_lcair.plugins.emission.triangles import is_faceted
+from mi_lcair.plugins.emission.triangles import is_faceted, triangle_corners
+from mi_lcair.plugins.paths.rounding import UNIT
 
 CORNERS = np.array([[-1, -1, 0, 1], [1, -1, 0, 1], [1, 1, 0, 1], [-1, 1, 0, 1]])  # of a rectangle
 HALVES = np.array([[0, 1, 2], [0, 2, 3]])  # its triangles
-UNIT = 2.0**-24  # the largest relative error of one rounding
 # Relative error of what is reflected between facets whose size is that of one rounding of their
 # coordinates, as measured with cubes of 1 mm to 1 m up to 100 km from the origin, within a factor
 # of 3. Errors up to RESOLVED are not remarked.
@@ -41,11 +41,7 @@ def remarks_on_triangles(scene: mi.Scene) -> list[str]:
 def triangles(shape) -> np.ndarray | None:
     """Corners of a mesh's or a rectangle's triangles, (n, 3, 3) [m]; None for other shapes."""
     if is_faceted(shape):
-        buffers = members(shape)
-        vertices, faces = (
-            buffers[name].numpy().reshape(-1, 3) for name in ("vertex_positions", "faces")
-        )
-        return vertices[faces].astype(float)
+        return np.stack(triangle_corners(shape), axis=1).astype(float)
     if shape.class_name() != "Rectangle":
         return None
     to_world = np.array(members(shape)["to_world"].matrix, dtype=float).reshape(4, 4)
