@@ -15,7 +15,6 @@ from mi_lcair.benchmark.propagation import METHODS, exact, path_tracing, problem
 from mi_lcair.benchmark.propagation.problem import Method, Problem
 from mi_lcair.progress import stepper
 
-CHOICE = "quadrature, stratified"  # the method that the thesis chooses (3.5.5)
 MOST_SECONDS, LEAST_REPETITIONS = 3.0, 5
 # Pairs of the number of bounces and the closure.
 CLOSURES = [(bounces, "none") for bounces in (0, 1, 2, 3, 4)] + [(1, "ambient"), (2, "tail")]

@@ -11,18 +11,11 @@ import numpy as np
 
 from mi_lcair.benchmark import chart
 from mi_lcair.benchmark.chart import Point
-from mi_lcair.benchmark.reflectance import (
-    METHODS,
-    problem,
-    sobol,
-    stratified_quadrature,
-    uniform_quadrature,
-)
+from mi_lcair.benchmark.reflectance import METHODS, problem
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.materials import material
 
 THETA_DEG = 30  # angle of incidence in the main charts [degrees]
-OTHER_ANGLES_DEG = (0, 30, 60, 75, 85)
 MATERIALS = [
     ("bare_aluminum", "MWIR"),
     ("bare_aluminum", "LWIR"),
@@ -30,13 +23,6 @@ MATERIALS = [
     ("gloss_black", "LWIR"),
     ("ir_range_wall", "MWIR"),
 ]
-# Materials that are also measured at other angles. Their results in the other band are similar.
-OTHER_ANGLES_MATERIALS = MATERIALS[0], MATERIALS[2]
-CHOICE = stratified_quadrature.method  # the thesis's choice, with 80^2 + 50^2 samples (3.3.3)
-UNIFORM, OURS = uniform_quadrature.method, sobol.method
-THESIS_EFFORTS = {UNIFORM: 500, CHOICE: 80}  # the efforts that the thesis uses
-# Methods and efforts that are compared at other angles.
-SETTINGS = [(CHOICE, 80), (UNIFORM, 500), (OURS, 64), (OURS, 1024)]
 # The amount of work: samples of a launch, least number of repetitions, and least number of
 # launches.
 FULL = {"lanes": 2**20, "repetitions": 64, "launches": 5}
@@ -137,34 +123,3 @@ def timed(method, p, effort, batch, seed):
     dr.eval(values)
     dr.sync_thread()
     return values.numpy(), time.perf_counter() - start
-
-
-def angle_errors() -> list[tuple[str, int, float, list[np.ndarray]]]:
-    """Relative errors of all SETTINGS at other angles.
-
-    Returns a row for each material and angle: material and band, angle [degrees], exact
-    reflectance, and for each of SETTINGS the errors of its repetitions.
-    """
-    rows = []
-    for name, band_name in OTHER_ANGLES_MATERIALS:
-        for theta_deg in OTHER_ANGLES_DEG:
-            p = named_problem(name, band_name, theta_deg)
-            exact = p.exact()
-            errors = [
-                method.run(p, effort, max(16, 2**20 // method.samples(effort)), 0).numpy() / exact
-                - 1
-                for method, effort in SETTINGS
-            ]
-            rows.append((f"{name} {band_name}", theta_deg, exact, errors))
-    return rows
-
-
-def seconds_alone() -> dict[str, float]:
-    """Time [s] of a single integral in a launch of its own, at the least effort of each method."""
-    p = named_problem(*MATERIALS[0])
-    return {
-        method.name: float(
-            np.median([timed(method, p, method.efforts[0], 1, seed)[1] for seed in range(8)][1:])
-        )
-        for method in METHODS
-    }

@@ -1,13 +1,24 @@
 """Pictures that compare methods: error against time and against samples."""
 
 from itertools import cycle
+from pathlib import Path
 
 import numpy as np
 
 from mi_lcair.benchmark import chart
+from mi_lcair.benchmark.reflectance_chart import THETA_DEG
 from mi_lcair.drawing import drawing, plain
 
 MARKERS = "osD^v<>PX*hp"
+
+
+def write_reflectance(folder: Path, points) -> None:
+    """Write reflectance.png and reflectance.csv, the chart of `reflectance_chart`, to a folder."""
+    title = (
+        f"Reflectance DHR({THETA_DEG}°) by eight methods: median error, quartiles, and rms (dashed)"
+    )
+    draw(folder / "reflectance.png", points, title, samples="evaluations of the BRDF")
+    chart.write_csv(folder / "reflectance.csv", points)
 
 
 def draw(path, points, title: str, cases=None, samples="samples", floor=1e-7) -> None:

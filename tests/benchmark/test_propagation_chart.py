@@ -1,9 +1,7 @@
 """The chart of propagation methods.
 
-How a method is timed, after which effort it stops, and what the page says about given points.
+How a method is timed, after which effort it stops, and the files of given points.
 """
-
-import re
 
 import pytest
 
@@ -19,7 +17,7 @@ from mi_lcair.benchmark.propagation_chart import (
     curves,
     wanted,
 )
-from mi_lcair.reports.propagation_page import fields, write
+from mi_lcair.reports import closure_chart
 
 EFFORT = Effort(seconds=1.0, most=100, repetitions=5, same=2, paths=1, seeds=2)
 
@@ -112,32 +110,17 @@ def test_slow_runs_are_repeated_less():
     assert wanted(random, done, effort) == propagation_chart.LEAST_REPETITIONS
 
 
-def test_page_says_what_the_points_say():
-    text = fields(result(), "the command")
-    assert (
-        "mirror, one bounce"
-        in text["tables"].split("### hall")[0].split("do not reach it within 0.2 s")[1]
-    )
-    assert text["ambient"] == "on 2 of 3 openings, up to 0.300 of the sphere"
-    assert text["tail_worst"] == "0.020 %"
-    assert "| hall | +30.0 % |" in text["closures"]
-
-
 @pytest.mark.slow
 def test_files(tmp_path):
-    write(tmp_path, result())
+    closure_chart.write(tmp_path, result())
     assert {file.name for file in tmp_path.iterdir()} == {
         "propagation.png",
         "propagation.csv",
-        "propagation.md",
         "propagation_closure.png",
         "propagation_closure.csv",
     }
-    page = (tmp_path / "propagation.md").read_text()
-    assert not re.search(r"[{}]", page)
     assert (tmp_path / "propagation_closure.csv").read_text().count("\n") == 1 + 4 * len(CLOSURES)
 
 
 def test_methods_have_names_of_their_own():
     assert len({method.name for method in METHODS}) == len(METHODS)
-    assert propagation_chart.CHOICE in {method.name for method in METHODS}

@@ -6,7 +6,7 @@ import pytest
 
 from mi_lcair.benchmark import reflectance_chart
 from mi_lcair.benchmark.chart import Point
-from mi_lcair.reports import reflectance_page
+from mi_lcair.reports import method_chart
 
 POINTS = [
     Point("aluminum MWIR", "ours", n, 10.0**n, 1e-6 * 10**n, 0.1, error, 0, 1, 0.9, error)
@@ -16,7 +16,7 @@ POINTS = [
 
 @pytest.fixture
 def measured(monkeypatch):
-    """Substitute for the measurement and its page; records its arguments."""
+    """Substitute for the measurement and its files; records its arguments."""
     asked = {}
 
     def measure(quick, progress):
@@ -24,18 +24,18 @@ def measured(monkeypatch):
         progress(1, 2)
         return POINTS
 
-    def write(folder, points, quick):
+    def write(folder, points):
         assert points == POINTS
-        (folder / "reflectance.md").write_text("a page")
+        (folder / "reflectance.csv").write_text("a table")
 
     monkeypatch.setattr(reflectance_chart, "measure", measure)
-    monkeypatch.setattr(reflectance_page, "write", write)
+    monkeypatch.setattr(method_chart, "write_reflectance", write)
     return asked
 
 
 def test_writes_and_prints(run, measured, folder):
     result = run("chart", "reflectance", "-o", "charts", "--quick")
-    assert measured["quick"] and (folder / "charts" / "reflectance.md").read_text() == "a page"
+    assert measured["quick"] and (folder / "charts" / "reflectance.csv").read_text() == "a table"
     lines = [line.split("  ") for line in result.stdout.splitlines()]
     assert [cell.strip() for cell in lines[2] if cell] == [
         "aluminum MWIR",

@@ -11,7 +11,7 @@ from mi_lcair.cli.usage.examples import examples
 
 
 @click.command("propagation", epilog=examples("mi-lcair chart propagation --quick -o charts"))
-@chart_options("propagation.png, .csv and .md, and propagation_closure.png and .csv")
+@chart_options("propagation.png and .csv, and propagation_closure.png and .csv")
 def command(output, quick, json):
     """Compare methods that follow radiation from facet to facet.
 
@@ -20,13 +20,13 @@ def command(output, quick, json):
     """
     from mi_lcair.benchmark import propagation_chart
     from mi_lcair.files import filling
-    from mi_lcair.reports import propagation_page
+    from mi_lcair.reports import closure_chart
 
     # `filling` comes before the work, so that an unusable folder is refused at once.
     with filling(output) as partial:
         with progress_bar("curves") as progress:
             result = propagation_chart.measure(quick, progress)
-        propagation_page.write(partial, result)
+        closure_chart.write(partial, result)
     if json:
         print_json(
             {
@@ -41,4 +41,4 @@ def command(output, quick, json):
         "No larger effort of a method is tried once a run takes more than "
         f"{result.effort.seconds:g} s of processor time on each thread, however busy the machine."
     )
-    click.echo(f"wrote propagation.png, .csv and .md, propagation_closure.png and .csv to {output}")
+    click.echo(f"wrote propagation.png and .csv, propagation_closure.png and .csv to {output}")

@@ -11,7 +11,7 @@ from mi_lcair.cli.usage.examples import examples
 
 
 @click.command("reflectance", epilog=examples("mi-lcair chart reflectance --quick -o charts"))
-@chart_options("reflectance.png, .csv and .md")
+@chart_options("reflectance.png and reflectance.csv")
 def command(output, quick, json):
     """Compare eight methods that integrate a BRDF over the hemisphere.
 
@@ -19,15 +19,15 @@ def command(output, quick, json):
     """
     from mi_lcair.benchmark import reflectance_chart
     from mi_lcair.files import filling
-    from mi_lcair.reports import reflectance_page
+    from mi_lcair.reports import method_chart
 
     # `filling` comes before the work, so that an unusable folder is refused at once.
     with filling(output) as partial:
         with progress_bar("points") as progress:
             points = reflectance_chart.measure(quick, progress)
-        reflectance_page.write(partial, points, quick)
+        method_chart.write_reflectance(partial, points)
     if json:
         print_json({"points": [asdict(point) for point in points]})
         return
     print_cheapest(points, "case", "samples")
-    click.echo(f"wrote reflectance.png, reflectance.csv and reflectance.md to {output}")
+    click.echo(f"wrote reflectance.png and reflectance.csv to {output}")

@@ -1,46 +1,68 @@
-"""Page of the chart of reflectance integrals: picture, CSV and Markdown."""
+"""Write the page docs/validation/charts/reflectance.md: integrals of the BRDF.
 
+    python -m docs.studies.reflectance [--quick] [FOLDER]
+
+It measures as `mi-lcair chart reflectance` does and writes the same picture and CSV beside the
+page, and measures a few settings at other angles. The text is reflectance.template.md, whose
+{fields} are filled in.
+"""
+
+import sys
 from pathlib import Path
 
 import drjit as dr
 import numpy as np
 
-from mi_lcair.benchmark import chart
+from docs.studies.method_tables import factors, fastest, table, times_faster
+from docs.studies.page import write_page
+from mi_lcair.benchmark import chart, reflectance_chart
 from mi_lcair.benchmark.chart import digits, duration
-from mi_lcair.benchmark.reflectance import METHODS, half_vector, lattice, sobol
+from mi_lcair.benchmark.reflectance import (
+    METHODS,
+    half_vector,
+    lattice,
+    sobol,
+    stratified_quadrature,
+    uniform_quadrature,
+)
 from mi_lcair.benchmark.reflectance_chart import (
-    CHOICE,
     FULL,
-    OURS,
+    MATERIALS,
     QUICK,
-    THESIS_EFFORTS,
     THETA_DEG,
-    angle_errors,
-    seconds_alone,
+    named_problem,
+    timed,
 )
 from mi_lcair.reports import method_chart
 
 OUR_METHODS = half_vector.method, sobol.method, lattice.method
-TEMPLATE = Path(__file__).with_name("reflectance_page.template.md")
+CHOICE = stratified_quadrature.method  # the thesis's choice, with 80^2 + 50^2 samples (3.3.3)
+UNIFORM, OURS = uniform_quadrature.method, sobol.method
+THESIS_EFFORTS = {UNIFORM: 500, CHOICE: 80}  # the efforts that the thesis uses
+# Methods and efforts that are compared at other angles.
+SETTINGS = [(CHOICE, 80), (UNIFORM, 500), (OURS, 64), (OURS, 1024)]
+OTHER_ANGLES_DEG = (0, 30, 60, 75, 85)
+# Materials that are also measured at other angles. Their results in the other band are similar.
+OTHER_ANGLES_MATERIALS = MATERIALS[0], MATERIALS[2]
 
 
-def write(folder, points, quick: bool) -> None:
+def main(folder: str = "docs/validation/charts", quick: bool = False) -> None:
+    """Measure all methods, and write the page with its picture and CSV."""
+    write(Path(folder), reflectance_chart.measure(quick), quick)
+
+
+def write(folder: Path, points, quick: bool) -> None:
     """Write reflectance.png, reflectance.csv and reflectance.md to a folder."""
-    folder = Path(folder)
-    title = (
-        f"Reflectance DHR({THETA_DEG}°) by eight methods: median error, quartiles, and rms (dashed)"
-    )
-    method_chart.draw(folder / "reflectance.png", points, title, samples="evaluations of the BRDF")
-    chart.write_csv(folder / "reflectance.csv", points)
-    (folder / "reflectance.md").write_text(page(points, quick), encoding="utf-8")
+    method_chart.write_reflectance(folder, points)
+    write_page(folder / "reflectance.md", "reflectance", **fields(points, quick))
 
 
-def page(points, quick: bool) -> str:
-    """The Markdown page: the template, filled from the points."""
+def fields(points, quick: bool) -> dict[str, object]:
+    """The fields of the page's template."""
     cases = chart.names(points, "case")
-    fields = {
+    return {
         "theta": THETA_DEG,
-        "command": "mi-lcair chart reflectance" + (" --quick" if quick else ""),
+        "command": "python -m docs.studies.reflectance" + (" --quick" if quick else ""),
         "threads": dr.thread_count(),
         **{name: (QUICK if quick else FULL)[name] for name in ("repetitions", "lanes")},
         "needs": "\n".join(needs_row(points, case) for case in cases),
@@ -54,12 +76,11 @@ def page(points, quick: bool) -> str:
         ),
         "reach": reach_rows(points, cases[0]),
         "tables": "\n\n".join(
-            f"**{case}**\n\n{chart.table(points, case, CHOICE.name)}" for case in cases
+            f"**{case}**\n\n{table(points, case, CHOICE.name)}" for case in cases
         ),
         "angles": angle_rows(),
         "launches": launch_rows(points),
     }
-    return TEMPLATE.read_text(encoding="utf-8").format(**fields)
 
 
 def needs_row(points, case: str) -> str:
@@ -91,7 +112,7 @@ def factor_row(points, case: str, method) -> str:
     ]
     for tolerance in (0.01, 0.001, theirs.rms):
         ours = chart.reach(points, case, OURS.name, tolerance)
-        time_factor, samples_factor = chart.factors(ours, theirs) if ours else ("", "")
+        time_factor, samples_factor = factors(ours, theirs) if ours else ("", "")
         cells.append(f"{samples_factor}, {time_factor}" if ours else "ours never reaches it")
     return f"| {' | '.join(cells)} |"
 
@@ -99,10 +120,10 @@ def factor_row(points, case: str, method) -> str:
 def faster_row(points, case: str, tolerance: float) -> str:
     """Row: the thesis's fastest method to an rms error, and how many times faster ours are."""
     thesis = [method.name for method in METHODS if method.section]
-    best = chart.fastest(points, case, thesis, tolerance)
+    best = fastest(points, case, thesis, tolerance)
     cells = [f"{best[0]} ({duration(best[1])})" if best else "none reaches it"]
     cells += [
-        chart.times_faster(points, case, [method.name], thesis, tolerance) for method in OUR_METHODS
+        times_faster(points, case, [method.name], thesis, tolerance) for method in OUR_METHODS
     ]
     return f"| {case} | {chart.percent(tolerance)} | {' | '.join(cells)} |"
 
@@ -156,3 +177,38 @@ def launch_rows(points) -> str:
 def percent(fraction: float) -> str:
     """A fraction in percent."""
     return f"{digits(100 * fraction)} %" if fraction > 1e-9 else "0"
+
+
+def angle_errors() -> list[tuple[str, int, float, list[np.ndarray]]]:
+    """Relative errors of all SETTINGS at other angles.
+
+    Returns a row for each material and angle: material and band, angle [degrees], exact
+    reflectance, and for each of SETTINGS the errors of its repetitions.
+    """
+    rows = []
+    for name, band_name in OTHER_ANGLES_MATERIALS:
+        for theta_deg in OTHER_ANGLES_DEG:
+            p = named_problem(name, band_name, theta_deg)
+            exact = p.exact()
+            errors = [
+                method.run(p, effort, max(16, 2**20 // method.samples(effort)), 0).numpy() / exact
+                - 1
+                for method, effort in SETTINGS
+            ]
+            rows.append((f"{name} {band_name}", theta_deg, exact, errors))
+    return rows
+
+
+def seconds_alone() -> dict[str, float]:
+    """Time [s] of a single integral in a launch of its own, at the least effort of each method."""
+    p = named_problem(*MATERIALS[0])
+    return {
+        method.name: float(
+            np.median([timed(method, p, method.efforts[0], 1, seed)[1] for seed in range(8)][1:])
+        )
+        for method in METHODS
+    }
+
+
+if __name__ == "__main__":
+    main(*[word for word in sys.argv[1:] if word != "--quick"], quick="--quick" in sys.argv)

@@ -1,101 +1,39 @@
-"""Page of the chart of propagation methods: pictures, CSVs and Markdown."""
+"""Write the page docs/validation/charts/propagation.md: error of propagation methods against cost.
 
+    python -m docs.studies.propagation [--quick] [FOLDER]
+
+It measures as `mi-lcair chart propagation` does and writes the same pictures and CSVs beside the
+page. The text is propagation.template.md, whose {fields} are filled in.
+"""
+
+import sys
 from pathlib import Path
 
 import drjit as dr
 import numpy as np
 
-from mi_lcair.benchmark import chart
+from docs.studies.method_tables import fastest, table, times_faster
+from docs.studies.page import write_page
+from mi_lcair.benchmark import chart, propagation_chart
 from mi_lcair.benchmark.propagation import GROUPS
-from mi_lcair.benchmark.propagation_chart import CHOICE, CLOSURES, LEAST_REPETITIONS, Chart
-from mi_lcair.drawing import drawing
-from mi_lcair.files import replacing
-from mi_lcair.formats import csv
-from mi_lcair.reports import method_chart
+from mi_lcair.benchmark.propagation_chart import CLOSURES, LEAST_REPETITIONS, Chart
+from mi_lcair.reports import closure_chart
+from mi_lcair.reports.closure_chart import label
+
+QUICK = "--quick"
+CHOICE = "quadrature, stratified"  # the method that the thesis chooses (3.5.5)
 
 
-def write(folder, result: Chart) -> None:
+def main(folder: str = "docs/validation/charts", quick: bool = False) -> None:
+    """Measure all methods, and write the page with its pictures and CSVs."""
+    write(Path(folder), propagation_chart.measure(quick))
+
+
+def write(folder: Path, result: Chart) -> None:
     """Write propagation.png, .csv and .md, propagation_closure.png and .csv to a folder."""
-    folder = Path(folder)
-    command = "mi-lcair chart propagation" + (" --quick" if result.quick else "")
-    method_chart.draw(
-        folder / "propagation.png",
-        result.points,
-        "What a scene sends toward the observer: error against cost",
-        samples="rays",
-        floor=1e-6,
-    )
-    chart.write_csv(folder / "propagation.csv", result.points)
-    draw_closures(folder / "propagation_closure.png", result.closures)
-    write_closures(folder / "propagation_closure.csv", result.closures)
-    template = Path(__file__).with_name("propagation_page.template.md").read_text(encoding="utf-8")
-    with replacing(folder / "propagation.md") as partial:
-        partial.write_text(template.format(**fields(result, command)), encoding="utf-8")
-
-
-def label(bounces: int, closure: str) -> str:
-    """Label of a number of reflections with a closure."""
-    return f"N = {bounces}" + ("" if closure == "none" else f", {closure}")
-
-
-def write_closures(path, closures) -> None:
-    """Write a CSV with the error of each closure, relative to the intensity and with its sign."""
-    columns = {
-        "case": [c.case for c in closures],
-        "opening_share_of_sphere": [np.nan if c.opening is None else c.opening for c in closures],
-        "bounces": [c.bounces for c in closures],
-        "closure": [c.closure for c in closures],
-        "error": [c.error for c in closures],
-        "standard_error": [c.standard_error for c in closures],
-    }
-    csv.write(path, columns)
-
-
-def sizes(closures) -> np.ndarray:
-    """Sizes of the errors, those below the end of the axis at the end."""
-    return np.maximum([abs(c.error) for c in closures], 1e-5)
-
-
-def draw_closures(path, closures) -> None:
-    """Write a PNG: error of each closure against the cavity's opening, and on other scenes."""
-    with drawing(path, (11, 4.6), dpi=120, layout="constrained") as figure:
-        left, right = figure.subplots(1, 2, sharey=True, width_ratios=(3, 2))
-        others = list(dict.fromkeys(c.case for c in closures if c.opening is None))
-        for k, (bounces, closure) in enumerate(CLOSURES):
-            measured = [c for c in closures if (c.bounces, c.closure) == (bounces, closure)]
-            style = {
-                "color": f"C{k}",
-                "marker": method_chart.MARKERS[k],
-                "markersize": 5,
-                "label": label(bounces, closure),
-                "linestyle": ":" if closure == "none" else "-",
-            }
-            cavities = [c for c in measured if c.opening is not None]
-            left.loglog([c.opening for c in cavities], sizes(cavities), **style)
-            rest = [c for c in measured if c.opening is None]
-            right.semilogy(
-                [others.index(c.case) + (k - 3) * 0.08 for c in rest],
-                sizes(rest),
-                **style | {"linestyle": "none"},
-            )
-        noise = max(c.standard_error for c in closures if c.opening is not None)
-        left.axhspan(1e-5, noise, color="0.9", zorder=0, label="noise")
-        left.set_xlabel("opening (share of the sphere)")
-        left.set_ylabel("|error| of the intensity, relative")
-        left.set_title("cavity, emissivity 0.5", fontsize=10, loc="left")
-        right.set_title("other scenes", fontsize=10, loc="left")
-        right.set_xticks(range(len(others)), others)
-        right.set_xlim(-0.5, len(others) - 0.5)
-        figure.legend(
-            *left.get_legend_handles_labels(),
-            loc="outside lower center",
-            ncols=8,
-            fontsize=8,
-            frameon=False,
-        )
-        figure.suptitle(
-            "Paths cut after N reflections, and what stands in for the rest", fontsize=11
-        )
+    closure_chart.write(folder, result)
+    command = "python -m docs.studies.propagation" + (f" {QUICK}" if result.quick else "")
+    write_page(folder / "propagation.md", "propagation", **fields(result, command))
 
 
 def fields(result: Chart, command: str) -> dict[str, str]:
@@ -109,8 +47,7 @@ def fields(result: Chart, command: str) -> dict[str, str]:
         for p in result.problems
     )
     tables = "\n\n".join(
-        f"### {p.name}\n\n{chart.table(points, p.name, CHOICE, result.limit)}"
-        for p in result.problems
+        f"### {p.name}\n\n{table(points, p.name, CHOICE, result.limit)}" for p in result.problems
     )
     return {
         "command": command,
@@ -143,7 +80,7 @@ def summary(result: Chart) -> str:
     for problem in result.problems:
         for tolerance in chart.TOLERANCES[1:]:
             best = [
-                chart.fastest(result.points, problem.name, of[name], tolerance)
+                fastest(result.points, problem.name, of[name], tolerance)
                 for name in ("lattice", "thesis")
             ]
             cells = [
@@ -153,7 +90,7 @@ def summary(result: Chart) -> str:
                 for name in best
             ]
             factors = [
-                chart.times_faster(result.points, problem.name, of["lattice"], of[rival], tolerance)
+                times_faster(result.points, problem.name, of["lattice"], of[rival], tolerance)
                 for rival in ("thesis", "stock", "independent")
             ]
             rows.append(
@@ -209,3 +146,7 @@ def percent(value: float, signed: bool = False) -> str:
     """A fraction in percent, with more digits for small ones."""
     digits = 3 if abs(value) < 1e-3 else 2 if abs(value) < 1e-2 else 1
     return f"{100 * value:{'+' if signed else ''}.{digits}f} %"
+
+
+if __name__ == "__main__":
+    main(*[word for word in sys.argv[1:] if word != QUICK], quick=QUICK in sys.argv)

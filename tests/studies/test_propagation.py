@@ -1,0 +1,31 @@
+"""The page of propagation methods: it says what the points say."""
+
+import re
+
+import pytest
+
+from docs.studies.propagation import CHOICE, fields, write
+from mi_lcair.benchmark.propagation import METHODS
+from tests.benchmark.test_propagation_chart import result
+
+
+def test_page_says_what_the_points_say():
+    text = fields(result(), "the command")
+    assert (
+        "mirror, one bounce"
+        in text["tables"].split("### hall")[0].split("do not reach it within 0.2 s")[1]
+    )
+    assert text["ambient"] == "on 2 of 3 openings, up to 0.300 of the sphere"
+    assert text["tail_worst"] == "0.020 %"
+    assert "| hall | +30.0 % |" in text["closures"]
+
+
+@pytest.mark.slow
+def test_page(tmp_path):
+    write(tmp_path, result())
+    assert len(list(tmp_path.iterdir())) == 5
+    assert not re.search(r"[{}]", (tmp_path / "propagation.md").read_text())
+
+
+def test_choice_of_the_thesis_is_a_method():
+    assert CHOICE in {method.name for method in METHODS}
