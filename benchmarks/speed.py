@@ -1,6 +1,17 @@
 """Paths per second against Mitsuba's own integrators."""
 
+import mitsuba as mi
+
+import mi_lcair
+from benchmarks.timing import ratio
 from mi_lcair.benchmark import throughput
+
+# Bundled scenes: name -> parameters and paths for each pixel
+BUNDLED = {
+    "cavity": ({"max_bounces": 24}, 64),
+    "cylinder_ir_range": ({}, 8),
+    "a340_landing": ({"position": 3, "band": "LWIR"}, 8),
+}
 
 
 class Throughput:
@@ -22,3 +33,28 @@ class Throughput:
     def track_paths(self, ratios, against):
         """Ratio of our first contestant's paths per second to the rival's."""
         return ratios[against]
+
+
+def track_bundled(scene, rival, spp=None, rounds=9):
+    """Paths per second of `bounce_path` in a bundled scene, relative to a stock integrator.
+
+    Both render the same loaded scene, with its sampler and its plugins, to the same number of
+    reflections. `path` draws emitters, and `bounce_path` beside it does, too.
+    """
+    parameters, paths = BUNDLED[scene]
+    loaded = mi_lcair.load(scene, **parameters).mi
+    bounces = loaded.integrator().max_bounces
+
+    def renders(kind, **options):
+        integrator = mi.load_dict({"type": kind, **options})
+        return lambda seed: throughput.timed(
+            lambda number: integrator.render(loaded, seed=number, spp=spp or paths), seed
+        )
+
+    ours = renders("bounce_path", max_bounces=bounces, emitter_sampling=rival == "path")
+    return ratio(renders(rival, max_depth=bounces + 1, rr_depth=throughput.NEVER), ours, rounds)
+
+
+track_bundled.params = [list(BUNDLED), ["prb_basic", "path"]]
+track_bundled.param_names = ["scene", "against"]
+track_bundled.unit = "ours / theirs"

@@ -38,6 +38,7 @@ def test_ratio_is_one_of_times(monkeypatch):
         lambda: work.track_fit(starts=2, rounds=1),
         lambda: work.track_help(rounds=1),
         lambda: work.track_command(rounds=1),
+        lambda: speed.track_bundled("cavity", "path", spp=1, rounds=1),
     ],
 )
 def test_track(track):
