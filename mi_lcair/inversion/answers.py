@@ -164,12 +164,13 @@ def chi_square(blocks: list[DatumBlock], x: np.ndarray, determined: float) -> di
     """Squared residuals in units of the measurement's noise, and how probable larger ones are.
 
     Products of different randomisations keep the render's own noise out of the sum, but it widens
-    the sum's distribution. The probability is that of a chi-square distribution with the same mean
-    and variance. Pixels in which the render is noisier than the measurement count less.
+    the sum's distribution. The probability is that of the chi-square distribution of the
+    measurement's noise alone, stretched about its mean to the sum's variance. Pixels in which the
+    render is noisier than the measurement count less.
 
     determined: number of combinations of unknowns that the data determine.
     """
-    total, expected, variance, points = 0.0, 0.0, 0.0, 0
+    total, expected, squared, added, points = 0.0, 0.0, 0.0, 0.0, 0
     for block in blocks:
         prediction = block.at(x)
         w, R = block.weight, len(prediction.radiance)
@@ -178,14 +179,15 @@ def chi_square(blocks: list[DatumBlock], x: np.ndarray, determined: float) -> di
         measured, rendered = w * prediction.noise**2, w * prediction.variance
         pairs = R / (R - 1) if R > 1 else 0
         expected += float(measured.sum())
-        variance += float(np.sum(2 * measured**2 + 4 * measured * rendered))
-        variance += float(np.sum(2 * pairs * rendered**2))
+        squared += float(np.sum(measured**2))
+        added += float(np.sum(2 * measured * rendered + pairs * rendered**2))
         points += len(w)
     dof = points - determined
     if dof <= 0:
         return {"chi_square": total, "degrees_of_freedom": 0.0, "p_value": None}
     share = dof / points
-    equivalent = 2 * (share * expected) ** 2 / (share * variance)
+    equivalent = share * expected**2 / squared
     ratio = total / (share * expected)
-    p = float(stats.chi2.sf(max(ratio, 0) * equivalent, equivalent))
+    stretch = np.sqrt(1 + added / squared)
+    p = float(stats.chi2.sf(equivalent * (1 + (ratio - 1) / stretch), equivalent))
     return {"chi_square": ratio * dof, "degrees_of_freedom": dof, "p_value": p}

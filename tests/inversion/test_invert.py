@@ -16,6 +16,9 @@ from mi_lcair.inversion.problem import InverseProblem
 from mi_lcair.inversion.unknowns import unknowns
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.sensitivity.solution_file import apply_solution
+from tests.inversion.corner import KELVIN, clean
+from tests.inversion.corner import problem as corner_problem
+from tests.inversion.corner import write_scene as write_corner
 from tests.inversion.plate import UNKNOWNS, datum, write_scene
 from tests.sensitivity.waist import VIEWS, smooth_temperatures
 from tests.sensitivity.waist import write_scene as write_waist
@@ -189,6 +192,15 @@ def test_one_render_serves_all_steps(cylinder, tmp_path):
     np.save(tmp_path / "c.npy", image + 0.01)
     found = mi_lcair.invert(stripes_problem(tmp_path / "c.npy", parameters, 0), advise=False)
     assert found.renders == 1 and found.converged
+
+
+@pytest.mark.parametrize("start", [200.0, 1500.0])
+def test_strips_that_reflect_each_other_from_far_first_guesses(tmp_path, start):
+    path = write_corner(tmp_path)
+    found = mi_lcair.invert(corner_problem(tmp_path, path, clean(path), start, 0), advise=False)
+    assert found.converged and found.p_value > 1e-3
+    for answer, kelvin in zip(found.answers, KELVIN):
+        within(answer, kelvin)
 
 
 @pytest.mark.slow

@@ -67,6 +67,12 @@ class DatumBlock:
     offset: int | None = None
     half_width: float = 0.0
 
+    def change(self, x: np.ndarray) -> float:
+        """Largest relative change of a predicted value from the rendered one at the values x."""
+        rendered = np.abs(self.radiance.mean(axis=0))
+        change = np.abs(self.at(x).mean - rendered)
+        return float(np.max(change / np.maximum(rendered, np.mean(rendered))))
+
     def at(self, x: np.ndarray) -> "Prediction":
         """The prediction for the values x of all unknowns, (N,)."""
         values = x[self.unknown]

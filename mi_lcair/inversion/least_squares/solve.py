@@ -13,6 +13,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from mi_lcair.errors import InputError
+from mi_lcair.inversion.data.images import slope
 from mi_lcair.inversion.least_squares.prediction import (
     DatumBlock,
     Equations,
@@ -22,9 +23,14 @@ from mi_lcair.inversion.least_squares.prediction import (
     without,
 )
 from mi_lcair.inversion.unknowns import Unknown
+from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
 
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-12, 1e8
 INNER = 50  # largest number of steps between two renders
+SMALLEST = 0.1  # least factor by which a step changes a blackbody radiance
+# Relative change of a predicted value after which a datum that holds for all values is rendered
+# once more at the solution, where its paths go to what is bright there.
+FAR = 0.5
 CONVERGED = 0.02  # largest last step, in standard errors, see `length`
 HALVINGS = 12  # attempts to shorten a step that no surface can have
 # Columns of the inverse of a sparse matrix that are computed together. With a hundred or more,
@@ -133,7 +139,7 @@ def solve(
             held = hidden(blocks, len(x))
         blocks = [without(block, held) for block in blocks]
         if is_exact:
-            x, converged = near(blocks, x, prior, 0.0, is_sparse), True
+            x, converged = nearest(blocks, x, prior, is_sparse)
         else:
             x, blocks, converged = descent(
                 blocks, x, prior, is_sparse, rendered, lambda: done >= iterations
@@ -141,6 +147,18 @@ def solve(
         # Weights at the first guess are not the best ones, so they are found once more
         if first is not start or length(x - start, equations(blocks, x, is_sparse), prior) < 1:
             return state(blocks, x, prior, is_sparse, held, done, converged)
+        if is_exact and max(block.change(x) for block in blocks) > FAR:
+            blocks = rendered(x)
+
+
+def nearest(blocks, x, prior: Prior, is_sparse: bool) -> tuple[np.ndarray, bool]:
+    """The values that minimise the cost of blocks that hold for all values, and convergence."""
+    for _ in range(INNER):
+        new = near(blocks, x, prior, 0.0, is_sparse)
+        moved, x = length(new - x, equations(blocks, new, is_sparse), prior), new
+        if moved < CONVERGED:
+            return x, True
+    return x, False
 
 
 def descent(blocks, x, prior: Prior, is_sparse: bool, rendered, is_over) -> tuple:
@@ -151,9 +169,12 @@ def descent(blocks, x, prior: Prior, is_sparse: bool, rendered, is_over) -> tupl
     damping = FIRST_DAMPING
     while damping <= MOST_DAMPING:
         new = near(blocks, x, prior, damping, is_sparse)
-        moved = length(new - x, equations(blocks, x, is_sparse), prior)
-        if moved < CONVERGED or is_over():
-            return x, blocks, moved < CONVERGED
+        normal = equations(blocks, x, is_sparse)
+        moved = length(new - x, normal, prior)
+        # A damped step is short far from the solution too
+        whole = length(near(blocks, x, prior, 0.0, is_sparse) - x, normal, prior)
+        if whole < CONVERGED or is_over():
+            return x, blocks, whole < CONVERGED
         new, trial = feasible(rendered, x, new)
         if trial is None:
             damping *= 10
@@ -222,11 +243,28 @@ def near(
         free = ~((x <= prior.lower) & (g < 0) | (x >= prior.upper) & (g > 0))
         step = np.zeros(len(x))
         step[free] = solved(normal, prior, D, g, free)[free]
-        new = np.clip(x + step, prior.lower, prior.upper)
+        new = np.clip(followed(blocks, x, step), prior.lower, prior.upper)
         moved, x = length(new - x, normal, prior), new
         if moved < CONVERGED / 10:
             break
     return x
+
+
+def followed(blocks: list[DatumBlock], x: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """x + step, (N,), where temperatures follow the blackbody radiance in which data are linear.
+
+    A step that would make a radiance negative leaves SMALLEST of it.
+    """
+    new = x + step
+    for block in blocks:
+        hot = block.unknown[block.is_temperature]
+        if not len(hot):
+            continue
+        T = x[hot]
+        radiance = in_band_radiance(block.band, T)
+        wanted = radiance + slope(block.band, T) * step[hot]
+        new[hot] = brightness_temperature(block.band, np.maximum(wanted, SMALLEST * radiance))
+    return new
 
 
 def length(step: np.ndarray, normal: Equations, prior: Prior) -> float:

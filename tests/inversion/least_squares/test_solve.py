@@ -45,7 +45,7 @@ def test_least_squares_with_priors():
     )
     np.testing.assert_allclose(state.covariance, inverse, rtol=1e-6)
     np.testing.assert_allclose(state.prior, np.diag(P))
-    assert state.converged and state.renders == 1
+    assert state.converged and state.renders == 2  # the first guess predicts half of the values
     assert state.at_bound.tolist() == [0, 0] and not state.held.any()
     np.testing.assert_allclose(state.render_share, 0, atol=1e-9)
 
@@ -154,6 +154,43 @@ def test_facets_against_a_solver_of_scipy():
     np.testing.assert_allclose(np.diag(state.covariance), np.diag(inverse), rtol=0.02)
     np.testing.assert_allclose(state.covariance, inverse, atol=0.02 * inverse.max())
     np.testing.assert_allclose(state.render_share, 0, atol=1e-6)
+
+
+def mixed_radiances(start: float) -> DatumBlock:
+    """Noisy sums of the blackbody radiances of five temperatures, rendered at a first guess."""
+    LWIR, random, first = band("LWIR"), np.random.default_rng(5), np.full(5, start)
+    matrix = random.random((60, 5)) + 2 * np.eye(5)[random.integers(0, 5, 60)]
+    truth = in_band_radiance(LWIR, np.linspace(220, 420, 5))
+    return DatumBlock(
+        measured=matrix @ truth + 0.3 * random.normal(size=60),
+        noise=lambda predicted: np.full(60, 0.3),
+        radiance=np.array([matrix @ in_band_radiance(LWIR, first)]),
+        columns=[matrix * slope(LWIR, first)],
+        unknown=np.arange(5),
+        reference=first,
+        band=LWIR,
+        is_temperature=np.ones(5, dtype=bool),
+        weight=np.full(60, 0.3**-2.0),
+    )
+
+
+@pytest.mark.parametrize("start", [60.0, 200.0, 700.0, 3000.0])
+def test_temperatures_from_any_first_guess(start):
+    """The prior's mean is 300 K for all of them, so that the solution is the same."""
+    temperatures = [kelvin(f"s{k}", start=start, prior=(300.0, 100.0)) for k in range(5)]
+    state = solved([mixed_radiances(start)], temperatures)
+    expected = solved([mixed_radiances(300.0)], temperatures)
+    error = np.sqrt(np.diag(expected.covariance))
+    assert state.converged
+    assert (np.abs(state.x - expected.x) < 0.03 * error).all()
+    assert (np.abs(state.x - np.linspace(220, 420, 5)) < 4 * error).all()
+
+
+def test_convergence_of_a_linear_problem_is_tested(monkeypatch):
+    """A single step does not reach the solution from far away, and the state says so."""
+    monkeypatch.setattr("mi_lcair.inversion.least_squares.solve.INNER", 1)
+    temperatures = [kelvin(f"s{k}", start=3000.0) for k in range(5)]
+    assert not solved([mixed_radiances(3000.0)], temperatures).converged
 
 
 def test_share_of_the_render_in_the_variance():
