@@ -1,9 +1,11 @@
 """What a new reflection model costs: one file of physics, one of Mitsuba, one line of registration.
 
-A copy of the project gets the model of tests/data/third_model, and everything that a model takes
-part in is tried there: scene files, materials, ladder, emissivity, derivatives, fit and plan.
+A copy of the project gets the models of tests/data/third_model, one without a lobe and one with a
+narrow lobe. Everything that a model takes part in is tried there: scene files, materials, ladder,
+emissivity, derivatives, fit and plan.
 """
 
+import json
 import os
 import shutil
 import subprocess
@@ -15,6 +17,11 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 FILES = ROOT / "tests" / "data" / "third_model"
 
+SURFACES = {
+    "minnaert": {"rho": 0.6, "k": 1.5},
+    "phong": {"rho": 0.6, "share": 0.7, "n": 300.0},
+}
+
 USE_IT = r"""
 import json, sys
 from pathlib import Path
@@ -25,11 +32,14 @@ from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.fitting import fit
 from mi_lcair.fitting.scatterometer.measurements import Measurements
 
-print("plugin", mi.load_dict({"type": "minnaert", "rho": 0.6, "k": 1.5}))
+model, surface = sys.argv[1], json.loads(sys.argv[2])
+plugin = {"type": model, **surface}
+print("plugin", mi.load_dict(plugin))
 
 # A material of the user's own in a bundled scene: isothermal, so that Kirchhoff's law is seen.
-MOON = '[moon.MWIR]\nmodel = "minnaert"\nrho = 0.6\nk = 1.5\nsource = "test"\n'
-Path("own.toml").write_text(MOON)
+lines = [f"{name} = {value}" for name, value in surface.items()]
+lines = ["[moon.MWIR]", f'model = "{model}"', *lines, 'source = "test"']
+Path("own.toml").write_text("\n".join(lines) + "\n")
 text = (scenes.FOLDER / "furnace.xml").read_text()
 for folder in ("meshes", "furnace.toml"):
     text = text.replace(f'value="{folder}', f'value="{scenes.FOLDER / folder}')
@@ -38,7 +48,8 @@ text = text.replace(material, material + ' <string name="materials" value="own.t
 Path("furnace.xml").write_text(text)
 scene = mi_lcair.load("furnace.xml", material="moon", resolution=16)
 (body,) = [surface for surface in scene.surfaces() if surface.material == "moon"]
-assert body.model.name == "minnaert" and body.values == tuple(np.float32([0.6, 1.5]).tolist())
+assert body.model.name == model
+assert body.values == tuple(np.float32(list(surface.values())).tolist())
 exact = in_band_radiance(scene.band, 300.0)
 assert abs(mi_lcair.render(scene, spp=256).mean / exact - 1) < 2e-3
 scene.set_lobe("diffuse", "moon")
@@ -54,7 +65,7 @@ plate = mi.load_dict({
     "integrator": {"type": "bounce_path", "max_bounces": 0},
     "shape": {
         "type": "rectangle",
-        "bsdf": {"type": "minnaert", "rho": 0.6, "k": 1.5},
+        "bsdf": plugin,
         "emitter": {"type": "thermal", "band": "MWIR", "temperature": 300.0},
     },
     "sensor": {
@@ -79,12 +90,15 @@ assert "moon" in plan.lobe
 theta = np.radians(np.arange(2.0, 80, 6))
 theta_i, theta_r = (grid.ravel() for grid in np.meshgrid(theta, np.concatenate([-theta, theta])))
 rng = np.random.default_rng(0)
-brdf = 0.6 * 2.5 / (2 * np.pi) * (np.cos(theta_i) * np.cos(theta_r)) ** 0.5
+if model == "minnaert":
+    brdf = 0.6 * 2.5 / (2 * np.pi) * (np.cos(theta_i) * np.cos(theta_r)) ** 0.5
+else:
+    brdf = 0.6 * (0.3 / np.pi + 0.7 * 302 / (2 * np.pi) * np.cos(theta_i - theta_r) ** 300)
 brdf *= np.exp(0.02 * rng.standard_normal(len(brdf)))
 data = Measurements(theta_i=theta_i, theta_r=theta_r, brdf=brdf)
 found = fit(data, model="auto")
-assert found.model == "minnaert", found.candidates
-np.testing.assert_allclose(list(found.parameters.values()), [0.6, 1.5], rtol=0.02)
+assert found.model == model, found.candidates
+np.testing.assert_allclose(list(found.parameters.values()), list(surface.values()), rtol=0.02)
 assert set(found.verdict.values()) == {"determined"}, found.verdict
 print("all of it works")
 """
@@ -92,21 +106,21 @@ print("all of it works")
 
 @pytest.fixture(scope="module")
 def copy(tmp_path_factory):
-    """A copy of the project with the model added as CONTRIBUTING.md says."""
+    """A copy of the project with both models added as CONTRIBUTING.md says."""
     root = tmp_path_factory.mktemp("project")
     for folder in ("mi_lcair", "plugins", "fitting", "scenes", "tests"):
         ignore = shutil.ignore_patterns("__pycache__")
         shutil.copytree(ROOT / folder, root / folder, symlinks=True, ignore=ignore)
     shutil.copy(ROOT / "pyproject.toml", root)
-    shutil.copy(FILES / "minnaert.py", root / "mi_lcair" / "physics" / "reflection")
-    shutil.copy(FILES / "minnaert_bsdf.py", root / "plugins" / "bsdfs" / "minnaert.py")
     registry = root / "mi_lcair" / "physics" / "reflection" / "__init__.py"
-    before = registry.read_text()
-    after = before.replace(
-        '    "sandford_robertson",\n', '    "sandford_robertson",\n    "minnaert",\n'
-    )
-    assert len(after.splitlines()) == len(before.splitlines()) + 1
-    registry.write_text(after)
+    for model in SURFACES:
+        shutil.copy(FILES / f"{model}.py", root / "mi_lcair" / "physics" / "reflection")
+        shutil.copy(FILES / f"{model}_bsdf.py", root / "plugins" / "bsdfs" / f"{model}.py")
+        before = registry.read_text()
+        first = '    "sandford_robertson",\n'
+        after = before.replace(first, f'{first}    "{model}",\n')
+        assert len(after.splitlines()) == len(before.splitlines()) + 1
+        registry.write_text(after)
     return root
 
 
@@ -117,16 +131,21 @@ def python(root, *arguments):
     )
 
 
+every_new_model = pytest.mark.parametrize("model", SURFACES)
+
+
 @pytest.mark.slow
-def test_everything_takes_the_new_model(copy):
-    done = python(copy, "-c", USE_IT)
+@every_new_model
+def test_everything_takes_the_new_model(copy, model):
+    done = python(copy, "-c", USE_IT, model, json.dumps(SURFACES[model]))
     assert done.returncode == 0 and "all of it works" in done.stdout, done.stderr
 
 
 @pytest.mark.slow
-def test_the_batteries_take_it_without_an_edit(copy):
+@every_new_model
+def test_the_batteries_take_it_without_an_edit(copy, model):
     """Tests that run over the registry find the new model; all of them pass."""
     files = ["tests/physics/reflection/test_models.py", "tests/plugins/bsdfs/test_battery.py"]
-    done = python(copy, "-m", "pytest", "-q", "-k", "minnaert", *files)
+    done = python(copy, "-m", "pytest", "-q", "-k", model, *files)
     assert done.returncode == 0, done.stdout
     assert int(done.stdout.split(" passed")[0].split()[-1]) >= 20

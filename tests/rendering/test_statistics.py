@@ -1,43 +1,14 @@
 """Errors of totals by hand: scatter, edges, sources that no path has met."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from mi_lcair.plugins.emission.unmet import UnmetSources
-from mi_lcair.rendering.statistics import Totals, edge_share, student_factor
+from mi_lcair.rendering.statistics import edge_share, student_factor
+from tests.rendering.made_totals import totals
 
 NORMAL = 1.959964  # half of a normal 95 % interval
 T7 = 2.364624  # half of Student's, for 7 degrees of freedom
-
-
-def launch_of(windows: int, randomisations: int, points: int):
-    return SimpleNamespace(
-        window_numbers=np.arange(windows),
-        randomisations=randomisations,
-        points=points,
-        paths=windows * randomisations * points,
-    )
-
-
-def totals(radiance, points=64, lowest=0.0, highest=0.0, unmet=None, chance=0.0, channels=None):
-    """Totals of one window with these mean radiances of its randomisations."""
-    radiance = np.atleast_2d(np.asarray(radiance, dtype=float))
-    windows, randomisations = radiance.shape
-    total = Totals(windows, randomisations, by_randomisation=True, unmet=unmet)
-    sums = SimpleNamespace(
-        valid=np.full(radiance.shape, float(points)),
-        radiance=points * radiance,
-        channels={} if channels is None else channels,
-        lowest={"radiance": np.full(windows, lowest)},
-        highest={"radiance": np.full(windows, highest)},
-        chance=np.full(windows, chance),
-        draws=np.zeros(windows),
-        tail=None,
-    )
-    total.add(launch_of(windows, randomisations, points), sums)
-    return total
 
 
 def test_scatter_of_randomisations():

@@ -1,0 +1,174 @@
+"""The loop of `measure`, on windows whose means and errors are known without tracing."""
+
+from contextlib import nullcontext
+from types import SimpleNamespace
+
+import mitsuba as mi
+import numpy as np
+import pytest
+
+from mi_lcair.errors import InputError
+from mi_lcair.plugins.paths.aim import Aim
+from mi_lcair.rendering import measure as module
+from mi_lcair.rendering.criteria import ExcessFunction, IntensityInterval, PixelError
+from mi_lcair.rendering.measurands import Measurands
+from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.rendering.window import PASS_SAMPLES, Windows
+from tests.plugins.small_scenes import camera
+from tests.rendering.made_totals import sums_of
+
+ANY_SENSOR = SimpleNamespace(class_name=lambda: "PerspectiveCamera")
+
+
+class Tracer:
+    """Window w has the mean 1 + w and an error of noise[w] / points, as a lattice has at best."""
+
+    max_bounces, systematic_error = 1, 0.0
+    emitters = SimpleNamespace(unbounded=(), labels=())
+
+    def __init__(self, noise=(0.0,), invalid=0.0):
+        self.noise, self.invalid, self.launches = np.array(noise), invalid, []
+
+    def unmet_sources(self, sensor):
+        return None
+
+    def trace(self, sensor, launch, channels, facets, rays):
+        self.launches.append(launch)
+        run, end = launch.window_numbers, launch.first_point + launch.points
+        # Sums, because the scatter of a sum of lattice points stays the same for any number of them
+        before, after = (number * self.means(run, number) for number in (launch.first_point, end))
+        sums = sums_of((after - before) / launch.points, launch.points)
+        sums.valid *= 1 - self.invalid
+        return sums
+
+    def means(self, run, points):
+        scatter = np.linspace(-1, 1, 8) * self.noise[run][:, None] / max(points, 1)
+        return 1 + run[:, None] + scatter
+
+    @property
+    def traced(self):
+        """Points of each randomisation of each window."""
+        points = np.zeros(len(self.noise), dtype=int)
+        for launch in self.launches:
+            points[launch.window_numbers] += launch.points
+        return points.tolist()
+
+
+def run(tracer, sampling, criterion=None, windows=None, aim=None):
+    prepared = lambda by_spectrum: nullcontext(tracer)
+    scene = SimpleNamespace(name="box", prepared=prepared)
+    windows = windows or Windows(ANY_SENSOR, columns=len(tracer.noise), pixels=64)
+    return measure(scene, windows, sampling, Measurands.of(None), criterion, aim)
+
+
+def half_width(total):
+    """Ratio of the half width of each window's interval to its mean, in per cent."""
+    return 100 * total.half_width() / total.mean()
+
+
+def test_a_fixed_number_of_paths():
+    """100 paths in 8 randomisations are 13 points each."""
+    tracer, work = Tracer(), []
+    total = run(tracer, Sampling(paths=100, progress=lambda *done: work.append(done)))
+    assert tracer.traced == [13] and total.traced == [104] and total.mean() == [1]
+    assert total.reached is None and work == [(104, 104)]
+
+
+def test_passes_of_many_paths():
+    """A pass has at most 2^20 paths; each goes on where the last one ended."""
+    tracer = Tracer()
+    run(tracer, Sampling(paths=3 * PASS_SAMPLES))
+    points = PASS_SAMPLES // 8
+    assert [launch.first_point for launch in tracer.launches] == [0, points, 2 * points]
+    assert [launch.points for launch in tracer.launches] == 3 * [points]
+
+
+def test_paths_are_doubled_until_the_criterion_is_met():
+    """512 points at first; half of the interval is .58 / points of the mean times the noise."""
+    per_point = 2.364624 * np.linspace(-1, 1, 8).std(ddof=1) / np.sqrt(8)
+    for noise in (1.0, 6.0, 30.0, 200.0):
+        tracer = Tracer([noise])
+        total = run(tracer, Sampling(tolerance=0.001), IntensityInterval(0.001, channel=None))
+        needed = 512
+        while per_point * noise / needed > 0.001:
+            needed *= 2
+        assert tracer.traced == [needed] and total.reached
+        assert total.excess[0] == pytest.approx(per_point * noise / needed / 0.001)
+
+
+def test_only_the_windows_that_need_more():
+    tracer = Tracer([1.0, 1000.0, 1.0])
+    relative = ExcessFunction(lambda total: half_width(total))
+    total = run(tracer, Sampling(tolerance=0.01), relative)
+    first, most, last = tracer.traced
+    assert first == last < most and total.reached
+    assert total.excess.shape == (3,) and np.all(total.excess <= 1)
+
+
+def test_a_small_error_by_luck_is_not_believed():
+    """The error of a lattice falls at most as 1 / points: a thousandth of it is an accident."""
+    excess = iter([4.0, 1e-3, 1e-3, 1e-3])
+    tracer = Tracer()
+    total = run(tracer, Sampling(tolerance=0.1), ExcessFunction(lambda total: next(excess)))
+    # 4 at 512 points, so that 2048 would be needed at least; two doublings at once
+    assert tracer.traced == [2048] and total.reached
+
+
+def test_it_ends_at_the_largest_number_of_samples():
+    tracer = Tracer([1e6])
+    criterion = IntensityInterval(0.001, channel=None)
+    windows = Windows(ANY_SENSOR)
+    total = run(tracer, Sampling(tolerance=0.001, max_spp=1000), criterion, windows)
+    assert tracer.traced == [125] and not total.reached and total.excess[0] > 1
+
+
+def test_pixels_end_together():
+    """The error of an image is one number, and all of its pixels get the same samples."""
+    sensor = SimpleNamespace(
+        class_name=lambda: "PerspectiveCamera",
+        film=lambda: SimpleNamespace(crop_size=lambda: (3, 1)),
+    )
+    tracer = Tracer([0.0, 30.0, 0.0])
+    total = run(tracer, Sampling(tolerance=0.01), PixelError(0.01), Windows.of_image(sensor, 8))
+    assert len(set(tracer.traced)) == 1 and total.reached
+    assert total.rms_error() <= 0.01
+
+
+def test_a_criterion_chooses_the_number_of_paths():
+    with pytest.raises(InputError, match="spp sets a fixed number of samples"):
+        run(Tracer(), Sampling(spp=4), PixelError(0.1))
+
+
+def test_invalid_samples_end_it():
+    with pytest.raises(InputError, match="box: .* samples are NaN or infinite"):
+        run(Tracer(invalid=2e-3), Sampling(paths=8000))
+    assert run(Tracer(invalid=5e-4), Sampling(paths=8000)).invalid == 4
+
+
+@pytest.mark.parametrize("noise, aimed", [(20.0, True), (1.0, False)])
+def test_a_noisy_window_is_begun_again_and_aimed(monkeypatch, noise, aimed):
+    """Where the first error is more than 8 times as large as allowed; the first paths are left."""
+    aim, seeds = Aim.anywhere(), []
+    monkeypatch.setattr(
+        module, "aim_at_model", lambda scene, tracer, sensor, seed, _: (seeds.append(seed), aim)[1]
+    )
+    windows, tracer = Windows(mi.load_dict(camera()), pixels=64), Tracer([noise])
+    sampling = Sampling(tolerance=0.001, seed=5)
+    total = run(tracer, sampling, IntensityInterval(0.001, channel=None), windows)
+    assert total.reached and seeds == ([5] if aimed else [])
+    starts = [launch.first_point for launch in tracer.launches]
+    assert starts.count(0) == (2 if aimed else 1)
+    assert total.traced[0] == 8 * (tracer.traced[0] - (512 if aimed else 0))
+
+
+def test_a_given_aim_is_kept():
+    windows, tracer, aim = (
+        Windows(mi.load_dict(camera()), pixels=64),
+        Tracer([100.0]),
+        Aim.anywhere(),
+    )
+    total = run(
+        tracer, Sampling(tolerance=0.001), IntensityInterval(0.001, channel=None), windows, aim
+    )
+    assert total.aim is aim and all(launch.aim is aim for launch in tracer.launches)
