@@ -203,6 +203,19 @@ def test_strips_that_reflect_each_other_from_far_first_guesses(tmp_path, start):
         within(answer, kelvin)
 
 
+def test_pixels_without_radiance_have_the_camera_s_noise(tmp_path):
+    """Space around the corner: a camera's noise is the same there as beside warm surfaces."""
+    path = write_corner(tmp_path)
+    image = clean(path, half=0.9)
+    assert np.mean(image == 0) > 0.2
+    given = corner_problem(tmp_path, path, image, 300.0, 1)
+    given["data"][0]["parameters"] = {"half": 0.9}
+    found = mi_lcair.invert(given, advise=False)
+    assert found.p_value > 1e-3 and found.chi_square < 1.5 * found.degrees_of_freedom
+    for answer, kelvin in zip(found.answers, KELVIN):
+        within(answer, kelvin)
+
+
 @pytest.mark.slow
 def test_facet_temperatures(tmp_path):
     """36 facets of a waisted body from its views; the file sets them in another loaded scene."""

@@ -15,6 +15,7 @@ from mi_lcair.table import SEPARATORS
 PICTURES = (".tif", ".tiff", ".png")
 SUFFIXES = (".exr", *PICTURES, ".csv", ".npy")
 COLDEST, HOTTEST = 30.0, 6000.0  # limits of an apparent temperature, K
+NETD_K = 300.0  # temperature of the blackbody at which a NETD is stated, K
 TEMPERATURE = "apparent_temperature"
 
 
@@ -84,9 +85,14 @@ def slope(band: Band, temperature, step: float = 1e-3) -> np.ndarray:
 
 
 def noise_of_netd(band: Band, radiance, netd_mK: float) -> np.ndarray:
-    """Standard deviation of the radiance of pixels with a radiance and a NETD."""
-    apparent = brightness_temperature(band, np.maximum(radiance, in_band_radiance(band, COLDEST)))
-    return slope(band, apparent) * netd_mK * 1e-3
+    """Standard deviation of the radiance of pixels, for a NETD that is stated at NETD_K.
+
+    A camera's variance is a constant part (electronics, dark current, warm optics) and shot noise,
+    which is proportional to the radiance. Their shares are not known. With L0 the radiance of
+    NETD_K, the variance max(1, L / L0) is at least as large for any shares, and the same at L0.
+    """
+    share = np.maximum(np.asarray(radiance) / in_band_radiance(band, NETD_K), 1.0)
+    return slope(band, NETD_K) * netd_mK * 1e-3 * np.sqrt(share)
 
 
 def check_kelvin(path, values: np.ndarray) -> None:

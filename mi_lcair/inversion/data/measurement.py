@@ -28,7 +28,8 @@ class Observation:
     state : str
         Name of the heating state. Temperatures have one value for each state.
     netd_mK : float, optional
-        Noise-equivalent temperature difference of a pixel, mK.
+        Noise-equivalent temperature difference of a pixel that sees a blackbody of 300 K, mK.
+        Colder pixels have the same noise in radiance, hotter ones the shot noise in addition.
     sigma : float, optional
         Standard deviation of the noise: W m^-2 sr^-1 for an image, W/sr for an intensity, W m^-2
         for a contrast.

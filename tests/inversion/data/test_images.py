@@ -117,15 +117,19 @@ def test_apparent_temperatures_become_radiances(tmp_path):
         measured_radiance(one, LWIR, (1, 2))
 
 
-def test_slope_and_noise_of_a_netd():
+def test_slope():
     T = np.array([250.0, 300.0, 1000.0])
-    rate = (B(T + 1) - B(T - 1)) / 2
-    np.testing.assert_allclose(slope(LWIR, T), rate, rtol=1e-3)
-    np.testing.assert_allclose(noise_of_netd(LWIR, B(T), 40.0), 0.04 * rate, rtol=1e-3)
-    # Darker than 30 K counts as 30 K
-    assert noise_of_netd(LWIR, np.array([-1.0]), 40.0) == pytest.approx(
-        0.04 * slope(LWIR, 30.0), rel=1e-3
-    )
+    np.testing.assert_allclose(slope(LWIR, T), (B(T + 1) - B(T - 1)) / 2, rtol=1e-3)
+
+
+def test_noise_of_a_netd_covers_any_share_of_shot_noise():
+    """Against s0^2 (1 - f + f L / L0) for shares f: never below, and equal for one of them."""
+    at_300 = 0.04 * (B(300.5) - B(299.5))
+    radiance = np.append(B([30.0, 250.0, 300.0, 350.0, 1000.0]), [0.0, -1.0])
+    noise = noise_of_netd(LWIR, radiance, 40.0)
+    shares = np.linspace(0, 1, 11)[:, None]
+    variances = at_300**2 * (1 - shares + shares * radiance / B(300.0))
+    np.testing.assert_allclose(noise**2, variances.max(axis=0), rtol=1e-5)
 
 
 def test_limits_of_apparent_temperatures():
