@@ -55,6 +55,14 @@ class ClearAir:
             raise InputError(f"air '{self.name}': elevation {elevation_deg:g}; must lie in -90..90")
         return ray(self.levels, height_m / 1000, elevation_deg, range_m / 1000)
 
+    def horizon_deg(self, height_m: float) -> float:
+        """Elevation at which the ray from a height [m] touches the ground [degrees], 0 or less."""
+        check_height(height_m)
+        heights = np.array([0.0, height_m / 1000])
+        index, _ = self.levels.refraction(heights)
+        ground, viewer = (1 + index) * (EARTH_KM + heights)  # see `ray.Path`
+        return -float(np.degrees(np.arccos(min(ground / viewer, 1.0))))
+
     def emitted(self, along: Ray, sun: SunDirection | None = None) -> AirLight:
         """Light that the air along a ray sends to the viewer.
 

@@ -1,8 +1,10 @@
-"""Clear daytime sky: its own emission and sunlight scattered once."""
+"""Clear sky by night and by day: its own emission, and sunlight scattered once."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.bands import bands
@@ -11,18 +13,21 @@ from mi_lcair.physics.air.levels import Weather, model_names
 from mi_lcair.physics.air.light import AirLight
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.sky import HEIGHT_M, air_mass, mean_nodes
+from mi_lcair.physics.spectrum import Spectrum
+from mi_lcair.physics.sun.sunlight import sunlight
 
 SUN_ELEVATION_DEG = 45.0  # of a sky that states none
 # Elevations at which the sky is computed [degrees]; the radiance between them is interpolated
 RINGS_DEG = 0, 0.5, 1, 1.5, 2.5, 4, 6, 8, 11, 15, 20, 26, 34, 43, 53, 65, 78, 90
 ANGLES_DEG = np.concatenate([np.arange(0, 20, 1.0), np.arange(20, 181, 4.0)])  # from the sun
 MEAN_COLUMNS = 18  # azimuths for the mean over the sky
+ABOVE_HORIZON_DEG = 1e-3  # elevation of the lowest ray above the horizon, lest it meet the ground
 SMALLEST = 1e-30  # stands for a radiance of 0 in logarithms [W m^-2 sr^-1]
 
 
 @dataclass(frozen=True)
-class DaytimeSky:
-    """A clear sky with the sun, seen from one height.
+class ClearSky:
+    """A clear sky by night, or by day with the sun, seen from one height.
 
     Attributes
     ----------
@@ -31,28 +36,49 @@ class DaytimeSky:
     height_m
         Height of the viewer above the ground [m].
     sun_elevation_deg
-        True elevation of the sun [degrees].
+        True elevation of the sun [degrees]; None by night.
+    weather
+        Weather of the air.
     """
 
     air: ClearAir
     height_m: float
-    sun_elevation_deg: float
+    sun_elevation_deg: float | None = None
+    weather: Weather = Weather()
 
     @property
     def name(self) -> str:
         """Name of the air."""
         return self.air.name
 
-    def at(self, elevation_deg: float, azimuth_deg: float) -> AirLight:
+    @cached_property
+    def horizon_deg(self) -> float:
+        """Elevation of the horizon [degrees], 0 or less."""
+        return self.air.horizon_deg(self.height_m)
+
+    def at(self, elevation_deg: float, azimuth_deg: float = 0.0) -> AirLight:
         """The sky at an elevation and an azimuth from the sun [degrees], as light through air."""
+        emitted, *scattered = self.components(elevation_deg, azimuth_deg)
+        return emitted.plus(*scattered) if scattered else emitted
+
+    def components(self, elevation_deg: float, azimuth_deg: float = 0.0) -> list[AirLight]:
+        """What the air emits and, by day, the sunlight that it scatters, as in `at`."""
+        emitted = self.air.sky(self.height_m, elevation_deg)
+        if self.sun_elevation_deg is None:
+            return [emitted]
         sun = SunDirection(self.sun_elevation_deg, azimuth_deg)
-        return self.air.sky(self.height_m, elevation_deg, sun)
+        along = self.air.ray(self.height_m, elevation_deg)
+        return [emitted, self.air.scattered(along, sun)]
 
-    def in_band_radiance(self, band: Band, elevation_deg, azimuth_deg) -> np.ndarray:
-        """In-band radiance toward directions above the horizon [W m^-2 sr^-1].
+    def in_band_radiance(self, band: Band, elevation_deg, azimuth_deg=0.0) -> np.ndarray:
+        """In-band radiance toward directions above the horizon, see `in_band_components`."""
+        return sum(self.in_band_components(band, elevation_deg, azimuth_deg))
 
-        It is computed at RINGS_DEG. Between them the logarithms of emission and of scattered light
-        are interpolated over that of the air mass. There is no aureole of multiple scattering.
+    def in_band_components(self, band: Band, elevation_deg, azimuth_deg=0.0) -> list[np.ndarray]:
+        """In-band radiance of what the air emits and, by day, of the sunlight that it scatters.
+
+        It is computed at RINGS_DEG. Between them the logarithms are interpolated over that of the
+        air mass, see `between_rings`. There is no aureole of multiple scattering.
 
         Parameters
         ----------
@@ -63,26 +89,33 @@ class DaytimeSky:
 
         Raises InputError if the air is not known in the band.
         """
-        what = f"daytime sky '{self.name}'"
+        what = f"clear sky '{self.name}'"
         if band.is_total:
             raise InputError(f"{what}: does not cover band total; choose MWIR or LWIR")
         band.check_covered(bands().wavelengths_um, what)
         elevation, azimuth = np.broadcast_arrays(
             np.asarray(elevation_deg, dtype=float), np.asarray(azimuth_deg, dtype=float)
         )
-        thermal, scattered = map(np.array, zip(*(self.ring(band, ring) for ring in RINGS_DEG)))
-        thermal, scattered = np.log(thermal), np.log(np.maximum(scattered, SMALLEST))
-        places = -np.log(air_mass(np.array(RINGS_DEG)))
-        place = np.interp(-np.log(air_mass(elevation)), places, np.arange(len(places)))
-        low = np.minimum(place.astype(int), len(places) - 2)
-        up = place - low
-        place = np.interp(self.from_sun(elevation, azimuth), ANGLES_DEG, np.arange(len(ANGLES_DEG)))
-        near = np.minimum(place.astype(int), len(ANGLES_DEG) - 2)
-        off = place - near
-        of_ring = lambda ring: (1 - off) * scattered[ring, near] + off * scattered[ring, near + 1]
-        return np.exp((1 - up) * thermal[low] + up * thermal[low + 1]) + np.exp(
-            (1 - up) * of_ring(low) + up * of_ring(low + 1)
-        )
+        rings = self.horizon_deg + np.array(RINGS_DEG) * (1 - self.horizon_deg / 90)
+        rings[0] += ABOVE_HORIZON_DEG
+        emitted, scattered = map(np.array, zip(*(self.ring(band, ring) for ring in rings)))
+        above, rings = np.maximum(elevation - self.horizon_deg, 0), rings - self.horizon_deg
+        components = [between_rings(above, rings, emitted)]
+        if self.sun_elevation_deg is not None:
+            places = -np.log(air_mass(rings))
+            place = np.interp(-np.log(air_mass(above)), places, np.arange(len(places)))
+            low = np.minimum(place.astype(int), len(places) - 2)
+            up = place - low
+            scattered = np.log(np.maximum(scattered, SMALLEST))
+            angle = self.from_sun(elevation, azimuth)
+            place = np.interp(angle, ANGLES_DEG, np.arange(len(ANGLES_DEG)))
+            near = np.minimum(place.astype(int), len(ANGLES_DEG) - 2)
+            off = place - near
+            of_ring = lambda ring: (
+                (1 - off) * scattered[ring, near] + off * scattered[ring, near + 1]
+            )
+            components.append(np.exp((1 - up) * of_ring(low) + up * of_ring(low + 1)))
+        return components
 
     def from_sun(self, elevation_deg, azimuth_deg) -> np.ndarray:
         """Angle between directions and the sun [degrees]."""
@@ -99,14 +132,17 @@ class DaytimeSky:
         model = bands()
         weights = band.row_weights(model.wavelengths_um)
         along = self.air.ray(self.height_m, elevation_deg)
+        emitted = float(self.air.emitted(along).radiance @ weights)
+        scattered = np.zeros(len(ANGLES_DEG))
+        if self.sun_elevation_deg is None:
+            return emitted, scattered
         to_sun = self.air.amounts_to_sun(along, SunDirection(self.sun_elevation_deg, 90.0))
         through = model.transmittance(along.amounts + to_sun) * model.sun * weights
-        scattered = np.zeros(len(ANGLES_DEG))
         for k, amount in enumerate(np.diff(along.amounts, axis=0).T):
             if amount.any() and model.scattering[k].any():
                 light = amount @ (through[1:] + through[:-1]) / 2 * model.scattering[k]
                 scattered += model.phase(k, ANGLES_DEG) @ light
-        return float(self.air.emitted(along).radiance @ weights), scattered
+        return emitted, scattered
 
     def mean_spectrum(self) -> AirLight:
         """Mean radiance of the sky, weighted by the cosine to the zenith.
@@ -114,18 +150,42 @@ class DaytimeSky:
         It is the spectral irradiance of the sky on the ground, divided by pi.
         """
         azimuths = (np.arange(MEAN_COLUMNS) + 0.5) * 180 / MEAN_COLUMNS
-        sun = SunDirection(self.sun_elevation_deg, 90.0)
         mean = None
         for elevation, weight in zip(*mean_nodes()):
             along = self.air.ray(self.height_m, elevation)
-            scattered = AirLight.of(
-                "",
-                self.air.scattering(along, sun, azimuths).mean(axis=0),
-                along.amounts + self.air.amounts_to_sun(along, sun),
-            )
-            part = self.air.emitted(along).plus(scattered).scaled(weight)
+            part = self.air.emitted(along)
+            if self.sun_elevation_deg is not None:
+                sun = SunDirection(self.sun_elevation_deg, 90.0)
+                sources = self.air.scattering(along, sun, azimuths).mean(axis=0)
+                amounts = along.amounts + self.air.amounts_to_sun(along, sun)
+                part = part.plus(AirLight.of("", sources, amounts))
+            part = part.scaled(weight)
             mean = part if mean is None else mean.plus(part)
-        return replace(mean, name=f"daytime sky {self.name}")
+        return replace(mean, name=f"clear sky {self.name}")
+
+    @cached_property
+    def on_ground(self) -> list[tuple[float, Spectrum]]:
+        """Radiance that white ground reflects diffusely, as spectra with factors that add up.
+
+        It is the mean of the sky and, by day, also the direct sun.
+        """
+        light = [(1.0, replace(self, height_m=0.0).mean_spectrum())]
+        if self.sun_elevation_deg is not None:
+            elevation = self.sun_elevation_deg
+            sun = sunlight(self.name, elevation, height_m=0.0, weather=self.weather)
+            light.append((np.sin(np.radians(elevation)), sun.over(np.pi)))
+        return light
+
+
+def between_rings(places: np.ndarray, rings: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Values between elevations; their logarithms are smooth over that of the air mass.
+
+    places, rings: elevations above the horizon [degrees], any shape and rising (n,). values: at
+    the rings, (n,).
+    """
+    at, of_rings = -np.log(air_mass(places)), -np.log(air_mass(rings))
+    logarithms = PchipInterpolator(of_rings, np.log(np.maximum(values, SMALLEST)))
+    return np.exp(logarithms(np.clip(at, of_rings[0], of_rings[-1])))
 
 
 def sky_air_names() -> list[str]:
@@ -133,19 +193,29 @@ def sky_air_names() -> list[str]:
     return model_names()
 
 
+def clear_sky(
+    air: str,
+    sun_elevation_deg: float | None = None,
+    height_m: float = HEIGHT_M,
+    weather: Weather = Weather(),
+) -> ClearSky:
+    """The sky of a clear air, by day with a sun at sun_elevation_deg [degrees].
+
+    height_m: of the viewer above the ground [m]. Raises InputError for an unknown name, and for a
+    sun below 1 degree.
+    """
+    if sun_elevation_deg is not None and not 1 <= sun_elevation_deg <= 90:
+        raise InputError(
+            f"clear sky '{air}': sun at {sun_elevation_deg:g} degrees; must lie in 1..90"
+        )
+    return ClearSky(clear_air(air, weather), height_m, sun_elevation_deg, weather)
+
+
 def daytime_sky(
     air: str,
     sun_elevation_deg: float = SUN_ELEVATION_DEG,
     height_m: float = HEIGHT_M,
     weather: Weather = Weather(),
-) -> DaytimeSky:
-    """The daytime sky of a clear air, with a sun at sun_elevation_deg [degrees].
-
-    height_m: of the viewer above the ground [m]. Raises InputError for an unknown name, and for a
-    sun below 1 degree.
-    """
-    if not 1 <= sun_elevation_deg <= 90:
-        raise InputError(
-            f"daytime sky '{air}': sun at {sun_elevation_deg:g} degrees; must lie in 1..90"
-        )
-    return DaytimeSky(clear_air(air, weather), height_m, sun_elevation_deg)
+) -> ClearSky:
+    """The sky of a clear air by day, see `clear_sky`."""
+    return clear_sky(air, sun_elevation_deg, height_m, weather)

@@ -1,0 +1,149 @@
+"""Skies by their words: clear, overcast, a temperature, or a table."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from mi_lcair.errors import InputError
+from mi_lcair.physics.air.bands import bands
+from mi_lcair.physics.air.levels import Weather
+from mi_lcair.physics.air.light import AirLight
+from mi_lcair.physics.bands import Band
+from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
+from mi_lcair.physics.sky import (
+    HEIGHT_M,
+    clear_name,
+    has_elevations,
+    mean_nodes,
+    spectrum,
+)
+from mi_lcair.physics.spectrum import Spectrum
+from mi_lcair.physics.sun.daytime_sky import RINGS_DEG, ClearSky, between_rings, clear_sky
+
+CLEAR, OVERCAST = "clear", "overcast"
+CLOUD = "stratus"  # cloud of an overcast sky, the lowest one of the tables
+
+
+@dataclass(frozen=True, eq=False)
+class Blackbody(Spectrum):
+    """Spectrum of a blackbody at `temperature` [K], times `factor`; it covers every wavelength."""
+
+    temperature: float
+    factor: float = 1.0
+
+    @staticmethod
+    def of(temperature: float) -> "Blackbody":
+        """The spectrum of a blackbody at a temperature [K]."""
+        x = bands().wavelengths_um
+        return Blackbody(f"{temperature:g} K", x, spectral_radiance(x, temperature), temperature)
+
+    def at(self, wavelengths_um):
+        return self.factor * spectral_radiance(wavelengths_um, self.temperature)
+
+    def scaled(self, factor):
+        return replace(self, radiance=self.radiance * factor, factor=self.factor * factor)
+
+    def in_band_radiance(self, band):
+        return self.factor * float(in_band_radiance(band, self.temperature))
+
+
+def through_air(light: Spectrum, amounts: np.ndarray) -> AirLight:
+    """Light after more air, whose absorbers have these amounts (c,).
+
+    Light that is not known to have crossed air counts as if it had crossed none. It is 0 at
+    wavelengths that it does not cover.
+    """
+    if isinstance(light, AirLight):
+        return AirLight.of(light.name, light.sources, light.amounts + amounts)
+    x = bands().wavelengths_um
+    covered = isinstance(light, Blackbody) | (light.wavelengths_um[0] <= x) & (
+        x <= light.wavelengths_um[-1]
+    )
+    return AirLight.of(light.name, np.where(covered, light.at(x), 0)[None], amounts[None])
+
+
+class TableSky:
+    """A sky from a table, or of one temperature; it knows no sun and no height.
+
+    source: bundled name or file, or a temperature [K].
+    """
+
+    horizon_deg = 0.0  # elevation of the horizon [degrees]
+
+    def __init__(self, source: str | float):
+        self.source = source
+        self.temperature = source if isinstance(source, float) else None
+        self.by_elevation = self.temperature is None and has_elevations(source)
+        self.name = f"{source:g} K" if self.temperature else str(source)
+
+    def components(self, elevation_deg: float, azimuth_deg: float = 0.0) -> list[Spectrum]:
+        """Spectrum at an elevation [degrees]."""
+        if self.temperature is not None:
+            return [Blackbody.of(self.temperature)]
+        return [spectrum(self.source, np.clip(elevation_deg, 0, 90) if self.by_elevation else None)]
+
+    def in_band_components(self, band: Band, elevation_deg, azimuth_deg=0.0) -> list[np.ndarray]:
+        """In-band radiance at elevations [degrees] [W m^-2 sr^-1]."""
+        elevation, _ = np.broadcast_arrays(np.asarray(elevation_deg, dtype=float), azimuth_deg)
+        if not self.by_elevation:
+            value = self.components(0)[0].in_band_radiance(band)
+            return [np.full(elevation.shape, value)]
+        rings = np.array(RINGS_DEG, dtype=float)
+        values = np.array([self.components(ring)[0].in_band_radiance(band) for ring in rings])
+        return [between_rings(np.maximum(elevation, 0), rings, values)]
+
+    @cached_property
+    def on_ground(self) -> list[tuple[float, Spectrum]]:
+        """Radiance that white ground reflects diffusely, as spectra with factors that add up."""
+        if not self.by_elevation:
+            return [(1.0, *self.components(0))]
+        return [(weight, *self.components(ring)) for ring, weight in zip(*mean_nodes())]
+
+
+def sky_of(
+    word: str | float | Path,
+    atmosphere: str,
+    sun_elevation_deg: float | None = None,
+    height_m: float | None = None,
+    weather: Weather = Weather(),
+) -> TableSky | ClearSky:
+    """The sky that a word describes.
+
+    Parameters
+    ----------
+    word
+        "clear"; "overcast", a full cover of low clouds; a temperature [K], of an even black sky; a
+        bundled sky, or a file as `physics.sky.spectrum` takes it.
+    atmosphere
+        Model atmosphere, us_standard or midlat_summer.
+    sun_elevation_deg
+        Elevation of a sun that lights a clear sky [degrees]; None by night.
+    height_m, weather
+        Height of the viewer above the ground [m], 50 for None, and weather, for a clear sky.
+
+    Raises
+    ------
+    InputError
+        If the word names no sky, or the sun lights a sky that it cannot.
+    """
+    text = str(word)
+    name = atmosphere if text == CLEAR else clear_name(text)
+    if name is not None:
+        height_m = HEIGHT_M if height_m is None else height_m
+        return clear_sky(
+            name, sun_elevation_deg, height_m, weather if name == atmosphere else Weather()
+        )
+    if text == OVERCAST and sun_elevation_deg is not None:
+        raise InputError(
+            "surroundings: an overcast sky hides the sun; leave the sun out, or choose a clear sky"
+        )
+    try:
+        kelvin = float(text)
+    except ValueError:
+        source = f"{atmosphere}_{CLOUD}" if text == OVERCAST else word
+        return TableSky(source)
+    if not 0 < kelvin < 1e4:
+        raise InputError(f"surroundings: sky {text}; a temperature must lie in 0..10000 K")
+    return TableSky(kelvin)

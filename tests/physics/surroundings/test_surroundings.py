@@ -1,0 +1,125 @@
+"""What arrives from sky and ground, against Planck's law, the air's own rays and quadrature."""
+
+import numpy as np
+import pytest
+
+from mi_lcair.errors import InputError
+from mi_lcair.physics.air.bands import bands
+from mi_lcair.physics.air.clear_air import SunDirection, clear_air
+from mi_lcair.physics.bands import band
+from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
+from mi_lcair.physics.sky import spectrum
+from mi_lcair.physics.surroundings.surroundings import Ground, surroundings
+
+MWIR, LWIR = band("MWIR"), band("LWIR")
+AIR = clear_air("us_standard")
+
+
+def mean_over_sky(radiance, nodes=60):
+    """Mean over the hemisphere of radiance(elevation), weighted by the cosine to the zenith."""
+    x, w = np.polynomial.legendre.leggauss(nodes)
+    elevations = np.degrees(np.arcsin(np.sqrt((x + 1) / 2)))
+    return sum(weight / 2 * radiance(e) for weight, e in zip(w, elevations))
+
+
+def test_sky_of_night():
+    """It is the air's own light, and between computed elevations within 0.3 %."""
+    around = surroundings("clear")
+    for elevation in (0.3, 2.0, 5.0, 23.0, 71.0):
+        expected = AIR.sky(50.0, elevation).in_band_radiance(LWIR)
+        assert around.at(elevation).in_band_radiance(LWIR) == pytest.approx(expected, rel=1e-12)
+        assert around.in_band_radiance(LWIR, elevation) == pytest.approx(expected, rel=3e-3)
+
+
+@pytest.mark.parametrize("emissivity", [1.0, 0.7])
+def test_ground_without_air_before_it(emissivity):
+    around = surroundings("clear", Ground(300.0, emissivity))
+    sky = mean_over_sky(lambda e: AIR.sky(0.0, e).in_band_radiance(LWIR))
+    expected = emissivity * in_band_radiance(LWIR, 300.0) + (1 - emissivity) * sky
+    for elevation in (-90.0, -20.0, -0.01):
+        assert around.in_band_radiance(LWIR, elevation) == pytest.approx(expected, rel=1e-3)
+        assert around.at(elevation).in_band_radiance(LWIR) == pytest.approx(expected, rel=1e-3)
+
+
+def test_ground_in_the_sun():
+    """White ground would reflect the sun's irradiance on it, divided by pi, and the sky's."""
+    dark = surroundings("clear", Ground(300.0, 0.6)).in_band_radiance(MWIR, -30.0)
+    lit = surroundings("clear", Ground(300.0, 0.6), 50.0).in_band_radiance(MWIR, -30.0)
+    sun = AIR.sun(0.0, 50.0).in_band_radiance(MWIR) * np.sin(np.radians(50.0)) / np.pi
+    azimuths = np.arange(5, 180, 10.0)
+
+    def scattered(elevation):
+        along = AIR.ray(0.0, elevation)
+        light = [AIR.scattered(along, SunDirection(50.0, a)) for a in azimuths]
+        return np.mean([part.in_band_radiance(MWIR) for part in light])
+
+    expected = 0.4 * (sun + mean_over_sky(scattered, 12))
+    assert lit - dark == pytest.approx(expected, rel=5e-3)
+
+
+@pytest.mark.parametrize("height_m", [50.0, 3000.0])
+def test_ground_through_air(height_m):
+    """The black ground's light is dimmed by the air, which adds its own."""
+    around = surroundings("clear", Ground(310.0), height_m=height_m)
+    for elevation in (-70.0, -12.0, -3.0):
+        along = AIR.ray(height_m, elevation)
+        ground = spectral_radiance(bands().wavelengths_um, 310.0)
+        arriving = ground * bands().transmittance(along.amounts[-1]) + AIR.emitted(along).radiance
+        expected = MWIR.integral(bands().wavelengths_um, arriving)
+        assert around.at(elevation).in_band_radiance(MWIR) == pytest.approx(expected, rel=1e-9)
+        assert around.in_band_radiance(MWIR, elevation) == pytest.approx(expected, rel=8e-3)
+
+
+def test_horizon_of_a_high_viewer():
+    """From 5 km a sphere's horizon lies arccos(R / (R + h)) below the horizontal, 2.27 degrees,
+    and refraction raises it a little; on both sides of it air alone is seen.
+    """
+    around = surroundings("clear", Ground(340.0), height_m=5000.0)
+    dip = np.degrees(np.arccos(6371.23 / 6376.23))
+    assert 0.9 * dip < -around.horizon_deg < dip
+    above, below = around.in_band_radiance(LWIR, around.horizon_deg + np.array([0.01, -0.01]))
+    assert below / above == pytest.approx(1, abs=0.2)
+
+
+@pytest.mark.parametrize(
+    "word, table", [("overcast", "us_standard_stratus"), ("us_standard_clear", "us_standard_clear")]
+)
+def test_words(word, table):
+    around = surroundings(word)
+    for elevation in (3.0, 40.0):
+        expected = spectrum(table, elevation).in_band_radiance(LWIR)
+        assert around.in_band_radiance(LWIR, elevation) == pytest.approx(expected, rel=3e-3)
+
+
+def test_sky_of_one_temperature():
+    """In any band; grey ground below a sky of its own temperature is black."""
+    around = surroundings("280", Ground(280.0, 0.3))
+    for name in ("SWIR", "3.4-4.1", "LWIR"):
+        black = in_band_radiance(band(name), 280.0)
+        assert around.in_band_radiance(band(name), 12.0) == pytest.approx(black, rel=1e-12)
+    values = around.in_band_radiance(MWIR, np.array([-40.0, 40.0]))
+    np.testing.assert_allclose(values, in_band_radiance(MWIR, 280.0), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "words, message",
+    [
+        ({"sky": "sunny"}, "sky table 'sunny'"),
+        ({"sky": "-5"}, "must lie in 0..10000 K"),
+        ({"sky": "overcast", "sun_elevation_deg": 40.0}, "hides the sun"),
+        ({"sky": "clear", "sun_elevation_deg": 0.2}, "sun at 0.2 degrees"),
+        ({"sky": "clear", "height_m": -3.0}, "height -3 m"),
+        ({"sky": "clear", "atmosphere": "mars"}, "mars"),
+    ],
+)
+def test_bad_words(words, message):
+    with pytest.raises(InputError, match=message):
+        surroundings(**words)
+
+
+def test_missing_half():
+    with pytest.raises(InputError, match="there is no ground"):
+        surroundings("clear").at(-5.0)
+    assert surroundings("clear").in_band_radiance(LWIR, -5.0) == 0
+    with pytest.raises(InputError, match="does not cover band"):
+        surroundings("clear").in_band_radiance(band("SWIR"), 5.0)
