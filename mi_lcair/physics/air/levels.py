@@ -19,7 +19,7 @@ STATE = HEIGHT, PRESSURE, TEMPERATURE, HUMIDITY, VAPOUR, REFRACTIVITY
 STANDARD_VISIBILITY_KM, STANDARD_CO2_PPMV = 23.0, 330.0  # of the tables
 MOST_HUMID = 0.98  # largest relative humidity in changed weather; LOWTRAN7's aerosols end at 99 %
 VAPOUR_SHARE = 1.2442e-3  # share of the air's molecules at 273.15 K and 1013.25 hPa in 1 g m^-3
-HAZE_KM = 0.0, 1.0, 2.0, 3.0, 4.0  # heights of the table of haze
+HAZE_KM = 0.0, 1.0, 2.0  # heights of the rural aerosol in the table of haze
 
 
 @dataclass(frozen=True)
@@ -208,7 +208,7 @@ def haze_factor(column: str, heights_km: np.ndarray, visibility: float) -> np.nd
     ]
     logarithms = np.log(extinction / rows[list(known).index(STANDARD_VISIBILITY_KM)])
     if column.startswith("aerosol_rural"):
-        return np.exp(np.interp(heights_km, HAZE_KM[:3], logarithms[:3]))
+        return np.exp(np.interp(heights_km, HAZE_KM, logarithms[:3]))
     if column == "aerosol_fading":  # the rural aerosol of 2 km, which ends at 3 km
         return np.full(len(heights_km), np.exp(logarithms[2]))
     if column == "aerosol_tropospheric":

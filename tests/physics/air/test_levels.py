@@ -49,6 +49,44 @@ def test_gases_of_another_temperature_and_pressure():
     assert column(air, "hno3")[0] == column(levels("us_standard"), "hno3")[0]
 
 
+def test_between_the_levels():
+    """Amounts and refraction are straight in logarithms, temperature is; beyond the ends all stay.
+
+    A column that begins between two levels, or ends there, is straight itself.
+    """
+    air = levels("us_standard")
+    heights = np.array([0.313, 4.617, 11.271, 57.3])
+    densities, temperature, pressure = air.at(heights)
+    np.testing.assert_allclose(temperature, np.interp(heights, air.heights_km, air.temperature))
+    for name in ("co2_36", "h2o_21", "rayleigh"):
+        expected = np.exp(np.interp(heights, air.heights_km, np.log(column(air, name))))
+        np.testing.assert_allclose(densities[:, COLUMNS.index(name)], expected, rtol=1e-9)
+    expected = np.exp(np.interp(heights, air.heights_km, np.log(air.pressure)))
+    np.testing.assert_allclose(pressure, expected, rtol=1e-9)
+    rural = COLUMNS.index("aerosol_fading")
+    ends = np.flatnonzero(column(air, "aerosol_fading") > 0)[-1] + np.array([0, 1])
+    middle = air.at(np.array([air.heights_km[ends].mean()]))[0][0, rural]
+    assert middle == pytest.approx(air.densities[ends[0], rural] / 2) and middle > 0
+
+    index, slope = air.refraction(heights)
+    logarithms = np.log(air.refractivity)
+    np.testing.assert_allclose(index, np.exp(np.interp(heights, air.heights_km, logarithms)))
+    step = 1e-4
+    rise = air.refraction(heights + step)[0] - air.refraction(heights - step)[0]
+    np.testing.assert_allclose(slope, rise / (2 * step), rtol=1e-6)
+
+    for end, beyond in ((0, -1.0), (-1, 103.0)):
+        np.testing.assert_allclose(air.at(np.array([beyond]))[0][0], air.densities[end])
+        assert air.refraction(np.array([beyond]))[0] == pytest.approx(air.refractivity[end])
+
+
+def test_refraction_follows_the_density():
+    """n - 1 is proportional to p / T."""
+    standard, air = levels("us_standard"), levels("us_standard", Weather(300.0, pressure=990.0))
+    denser = air.pressure / standard.pressure * standard.temperature / air.temperature
+    np.testing.assert_allclose(air.refractivity, standard.refractivity * denser)
+
+
 def test_carbon_dioxide_of_today():
     more, table = levels("us_standard", Weather(co2=425.0)), levels("us_standard")
     for k, name in enumerate(COLUMNS):
@@ -79,7 +117,8 @@ def test_haze_by_visibility():
     assert total(levels("us_standard", Weather(visibility=15.0)), 0.0) == pytest.approx(
         expected, rel=2e-3
     )
-    assert total(levels("us_standard", Weather(visibility=5.0)), 6.0) == total(table, 6.0)
+    for height in (5.0, 6.0):
+        assert total(levels("us_standard", Weather(visibility=5.0)), height) == total(table, height)
     same = levels("us_standard", Weather(visibility=23.0))
     np.testing.assert_allclose(same.densities, table.densities)
 
@@ -94,6 +133,20 @@ def test_weather_dims_and_brightens():
         > 1.2 * clear_air("us_standard").sky(50.0, 30.0).radiance.sum()
     )
     assert levels("us_standard", Weather(humidity=0.97)).humidity.max() <= 0.98 + 1e-9
+
+
+def test_the_bounds_of_weather():
+    for name, lower, upper in (
+        ("temperature", 230, 320),
+        ("humidity", 0, 0.98),
+        ("pressure", 850, 1090),
+        ("visibility", 2, 50),
+        ("co2", 0, 2000),
+    ):
+        for bound, outside in ((lower, lower - 0.01), (upper, 1.001 * upper)):
+            assert getattr(Weather(**{name: bound}), name) == bound
+            with pytest.raises(InputError, match=f"{name} = .*must lie in {lower}..{upper}"):
+                Weather(**{name: outside})
 
 
 @pytest.mark.parametrize(

@@ -51,6 +51,16 @@ def test_layers_grow_from_the_viewer():
     assert along.temperatures[0] == pytest.approx(287.86, abs=0.02)
 
 
+def test_temperature_of_a_layer():
+    """The mean by mass, which lies low in a thick layer: 0.1 K below the middle's."""
+    along = ray(AIR, 0.05, 90.0)
+    for low, high, temperature in zip(along.heights_km, along.heights_km[1:], along.temperatures):
+        heights = np.linspace(low, high, 200)
+        _, at_heights, pressure = AIR.at(heights)
+        mean = np.average(at_heights, weights=pressure / at_heights)
+        assert temperature == pytest.approx(mean, abs=0.02)
+
+
 def test_ends_at_the_ground_and_at_the_top():
     down = ray(AIR, 3.0, -30.0)
     assert down.heights_km[-1] == pytest.approx(0, abs=1e-6)

@@ -64,3 +64,4 @@ def test_bad_input():
         daytime_sky("tropical")
     with pytest.raises(InputError, match=r"sun at 0.5 degrees; must lie in 1\.\.90"):
         daytime_sky("us_standard", 0.5)
+    assert daytime_sky("us_standard", 1.0).sun_elevation_deg == 1.0
