@@ -45,7 +45,8 @@ class Exposure:
     share : ndarray
         Share of each sample that the model fills.
     intensities : dict of str to float
-        Intensity of the model before the air by channel, see `Arrival`; W/sr for a unit of it.
+        Intensity of the model before the air by channel, see `Arrival`; W/sr for a unit of it. It
+        and `area` are those of the part in the frame.
     area : float
         Projected area of the model, m^2.
     sources : Sources
@@ -153,7 +154,7 @@ def exposure(setting: Setting, view: CameraView, sampling: Sampling, detector: B
         sources, scene.band, detector, air, np.array([range_m]), extrapolate
     ).of_parts({name: values.sum(keepdims=True) for name, values in seen.items()})
     per_radiance = float(at_middle[0]) / max(seen["target"].sum(), 1e-300)
-    areas = part_areas(view, on, ranges)
+    areas = part_areas(view, on, ranges) * view.inside.ravel()[on]
     intensities = {
         name: float(values @ areas) for name, values in seen.items() if name != "target.range"
     }

@@ -8,7 +8,6 @@ from mi_lcair.camera.camera import Camera
 from mi_lcair.camera.exposure import Exposure, detector_mean, exposure
 from mi_lcair.camera.image_result import Image
 from mi_lcair.camera.notes import header, remarks
-from mi_lcair.camera.optics import MARGIN
 from mi_lcair.camera.quality import measured
 from mi_lcair.camera.range_table import RangedTarget, at_ranges, table_ranges
 from mi_lcair.camera.view import CameraView
@@ -112,27 +111,17 @@ def developed(
         pixel that the target fills (H, W).
     """
     optics = camera.optics
-    signal = np.maximum(camera.background + framed(view, optics.seen(exposed.contrast)), 0)
-    error = np.sqrt(framed(view, optics.variance(exposed.error**2)))
+    signal = np.maximum(camera.background + optics.seen(exposed.contrast, view.around), 0)
+    error = np.sqrt(optics.variance(exposed.error**2, view.around))
     frame_counts = camera.frames(signal, frames)
     channels = {
-        "apparent.Y": radiance + framed(view, optics.seen(exposed.radiance)),
+        "apparent.Y": radiance + optics.seen(exposed.radiance, view.around),
         "electrons.Y": signal,
         "counts.Y": frame_counts[0],
         "temperature.Y": camera.temperatures(frame_counts[0]),
         **camera.mean_temperatures(signal, error),
     }
-    return frame_counts, channels, framed(view, optics.seen(exposed.share))
-
-
-def framed(view: CameraView, window) -> np.ndarray:
-    """The frame with the pixels of a window that has MARGIN pixels around it; 0 elsewhere."""
-    imager = view.imager
-    whole = np.zeros((imager.height + 2 * MARGIN, imager.width + 2 * MARGIN))
-    column, row = view.window[0]
-    height, width = window.shape
-    whole[row : row + height, column : column + width] = window
-    return whole[MARGIN:-MARGIN, MARGIN:-MARGIN]
+    return frame_counts, channels, optics.seen(exposed.share, view.around)
 
 
 def check_frames(imager: Imager, frames: int) -> None:

@@ -14,7 +14,10 @@ from mi_lcair.physics.imager import Imager
 # Samples along each side of a pixel, in which the scene is rendered. The number is odd, so that
 # the middle of a pixel is the middle of a sample.
 OVERSAMPLING = 3
-MARGIN = 32  # pixels around an image that hold the light scattered beyond it
+MARGIN = 32  # pixels beyond the frame that are rendered; a camera spreads light no further
+FARTHEST = 384  # pixels over which diffraction is followed, at most
+SPILL = 2e-4  # share of an even scene's light that may be lost beyond these pixels
+FRAME = ((0, 0), (0, 0))  # samples that fill the frame
 
 
 def diffraction(frequency, f_number: float, wavelengths_um, weights):
@@ -130,50 +133,75 @@ class Optics:
         )
         return np.interp(distance, table, profile) * rows[:, None] * columns
 
-    def seen(self, samples) -> np.ndarray:
-        """The image at the pixels' centres.
+    def seen(self, samples, around=FRAME) -> np.ndarray:
+        """The image at the centres of the frame's pixels.
 
         Outside the samples the image is assumed to be 0, so a background must be subtracted. The
-        sum over the pixels times OVERSAMPLING^2 is that over the samples, as far as the light stays
-        within MARGIN pixels.
+        sum over the pixels times OVERSAMPLING^2 is that over the samples if the frame holds all
+        pixels in their `reach`.
 
         Parameters
         ----------
-        samples : ndarray, shape (OVERSAMPLING H, OVERSAMPLING W)
+        samples : ndarray, shape (OVERSAMPLING h, OVERSAMPLING w)
             Means over the squares of the samples.
+        around : ((int, int), (int, int))
+            Pixels above and below the samples, left and right of them, to the frame's border.
+            Negative where the samples go beyond it.
 
         Returns
         -------
-        ndarray, shape (H + 2 MARGIN, W + 2 MARGIN)
-            Values of the pixels, with MARGIN pixels around the image.
+        ndarray, shape (H, W)
+            Values of the frame's pixels.
         """
-        padded, transfer = self.padded(samples)
-        return fft.irfft2(fft.rfft2(padded) * transfer, padded.shape)[self.centres(samples)]
+        return self.blurred(samples, around, self.transfer)
 
-    def variance(self, variances) -> np.ndarray:
+    def variance(self, variances, around=FRAME) -> np.ndarray:
         """Variances of the image at the pixels' centres, for independent errors of the samples.
 
-        variances: variance of each sample, as `samples` of `seen`. The result has the same shape.
+        variances: variance of each sample. They, `around` and the result are as those of `seen`.
         """
-        padded, transfer = self.padded(variances)
-        spread = fft.irfft2(transfer, padded.shape) ** 2
-        result = fft.irfft2(fft.rfft2(padded) * fft.rfft2(spread), padded.shape)
-        return np.maximum(result, 0)[self.centres(variances)]
 
-    def padded(self, samples) -> tuple[np.ndarray, np.ndarray]:
-        """The samples with MARGIN pixels of zeros or more around them, and their `transfer`."""
-        margin = OVERSAMPLING * MARGIN
-        shape = tuple(fft.next_fast_len(n + 2 * margin, real=True) for n in np.shape(samples))
-        padded = np.zeros(shape)
-        padded[margin : margin + len(samples), margin : margin + samples.shape[1]] = samples
-        return padded, self.transfer(shape)
+        def transfer(shape):
+            return fft.rfft2(fft.irfft2(self.transfer(shape), shape) ** 2)
 
-    def centres(self, samples) -> tuple[slice, slice]:
-        """Places of the pixels' centres in the padded array."""
-        return tuple(
-            slice(OVERSAMPLING // 2, n + 2 * OVERSAMPLING * MARGIN, OVERSAMPLING)
-            for n in np.shape(samples)
+        return np.maximum(self.blurred(variances, around, transfer), 0)
+
+    def blurred(self, samples, around, transfer) -> np.ndarray:
+        """The samples at the centres of the frame's pixels, see `seen`.
+
+        transfer: function that gives the factors of the real FFT of an image of some shape.
+        """
+        samples = np.asarray(samples)
+        sides = [n // OVERSAMPLING for n in samples.shape]
+        reach = self.reach(np.prod(sides))
+        places = [np.arange(-start, n + end) for n, (start, end) in zip(sides, around)]
+        # The FFT repeats the samples. The next copy is out of reach of all pixels.
+        shape = tuple(
+            fft.next_fast_len(OVERSAMPLING * (n + min(max(*ends, 0), reach) + reach), real=True)
+            for n, ends in zip(sides, around)
         )
+        blurred = fft.irfft2(fft.rfft2(samples, shape) * transfer(shape), shape)
+        near = [(-reach <= place) & (place < n + reach) for n, place in zip(sides, places)]
+        image = np.zeros([len(place) for place in places])
+        image[np.ix_(*near)] = blurred[
+            np.ix_(
+                *(
+                    (OVERSAMPLING * place[on] + OVERSAMPLING // 2) % n
+                    for n, place, on in zip(shape, places, near)
+                )
+            )
+        ]
+        return image
+
+    def reach(self, pixels: float) -> int:
+        """Pixels beyond which an even area of so many pixels sends SPILL of its value or less.
+
+        Far from a point of light its diffraction falls as wavelength N / (pi r)^3. A half plane
+        sends 2 wavelength N / (pi^3 r) further than r, and a smaller area at most its own share.
+        """
+        airy = np.average(self.wavelengths_um, weights=self.weights) * self.imager.f_number
+        far = airy / self.imager.pitch_um / np.pi**3 / SPILL
+        return int(np.clip(np.ceil(min(2 * far, np.cbrt(pixels * far))), MARGIN, FARTHEST))
 
     @property
     def noise_equivalent_pixels(self) -> float:

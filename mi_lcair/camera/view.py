@@ -5,12 +5,13 @@ from dataclasses import dataclass
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.camera.optics import OVERSAMPLING
+from mi_lcair.camera.optics import FARTHEST, MARGIN, OVERSAMPLING
 from mi_lcair.errors import InputError
 from mi_lcair.physics.imager import Imager
 from mi_lcair.rendering.scene import Scene
-from mi_lcair.rendering.views import BESIDE, MARGIN, POLE_DEG, UP, Target, View, depth, film
+from mi_lcair.rendering.views import BESIDE, POLE_DEG, UP, Target, View, depth, film
 
+BEFORE = 1.01  # distance from the target's middle at which rays begin, in radii of the target
 PARTS_ACROSS = 48  # parts across a model, at least, in which it is rendered
 MOST_PARTS = 2**20  # parts along a side of the frame; their places are known in single precision
 
@@ -19,7 +20,8 @@ MOST_PARTS = 2**20  # parts along a side of the frame; their places are known in
 class CameraView:
     """Position and pointing of a camera, and the window of its frame that holds the model.
 
-    Rows of the frame go down, columns to the right.
+    Rows of the frame go down, columns to the right. The window reaches up to MARGIN pixels beyond
+    the frame, because the optics scatter light from there into it.
 
     Attributes
     ----------
@@ -37,6 +39,9 @@ class CameraView:
         A model that is smaller than some pixels has more parts, so that paths meet it.
     first, size : tuple of int
         Column and row of the window's first part, and its columns and rows, in parts.
+    beyond : ((int, int), (int, int))
+        Pixels by which the model goes on above and below the window, left and right of it. It is
+        taken to go on as at the window's border.
     is_cut : bool
         Whether a part of the model is outside the frame.
     """
@@ -51,6 +56,7 @@ class CameraView:
     parts: int
     first: tuple[int, int]
     size: tuple[int, int]
+    beyond: tuple[tuple[int, int], tuple[int, int]]
     is_cut: bool
 
     @staticmethod
@@ -76,7 +82,7 @@ class CameraView:
         up = np.cross(right, axis)
         eye = target.centre + range_m * view.direction
         middle = (target.centre - eye) @ axis
-        near = max(middle - MARGIN * target.radius, 1e-4 * target.radius)
+        near = max(middle - BEFORE * target.radius, 1e-4 * target.radius)
         seen = target.points - eye
         scale = imager.pixel_angle
         if imager.projection == "perspective":
@@ -91,27 +97,30 @@ class CameraView:
             np.clip(
                 np.ceil(PARTS_ACROSS / max(OVERSAMPLING * extent, 1e-9)),
                 1,
-                max(MOST_PARTS // (OVERSAMPLING * max(imager.width, imager.height)), 1),
+                max(MOST_PARTS // (OVERSAMPLING * max(film_size(imager))), 1),
             )
         )
-        first, size, is_cut = [], [], False
+        first, size, beyond, is_cut = [], [], [], False
         for place, count in ((columns, imager.width), (rows, imager.height)):
-            lower, upper = 1, 0
+            start, end = 1, 0
             if place.size:
-                lower, upper = (
-                    int(np.clip(np.floor(end), -1e9, 1e9)) for end in ends(place * parts)
+                start, end = (
+                    int(np.clip(np.floor(value), -1e9, 1e9)) for value in ends(place * parts)
                 )
-            is_cut |= lower < 0 or upper >= count * parts
-            lower, upper = max(lower, 0), min(upper + 1, count * parts)
-            if not lower < upper:
+            end += 1
+            if not max(start, 0) < min(end, count * parts):
                 raise InputError(
                     "[camera]: no part of the target is in the frame of "
                     f"{imager.angle_deg(imager.width):.3g} x "
                     f"{imager.angle_deg(imager.height):.3g} degrees; change "
                     "right_deg and up_deg, or focal_length_mm"
                 )
-            first.append(lower)
-            size.append(upper - lower)
+            is_cut |= start < 0 or end > count * parts
+            lower, upper = -MARGIN * parts, (count + MARGIN) * parts
+            first.append(max(start, lower))
+            size.append(min(end, upper) - first[-1])
+            rest = max(lower - start, 0), max(end - upper, 0)
+            beyond.insert(0, tuple(min(-(-more // parts), FARTHEST) for more in rest))
         return CameraView(
             imager,
             eye,
@@ -123,6 +132,7 @@ class CameraView:
             parts,
             tuple(first),
             tuple(size),
+            tuple(beyond),
             is_cut,
         )
 
@@ -133,24 +143,51 @@ class CameraView:
         last = (-(-(start + n) // self.parts) for start, n in zip(self.first, self.size))
         return first, tuple(end - start for start, end in zip(first, last))
 
+    @property
+    def around(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Pixels above and below `samples`, left and right of them, to the frame's border.
+
+        They are negative where the samples go beyond it.
+        """
+        (column, row), (columns, rows) = self.window
+        gaps = (
+            (row, self.imager.height - row - rows),
+            (column, self.imager.width - column - columns),
+        )
+        return tuple(
+            tuple(gap - more for gap, more in zip(*pairs)) for pairs in zip(gaps, self.beyond)
+        )
+
+    @property
+    def inside(self) -> np.ndarray:
+        """Whether each part is in the frame, (rows, columns)."""
+        columns, rows = (
+            (start + np.arange(n) >= 0) & (start + np.arange(n) < self.parts * count)
+            for start, n, count in zip(
+                self.first, self.size, (self.imager.width, self.imager.height)
+            )
+        )
+        return rows[:, None] & columns
+
     def sensor(self, scene: Scene) -> mi.Sensor:
         """Mitsuba's sensor, whose film is the window. It sees nothing in front of `near_m`."""
         camera = self.imager
+        width, height = film_size(camera)
         T = mi.ScalarTransform4f
         # Mitsuba's x axis goes to the left of the image
         sides = np.column_stack([-self.right, self.up, self.axis, self.eye])
         place = T(np.vstack([sides, [0, 0, 0, 1]]))
         kind = {
             "type": "perspective",
-            "fov": camera.angle_deg(camera.width),
+            "fov": camera.angle_deg(width),
             "fov_axis": "x",
         }
         if camera.projection == "orthographic":
-            half = camera.width * self.pixel_m / 2
+            half = width * self.pixel_m / 2
             kind, place = {"type": "orthographic"}, place @ T().scale([half, half, 1])
         crop = {
-            "crop_offset_x": self.first[0],
-            "crop_offset_y": self.first[1],
+            "crop_offset_x": self.first[0] + MARGIN * self.parts,
+            "crop_offset_y": self.first[1] + MARGIN * self.parts,
             "crop_width": self.size[0],
             "crop_height": self.size[1],
         }
@@ -160,7 +197,7 @@ class CameraView:
                 "to_world": place,
                 "near_clip": self.near_m,
                 "far_clip": self.near_m + depth(scene),
-                "film": film(self.parts * camera.width, self.parts * camera.height) | crop,
+                "film": film(self.parts * width, self.parts * height) | crop,
                 "sampler": {"type": scene.sampler},
             }
         )
@@ -180,16 +217,21 @@ class CameraView:
     def samples(self, values: np.ndarray) -> np.ndarray:
         """Means of the parts over the samples of the window's pixels, OVERSAMPLING along a side.
 
-        values: of each part, (rows, columns). Outside the parts they are 0.
+        values: of each part, (rows, columns). Outside the parts they are 0, and `beyond` the window
+        those at its border.
         """
         (column, row), (columns, rows) = self.window
         whole = np.zeros((rows * self.parts, columns * self.parts))
         left, top = (start - pixel * self.parts for start, pixel in zip(self.first, (column, row)))
         whole[top : top + self.size[1], left : left + self.size[0]] = values
         side = self.parts // OVERSAMPLING
-        return whole.reshape(rows * OVERSAMPLING, side, columns * OVERSAMPLING, side).mean(
-            axis=(1, 3)
-        )
+        whole = whole.reshape(rows * OVERSAMPLING, side, columns * OVERSAMPLING, side)
+        return np.pad(whole.mean(axis=(1, 3)), OVERSAMPLING * np.array(self.beyond), mode="edge")
+
+
+def film_size(imager: Imager) -> tuple[int, int]:
+    """Columns and rows of the frame with MARGIN pixels around it."""
+    return imager.width + 2 * MARGIN, imager.height + 2 * MARGIN
 
 
 def ends(values) -> tuple[float, float]:

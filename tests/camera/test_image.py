@@ -223,3 +223,31 @@ def test_sunlight_keeps_its_spectrum(tmp_path):
         float(brightness_temperature(band("MWIR"), light.in_band_irradiance(band("MWIR")) / np.pi)),
     )
     assert thermal / pixel == pytest.approx(1.19, abs=0.01)
+
+
+@pytest.mark.parametrize("width", [0.3, 8.0])
+def test_a_plate_across_the_border_of_the_frame(tmp_path, width):
+    """It looks as in a larger frame, at 300 K on 280 K: to 5 mK where the rendering is certain.
+
+    The narrow plate ends 30 pixels beside the frame, the wide one 1000 pixels.
+    """
+    write_disc(tmp_path)
+    file = tmp_path / "disc.xml"
+    plate = '<shape type="rectangle"> <transform name="to_world"> <rotate y="1" angle="90"/>'
+    plate += f' <scale y="{width}" z="0.2"/> </transform>'
+    text = file.read_text()
+    start, end = text.index('<shape type="ply">'), text.index("<bsdf")
+    file.write_text(text[:start] + plate + text[end:])
+    pixel = 15e-6 / 0.1 * 100  # m at 100 m
+    entries = {"camera__" + name: value for name, value in CAMERA.items()}
+    entries |= {"target__parameters": {"temperature": 300}, "background__temperature": 280}
+    entries |= {"observer__range_m": 100, "render__spp": 36, "camera__integration_time_ms": 0.05}
+    # The plate's left end is 10 columns inside the frame's right border
+    entries["camera__right_deg"] = -float(np.degrees(np.arctan((22 + width / pixel) * 1.5e-4)))
+    images = [
+        image(disc(tmp_path, **entries | {"camera__width": columns})) for columns in (64, 1664)
+    ]
+    small, large = (found.channels["mean_temperature.Y"] for found in images)
+    certain = images[0].channels["stderr_K.Y"] < 1e-3
+    assert certain[:, -8:].sum() > 8 * 20
+    assert abs(small - large[:, 800:864])[certain].max() < 5e-3

@@ -8,12 +8,21 @@ from scipy.integrate import quad
 
 from mi_lcair.camera.electronics.response import electron_band
 from mi_lcair.camera.measures import measured_mtf
-from mi_lcair.camera.optics import MARGIN, OVERSAMPLING, Optics, defocus, diffraction, jitter
+from mi_lcair.camera.optics import (
+    MARGIN,
+    OVERSAMPLING,
+    SPILL,
+    Optics,
+    defocus,
+    diffraction,
+    jitter,
+)
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.imager import Imager
 
+AROUND = ((MARGIN, MARGIN), (MARGIN, MARGIN))
 PARTS = [
     {},
     {"jitter_urad": 50.0},
@@ -105,14 +114,37 @@ def test_energy_is_conserved():
     samples = np.zeros((90, 60))
     samples[40:47, 20:33] = np.random.default_rng(1).random((7, 13))
     for changes in PARTS[:3]:
-        image = optics(**changes).seen(samples)
-        assert image.shape == (30 + 2 * MARGIN, 20 + 2 * MARGIN)
+        image = optics(**changes).seen(samples, ((70, 60), (80, 90)))
+        assert image.shape == (30 + 130, 20 + 170)
         assert image.sum() * OVERSAMPLING**2 == pytest.approx(samples.sum(), rel=1e-3)
+
+
+def test_the_frame_around_the_samples():
+    """Where the frame is, and how wide it is, changes no pixel by more than SPILL from a side."""
+    samples = np.random.default_rng(2).random((60, 90))
+    camera = optics()
+    wide = camera.seen(samples, ((100, 100), (100, 100)))
+    for around in (((7, 3), (9, 60)), ((-4, 80), (50, -11)), ((0, -19), (-29, 0))):
+        (top, bottom), (left, right) = around
+        part = wide[100 - top : 120 + bottom, 100 - left : 130 + right]
+        assert camera.seen(samples, around) == pytest.approx(part, abs=2 * SPILL)
+
+
+def test_a_half_plane_beyond_reach_sends_no_more_than_spill():
+    """The line spread function beyond r: 1/2 - integral of MTF sin(2 pi f r) / (pi f) over f."""
+    camera = optics()
+    reach = camera.reach(1e9)
+    f = (np.arange(400_000) + 0.5) * 100 / 400_000  # cycles/mm, beyond the cut-off of 83
+    wave = np.sin(2 * np.pi * f * 15e-3 * reach) / (np.pi * f)
+    beyond = 0.5 - np.sum(camera.mtf(f) * wave) * (f[1] - f[0])
+    assert beyond == pytest.approx(SPILL, rel=0.05)
+    assert camera.reach(600) == int(np.ceil((600 * reach / 2) ** (1 / 3)))
+    assert optics(f_number=0.5).reach(1) == MARGIN and optics(f_number=40.0).reach(1e9) == 384
 
 
 def test_uniform_scene_stays_uniform():
     samples = np.ones((240, 240))
-    image = optics(jitter_urad=50.0).seen(samples)
+    image = optics(jitter_urad=50.0).seen(samples, AROUND)
     middle = image[MARGIN + 35 : -MARGIN - 35, MARGIN + 35 : -MARGIN - 35]
     # Diffraction brings 2 wavelength N / (pi^2 r) = 0.6 % from outside a radius of 38 pixels
     assert middle == pytest.approx(1, abs=6e-3)
@@ -127,14 +159,14 @@ def test_variance_of_independent_samples():
         variances[row, column] = variance
         point = np.zeros(variances.shape)
         point[row, column] = 1
-        expected = expected + variance * camera.seen(point) ** 2
-    assert camera.variance(variances) == pytest.approx(expected, rel=1e-9, abs=1e-12)
+        expected = expected + variance * camera.seen(point, AROUND) ** 2
+    assert camera.variance(variances, AROUND) == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
 def test_a_sample_in_the_middle_of_a_pixel_is_seen_symmetrically():
     samples = np.zeros((3 * OVERSAMPLING, 5 * OVERSAMPLING))
     samples[OVERSAMPLING + 1, 2 * OVERSAMPLING + 1] = 1
-    image = optics(jitter_urad=50.0).seen(samples)
+    image = optics(jitter_urad=50.0).seen(samples, AROUND)
     assert np.unravel_index(image.argmax(), image.shape) == (MARGIN + 1, MARGIN + 2)
     assert image == pytest.approx(image[::-1], abs=1e-15)
     assert image == pytest.approx(image[:, ::-1], abs=1e-15)
@@ -159,7 +191,9 @@ def test_image_of_a_point_with_jitter():
     for pixels in (0, 1, 2):  # to the right of the point
         wave = np.cos(2 * np.pi * 15e-3 * pixels * fx)
         expected = np.sum(transfer * wave) / 64 * 5e-3**2
-        assert camera.seen(samples)[MARGIN, MARGIN + pixels] == pytest.approx(expected, rel=2e-3)
+        assert camera.seen(samples, AROUND)[MARGIN, MARGIN + pixels] == pytest.approx(
+            expected, rel=2e-3
+        )
 
 
 def test_noise_equivalent_pixels():
@@ -183,6 +217,6 @@ def test_noise_equivalent_pixels_are_the_mean_over_the_places_of_a_point():
         for dx in range(OVERSAMPLING):
             samples = np.zeros((OVERSAMPLING * 9, OVERSAMPLING * 9))
             samples[12 + dy, 12 + dx] = OVERSAMPLING**2  # one pixel's worth of light
-            squares.append(np.sum(camera.seen(samples) ** 2))
+            squares.append(np.sum(camera.seen(samples, AROUND) ** 2))
     # A sample is a square and not a point, and spreads a little more
     assert 1 / np.mean(squares) == pytest.approx(camera.noise_equivalent_pixels, rel=0.06)

@@ -93,7 +93,7 @@ def test_parts_of_large_and_small_targets():
     """48 parts or more lie across a target; a multiple of 3; 2^20 at most across the frame."""
     assert front(target=box(1.0, 12.0, 12.0)).parts == 3  # 48 pixels
     assert front(target=box(0.1, 1.99, 1.0)).parts == 3 * 3  # 7.96 pixels: 2.01 times 3 and up
-    assert front(target=box(1e-6, 1e-5, 1e-5)).parts == 3 * (2**20 // (3 * 64))
+    assert front(target=box(1e-6, 1e-5, 1e-5)).parts == 3 * (2**20 // (3 * (64 + 64)))
     assert front(replace(IMAGER, width=8192, height=1, focal_length_mm=150.0)).parts >= 3
 
 
@@ -103,16 +103,33 @@ def test_a_target_at_the_edge_of_the_frame():
     cut = CameraView.of(
         Target(aside.points + [0, 15.0, 0], aside.centre, aside.radius), View(0, 0), 50.0, IMAGER
     )
-    assert cut.is_cut and cut.first[0] + cut.size[0] == 64 * cut.parts
+    # Columns 56 to 68 are rendered, of which 8 are in the frame
+    assert cut.is_cut and cut.first[0] + cut.size[0] == 68 * cut.parts + 1
     assert cut.first[0] == int((32 + 12 / 0.5) * cut.parts)
+    assert cut.inside.sum() == 8 * cut.parts * cut.size[1] and cut.around[1] == (56, -5)
     low = Target(aside.points - [0, 0, 11.5], aside.centre, aside.radius)
     below = CameraView.of(low, View(0, 0), 50.0, IMAGER)
-    assert below.is_cut and below.first[1] + below.size[1] == 48 * below.parts
+    assert below.is_cut and below.first[1] + below.size[1] == 49 * below.parts + 1
+    assert below.inside.sum() == 3 * below.parts * below.size[0] and below.around[0] == (45, -2)
     above = Target(aside.points + [0, 0, 10.9], aside.centre, aside.radius)
     assert not CameraView.of(above, View(0, 0), 50.0, IMAGER).is_cut
     outside = Target(aside.points + [0, 20.0, 0], aside.centre, aside.radius)
     with pytest.raises(InputError, match="no part of the target is in the frame of 35.5 x 27 deg"):
         CameraView.of(outside, View(0, 0), 50.0, IMAGER)
+
+
+def test_a_target_that_goes_far_beyond_the_frame():
+    """32 pixels are rendered beyond the frame; then the target goes on as there, up to its end."""
+    target = box(1.0, 59.99, 1e4)  # 240 pixels across, 4e4 high; the frame has 64 x 48
+    view = CameraView.of(target, View(0, 0), 50e3, replace(IMAGER, focal_length_mm=1500.0))
+    assert view.window == ((-32, -32), (64 + 64, 48 + 64)) and view.is_cut
+    assert view.beyond == ((384, 384), (240 // 2 - 64, 240 // 2 - 64))
+    assert view.around == ((-32 - 384, -32 - 384), (-88, -88))
+    values = np.zeros(view.size[::-1])
+    values[:, -view.parts :] = 1.0
+    samples = view.samples(values)
+    assert samples.shape == (3 * (48 + 2 * 416), 3 * 240)
+    assert np.all(samples[:, -3 * 57 :] == 1) and not samples[:, : -3 * 57].any()
 
 
 def test_samples_are_means_of_parts():
