@@ -7,6 +7,8 @@ effective areas.
 
 import time
 from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -19,6 +21,8 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.air.atmosphere import LineOfSight
 from mi_lcair.physics.detector import Detector
 from mi_lcair.plugins.emitters.one_sun import one_sun
+from mi_lcair.plugins.paths.aim import Aim
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.statistics import invalid_remark
@@ -87,6 +91,8 @@ def rendered(
 ) -> Iterator[tuple[int, Irradiance, Signature]]:
     """Yield (number of reflections, Irradiance of the target, its Signature) for each render.
 
+    With a tolerance each number of reflections needs its own number of paths. All get the largest.
+
     Parameters
     ----------
     setting : Setting
@@ -123,19 +129,31 @@ def rendered(
         allowed = sampling.allowed(terms.at(path)["total"].value)
         return terms.half_width(path) / allowed if allowed > 0 else np.inf
 
-    for k, count in enumerate(bounces):
-
-        def step(done, total):
-            if progress:
-                progress(k * total + done, len(bounces) * total)
-
-        with changed(view, lobe=sampling.lobe, max_bounces=count):
-            result = measure_signature(
+    def measured(k: int, sampled: Sampling, aim: Aim | None) -> Signature:
+        with changed(view, lobe=sampling.lobe, max_bounces=bounces[k]):
+            return measure_signature(
                 view,
-                sampling.of_render(step),
+                replace(sampled, progress=partial(step, k)),
                 by_spectrum=True,
-                excess=excess if sampling.has_tolerance else None,
+                excess=excess if sampled.paths is None and sampling.has_tolerance else None,
+                aim=aim,
             )
+
+    def step(k, done, total):
+        if progress:
+            progress(k * total + done, len(bounces) * total)
+
+    results, aim = {}, None
+    for k in np.argsort(bounces)[::-1]:  # the first render, with most reflections, aims the others
+        results[k] = measured(k, sampling.of_render(), aim)
+        aim = results[k].aim
+    # Renders share their paths, so that their differences are more precise than their values
+    most = max(results.values(), key=lambda result: result.paths)
+    for k, count in enumerate(bounces):
+        result = results[k]
+        if result.paths != most.paths or result.aim is not most.aim:
+            anew = measured(k, Sampling(paths=most.paths, seed=sampling.seed), most.aim)
+            result = replace(anew, reached=excess(anew) <= 1)
         check_met(result, target)
         yield count, irradiance(result), result
 

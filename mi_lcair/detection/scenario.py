@@ -315,8 +315,8 @@ class RenderTable:
     Attributes
     ----------
     max_bounces : tuple of int
-        Numbers of reflections. Each gets a render from the same seed. If it is empty, the scene's
-        own number is used.
+        Numbers of reflections. Their renders have the same paths. If it is empty, the scene's own
+        number is used.
     lobe : str, optional
         Fidelity of reflections, "brdf", "mirror" or "diffuse", by default the scene's own.
     resolution : int

@@ -3,9 +3,9 @@
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from mi_lcair.errors import InputError
+from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.criteria import ExcessFunction, IntensityInterval
 from mi_lcair.rendering.facets.table import FacetTable
@@ -19,9 +19,6 @@ from mi_lcair.signatures.effective_areas import effective_areas
 from mi_lcair.signatures.facet_results import FacetSums
 from mi_lcair.signatures.signature_result import Intensity, Signature
 
-if TYPE_CHECKING:
-    pass
-
 
 def measure_signature(
     scene: Scene,
@@ -29,6 +26,7 @@ def measure_signature(
     by_spectrum: bool = False,
     facets: bool = False,
     excess: Callable[[Signature], float] | None = None,
+    aim: Aim | None = None,
 ) -> Signature:
     """Integrate the radiance of a loaded scene over a sensor's window, under its own settings.
 
@@ -43,6 +41,8 @@ def measure_signature(
         Whether to compute the results of each facet of the model.
     excess : callable or None
         Instead of a tolerance: ratio of the error to the allowed error, see `Criterion`.
+    aim : Aim or None
+        Where in the window the paths begin, see `measure`.
     """
     if by_spectrum and scene.band.is_total:
         raise InputError(
@@ -70,6 +70,7 @@ def measure_signature(
             systematic=total.systematic,
             reached=total.reached,
             tolerance=sampling.tolerance,
+            aim=total.aim,
         )
 
     criterion = None
@@ -79,7 +80,7 @@ def measure_signature(
         criterion = IntensityInterval(sampling.tolerance)
     sums = FacetSums(FacetTable(scene), scene.mi.integrator().max_bounces) if facets else None
     measurands = Measurands(Channels("target"), sums, by_spectrum)
-    total = measure(scene, Windows.whole(camera), sampling, measurands, criterion)
+    total = measure(scene, Windows.whole(camera), sampling, measurands, criterion, aim)
     if not facets:
         return result(total)
     *_, direction = window(camera)
@@ -101,8 +102,12 @@ def intensity(total: Totals, prefix: str, area: float) -> Intensity:
         Area of the sensor's window, m^2.
     """
     whole = prefix.removesuffix(".") or None
-    mean = lambda name: float(total.mean(name)[0] * area)
-    error = lambda name: float(total.standard_error(name)[0] * area)
+
+    def mean(name):
+        return float(total.mean(name)[0] * area)
+
+    def error(name):
+        return float(total.standard_error(name)[0] * area)
 
     def split(kind):
         """Values and standard errors of the parts of one kind, by name."""

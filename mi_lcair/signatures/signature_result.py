@@ -13,6 +13,7 @@ from mi_lcair.signatures.facet_results import FacetResults
 
 if TYPE_CHECKING:
     from mi_lcair.planning.plan import Plan
+    from mi_lcair.plugins.paths.aim import Aim
 
 
 @dataclass(frozen=True)
@@ -98,6 +99,8 @@ class Signature(Result):
         Whether the tolerance was reached, or the criterion `excess` was met; None without them.
     plan : Plan or None
         Plan under whose settings the paths were traced.
+    aim : Aim or None
+        Where in the window the paths began. Renders with one aim and one number share their paths.
     """
 
     scene_name: str
@@ -116,6 +119,7 @@ class Signature(Result):
     tolerance: float | None
     reached: bool | None = None
     plan: "Plan | None" = None
+    aim: "Aim | None" = None
 
     kind: ClassVar[str] = "signature"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.signature:figure"

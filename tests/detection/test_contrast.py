@@ -297,10 +297,23 @@ def kernels_by_row(monkeypatch, scenario):
 def test_one_compile_for_all_numbers_of_reflections(folder, monkeypatch, sampling):
     """Rows with 2 to 4 reflections use the kernels of the first; 10 need one more at most."""
     scenario = disc(folder, render__max_bounces=[1, 2, 3, 4, 10], render__resolution=16, **sampling)
-    first, *few, many = kernels_by_row(monkeypatch, scenario)
+    many, first, *few = kernels_by_row(monkeypatch, scenario)[:5]
     assert first and len(few) == 3
     assert all(row <= first for row in few)
     assert len(many - first) <= 1
+
+
+@pytest.mark.slow
+def test_numbers_of_reflections_share_their_paths_also_with_a_tolerance():
+    """Both rows of the airliner have the same emission and first reflections, to the rounding."""
+    scenario = Scenario.read(
+        "a340_landing/position_3",
+        **{"sensor.band": "LWIR", "render.max_bounces": "[1, 4]", "render.tolerance": 0.03},
+    )
+    rows = module.rendered(module.setting_of(scenario), scenario.render, None)
+    (_, _, few), (_, _, many) = rows
+    assert few.reached and many.reached and few.paths == many.paths
+    assert few.target.by_bounce == pytest.approx(many.target.by_bounce[:2], rel=1e-6)
 
 
 def test_what_no_path_has_met_counts():
