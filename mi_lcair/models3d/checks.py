@@ -1,8 +1,7 @@
 """Checks of a facet model: gaps, facets that face inward, facets that exist twice."""
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+import scipy
 
 from mi_lcair.models3d.model import Model
 from mi_lcair.models3d.welding import TOLERANCE, unique_rows
@@ -34,8 +33,10 @@ def signed_volumes(model: Model, edges: "Edges") -> np.ndarray:
     if len(start):
         rim, number = np.unique(np.concatenate([start, end]), return_inverse=True)
         start, end = number.reshape(2, -1)
-        links = coo_array((np.ones(len(start), bool), (start, end)), shape=(len(rim), len(rim)))
-        openings, opening = connected_components(links, directed=False)
+        links = scipy.sparse.coo_array(
+            (np.ones(len(start), bool), (start, end)), shape=(len(rim), len(rim))
+        )
+        openings, opening = scipy.sparse.csgraph.connected_components(links, directed=False)
         points = model.vertices[rim] - model.box.mean(axis=0)
         middle = (
             np.stack([np.bincount(opening, axis) for axis in points.T], axis=-1)
@@ -152,8 +153,8 @@ def inward(model: Model, volumes: np.ndarray, facets: np.ndarray) -> np.ndarray:
     count = model.count
     other = np.where(agree, b, b + count)
     links = (np.concatenate([a, a + count]), np.concatenate([other, (other + count) % (2 * count)]))
-    nodes = coo_array((np.ones(2 * len(a), bool), links), shape=(2 * count, 2 * count))
-    number, component = connected_components(nodes, directed=False)
+    nodes = scipy.sparse.coo_array((np.ones(2 * len(a), bool), links), shape=(2 * count, 2 * count))
+    number, component = scipy.sparse.csgraph.connected_components(nodes, directed=False)
     as_is, turned = component[:count], component[count:]
     surface = np.minimum(as_is, turned)
     side = np.where(as_is < turned, 1, -1)

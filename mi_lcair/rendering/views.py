@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from scipy.spatial import ConvexHull
+import scipy
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.derivatives import members
@@ -84,7 +84,7 @@ class Target:
         points = np.concatenate(points)
         if len(points) > FEW_POINTS:
             # Without the option QJ, Qhull fails for a flat model
-            points = points[ConvexHull(points, qhull_options="QJ").vertices]
+            points = points[scipy.spatial.ConvexHull(points, qhull_options="QJ").vertices]
         centre = (points.min(axis=0) + points.max(axis=0)) / 2
         return Target(points, centre, float(np.linalg.norm(points - centre, axis=1).max()))
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.interpolate import BarycentricInterpolator
 
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.physics.bands import Band
@@ -208,7 +208,9 @@ class EffectiveAreas(Result):
         by_source = self.area[:, :, None] * self.radiance(wavelengths_um, temperatures)
         if not self.nodes_um.size:
             return by_source
-        rest = BarycentricInterpolator(self.nodes_um, self.by_wavelength.T)(wavelengths_um).T
+        rest = scipy.interpolate.BarycentricInterpolator(self.nodes_um, self.by_wavelength.T)(
+            wavelengths_um
+        ).T
         return np.concatenate([by_source, rest[:, None]], axis=1)
 
     def radiance(self, wavelengths_um: ArrayLike, temperatures: dict | None = None) -> np.ndarray:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
+import scipy
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.atmosphere import LIGHT_RANGES, PAST_GROUND, Atmosphere, LineOfSight
@@ -98,7 +98,7 @@ class ClearPaths(Atmosphere):
                 at = np.geomspace(NEAREST_M, LONGEST_M, LIGHT_RANGES)
                 table = [light.transmittance(amounts) for amounts in amounts_at(at)]
                 depths = -np.log(np.clip(table, 1e-300, 1 - LEAST_DEPTH))
-                self._lights[key] = PchipInterpolator(np.log(at), np.log(depths))
+                self._lights[key] = scipy.interpolate.PchipInterpolator(np.log(at), np.log(depths))
             return np.exp(-np.exp(self._lights[key](np.log(range_m))))
 
         return shares
@@ -186,7 +186,9 @@ class ClearPaths(Atmosphere):
         lengths, amounts, radiance = (np.array(values) for values in zip(*paths))
         source = radiance / np.maximum(-np.expm1(-bands().depth(amounts)), 1e-300)
         return [
-            PchipInterpolator(np.log(self.ranges_m), np.log(np.maximum(values, 1e-300)))
+            scipy.interpolate.PchipInterpolator(
+                np.log(self.ranges_m), np.log(np.maximum(values, 1e-300))
+            )
             for values in (lengths, amounts, source)
         ]
 
@@ -222,4 +224,4 @@ class ClearPaths(Atmosphere):
         amounts, radiance = (np.array(values) for values in zip(*pairs))
         emissivity = -np.expm1(-bands().depth(amounts))
         source = radiance / np.maximum(emissivity, 1e-300)
-        return PchipInterpolator(np.log(self.ranges_m), source)
+        return scipy.interpolate.PchipInterpolator(np.log(self.ranges_m), source)

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
+import scipy
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.bands import bands
@@ -184,7 +184,7 @@ def between_rings(places: np.ndarray, rings: np.ndarray, values: np.ndarray) -> 
     the rings, (n,).
     """
     at, of_rings = -np.log(air_mass(places)), -np.log(air_mass(rings))
-    logarithms = PchipInterpolator(of_rings, np.log(np.maximum(values, SMALLEST)))
+    logarithms = scipy.interpolate.PchipInterpolator(of_rings, np.log(np.maximum(values, SMALLEST)))
     return np.exp(logarithms(np.clip(at, of_rings[0], of_rings[-1])))
 
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BarycentricInterpolator
+import scipy
 
 from mi_lcair.physics.air.atmosphere import Atmosphere
 from mi_lcair.physics.bands import Band
@@ -122,7 +122,7 @@ class Arrival:
         if len(nodes := sources.wavelengths_um):
             # The spectrum is a polynomial through the nodes, a sum of basis polynomials. Each basis
             # polynomial is treated as one spectrum.
-            basis = BarycentricInterpolator(nodes, np.eye(len(nodes)))
+            basis = scipy.interpolate.BarycentricInterpolator(nodes, np.eye(len(nodes)))
             weights, detected = (
                 basis(rule.wavelengths_um).T @ rule.weights_um for rule in (band, detector)
             )
