@@ -65,6 +65,17 @@ def test_the_ends_of_the_table(table):
             table.along(elevation, True)
 
 
+def test_what_is_no_table_of_slant_paths(tmp_path):
+    """A CSV with only one of the two columns, and a text with both."""
+    for name, header in (
+        ("a.csv", "elevation_deg,radiance"),
+        ("b.csv", "range_km,transmittance"),
+        ("c.txt", HEADER),
+    ):
+        (tmp_path / name).write_text(f"# measured\n{header}\n")
+        assert not is_slant(tmp_path / name)
+
+
 def test_outside_the_table(table):
     with pytest.raises(InputError, match="elevation of 5 degrees is outside its 10-40 degrees"):
         table.along(5.0, True)

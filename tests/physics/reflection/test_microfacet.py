@@ -79,6 +79,40 @@ def test_brdf_is_the_printed_one(parameters):
     )
 
 
+def test_brdf_and_density_of_a_broad_lobe():
+    """The printed equations in NumPy, over the hemisphere; the density is G_1(r) D / (4 c_r)."""
+    parameters = alpha, gamma, *_ = 0.4, 1.64, 1.44, 0.21, 0.4
+    rng = np.random.default_rng(8)
+    theta, phi = np.arccos(rng.uniform(0.05, 1, (2, 200))), rng.uniform(0, 2 * np.pi, (2, 200))
+    i, r = map(direction, theta, phi)
+    at_i, at_r = i.numpy(), r.numpy()
+    S, exact = surface(*parameters), printed.brdf(np, at_i, at_r, *parameters)
+    np.testing.assert_allclose(MODEL.f(S, i, r), exact, rtol=1e-9)
+
+    half = (at_i + at_r) / np.linalg.norm(at_i + at_r, axis=0)
+    masking = np.minimum(1, 2 * half[2] * at_r[2] / np.sum(at_r * half, axis=0))
+    density = masking * printed.distribution(np, half[2] ** 2, alpha, gamma) / (4 * at_r[2])
+    np.testing.assert_allclose(MODEL.lobe_pdf(S, i, r), density, rtol=1e-9)
+
+
+def test_reflectances_of_a_broad_lobe():
+    """HDR by a product rule over the hemisphere; its parts for the renderer add up to it."""
+    S, angles = surface(0.6, 2, 1.6, 0.5, 0.3), np.radians([0.0, 40.0, 75.0])
+    x, weights = np.polynomial.legendre.leggauss(60)
+    theta, phi = (side.ravel() for side in np.meshgrid(np.pi / 4 * (x + 1), np.pi * (x + 1)))
+    weight = np.outer(np.pi * weights, np.pi / 4 * weights).ravel() * np.cos(theta) * np.sin(theta)
+    sources = direction(theta, phi)
+    exact = [
+        weight @ MODEL.f(S, sources, direction(np.full(len(theta), angle))).numpy()
+        for angle in angles
+    ]
+    theta_r, cos, sin2 = map(Float64, (angles, np.cos(angles), np.sin(angles) ** 2))
+    np.testing.assert_allclose(MODEL.HDR(S, theta_r), exact, rtol=1e-3)
+    np.testing.assert_allclose(MODEL.DHR(S, theta_r), exact, rtol=1e-3)
+    lobe = MODEL.lobe_HDR(S, theta_r) * MODEL.lobe_scale(S, cos, sin2)
+    np.testing.assert_allclose(MODEL.floor_HDR(S, cos, sin2) + lobe, exact, rtol=1e-3)
+
+
 @pytest.mark.parametrize("parameters", SURFACES)
 def test_float32_keeps_its_digits(parameters):
     """The relative error in Float32 is 1e-5, also on the lobe's flank and for alpha = 1e-4."""
@@ -209,6 +243,23 @@ def test_derivatives_of_the_brdf(held):
 # ------------------------------------------------------------------ Drawing directions
 
 LOBES = [(a, g) for a in (1e-4, 0.01, 0.3, 1) for g in (0.5, 1, 2, 4)]
+
+
+@pytest.mark.parametrize("theta_deg", [0, 50, 80])
+def test_drawn_directions_follow_the_density(theta_deg):
+    """The moments of 20,000 drawn directions above the surface, to five standard errors."""
+    S, rng = surface(0.5, 1.5, 2, 0, 0), np.random.default_rng(9)
+    r = direction(np.radians(theta_deg), 0.4)
+    i = MODEL.sample_lobe(S, r, *(Float64(rng.random(20_000)) for _ in range(3))).numpy()
+    x, weights = np.polynomial.legendre.leggauss(120)
+    theta, phi = (side.ravel() for side in np.meshgrid(np.pi / 4 * (x + 1), np.pi * (x + 1)))
+    weight = np.outer(np.pi * weights, np.pi / 4 * weights).ravel() * np.sin(theta)
+    sources = direction(theta, phi)
+    density = weight * MODEL.lobe_pdf(S, sources, r).numpy()
+    for moment in (lambda w: np.ones_like(w[2]), lambda w: w[2], lambda w: w[0], lambda w: w[1]):
+        drawn = np.where(i[2] > 0, moment(i), 0)
+        error = 5 * drawn.std() / np.sqrt(drawn.size) + 1e-3
+        assert drawn.mean() == pytest.approx(density @ moment(sources.numpy()), abs=error)
 
 
 @pytest.mark.parametrize("theta_deg", [0, 30, 60, 85, 89.99])
