@@ -26,6 +26,7 @@ LARGEST_OF_REPEATS = 2.0
 # Largest difference between model and data that is not reported as lack of fit [decades]. It is
 # 0.5 %, less than the error of any scatterometer's calibration.
 NEGLIGIBLE_DEX = 0.002
+OVERSTATED = "the data scatter less than their sigma says"
 FAR = 4.0  # distance beyond which a robust fit disregards a point [standard deviations]
 
 
@@ -170,7 +171,7 @@ def words(lacks, systematic, chi_square, p_value, correlation, by_chance, freedo
             f"(p = {p_value:.2g})"
         )
         if stats.chi2.cdf(chi_square * freedom, freedom) < SIGNIFICANCE:
-            facts.append("the data scatter less than their sigma says")
+            facts.append(OVERSTATED)
     if by_chance < 1:
         facts.append(
             f"neighbouring residuals correlate by {correlation:.2f} (noise: up to {by_chance:.2f})"

@@ -12,6 +12,7 @@ from mi_lcair.fitting.judgement.uncertainty import (
 )
 from mi_lcair.physics.reflection.interface import ModelParameter
 
+NOT_DETERMINED = "not determined by these data"
 # Width of an interval, relative to the feasible range, from which the parameter is not determined.
 UNDETERMINED = 0.5
 # An interval that begins below this multiple of the lower bound is said to reach the bound.
@@ -101,6 +102,16 @@ class Doubt:
     outliers: int
 
 
+def missed(what: str) -> str:
+    """The verdict on any parameter of a model that misses the data. what: part that it misses."""
+    return f"{NOT_DETERMINED}: the model misses {what}"
+
+
+def undetermined(span: str) -> str:
+    """The verdict on a parameter whose interval is too wide. span: the interval."""
+    return f"{NOT_DETERMINED}: anything in {span} fits"
+
+
 def verdict(
     parameter: ModelParameter, value: float, interval, bounds, at_bound: str | None, doubt: Doubt
 ) -> str:
@@ -129,11 +140,11 @@ def verdict(
     advice = f"; {parameter.advice}" if parameter.advice and not doubt.joint else ""
     half = 0.5 * (high - low)
     if doubt.misses and not (parameter.advice and doubt.joint):
-        return f"not determined by these data: the model misses whole scans{advice}"
+        return f"{missed('whole scans')}{advice}"
     if parameter.at_lower and low <= NEAR_LOWER * lowest:
-        return f"not determined by these data: {parameter.at_lower.format(high=high)}"
+        return f"{NOT_DETERMINED}: {parameter.at_lower.format(high=high)}"
     if high - low >= UNDETERMINED * (highest - lowest):
-        return f"not determined by these data: anything in {span} fits{advice}"
+        return f"{undetermined(span)}{advice}"
     if at_bound:
         return f"at its bound {at_bound}: interval {span}{advice}"
     if doubt.outliers:

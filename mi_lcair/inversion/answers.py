@@ -1,11 +1,12 @@
 """What an estimate says: errors, verdicts, and the directions that the data cannot tell apart."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 from scipy import stats
 
-from mi_lcair.fitting.judgement.verdict import UNDETERMINED
+from mi_lcair.fitting.judgement.quality import SIGNIFICANCE
+from mi_lcair.fitting.judgement.verdict import UNDETERMINED, missed, undetermined
 from mi_lcair.inversion.least_squares.prediction import DatumBlock, product
 from mi_lcair.inversion.least_squares.solve import State
 from mi_lcair.inversion.unknowns import Unknown
@@ -93,13 +94,30 @@ def verdict(unknown: Unknown, value: float, error: float, at_bound: int) -> str:
     low, high = max(value - half, unknown.lower), min(value + half, unknown.upper)
     span = f"{low:.4g}..{high:.4g} {unknown.unit.removesuffix('1')}".rstrip()
     if 2 * half >= UNDETERMINED * unknown.span:
-        return f"not determined by these data: anything in {span} fits"
+        return undetermined(span)
     if at_bound:
         end = unknown.lower if at_bound < 0 else unknown.upper
         return f"at its bound {end:.4g}: interval {span}"
     if unknown.is_determined(value, half):
         return "determined"
     return f"weakly determined: interval {span}"
+
+
+def withdrawn(answers: list[Answer], words: str) -> list[Answer]:
+    """The answers with other words where the verdict claims an interval, exact or wide."""
+    return [
+        replace(answer, verdict=words)
+        if answer.verdict.startswith(("determined", "weakly determined"))
+        else answer
+        for answer in answers
+    ]
+
+
+def misfit(p_value: float | None) -> str | None:
+    """The verdict on unknowns whose data the model misses, in the words of `fit`; None if not."""
+    if p_value is None or p_value >= SIGNIFICANCE:
+        return None
+    return missed(f"the measured values (p = {p_value:.1g})")
 
 
 def correlation(covariance: np.ndarray) -> np.ndarray:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.fitting.judgement.verdict import NOT_DETERMINED
 from mi_lcair.inversion.data.datum import Datum
 from mi_lcair.inversion.least_squares.estimate import estimate
 from mi_lcair.inversion.least_squares.prediction import cost_of
@@ -62,7 +63,7 @@ def first_guesses(everything: list[Unknown], datum: Datum, problem: InverseProbl
 def chosen(verdict: str) -> str:
     """The verdict on an unknown of a goal."""
     what, _, span = verdict.partition(":")
-    if what.startswith("not determined by"):
+    if what == NOT_DETERMINED:
         return f"free: {span.strip().removesuffix(' fits')} does as well"
     if what == "weakly determined":
         return f"chosen, but {span.strip().removeprefix('interval ')} does nearly as well"

@@ -7,6 +7,8 @@ import numpy as np
 from scipy import sparse
 
 from mi_lcair.errors import InputError
+from mi_lcair.fitting.judgement.quality import OVERSTATED, SIGNIFICANCE
+from mi_lcair.fraction import percent
 from mi_lcair.inversion.advice import (
     MOST_UNKNOWNS,
     Advice,
@@ -17,7 +19,7 @@ from mi_lcair.inversion.advice import (
     other_states,
     priors,
 )
-from mi_lcair.inversion.answers import Answer, answers, chi_square, directions
+from mi_lcair.inversion.answers import Answer, answers, chi_square, directions, misfit, withdrawn
 from mi_lcair.inversion.data.datum import Datum
 from mi_lcair.inversion.data.loader import Loader, goal_datum
 from mi_lcair.inversion.fitted import fitted, materials
@@ -26,13 +28,13 @@ from mi_lcair.inversion.least_squares.estimate import estimate
 from mi_lcair.inversion.least_squares.solve import State, is_informed
 from mi_lcair.inversion.problem import InverseProblem, parts
 from mi_lcair.inversion.solution import Solution
-from mi_lcair.inversion.unknowns import FACETS, Unknown, instruments, unknowns
+from mi_lcair.inversion.unknowns import FACETS, INSTRUMENT, Unknown, instruments, unknowns
 from mi_lcair.progress import Progress
 
 NOISY = 0.75  # share of a variance from which the noise of the render is said to dominate
 UNTESTED = {"chi_square": 0.0, "degrees_of_freedom": 0.0, "p_value": None}
 UNFINISHED = "not converged: the value still moves, and its error may be too small"
-IMPROBABLE = 1e-3  # p-value below which the model is said to miss something
+LARGEST_MODEL_ERROR = 0.1  # relative error of a model above which it is not proposed to state it
 
 
 def solve_problem(problem: InverseProblem, advise: bool, progress: Progress | None) -> Solution:
@@ -61,20 +63,19 @@ def solve_problem(problem: InverseProblem, advise: bool, progress: Progress | No
         entries = enumerate([*problem.data, *problem.candidates])
         loaded = [loader.datum(entry, number, groups) for number, entry in entries]
         data, proposed = loaded[: len(problem.data)], loaded[len(problem.data) :]
-        everything = [*unknowns_of(problem, data), *instruments(problem.data)]
+        everything = [*unknowns_of(problem, data), *instruments(data)]
         check_counts(everything, data)
         state = estimate(everything, data, problem.render, progress)
         answered = answers(everything, state)
         if not state.converged:
-            answered = [
-                replace(answer, verdict=UNFINISHED) if answer.is_determined else answer
-                for answer in answered
-            ]
+            answered = withdrawn(answered, UNFINISHED)
         chi = chi_square(state.blocks, state.x, determined(state))
         notes = remarks(state, answered, chi)
         pairs, advised = directions(answered, state.covariance, reasons(everything, data)), []
         if advise and any(answer.is_sought and not answer.is_determined for answer in answered):
             advised = advice_for(problem, everything, state, answered, data, proposed, loader)
+        if words := misfit(chi["p_value"]):
+            answered = withdrawn(answered, words)
     return Solution(
         problem=problem.name,
         answers=answered,
@@ -161,13 +162,39 @@ def remarks(state: State, answered: list[Answer], chi: dict) -> list[str]:
             f"the noise of the render dominates the error of {len(noisy)} unknowns, such as "
             f"{noisy[0]}; raise spp of [render]"
         )
-    if chi["p_value"] is not None and chi["p_value"] < IMPROBABLE:
-        lines.append(
-            f"the residuals are larger than the noise explains (chi-square {chi['chi_square']:.4g} "
-            f"for {chi['degrees_of_freedom']:.4g} degrees of freedom): the scene misses something, "
-            "or the noise is understated"
-        )
-    return lines
+    return [*lines, *remarks_on_residuals(state, chi)]
+
+
+def remarks_on_residuals(state: State, chi: dict) -> list[str]:
+    """What the size of the residuals says about the model and the stated noise."""
+    p = chi["p_value"]
+    sums = (
+        f"(chi-square {chi['chi_square']:.4g} for {chi['degrees_of_freedom']:.4g} degrees of "
+        "freedom)"
+    )
+    if p is not None and p < SIGNIFICANCE:
+        size = model_error(state)
+        remedy = "check its geometry and materials"
+        if size <= LARGEST_MODEL_ERROR:
+            remedy += f'; if they are slightly wrong, state model_sigma, at least "{percent(size)}"'
+        return [
+            f"the residuals are larger than the noise explains {sums}: the scene misses something, "
+            f"or the noise is understated; {remedy}"
+        ]
+    if p is not None and p > 1 - SIGNIFICANCE and not any(len(b.model) for b in state.blocks):
+        return [f"{OVERSTATED} {sums}: the noise is overstated, and so are the errors"]
+    return []
+
+
+def model_error(state: State) -> float:
+    """Rms relative error of the prediction that makes the residuals as large as they are."""
+    excess = power = 0.0
+    for block in state.blocks:
+        prediction = block.at(state.x)
+        r = prediction.residuals.mean(axis=0)
+        excess += float(np.sum(r**2 - prediction.noise**2 - prediction.variance))
+        power += float(np.sum(prediction.mean**2))
+    return float(np.sqrt(max(excess, 0) / power))
 
 
 def unseen_facets(state: State, answered: list[Answer]) -> list[int]:
@@ -197,7 +224,7 @@ def advice_for(
     by_name = {datum.label: [datum] for datum in proposed}
     by_name |= other_bands(data, loader, len(data) + len(proposed))
     more = [datum for made in by_name.values() for datum in made]
-    instrument = [unknown for unknown in everything if unknown.kind in ("gain", "offset")]
+    instrument = [unknown for unknown in everything if unknown.kind in INSTRUMENT]
     everywhere = [*unknowns_of(problem, data, more), *instrument]
     proposals = [
         *priors(everything),

@@ -31,7 +31,10 @@ PRECISION = {
     "material": (0.02, 0.25),
     "gain": (0.0, 0.05),
     "offset": (np.inf, 0.0),
+    "model": (np.inf, 0.0),
 }
+# Kinds of unknowns that are no parameters of a scene: how an image differs from the radiance
+INSTRUMENT = ("gain", "offset", "model")
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,7 @@ class Unknown:
     name : str
         Name of the scene's parameter.
     kind : str
-        "temperature", "facet", "radiance", "emissivity", "material", "gain" or "offset".
+        "temperature", "facet", "radiance", "emissivity", "material", "gain", "offset" or "model".
     unit : str
         Unit of the value.
     start, lower, upper : float
@@ -255,15 +258,30 @@ def stated(plain: Unknown, entry: UnknownEntry) -> Unknown:
 
 
 def instruments(data) -> list[Unknown]:
-    """The unknown gains and offsets of measurements."""
+    """The unknown gains, offsets and errors of the model of data."""
     result = []
-    for number, entry in enumerate(data):
-        for kind, start, lower in (("gain", 1.0, 0.0), ("offset", 0.0, -np.inf)):
-            if getattr(entry, kind):
-                label, prior = f"{kind} [{entry.name}]", getattr(entry, f"{kind}_prior")
-                unit = "1" if kind == "gain" else "W m^-2 sr^-1"
-                value = start if prior is None else prior[0]
-                result.append(
-                    Unknown(label, label, kind, unit, value, lower, np.inf, prior, (number,), False)
+    for datum in data:
+        entry = datum.entry
+
+        def of_image(label, kind, unit, start, lower, upper, prior):
+            value = start if prior is None else prior[0]
+            result.append(
+                Unknown(
+                    label, label, kind, unit, value, lower, upper, prior, (datum.number,), False
                 )
+            )
+
+        if entry.gain:
+            of_image(f"gain [{entry.name}]", "gain", "1", 1.0, 0.0, np.inf, entry.gain_prior)
+        if entry.offset:
+            unit, prior = "W m^-2 sr^-1", entry.offset_prior
+            of_image(f"offset [{entry.name}]", "offset", unit, 0.0, -np.inf, np.inf, prior)
+        for group in datum.shares:
+            label, prior = model_label(group, entry.name), (0.0, entry.model_error)
+            of_image(label, "model", "1", 0.0, -1.0, 1.0, prior)
     return result
+
+
+def model_label(group: str, name: str) -> str:
+    """Label of the relative error of the prediction for a group in a datum."""
+    return f"model error of {group} [{name}]"

@@ -17,12 +17,12 @@ TURNS = (
 STRIP = """<shape type="rectangle">
     <transform name="to_world"> <scale x="0.5" y="0.25"/> <translate x="0.5" y="{y}"/>
     <matrix value="{turn}"/> </transform>
-    <bsdf type="diffuse"> <spectrum name="reflectance" value="$R"/> </bsdf>
+    <bsdf type="diffuse"> <spectrum name="reflectance" value="$R{number}"/> </bsdf>
     <emitter type="thermal"> <string name="band" value="$band"/>
     <float name="temperature" value="{kelvin}"/> <string name="group" value="s{number}"/> </emitter>
 </shape>"""
 XML = """<scene version="3.0.0">
-<default name="R" value="0.3"/> <default name="band" value="LWIR"/>
+{defaults} <default name="band" value="LWIR"/>
 <default name="size" value="16"/> <default name="spp" value="16"/>
 <default name="half" value="0.4"/>
 <integrator type="bounce_path"> <integer name="max_bounces" value="6"/> </integrator>
@@ -44,8 +44,9 @@ def write_scene(folder) -> str:
         STRIP.format(number=number, y=0.25 + 0.5 * (number % 2), turn=TURNS[number // 2], kelvin=T)
         for number, T in enumerate(KELVIN)
     ]
+    defaults = "".join(f'<default name="R{k}" value="0.3"/>' for k in range(len(KELVIN)))
     path = folder / "corner.xml"
-    path.write_text(XML.replace("{strips}", "\n".join(strips)))
+    path.write_text(XML.replace("{strips}", "\n".join(strips)).replace("{defaults}", defaults))
     return str(path)
 
 
@@ -53,6 +54,11 @@ def clean(path, spp: int = 2**13, **parameters) -> np.ndarray:
     """The radiance of the scene without a camera's noise."""
     scene = mi_lcair.load(path, **parameters)
     return mi_lcair.render(scene, spp=spp, seed=99, split=None).channels["Y"].astype(float)
+
+
+def reflectances(values) -> dict:
+    """Parameters of the scene for other reflectances of the strips."""
+    return {f"R{number}": float(R) for number, R in enumerate(values)}
 
 
 def problem(folder, path, image, start, draw: int, **render) -> dict:

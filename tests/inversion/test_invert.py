@@ -16,7 +16,7 @@ from mi_lcair.inversion.problem import InverseProblem
 from mi_lcair.inversion.unknowns import unknowns
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.sensitivity.solution_file import apply_solution
-from tests.inversion.corner import KELVIN, clean
+from tests.inversion.corner import KELVIN, NETD_MK, clean, reflectances
 from tests.inversion.corner import problem as corner_problem
 from tests.inversion.corner import write_scene as write_corner
 from tests.inversion.plate import UNKNOWNS, datum, write_scene
@@ -214,6 +214,41 @@ def test_pixels_without_radiance_have_the_camera_s_noise(tmp_path):
     assert found.p_value > 1e-3 and found.chi_square < 1.5 * found.degrees_of_freedom
     for answer, kelvin in zip(found.answers, KELVIN):
         within(answer, kelvin)
+
+
+def test_a_wrong_model_determines_nothing(tmp_path):
+    """A flipped image: chi-square is large, and each verdict says so, as that of a fit does."""
+    path = write_corner(tmp_path)
+    given = corner_problem(tmp_path, path, np.flip(clean(path), axis=1), 300.0, 2)
+    found = mi_lcair.invert(given, advise=False)
+    assert found.p_value < 1e-3 and "check its geometry and materials" in found.remarks[-1]
+    for answer in found.answers:
+        assert answer.verdict.startswith("not determined by these data: the model misses"), answer
+
+
+def test_noise_that_is_stated_too_high(tmp_path):
+    path = write_corner(tmp_path)
+    given = corner_problem(tmp_path, path, clean(path), 300.0, 3, spp=256)
+    given["data"][0]["netd_mK"] = 5 * NETD_MK
+    found = mi_lcair.invert(given, advise=False)
+    assert found.p_value > 0.999 and "the noise is overstated" in found.remarks[-1]
+
+
+def test_an_error_of_the_model_that_is_stated(tmp_path):
+    """Reflectances that are wrong by 0.04: a remark proposes model_sigma, and errors cover them."""
+    path = write_corner(tmp_path)
+    wrong = reflectances(0.3 + 0.04 * np.array([1, -1, 0.5, -0.5, -1, 1]))
+    image = clean(path, **wrong)
+    given = corner_problem(tmp_path, path, image, 300.0, 4, spp=128)
+    found = mi_lcair.invert(given, advise=False)
+    z = [(answer.value - T) / answer.standard_error for answer, T in zip(found.answers, KELVIN)]
+    assert np.max(np.abs(z)) > 10 and not any(answer.is_determined for answer in found.answers)
+    assert 'state model_sigma, at least "' in found.remarks[-1]
+    given["data"][0]["model_sigma"] = "4 %"
+    found = mi_lcair.invert(given, advise=False)
+    assert found.p_value > 1e-3 and len(found.answers) == 2 * len(KELVIN)
+    for answer, kelvin in zip(found.answers, KELVIN):
+        within(answer, kelvin, 3)
 
 
 @pytest.mark.slow

@@ -1,6 +1,7 @@
 """Which unknowns the entries of a problem stand for, with their bounds and first guesses."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -183,6 +184,9 @@ def test_instruments():
         Measurement("cavity", "plain", **camera),
         Measurement("cavity", "camera", gain=True, offset=True, offset_prior=(0.4, 0.1), **camera),
     ]
+    data = [
+        SimpleNamespace(entry=entry, number=number, shares={}) for number, entry in enumerate(data)
+    ]
     gain, offset = instruments(data)
     assert (gain.label, gain.kind, gain.unit) == ("gain [camera]", "gain", "1")
     assert (gain.start, gain.lower, gain.upper, gain.data) == (1, 0, np.inf, (1,))
@@ -192,3 +196,13 @@ def test_instruments():
         (0.4, 0.1),
     )
     assert (offset.start, offset.lower, offset.is_sought) == (0.4, -np.inf, False)
+
+
+def test_errors_of_the_model():
+    """One for each group that the image shows, with the stated standard deviation as its prior."""
+    entry = Measurement("cavity", "camera", image="a.npy", netd_mK=50, model_sigma="2 %")
+    datum = SimpleNamespace(entry=entry, number=4, shares={"lid": None, "ground": None})
+    lid, ground = instruments([datum])
+    assert lid.label == "model error of lid [camera]"
+    assert ground.label == "model error of ground [camera]"
+    assert (lid.start, lid.prior, lid.data, lid.is_sought) == (0.0, (0.0, 0.02), (4,), False)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy import sparse
@@ -13,7 +13,7 @@ from mi_lcair.inversion.data.images import slope
 from mi_lcair.inversion.data.measurement import Observation
 from mi_lcair.inversion.least_squares.prediction import DatumBlock, variance_of_mean
 from mi_lcair.inversion.tables import Goal, RenderSettings
-from mi_lcair.inversion.unknowns import Unknown, Where
+from mi_lcair.inversion.unknowns import INSTRUMENT, Unknown, Where, model_label
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.sensitivity.facet_temperatures import with_facets
@@ -57,6 +57,8 @@ class Datum:
         Intensity of the background that the target hides [W/sr], for a wanted contrast.
     sight : MeasuredContrast, optional
         Line of sight along which a contrast was measured.
+    shares : dict of str to ndarray, shape (n,)
+        Share of each value that comes from a group whose prediction has an error of its own.
     """
 
     entry: Observation
@@ -71,6 +73,7 @@ class Datum:
     goal: Goal | None = None
     background: np.ndarray | float = 0.0
     sight: MeasuredContrast | None = None
+    shares: dict[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def label(self) -> str:
@@ -104,7 +107,7 @@ class Datum:
         return {
             unknowns[k].name: float(x[k])
             for k in self.numbers(unknowns)
-            if unknowns[k].kind not in ("facet", "gain", "offset")
+            if unknowns[k].kind not in ("facet", *INSTRUMENT)
         }
 
     def facet_settings(self, unknowns: list[Unknown], x: np.ndarray) -> dict[int, float]:
@@ -127,7 +130,7 @@ class Datum:
             return "@" in group or not any(
                 name.startswith(f"{group}@") for name in self.where.parameters
             )
-        return unknown.kind in ("facet", "radiance", "gain", "offset")
+        return unknown.kind in ("facet", "radiance", *INSTRUMENT)
 
     @contextmanager
     def at(self, unknowns: list[Unknown], x: np.ndarray):
@@ -176,7 +179,7 @@ class Datum:
         Its weights are 1, see `weight`. Raises InputError for values that no surface can have.
         """
         numbers = self.numbers(unknowns)
-        dense = [k for k in numbers if unknowns[k].kind not in ("facet", "gain", "offset")]
+        dense = [k for k in numbers if unknowns[k].kind not in ("facet", *INSTRUMENT)]
         facets = [k for k in numbers if unknowns[k].kind == "facet"]
         names = [unknowns[k].name for k in dense]
         seed = self._seed(sampling, MAIN)
@@ -194,6 +197,7 @@ class Datum:
                     else of_facets
                 )
         kinds = {unknowns[k].kind: k for k in numbers}
+        number_of = {unknowns[k].label: k for k in numbers}
         columns_of = np.array([*dense, *facets], dtype=int)
         return DatumBlock(
             measured=self.measured,
@@ -209,6 +213,8 @@ class Datum:
             weight=np.ones(len(self.measured)),
             gain=kinds.get("gain"),
             offset=kinds.get("offset"),
+            model=np.array([number_of[model_label(name, self.label)] for name in self.shares], int),
+            shares=np.array(list(self.shares.values())).reshape(-1, len(self.measured)).T,
             half_width=self.goal.value if self.goal is not None and self.goal.at_most else 0.0,
         )
 

@@ -1,7 +1,7 @@
 """The data of a problem: measured images, numbers and trends, each with its scene."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from mi_lcair.inversion.tables import Goal, RenderSettings
 from mi_lcair.inversion.unknowns import Where
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.paths.rounding import UNIT
+from mi_lcair.rendering.images.render import render_image
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene, load
 from mi_lcair.rendering.views import View, seen_from
@@ -23,6 +24,7 @@ from mi_lcair.sensitivity.parameters import parameters_of
 from mi_lcair.signatures.signature import measure_signature
 from mi_lcair.table import read_table
 
+SPP_OF_SHARES = 16  # samples per pixel that tell which groups a pixel shows
 DETAIL = 1e-3  # deviation from a goal that counts as one standard deviation, relative
 RESOLUTION = 64  # pixels along each side of an aspect's view, which `spp` counts by
 ASPECT, INTENSITY, ERROR = (
@@ -72,9 +74,11 @@ class Loader:
             measured = np.array([entry.contrast])
         else:
             measured, views = np.array([entry.intensity]), (scene,)
-        noise = noise_model(entry, scene.band, sigma)
+        noise, shares = noise_model(entry, scene.band, sigma), {}
         if not isinstance(entry, Candidate):
             check_noise(noise(measured), measured)
+            if entry.model_error:
+                shares = shares_of_groups(scene, entry.sensor, counts)
         where = Where(
             entry.name,
             scene.band.name,
@@ -88,7 +92,17 @@ class Loader:
                 "number"
             )
         return Datum(
-            entry, number, scene, where, measured, noise, counts, views, aspects, sight=sight
+            entry,
+            number,
+            scene,
+            where,
+            measured,
+            noise,
+            counts,
+            views,
+            aspects,
+            sight=sight,
+            shares=shares,
         )
 
 
@@ -128,12 +142,30 @@ def goal_datum(goal: Goal, sampling: RenderSettings) -> Datum:
 
 
 def noise_model(entry: Observation, band, sigma) -> Callable:
-    """Function that gives the standard deviation of a measurement for predicted values."""
+    """Function that gives the standard deviation of a measurement for predicted values.
+
+    It contains the error of each pixel's prediction that `model_sigma` states.
+    """
+    if isinstance(entry, Measurement) and entry.model_error:
+        measured = noise_model(replace(entry, model_sigma=None), band, sigma)
+        return lambda predicted: np.hypot(measured(predicted), entry.model_error * predicted)
     if sigma is not None:
         return lambda predicted: sigma
     if entry.netd_mK is not None:
         return lambda predicted: noise_of_netd(band, predicted, entry.netd_mK)
     return lambda predicted: np.full(len(predicted), entry.sigma)
+
+
+def shares_of_groups(scene: Scene, sensor: int, counts) -> dict[str, np.ndarray]:
+    """Share of the radiance of each pixel that counts, (n,), which leaves each group toward it."""
+    sampling = Sampling(spp=SPP_OF_SHARES, sensor=sensor)
+    channels = render_image(scene, sampling).channels
+    total = np.maximum(channels["Y"][counts], np.finfo(np.float32).tiny)
+    return {
+        name.removeprefix("seen.").removesuffix(".Y"): values[counts] / total
+        for name, values in channels.items()
+        if name.startswith("seen.") and values[counts].any()
+    }
 
 
 def check_noise(noise: np.ndarray, measured: np.ndarray) -> None:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from mi_lcair.declared import check_fields, within
 from mi_lcair.errors import InputError, unknown
+from mi_lcair.fraction import fraction
 from mi_lcair.inversion.tables import check_prior
 
 QUANTITIES = ("radiance", "apparent_temperature")
@@ -90,6 +91,10 @@ class Measurement(Observation):
         Whether measured = gain x radiance + offset, with an unknown gain or offset.
     gain_prior, offset_prior : tuple of float, optional
         Mean and standard deviation that are known beforehand.
+    model_sigma : str, optional
+        Standard deviation of the error of the predicted radiance itself, such as "1%", for a
+        geometry or a material that is slightly wrong. There is one such error for each group that
+        an image shows, common to all pixels that see the group, and one for each pixel.
     intensity : float, optional
         Intensity of the target, W/sr, in place of an image.
     contrast : float, optional
@@ -112,6 +117,7 @@ class Measurement(Observation):
     offset: bool = False
     gain_prior: tuple[float, ...] | None = None
     offset_prior: tuple[float, ...] | None = None
+    model_sigma: str | None = None
     intensity: float | None = None
     contrast: float | None = None
     trend: str | None = None
@@ -135,6 +141,8 @@ class Measurement(Observation):
             raise unknown("quantity", self.quantity, QUANTITIES)
         if self.scale == 0:
             raise InputError("scale = 0; must not be zero")
+        if self.model_error and not self.image:
+            raise InputError("model_sigma belongs to an image, and this is a number; raise sigma")
         for key in ("gain", "offset"):
             prior = getattr(self, f"{key}_prior")
             if prior is not None and not getattr(self, key):
@@ -157,6 +165,11 @@ class Measurement(Observation):
                 f"states its noise by {' and '.join(noises) or 'nothing'}; "
                 f"give {'one of ' if len(allowed) > 1 else ''}{', '.join(allowed)}"
             )
+
+    @property
+    def model_error(self) -> float:
+        """model_sigma as a number; 0 without it."""
+        return fraction(self.model_sigma) or 0.0
 
     def noises(self) -> list[str]:
         return [*super().noises(), *(["sigma_image"] if self.sigma_image is not None else [])]

@@ -9,7 +9,7 @@ bias (instrumental variables). `product` sums over all pairs of different random
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -50,6 +50,10 @@ class DatumBlock:
         Weights, independent of the randomisations of `radiance` and `columns`.
     gain, offset : int or None
         Numbers of the unknown gain and offset.
+    model : ndarray of int, shape (G,)
+        Numbers of the unknown relative errors of the prediction.
+    shares : ndarray, shape (n, G)
+        Share of each value to which each of them applies.
     half_width : float
         Values that differ from the measured ones by less than this are as good as equal.
     """
@@ -65,6 +69,8 @@ class DatumBlock:
     weight: np.ndarray
     gain: int | None = None
     offset: int | None = None
+    model: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
+    shares: np.ndarray | None = None
     half_width: float = 0.0
 
     def change(self, x: np.ndarray) -> float:
@@ -88,24 +94,27 @@ class DatumBlock:
         is_moved = moved.any()
         radiance = [F + J @ moved if is_moved else F for F, J in zip(self.radiance, self.columns)]
         columns = [scaled(J, rate) for J in self.columns]
-        unknown, factor = self.unknown, 1.0
-        if self.gain is not None or self.offset is not None:
-            factor = 1.0 if self.gain is None else x[self.gain]
+        extra = [k for k in (self.gain, self.offset) if k is not None] + self.model.tolist()
+        unknown = np.append(self.unknown, extra).astype(int)
+        if extra:
+            gain = 1.0 if self.gain is None else x[self.gain]
             zero = 0.0 if self.offset is None else x[self.offset]
-            extra, numbers = [[] for _ in radiance], []
-            if self.gain is not None:
-                numbers.append(self.gain)
-                extra = [[*more, F] for more, F in zip(extra, radiance)]
-            if self.offset is not None:
-                numbers.append(self.offset)
-                extra = [[*more, np.ones_like(F)] for more, F in zip(extra, radiance)]
+            error = np.ones(len(self.measured))
+            if len(self.model):
+                error += self.shares @ x[self.model]
             columns = [
-                beside(scaled(J, np.full(J.shape[1], factor)), np.stack(more, axis=1))
-                for J, more in zip(columns, extra)
+                beside(weighted(J, gain * error), self.instrument_columns(F, error, gain))
+                for J, F in zip(columns, radiance)
             ]
-            radiance = [factor * F + zero for F in radiance]
-            unknown = np.append(unknown, numbers).astype(int)
+            radiance = [gain * error * F + zero for F in radiance]
         return Prediction(self, np.array(radiance), columns, unknown)
+
+    def instrument_columns(self, radiance, error, gain) -> np.ndarray:
+        """Derivatives of gain * error * radiance + offset: (n, those of the three that exist)."""
+        columns = [] if self.gain is None else [error * radiance]
+        columns += [] if self.offset is None else [np.ones(len(radiance))]
+        columns += [gain * radiance * share for share in (self.shares.T if len(self.model) else ())]
+        return np.stack(columns, axis=1)
 
 
 @dataclass(frozen=True)

@@ -72,6 +72,22 @@ def test_gain_and_offset(is_sparse):
         np.testing.assert_allclose(J.toarray() if is_sparse else J, wanted)
 
 
+def test_errors_of_the_model():
+    """gain (1 + S d) (F + J x) + offset: derivatives against differences of the prediction."""
+    shares = RANDOM.random((N, 2))
+    camera = replace(NOISY, gain=3, offset=4, model=np.array([5, 6]), shares=shares)
+    x = np.concatenate([X, [1.1, -0.5, 0.03, -0.02]])
+    predicted = camera.at(x)
+    plain = RADIANCE + np.einsum("rnk,k->rn", COLUMNS, X)
+    factor = 1.1 * (1 + shares @ [0.03, -0.02])
+    np.testing.assert_allclose(predicted.radiance, factor * plain - 0.5)
+    assert predicted.unknown.tolist() == list(range(7))
+    for k in range(7):
+        step = 1e-4 * np.eye(7)[k]
+        change = (camera.at(x + step).radiance - camera.at(x - step).radiance) / 2e-4
+        np.testing.assert_allclose([J[:, k] for J in predicted.columns], change, atol=1e-8)
+
+
 def test_values_within_the_half_width_are_equal():
     """A measured value 1 +- 0.2 against predictions of 1.1 and 1.5."""
     goal = block([[1.1, 1.5]], np.zeros((1, 2, 1)), [1.0, 1.0], half_width=0.2)
