@@ -39,8 +39,9 @@ def __dir__() -> list[str]:
 def _prepare_mitsuba():
     """Prepare the imported Mitsuba: plugins, functions that take scenes, messages to logging."""
     importlib.import_module(".plugins", __name__)
-    importlib.import_module(".rendering.loading.mitsuba_functions", __name__).take_loaded_scenes()
-    importlib.import_module(".startup.renderer_log", __name__).pass_on()
+    renderer = importlib.import_module(".startup.renderer", __name__)
+    renderer.take_loaded_scenes()
+    renderer.log_to_python()
 
 
 class _OnImport:

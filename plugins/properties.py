@@ -7,13 +7,13 @@ test compares the declarations with the table in the plugin's docstring, which i
 import re
 from dataclasses import dataclass
 from numbers import Integral, Real
+from pathlib import Path
 
 import mitsuba as mi
 import numpy as np
 
 from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.beside_scene import beside_scene
 
 # Largest temperature [K]. Squares of the in-band radiance of a hotter blackbody would come near the
 # largest Float32 number.
@@ -120,3 +120,10 @@ def read(props: mi.Properties, plugin: str, declared: tuple[Property, ...]) -> d
         else entry.default
         for entry in declared
     }
+
+
+def beside_scene(text: str) -> str:
+    """The path of a file named in a scene; a text without a file suffix is returned unchanged."""
+    if "." not in text or not Path(text).suffix:
+        return text
+    return str(mi.file_resolver().resolve(text))

@@ -13,8 +13,8 @@ import click
 
 import mi_lcair
 from mi_lcair import interrupts
+from mi_lcair.cli import completion  # noqa: F401  registers its script for Bash
 from mi_lcair.cli.output import quiet_option, warnings_as_notes
-from mi_lcair.cli.usage import completion  # noqa: F401  registers its script for Bash
 from mi_lcair.errors import InputError, mitsuba_error, printable, unknown
 from mi_lcair.interrupts import INTERRUPTED
 
@@ -38,8 +38,8 @@ PURPOSES = {
         "convert": "files.convert",
     },
     "Errors, and what they depend on": {
-        "plan": "plan",
-        "audit": "audit",
+        "plan": "estimates.plan",
+        "audit": "estimates.audit",
         "budget": "estimates.budget",
         "invert": "estimates.invert",
         "chart": "charts.chart",

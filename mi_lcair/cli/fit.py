@@ -6,6 +6,7 @@ import click
 
 from mi_lcair.cli.options import (
     FILE,
+    examples,
     json_option,
     output_option,
     plot_option,
@@ -13,7 +14,6 @@ from mi_lcair.cli.options import (
     seed_option,
 )
 from mi_lcair.cli.output import check_outputs, note, print_json, print_sections, print_written
-from mi_lcair.cli.usage.examples import examples
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 from mi_lcair.files import replacing, together

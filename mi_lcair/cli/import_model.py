@@ -2,10 +2,9 @@
 
 import click
 
-from mi_lcair.cli.options import FILE, json_option, output_option
+from mi_lcair.cli import completion
+from mi_lcair.cli.options import FILE, examples, json_option, output_option
 from mi_lcair.cli.output import print_result
-from mi_lcair.cli.usage import completion
-from mi_lcair.cli.usage.examples import examples
 
 AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
 

@@ -9,8 +9,8 @@ import click
 
 import mi_lcair
 from mi_lcair import scenes
+from mi_lcair.cli import completion
 from mi_lcair.cli.output import note, quiet
-from mi_lcair.cli.usage import completion
 from mi_lcair.errors import InputError
 from mi_lcair.fraction import fraction
 
@@ -365,3 +365,11 @@ def loading_options(command):
         return command(options=options, **arguments)
 
     return with_scene
+
+
+def examples(*lines: str) -> str:
+    """The epilog of a command: its example lines, which the help does not wrap.
+
+    They run in a folder with copies of scenes/examples, in the order of the commands in the help.
+    """
+    return "\n".join(["\b", "Examples:", *(f"  {line}" for line in lines)])

@@ -3,9 +3,8 @@
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import output_option, scene_options
+from mi_lcair.cli.options import examples, output_option, scene_options
 from mi_lcair.cli.output import print_result, time_row, whole_tolerance
-from mi_lcair.cli.usage.examples import examples
 from mi_lcair.errors import InputError
 
 

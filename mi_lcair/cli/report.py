@@ -5,19 +5,19 @@ import shlex
 import click
 
 import mi_lcair
+from mi_lcair.cli import completion
 from mi_lcair.cli.options import (
     MAX_SPP,
     POSITIVE,
     Fraction,
     changes_option,
+    examples,
     output_option,
     prepare_renderer,
     progress_bar,
     renderer_options,
 )
 from mi_lcair.cli.output import note
-from mi_lcair.cli.usage import completion
-from mi_lcair.cli.usage.examples import examples
 from mi_lcair.errors import InputError
 
 

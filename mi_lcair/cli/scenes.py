@@ -2,9 +2,8 @@
 
 import click
 
-from mi_lcair.cli.options import json_option
+from mi_lcair.cli.options import examples, json_option
 from mi_lcair.cli.output import print_columns, print_json
-from mi_lcair.cli.usage.examples import examples
 
 
 @click.command("scenes", epilog=examples("mi-lcair scenes", "mi-lcair scenes --json"))

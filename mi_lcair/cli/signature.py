@@ -3,7 +3,7 @@
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import file_option, plot_option, scene_options
+from mi_lcair.cli.options import examples, file_option, plot_option, scene_options
 from mi_lcair.cli.output import (
     check_outputs,
     print_result,
@@ -11,7 +11,6 @@ from mi_lcair.cli.output import (
     time_row,
     whole_tolerance,
 )
-from mi_lcair.cli.usage.examples import examples
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 from mi_lcair.files import together

@@ -8,6 +8,7 @@ import mi_lcair
 from mi_lcair.cli.options import (
     MAX_SPP,
     POSITIVE,
+    examples,
     loading_options,
     output_option,
     plot_option,
@@ -15,7 +16,6 @@ from mi_lcair.cli.options import (
     sampling_options,
 )
 from mi_lcair.cli.output import check_outputs, print_result, print_written
-from mi_lcair.cli.usage.examples import examples
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 from mi_lcair.files import together

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mi_lcair.results.units import UNITS
+from mi_lcair.results.cells import UNITS
 
 RADIANCE = "W m-2 sr-1"
 # Quantity and UDUNITS unit by the beginning of a channel's name. Other channels are radiances.

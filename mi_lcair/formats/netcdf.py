@@ -9,7 +9,7 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.extras import optional
 from mi_lcair.files import replacing
-from mi_lcair.results.units import quantity_of, unit_of
+from mi_lcair.results.cells import quantity_of, unit_of
 
 KEYS = ("wavelength_um", "facet")  # columns that number the rows of a table
 ASPECT = ("elevation_deg", "azimuth_deg")  # axes of a trend

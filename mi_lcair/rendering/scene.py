@@ -26,6 +26,7 @@ from mi_lcair.rendering.loading.origin import check_meshes_near, far_origin, mov
 from mi_lcair.rendering.loading.parsing import (
     instantiated,
     parsed,
+    remarks_on_samplers,
     searching,
     with_known_plugins,
 )
@@ -37,7 +38,6 @@ from mi_lcair.rendering.loading.remarks.loaded import (
     shapes_without_bsdf,
     suns_below_the_horizon,
 )
-from mi_lcair.rendering.loading.samplers import remarks_on_samplers
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
 # Largest number of moves of a scene to the origin. One move may not be enough, because the position

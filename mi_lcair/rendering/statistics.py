@@ -6,7 +6,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.emission.unmet import UnmetSources
+from mi_lcair.plugins.emission.draw_table import UnmetSources
 from mi_lcair.plugins.paths.aim import Aim
 
 # Largest fraction of NaN or infinite samples in a result. Such samples are left out or count as 0,

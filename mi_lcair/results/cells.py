@@ -1,17 +1,37 @@
-"""Cells and headings of tables as text."""
+"""Cells and headings of tables as text, and the units that the ends of columns' names state."""
 
 import json
 import re
 
 import numpy as np
 
-from mi_lcair.results.units import quantity_of, unit_of
+from mi_lcair.fraction import percent
 from mi_lcair.table import NUMBER
 
 NO_VALUE = "no value"
 # Units as pages write them, by UDUNITS' parts
 WRITTEN = {"m2": "m²", "um": "µm", "degree": "°"}
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+# End of a column's name: its unit as UDUNITS, and so xarray and netCDF, write it.
+UNITS = {
+    "_W_m2_sr_um": "W m-2 sr-1 um-1",
+    "_W_m2_sr": "W m-2 sr-1",
+    "_W_sr_um": "W sr-1 um-1",
+    "_W_sr": "W sr-1",
+    "_W_m2": "W m-2",
+    "_W": "W",
+    "_mK": "mK",
+    "_K": "K",
+    "_m2": "m2",
+    "_km": "km",
+    "_um": "um",
+    "_m": "m",
+    "_per_sr": "sr-1",
+    "_sr": "sr",
+    "_deg": "degree",
+    "_ms": "ms",
+    "_s": "s",
+}
 
 
 def heading(name: str) -> tuple[str, str]:
@@ -86,3 +106,69 @@ def unpacked(value: object) -> object:
     if isinstance(value, dict):
         return ", ".join(f"{key}={item}" for key, item in value.items()) or "none given"
     return value
+
+
+def unit_of(name: str) -> str:
+    """Unit of the column `name`, such as "W sr-1"; "" for a number without one."""
+    return next((unit for end, unit in UNITS.items() if name.endswith(end)), "")
+
+
+def quantity_of(name: str) -> str:
+    """What the column `name` holds, in words: the name without its unit."""
+    end = next((end for end in UNITS if name.endswith(end)), "")
+    return name.removesuffix(end).replace("_", " ")
+
+
+def interval(half_width: float, value: float, unit: str, of: str, absolute: bool = False) -> str:
+    """The 95 % interval of a value in words, as a fraction of the value if it is not zero.
+
+    `half_width` is half of the interval. `of` names the value, such as "the target's intensity".
+    `absolute`: state the half width in its unit too.
+    """
+    width = f"{half_width:.2g} {unit}"
+    if half_width >= abs(value):
+        return f"the 95 % interval is +- {width}, and {of} may be zero"
+    fraction = percent(half_width / abs(value))
+    return f"the 95 % interval is +- {f'{width}, ' if absolute else ''}{fraction} of {of}"
+
+
+def error_row(
+    error: str,
+    tolerance: float | str | None = None,
+    reached: bool | None = None,
+    where: str = "",
+    remedy: str = "raise --max-spp",
+) -> tuple[str, str]:
+    """Row (label, text) of `Facts`: the error of a result and whether it was allowed.
+
+    Parameters
+    ----------
+    error : str
+        The error in words, see `interval`.
+    tolerance : float or str or None
+        Allowed error, a fraction or in words. Without one, the row only states the error.
+    reached : bool or None
+        Whether the tolerance was reached.
+    where : str
+        Which of several results reached it.
+    remedy : str
+        What to do if it was not reached.
+    """
+    if tolerance is None:
+        return "error", error
+    allowed = tolerance if isinstance(tolerance, str) else f"{100 * tolerance:.4g} %"
+    where = f" {where}" if where else ""
+    if reached:
+        return "tolerance", f"{allowed} reached{where}: {error}"
+    return "tolerance", f"{allowed} NOT reached{where}: {error}; {remedy}"
+
+
+def planned_row(error: str, entries: dict) -> tuple[str, str]:
+    """`error_row` for the dictionary of a result that may have a plan.
+
+    The tolerance is then that of plan and noise together.
+    """
+    plan = entries.get("plan")
+    if plan:
+        error += f", and the plan leaves out at most {percent(plan['bias'])}"
+    return error_row(error, (plan or entries)["tolerance"], entries["reached"])

@@ -15,9 +15,8 @@ from mi_lcair.errors import InputError, printable, unknown
 from mi_lcair.extras import optional
 from mi_lcair.files import check_writable, replacing
 from mi_lcair.results import html
-from mi_lcair.results.cells import unpacked, words_of
+from mi_lcair.results.cells import unit_of, unpacked, words_of
 from mi_lcair.results.sections import Facts, LongTable, Section
-from mi_lcair.results.units import unit_of
 
 if TYPE_CHECKING:
     import pandas

@@ -19,7 +19,7 @@ from mi_lcair.plugins.columns.tables import (
 from mi_lcair.plugins.derivatives import own_memory
 from mi_lcair.plugins.emission.sources import spectra
 from mi_lcair.plugins.paths.launch import Launch
-from mi_lcair.rendering.measurands import Measurands
+from mi_lcair.rendering.sampling import Measurands
 from mi_lcair.sensitivity.entries import Entry
 from mi_lcair.sensitivity.parameters import chosen
 

@@ -4,9 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
-from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.rendering.sampling import Measurands, Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.sensitivity.columns import recordings
 from mi_lcair.sensitivity.common_numbers import CommonNumbers

@@ -7,10 +7,9 @@ import numpy as np
 
 from mi_lcair.formats import VTK
 from mi_lcair.plugins.paths.launch import Launch
-from mi_lcair.plugins.recorders.by_bounce import MAX_BOUNCE_CHANNELS
+from mi_lcair.plugins.recorders.by_bounce import BOUNCE_CHANNELS, MAX_BOUNCE_CHANNELS
 from mi_lcair.rendering.facets.polygons import FacetPolygons
 from mi_lcair.rendering.facets.table import FacetTable
-from mi_lcair.rendering.images.render import BOUNCE_CHANNELS
 from mi_lcair.rendering.statistics import edge_share
 from mi_lcair.results import Result
 

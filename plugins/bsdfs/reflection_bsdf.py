@@ -14,7 +14,6 @@ from mi_lcair.physics import materials, reflection
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.directional_table import over_the_hemisphere, read_directional_table
 from mi_lcair.physics.reflection.directions import SMALLEST, cos_theta, sample_cosine, sin2_theta
-from mi_lcair.plugins.beside_scene import beside_scene
 from mi_lcair.plugins.bsdfs.uniform_table import gather, interpolate, refine
 from mi_lcair.plugins.derivatives import (
     Deriving,
@@ -25,7 +24,7 @@ from mi_lcair.plugins.derivatives import (
     own_memory,
     unrecorded,
 )
-from mi_lcair.plugins.properties import Property, read
+from mi_lcair.plugins.properties import Property, beside_scene, read
 
 LOBES = ("brdf", "mirror", "diffuse")
 OF_MATERIALS = (

@@ -1,12 +1,19 @@
-"""How far from a surface a ray starts, so that it does not hit the surface itself."""
+"""Rounding in Float32: where a ray starts beside a surface, and the error of a radiance.
+
+A ray starts so far from a surface that it does not hit the surface itself. More samples do not
+reduce the error of a radiance.
+"""
+
+from math import sqrt
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from mi_lcair.plugins.emission.triangles import is_faceted, pointer_id, triangle_corners
-from mi_lcair.plugins.paths.rounding import UNIT
 
+UNIT = 2.0**-24  # the largest relative error of one rounding
+OPERATIONS = 8  # roundings at each reflection of a path: in weights, in products and in a sum
 # Distances in roundings: of the coordinates of a hit, which follow from those of three corners, and
 # of lengths along the surface, which enter the distance of the next hit.
 OF_POSITION, OF_SIZE = 3, 64
@@ -58,3 +65,13 @@ def extent(shape) -> float:
     return max(
         float(np.linalg.norm(p - q, axis=1).max(initial=0.0)) for p, q in ((a, b), (b, c), (c, a))
     )
+
+
+def rounding_error(reflections: int) -> float:
+    """Relative rms error of a radiance after this number of reflections.
+
+    The error of each rounding is assumed to be uniform up to UNIT and independent of the others. In
+    an isothermal room all paths are alike and round in the same way. The mean over many paths then
+    has the same error as one path.
+    """
+    return UNIT * sqrt(OPERATIONS * (reflections + 1) / 3)

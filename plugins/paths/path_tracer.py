@@ -10,13 +10,12 @@ from mitsuba.python.ad.integrators.common import RBIntegrator
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.bsdfs.plume import is_plume
 from mi_lcair.plugins.derivatives import attached, derivations, deriving, flatten, own_memory
+from mi_lcair.plugins.emission.draw_table import UnmetSources
 from mi_lcair.plugins.emission.emissivity import Table
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
-from mi_lcair.plugins.emission.unmet import UnmetSources
-from mi_lcair.plugins.paths.launch import Launch, Paths
-from mi_lcair.plugins.paths.rays import ParallelRays
+from mi_lcair.plugins.paths.launch import Launch, ParallelRays, Paths
+from mi_lcair.plugins.paths.offsets import rounding_error
 from mi_lcair.plugins.paths.recording import Recorded
-from mi_lcair.plugins.paths.rounding import rounding_error
 from mi_lcair.plugins.paths.sums import BlockSums, Sums, block_size
 from mi_lcair.plugins.paths.tail import Tail
 from mi_lcair.plugins.paths.walk import Walk

@@ -6,7 +6,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.plugins.paths.rounding import rounding_error
+from mi_lcair.plugins.paths.offsets import rounding_error
 
 COUNTS = 5  # last bounce counts recorded separately: the tail needs two, its error up to five
 LARGEST_RATIO = 0.999  # ratio assumed where the radiance does not fall from one count to the next

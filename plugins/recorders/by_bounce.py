@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from mi_lcair.plugins.paths.local_sums import add_to, entries, zeros
-from mi_lcair.plugins.recorders.recorder import Emission, Recorder
+from mi_lcair.plugins.recorders.recorder import Emission, Recorder, add_to, entries, zeros
 
+BOUNCE_CHANNELS = 17  # bounce channels in images and tables; the last holds all counts from 16 on
 MAX_BOUNCE_CHANNELS = 65  # the last one holds every bounce count from 64 on
 # Numbers of bounce channels that are recorded. There are few, because each needs its own kernel.
 SIZES = (6, 17, 33, MAX_BOUNCE_CHANNELS)

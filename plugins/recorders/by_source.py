@@ -6,8 +6,7 @@ import drjit as dr
 import mitsuba as mi
 
 from mi_lcair.plugins.emission.sources import WAVELENGTHS, Sources
-from mi_lcair.plugins.paths.local_sums import add_to, entries, zeros
-from mi_lcair.plugins.recorders.recorder import Emission, Recorder
+from mi_lcair.plugins.recorders.recorder import Emission, Recorder, add_to, entries, zeros
 
 
 @dataclass

@@ -23,8 +23,14 @@ import drjit as dr
 import mitsuba as mi
 
 from mi_lcair.plugins.columns.tables import CELLS, ColumnTables
-from mi_lcair.plugins.paths.local_sums import add_to, entries, zeros
-from mi_lcair.plugins.recorders.recorder import Emission, Recorder, Reflection
+from mi_lcair.plugins.recorders.recorder import (
+    Emission,
+    Recorder,
+    Reflection,
+    add_to,
+    entries,
+    zeros,
+)
 
 
 @dataclass

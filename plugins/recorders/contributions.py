@@ -9,8 +9,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.triangles import ABSENT, pointer_id
-from mi_lcair.plugins.paths.launch import Launch
-from mi_lcair.plugins.paths.rays import ParallelRays
+from mi_lcair.plugins.paths.launch import Launch, ParallelRays
 from mi_lcair.plugins.recorders.recorder import Emission, Recorder, Recorders
 
 

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from mi_lcair.plugins.paths.local_sums import add_to, entries, zeros
 from mi_lcair.plugins.paths.tail import COUNTS, Tail, add_tail
-from mi_lcair.plugins.recorders.recorder import Emission, Recorder
+from mi_lcair.plugins.recorders.recorder import Emission, Recorder, add_to, entries, zeros
 
 
 @dataclass

@@ -13,6 +13,7 @@ methods in this order:
 
 from dataclasses import dataclass
 
+import drjit as dr
 import mitsuba as mi
 
 from mi_lcair.plugins.emission.samples import DrawnDirection
@@ -133,3 +134,21 @@ class Recorders:
     def without(self, kinds) -> "Recorders":
         """The recorders that are not of these classes."""
         return Recorders([part for part in self.parts if not isinstance(part, kinds)])
+
+
+# Sums that each path keeps for itself while it is followed
+
+
+def zeros(count: int) -> dr.Local | None:
+    """A path's own array of zeros; None for no entries."""
+    return dr.alloc_local(mi.Float, count, value=mi.Float(0)) if count else None
+
+
+def add_to(local: dr.Local, index: mi.UInt32, value: mi.Float) -> None:
+    """Add a value to one entry of a path's own array."""
+    local.write(local.read(index) + value, index)
+
+
+def entries(local: dr.Local | None) -> list[mi.Float]:
+    """All entries of a path's own array; none if it is None."""
+    return [] if local is None else [local.read(mi.UInt32(k)) for k in range(len(local))]

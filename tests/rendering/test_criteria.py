@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.emission.unmet import UnmetSources
-from mi_lcair.rendering.criteria import ExcessFunction, IntensityInterval, PixelError
+from mi_lcair.plugins.emission.draw_table import UnmetSources
+from mi_lcair.rendering.sampling import ExcessFunction, IntensityInterval, PixelError
 from tests.rendering.made_totals import totals
 
 T3 = 3.182446  # half of Student's 95 % interval, for 3 degrees of freedom

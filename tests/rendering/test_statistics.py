@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mi_lcair.plugins.emission.unmet import UnmetSources
+from mi_lcair.plugins.emission.draw_table import UnmetSources
 from mi_lcair.rendering.statistics import edge_share, student_factor
 from tests.rendering.made_totals import totals
 

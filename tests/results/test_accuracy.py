@@ -2,7 +2,7 @@
 
 import pytest
 
-from mi_lcair.results.accuracy import error_row, interval, planned_row
+from mi_lcair.results.cells import error_row, interval, planned_row
 
 
 def test_the_interval_is_a_fraction_of_what_is_not_zero():

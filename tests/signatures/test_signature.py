@@ -8,7 +8,7 @@ import pytest
 import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.planning.probe import Settings
-from mi_lcair.plugins.paths.rounding import rounding_error
+from mi_lcair.plugins.paths.offsets import rounding_error
 
 SCENE = """<scene version="3.0.0">
     <default name="sensor" value="orthographic"/>

@@ -5,9 +5,8 @@ from dataclasses import asdict
 import click
 
 from mi_lcair.cli.charts.output import chart_options, print_cheapest
-from mi_lcair.cli.options import progress_bar
+from mi_lcair.cli.options import examples, progress_bar
 from mi_lcair.cli.output import print_json
-from mi_lcair.cli.usage.examples import examples
 
 
 @click.command("propagation", epilog=examples("mi-lcair chart propagation --quick -o charts"))

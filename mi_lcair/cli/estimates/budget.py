@@ -3,12 +3,14 @@
 import click
 
 import mi_lcair
+from mi_lcair.cli import completion
 from mi_lcair.cli.options import (
     FILE,
     POSITIVE,
     ScenarioOptions,
     SceneOptions,
     changes_option,
+    examples,
     file_option,
     given,
     json_option,
@@ -22,8 +24,6 @@ from mi_lcair.cli.options import (
     solution_option,
 )
 from mi_lcair.cli.output import check_outputs, print_result, print_written, time_row
-from mi_lcair.cli.usage import completion
-from mi_lcair.cli.usage.examples import examples
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 from mi_lcair.files import together

@@ -5,6 +5,7 @@ import click
 import mi_lcair
 from mi_lcair.cli.options import (
     FILE,
+    examples,
     json_option,
     output_option,
     plot_option,
@@ -13,7 +14,6 @@ from mi_lcair.cli.options import (
     renderer_options,
 )
 from mi_lcair.cli.output import check_outputs, print_result, print_written, time_row
-from mi_lcair.cli.usage.examples import examples
 from mi_lcair.drawing import PICTURES
 from mi_lcair.files import together
 

@@ -5,9 +5,8 @@ from pathlib import Path
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import FILE, changes_option
+from mi_lcair.cli.options import FILE, changes_option, examples
 from mi_lcair.cli.output import print_written
-from mi_lcair.cli.usage.examples import examples
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import check_suffix, check_writable
 from mi_lcair.formats import VTK

@@ -2,10 +2,16 @@
 
 import click
 
+from mi_lcair.cli import completion
 from mi_lcair.cli.files import pictures
-from mi_lcair.cli.options import FILE, changes_option, json_option, output_option, sensor_option
-from mi_lcair.cli.usage import completion
-from mi_lcair.cli.usage.examples import examples
+from mi_lcair.cli.options import (
+    FILE,
+    changes_option,
+    examples,
+    json_option,
+    output_option,
+    sensor_option,
+)
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 from mi_lcair.files import check_suffix, check_writable

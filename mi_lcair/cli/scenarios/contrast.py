@@ -3,9 +3,8 @@
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import given, plot_option, scenario_options, solution_option
+from mi_lcair.cli.options import examples, given, plot_option, scenario_options, solution_option
 from mi_lcair.cli.output import check_outputs, print_result, print_written, time_row
-from mi_lcair.cli.usage.examples import examples
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 

@@ -3,9 +3,15 @@
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import POSITIVE, output_option, plot_option, scenario_options, seed_option
+from mi_lcair.cli.options import (
+    POSITIVE,
+    examples,
+    output_option,
+    plot_option,
+    scenario_options,
+    seed_option,
+)
 from mi_lcair.cli.output import check_outputs, print_result, print_written, time_row
-from mi_lcair.cli.usage.examples import examples
 from mi_lcair.drawing import PICTURES
 from mi_lcair.files import together
 

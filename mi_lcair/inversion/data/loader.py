@@ -14,7 +14,7 @@ from mi_lcair.inversion.least_squares.prediction import DatumBlock
 from mi_lcair.inversion.tables import Goal, RenderSettings
 from mi_lcair.inversion.unknowns import Where
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.plugins.paths.rounding import UNIT
+from mi_lcair.plugins.paths.offsets import UNIT
 from mi_lcair.rendering.images.render import render_image
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene, load

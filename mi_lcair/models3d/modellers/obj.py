@@ -18,7 +18,6 @@ PASSED_OVER = tuple(
     b"vt vn vp s mtllib usemtl maplib usemap l p mg lod bevel c_interp d_interp shadow_obj "
     b"trace_obj end".split()
 )
-KINDS_OF = [word.decode() for word in (*KINDS, *PASSED_OVER)]
 # First lines of Blender's files: "# Blender 5.0.1", before 3.1 "# Blender v2.93.4 OBJ File: ..."
 BLENDER = re.compile(rb"\s*#\s*Blender v?([0-9][\w.]*)")
 LONGEST_KEYWORD = 12  # bytes
@@ -192,10 +191,8 @@ class Text:
             line = self.content[self.begins[statement] : self.begins[statement + 1]].tobytes()
             word, *rest = line.decode(errors="replace").split() or [""]
             if rest:
-                return (
-                    f"line {self.line(statement)}: statement '{word[:20]}' is not one of "
-                    f"{', '.join(KINDS_OF)}"
-                )
+                known = b", ".join((*KINDS, *PASSED_OVER)).decode()
+                return f"line {self.line(statement)}: statement '{word[:20]}' is not one of {known}"
         return None
 
     def line(self, statement):

@@ -11,17 +11,15 @@ import mi_lcair
 from mi_lcair.physics.air.atmosphere import Atmosphere
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import brightness_temperature
-from mi_lcair.rendering.criteria import PixelError
+from mi_lcair.plugins.recorders.by_bounce import BOUNCE_CHANNELS
 from mi_lcair.rendering.images.apparent import apparent
 from mi_lcair.rendering.images.render_result import Render
-from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
-from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.rendering.sampling import Measurands, PixelError, Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import PILOT_SPP, PIXEL_RANDOMISATIONS, Windows, window_size
 
-BOUNCE_CHANNELS = 17  # bounce channels in the image; the last holds all counts from 16 on
 # Pixels along each side of the neighbourhood in which the errors of pixels are averaged
 POOLED = 5
 

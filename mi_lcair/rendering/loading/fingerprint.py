@@ -11,7 +11,7 @@ import numpy as np
 from mi_lcair.physics.air.bands import TABLES
 from mi_lcair.physics.materials import BUILT_IN
 from mi_lcair.physics.spectrum import BUNDLED
-from mi_lcair.plugins.beside_scene import beside_scene
+from mi_lcair.plugins.properties import beside_scene
 from mi_lcair.rendering.loading.nodes import properties
 
 # Name of an object without an id, which contains its address in memory.

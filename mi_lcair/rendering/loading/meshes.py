@@ -9,10 +9,9 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.models3d.modellers.obj import check_obj
 from mi_lcair.models3d.modellers.ply import check_ply
-from mi_lcair.plugins.beside_scene import beside_scene
 from mi_lcair.plugins.derivatives import children, members
 from mi_lcair.plugins.emission.triangles import is_faceted
-from mi_lcair.plugins.properties import HOTTEST
+from mi_lcair.plugins.properties import HOTTEST, beside_scene
 from mi_lcair.rendering.loading.nodes import BOUNDS, FARTHEST, properties
 
 READERS = {"ply": check_ply, "obj": check_obj}

@@ -11,8 +11,7 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.plugins import PLUGINS
-from mi_lcair.plugins.beside_scene import beside_scene
-from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST
+from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST, beside_scene
 
 FARTHEST = 1e9  # largest coordinate [m], whose square is far below the largest Float32 number
 MOST_SAMPLES = 2**32 - 1  # largest number of samples per pixel

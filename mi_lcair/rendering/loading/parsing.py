@@ -1,4 +1,4 @@
-"""Mitsuba's parser and its objects of a scene file."""
+"""Mitsuba's parser and its objects of a scene file, with the names and samplers that it lacks."""
 
 import re
 from contextlib import contextmanager
@@ -9,8 +9,10 @@ import mitsuba as mi
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins import PLUGINS
-from mi_lcair.rendering.loading.names import name_objects
-from mi_lcair.rendering.loading.samplers import add_samplers
+from mi_lcair.rendering.loading.nodes import properties, references
+
+KNOWN_SAMPLERS = ("lattice", "independent")
+INDEPENDENT = "sampler 'independent' may need ten times as many paths as lattice"
 
 
 @contextmanager
@@ -70,3 +72,55 @@ def with_known_plugins(error: Exception) -> Exception:
     installed = [file.stem for file in (Path(mi.__file__).parent / "plugins").glob("*.*")]
     nearest = get_close_matches(match[1], [*PLUGINS, *installed], n=5, cutoff=0.4)
     return InputError(f"{error}; the nearest known are: {', '.join(nearest) or 'none'}")
+
+
+def name_objects(state) -> None:
+    """Give each shape, sensor and emitter of a parsed scene that has no id a name.
+
+    It is `sensor`, or the name of the plugin. Later ones of a name are numbered from 2. Mitsuba
+    would name them by their address in memory, so that the names of parameters would differ
+    between processes.
+    """
+    taken = {node.props.id() for node in state.nodes}
+    last = {}  # the last number that was given to each name
+    kinds = (mi.ObjectType.Shape, mi.ObjectType.Sensor, mi.ObjectType.Emitter)
+    for child in references(properties(state.root)):
+        node = state.nodes[child]
+        if node.props.id() or node.type not in kinds:
+            continue
+        name = "sensor" if node.type == mi.ObjectType.Sensor else node.props.plugin_name()
+        numbered = name
+        while numbered in taken:
+            last[name] = last.get(name, 1) + 1
+            numbered = f"{name}_{last[name]}"
+        taken.add(numbered)
+        node.props.set_id(numbered)
+
+
+def add_samplers(state) -> None:
+    """Give each sensor of a parsed scene that names no sampler the sampler `lattice`.
+
+    Mitsuba would give it `independent`.
+    """
+    samplers = {k for k, node in enumerate(state.nodes) if node.type == mi.ObjectType.Sampler}
+    for k in range(len(state.nodes)):
+        node = state.nodes[k]
+        if node.type == mi.ObjectType.Sensor and not samplers & set(references(properties(node))):
+            added = mi.parser.SceneNode()
+            added.type, added.props = mi.ObjectType.Sampler, mi.Properties("lattice")
+            added.file_index, added.offset = node.file_index, node.offset
+            # Set before the append, which may move all nodes in memory and leave `node` invalid
+            node.props["_sampler"] = mi.Properties.ResolvedReference(len(state.nodes))
+            state.nodes.append(added)
+
+
+def remarks_on_samplers(state) -> list[str]:
+    """Remarks on the samplers that a scene file names, one line each."""
+    named = {node.props.plugin_name() for node in state.nodes if node.type == mi.ObjectType.Sampler}
+    lines = [
+        f"sampler '{name}' is replaced by lattice, which has known standard errors"
+        for name in sorted(named - set(KNOWN_SAMPLERS))
+    ]
+    if "independent" in named:
+        lines.append(INDEPENDENT)
+    return lines

@@ -4,7 +4,7 @@ from functools import partial
 
 from mi_lcair.reports.page.line_panel import line_panel
 from mi_lcair.reports.pictures.contrast import charts
-from mi_lcair.results.accuracy import error_row, interval
+from mi_lcair.results.cells import error_row, interval
 from mi_lcair.results.sections import Drawing, Facts, Remarks, Section, Table
 
 WATTS = "W m-2"

@@ -5,7 +5,6 @@ from functools import partial
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.reports.page.model_panel import model_panel, with_emissivity
 from mi_lcair.results.result import summary_of
 from mi_lcair.results.sections import Drawing, LongTable, Section
 
@@ -28,6 +27,8 @@ def facets_section(columns: dict[str, np.ndarray], model=None, toward=None, band
     model: triangles and their facets' numbers, as `model_panel` takes them. toward: direction
     toward the sensor. band: Band of the radiances, for the emissivity.
     """
+    from mi_lcair.reports.page.model_panel import model_panel, with_emissivity
+
     columns = columns if band is None else with_emissivity(columns, band)
     drawing = [] if model is None else [Drawing(partial(model_panel, *model, columns, toward))]
     sort_by = "intensity_W_sr" if "intensity_W_sr" in columns else None

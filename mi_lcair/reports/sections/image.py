@@ -2,7 +2,7 @@
 
 from mi_lcair.fraction import percent
 from mi_lcair.reports.sections.render import image_sections
-from mi_lcair.results.accuracy import error_row
+from mi_lcair.results.cells import error_row
 from mi_lcair.results.sections import Facts, Lines, Remarks, Section, Table
 
 OVER_RANGE = [("range", "m"), "pixels on target", "electrons", "signal to noise, even", "detected"]

@@ -6,8 +6,7 @@ from mi_lcair.fraction import percent
 from mi_lcair.rendering.images.exr import window_of
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.reports.page.image_panel import image_panel
-from mi_lcair.results.accuracy import planned_row
-from mi_lcair.results.cells import unpacked, words_of
+from mi_lcair.results.cells import planned_row, unpacked, words_of
 from mi_lcair.results.sections import Drawing, Facts, Remarks, Section
 
 FIRST = ("apparent.Y", "Y", "temperature.Y")  # channels that are shown first, at most two

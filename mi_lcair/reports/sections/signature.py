@@ -5,8 +5,7 @@ import numpy as np
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.reports.sections import facets
 from mi_lcair.reports.sections.spectrum import spectrum_section
-from mi_lcair.results.accuracy import interval, planned_row
-from mi_lcair.results.cells import heading
+from mi_lcair.results.cells import heading, interval, planned_row
 from mi_lcair.results.result import details
 from mi_lcair.results.sections import Facts, Remarks, Section, Table
 

@@ -4,8 +4,6 @@ from functools import partial
 
 import numpy as np
 
-from mi_lcair.reports.page.line_panel import line_panel
-from mi_lcair.reports.pictures.spectrum import charts
 from mi_lcair.results.result import summary_of
 from mi_lcair.results.sections import Drawing, Section
 
@@ -19,5 +17,13 @@ def sections(areas) -> list[Section]:
 def spectrum_section(columns: dict[str, np.ndarray]) -> Section:
     """Spectral intensity of target and scene by what emitted it: wavelength_um, NAME_W_sr_um."""
     words = "Before any atmosphere, by what emitted it. A click on a name hides a curve."
-    drawing = Drawing(partial(line_panel, charts(columns), across=True))
+    drawing = Drawing(partial(spectra, columns))
     return Section("Spectral intensity", [words, drawing])
+
+
+def spectra(columns: dict[str, np.ndarray]):
+    """The panel of a spectral intensity."""
+    from mi_lcair.reports.page.line_panel import line_panel
+    from mi_lcair.reports.pictures.spectrum import charts
+
+    return line_panel(charts(columns), across=True)

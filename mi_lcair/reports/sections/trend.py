@@ -6,7 +6,7 @@ import numpy as np
 
 from mi_lcair.fraction import percent
 from mi_lcair.reports.page.trend_panel import trend_panel
-from mi_lcair.results.accuracy import error_row
+from mi_lcair.results.cells import error_row
 from mi_lcair.results.sections import Drawing, Facts, LongTable, Remarks, Section, Table
 
 COLUMNS = [

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mi_lcair.plugins.emission.unmet import UnmetSources, parts_of_emitters
+from mi_lcair.plugins.emission.draw_table import UnmetSources, parts_of_emitters
 
 
 def test_rare_parts_are_in_the_bound_and_frequent_ones_are_not():

@@ -7,7 +7,7 @@ import mi_lcair
 from docs.studies.leaks import cube
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.plugins.paths.rounding import rounding_error
+from mi_lcair.plugins.paths.offsets import rounding_error
 from mi_lcair.rendering.settings import changed
 
 

@@ -4,7 +4,7 @@ import mitsuba as mi
 import pytest
 
 from mi_lcair.rendering.loading.nodes import properties, references
-from mi_lcair.rendering.loading.samplers import add_samplers
+from mi_lcair.rendering.loading.parsing import add_samplers
 
 
 @pytest.mark.parametrize("after", range(40))

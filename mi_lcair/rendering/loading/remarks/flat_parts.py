@@ -6,7 +6,7 @@ import numpy as np
 from mi_lcair.models3d.coincident import overlaps
 from mi_lcair.plugins.derivatives import members
 from mi_lcair.plugins.emission.triangles import is_faceted, triangle_corners
-from mi_lcair.plugins.paths.rounding import UNIT
+from mi_lcair.plugins.paths.offsets import UNIT
 
 CORNERS = np.array([[-1, -1, 0, 1], [1, -1, 0, 1], [1, 1, 0, 1], [-1, 1, 0, 1]])  # of a rectangle
 HALVES = np.array([[0, 1, 2], [0, 2, 3]])  # its triangles

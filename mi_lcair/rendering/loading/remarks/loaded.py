@@ -13,7 +13,7 @@ from mi_lcair.plugins.emitters.thermal_emitter import thermal_shapes
 from mi_lcair.plugins.paths.launch import numbers
 from mi_lcair.rendering.loading.nodes import properties, references
 from mi_lcair.rendering.loading.origin import far_origin
-from mi_lcair.rendering.loading.samplers import INDEPENDENT
+from mi_lcair.rendering.loading.parsing import INDEPENDENT
 
 CELSIUS = 4.3  # temperatures below are those of helium and of space [K]
 WITHOUT_BSDF = ("instance", "shapegroup", "merge")  # shapes whose parts have the BSDFs

@@ -5,9 +5,8 @@ import math
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import POSITIVE, Fraction, loading_options, sensor_option
+from mi_lcair.cli.options import POSITIVE, Fraction, examples, loading_options, sensor_option
 from mi_lcair.cli.output import print_result
-from mi_lcair.cli.usage.examples import examples
 
 
 @click.command("plan", epilog=examples("mi-lcair plan open_box --tolerance 2%"))

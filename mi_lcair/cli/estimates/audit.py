@@ -3,9 +3,8 @@
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import loading_options
+from mi_lcair.cli.options import examples, loading_options
 from mi_lcair.cli.output import print_result
-from mi_lcair.cli.usage.examples import examples
 
 
 @click.command("audit", epilog=examples("mi-lcair audit open_box --photons 4096"))

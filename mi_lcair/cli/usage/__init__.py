@@ -1,1 +1,0 @@
-"""How a command is used: examples in its help, and completion in the shell."""
