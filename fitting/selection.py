@@ -79,12 +79,10 @@ def variants(model_name: str, form: str) -> list[Variant]:
     model_name, form: names, or "auto" for all. Restricted variants are included if the form is
     "auto". Raises InputError for unknown names.
     """
-    models = list(MODELS.values()) if model_name == AUTO else [model(model_name)]
+    compared = [entry for entry in MODELS.values() if entry.is_compared]
+    models = compared if model_name == AUTO else [model(model_name)]
     whole = [
-        Variant(compared, name)
-        for compared in models
-        for name in compared.forms
-        if form in (AUTO, name)
+        Variant(entry, name) for entry in models for name in entry.forms if form in (AUTO, name)
     ]
     if not whole:
         known = "; ".join(f"{listed.name} has {', '.join(listed.forms)}" for listed in models)

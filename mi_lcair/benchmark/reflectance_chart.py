@@ -65,6 +65,9 @@ def measure(quick: bool = False, progress=None) -> list[Point]:
 def named_problem(name, band_name, theta_deg=THETA_DEG):
     """The reflectance integral of a material in a band at an angle [degrees]."""
     entry = material(name, band(band_name))
+    if entry.model.name == "grey":  # as a Sandford-Robertson surface without a lobe
+        (emissivity,) = entry.values
+        return problem(emissivity, 1 - emissivity, 0.0, 1.0, theta_deg)
     return problem(*entry.values, theta_deg, entry.form)
 
 

@@ -48,7 +48,7 @@ AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
     type=FILE,
     metavar="CSV|TOML",
     help="Table that says what the faces of an object, group or Blender material are: name and "
-    "type, material, kelvin, group, elevation_deg.",
+    "type, material or emissivity, kelvin, group, elevation_deg.",
 )
 @click.option(
     "--temperature",
@@ -65,9 +65,10 @@ AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
 )
 @click.option(
     "--material",
-    metavar="NAME|JSON",
+    metavar="NAME|NUMBER|JSON",
     shell_complete=completion.materials,
-    help="Material of all model facets, instead of the labels' materials; or the JSON of a fit.",
+    help="Material of all model facets, instead of the labels' materials: a name, the emissivity "
+    "of a grey surface, or the JSON of a fit.",
 )
 @click.option(
     "--materials",

@@ -26,7 +26,7 @@ def kind_of(what: str | Path, materials: str | Path | None = None) -> str:
     materials: file of the user's materials, whose names count too. Raises InputError for anything
     else.
     """
-    from mi_lcair.physics.materials import names
+    from mi_lcair.physics.materials import is_number, names
 
     what, suffix = str(what), Path(what).suffix.lower()
     if suffix in BY_SUFFIX:
@@ -39,7 +39,7 @@ def kind_of(what: str | Path, materials: str | Path | None = None) -> str:
         return SCENE
     if what in scenes.scenarios():
         return SCENARIO
-    if what in names(materials):
+    if is_number(what) or what in names(materials):
         return MATERIAL
     raise InputError(
         f"'{what}' is no image (.exr), no trend, spectrum or facets (.csv, .nc), no result "

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mi_lcair.errors import InputError, unknown
-from mi_lcair.physics.materials import check_fit, is_json
+from mi_lcair.physics.materials import check_fit, is_json, is_number
 
 TYPES = {"f": "model", "s": "sky", "t": "terrain"}
 GROUPS = {"f": "self", "s": "sky", "t": "terrain"}  # groups of labels without `group=`
@@ -34,8 +34,10 @@ ALIASES = {
 
 @dataclass(frozen=True)
 class Label:
-    """Content of a label. The material is a name, or the path of a fit's JSON file. The temperature
-    is in kelvin, or None if a table gives it.
+    """Content of a label.
+
+    The material is a name, an emissivity, or the path of a fit's JSON file. The temperature is in
+    kelvin, or None if a table gives it.
     """
 
     type: str
@@ -99,12 +101,15 @@ def unlabelled(material: str, temperature: float | None = None) -> Label:
 
 
 def find_material(name: str, materials, folder: Path = Path()) -> str:
-    """The known material that a label names, or the path of the fit's JSON file that it names.
+    """The known material that a label names, the path of the fit's JSON file that it names, or its
+    number.
 
     Raises InputError with a list of the known materials, or for a file in `folder` that is no fit.
     """
     if name in materials:
         return name
+    if is_number(name):
+        return str(float(name))
     if is_json(name):
         check_fit(folder / name)
         return str(folder / name)

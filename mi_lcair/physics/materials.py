@@ -1,5 +1,9 @@
-"""Named materials: a reflection model with its parameters for each band, and their source."""
+"""Named materials: a reflection model with its parameters for each band, and their source.
 
+A number in place of a name is the emissivity of a grey diffuse surface.
+"""
+
+import re
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -7,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError, shown, unknown
 from mi_lcair.files import parse_json, parse_toml, read_text, revision
 from mi_lcair.physics.bands import Band
@@ -18,6 +23,8 @@ if TYPE_CHECKING:
 
 BUILT_IN = Path(__file__).with_name("materials.toml")
 EVERY_BAND = "any"  # band name of an entry that holds at every wavelength
+EMISSIVITY = Bounds(lower=0, upper=1)
+NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)(e[+-]?[0-9]+)?", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -72,7 +79,8 @@ def material(
     Parameters
     ----------
     name
-        Key of the user's TOML `file` or of the built-in materials, or path of a fit's JSON file.
+        Key of the user's TOML `file` or of the built-in materials, path of a fit's JSON file, or
+        the emissivity of a grey diffuse surface, such as 0.92.
     band
         Band in which the material is used. An entry that was measured in this band or in a wider
         one is taken. None accepts only an entry for any band.
@@ -93,7 +101,7 @@ def material(
     InputError
         If the name is unknown, the material was not measured in the band, or a file cannot be used.
     """
-    entries = _fits(name) if is_json(name) else _toml_entries(name, file)
+    entries = _entries(name, file)
     best = max(entries, key=lambda entry: _fitness(entry.band, band))
     if _fitness(best.band, band)[0] or (allow_band and band is not None):
         return best
@@ -109,8 +117,18 @@ def material(
 
 def bands_of(name: str, file: str | Path | None = None) -> list[str]:
     """Bands of the entries of a material, "any" for one of all bands; arguments as `material`."""
-    entries = _fits(name) if is_json(name) else _toml_entries(name, file)
-    return [entry.band for entry in entries]
+    return [entry.band for entry in _entries(name, file)]
+
+
+def is_number(name: str) -> bool:
+    """Whether a material is given by the number of its emissivity.
+
+    Raises InputError for a number that is no emissivity.
+    """
+    if not NUMBER.fullmatch(str(name)):
+        return False
+    EMISSIVITY.check(float(name), "a material's emissivity")
+    return True
 
 
 def names(file: str | Path | None = None) -> list[str]:
@@ -126,6 +144,8 @@ def emits_nothing(name: str, file: str | Path | None = None) -> bool:
     """Whether the entries of a material say `emits = false`: it reflects all that arrives. Loads no
     reflection model.
     """
+    if is_number(name):
+        return float(name) == 0
     for path in filter(None, (file, BUILT_IN)):
         bands = _materials(path).get(name)
         if isinstance(bands, dict):
@@ -151,6 +171,14 @@ def _fitness(measured, wanted):
         overlap,
         measured.lower_um - measured.upper_um,
     )
+
+
+def _entries(name, file):
+    """All entries of a material, see `material`."""
+    if is_number(name):
+        keys = {"model": "grey", "emissivity": float(name)}
+        return [_entry("material", name, EVERY_BAND, keys, "a number, for all wavelengths")]
+    return _fits(name) if is_json(name) else _toml_entries(name, file)
 
 
 def _toml_entries(name, file):

@@ -12,7 +12,7 @@ from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import Windows
 from mi_lcair.sensitivity.columns import recordings
 from mi_lcair.sensitivity.derivative_images import DerivativeImages
-from mi_lcair.sensitivity.parameters import units
+from mi_lcair.sensitivity.parameters import reflecting, units
 
 
 def differentiate_image(
@@ -28,7 +28,8 @@ def differentiate_image(
     windows.check(sampling)
     measurands = Measurands.of(None)
     radiance, images, method = None, {}, {}
-    with scene.prepared() as tracer:
+    not_black, steps = reflecting(scene, names)
+    with not_black, scene.prepared() as tracer:
         check_memory(windows.count * randomisations * (1 + len(names)), tracer, None)
         batches = recordings(scene, tracer, camera, names, measurands, seed=sampling.seed)
         for number, batch in enumerate(batches):
@@ -46,7 +47,7 @@ def differentiate_image(
     derivatives = np.array([images[name] for name in names]).reshape(-1, *radiance.shape)
     return DerivativeImages(
         names=tuple(names),
-        radiance=radiance,
+        radiance=radiance - np.tensordot(steps, derivatives, 1).astype(np.float32),
         derivatives=derivatives.swapaxes(0, 1),
         method=tuple(method[name] for name in names),
         scene_name=scene.name,

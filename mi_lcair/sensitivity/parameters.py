@@ -20,10 +20,11 @@ A change of the value adds the same difference to all temperatures and material 
 multiplies all radiances and emissivities by the same factor.
 """
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
 
 import mitsuba as mi
+import numpy as np
 
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.plugins.derivatives import own_memory
@@ -36,6 +37,9 @@ from mi_lcair.sensitivity.entries import (
     check_materials,
     entries,
 )
+
+FAINT = 1e-3  # smallest reflectance at which a derivative with respect to it is taken
+SIGN_OF_REFLECTANCE = {"emissivity": -1, "reflectance.value": 1}  # by the parameter's key
 
 
 def parameters_of(scene: Scene) -> dict[str, Parameter]:
@@ -101,6 +105,25 @@ def changed(scene: Scene, values: Mapping[str, float]) -> Iterator[None]:
         yield
     finally:
         replace(before)
+
+
+def reflecting(scene: Scene, names: Sequence[str]) -> tuple[AbstractContextManager, np.ndarray]:
+    """Context manager for derivatives with respect to reflectances of almost 0, and their steps.
+
+    Paths end at a surface that reflects nothing, and their scores lose their digits where it
+    reflects almost nothing. In the context, a surface whose emissivity or reflectance is among the
+    `names` reflects at least FAINT. The steps (K,) are the changes of the parameters in it.
+    """
+    steps, values = np.zeros(len(names)), {}
+    for k, entry in enumerate(chosen(scene, names)):
+        sign = SIGN_OF_REFLECTANCE.get(entry.places[0].key) if entry.kind == "material" else None
+        if sign:
+            value = entry.mean(entry.numbers())
+            reflectance = value if sign > 0 else 1 - value
+            steps[k] = sign * max(FAINT - reflectance, 0)
+            if steps[k]:
+                values[entry.name] = value + steps[k]
+    return changed(scene, values), steps
 
 
 def replace(arrays: Mapping[tuple[mi.Object, str], mi.Float]) -> None:

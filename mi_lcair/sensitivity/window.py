@@ -9,7 +9,7 @@ from mi_lcair.rendering.sampling import Measurands, Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.sensitivity.columns import recordings
 from mi_lcair.sensitivity.common_numbers import CommonNumbers
-from mi_lcair.sensitivity.parameters import units
+from mi_lcair.sensitivity.parameters import reflecting, units
 from mi_lcair.sensitivity.sensitivities import Sensitivities
 
 SPLITS = {"target": "target", "scene": "image"}  # channels that hold each part of the radiance
@@ -43,7 +43,8 @@ def differentiate_intensity(
         numbers.render()
     measurands = Measurands.of(SPLITS[part], by_spectrum)
     rows, method, first = {}, {}, None
-    with scene.prepared(by_spectrum) as tracer:
+    not_black, steps = reflecting(scene, names)
+    with not_black, scene.prepared(by_spectrum) as tracer:
         numbers.take_aim()
         for batch in recordings(
             scene, tracer, numbers.camera, names, measurands, weights, sampling.seed
@@ -63,6 +64,7 @@ def differentiate_intensity(
             }
     value = mean_and_deviations(first, ["weighted"])
     rows = numbers.area * np.array([value, *(rows[name] for name in names)])
+    rows[0] -= steps @ rows[1:]
     return Sensitivities(
         names=tuple(names),
         value=float(rows[0, 0]),

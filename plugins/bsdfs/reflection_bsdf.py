@@ -26,6 +26,7 @@ from mi_lcair.plugins.derivatives import (
 )
 from mi_lcair.plugins.properties import Property, beside_scene, read
 
+GREY = reflection.model("grey")
 LOBES = ("brdf", "mirror", "diffuse")
 OF_MATERIALS = (
     Property("material", "string"),
@@ -63,6 +64,7 @@ class ReflectionBSDF(mi.BSDF):
 
     # Plugins of a model set it. In BSDF `material` it is None until the material is read.
     model: reflection.ReflectionModel | None = None
+    OF_SURFACE: tuple[Property, ...] = OF_EVERY_SURFACE
     PROPERTIES: tuple[Property, ...] = ()
     derived = None
     derivations = ()
@@ -72,19 +74,21 @@ class ReflectionBSDF(mi.BSDF):
         super().__init_subclass__()
         names = cls.model.names if cls.model else ()
         numbers = (Property(name, "float") for name in names)
-        cls.PROPERTIES = (*OF_MATERIALS, *OF_EVERY_SURFACE, *numbers)
+        # The grey surface has a number where the others choose the formula of their emissivity.
+        cls.OF_SURFACE = tuple(entry for entry in OF_EVERY_SURFACE if entry.name not in names)
+        cls.PROPERTIES = (*OF_MATERIALS, *cls.OF_SURFACE, *numbers)
 
     def __init__(self, props):
         mi.BSDF.__init__(self, props)
         plugin = self.model.name if self.model else "material"
-        given = read(props, plugin, OF_EVERY_SURFACE)
+        given = read(props, plugin, self.OF_SURFACE)
         values, form = self.read_surface(props, plugin)
         self.form = given["form"] or form
         self.model.check_form(self.form)
         self.model.check_feasible(*values, form=self.form)
         self.parameters = {name: mi.Float(value) for name, value in zip(self.model.names, values)}
 
-        self.emissivity = given["emissivity"]
+        self.emissivity = given.get("emissivity", "kirchhoff")
         self.measured = None
         if self.emissivity not in ("kirchhoff", "model"):
             path, cos = beside_scene(self.emissivity), np.linspace(0, 1, STEPS + 1) ** 2
@@ -113,7 +117,8 @@ class ReflectionBSDF(mi.BSDF):
             given["materials"],
             given["allow_band"],
         )
-        if self.model not in (None, entry.model):
+        # A grey surface is a limit of the other models, and any plugin takes its material
+        if self.model not in (None, entry.model) and entry.model is not GREY:
             raise InputError(
                 f"{self.model.name}: material '{entry.name}' is one of the model "
                 f"{entry.model.name}; "

@@ -174,7 +174,7 @@ def kind_of(bsdf) -> Kind | None:
         emissivity = "measured" if bsdf.measured is not None else bsdf.emissivity
         return Kind(bsdf.model.name, bsdf.form, bsdf.lobe, emissivity)
     if is_plume(bsdf) or (bsdf.class_name() == DIFFUSE and REFLECTANCE in mi.traverse(bsdf)):
-        return Kind("sandford_robertson", "thesis", "diffuse", "kirchhoff")
+        return Kind("grey", "standard", "diffuse", "kirchhoff")
     return None
 
 
@@ -191,13 +191,11 @@ def with_slopes(bsdf) -> tuple:
         model, form, values = bsdf.model, bsdf.form, bsdf.values
         function = lambda *values: tables(model, values, form)
     else:
-        # Lambert's reflection is the model's limit for b = 0, with any width of the lobe. A plume's
-        # transmittance has the same derivatives as its reflectance.
-        model, form = reflection.model("sandford_robertson"), "thesis"
+        # A plume's transmittance has the same derivatives as a grey surface's reflectance.
+        model, form = reflection.model("grey"), "standard"
         key = "transmittance" if is_plume(bsdf) else REFLECTANCE
         values = (float(dr.detach(mi.traverse(bsdf)[key])[0]),)
-        b, e = dr.opaque(mi.Float, 0), dr.opaque(mi.Float, 1)
-        function = lambda rho: tables(model, (1 - rho, rho, b, e), form)
+        function = lambda rho: tables(model, (1 - rho,), form)
     slopes = []
     for number in (None, *range(len(values))):
         with dr.resume_grad():

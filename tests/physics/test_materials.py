@@ -13,19 +13,19 @@ from drjit.llvm.ad import Float64
 from mi_lcair.errors import InputError
 from mi_lcair.physics import materials
 from mi_lcair.physics.bands import band
-from mi_lcair.physics.materials import emits_nothing, material, names
+from mi_lcair.physics.materials import bands_of, emits_nothing, material, names
 
-# (name, band): epsilon, rho_d, b, e from Harkiss 2007, Tables 2.2 and 2.3, and section 3.4.1
-# (emissivity 96 %).
+# (name, band): epsilon, rho_d, b, e from Harkiss 2007, Tables 2.2 and 2.3; of grey surfaces the
+# emissivity (section 3.4.1: 96 %).
 PRINTED = {
     ("bare_aluminum", "MWIR"): (0.110, 0.020, 0.050, 0.0042),
     ("bare_aluminum", "LWIR"): (0.080, 0.020, 0.050, 0.0042),
     ("gloss_black", "MWIR"): (0.890, 0.001, 0.160, 0.005),
     ("gloss_black", "LWIR"): (0.880, 0.00075, 0.160, 0.005),
-    ("ir_range_wall", "MWIR"): (0.96, 0.04, 0, 1),
-    ("ir_range_wall", "LWIR"): (0.96, 0.04, 0, 1),
-    ("blackbody", "total"): (1, 0, 0, 1),
-    ("diffuse", "SWIR"): (0, 1, 0, 1),
+    ("ir_range_wall", "MWIR"): (0.96,),
+    ("ir_range_wall", "LWIR"): (0.96,),
+    ("blackbody", "total"): (1,),
+    ("diffuse", "SWIR"): (0,),
 }
 # Directional emissivities that were measured with the BRDFs (sample: angle in degrees, emissivity,
 # standard deviation), from commit 41121a6 of github.com/MT-MRT/JSSS-GonioreflectometryBRDF.
@@ -57,7 +57,9 @@ def user_file(tmp_path):
 def test_built_in_materials_have_the_printed_numbers(name, where):
     computed = material(name, band(where))
     assert computed.values == PRINTED[name, where]
-    assert computed.name == name and computed.form == "thesis" and computed.band in (where, "any")
+    model = computed.model.name
+    assert model == ("sandford_robertson" if len(computed.values) == 4 else "grey")
+    assert computed.name == name and computed.band in (where, "any")
 
 
 def entries():
@@ -77,7 +79,8 @@ def test_every_built_in_entry_states_its_source_and_ideal_surfaces_alone_hold_in
     for name, where, entry in entries():
         fit = FIT.match(entry["source"])
         if name not in MEASURED:
-            assert THESIS.search(entry["source"]) and "model" not in entry and fit is None, name
+            assert THESIS.search(entry["source"]) and fit is None, name
+            assert entry.get("model", "grey") == "grey"
         else:
             assert where == "2-5.7" and fit["model"] == entry["model"], name
             assert float(fit["rms"]) < 0.3 and float(fit["emissivity"]) < 0.06, name
@@ -124,7 +127,7 @@ def test_another_band_is_refused_unless_allowed_and_then_the_nearest_is_taken(wa
 
 
 def test_without_a_band_only_ideal_surfaces_are_known():
-    assert material("diffuse", None).parameters["rho_d"] == 1
+    assert material("diffuse", None).parameters["emissivity"] == 0
     with pytest.raises(InputError, match="'gloss_black': needs a band; measured for MWIR, LWIR"):
         material("gloss_black", None, allow_band=True)
 
@@ -148,7 +151,7 @@ def test_a_users_file_comes_first_and_the_built_in_materials_stay_known(user_fil
     )
     assert material("gloss_black", band("MWIR"), path).parameters["epsilon"] == 0.5
     assert material("gloss_black", band("MWIR"), str(path)).source == str(path)
-    assert material("diffuse", band("MWIR"), path).parameters["rho_d"] == 1
+    assert material("diffuse", band("MWIR"), path).parameters["emissivity"] == 0
     steel = material("steel", band("MWIR"), path)
     assert (steel.band, steel.form, steel.source) == ("2-5.7", "normalized", "lab book 7")
 
@@ -167,6 +170,20 @@ def test_the_narrowest_entry_that_covers_the_band_is_taken(user_file):
 def test_an_average_over_the_whole_spectrum_is_not_one_over_a_band(user_file):
     with pytest.raises(InputError, match="not measured for band MWIR 3-5 um, only for total"):
         material("paint", band("MWIR"), user_file(f"[paint.total]\n{NUMBERS}"))
+
+
+@pytest.mark.parametrize("text", ["0.92", ".92", "1", "0", "9.2e-1"])
+def test_a_number_is_the_emissivity_of_a_grey_surface(text):
+    entry = material(text, band("LWIR"))
+    assert (entry.model.name, entry.values) == ("grey", (float(text),))
+    assert material(text, None).band == "any" and bands_of(text) == ["any"]
+    assert emits_nothing(text) == (text == "0")
+
+
+@pytest.mark.parametrize("text", ["1.92", "-0.1", "92"])
+def test_a_number_that_is_no_emissivity_is_refused(text):
+    with pytest.raises(InputError, match=f"emissivity = {text}; must lie in 0..1"):
+        material(text, band("LWIR"))
 
 
 def test_an_edited_file_is_read_again(tmp_path):

@@ -231,7 +231,7 @@ def test_the_control_variate_has_the_mean_0(load):
     for k, name in enumerate(recording.channels):
         means = found[f"control.{k}"].mean(axis=0)
         # On a diffuse surface it is 0 on every path, up to the rounding of about 100 W m^-2 sr^-1
-        assert abs(means.mean()) < 6 * means.std(ddof=1) / 2 + 1e-4, name
+        assert abs(means.mean()) < 6 * means.std(ddof=1) / 2 + 2e-4, name
 
 
 def test_a_control_variate_removes_the_noise_of_a_narrow_lobe():

@@ -81,17 +81,17 @@ def test_trend(sunlit):
 
 
 def test_derivatives(sunlit):
-    """The intensity is linear in each source and in the share that a plate reflects diffusely."""
+    """The intensity is linear in each source and in the emissivity of a plate."""
     scene = sunlit("two_plates", 45, more=DOME, emitter_sampling="false")
-    set_values(scene, {"diffuse.rho_d": 0.5})
+    set_values(scene, {"diffuse.emissivity": 0.5})
     values = parameters(scene)
     assert (values["sun.irradiance"].unit, values["sky.scale"].value) == ("W m^-2", 1.0)
     assert values["sun.irradiance"].value == pytest.approx(E)
-    names = ["sun.irradiance", "sky.scale", "diffuse.rho_d"]
+    names = ["sun.irradiance", "sky.scale", "diffuse.emissivity"]
     found = sensitivities(scene, names, spp=2**4, seed=3)
     here = signature(scene, spp=2**4, seed=3).target
-    set_values(scene, {"diffuse.rho_d": 0.7})
+    set_values(scene, {"diffuse.emissivity": 0.3})
     there = signature(scene, spp=2**4, seed=3).target
-    slope = (there.intensity - here.intensity) / 0.2
+    slope = (here.intensity - there.intensity) / 0.2
     expected = [here.by_group["sun"] / E, here.by_group["sky"], slope]
     np.testing.assert_allclose(found.derivative, expected, rtol=0.02)

@@ -159,7 +159,7 @@ def facet_view(what, output, facet, parameters, json):
 
 def brdf(what, output, band, theta_deg, materials):
     """Draw the BRDF of a material."""
-    from mi_lcair.physics.materials import bands_of
+    from mi_lcair.physics.materials import bands_of, is_number
 
     if band is None:
         bands = bands_of(what, materials)
@@ -169,7 +169,8 @@ def brdf(what, output, band, theta_deg, materials):
     from mi_lcair.physics.brdf_view import brdf_view
 
     view = brdf_view(what, band, theta_deg, materials)
-    output = output or Path(f"{Path(what).stem}_{view.band.name}_{theta_deg:g}deg.png")
+    name = what if is_number(what) else Path(what).stem
+    output = output or Path(f"{name}_{view.band.name}_{theta_deg:g}deg.png")
     view.plot(output)
     click.echo(output)
 

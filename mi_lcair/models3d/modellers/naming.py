@@ -7,13 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.errors import InputError, unknown
+from mi_lcair.errors import InputError, shown, unknown
 from mi_lcair.files import parse_toml, read_text
 from mi_lcair.models3d.label import Label, parse, unlabelled
 from mi_lcair.models3d.modellers.obj import Obj
+from mi_lcair.physics.materials import is_number
 from mi_lcair.table import read_table
 
-COLUMNS = ("type", "material", "kelvin", "group", "elevation_deg")  # of a table, beside the name
+# Columns of a table, beside the name
+COLUMNS = ("type", "material", "emissivity", "kelvin", "group", "elevation_deg")
+NUMBERS = {"emissivity", "kelvin", "elevation_deg"}
 MOST_FOUND = 8  # names of a file that an error lists
 COPY = re.compile(r"(.*)\.[0-9]{3}", re.DOTALL)  # a name that Blender has numbered
 NUMBER_AT_END = re.compile(r"(?:.*[*=])?\s*[0-9]+\.[0-9]{3}", re.DOTALL)
@@ -47,7 +50,7 @@ class NameTable:
                 raise InputError(f"{self.path}: {unknown('column', column, ('name', *COLUMNS))}")
         for line, cells in table.rows:
             values = {key: cell for key, cell in zip(table.columns, cells) if cell}
-            for key in {"kelvin", "elevation_deg"} & values.keys():
+            for key in NUMBERS & values.keys():
                 values[key] = values[key].replace(mark, ".")
             yield f"{self.path}, line {line}", values.pop("name", ""), values
 
@@ -81,21 +84,38 @@ class NameTable:
     def label(self, place, values, **options) -> Label:
         """The Label of an entry; options as those of `parse`."""
         kind = values.get("type", "f")
+        if "emissivity" in values:
+            if "material" in values:
+                raise InputError(f"{place}: gives material and emissivity; give one of them")
+            values = values | {"material": emissivity(values["emissivity"], place)}
         given = {
             "material": options["material"] and kind == "f",
             "kelvin": options["has_temperatures"] or (options["temperature"] and kind == "f"),
         }
         for key in ("material", "kelvin"):
             if key not in values and not given[key]:
-                raise InputError(f"{place}: lacks {key}")
+                raise InputError(f"{place}: lacks {key}" + " or emissivity" * (key == "material"))
         text = "*".join(
             [kind, values.get("material", ""), values.get("kelvin", "")]
-            + [f"{key}={values[key]}" for key in COLUMNS[3:] if key in values]
+            + [f"{key}={values[key]}" for key in COLUMNS[4:] if key in values]
         )
         try:
             return parse(text, folder=self.path.parent, **options)
         except InputError as error:
             raise InputError(f"{place}: {error}") from None
+
+
+def emissivity(text: str, place: str) -> str:
+    """The emissivity in a cell, as the material that it stands for.
+
+    Raises InputError, with the place, unless it is a number from 0 to 1.
+    """
+    try:
+        if is_number(text):
+            return text
+    except InputError:
+        pass
+    raise InputError(f"{place}: emissivity {shown(text)} must be a number from 0 to 1")
 
 
 def labels_of(obj: Obj, table: NameTable | None, **options) -> tuple[list[Label], np.ndarray]:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 NAMES = (
     "sandford_robertson",
     "microfacet",
+    "grey",
 )
 
 

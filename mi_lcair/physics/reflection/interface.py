@@ -144,6 +144,8 @@ class ReflectionModel(ABC):
         Whether the model has an equation for its directional emissivity.
     restrictions
         Simpler cases that a fit may choose.
+    is_compared
+        Whether a fit that is not told its model tries this one.
     """
 
     name: str
@@ -153,6 +155,7 @@ class ReflectionModel(ABC):
     reciprocal: bool = True
     has_emissivity: bool = False
     restrictions: tuple[Restriction, ...] = ()
+    is_compared: bool = True
 
     @property
     def names(self) -> tuple[str, ...]:

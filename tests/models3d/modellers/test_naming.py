@@ -127,6 +127,14 @@ def test_a_fit_beside_the_table(load, tmp_path):
             "line 10: the table .*names.csv does not name its object 'Hull'; name its object",
         ),
         ("[Hull]\nmaterial = 'blackbody'\n", ".toml", "names.toml: name 'Hull': lacks kelvin"),
+        ("[Hull]\nemissivity = 92\nkelvin = 300\n", ".toml", "'92' must be a number from 0 to 1"),
+        ("[Hull]\nemissivity = 'x'\nkelvin = 300\n", ".toml", "'x' must be a number from 0 to 1"),
+        (
+            "name,material,emissivity,kelvin\nHull,blackbody,.9,300\n",
+            ".csv",
+            "line 2: gives material and emissivity; give one of them",
+        ),
+        ("name,kelvin\nHull,300\n", ".csv", "line 2: lacks material or emissivity"),
         ("Hull = 3\n", ".toml", r"name 'Hull': needs a table \[Hull\]"),
         ("[Hull]\ncolor = 3\n", ".toml", "name 'Hull': unknown key 'color'"),
         ("[Hull]\nkelvin = true\n", ".toml", "kelvin = True; must be a string or a number"),
@@ -137,6 +145,20 @@ def test_a_fit_beside_the_table(load, tmp_path):
 def test_refused(load, names, suffix, reason):
     with pytest.raises(InputError, match=reason):
         load(cube(label="Hull"), names, suffix)
+
+
+def test_an_emissivity_in_place_of_a_material(load):
+    """In a CSV with commas or semicolons, in TOML, and in a label."""
+    for names, suffix in (
+        ("name,emissivity,kelvin\nHull,.92,300\n", ".csv"),
+        ("name;emissivity;kelvin\nHull;,92;300\n", ".csv"),
+        ("[Hull]\nemissivity = 0.92\nkelvin = 300\n", ".toml"),
+    ):
+        (label,) = load(cube(label="Hull"), names, suffix).labels
+        assert (label.material, label.temperature) == ("0.92", 300)
+    (label,) = load(cube(label="f*0.92*300*")).labels
+    assert label.material == "0.92"
+    assert load(cube(label="Hull"), material="1", temperature=300).labels[0].material == "1.0"
 
 
 def test_names_without_faces_are_told(load):

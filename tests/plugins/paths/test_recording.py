@@ -94,7 +94,7 @@ def test_both_samplers_and_an_aim(sampler):
     "name, ending, values",
     [
         ("two_plates", "emitter.temperature", [310.0, 330.0, 350.0]),
-        ("two_plates", "rho_d", [0.5, 0.4, 0.3]),
+        ("two_plates", "bsdf.emissivity", [0.5, 0.6, 0.7]),
         ("cavity", "reflectance.value", [0.3, 0.5, 0.7]),
         ("furnace", "temperature", [400.0, 500.0, 600.0]),
         ("open_box", "temperature", [310.0, 330.0, 350.0]),
@@ -426,7 +426,7 @@ def test_signatures_in_a_sweep_compile_nothing(name):
     scene = load(name)
     temperature = "face_temperature" if name == "cylinder_ir_range" else "emitter.temperature"
     parameters, key = parameter(scene, temperature)
-    _, of_material = parameter(scene, "rho_d" if name == "two_plates" else ".e")
+    _, of_material = parameter(scene, "bsdf.emissivity" if name == "two_plates" else ".e")
 
     def step(k):
         parameters[key] = parameters[key] * dr.opaque(mi.Float, 1 + 0.01 * k)
@@ -451,7 +451,7 @@ def test_views_of_all_batches_compile_nothing():
 
 def test_steps_of_an_optimisation_compile_nothing():
     scene = load("two_plates", resolution=32)
-    parameters, key = parameter(scene, "rho_d")
+    parameters, key = parameter(scene, "bsdf.emissivity")
 
     def step(k):
         parameters[key] = dr.opaque(mi.Float, 0.5 + 0.01 * k)

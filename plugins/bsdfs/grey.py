@@ -1,0 +1,38 @@
+r"""BSDF `grey`: a grey diffuse surface, given by its emissivity."""
+
+import mitsuba as mi
+
+from mi_lcair.physics import reflection
+from mi_lcair.plugins.bsdfs.reflection_bsdf import ReflectionBSDF
+
+
+class Grey(ReflectionBSDF):
+    r"""Grey diffuse surface.
+
+    ============== ======= =========================================================================
+    emissivity     float   emissivity, 0..1; the reflectance is 1 - emissivity      (differentiable)
+    ============== ======= =========================================================================
+
+    The other properties are those of `material`, without the choice of the emissivity's formula:
+    `material`, `band`, `materials`, `allow_band`, `form`, `lobe`. Give either the number or
+    `material`. A material whose name is a number, such as 0.92, is this surface too.
+
+    .. code-block:: xml
+
+        <bsdf type="grey"> <float name="emissivity" value="0.92"/> </bsdf>
+
+    The model (Harkiss 2007, Eq 2.4 for a Lambertian surface; i: direction to the source, r:
+    direction to the observer):
+
+    .. math::
+
+        f(i, r) = \frac{1 - \varepsilon}{\pi}
+
+    A derivative with respect to the emissivity is whole: the reflected radiance changes with the
+    emitted one.
+    """
+
+    model = reflection.model("grey")
+
+
+mi.register_bsdf("grey", Grey)
