@@ -30,7 +30,7 @@ WRITERS = {
     ".nc": ("mi_lcair.formats.netcdf:write", "to_xarray"),
 }
 # Writers of further files of any result by suffix, as `saved_by` of a class
-PAGE = {".html": "mi_lcair.reports.page.page:write"}
+PAGE = {".html": "mi_lcair.api.save_page:save_page"}
 
 
 class Result:
@@ -236,7 +236,7 @@ def check_options(what: str, function, options: dict) -> None:
     known = []
     for parameter in signature(function).parameters.values():
         if parameter.kind is parameter.VAR_KEYWORD:
-            if parameter.annotation is parameter.empty:
+            if parameter.annotation in (parameter.empty, Any):
                 return
             (options_type,) = get_args(parameter.annotation)
             known += options_type.__annotations__

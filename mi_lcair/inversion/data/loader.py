@@ -201,7 +201,7 @@ def views_of(scene: Scene, aspects) -> tuple[Scene, ...]:
 
 def check_closure(scene: Scene) -> None:
     """Raise InputError for a scene whose radiance has no derivatives."""
-    if getattr(scene.mi.integrator(), "closure", None) == "tail":
+    if scene.mi.integrator().closure == "tail":
         raise InputError(f"{scene.name}: closure = tail has no derivatives; use none or ambient")
 
 

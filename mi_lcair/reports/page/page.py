@@ -9,7 +9,6 @@ from mi_lcair.files import check_writable, replacing
 from mi_lcair.reports.page.arrays import Arrays, packed
 from mi_lcair.reports.page.panel import LONGEST, Panel, table_panel
 from mi_lcair.results import html
-from mi_lcair.results.result import Result
 from mi_lcair.results.sections import Drawing, LongTable, Section
 
 FOLDER = Path(__file__).parent
@@ -28,27 +27,6 @@ def check_output(path) -> None:
         raise InputError(f"output '{path}' does not end in .html; report writes HTML pages")
     check_writable(path)
     optional("plotly", "a report page")
-
-
-def write(path, result: Result, **options) -> None:
-    """Write the page of a result in memory.
-
-    Parameters
-    ----------
-    path : path-like
-        File to write, FILE.html.
-    result : Result
-        Any result.
-    **options
-        Options of its sections, such as `scene`, which shows the facets of a signature.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written, or if the result has no such option.
-    """
-    check_output(path)
-    save(path, result.page_title(), result.sections(**options))
 
 
 def save(path, title: str, sections: list[Section]) -> None:

@@ -1,6 +1,7 @@
 """Sections of a table of facets, on their model where it is known."""
 
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -8,12 +9,15 @@ from mi_lcair.errors import InputError
 from mi_lcair.results.result import summary_of
 from mi_lcair.results.sections import Drawing, LongTable, Section
 
+if TYPE_CHECKING:
+    from mi_lcair.rendering.scene import Scene
 
-def sections(facets, scene=None, sensor: int = 0) -> list[Section]:
+
+def sections(facets, scene: "Scene | None" = None, sensor: int = 0) -> list[Section]:
     """FacetResults on their model.
 
-    scene: the scene they were made from, in any form that `load` takes. The model is seen at first
-    from its sensor with the number `sensor`.
+    scene: the loaded scene they were made from. The model is seen at first from its sensor with the
+    number `sensor`.
     """
     toward = None if scene is None else toward_sensor(scene, sensor)
     model = facets.triangles, facets.triangle_facet
@@ -45,10 +49,8 @@ def known_band(name: str):
         return None
 
 
-def toward_sensor(scene, sensor: int = 0):
-    """Direction from a scene, loaded or in any form that `load` takes, toward its sensor, (3,)."""
-    from mi_lcair.rendering.scene import Scene, load
+def toward_sensor(scene: "Scene", sensor: int = 0):
+    """Direction from a scene toward its sensor, (3,)."""
     from mi_lcair.rendering.window import window
 
-    scene = scene if isinstance(scene, Scene) else load(scene)
     return -window(scene.sensor(sensor))[3]
