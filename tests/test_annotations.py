@@ -14,10 +14,11 @@ from matplotlib.figure import Figure
 
 import mi_lcair
 from mi_lcair.planning.plan import Plan
+from mi_lcair.plugins.paths.aim import Aim
 
 ROOT = Path(__file__).resolve().parents[1]
 # Names that modules import for type checkers only
-LATER = {"Figure": Figure, "Plan": Plan, "pandas": pandas, "xarray": xarray}
+LATER = {"Aim": Aim, "Figure": Figure, "Plan": Plan, "pandas": pandas, "xarray": xarray}
 
 
 def public_classes(annotation, module, found) -> dict:

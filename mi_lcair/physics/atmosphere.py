@@ -188,7 +188,7 @@ def _from_csv(name, path) -> Atmosphere:
     return plausible(AtmosphereTable(name, 1000 * table.keys, table.wavelengths_um, *table.columns))
 
 
-def plausible(air: Atmosphere) -> Atmosphere:
+def plausible(air: AtmosphereTable) -> AtmosphereTable:
     """Return the atmosphere if it is physically possible, else raise InputError.
 
     Refused are a transmittance that rises with range, and a path radiance where the transmittance

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 
+import mitsuba
 import mitsuba as mi
 import numpy as np
 
@@ -83,7 +84,7 @@ class Scene:
     groups: list[str]
     parameters: dict[str, str]
     notes: list[str]
-    sensors: list[mi.Sensor]
+    sensors: list[mitsuba.Sensor]
     path: Path | None
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     digest: bytes = b""
@@ -144,7 +145,7 @@ class Scene:
         ]
         return fingerprint(self.digest, self.mi, descriptions)
 
-    def sensor(self, index: int) -> mi.Sensor:
+    def sensor(self, index: int) -> mitsuba.Sensor:
         """The sensor with this number, counted from 0; raises InputError if there is none."""
         if index >= len(self.sensors):
             raise InputError(
@@ -165,13 +166,15 @@ class Scene:
         """
         return self.mi.integrator().prepared(self.mi, by_spectrum, self._tracers)
 
-    def surfaces(self) -> list[mi.BSDF]:
+    def surfaces(self) -> list[mitsuba.BSDF]:
         """The scene's BSDFs of reflection models."""
         return [plugin for plugin in deriving_plugins(self.mi) if is_reflection_bsdf(plugin)]
 
     def set_lobe(self, lobe: str, material: str | None = None) -> None:
         """Set the lobe (brdf, mirror or diffuse) of one material, or of all reflection models."""
         surfaces = self.surfaces()
+        if not surfaces:
+            raise InputError(f"{self.name}: no lobe can be set; no surface has a reflection model")
         of_material = [surface for surface in surfaces if material in (None, surface.material)]
         if not of_material:
             raise unknown("material", material, {surface.material for surface in surfaces})

@@ -51,7 +51,7 @@ class Windows:
         Whether `Totals` keeps the channels for each randomisation.
     """
 
-    sensor: object
+    sensor: mi.Sensor
     columns: int = 1
     rows: int = 1
     randomisations: int = RANDOMISATIONS

@@ -282,6 +282,8 @@ def test_set_lobe():
     assert mi_lcair.render(scene, spp=8).mean > 0
     with pytest.raises(InputError, match="unknown material 'tin'; known: "):
         scene.set_lobe("mirror", "tin")
+    with pytest.raises(InputError, match="^cavity: no lobe can be set; no surface has a refl"):
+        mi_lcair.load("cavity", resolution=8).set_lobe("mirror")
 
 
 def test_the_lobe_of_a_material_when_the_scene_is_loaded():

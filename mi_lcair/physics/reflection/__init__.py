@@ -6,7 +6,7 @@ plugins/bsdfs/NAME.py.
 """
 
 import importlib
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mi_lcair.errors import unknown
 
@@ -21,7 +21,7 @@ NAMES = (
 )
 
 
-def __getattr__(name):
+def __getattr__(name: str) -> Any:
     """MODELS, DEFAULT and ReflectionModel, imported at the first use.
 
     The names alone are known without Dr.Jit, which the models load.
