@@ -10,6 +10,7 @@ from mi_lcair.camera.image_result import Image
 from mi_lcair.camera.notes import header, remarks
 from mi_lcair.camera.quality import measured
 from mi_lcair.camera.range_table import RangedTarget, at_ranges, table_ranges
+from mi_lcair.camera.silhouette import Silhouette
 from mi_lcair.camera.view import CameraView
 from mi_lcair.detection.multiplied_light import multiplied_light
 from mi_lcair.detection.scenario import Scenario
@@ -58,8 +59,10 @@ def record_image(scenario: Scenario, frames: int, seed: int, progress) -> Image:
         channels["stderr_K.Y"],
         exposed.area / view.pixel_m**2,
     )
-    ranges, detected_to_m = at_ranges(
-        RangedTarget(camera, exposed, scene.band, setting.air, measures.noise, scenario.sensor.snr),
+    silhouette = Silhouette.of(scene, view, observer.range_m)
+    ranged = (scene.band, setting.air, measures.noise, scenario.sensor.snr)
+    ranges, detected_to_m, peak_detected_to_m = at_ranges(
+        RangedTarget(camera, exposed, silhouette, *ranged),
         setting.backdrop,
         table_ranges(setting.air, target.radius, observer.range_m),
     )
@@ -76,6 +79,7 @@ def record_image(scenario: Scenario, frames: int, seed: int, progress) -> Image:
         measures=measures,
         ranges=ranges,
         detected_to_m=detected_to_m,
+        peak_detected_to_m=peak_detected_to_m,
         view=view,
         mtf_parts=camera.optics.parts(measures.mtf["frequency"]),
         exposure=exposed,

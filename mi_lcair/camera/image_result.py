@@ -45,9 +45,10 @@ class Image(Result):
     measures : Measures
     ranges : list of RangeRow
         The target at other ranges.
-    detected_to_m : float or None
-        Largest range within `ranges` at which the target is detected, m; None for nowhere. It may
-        be more where that is the end of the air's table.
+    detected_to_m, peak_detected_to_m : float or None
+        Largest range within `ranges` at which the target is detected, m, by a matched filter and by
+        its strongest pixel; None for nowhere. It may be more where that is the end of the air's
+        table.
     view : CameraView
         Position and pointing of the camera, and the part of the frame with the target.
     mtf_parts : dict of str to ndarray
@@ -70,6 +71,7 @@ class Image(Result):
     measures: Measures
     ranges: list[RangeRow]
     detected_to_m: float | None
+    peak_detected_to_m: float | None
     view: CameraView = field(repr=False)
     mtf_parts: dict[str, np.ndarray] = field(repr=False)
     exposure: Exposure = field(repr=False)
@@ -94,11 +96,15 @@ class Image(Result):
     def summary(self) -> str:
         """One line with the noise of the camera and the target's signal-to-noise ratio."""
         measures, (frames, height, width) = self.measures, self.counts.shape
-        detected = "nowhere" if self.detected_to_m is None else f"to {self.detected_to_m:.5g} m"
+        detected, by_peak = (
+            "nowhere" if range_m is None else f"to {range_m:.5g} m"
+            for range_m in (self.detected_to_m, self.peak_detected_to_m)
+        )
         return (
             f"image of {self.scenario.name}, {self.band.label}: {frames} x {width} x {height} "
             f"pixels, NETD {1e3 * measures.netd:.3g} mK, {measures.pixels:.3g} pixels on the "
-            f"target, signal-to-noise ratio {measures.snr:.4g}, detected {detected}"
+            f"target, signal-to-noise ratio {measures.snr:.4g}, detected {detected} by a matched "
+            f"filter and {by_peak} by the strongest pixel"
         )
 
     def entries(self) -> dict:
@@ -112,6 +118,7 @@ class Image(Result):
             "mtf": self.mtf(),
             "ranges": [asdict(row) for row in self.ranges],
             "detected_to_m": self.detected_to_m,
+            "peak_detected_to_m": self.peak_detected_to_m,
             "spp": self.exposure.spp,
             "rms_error": self.exposure.rms_error,
             "tolerance": self.scenario.render.tolerance,
@@ -132,7 +139,7 @@ class Image(Result):
         }
 
     def columns(self) -> dict[str, np.ndarray]:
-        """A row for each range: pixels and electrons of the target, and its ratio to the noise."""
+        """A row for each range: pixels and electrons of the target, and its ratios to the noise."""
         rows = [asdict(row) for row in self.ranges]
         return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 

@@ -3,6 +3,8 @@
 Frequencies are in the plane of the image, in cycles per mm. The MTF is the product of four parts.
 """
 
+from functools import cached_property
+
 import numpy as np
 from scipy import fft
 from scipy.special import j1
@@ -125,13 +127,16 @@ class Optics:
         step = self.imager.pitch_um / OVERSAMPLING
         y, x = fft.fftfreq(shape[0], 1e-3 * step), fft.rfftfreq(shape[1], 1e-3 * step)
         distance = np.hypot(y[:, None], x)
-        # The round parts are smooth, so that a table replaces them
-        table = np.linspace(0, distance.max() * (1 + 1e-9), 8192)
-        profile = np.prod(list(self.round_parts(table).values()), axis=0)
         rows, columns = (
             footprint(along, self.pixel_width_um) / footprint(along, step) for along in (y, x)
         )
-        return np.interp(distance, table, profile) * rows[:, None] * columns
+        return np.interp(distance, *self.profile) * rows[:, None] * columns
+
+    @cached_property
+    def profile(self) -> tuple[np.ndarray, np.ndarray]:
+        """Frequencies, cycles/mm, and the product of the round parts there, which are smooth."""
+        frequency = np.linspace(0, OVERSAMPLING * 1e3 / self.imager.pitch_um, 8192)
+        return frequency, np.prod(list(self.round_parts(frequency).values()), axis=0)
 
     def seen(self, samples, around=FRAME) -> np.ndarray:
         """The image at the centres of the frame's pixels.
@@ -202,17 +207,3 @@ class Optics:
         airy = np.average(self.wavelengths_um, weights=self.weights) * self.imager.f_number
         far = airy / self.imager.pitch_um / np.pi**3 / SPILL
         return int(np.clip(np.ceil(min(2 * far, np.cbrt(pixels * far))), MARGIN, FARTHEST))
-
-    @property
-    def noise_equivalent_pixels(self) -> float:
-        """Number of pixels over which the light of a point is spread: 1 / sum of its squares.
-
-        The sum of the squares over the pixels is that of the squared MTF over the frequencies
-        (Parseval), for a point anywhere in a pixel on average.
-        """
-        size = OVERSAMPLING * 2 * MARGIN
-        step = self.imager.pitch_um / OVERSAMPLING
-        y, x = fft.fftfreq(size, 1e-3 * step), fft.rfftfreq(size, 1e-3 * step)
-        point = footprint(y, step)[:, None] * footprint(x, step)
-        spread = fft.irfft2(self.transfer((size, size)) * point, (size, size))
-        return float(1 / (OVERSAMPLING**2 * np.sum(spread**2)))

@@ -13,6 +13,7 @@ from mi_lcair.rendering.views import BESIDE, POLE_DEG, UP, Target, View, depth, 
 
 BEFORE = 1.01  # distance from the target's middle at which rays begin, in radii of the target
 PARTS_ACROSS = 48  # parts across a model, at least, in which it is rendered
+PARTS_THROUGH = 6  # parts across its thinner side, at least
 MOST_PARTS = 2**20  # parts along a side of the frame; their places are known in single precision
 
 
@@ -92,7 +93,8 @@ class CameraView:
             scale *= range_m
         columns = imager.width / 2 + seen @ right / scale
         rows = imager.height / 2 - seen @ up / scale
-        extent = max(np.ptp(columns), np.ptp(rows)) if columns.size else np.inf
+        sides = sorted((np.ptp(columns), np.ptp(rows))) if columns.size else (np.inf, np.inf)
+        extent = min(sides[1], sides[0] * PARTS_ACROSS / PARTS_THROUGH)
         parts = OVERSAMPLING * int(
             np.clip(
                 np.ceil(PARTS_ACROSS / max(OVERSAMPLING * extent, 1e-9)),

@@ -197,17 +197,24 @@ def hidden_share(scene: Scene, range_m: float) -> float:
     The camera of a scene from `seen_from` is just outside the sphere around the model. It does not
     see what lies between itself and the observer.
     """
-    camera = scene.sensor(0)
-    index = dr.arange(mi.UInt32, PROBES**2)
-    position = (mi.Point2f(index % PROBES, index // PROBES) + 0.5) / PROBES
-    ray, _ = camera.sample_ray(0, 0, position, mi.Point2f(0.5))
-    first = scene.mi.ray_intersect(ray)
-    with scene.prepared() as tracer:
-        on_model = first.is_valid() & tracer.emitters.is_model(first.emitter(scene.mi))
+    ray, on_model = meets_model(scene, PROBES)
     outward = mi.Ray3f(ray.o, -ray.d, maxt=range_m, time=0, wavelengths=[])
     return int(dr.count(on_model & scene.mi.ray_test(outward))[0]) / max(
         1, int(dr.count(on_model)[0])
     )
+
+
+def meets_model(scene: Scene, cells: int) -> tuple[mi.Ray3f, mi.Bool]:
+    """Rays through the middles of cells x cells parts of the first sensor's film, row by row.
+
+    Also, whether each meets the model before anything else.
+    """
+    index = dr.arange(mi.UInt32, cells**2)
+    position = (mi.Point2f(index % cells, index // cells) + 0.5) / cells
+    ray, _ = scene.sensor(0).sample_ray(0, 0, position, mi.Point2f(0.5))
+    first = scene.mi.ray_intersect(ray)
+    with scene.prepared() as tracer:
+        return ray, first.is_valid() & tracer.emitters.is_model(first.emitter(scene.mi))
 
 
 def depth(scene: Scene) -> float:

@@ -5,6 +5,7 @@ import pytest
 
 from mi_lcair.api.contrast import contrast
 from mi_lcair.api.image import image
+from mi_lcair.camera.electronics.frames import signal_of
 from mi_lcair.camera.electronics.response import electron_band, electrons
 from mi_lcair.camera.optics import OVERSAMPLING
 from mi_lcair.errors import InputError
@@ -17,6 +18,7 @@ from mi_lcair.physics.blackbody import (
     spectral_radiance,
 )
 from mi_lcair.physics.sun.sunlight import sunlight
+from tests.camera.plate_scenario import plate
 from tests.detection.disc_scenario import AREA, disc, write_disc
 
 CAMERA = {
@@ -174,8 +176,8 @@ def test_target_smaller_than_a_pixel(scenario):
     assert total == pytest.approx(expected, rel=0.02)
     assert row.electrons == pytest.approx(expected, rel=0.01)
     assert found.exposure.rms_error < 0.01
-    # The range table's ratio is that of a matched filter on average over the places in a pixel
-    assert row.snr == pytest.approx(found.measures.snr, rel=0.35)
+    assert row.snr == pytest.approx(found.measures.snr, rel=0.01)
+    assert row.peak_snr == pytest.approx(found.measures.peak_snr, rel=0.01)
 
 
 def test_background_without_a_photon(scenario):
@@ -225,29 +227,48 @@ def test_sunlight_keeps_its_spectrum(tmp_path):
     assert thermal / pixel == pytest.approx(1.19, abs=0.01)
 
 
-@pytest.mark.parametrize("width", [0.3, 8.0])
+@pytest.mark.parametrize("width", [0.6, 16.0])
 def test_a_plate_across_the_border_of_the_frame(tmp_path, width):
     """It looks as in a larger frame, at 300 K on 280 K: to 5 mK where the rendering is certain.
 
     The narrow plate ends 30 pixels beside the frame, the wide one 1000 pixels.
     """
-    write_disc(tmp_path)
-    file = tmp_path / "disc.xml"
-    plate = '<shape type="rectangle"> <transform name="to_world"> <rotate y="1" angle="90"/>'
-    plate += f' <scale y="{width}" z="0.2"/> </transform>'
-    text = file.read_text()
-    start, end = text.index('<shape type="ply">'), text.index("<bsdf")
-    file.write_text(text[:start] + plate + text[end:])
-    pixel = 15e-6 / 0.1 * 100  # m at 100 m
-    entries = {"camera__" + name: value for name, value in CAMERA.items()}
-    entries |= {"target__parameters": {"temperature": 300}, "background__temperature": 280}
-    entries |= {"observer__range_m": 100, "render__spp": 36, "camera__integration_time_ms": 0.05}
     # The plate's left end is 10 columns inside the frame's right border
-    entries["camera__right_deg"] = -float(np.degrees(np.arctan((22 + width / pixel) * 1.5e-4)))
+    aside = 22 + width / 2 / (1.5e-4 * 100)
+    entries = {
+        "camera__right_deg": -float(np.degrees(np.arctan(aside * 1.5e-4))),
+        "observer__range_m": 100,
+        "render__spp": 36,
+    }
     images = [
-        image(disc(tmp_path, **entries | {"camera__width": columns})) for columns in (64, 1664)
+        image(plate(tmp_path, width, 0.4, **entries | {"camera__width": columns}))
+        for columns in (64, 1664)
     ]
     small, large = (found.channels["mean_temperature.Y"] for found in images)
     certain = images[0].channels["stderr_K.Y"] < 1e-3
     assert certain[:, -8:].sum() > 8 * 20
     assert abs(small - large[:, 800:864])[certain].max() < 5e-3
+    assert any("a part of the target is outside the frame" in line for line in images[0].remarks)
+
+
+@pytest.mark.parametrize("width, height", [(3.0, 3.0), (0.5, 0.5), (20.0, 0.2), (0.2, 20.0)])
+def test_ratios_over_range_are_those_of_frames(tmp_path, width, height):
+    """At 1 and 5 km, from the render at 5 km, and with the matched filter in 200 frames."""
+    changes = {
+        "target__parameters": {"temperature": 281},
+        "camera__width": 192,
+        "camera__height": 192,
+        "camera__integration_time_ms": 0.5,
+    }
+    far = image(plate(tmp_path, width, height, observer__range_m=5000, **changes), frames=200)
+    near = image(plate(tmp_path, width, height, observer__range_m=1000, **changes))
+    for found, range_m in ((near, 1000), (far, 5000)):
+        row = next(row for row in far.ranges if row.range_m == range_m)
+        assert row.snr == pytest.approx(found.measures.snr, rel=0.01)
+        assert row.peak_snr == pytest.approx(found.measures.peak_snr, rel=0.03)
+    template = far.channels["electrons.Y"].astype(float) - far.measures.background
+    recorded = signal_of(far.scenario.camera, far.counts.astype(float)) - far.measures.background
+    outputs = np.sum(recorded * template, axis=(1, 2)) / np.sqrt(np.sum(template**2))
+    noise = recorded[:, template < 1e-3 * template.max()].std()
+    # The mean of 200 outputs, each with the noise of a pixel, is known to 0.07 noises
+    assert outputs.mean() / noise == pytest.approx(row.snr, rel=0.01, abs=0.21)

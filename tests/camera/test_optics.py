@@ -194,29 +194,3 @@ def test_image_of_a_point_with_jitter():
         assert camera.seen(samples, AROUND)[MARGIN, MARGIN + pixels] == pytest.approx(
             expected, rel=2e-3
         )
-
-
-def test_noise_equivalent_pixels():
-    """1 / integral of the squared MTF over both frequencies, in cycles per pixel (Parseval)."""
-    for changes in ({"jitter_urad": 300.0}, {"jitter_urad": 200.0, "f_number": 2.0}):
-        camera = optics(**changes)
-        frequency = (np.arange(-300, 300) + 0.5) / 6
-        fx, fy = np.meshgrid(frequency, frequency)
-        round_parts = camera.round_parts(np.hypot(fx, fy))
-        squared = np.prod(list(round_parts.values()), axis=0) ** 2
-        squared *= (np.sinc(15e-3 * fx) * np.sinc(15e-3 * fy)) ** 2
-        assert camera.noise_equivalent_pixels == pytest.approx(
-            1 / (squared.sum() * (15e-3 / 6) ** 2), rel=1e-3
-        )
-
-
-def test_noise_equivalent_pixels_are_the_mean_over_the_places_of_a_point():
-    """The mean over the places of a point in a pixel of 1 / (sum of squares) is its own inverse."""
-    camera, squares = optics(), []
-    for dy in range(OVERSAMPLING):
-        for dx in range(OVERSAMPLING):
-            samples = np.zeros((OVERSAMPLING * 9, OVERSAMPLING * 9))
-            samples[12 + dy, 12 + dx] = OVERSAMPLING**2  # one pixel's worth of light
-            squares.append(np.sum(camera.seen(samples, AROUND) ** 2))
-    # A sample is a square and not a point, and spreads a little more
-    assert 1 / np.mean(squares) == pytest.approx(camera.noise_equivalent_pixels, rel=0.06)

@@ -10,7 +10,6 @@ from mi_lcair.camera.range_table import (
     RangedTarget,
     at_ranges,
     backgrounds,
-    fine_ranges,
     table_ranges,
 )
 from mi_lcair.detection.irradiance import Backdrop
@@ -35,7 +34,8 @@ IMAGER = Imager(
 )
 MWIR = band("MWIR")
 ELECTRONS = electron_band(MWIR, IMAGER)
-SPREAD = 1.7  # pixels over which the camera spreads a point
+POINT = 1.7  # pixels over which the camera spreads a point
+NEAREST = 1500.0  # range from which on the outline is put into the frame, m
 LEVEL = 1e4  # electrons of the background
 NOISE = 300.0
 
@@ -51,10 +51,23 @@ def target(air, snr=10.0) -> RangedTarget:
         intensities={"target": intensity, "target.source.0": intensity, "target.hit": AREA},
         area=AREA,
     )
-    camera = SimpleNamespace(
-        band=ELECTRONS, imager=IMAGER, optics=SimpleNamespace(noise_equivalent_pixels=SPREAD)
-    )
-    return RangedTarget(camera, exposure, MWIR, air, NOISE, snr)
+    camera = SimpleNamespace(band=ELECTRONS, imager=IMAGER, optics=None)
+    silhouette = SimpleNamespace(nearest_m=NEAREST, spread=lambda _, range_m: shares(range_m))
+    return RangedTarget(camera, exposure, silhouette, MWIR, air, NOISE, snr)
+
+
+def shares(range_m):
+    """Root of the sum of squares and maximum of the shares of n + 1.7 pixels, of which one has 1/2.
+
+    They only have to differ.
+    """
+    pixels = AREA / (range_m * 1.5e-4) ** 2
+    return (pixels + POINT) ** -0.5, 0.5 / (pixels + POINT)
+
+
+def rows(target, ranges, level):
+    """The rows of a target before a background that is the same at all ranges."""
+    return target.rows(ranges, np.full(len(ranges), level), target.spread(np.array(ranges)))
 
 
 def grey(per_km):
@@ -69,31 +82,33 @@ def grey(per_km):
 def test_in_vacuum():
     """A pixel covers (R x 1.5e-4)^2 m^2 of the target."""
     ranges = np.array([2000.0, 5000.0, 50_000.0])
-    rows = target(atmosphere("vacuum")).rows(ranges, np.full(3, LEVEL))
+    found = rows(target(atmosphere("vacuum")), ranges, LEVEL)
     contrast = float(electrons(ELECTRONS, HOT)) - LEVEL
-    for row, range_m in zip(rows, ranges):
+    for row, range_m in zip(found, ranges):
         pixels = AREA / (range_m * 1.5e-4) ** 2
         assert row.range_m == range_m
         assert row.pixels == pytest.approx(pixels, rel=1e-9)
         assert row.electrons == pytest.approx(contrast * pixels, rel=1e-9)
-        expected = contrast * pixels / (NOISE * np.sqrt(pixels + SPREAD))
+        expected = contrast * pixels / (NOISE * np.sqrt(pixels + POINT))
         assert row.snr == pytest.approx(expected, rel=1e-9)
+        peak = contrast * pixels / NOISE * 0.5 / (pixels + POINT)
+        assert row.peak_snr == pytest.approx(peak, rel=1e-9)
     # 133, 21 and 0.21 pixels; the last one has 16 standard deviations
-    assert [row.detected for row in rows] == [True, True, False]
-    assert [row.lacks for row in rows] == ["", "", "pixels"]
-    strict = target(atmosphere("vacuum"), snr=1e9).rows(ranges, np.full(3, LEVEL))
+    assert [row.detected for row in found] == [True, True, False]
+    assert [row.lacks for row in found] == ["", "", "pixels"]
+    strict = rows(target(atmosphere("vacuum"), snr=1e9), ranges, LEVEL)
     assert [row.lacks for row in strict] == [*["signal to noise"] * 2, "signal to noise and pixels"]
 
 
 def test_a_cold_target_has_a_ratio_too():
     level = 3 * float(electrons(ELECTRONS, HOT))
-    (row,) = target(atmosphere("vacuum")).rows([2000.0], np.array([level]))
+    (row,) = rows(target(atmosphere("vacuum")), [2000.0], level)
     assert row.electrons < 0 < row.snr
 
 
 def test_through_grey_air():
     """The target's electrons are dimmed, and the path adds its own over the target's area."""
-    (row,) = target(grey(0.4)).rows([3000.0], np.array([LEVEL]))
+    (row,) = rows(target(grey(0.4)), [3000.0], LEVEL)
     dimmed = np.exp(-1.2) * float(electrons(ELECTRONS, HOT))
     path = (1 - np.exp(-1.2)) * 0.05 * float(electrons(ELECTRONS, 290.0))
     pixels = AREA / 0.45**2
@@ -103,13 +118,42 @@ def test_through_grey_air():
 def test_largest_range_of_a_detection():
     """In vacuum, 2 pixels are covered up to sqrt(12 / 2) / 1.5e-4 = 16.33 km."""
     backdrop = Backdrop("grey", lambda x: np.full(len(x), 1e-3), np.empty(0))
-    rows, detected_to_m = at_ranges(
+    found, detected_to_m, by_peak_to_m = at_ranges(
         target(atmosphere("vacuum")), backdrop, np.array([1000.0, 10_000.0, 40_000.0])
     )
-    assert [row.range_m for row in rows] == [1000, 10_000, 40_000]
-    assert [row.detected for row in rows] == [True, True, False]
+    assert [row.range_m for row in found] == [1000, 10_000, 40_000]
+    assert [row.detected for row in found] == [True, True, False]
     assert 16_330 * 40 ** (-1 / 399) < detected_to_m < 16_330
-    assert at_ranges(target(atmosphere("vacuum"), 1e9), backdrop, np.array([1e3, 4e4]))[1] is None
+    assert by_peak_to_m == detected_to_m
+    assert at_ranges(target(atmosphere("vacuum"), 1e9), backdrop, np.array([1e3, 4e4]))[1:] == (
+        None,
+        None,
+    )
+
+
+def test_the_peak_pixel_is_detected_less_far_than_the_target():
+    """The peak falls below the ratio where 0.5 C n / (n + 1.7) = noise x snr; 10 % of C here."""
+    backdrop = Backdrop("grey", lambda x: np.full(len(x), 1e-3), np.empty(0))
+    level = float(ELECTRONS.weights_um.sum()) * 1e-3
+    contrast = float(electrons(ELECTRONS, HOT)) - level
+    ranged = target(atmosphere("vacuum"), 0.3 * contrast / NOISE)
+    ranges = np.array([2000.0, 10_000.0, 16_000.0])
+    found, detected_to_m, by_peak_to_m = at_ranges(ranged, backdrop, ranges)
+    pixels = 0.6 * POINT / 0.4
+    assert by_peak_to_m == pytest.approx(np.sqrt(AREA / pixels) / 1.5e-4, rel=0.01)
+    pixels = (0.09 + np.sqrt(0.09**2 + 4 * 0.09 * POINT)) / 2  # n / sqrt(n + 1.7) = 0.3
+    assert detected_to_m == pytest.approx(min(np.sqrt(AREA / pixels) / 1.5e-4, 16_000), rel=0.01)
+    assert [row.peak_detected for row in found] == [True, True, False]
+
+
+def test_a_target_that_is_too_near_for_the_frame():
+    """Its pixels share the light as from the nearest range, and their number grows as 1 / R^2."""
+    ranged = target(atmosphere("vacuum"))
+    (squares, near), (peaks, peak) = ranged.spread(np.array([300.0, NEAREST]))[:, ::-1]
+    assert (squares, peaks) == shares(NEAREST)
+    assert near == pytest.approx(squares / 5, rel=1e-12) and peak == pytest.approx(
+        peaks / 25, rel=1e-12
+    )
 
 
 def test_ranges_of_the_table():
@@ -136,11 +180,3 @@ def test_ranges_at_which_the_background_is_known():
     ranges, levels = backgrounds(backdrop, MWIR, [100.0, 500.0, 501.0])
     assert ranges.tolist() == [100, 500]
     assert levels == pytest.approx(2 * level, rel=1e-9)  # over 2 um
-
-
-def test_fine_ranges():
-    """400 ranges in equal ratios, of which none is beyond the last one."""
-    fine = fine_ranges(np.array([100.0, 300.0, 1600.0]))
-    assert len(fine) == 400 and fine[0] == pytest.approx(100) and fine[-1] < 1600
-    assert fine[-1] == pytest.approx(1600, rel=1e-11)
-    assert fine[1:] / fine[:-1] == pytest.approx(16 ** (1 / 399), rel=1e-9)

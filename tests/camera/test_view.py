@@ -93,6 +93,8 @@ def test_parts_of_large_and_small_targets():
     """48 parts or more lie across a target; a multiple of 3; 2^20 at most across the frame."""
     assert front(target=box(1.0, 12.0, 12.0)).parts == 3  # 48 pixels
     assert front(target=box(0.1, 1.99, 1.0)).parts == 3 * 3  # 7.96 pixels: 2.01 times 3 and up
+    # 0.6 pixels high: 3 * 4 parts across it are 7.2, and 3 * 3 would be 5.4
+    assert front(target=box(0.1, 12.0, 0.15)).parts == 3 * 4
     assert front(target=box(1e-6, 1e-5, 1e-5)).parts == 3 * (2**20 // (3 * (64 + 64)))
     assert front(replace(IMAGER, width=8192, height=1, focal_length_mm=150.0)).parts >= 3
 

@@ -41,9 +41,11 @@ def test_files_and_tables(run, folder, figures):
         "NETD                    predicted ",
         "MTF at Nyquist          predicted 0.183, measured 0.18",
         "the same in all frames; 18 paths through a pixel",
-        "range m  pixels on target  electrons  signal to noise, even  detected",
+        "range m  pixels on target  electrons  signal to noise, matched filter  of the peak pixel  "
+        "detected by matched filter",
         "no, too few: pixels",
-        "detected up to 23492 m, with a signal-to-noise ratio of 10 and 1 pixels on the target",
+        "detected by a matched filter up to 23492 m, by the peak pixel up to 23492 m, with a "
+        "signal-to-noise ratio of 10 and 1 pixels on the target",
     ):
         assert text in result.stdout
     assert "the detector is saturated in 28 % of the pixels" in result.stderr
@@ -59,7 +61,7 @@ def test_files_and_tables(run, folder, figures):
     assert (folder / "seen.png").stat().st_size > 10_000
     titles = [axes.get_title() for axes in figures[0].axes]
     assert "(b) MTF up to Nyquist" in titles
-    assert "(d) target over range: detected up to 23492 m" in titles
+    assert "(d) over range, by matched filter: detected up to 23492 m" in titles
 
 
 @pytest.mark.slow

@@ -46,6 +46,8 @@ PURE = {
     "samples",
     "share",
     "share_standard_error",
+    "peak_detected",
+    "peak_snr",
     "snr",
     "view_factor",
     "visible_fraction",

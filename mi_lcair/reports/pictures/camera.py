@@ -131,9 +131,13 @@ def _ranges(axes, image: Image) -> None:
 
     rows, sensor = image.ranges, image.scenario.sensor
     x = np.array([row.range_m for row in rows])
-    snr, pixels = (
+    snr, peak, pixels = (
         axes.plot(x, [getattr(row, name) for row in rows], marker, color=color, markersize=3)[0]
-        for name, marker, color in (("snr", "o-", "C3"), ("pixels", "s-", "C0"))
+        for name, marker, color in (
+            ("snr", "o-", "C3"),
+            ("peak_snr", "^-", "C1"),
+            ("pixels", "s-", "C0"),
+        )
     )
     axes.axhline(sensor.snr, color="C3", linewidth=0.8, linestyle=":")
     axes.axhline(image.scenario.camera.least_pixels, color="C0", linewidth=0.8, linestyle=":")
@@ -151,7 +155,8 @@ def _ranges(axes, image: Image) -> None:
     )
     if image.detected_to_m and image.detected_to_m > 0.999 * x.max():
         detected += " at least"
-    axes.set_title(f"(d) target over range: {detected}")
+    axes.set_title(f"(d) over range, by matched filter: {detected}")
     axes.set_xlabel("range (m)")
     axes.set_ylabel("ratio, number; dotted: what a detection needs")
-    axes.legend([snr, pixels], ["signal-to-noise ratio", "pixels on the target"])
+    names = ["signal to noise, matched filter", "of the peak pixel", "pixels on the target"]
+    axes.legend([snr, peak, pixels], names)

@@ -5,7 +5,14 @@ from mi_lcair.reports.sections.render import image_sections
 from mi_lcair.results.cells import error_row
 from mi_lcair.results.sections import Facts, Lines, Remarks, Section, Table
 
-OVER_RANGE = [("range", "m"), "pixels on target", "electrons", "signal to noise, even", "detected"]
+OVER_RANGE = [
+    ("range", "m"),
+    "pixels on target",
+    "electrons",
+    "signal to noise, matched filter",
+    "of the peak pixel",
+    "detected by matched filter",
+]
 
 
 def sections(image) -> list[Section]:
@@ -17,6 +24,7 @@ def sections(image) -> list[Section]:
             f"{row.pixels:.4g}",
             f"{row.electrons:.4g}",
             f"{row.snr:.4g}",
+            f"{row.peak_snr:.4g}",
             "yes" if row.detected else f"no, too few: {row.lacks}",
         ]
         for row in image.ranges
@@ -97,7 +105,11 @@ def detected(image) -> str:
         f"with a signal-to-noise ratio of {scenario.sensor.snr:g} and "
         f"{scenario.camera.least_pixels:g} pixels on the target"
     )
-    if not image.detected_to_m:
-        return f"not detected at these ranges, {needed}"
-    at_least = " at least" if image.detected_to_m > 0.999 * image.ranges[-1].range_m else ""
-    return f"detected up to {image.detected_to_m:.5g} m{at_least}, {needed}"
+    last = 0.999 * image.ranges[-1].range_m
+    by_filter, by_peak = (
+        "at none of these ranges"
+        if range_m is None
+        else f"up to {range_m:.5g} m{' at least' if range_m > last else ''}"
+        for range_m in (image.detected_to_m, image.peak_detected_to_m)
+    )
+    return f"detected by a matched filter {by_filter}, by the peak pixel {by_peak}, {needed}"
