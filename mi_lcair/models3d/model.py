@@ -145,6 +145,8 @@ def read(
     InputError
         For a file, label or table that cannot be used.
     """
+    if materials:
+        known_materials.check_file(materials)
     known = known_materials.names(materials)
     material = material and find_material(material, known)
     if not 0 < scale < np.inf:

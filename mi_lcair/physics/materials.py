@@ -60,12 +60,7 @@ class Material:
         return tuple(self.parameters[name] for name in self.model.names)
 
     def surface(self):
-        """The model's `Surface` with these parameters, in Float64.
-
-        Raises InputError for parameters that no surface can have.
-        """
-        self.model.check_form(self.form)
-        self.model.check_feasible(*self.values, form=self.form)
+        """The model's `Surface` with these parameters, in Float64."""
         from drjit.llvm.ad import Float64
 
         return self.model.surface(*map(Float64, self.values), form=self.form)
@@ -207,10 +202,15 @@ def is_json(path) -> bool:
 
 def check_fit(path: str | Path) -> None:
     """Raise InputError for a JSON file that is not one material: a fit, or a solution with one
-    material. Loads no reflection model; the file's parameters are checked when a scene loads.
+    material.
     """
-    for report in _reports(path):
-        _check_report(str(path), report)
+    _fits(path)
+
+
+def check_file(path: str | Path) -> None:
+    """Raise InputError for a file of materials with an entry that is incomplete or impossible."""
+    for name in _materials(path):
+        _toml_entries(name, path)
 
 
 def _materials(path) -> dict:
@@ -296,10 +296,7 @@ def _fitted(name, report):
 
 
 def _entry(where, name, band, keys, file):
-    """A Material with checked keys and types.
-
-    The reflection model checks later whether the parameters are possible together.
-    """
+    """A Material with checked keys and types, and parameters that a surface can have."""
     from mi_lcair.physics import reflection
 
     where = f"{where}, band '{band}'"
@@ -324,14 +321,14 @@ def _entry(where, name, band, keys, file):
     missing = [key for key in model.names if key not in keys]
     if missing:
         raise InputError(f"{where}: lacks {', '.join(missing)}")
-    return Material(
-        name,
-        band,
-        model,
-        {key: float(keys[key]) for key in model.names},
-        form=keys.get("form", model.forms[0]),
-        source=keys.get("source", file),
-    )
+    parameters = {key: float(keys[key]) for key in model.names}
+    form = keys.get("form", model.forms[0])
+    try:
+        model.check_form(form)
+        model.check_feasible(*parameters.values(), form=form)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+    return Material(name, band, model, parameters, form, source=keys.get("source", file))
 
 
 def _read(path) -> dict:

@@ -31,6 +31,26 @@ def files(folder):
     (folder / "sky.csv").write_text(SKY)
 
 
+@pytest.mark.parametrize(
+    "entry, words",
+    [
+        ("epsilon = 1.92\nrho_d = 0.1\nb = 0.2\ne = 0.3\n", "epsilon"),
+        ("epsilon = 0.5\nrho_d = 0.1\n", "lacks b, e"),
+        ("epsilon = 0.7\nrho_d = 0.4\nb = 0.2\ne = 0.3\n", "epsilon + rho_d = 1.1"),
+        ('model = "grey"\nemissivity = 92\n', "emissivity = 92; must lie in 0..1"),
+        ('model = "grey"\n', "lacks emissivity"),
+        ("", "lacks epsilon, rho_d, b, e"),
+    ],
+)
+def test_impossible_materials_are_refused(folder, refused, entry, words):
+    """Also in an entry that the model does not use."""
+    text = (folder / "own.toml").read_text() + f"[paint.LWIR]\n{entry}"
+    (folder / "bad.toml").write_text(text)
+    line = refused("import", "model.obj", "--materials", "bad.toml", "-o", "out")
+    assert words in line and "bad.toml: material 'paint', band 'LWIR'" in line
+    assert not (folder / "out").exists()
+
+
 def test_table(run, folder):
     """A box without a bottom has the volume of the closed box."""
     result = run("import", "model.obj", "-o", "boxes")
@@ -304,7 +324,8 @@ def test_a_file_that_is_no_fit(refused, folder, text, reason):
 
 
 def test_two_fits_of_one_name(refused, folder):
-    fit = '{"parameters": {}, "form": "thesis", "band": "any"}'
+    parameters = {"epsilon": 0.5, "rho_d": 0.1, "b": 0.2, "e": 0.3}
+    fit = json.dumps({"parameters": parameters, "form": "thesis", "band": "any"})
     for name in ("a", "b"):
         (folder / name).mkdir()
         (folder / name / "paint.json").write_text(fit)

@@ -98,7 +98,8 @@ def test_a_sky_ring(load):
 
 
 def test_a_fit_beside_the_table(load, tmp_path):
-    (tmp_path / "paint.json").write_text('{"parameters": {}, "form": "thesis", "band": "any"}')
+    fit = '{"model": "grey", "parameters": {"emissivity": 0.9}, "form": "standard", "band": "any"}'
+    (tmp_path / "paint.json").write_text(fit)
     (label,) = load(cube(label="Hull"), "name,material,kelvin\nHull,paint.json,300\n").labels
     assert label.material == str(tmp_path / "paint.json")
 
