@@ -43,7 +43,7 @@ PLUGINS = {
     name: Plugin(kind, name)
     for kind, names in {
         "bsdf": ("material", "plume", *NAMES),
-        "emitter": ("sky_dome", "sun", "thermal"),
+        "emitter": ("sky", "sky_dome", "sun", "thermal"),
         "integrator": ("bounce_path",),
         "sampler": ("lattice",),
     }.items()

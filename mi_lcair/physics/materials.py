@@ -110,6 +110,18 @@ def material(
     )
 
 
+def hemispherical_emissivity(name: str, band: Band) -> float:
+    """Emissivity of a material over the hemisphere, 1 - 2 int HDR(theta) cos sin dtheta.
+
+    Raises InputError as `material` does.
+    """
+    entry = material(name, band)
+    x, w = np.polynomial.legendre.leggauss(32)  # over sin^2
+    surface = entry.surface()
+    angles = type(surface.numbers[0])(np.arcsin(np.sqrt((x + 1) / 2)))
+    return 1 - float(entry.model.HDR(surface, angles).numpy() @ w) / 2
+
+
 def bands_of(name: str, file: str | Path | None = None) -> list[str]:
     """Bands of the entries of a material, "any" for one of all bands; arguments as `material`."""
     return [entry.band for entry in _entries(name, file)]

@@ -19,7 +19,6 @@ from mi_lcair.planning.audit_result import Audit
 from mi_lcair.planning.photons import BATCHES, MAX_REFLECTIONS, Flux, Tally, World, follow
 from mi_lcair.plugins.bsdfs.reflection_bsdf import reflection_layers
 from mi_lcair.plugins.emission.triangles import pointer_id
-from mi_lcair.plugins.emitters.one_sun import one_sun
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.facets.table import FacetTable
@@ -45,10 +44,9 @@ def audit_flux(scene: Scene, photons: int, seed: int, progress: Progress | None)
     """
     table = FacetTable(scene)
     emitters = list(scene.mi.emitters())
-    sun = one_sun(emitters)
-    if not all(is_thermal(e) and (e.get_shape() or e is sun) for e in emitters):
+    if not all(map(is_thermal, emitters)):
         raise InputError(
-            f"{scene.name}: only the flux of thermal emitters and of the sun can be followed; the "
+            f"{scene.name}: only the flux of thermal emitters, sun and sky can be followed; the "
             "scene has others"
         )
     photons = -(-photons // BATCHES) * BATCHES
@@ -81,7 +79,7 @@ def account(scene: Scene, table: FacetTable, tally: Tally, photons: int) -> Audi
     names = [field.name for field in fields(Flux)] + ["created"]
     of_scene = ("emitted", "absorbed", "behind", "created")
     total = {name: getattr(by_facet, name).sum(axis=1) for name in of_scene} | tally.ends
-    total["emitted"] = total["emitted"] + total.pop("sunlight")
+    total["emitted"] = total["emitted"] + total.pop("from_afar")
     total["balance"] = total["emitted"] + total["created"]
     for name in ("absorbed", "behind", "escaped", "unfinished"):
         total["balance"] = total["balance"] - total[name]

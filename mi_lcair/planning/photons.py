@@ -67,7 +67,7 @@ class Tally:
     """What becomes of the photons, as fluxes, W.
 
     by_facet: fluxes by batch and facet. ends: flux by batch, (BATCHES,), that has "escaped", is
-    "unfinished" or is "sunlight".
+    "unfinished" or comes "from_afar": from the sun or the sky.
     """
 
     by_facet: Flux
@@ -76,7 +76,7 @@ class Tally:
     @staticmethod
     def of(facets: int) -> "Tally":
         """A tally of a scene with this number of facets, without any flux."""
-        ends = {name: np.zeros(BATCHES) for name in ("escaped", "unfinished", "sunlight")}
+        ends = {name: np.zeros(BATCHES) for name in ("escaped", "unfinished", "from_afar")}
         return Tally(Flux(*np.zeros((len(fields(Flux)), BATCHES, facets))), ends)
 
     def add(self, flux: str, batch, facet, values) -> None:
@@ -207,8 +207,8 @@ def follow(world: World, source, photons: int, seed: int, tally: Tally) -> None:
 def emitted(world: World, source, photons: int, sampler, batch, tally: Tally) -> tuple:
     """Rays of photons that leave an emitter, and their fluxes [W], which are added to the tally."""
     if source.get_shape() is None:
-        ray, flux = sunlight(world.scene, world.leaving, source, photons, sampler)
-        tally.end("sunlight", batch, flux.numpy())
+        ray, flux = from_afar(world.scene, world.leaving, source, photons, sampler)
+        tally.end("from_afar", batch, flux.numpy())
         return ray, flux
     # Start at a random point on a random side of the emitter, in a cosine-weighted direction. The
     # density of the directions is cos / (2 pi), and the flux of a photon is 2 pi L / density.
@@ -222,29 +222,27 @@ def emitted(world: World, source, photons: int, sampler, batch, tally: Tally) ->
     return ray, flux
 
 
-def sunlight(scene, leaving, sun, photons, sampler) -> tuple:
-    """Rays of photons from the sun, and their fluxes [W].
+def from_afar(scene, leaving, source, photons, sampler) -> tuple:
+    """Rays of photons from the sun or the sky, and their fluxes [W].
 
-    They pass through a disc that covers everything but the sky as seen from the sun, and begin
-    where they have passed the sky. Their sum is the irradiance times the area of the disc.
+    In each direction they pass through a disc that covers everything but the sky, and begin where
+    they have passed the sky. Their sum is the mean irradiance on such a disc, times its area.
 
-    leaving: spawns rays that leave a surface. sun: the emitter. sampler: gives random numbers.
+    leaving: spawns rays that leave a surface. source: the emitter. sampler: gives random numbers.
     """
     points = [
         corners(shape) for shape in scene.mi.shapes() if facet_type_of(shape.emitter()) != "sky"
     ]
     if not points:
-        raise InputError(f"{scene.name}: has nothing but sky that sunlight could fall on")
+        raise InputError(f"{scene.name}: has nothing but sky that light from afar could fall on")
     points = np.concatenate(points)
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    # Directions from the edge of the sun's disc are tilted, so that the disc of photons is larger
-    tilt = sun.sin_radius / np.sqrt(1 - sun.sin_radius**2)
-    radius = float(np.linalg.norm(points - middle, axis=1).max() * (1 + 2 * tilt))
-    ds, value = sun.sample_direction(dr.zeros(mi.Interaction3f), sampler.next_2d())
+    radius = float(np.linalg.norm(points - middle, axis=1).max())
+    ds, value = source.sample_direction(dr.zeros(mi.Interaction3f), sampler.next_2d())
     place = mi.warp.square_to_uniform_disk_concentric(sampler.next_2d()) * radius
-    start = mi.Point3f(middle) + radius * sun.centre + place.x * sun.right + place.y * sun.up
-    flux = value[0] * dr.dot(ds.d, sun.centre) * (np.pi * radius**2 / photons)
-    ray = mi.Ray3f(start, -ds.d)
+    across = mi.Frame3f(ds.d).to_world(mi.Vector3f(place.x, place.y, 0))
+    flux = value[0] * (np.pi * radius**2 / photons)
+    ray = mi.Ray3f(mi.Point3f(middle) + radius * ds.d + across, -ds.d)
     for _ in range(len(scene.mi.shapes())):
         si = scene.mi.ray_intersect(ray)
         in_sky = si.is_valid() & leaving.shows_sun(si, si.emitter(scene.mi))

@@ -20,7 +20,7 @@ from mi_lcair.plugins.derivatives import own_memory
 from mi_lcair.plugins.emission.sources import spectra
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.rendering.sampling import Measurands
-from mi_lcair.sensitivity.entries import Entry
+from mi_lcair.sensitivity.entries import SCALED, Entry
 from mi_lcair.sensitivity.parameters import chosen
 
 MOST_COLUMNS = SIZES[-1]  # columns of one render
@@ -48,7 +48,9 @@ def column_of(entry: Entry) -> MaterialColumn | SourceColumn:
         values = place.array().astype(float)
         # The several numbers of a radiance or an emissivity change by a common factor
         slope = np.full(values.shape, 1 / mean)
-        if entry.kind == "temperature":
+        if (of_parts := emitter.relative_slopes(place.key)) is not None:
+            slope = of_parts * (values[0] / mean if entry.kind in SCALED else 1.0)
+        elif entry.kind == "temperature":
             slope = relative_slope(emitter.band, values)
         if place.number is not None:
             others = np.ones(len(values), bool)

@@ -156,7 +156,7 @@ def entries(scene) -> dict[str, Entry]:
     def add(emitter, shape, area):
         """Add the parameters of an emitter; area: of the primitives of its shape [m^2]."""
         for own in emitter.parameters():
-            name = f"{emitter.group}.{own.name}"
+            name = f"{own.group or emitter.group}.{own.name}"
             node, weight = (shape, area) if own.is_by_facet else (emitter, area.sum(keepdims=True))
             entry = found.setdefault(name, Entry(name, own.kind, [], own.unit, own.upper))
             entry.places.append(Place(node, own.key, None, weight))
@@ -195,6 +195,8 @@ def single_temperatures(entry: Entry, emitting) -> dict[str, Entry]:
     first = {}
     for shape in emitting:
         first[shape] = first[shape.emitter()] = shape.emitter().first_temperatures
+    if any(place.node not in first for place in entry.places):
+        return {}  # an environment's
     labels = [rounded(first[place.node]) for place in entry.places]
     temperatures, inverse = np.unique(np.concatenate(labels), return_inverse=True)
     if len(temperatures) == 1:

@@ -145,7 +145,15 @@ class Number(ABC):
 
     def is_emission(self, name: str) -> bool:
         """Whether a change of a quantity needs no render, as it changes sources only."""
-        return self.is_linear and self.known[name].kind in ("temperature", "radiance")
+        if not self.is_linear or self.known[name].kind not in ("temperature", "radiance"):
+            return False
+        group, is_blackbody = name.rpartition(".")[0], self.known[name].kind == "temperature"
+        # Light of the sky that air or ground has changed does not follow from a temperature alone
+        return all(
+            (source.temperature is not None) == is_blackbody
+            for source in self.areas.sources
+            if source.light_of == group
+        )
 
     def needs_render(self, name: str) -> bool:
         return not (self.is_own(name) or self.is_emission(name))
@@ -172,7 +180,7 @@ class Number(ABC):
         return [
             k
             for k, source in enumerate(self.areas.sources)
-            if source.group == group
+            if (source.light_of or source.group) == group
             and (source.temperature is not None) == is_blackbody
             and (not at or source.temperature == rounded(self.known[name].value))
         ]

@@ -51,6 +51,13 @@ class ColumnTables:
         facet = dr.gather(mi.UInt32, self.stride, key) * prim_index
         return dr.gather(mi.UInt32, self.first, key) + facet
 
+    def weight_of(self, emission):
+        """Factor of an emission in the recorded sum, from the weights of its parts."""
+        return sum(
+            share * dr.gather(mi.Float, self.weight, self.entry(emission.emitter, part))
+            for part, share in emission.parts
+        )
+
     def vertices(self, bsdf, wi) -> list[Vertex]:
         """The surfaces that paths meet, for each kind, seen from the direction `wi`."""
         return [slopes.at(bsdf, wi) for slopes in self.slopes]

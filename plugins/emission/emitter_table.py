@@ -48,6 +48,11 @@ class EmitterTable:
         self.sun = one_sun(emitters)
         self.sun_id = None if self.sun is None else mi.UInt32(pointer_id(mi.EmitterPtr(self.sun)))
         self.band = one_band(emitters)
+        # The emitter whose parts depend on the direction; None if the scene has none
+        self.divided = next((e for e in emitters if is_thermal(e) and e.is_divided), None)
+        self.divided_id = None
+        if self.divided is not None:
+            self.divided_id = mi.UInt32(pointer_id(mi.EmitterPtr(self.divided)))
         self.sources = Sources(emitters, self.labels, self.band, by_spectrum)
 
         bounds = {emitter: radiance_bound(emitter) for emitter in emitters if can_be_hit(emitter)}
@@ -67,7 +72,7 @@ class EmitterTable:
             of_bsdf & int(mi.BSDFFlags.Transmission) and not is_passed(of_bsdf) for of_bsdf in flags
         )
         self.offsets = Offsets(scene)
-        dr.make_opaque(self.sun_id)
+        dr.make_opaque(self.sun_id, self.divided_id)
 
     def leave(self, si, d):
         """Start of a ray from the hit `si` in the direction `d`, see `Offsets`."""
@@ -88,9 +93,31 @@ class EmitterTable:
             brightest = max(brightest, float(bounds[~hidden].max(initial=0.0)))
         return brightest
 
-    def label(self, emitter):
-        """Index into `labels` of an emitter pointer; the index of `other` for a null pointer."""
-        return at_pointer(self.groups.number, emitter)
+    def label(self, emitter, d):
+        """Index into `labels` of an emitter that is met along `d`; that of `other` for none."""
+        number = at_pointer(self.groups.number, emitter)
+        if self.divided is None:
+            return number
+        ground = self.labels.index(self.divided.groups[-1])
+        below = self.is_divided(emitter) & self.divided.is_ground(d)
+        return dr.select(below, mi.UInt32(ground), number)
+
+    def is_divided(self, emitter):
+        """Whether emitter pointers are the emitter whose parts depend on the direction."""
+        return emitter == dr.reinterpret_array(mi.EmitterPtr, self.divided_id)
+
+    def parts(self, emitter, prim_index, d, active) -> list:
+        """Numbers of the parts of an emitter that emit along `d`, and their shares of the radiance.
+
+        A part is the primitive that was hit, or one of the parts of an environment.
+        """
+        if self.divided is None:
+            return [(prim_index, mi.Float(1))]
+        here, parts = active & self.is_divided(emitter), []
+        for k, (number, share) in enumerate(self.divided.parts_along(d, here)):
+            share = dr.select(here, share, float(k == 0))
+            parts.append((dr.select(here, number, prim_index), share))
+        return parts
 
     def is_model(self, emitter):
         """Whether a shape with this emitter belongs to the model, not to the background.

@@ -6,7 +6,7 @@ import numpy as np
 
 from mi_lcair.plugins.emission.source import OTHER
 from mi_lcair.plugins.emission.triangles import pointer_id
-from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of, group_of, is_thermal
+from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of, group_of, groups_of, is_thermal
 
 
 class Groups:
@@ -17,7 +17,7 @@ class Groups:
     """
 
     def __init__(self, scene, emitters):
-        labels = {group_of(emitter) for emitter in emitters}
+        labels = {group for emitter in emitters for group in groups_of(emitter)}
         if not all(is_thermal(shape.emitter()) for shape in scene.shapes()):
             labels.add(OTHER)
         self.labels = sorted(labels)

@@ -16,7 +16,7 @@ class Source:
 
     The spectrum is that of a blackbody at `temperature` [K], or the tabulated `spectrum`. name:
     name of the spectrum. in_band: its radiance before emissivity [W m^-2 sr^-1]. All of these are
-    None for a whole group.
+    None for a whole group. light_of: group whose scale or temperature it has; empty for its own.
     """
 
     group: str
@@ -24,6 +24,7 @@ class Source:
     in_band: float | None = None
     temperature: float | None = None
     spectrum: Spectrum | None = field(default=None, compare=False)
+    light_of: str = ""
 
     @staticmethod
     def of_blackbodies(group: str, band, temperatures) -> list["Source"]:

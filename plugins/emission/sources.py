@@ -8,7 +8,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.plugins.emission.source import OTHER, Source
 from mi_lcair.plugins.emission.triangles import pointer_id
-from mi_lcair.plugins.emitters.thermal_emitter import group_of, is_thermal
+from mi_lcair.plugins.emitters.thermal_emitter import groups_of, is_thermal
 
 MAX_SOURCES = 64  # sources recorded separately; if there are more, blackbodies share wavelengths
 # Chebyshev nodes of the band. A polynomial through them agrees with Planck's law to 1e-6.
@@ -28,7 +28,7 @@ class Sources:
         self.by_spectrum = by_spectrum
         self.list = [Source(group) for group in groups]
         self.wavelengths_um, self.share = np.empty(0), None
-        per_emitter = [[Source(group_of(emitter))] for emitter in emitters]
+        per_emitter = [list(map(Source, groups_of(emitter))) for emitter in emitters]
         if by_spectrum:
             per_emitter = [spectra(emitter) for emitter in emitters]
             self.list = list(dict.fromkeys(source for sources in per_emitter for source in sources))

@@ -20,7 +20,7 @@ class EmitterParameter:
     name: its name, such as "temperature". kind: "temperature", "radiance" or "emissivity". unit,
     upper: its unit and its largest value; the smallest is 0. key: its name in `mi.traverse`.
     is_by_facet: whether the emitter's shape holds it, one number for each primitive; otherwise the
-    emitter holds it.
+    emitter holds it. group: group in its name in scenes; empty for that of the emitter.
     """
 
     name: str
@@ -29,6 +29,7 @@ class EmitterParameter:
     upper: float
     key: str
     is_by_facet: bool = False
+    group: str = ""
 
 
 @Deriving.register
@@ -64,6 +65,7 @@ class ThermalEmitter(mi.Emitter):
     given_emissivity = None
     derived = None
     derivations = ()
+    is_divided = False  # whether it has several parts by direction, see `Sky`
 
     def __init__(self, props):
         mi.Emitter.__init__(self, props)
@@ -98,6 +100,18 @@ class ThermalEmitter(mi.Emitter):
 
     def refresh(self) -> None:
         """Compute `derived` again if a parameter has changed."""
+
+    @property
+    def groups(self) -> list[str]:
+        """Group of each of its parts; one, unless the directions of an environment have several."""
+        return [self.group]
+
+    def relative_slopes(self, key: str) -> np.ndarray | None:
+        """Derivative of the radiance of each part with respect to a parameter, divided by it.
+
+        None if it follows from the kind of the parameter.
+        """
+        return None
 
     # ---------------------------------------------------------------- What follows from that
 
@@ -138,6 +152,11 @@ def is_thermal(emitter) -> bool:
 def group_of(emitter) -> str:
     """Label of an emitter; OTHER for Mitsuba's emitters and for None."""
     return emitter.group if is_thermal(emitter) else OTHER
+
+
+def groups_of(emitter) -> list[str]:
+    """Group of each part of an emitter; OTHER for Mitsuba's emitters and for None."""
+    return emitter.groups if is_thermal(emitter) else [OTHER]
 
 
 def facet_type_of(emitter) -> str:

@@ -213,9 +213,8 @@ class Walk:
             ambient = dr.select(si.is_valid(), path.throughput * self.ambient_radiance, 0)
             Le = dr.select(beyond, ambient, Le)
         weight = dr.select(beyond, 0, path.throughput[0] * share)
-        recorders.emission(
-            Emission(Le[0], path.bounce, beyond, hit.emitter, si.prim_index, weight, si)
-        )
+        parts = emitters.parts(hit.emitter, si.prim_index, path.ray.d, hit.active)
+        recorders.emission(Emission(Le[0], path.bounce, beyond, hit.emitter, parts, weight, si))
         # The sun is no surface. It is seen where the ray escapes, and through the sky.
         if emitters.sun is not None:
             sees = hit.active & ~beyond & emitters.shows_sun(si, hit.emitter)
@@ -224,9 +223,9 @@ class Walk:
                 share = dr.select(path.is_delta, 1, mis_weight(path.pdf, pdf))
                 of_sun *= path.throughput * share
                 Le += of_sun
-            sun = emitters.sun_pointer
+            sun, whole = emitters.sun_pointer, [(si.prim_index, mi.Float(1))]
             recorders.emission(
-                Emission(of_sun[0], path.bounce, beyond, sun, si.prim_index, mi.Float(0), None)
+                Emission(of_sun[0], path.bounce, beyond, sun, whole, mi.Float(0), None)
             )
         return Le
 
@@ -269,7 +268,9 @@ class Walk:
                 bounce=path.bounce + 1,
                 beyond=path.bounce >= most,
                 emitter=direct.emitter,
-                prim=direct.hit.prim_index,
+                parts=self.emitters.parts(
+                    direct.emitter, direct.hit.prim_index, drawn.ds.d, direct.counts
+                ),
                 weight=dr.select(direct.counts, weight_of_source, 0),
                 hit=direct.hit,
                 drawn_to=to,

@@ -32,11 +32,12 @@ class BySource(Recorder):
 
     def emission(self, emission: Emission) -> None:
         value = dr.select(emission.beyond, 0, emission.radiance)
-        entry = self.sources.entry(emission.emitter, emission.prim)
-        add_to(self.sums, self.sources.number(entry), value)
-        if self.by_wavelength:
-            for k, share in enumerate(self.sources.shares(entry)):
-                self.by_wavelength[k] += value * share
+        for part, share_of_part in emission.parts:
+            entry, of_part = self.sources.entry(emission.emitter, part), value * share_of_part
+            add_to(self.sums, self.sources.number(entry), of_part)
+            if self.by_wavelength:
+                for k, share in enumerate(self.sources.shares(entry)):
+                    self.by_wavelength[k] += of_part * share
 
     def samples(self, L) -> dict:
         groups = {label: mi.Float(0) for label in self.labels}

@@ -65,15 +65,19 @@ class Columns(Recorder):
 
     def emission(self, emission: Emission) -> None:
         tables, radiance, weight = self.tables, emission.radiance, emission.weight
-        entry = tables.entry(emission.emitter, emission.prim)
         if tables.weight is not None:
-            factor = dr.gather(mi.Float, tables.weight, entry)
+            factor = tables.weight_of(emission)
             radiance, weight = radiance * factor, weight * factor
         self.radiance += radiance
-        for columns, slopes in tables.sources:
-            column = dr.gather(mi.UInt32, columns, entry)
-            add_to(self.E, column, radiance * dr.gather(mi.Float, slopes, entry))
-        weight *= dr.gather(mi.Float, tables.radiance, entry)
+        for part, share in emission.parts:
+            entry, of_part = tables.entry(emission.emitter, part), emission.radiance * share
+            if tables.weight is not None:
+                of_part *= dr.gather(mi.Float, tables.weight, entry)
+            for columns, slopes in tables.sources:
+                column = dr.gather(mi.UInt32, columns, entry)
+                add_to(self.E, column, of_part * dr.gather(mi.Float, slopes, entry))
+        surface = tables.entry(emission.emitter, emission.prim)
+        weight *= dr.gather(mi.Float, tables.radiance, surface)
         for vertex in self.emitting_surface(emission):
             for column, slope in zip(vertex.columns(), vertex.emissivity()):
                 add_to(self.E, column, weight * slope)

@@ -46,7 +46,7 @@ class FirstHit(Recorder):
         si = first.compute_surface_interaction(ray, needed, active)
         emitter, hit = si.emitter(self.scene, active), si.is_valid()
         self.range = dr.select(hit, si.t, 0)
-        self.seen = self.emitters.label(emitter)
+        self.seen = self.emitters.label(emitter, ray.d)
         self.of_model = dr.select(hit & self.emitters.is_model(emitter), mi.Float(1), 0)
         if self.facets is not None:
             flags = si.bsdf().flags()

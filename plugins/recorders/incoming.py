@@ -41,8 +41,7 @@ class Incoming(Recorder):
     def emission(self, emission: Emission) -> None:
         radiance, tables = emission.radiance, self.tables
         if tables.weight is not None:
-            entry = tables.entry(emission.emitter, emission.prim)
-            radiance *= dr.gather(mi.Float, tables.weight, entry)
+            radiance *= tables.weight_of(emission)
         self.radiance += radiance
 
     def reflect(self, reflection: Reflection) -> None:

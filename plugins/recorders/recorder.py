@@ -24,20 +24,26 @@ class Emission:
     """Radiance that reaches the sensor along a path.
 
     radiance: part of the path's radiance [W m^-2 sr^-1]. bounce: number of its reflections. beyond:
-    whether these are more than the walk follows, so that it belongs to the closure. emitter, prim:
-    what emitted it. weight: the part of `radiance` per radiance of the emitting surface; 0 where no
-    surface emits. hit: the emitting surface; None for the sun. drawn_to: the direction in which it
-    was drawn from the surface where the path is, in that surface's frame; None if a ray met it.
+    whether these are more than the walk follows, so that it belongs to the closure. emitter: what
+    emitted it. parts: numbers of its parts that did, and their shares of the radiance. weight: the
+    part of `radiance` per radiance of the emitting surface; 0 where no surface emits. hit: the
+    emitting surface; None for the sun. drawn_to: the direction in which it was drawn from the
+    surface where the path is, in that surface's frame; None if a ray met it.
     """
 
     radiance: mi.Float
     bounce: mi.UInt32
     beyond: mi.Bool
     emitter: mi.EmitterPtr
-    prim: mi.UInt32
+    parts: list[tuple[mi.UInt32, mi.Float]]
     weight: mi.Float
     hit: mi.SurfaceInteraction3f | None
     drawn_to: mi.Vector3f | None = None
+
+    @property
+    def prim(self) -> mi.UInt32:
+        """The primitive of a surface that emitted it."""
+        return self.parts[0][0]
 
 
 @dataclass(frozen=True)

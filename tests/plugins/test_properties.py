@@ -21,6 +21,7 @@ WRONG = {
 BESIDE = {
     "thermal": {"temperature": 300.0, "band": "LWIR"},
     "sun": {"azimuth_deg": 0.0, "elevation_deg": 40.0, "band": "LWIR"},
+    "sky": {"band": "MWIR"},
     "sky_dome": {"band": "MWIR"},
     "bounce_path": {},
     "material": {"material": "gloss_black", "band": "LWIR"},

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 import scipy
@@ -45,6 +46,9 @@ class ClearSky:
     height_m: float
     sun_elevation_deg: float | None = None
     weather: Weather = Weather()
+
+    temperature: ClassVar = None  # it has not one temperature
+    by_elevation: ClassVar = True
 
     @property
     def name(self) -> str:
@@ -97,7 +101,7 @@ class ClearSky:
             np.asarray(elevation_deg, dtype=float), np.asarray(azimuth_deg, dtype=float)
         )
         rings = self.horizon_deg + np.array(RINGS_DEG) * (1 - self.horizon_deg / 90)
-        rings[0] += ABOVE_HORIZON_DEG
+        rings[[0, -1]] = rings[0] + ABOVE_HORIZON_DEG, 90.0
         emitted, scattered = map(np.array, zip(*(self.ring(band, ring) for ring in rings)))
         above, rings = np.maximum(elevation - self.horizon_deg, 0), rings - self.horizon_deg
         components = [between_rings(above, rings, emitted)]

@@ -186,7 +186,7 @@ class Surroundings:
             return in_band(emitted), in_band(other)
         rings = GROUND_RINGS_DEG * (1 + self.horizon_deg / 90)
         depths = self.horizon_deg - elevation
-        paths = [self.path_to_ground(self.horizon_deg - ring) for ring in rings]
+        paths = [self.path_to_ground(max(self.horizon_deg - ring, -90.0)) for ring in rings]
         emitted = [in_band(self.emitted_by_ground(path)) for path in paths]
         # Sunlight that the air before the ground scatters varies slowly with the azimuth
         azimuths = [0.0] if self.sun_elevation_deg is None else GROUND_AZIMUTHS_DEG

@@ -1,0 +1,441 @@
+r"""Emitter `sky`: sky and ground around a scene, at infinity and without a mesh."""
+
+from dataclasses import replace
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mi_lcair.errors import InputError
+from mi_lcair.physics.air.levels import model_names
+from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.physics.materials import hemispherical_emissivity
+from mi_lcair.physics.sky import air_mass
+from mi_lcair.physics.surroundings.skies import Blackbody
+from mi_lcair.physics.surroundings.surroundings import ATMOSPHERE, Ground, surroundings
+from mi_lcair.plugins.derivatives import held, same_variables
+from mi_lcair.plugins.emission.source import Source
+from mi_lcair.plugins.emitters.distant_emitter import DistantEmitter
+from mi_lcair.plugins.emitters.one_sun import check_fits
+from mi_lcair.plugins.emitters.thermal_emitter import EmitterParameter
+from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST, Property
+
+# Cells of the tables of radiances, above the horizon and below it, over the square root of the
+# distance of the direction's z from that of the horizon; and over the azimuth from the sun
+ROWS, COLUMNS = 128, 90
+NEAREST_DEG = 1e-6  # angle below the horizon of the first row of the ground's tables
+STEP = 0.1  # of a temperature, for its derivative [K]
+LEAST = 1e-6  # what black ground reflects, so that its light has a derivative in the emissivity
+NO_SKY = "none"
+KELVIN, EMISSIVITY = ("temperature", "temperature", "K"), ("emissivity", "emissivity", "1")
+# Angles above and below the horizon whose spectra stand for the directions between them [degrees]
+SKY_RINGS_DEG = 0.05, 1, 2.2, 4, 6.5, 10, 15, 22, 32, 45, 62, 90
+GROUND_RINGS_DEG = 0.1, 1, 3.5, 9, 20, 45, 90
+ACROSS_DEG = 90.0  # azimuth from the sun of the spectra
+
+
+class Sky(DistantEmitter):
+    r"""Sky above the horizon and ground below it, around everything.
+
+    ================== ====== ======================================================================
+    sky                string clear; overcast (low clouds); a temperature in K; a bundled sky; or a
+                              CSV file of spectra, with or without elevations; none        (clear)
+    ground_temperature float  temperature of the ground [K]; without it there is no ground
+    ground_emissivity  float  emissivity of the ground, which reflects diffusely              (1.0)
+    ground_material    string in its place: a material, whose hemispherical emissivity is taken
+    atmosphere         string us_standard or midlat_summer                            (us_standard)
+    sun_azimuth_deg    float  azimuth of the sun of a clear sky by day, from +x toward +y     (0.0)
+    sun_elevation_deg  float  elevation of that sun, 1 or more; without it, it is night
+    height_m           float  height of the scene above the ground [m]. Without it the sky is that
+                              at 50 m, and no air is before the ground; a scenario gives the height
+                              of its target
+    band               string MWIR, LWIR, or a band that the sky covers
+    group              string label of the sky, `[A-Za-z0-9_-]+`, at most 64 characters       (sky)
+    ground_group       string label of the ground                                          (ground)
+    ================== ====== ======================================================================
+
+    .. code-block:: xml
+
+        <emitter type="sky">
+            <string name="band" value="LWIR"/> <string name="sky" value="clear"/>
+            <float name="ground_temperature" value="288"/>
+        </emitter>
+
+    Rays that escape see the sky in directions above the horizon, and the ground below it. It is the
+    environment of the scene, of which there can be one. A height lowers the horizon, and puts air
+    before the ground. Ground that is not black reflects the mean of the sky and, by day, the sun.
+    The emitter itself has no sun: add a `sun` at the same azimuth.
+
+    Parameters are `scale` of the sky, which also multiplies what the ground reflects and the light
+    of the air before it, or `temperature` of a sky of one temperature; and `temperature` and
+    `emissivity` of the ground. With `emitter_sampling`, directions are drawn by their radiance over
+    the elevation. Where sources are told apart by their spectra, the spectra of neighbouring rings
+    of elevations are mixed, and emission and scattered sunlight are sources of their own.
+    """
+
+    is_divided = has_spectrum = True
+    PROPERTIES = (
+        Property("sky", "string", "clear", is_file=True),
+        Property("ground_temperature", "float", is_positive=True, upper=HOTTEST, unit="K"),
+        Property("ground_emissivity", "float", is_positive=True, upper=1),
+        Property("ground_material", "string", is_file=True),
+        Property("atmosphere", "string", ATMOSPHERE, choices=tuple(model_names())),
+        Property("sun_azimuth_deg", "float", 0.0),
+        Property("sun_elevation_deg", "float", lower=1, upper=90),
+        Property("height_m", "float", lower=0, upper=100_000),
+        Property("band", "string", is_file=True),
+        Property("group", "string", "sky", is_label=True),
+        Property("ground_group", "string", "ground", is_label=True),
+    )
+
+    def __init__(self, props):
+        super().__init__(props)
+        values = self.values
+        self.sun_azimuth_deg = values["sun_azimuth_deg"]
+        self.sun_elevation_deg = values["sun_elevation_deg"]
+        emissivity, material = values["ground_emissivity"], values["ground_material"]
+        if emissivity is not None and material is not None:
+            raise InputError("sky: give ground_emissivity or ground_material, not both")
+        self.temperature = self.ground_temperature = self.ground_emissivity = None
+        if values["ground_temperature"] is not None:
+            if material is not None:
+                emissivity = hemispherical_emissivity(material, self.band)
+            self.ground_temperature = mi.Float(values["ground_temperature"])
+            self.ground_emissivity = mi.Float(1.0 if emissivity is None else emissivity)
+        elif emissivity is not None or material is not None or values["sky"] == NO_SKY:
+            raise InputError("sky: ground_temperature is missing")
+        x, y = np.cos(np.radians(self.sun_azimuth_deg)), np.sin(np.radians(self.sun_azimuth_deg))
+        self.toward_sun = mi.Vector2f(float(x), float(y))
+        self.shine(values["height_m"])
+
+    def around(self, sky_warmer=0.0, ground_warmer=0.0, emissivity: float | None = None):
+        """The `Surroundings` for the present parameters, or others.
+
+        sky_warmer, ground_warmer: added to the temperatures [K]. emissivity: that of the ground.
+        """
+        number = lambda array: float(dr.detach(array)[0])
+        values, ground = self.values, None
+        sky = None if values["sky"] == NO_SKY else values["sky"]
+        if self.temperature is not None:
+            sky = number(self.temperature) + sky_warmer
+        if self.ground_temperature is not None:
+            if emissivity is None:
+                emissivity = number(self.ground_emissivity) - LEAST
+            ground = Ground(number(self.ground_temperature) + ground_warmer, emissivity)
+        day = self.sun_elevation_deg
+        return surroundings(sky, ground, day, values["atmosphere"], self.height_m)
+
+    def at_height(self, height_m: float) -> None:
+        if self.values["height_m"] is None:
+            self.shine(height_m)
+
+    # ---------------------------------------------------------------- Tables
+
+    def shine(self, height_m: float | None) -> None:
+        """Set all tables to those at a height [m]."""
+        self.height_m = height_m
+        around = self.around(emissivity=1.0)
+        if around.sky is not None and around.sky.temperature is not None:
+            self.temperature = mi.Float(around.sky.temperature)
+        self.sin_horizon = float(np.sin(np.radians(around.horizon_deg)))
+        self.columns = 0 if self.sun_elevation_deg is None else COLUMNS
+        emitted, other = self.tabulated(around)
+        reflected = np.zeros(ROWS + 1)
+        if self.ground_temperature is not None:
+            reflected = 2 * (self.tabulated(self.around(emissivity=0.5))[1] - other)[1, :, 0]
+        self.tables = emitted, other, reflected
+        self.other, self.reflected = mi.Float(other.ravel()), mi.Float(reflected)
+        self.set_density(emitted + other.mean(axis=2))
+        self.set_rings(around)
+        self.derived = self.derived_from = None
+
+    def tabulated(self, around) -> tuple[np.ndarray, np.ndarray]:
+        """In-band radiance of both components at the nodes, (2, ROWS + 1) and (..., columns + 1).
+
+        The first axis is that of sky and ground.
+        """
+        nodes, azimuth = np.linspace(0, 1, ROWS + 1) ** 2, np.linspace(0, 180, self.columns + 1)
+        z = self.sin_horizon + np.outer([1 - self.sin_horizon, -1 - self.sin_horizon], nodes)
+        elevation = np.degrees(np.arcsin(np.clip(z, -1, 1)))
+        elevation[0, 0] = around.horizon_deg
+        elevation[1] = np.minimum(elevation[1], around.horizon_deg - NEAREST_DEG)
+        directions = np.broadcast_arrays(elevation[..., None], azimuth)
+        emitted, other = around.in_band_components(self.band, *directions)
+        return emitted[..., 0], other
+
+    def set_density(self, radiance: np.ndarray) -> None:
+        """Set the density of drawn directions, which is even in cells of z.
+
+        radiance: at the nodes, (2, ROWS + 1).
+        """
+        nodes = np.linspace(0, 1, ROWS + 1) ** 2
+        edges = np.concatenate(
+            [
+                self.sin_horizon - (1 + self.sin_horizon) * nodes[:0:-1],
+                self.sin_horizon + (1 - self.sin_horizon) * nodes,
+            ]
+        )
+        of_cells = (radiance[:, 1:] + radiance[:, :-1]) / 2
+        weights = np.concatenate([of_cells[1, ::-1], of_cells[0]]) * np.diff(edges)
+        weights /= weights.sum()
+        self.edges, self.summed = mi.Float(edges), mi.Float(np.append(0, np.cumsum(weights)))
+        self.per_angle = mi.Float(weights / np.diff(edges) / (2 * np.pi))
+
+    def set_rings(self, around) -> None:
+        """Set the rings whose spectra stand for all directions, and the places of nodes among them.
+
+        A part is a component of a ring, (half, component, elevation). Half 0 is the sky.
+        """
+        horizon, has_rings = around.horizon_deg, (False, around.is_through_air)
+        if around.sky is not None:
+            has_rings = around.sky.by_elevation, around.is_through_air
+        angles = [
+            np.array(rings if many else [45.0])
+            for rings, many in zip((SKY_RINGS_DEG, GROUND_RINGS_DEG), has_rings)
+        ]
+        elevations = (
+            np.minimum(horizon + angles[0] * (1 - horizon / 90), 90),
+            np.maximum(horizon - angles[1] * (1 + horizon / 90), -90),
+        )
+        day = self.sun_elevation_deg is not None and has_rings[0]
+        present = [around.sky is not None] * (1 + day), [around.ground is not None] * 2
+        self.parts, first = [], []  # first: number of the first part of each half and component
+        for half in (0, 1):
+            for component in (0, 1):
+                first.append(len(self.parts))
+                if component < len(present[half]) and present[half][component]:
+                    self.parts += [(half, component, float(e)) for e in elevations[half]]
+        self.first, self.rings = first, [len(of_half) for of_half in elevations]
+        nodes, places = np.linspace(0, 1, ROWS + 1) ** 2, []
+        for sign, of_half in zip((1, -1), elevations):
+            z = self.sin_horizon + sign * (1 - sign * self.sin_horizon) * nodes
+            away = np.degrees(np.arcsin(np.clip(z, -1, 1))) - horizon
+            at = lambda angle: -np.log(air_mass(np.abs(angle)))
+            places.append(np.interp(at(away), at(of_half - horizon), np.arange(len(of_half))))
+        self.places = mi.Float(np.concatenate(places))
+
+    # ---------------------------------------------------------------- Parameters
+
+    def sources(self) -> tuple:
+        given = self.temperature, self.ground_temperature
+        return tuple(parameter for parameter in given if parameter is not None)
+
+    def derive(self) -> None:
+        """Compute the table of emission, with derivatives with respect to both temperatures, and
+        the factor of the light of the sky that the ground reflects.
+        """
+        self.derived_from = held(self.sources())
+        emitted, steps = self.tables[0], np.zeros((2, ROWS + 1))
+        if self.sources():
+            emitted = self.tabulated(self.around(emissivity=1.0))[0]
+            warm, cold = (self.tabulated(self.around(s, s, 1.0))[0] for s in (STEP, -STEP))
+            steps = (warm - cold) / (2 * STEP)
+        factor, count = mi.Float(1), ROWS + 1
+        table, slopes = mi.Float(emitted.ravel()), mi.Float(steps.ravel())
+        if self.temperature is not None:
+            factor = mi.Float(in_band_radiance(self.band, self.temperature))
+            factor /= float(in_band_radiance(self.band, float(self.values["sky"])))
+        parameters = [
+            mi.Float(0) if p is None else p for p in (self.temperature, self.ground_temperature)
+        ]
+        of_sky = dr.arange(mi.UInt32, 2 * count) < count
+        table = dr.replace_grad(table, slopes * dr.select(of_sky, *parameters))
+        self.derived = table, factor
+        dr.make_opaque(table, factor)
+
+    def refresh(self) -> None:
+        super().refresh()
+        dr.make_opaque(self.places, self.toward_sun, self.edges, self.summed, self.per_angle)
+        dr.make_opaque(self.other, self.reflected, self.ground_emissivity, *self.sources())
+        if self.derived_from is None or not same_variables(self.sources(), self.derived_from):
+            self.derive()
+
+    def parameters_changed(self, keys=()):
+        self.derive()
+
+    def parameters(self) -> list[EmitterParameter]:
+        described = []
+        if self.temperature is not None:
+            described.append(EmitterParameter(*KELVIN, HOTTEST, "temperature"))
+        elif self.values["sky"] != NO_SKY:
+            described.append(EmitterParameter("scale", "radiance", "1", BRIGHTEST, "scale"))
+        if self.ground_temperature is not None:
+            group = self.values["ground_group"]
+            described += [
+                EmitterParameter(*KELVIN, HOTTEST, "ground_temperature", group=group),
+                EmitterParameter(*EMISSIVITY, 1.0, "ground_emissivity", group=group),
+            ]
+        return described
+
+    def traverse(self, cb):
+        mi.Emitter.traverse(self, cb)
+        for parameter in self.parameters():
+            cb.put(parameter.key, vars(self)[parameter.key], mi.ParamFlags.Differentiable)
+
+    def relative_slopes(self, key: str) -> np.ndarray:
+        """Derivative of each part's radiance with respect to a parameter, divided by it."""
+        if key == "scale":
+            return self.is_scaled / float(dr.detach(self.scale)[0])
+        radiances = lambda *changes: np.array(
+            [
+                0.0 if light is None else light.in_band_radiance(self.band)
+                for light in self.lights(self.around(*changes))
+            ]
+        )
+        if key == "ground_emissivity":  # in which all is linear
+            now = float(dr.detach(self.ground_emissivity)[0])
+            high, low, width = radiances(), radiances(0.0, 0.0, now / 2), now / 2
+        else:
+            step = (STEP, 0.0) if key == "temperature" else (0.0, STEP)
+            high, low, width = radiances(*step), radiances(*np.negative(step)), 2 * STEP
+        present = radiances()
+        return np.divide((high - low) / width, present, np.zeros(len(present)), where=present > 0)
+
+    def check_fits(self, sun) -> None:
+        if self.sun_elevation_deg is not None:
+            check_fits(sun, self, "the sky")
+
+    def radiance_bound(self) -> np.ndarray:
+        scale = float(dr.detach(self.scale)[0])
+        emitted, other = self.tabulated(self.around())
+        largest = [emitted[k] * (1 if k else scale) + scale * other[k].max(axis=1) for k in (0, 1)]
+        return np.array([np.max(largest)])
+
+    # ---------------------------------------------------------------- Parts
+
+    @property
+    def groups(self) -> list[str]:
+        names = self.group, self.values["ground_group"]
+        return [names[half] for half, _, _ in self.parts]
+
+    @property
+    def is_scaled(self) -> np.ndarray:
+        """Which parts the scale of the sky multiplies."""
+        return np.array([half == 0 or component == 1 for half, component, _ in self.parts])
+
+    def lights(self, around) -> list:
+        """The spectrum of each part; None for a part without light."""
+        known, lights = {}, []
+        for _, component, elevation in self.parts:
+            if elevation not in known:
+                known[elevation] = around.components(elevation, ACROSS_DEG)
+            of_ring = known[elevation]
+            lights.append(of_ring[component] if component < len(of_ring) else None)
+        return lights
+
+    def spectra(self) -> list[Source]:
+        scale, sources = float(dr.detach(self.scale)[0]), []
+        for (half, component, elevation), group, light in zip(
+            self.parts, self.groups, self.lights(self.around())
+        ):
+            from_sky = half == 0 or component == 1
+            if isinstance(light, Blackbody):
+                (source,) = Source.of_blackbodies(group, self.band, [light.temperature])
+            elif light is None:
+                source = Source(group, f"nothing {elevation:.4g} deg", 0.0)
+            else:
+                light = light.scaled(scale if from_sky else 1.0)
+                name = f"{light.name}, {elevation:.3g} deg"
+                source = Source(group, name, light.in_band_radiance(self.band), spectrum=light)
+            of_group = self.group if from_sky else group
+            sources.append(replace(source, light_of=of_group))
+        return sources
+
+    def facet_radiance(self):
+        return mi.Float([source.in_band for source in self.spectra()])
+
+    def is_ground(self, d):
+        """Whether a direction is below the horizon."""
+        return d.z < self.sin_horizon
+
+    def along(self, d, active):
+        """Radiance from the direction `d` [W m^-2 sr^-1]."""
+        emitted, other, _, _ = self.components(d, active)
+        return mi.Spectrum(emitted + other)
+
+    def components(self, d, active):
+        """Radiance of both components from `d`; whether it is that of the ground; its place among
+        the rings.
+        """
+        height = d.z - self.sin_horizon
+        below = self.is_ground(d)
+        span = dr.select(below, 1 + self.sin_horizon, 1 - self.sin_horizon)
+        row = dr.sqrt(dr.minimum(dr.abs(height) / span, 1)) * ROWS
+        i = dr.minimum(mi.UInt32(row), ROWS - 1)
+        up, first = row - mi.Float(i), i + dr.select(below, mi.UInt32(ROWS + 1), 0)
+        table, factor = self.derived
+        at = lambda values, index, stride=1: dr.lerp(
+            dr.gather(mi.Float, values, index, active),
+            dr.gather(mi.Float, values, index + stride, active),
+            up,
+        )
+        stride = self.columns + 1
+        if self.columns:
+            along, beside = dr.dot(d.xy, self.toward_sun), d.y * self.toward_sun.x
+            beside -= d.x * self.toward_sun.y
+            azimuth = dr.abs(dr.atan2(beside, along)) * (self.columns / dr.pi)
+            j = dr.minimum(mi.UInt32(azimuth), self.columns - 1)
+            near = at(self.other, first * stride + j, stride)
+            far = at(self.other, first * stride + j + 1, stride)
+            other = dr.lerp(near, far, azimuth - mi.Float(j))
+        else:
+            other = at(self.other, first)
+        emitted = at(table, first)
+        if self.ground_emissivity is None:
+            emitted = dr.select(below, emitted, self.scale * emitted)
+        else:
+            reflectance = 1 - self.ground_emissivity + LEAST
+            emitted *= dr.select(below, 1 - reflectance, self.scale)
+            other += dr.select(below, reflectance * factor * at(self.reflected, i), 0)
+        other *= self.scale
+        return (
+            dr.select(active, emitted, 0),
+            dr.select(active, other, 0),
+            below,
+            at(self.places, first),
+        )
+
+    def parts_along(self, d, active) -> list:
+        """Numbers and shares of the parts that make up the radiance from `d`."""
+        emitted, other, below, place = self.components(d, active)
+        total, shares = emitted + other, []
+        most = dr.select(below, mi.UInt32(self.rings[1] - 1), self.rings[0] - 1)
+        low = dr.minimum(mi.UInt32(place), most)
+        up = place - mi.Float(low)
+        for component, value in enumerate((emitted, other)):
+            share = dr.select(total > 0, value / total, 0)
+            first = dr.select(below, mi.UInt32(self.first[2 + component]), self.first[component])
+            last = mi.UInt32(max(len(self.parts) - 1, 0))
+            shares.append((dr.minimum(first + low, last), share * (1 - up)))
+            shares.append((dr.minimum(first + dr.minimum(low + 1, most), last), share * up))
+        return shares
+
+    # ---------------------------------------------------------------- Directions
+
+    def drawn(self, sample):
+        """A direction, by its radiance over the elevation."""
+        cells = dr.width(self.per_angle)
+        cell = dr.binary_search(
+            0, cells, lambda k: dr.gather(mi.Float, self.summed, k + 1) <= sample.x
+        )
+        cell = dr.minimum(cell, cells - 1)
+        low, high = (dr.gather(mi.Float, self.summed, cell + k) for k in (0, 1))
+        share = dr.clip((sample.x - low) / dr.maximum(high - low, 1e-30), 0, 1)
+        z = dr.lerp(*(dr.gather(mi.Float, self.edges, cell + k) for k in (0, 1)), share)
+        sin, cos = dr.sincos(dr.two_pi * sample.y)
+        across = dr.safe_sqrt(1 - dr.square(z))
+        return mi.Vector3f(across * cos, across * sin, z)
+
+    def density(self, d):
+        height = d.z - self.sin_horizon
+        span = dr.select(height < 0, 1 + self.sin_horizon, 1 - self.sin_horizon)
+        row = dr.minimum(mi.UInt32(dr.sqrt(dr.abs(height) / span) * ROWS), ROWS - 1)
+        return dr.gather(
+            mi.Float, self.per_angle, dr.select(height < 0, ROWS - 1 - row, ROWS + row)
+        )
+
+    def to_string(self):
+        return f"Sky[sky = {self.values['sky']}, scale = {self.scale}]"
+
+
+mi.register_emitter("sky", Sky)
