@@ -7,7 +7,7 @@ GROUP@KELVIN.temperature  one of several temperatures of a group: that of the fa
 GROUP.radiance         in-band radiance of sources given by `radiance` or `spectrum`
                        [W m^-2 sr^-1]
 GROUP.irradiance       in-band irradiance of the sun on a plane perpendicular to it [W m^-2]
-GROUP.scale            factor of the radiance of a sky dome
+GROUP.scale            factor of the radiance of a sky
 GROUP.emissivity       `emissivity` of the group's emitters, if they were given one
 MATERIAL.NAME          parameter of the reflection model of all surfaces of a material
 ID.reflectance         reflectance of Mitsuba's BSDF `diffuse` with this id
