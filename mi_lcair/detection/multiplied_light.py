@@ -54,8 +54,8 @@ def product_error(setting: Setting, light, of_sun: bool) -> float:
     clear = clear_air(STAND_IN)
     if path.amounts is None:
         heights = [h for h in (sight.observer_m, sight.target_m) if h is not None]
-        ends = min(heights, default=HEIGHT_M), abs(sight.elevation_deg), sight.elevation_deg >= 0
-        path = ClearPaths(STAND_IN, clear, *ends, path.range_m).path(path.range_m)
+        low, up = min(heights, default=HEIGHT_M), abs(sight.elevation_deg)
+        path = ClearPaths(STAND_IN, clear, low, up, True, path.range_m).path(path.range_m)
     if not isinstance(light, AirLight):
         height_m = HEIGHT_M if sight.target_m is None else sight.target_m
         light = (clear.sun if of_sun else clear.sky)(height_m, STAND_IN_DEG)

@@ -9,7 +9,7 @@ import pytest
 from mi_lcair.api.contrast import contrast
 from mi_lcair.detection.contrast import unlit_sky
 from mi_lcair.detection.detection_range import detection_range
-from mi_lcair.detection.line_of_sight import Sight, lower_height, reflected
+from mi_lcair.detection.line_of_sight import Sight, from_sun, lower_height, reflected
 from mi_lcair.detection.scenario import Background, Observer
 from mi_lcair.detection.setting import setting_of
 from mi_lcair.errors import InputError
@@ -208,7 +208,11 @@ def test_ground_behind_vacuum(folder):
     x = np.linspace(8.1, 11.9, 50)
     low = {"observer__elevation_deg": 30, "observer__range_m": 500, "observer__height_m": 1000.0}
     sight = Sight.of(disc(folder, atmosphere__table="vacuum", **low, **GROUND))
-    assert sight.to_ground(500).range_m == pytest.approx(2000, rel=1e-3)
+    radius, up = 1.19 * 6371e3, complex(np.cos(np.pi / 6), np.sin(np.pi / 6))
+    target = sight.target_m  # 500 m from the sensor; the line leaves it upward by 30 degrees
+    assert abs(1j * (radius + target) + 500 * up) == pytest.approx(radius + 1000, abs=1e-3)
+    length = sight.to_ground(500).range_m - 500
+    assert abs(1j * (radius + target) - length * up) == pytest.approx(radius, abs=1e-3)
     behind = setting_of(disc(folder, sensor__band="LWIR", **low, **GROUND)).backdrop
     np.testing.assert_allclose(behind.at_sensor(500.0).at(x), planck(x, 300), rtol=1e-8)
 
@@ -339,6 +343,28 @@ def test_a_tape7_of_slant_paths(folder):
     assert behind == pytest.approx(0.6 * planck(10.0, 300) + 0.4 * planck(10.0, 280), rel=1e-3)
 
 
+def test_azimuth_from_the_sun():
+    """The angle, 0..180 degrees, between the sun and where the sensor looks: away from itself."""
+    rng = np.random.default_rng(3)
+    for azimuth, of_sun in rng.uniform(-400, 400, (40, 2)):
+        turn = np.radians(azimuth + 180 - of_sun)
+        direction = from_sun(azimuth, of_sun, 20.0)
+        assert direction.azimuth_deg == pytest.approx(np.degrees(np.arccos(np.cos(turn))), abs=1e-5)
+        assert direction.elevation_deg == 20
+
+
+@pytest.mark.parametrize("elevation", [0.5, 0.0, -0.5])
+def test_a_line_that_is_nearly_level(folder, elevation):
+    """Ground is behind the target where the line goes down at all, and sky where it does not."""
+    given = {"observer__elevation_deg": elevation, "observer__height_m": 50.0}
+    given |= {"observer__range_m": 1000.0, "atmosphere__table": "vacuum", "sensor__band": "LWIR"}
+    behind = {"sky": SKY, "ground": GROUND}
+    fits, fails = ("ground", "sky") if elevation > 0 else ("sky", "ground")
+    setting_of(disc(folder, **given, **behind[fits]))
+    with pytest.raises(InputError, match="looks down, by 0.5" if elevation > 0 else "looks up"):
+        setting_of(disc(folder, **given, **behind[fails]))
+
+
 def test_lower_end_of_the_line_of_sight():
     """The sensor's height if it looks up, else the target's; up to 0.5 m below ground is rounding.
 
@@ -360,7 +386,7 @@ def test_lower_end_of_the_line_of_sight():
 
 def test_a_path_that_misses_the_end_of_a_table_by_rounding(folder):
     """The table ends at 20 km. A path to the ground that is 0.4 m longer ends there, too."""
-    rows = [f"{R},{x},{0.9**R},0.1" for R in (10, 20) for x in np.linspace(3, 5, 99)]
+    rows = [f"{R},{x},{0.9**R},0.1" for R in (5, 10, 20) for x in np.linspace(3, 5, 99)]
     header = "range_km,wavelength_um,transmittance,path_radiance_W_m2_sr_um"
     (folder / "long.csv").write_text("\n".join([header, *rows]))
     table = str(folder / "long.csv")

@@ -66,6 +66,27 @@ def test_averages_of_points():
         assert slope[0, k, 0] == pytest.approx((df * w)[0, own].sum() / total)
 
 
+def test_directions_over_a_wide_disc():
+    """A disc of 17 degrees, so that solid angles show: means against a sum over small cells."""
+    from drjit.llvm.ad import Float64, UInt32
+
+    theta_i, R = 0.6, 0.3
+    disc = Disc(np.array([theta_i]), np.array([0.7]), R)
+    node = UInt32(np.arange(len(disc.point)))
+    angles = Float64(theta_i), Float64(0.7)
+    at, weight = disc.direction(*angles, Float64(0.1), node)
+    x, y, z, weight = *at.numpy(), weight.numpy()
+
+    side = (np.arange(800) + 0.5) / 400 - 1
+    a, b = (R * grid.ravel() for grid in np.meshgrid(side, side))
+    a, b = a[np.hypot(a, b) < R], b[np.hypot(a, b) < R]
+    X, Y, Z = np.sin(theta_i + a) * np.cos(b), np.sin(b), np.cos(theta_i + a) * np.cos(b)
+    cells = np.cos(b) * Z
+    for f in (lambda x, y, z: x, lambda x, y, z: y**2, lambda x, y, z: z**3):
+        expected = np.average(f(X, Y, Z), weights=cells)
+        assert np.average(f(x, y, z), weights=weight) == pytest.approx(expected, rel=1e-3)
+
+
 def test_a_broad_lobe_and_a_narrow_one():
     """The average over the disc, weighted by the cosine."""
     half_angle = np.radians(0.909)

@@ -10,7 +10,7 @@ import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.plugins.emission.source import Source
-from mi_lcair.uncertainty.facet_errors import facet_contribution, slopes_per_area
+from mi_lcair.uncertainty.facet_errors import facet_contribution, sigma_of, slopes_per_area
 from tests.detection.disc_scenario import disc, triangles, write_disc
 from tests.uncertainty.plate_scene import (
     row,
@@ -92,10 +92,14 @@ def test_slopes_of_facets():
         slopes_per_area(number, "self", matrix, area)
 
 
-def test_contribution_of_facets(monkeypatch):
-    """Products of different randomisations of area x slope x sigma, added over the facets."""
+@pytest.mark.parametrize("is_linear", [True, False])
+def test_contribution_of_facets(monkeypatch, is_linear):
+    """Products of different randomisations of area x slope x sigma, added over the facets.
+
+    The first pixel sees half of the first facet beside the second one.
+    """
     areas = np.array([[1.0, 3.0], [1.4, 2.6], [0.6, 3.4]])
-    matrices = [np.array([[a, 0.0], [0.0, b]]) / (10 / 4) for a, b in areas]  # 4 pixels of 10 m^2
+    matrices = [np.array([[a / 2, b], [a / 2, 0]]) / (10 / 4) for a, b in areas]  # 4 on 10 m^2
     matrix = SimpleNamespace(
         matrices=matrices,
         facets=np.array([0, 1]),
@@ -110,9 +114,20 @@ def test_contribution_of_facets(monkeypatch):
         paths=64,
         area=10.0,
     )
-    number.scene, number.columns = None, 0
+    number.scene, number.columns, number.is_linear = None, 0, is_linear
     found = facet_contribution(number, "self", 2.0)
-    effects = 2.0 * areas * [6 / 1.0, 10 / 3.0]  # mean areas of the facets: 1 and 3 m^2
+    slopes = [6 / 1.0, 10 / 3.0]  # mean areas of the facets: 1 and 3 m^2
+    if not is_linear:
+        slopes = [slope(matrix.band, T) for T in matrix.temperature]
+    effects = 2.0 * areas * slopes
     pairs = [effects[r] @ effects[s] for r in range(3) for s in range(3) if r != s]
-    assert found == pytest.approx(np.sqrt(np.mean(pairs)))
+    assert found == pytest.approx(np.sqrt(np.mean(pairs)), rel=1e-4)
     assert number.columns == 1
+
+
+def test_standard_deviations_of_facets(tmp_path):
+    """One for all facets, or those of a table, in which the other facets have none."""
+    facets = np.array([3, 0, 7])
+    np.testing.assert_array_equal(sigma_of(facets, 2.5, "self"), [2.5, 2.5, 2.5])
+    (tmp_path / "sigma.csv").write_text("facet,sigma_K\n7,3\n3,0\n")
+    np.testing.assert_array_equal(sigma_of(facets, tmp_path / "sigma.csv", "self"), [0, 0, 3])

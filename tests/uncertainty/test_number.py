@@ -1,5 +1,6 @@
 """A number that is linear in the radiances of its sources, without a render."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -137,6 +138,34 @@ def test_derivatives_in_closed_form():
     assert NUMBER.source_slope(0) == pytest.approx(2 * slope(300), rel=1e-4)
 
 
+def test_derivatives_that_are_rendered(monkeypatch):
+    """Of the weighted intensity; the first error is that of the intensity itself."""
+    calls = []
+
+    def differentiated(scene, names, repeated, part, weights):
+        calls.append((names, part, weights))
+        return SimpleNamespace(derivative=np.array([7.0]), error=np.array([9.0, 0.7]))
+
+    monkeypatch.setattr("mi_lcair.uncertainty.number.differentiate_intensity", differentiated)
+    number = Sum()
+    number.numbers.repeated = None
+    derivative, error = number.derivatives(["scenario.offset", "paint.b"], [0.1, 0.1])
+    assert derivative == pytest.approx([1.0, 7.0]) and error == pytest.approx([0.0, 0.7])
+    assert calls == [(["paint.b"], "target", None)] and number.renders == 4
+
+
+@pytest.mark.parametrize("nodes, is_linear", [([], True), ([8.0, 12.0], False), (None, False)])
+def test_whether_the_sources_are_told_apart(nodes, is_linear):
+    """They are not if a part of the emission is known by wavelengths only, or nothing is known."""
+    number = Sum()
+    areas = None if nodes is None else replace(number.areas, nodes_um=np.array(nodes))
+    number.areas_of = lambda total: areas
+    number.numbers.render = lambda: SimpleNamespace(factor=2.0)
+    number.linear = lambda total, areas, quantities: SimpleNamespace(value=total.factor, error=0.5)
+    number.start()
+    assert number.is_linear == is_linear and (number.value, number.error) == (2.0, 0.5)
+
+
 def test_derivatives_by_differences():
     """Over a standard deviation on each side, or up to a bound."""
     number = Sum()
@@ -150,6 +179,9 @@ def test_derivatives_by_differences():
     assert number.within("paint.b", 1.7) == 1 and number.within("paint.b", 0.7) == 0.7
     lowest = NEAREST * 325  # a temperature stays above its bound
     assert number.within("body.temperature", -1.0) == pytest.approx(lowest)
+    number.known["body.temperature"] = parameter("body.temperature", "temperature", 325.0, 200.0)
+    lowest = 200 + NEAREST * 125
+    assert number.within("body.temperature", 100.0) == pytest.approx(lowest)
 
 
 def test_feasible_values(monkeypatch):
@@ -173,12 +205,14 @@ def test_what_further_reflections_would_add():
     number, closure = Sum(), 0.0
     means = {"target.bounce.0": 8.0, "target.bounce.1": 4.0, "target.bounce.2": 2.0}
     number.total = SimpleNamespace(
-        sums=means, mean=lambda name: [means.get(name, closure)], factor=1.0
+        sums=dict(means), mean=lambda name: [means.get(name, closure)], factor=1.0
     )
     number.scene.mi = SimpleNamespace(integrator=lambda: SimpleNamespace(max_bounces=2))
     np.testing.assert_allclose(number.by_reflections, [80, 40, 20])
     assert number.truncation() == pytest.approx(2 / 14 * VALUE)
-    closure = 3.0
+    means = {name: mean / 1000 for name, mean in means.items()}  # less than 1 W/sr
+    assert number.truncation() == pytest.approx(2 / 14 * VALUE)
+    closure = 3e-3
     assert number.truncation() == pytest.approx(1 / 14 * VALUE)
     means.update(dict.fromkeys(means, 0.0))
     assert number.truncation() == 0

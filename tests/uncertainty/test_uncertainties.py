@@ -79,6 +79,9 @@ PAIR = ["self.temperature", "sky.radiance"]
             {"correlated": [{"names": PAIR, "covariance": [[1, 2], [2, 1]]}]},
             "no negative eigenvalue",
         ),
+        ({"correlated": 3}, "correlated must be tables, [[correlated]]"),
+        ({"correlated": [3]}, "correlated must be tables, [[correlated]]"),
+        ({"sigma": [3]}, "sigma must be a table, [sigma]"),
         ({"fits": {"paint": "no.json"}}, "fit 'no.json': cannot be read"),
         ({"fits": {"paint": 3}}, "must be the name of a fit's JSON file"),
     ],
@@ -108,6 +111,26 @@ def test_reports_that_cannot_be_used(tmp_path, report, message):
     (tmp_path / "paint.json").write_text(json.dumps(report))
     with pytest.raises(InputError, match=message):
         inputs({"fits": {"paint": str(tmp_path / "paint.json")}})
+
+
+def test_files_beside_the_statement(tmp_path):
+    """A table of facets, and the fits of one material in the solution of an inversion."""
+    path, stated = tmp_path / "u.toml", '[facets]\nwing = "sigma.csv"\n[fits]\npaint = "fit.json"\n'
+    path.write_text(stated)
+    solution = {"kind": "invert", "unknowns": [], "materials": {"paint": {"MWIR": REPORT}}}
+    (tmp_path / "fit.json").write_text(json.dumps(solution))
+    read = Uncertainties.read(path)
+    assert read.facets == {"wing": tmp_path / "sigma.csv"}
+    assert [fit.values for fit in read.fits["paint"]] == [REPORT["parameters"]]
+    del solution["materials"]["paint"]
+    (tmp_path / "fit.json").write_text(json.dumps(solution))
+    with pytest.raises(InputError, match="unknown material of 'fit.json' 'paint'"):
+        Uncertainties.read(path)
+    # A fit in several bands has the same word without being a solution
+    (tmp_path / "fit.json").write_text(
+        json.dumps({"kind": "fit", "materials": {"MWIR": REPORT, "LWIR": REPORT}})
+    )
+    assert len(Uncertainties.read(path).fits["paint"]) == 2
 
 
 def test_fractions():
