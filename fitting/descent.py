@@ -140,11 +140,8 @@ def levenberg_marquardt(
             new_normal[better],
             new_gradient[better],
         )
-        # An accepted step changes the damping by the ratio of actual to predicted gain. A rejected
-        # one raises it, each time by a larger factor (Nielsen 1999).
-        damping[accepted] *= np.where(
-            level[better], 1 / 10, np.maximum(1 / 10, 1 - (2 * gain[better] - 1) ** 3)
-        )
+        # A rejected step raises the damping, each time by a larger factor (Nielsen 1999).
+        damping[accepted] *= np.where(level[better], 1 / 10, easing(gain[better]))
         growth[accepted] = 2
         damping[rejected] *= growth[rejected]
         growth[rejected] *= 2
@@ -153,6 +150,11 @@ def levenberg_marquardt(
         done |= (np.max(np.abs(step), axis=1) < 1e-15) | (damping[active] > 1e16)
         active = active[~done]
     return Minima(u, cost, norm)
+
+
+def easing(gain):
+    """Factor of the damping after a step with this ratio of actual to predicted gain (Nielsen)."""
+    return np.maximum(1 / 10, 1 - (2 * gain - 1) ** 3)
 
 
 def normal_equations(rows, slopes):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from mi_lcair.fitting.descent import explore, levenberg_marquardt
+from mi_lcair.fitting.descent import box_step, easing, explore, levenberg_marquardt
 
 STARTS = np.random.default_rng(1).uniform(0.05, 0.95, (16, 4))
 
@@ -70,6 +70,53 @@ def test_what_is_not_free_stays():
     minima = levenberg_marquardt(Linear(A, y), STARTS, free)
     assert np.array_equal(minima.u[:, 1], STARTS[:, 1])
     assert np.array_equal(explore(Linear(A, y), STARTS, free)[:, 1], STARTS[:, 1])
+
+
+def test_relative_gradient():
+    """Gradient / (|column| |rows|) of the coordinates that can move; |rows| is at least 1e-4 each.
+
+    The first coordinate cannot move, the second one is at a bound beyond which the cost falls.
+    """
+    rng = np.random.default_rng(7)
+    A, y = rng.standard_normal((12, 4)), rng.standard_normal(12)
+    u = np.array([[0.3, 0.0, 0.6, 0.2]])
+    A[:, 1] *= np.sign(A[:, 1] @ (A @ u[0] - y))
+    for size in (1.0, 1e-4):
+        rows = size * (A @ u[0] - y)
+        relative = np.abs(A.T @ rows) / np.linalg.norm(A, axis=0)
+        relative /= np.sqrt(rows @ rows + 12 * 1e-8)
+        problem, free = Linear(A, A @ u[0] - rows), np.array([False, True, True, True])
+        minimum = levenberg_marquardt(problem, u, free, iterations=0)
+        assert minimum.gradient == pytest.approx(relative[2:].max())
+
+
+def test_a_step_within_the_cube():
+    """Newton's step where there is room, else nine tenths of the way to a bound."""
+    matrix = np.diag([2.0, 4.0, 1e-3, 1e-3])[None]
+    u, free = np.array([[0.5, 0.4, 0.6, 0.3]]), np.ones((1, 4), dtype=bool)
+    ends = box_step(matrix, np.array([[0.2, -0.4, 1.0, -1.0]]), u, free)
+    np.testing.assert_allclose(ends, [[0.4, 0.5, 0.06, 0.93]])
+    # Within 1e-6 of a bound it is reached
+    ends = box_step(
+        matrix, np.array([[0.2, -0.4, 1.0, -1.0]]), np.array([[0.5, 0.4, 9e-7, 1]]), free
+    )
+    np.testing.assert_allclose(ends, [[0.4, 0.5, 0.0, 1.0]])
+
+
+def test_damping_after_a_step():
+    """A tenth at least, 1 where half of the predicted gain came, 2 without any."""
+    np.testing.assert_allclose(
+        easing(np.array([1.0, 0.75, 0.5, 0.25, 0.0])), [0.1, 0.875, 1, 1.125, 2]
+    )
+
+
+def test_the_first_step_of_exploring():
+    """Adam's first step has the length of the learning rate in each logit, against the slope."""
+    problem, logit = Banana(), lambda u: np.log(u / (1 - u))
+    rows, slopes = problem(STARTS)
+    slope = np.einsum("nr,nrk->nk", rows, slopes)
+    ends = explore(problem, STARTS, steps=1)
+    np.testing.assert_allclose(logit(ends) - logit(STARTS), -0.3 * np.sign(slope), rtol=1e-4)
 
 
 def test_exploring_goes_down_and_stays_inside():

@@ -4,8 +4,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize_scalar
 
-from mi_lcair.fitting.search import assess, descend, inner_deviation, search
+from mi_lcair.fitting.search import assess, compare, descend, inner_deviation, search
 from mi_lcair.fitting.selection import Variant
 from tests.fitting.synthetic import MODEL
 
@@ -115,4 +116,59 @@ def test_share_of_the_starts_in_the_lowest_valley():
 def test_a_variance_of_rounding_alone():
     """Residuals of nothing have the variance of 1e-9 decades."""
     noise = assess(Leftover(np.zeros(50)), CANDIDATE)
-    assert noise.variance == pytest.approx((1e-9 * 5) ** 2)
+    assert noise.variance == pytest.approx((1e-9 * 5) ** 2, rel=1e-9, abs=0)
+
+
+def test_noise_of_few_and_of_strange_residuals():
+    """As many points as parameters leave one degree of freedom, and nearly all far ones a slope."""
+    rows = np.array([1.0, -2.0, 1.5])
+    assert assess(Leftover(rows), CANDIDATE).variance == pytest.approx(np.sum(rows**2))
+    noise = assess(Leftover(np.full(40, 10.0) * (-1) ** np.arange(40)), CANDIDATE, c=4.0)
+    assert noise.curvature == 0.1
+
+
+@pytest.mark.parametrize("distance, outliers", [(3.9, 0), (4.1, 2)])
+def test_far_residuals(distance, outliers):
+    """Beyond 4 standard deviations of the inner half, which is 1 here."""
+    rows = np.append(np.tile([1, -1], 20) / 1.4826, [distance, -distance])
+    assert assess(Leftover(rows), CANDIDATE).outliers == outliers
+
+
+class Line(Leftover):
+    """Points that measure u0 alone; the other three coordinates are 0.5."""
+
+    unit, half_angle = 1.0, 0.0
+
+    def __init__(self, points):
+        self.measured = np.append(points, np.full(3, 0.5))
+        super().__init__(np.zeros(len(self.measured)))
+
+    def residuals(self, variant, aperture=True):
+        def rows(u, lanes=None):
+            x = np.concatenate([np.repeat(u[:, :1], self.rows - 3, axis=1), u[:, 1:]], axis=1)
+            slopes = np.zeros((len(u), self.rows, 4))
+            slopes[:, :-3, 0] = 1
+            slopes[:, [-3, -2, -1], [1, 2, 3]] = 1
+            return 100 * (x - self.measured), 100 * slopes
+
+        rows.instrument, rows.unit = lambda u: (np.ones((1, self.points)), None), 1.0
+        return rows
+
+
+@pytest.mark.parametrize("robust", [False, True])
+def test_the_minimum_of_points_with_an_outlier(robust):
+    """Their mean, or the minimum of the Cauchy loss at 2.385 inner deviations of its residuals."""
+    points = np.append(0.4 + 0.02 * np.random.default_rng(5).standard_normal(40), [0.9, 0.95])
+    steps, settings = [], SimpleNamespace(starts=4, seed=1, robust=robust)
+    variants = [Variant(MODEL, "thesis"), Variant(MODEL, "normalized")]
+    best, candidates, noise = compare(Line(points), variants, settings, lambda: steps.append(1))
+    assert len(steps) == len(candidates) == 2 and noise.outliers == 2
+    assert min(candidate.criterion for candidate in candidates) == 0
+    expected = points.mean()
+    for _ in range(50 if robust else 0):
+        rows = 100 * np.append(expected - points, np.zeros(3))
+        c = 2.385 * 1.4826 * np.median(np.abs(rows))
+        loss = lambda x, c=c: np.sum(np.log1p((100 * (x - points) / c) ** 2))
+        expected = minimize_scalar(loss, bounds=(0.3, 0.5), options={"xatol": 1e-9}).x
+    assert best.u[0] == pytest.approx(expected, abs=1e-5)
+    np.testing.assert_allclose(best.u[1:], 0.5, atol=1e-6)
