@@ -31,12 +31,14 @@ class Variant:
     @property
     def free(self) -> np.ndarray:
         """Mask (n,) of the coordinates that a search may change."""
-        held = self.restriction.coordinate if self.restriction else -1
-        return np.arange(len(self.model.parameters)) != held
+        mask = np.ones(len(self.model.parameters), dtype=bool)
+        if self.restriction:
+            mask[self.restriction.coordinate] = False
+        return mask
 
     def restrict(self, u: np.ndarray) -> np.ndarray:
         """Coordinates u (m, n), with the restricted one set to its fixed value."""
-        return np.where(self.free, u, self.restriction.value if self.restriction else 0)
+        return np.where(self.free, u, self.restriction.value) if self.restriction else u
 
 
 @dataclass

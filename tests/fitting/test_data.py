@@ -6,6 +6,8 @@ import pytest
 from mi_lcair.errors import InputError
 from mi_lcair.fitting.data import select, with_std
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
+from mi_lcair.fitting.selection import Variant
+from tests.fitting.synthetic import MODEL
 
 
 def measurements(brdf, theta_i=0.3, theta_r=0.2, **more):
@@ -57,6 +59,13 @@ def test_standard_deviations_on_the_scale():
     np.testing.assert_allclose(joint.spread, 2 * data.spread)
     assert joint.rows == 5 and joint.per_decade(brdf)[3:].tolist() == [0, 0]
     assert joint.with_std_factor(3.0).std_factor == 3 and joint.std_factor == 1
+
+
+def test_a_source_taken_as_a_point():
+    data, _, _ = select(measurements([1.0, 2.0]), "log", 0.02, 80, 0, 1)
+    variant = Variant(MODEL, "thesis")
+    assert data.residuals(variant).instrument.disc.half_angle == 0.02
+    assert data.residuals(variant, aperture=False).instrument.disc is None
 
 
 def test_too_few_points():
