@@ -178,12 +178,24 @@ class Equations:
         Without noise of the render, `noise` is the matrix, and this is the unit matrix. It is small
         for derivatives that are smaller than their own noise. They then give no information.
         """
+        return self.matrix.T @ self.inverse_noise
+
+    @cached_property
+    def inverse_noise(self) -> np.ndarray:
+        """Pseudoinverse (N, N) of the dense noise."""
         scale = np.sqrt(np.diag(self.noise))
         scale[scale == 0] = 1
         values, vectors = np.linalg.eigh(self.noise / np.outer(scale, scale))
         kept = values > RANK * max(values[-1], 0)
         inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
-        return self.matrix.T @ (inverse / np.outer(scale, scale))
+        return inverse / np.outer(scale, scale)
+
+    def pressure(self, other: "Equations") -> float:
+        """gradient^T noise^-1 gradient for the gradient of other equations: 0 at a solution."""
+        if sparse.issparse(self.noise):
+            inverse = 1 / np.maximum(self.noise.diagonal(), np.finfo(float).tiny)
+            return float(other.gradient @ (inverse * other.gradient))
+        return float(other.gradient @ self.inverse_noise @ other.gradient)
 
     @cached_property
     def information(self) -> np.ndarray:

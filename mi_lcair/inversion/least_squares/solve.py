@@ -31,7 +31,9 @@ SMALLEST = 0.1  # least factor by which a step changes a blackbody radiance
 # Relative change of a predicted value after which a datum that holds for all values is rendered
 # once more at the solution, where its paths go to what is bright there.
 FAR = 0.5
+NEAR = 3.0  # length of a step, in standard errors, up to which the gradient decides about it
 CONVERGED = 0.02  # largest last step, in standard errors, see `length`
+UNRESOLVED = 0.2  # the same where the noise of the render hides it; it adds 2 % to an error
 HALVINGS = 12  # attempts to shorten a step that no surface can have
 # Columns of the inverse of a sparse matrix that are computed together. With a hundred or more,
 # SuperLU starts threads that take far longer than the solution.
@@ -164,29 +166,37 @@ def nearest(blocks, x, prior: Prior, is_sparse: bool) -> tuple[np.ndarray, bool]
 def descent(blocks, x, prior: Prior, is_sparse: bool, rendered, is_over) -> tuple:
     """Levenberg-Marquardt steps, each with a render: values, blocks there, and convergence.
 
+    Far from the solution the cost decides whether a step is kept. Near it, the noise of the render
+    hides the change of the cost, and the gradient decides, which is 0 at the solution.
+
     rendered: gives the blocks at values. is_over: whether no further render is allowed.
     """
-    damping = FIRST_DAMPING
+    damping, largest = FIRST_DAMPING, CONVERGED
     while damping <= MOST_DAMPING:
-        new = near(blocks, x, prior, damping, is_sparse)
         normal = equations(blocks, x, is_sparse)
-        moved = length(new - x, normal, prior)
         # A damped step is short far from the solution too
         whole = length(near(blocks, x, prior, 0.0, is_sparse) - x, normal, prior)
-        if whole < CONVERGED or is_over():
-            return x, blocks, whole < CONVERGED
-        new, trial = feasible(rendered, x, new)
+        if whole < largest or is_over():
+            return x, blocks, whole < largest
+        new, trial = feasible(rendered, x, near(blocks, x, prior, damping, is_sparse))
         if trial is None:
             damping *= 10
             continue
         trial = [replace(block, weight=old.weight) for block, old in zip(trial, blocks)]
-        before = cost_of(blocks, x) + prior.cost(x)
-        after = cost_of(trial, new) + prior.cost(new)
-        # The derivatives and the change of cost are noisy. A step is refused only if the cost grows
-        # by more than it should have fallen. A step that makes it grow is followed by shorter ones.
-        if after - before < moved**2:
+        moved = length(new - x, normal, prior)
+        change = prior.cost(new) - prior.cost(x)
+        if moved > NEAR:
+            change += cost_of(trial, new) - cost_of(blocks, x)
+            is_kept = change < moved**2  # the change of the cost is noisy
+        else:
+            change += normal.pressure(equations(trial, new, is_sparse)) - normal.pressure(normal)
+            is_kept = change < 0
+        if is_kept:
             x, blocks = new, trial
-        damping = damping / 10 if after < before else max(10 * damping, FIRST_DAMPING)
+        # A step that should have come nearer and did not shows how near the noise of the render,
+        # which is another one at other values, lets the iteration come
+        largest = CONVERGED if is_kept or moved > NEAR else UNRESOLVED
+        damping = damping / 10 if change < 0 else max(10 * damping, FIRST_DAMPING)
         damping = max(damping, LEAST_DAMPING)
     return x, blocks, False
 

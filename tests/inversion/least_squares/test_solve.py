@@ -77,6 +77,30 @@ def test_a_render_that_must_be_repeated():
     assert not once.converged and once.renders == 1
 
 
+def test_convergence_where_paths_change_with_the_values():
+    """2 + J x^2 with a noise of the render ten times that of the measurement.
+
+    A thousandth of the paths differs between two renders. The cost then changes by more than a
+    last step changes it, and only the gradient shows the way.
+    """
+    shape, random = (4, 20), np.random.default_rng(1)
+    fixed = 10 * SIGMA * random.normal(size=shape)
+
+    def render(x):
+        other = np.random.default_rng(x.view(np.uint32)).normal(size=shape)
+        F = 2 + J @ x**2 + fixed + 10 * SIGMA * np.sqrt(1e-3) * other
+        columns = list(np.broadcast_to(2 * J * x, (4, *J.shape)))
+        return [replace(EXACT, radiance=F, columns=columns, reference=x)]
+
+    weight = np.full(20, 1 / (26 * SIGMA**2))
+    for start in (0.3, 0.5, 0.9):
+        both = [unknown("a", start=start), unknown("b", start=start)]
+        state = solve(both, render, lambda x: [weight], False, 20)
+        assert state.converged and state.renders < 12
+        error = np.sqrt(np.diag(state.covariance))
+        assert (np.abs(state.x - np.sqrt([0.4, 0.7])) < 4 * error).all()
+
+
 def test_a_value_stops_at_its_bound():
     narrow = [replace(PAINTS[0], prior=None, upper=0.2), unknown("b")]
     state = solved([EXACT], narrow)
