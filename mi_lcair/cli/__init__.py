@@ -132,7 +132,7 @@ def _version(ctx, option, wanted):
     "mi-lcair",
     cls=Main,
     invoke_without_command=True,
-    context_settings={"help_option_names": ["-h", "--help"]},
+    context_settings={"help_option_names": ["-h", "--help"], "show_default": True},
 )
 @click.option(
     "-V",

@@ -76,7 +76,6 @@ def known_form(ctx, param, value):
     "--model",
     type=click.Choice(["auto", *NAMES]),
     default="auto",
-    show_default=True,
     help="Reflection model; auto takes the simplest one that describes the data.",
 )
 @click.option(
@@ -84,14 +83,12 @@ def known_form(ctx, param, value):
     metavar="FORM",
     callback=known_form,
     default="auto",
-    show_default=True,
     help="Form of the model, if it has several, such as thesis or normalized.",
 )
 @click.option(
     "--loss",
     type=click.Choice(["log", "cube_root", "linear"]),
     default="log",
-    show_default=True,
     help="Scale on which BRDFs are compared.",
 )
 @click.option("--robust", is_flag=True, help="Give outliers little weight.")
@@ -99,7 +96,6 @@ def known_form(ctx, param, value):
     "--starts",
     type=click.IntRange(min=1),
     default=64,
-    show_default=True,
     help="Number of starting points.",
 )
 @seed_option("Seed of the starting points.")
@@ -107,14 +103,12 @@ def known_form(ctx, param, value):
     "--max-angle-deg",
     type=click.FloatRange(0, 90, min_open=True),
     default=80,
-    show_default=True,
     help="Leave out points at larger angles.",
 )
 @click.option(
     "--min-brdf",
     type=click.FloatRange(0),
     default=1e-4,
-    show_default=True,
     help="Leave out smaller values, in 1/sr.",
 )
 @click.option(

@@ -40,7 +40,6 @@ AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
     "--nose",
     type=AXIS,
     default="X",
-    show_default=True,
     help="Axis along which the nose points in Blender.",
 )
 @click.option(
@@ -80,7 +79,6 @@ AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
     "--scale",
     type=float,
     default=1,
-    show_default=True,
     help="Length of the file's unit, in metres.",
 )
 @click.option(

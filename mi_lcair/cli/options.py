@@ -199,16 +199,13 @@ def sensor_option(command):
         "--sensor",
         type=click.IntRange(min=0),
         default=0,
-        show_default=True,
         help="Number of the scene's sensor, from 0.",
     )(command)
 
 
 def seed_option(help: str = "Seed of the random numbers."):
     """Decorator that gives a command the option --seed."""
-    return click.option(
-        "--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True, help=help
-    )
+    return click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, help=help)
 
 
 def changes_option(help: str, name: str = "changes"):

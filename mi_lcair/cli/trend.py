@@ -83,7 +83,6 @@ class Azimuths(Angles):
     "--elevation",
     type=Angles(),
     default="0",
-    show_default=True,
     help="Elevations of the observer above the horizontal, degrees; written like the azimuths.",
 )
 @output_option("a row for each view, FILE.csv or FILE.nc (netCDF)", required=True)
@@ -92,7 +91,6 @@ class Azimuths(Angles):
     "--resolution",
     type=POSITIVE,
     default=64,
-    show_default=True,
     help="Pixels along each side of a view, to which --spp and --max-spp refer. The paths begin "
     "anywhere in the view.",
 )

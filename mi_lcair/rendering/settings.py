@@ -2,13 +2,9 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
 from mi_lcair.errors import unknown
 from mi_lcair.rendering.scene import Scene
-
-if TYPE_CHECKING:
-    pass
 
 INTEGRATOR = ("max_bounces", "emitter_sampling", "closure", "ambient_temperature")
 

@@ -75,7 +75,7 @@ def plate(tmp_path):
 
 
 def problem(
-    shapes, origin, target, half_width, answer=1.0, bounces=1, points=16, resolution_deg=22.5
+    shapes, origin, target, half_width, answer=1.0, bounces=1, points=16, diffuse=True
 ) -> Problem:
     """A problem with these shapes and a square window."""
     T = mi.ScalarTransform4f
@@ -102,9 +102,7 @@ def problem(
     scene = Scene(
         loaded, "test", band("MWIR"), ["self"], {}, [], loaded.sensors(), Path("test.xml")
     )
-    return Problem(
-        "test", scene, answer, 0.0, "closed form", bounces, points, resolution_deg, 300.0, True
-    )
+    return Problem("test", scene, None, bounces, points, diffuse, 300.0, answer, "closed form")
 
 
 @pytest.fixture
@@ -183,7 +181,7 @@ def test_lobe_in_a_black_room(black_room, name, effort, error):
         "e": 0.005,
         "form": "normalized",
     }
-    case = black_room(lobe, resolution_deg=0.25)
+    case = black_room(lobe, diffuse=False)
     assert BY_NAME[name].run(case, effort, 0)[0] == pytest.approx(case.answer, rel=error)
 
 

@@ -23,7 +23,7 @@ EFFORT = Effort(seconds=1.0, most=100, repetitions=5, same=2, paths=1, seeds=2)
 
 
 def problem(name="box", answer=10.0) -> Problem:
-    return Problem(name, None, answer, 0.0, "closed form", 1, 1, 1.0, None, True)
+    return Problem(name, None, None, 1, 1, True, answer=answer, source="closed form")
 
 
 def result() -> Chart:

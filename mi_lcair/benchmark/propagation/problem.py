@@ -16,6 +16,10 @@ from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.window import window_area
 
+OF_DIFFUSE = 22.5  # width of a cell that resolves diffuse reflection [degrees]
+# Width of a cell that resolves bare aluminium [degrees]: 80 cells over 20, thesis Figure 3.19
+OF_LOBE = 0.25
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -27,37 +31,39 @@ class Problem:
         Name in the charts.
     scene
         The loaded scene.
-    answer
-        Intensity of the model's facets through the window [W/sr].
-    standard_error
-        Standard error of `answer` [W/sr]; 0 for a closed form.
-    source
-        How the answer is known.
+    independent
+        The same scene with Mitsuba's independent sampler, or None.
     bounces
         Number of reflections that a method has to count.
     points
         Least number of points on the visible facets from which the deterministic methods start.
-    resolution_deg
-        Width in degrees of the coarsest grid of directions that resolves the reflection.
-    ambient
-        Temperature of the surroundings [K], for `closure = ambient`; None without surroundings.
     diffuse
         Whether every surface is Lambertian.
-    independent
-        The same scene with Mitsuba's independent sampler, or None.
+    ambient
+        Temperature of the surroundings [K], for `closure = ambient`; None without surroundings.
+    answer
+        Intensity of the model's facets through the window [W/sr].
+    source
+        How the answer is known.
+    standard_error
+        Standard error of `answer` [W/sr]; 0 for a closed form.
     """
 
     name: str
     scene: Scene
-    answer: float
-    standard_error: float
-    source: str
+    independent: Scene | None
     bounces: int
     points: int
-    resolution_deg: float
-    ambient: float | None
     diffuse: bool
-    independent: Scene | None = None
+    ambient: float | None = None
+    answer: float = 0.0
+    source: str = ""
+    standard_error: float = 0.0
+
+    @property
+    def resolution_deg(self) -> float:
+        """Width in degrees of the coarsest grid of directions that resolves the reflection."""
+        return OF_DIFFUSE if self.diffuse else OF_LOBE
 
     @cached_property
     def facets(self) -> FacetTable:

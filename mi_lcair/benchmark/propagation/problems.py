@@ -21,46 +21,21 @@ RANGE_WALLS = 258.0  # K: between the upper half's 263 K and the lower half's 25
 # reflections.
 WING_ROOT_FACET = 515
 BOUNCES = 10  # reflections in the reference renders
-DIFFUSE = 22.5  # degrees, width of a cell that resolves diffuse reflection
-# degrees, width of a cell that resolves bare aluminium: 80 cells over 20, thesis Figure 3.19
-LOBE = 0.25
+VIEW_FACTOR = "view factor in closed form"
 
 
 def two_plates() -> Problem:
     """The scene two_plates, whose answer is a view factor in closed form."""
-    scene, independent = loaded("two_plates")
-    return Problem(
-        "two_plates",
-        scene,
-        exact.two_plates_intensity(blackbody(scene, 800)),
-        0.0,
-        "view factor in closed form",
-        bounces=1,
-        points=32,
-        resolution_deg=DIFFUSE,
-        ambient=None,
-        diffuse=True,
-        independent=independent,
-    )
+    problem = Problem("two_plates", *loaded("two_plates"), bounces=1, points=32, diffuse=True)
+    answer = exact.two_plates_intensity(blackbody(problem, 800))
+    return replace(problem, answer=answer, source=VIEW_FACTOR)
 
 
 def open_box() -> Problem:
     """The scene open_box, whose answer is a view factor in closed form."""
-    scene, independent = loaded("open_box")
-    answer = exact.open_box_intensity(blackbody(scene, 800), blackbody(scene, 300))
-    return Problem(
-        "open_box",
-        scene,
-        answer,
-        0.0,
-        "view factor in closed form",
-        bounces=1,
-        points=32,
-        resolution_deg=DIFFUSE,
-        ambient=None,
-        diffuse=True,
-        independent=independent,
-    )
+    problem = Problem("open_box", *loaded("open_box"), bounces=1, points=32, diffuse=True)
+    answer = exact.open_box_intensity(blackbody(problem, 800), blackbody(problem, 300))
+    return replace(problem, answer=answer, source=VIEW_FACTOR)
 
 
 def cavity(opening: int = 8) -> Problem:
@@ -68,39 +43,19 @@ def cavity(opening: int = 8) -> Problem:
 
     opening: number of facets removed. The facetted sphere is within 0.02 % of it.
     """
-    scene, independent = loaded("cavity", opening=opening)
-    answer = exact.cavity_emissivity(opening) * blackbody(scene, 800) * 0.06**2
-    return Problem(
-        "cavity",
-        scene,
-        answer,
-        0.0,
-        f"sphere with {opening} of 400 facets removed, closed form",
-        bounces=24,
-        points=4,
-        resolution_deg=DIFFUSE,
-        ambient=800.0,
-        diffuse=True,
-        independent=independent,
-    )
+    scenes = loaded("cavity", opening=opening)
+    problem = Problem("cavity", *scenes, bounces=24, points=4, diffuse=True, ambient=800.0)
+    answer = exact.cavity_emissivity(opening) * blackbody(problem, 800) * 0.06**2
+    source = f"sphere with {opening} of 400 facets removed, closed form"
+    return replace(problem, answer=answer, source=source)
 
 
 def furnace() -> Problem:
     """The scene furnace, where every pixel has the blackbody's radiance."""
-    scene, independent = loaded("furnace")
-    return Problem(
-        "furnace",
-        scene,
-        blackbody(scene, 300),
-        0.0,
-        "isothermal: the blackbody's radiance everywhere",
-        bounces=32,
-        points=512,
-        resolution_deg=LOBE,
-        ambient=300.0,
-        diffuse=False,
-        independent=independent,
-    )
+    scenes = loaded("furnace")
+    problem = Problem("furnace", *scenes, bounces=32, points=512, diffuse=False, ambient=300.0)
+    source = "isothermal: the blackbody's radiance everywhere"
+    return replace(problem, answer=blackbody(problem, 300), source=source)
 
 
 def all_problems(quick: bool) -> list[Problem]:
@@ -120,23 +75,7 @@ def cylinder(paths: int) -> Problem:
 
     paths: paths of the reference render.
     """
-    scene, independent = loaded("cylinder_ir_range")
-    return referred(
-        Problem(
-            "cylinder",
-            scene,
-            0.0,
-            0.0,
-            "",
-            BOUNCES,
-            points=1024,
-            resolution_deg=LOBE,
-            ambient=RANGE_WALLS,
-            diffuse=False,
-            independent=independent,
-        ),
-        paths,
-    )
+    return in_range("cylinder", loaded("cylinder_ir_range"), 1024, paths)
 
 
 def wing_root(paths: int) -> Problem:
@@ -144,25 +83,16 @@ def wing_root(paths: int) -> Problem:
 
     paths: paths of the reference render.
     """
-    scene, independent = loaded("cylinder_ir_range")
-    for either in (scene, independent):
-        look_at_facet(either, WING_ROOT_FACET)
-    return referred(
-        Problem(
-            "wing root",
-            scene,
-            0.0,
-            0.0,
-            "",
-            BOUNCES,
-            points=4,
-            resolution_deg=LOBE,
-            ambient=RANGE_WALLS,
-            diffuse=False,
-            independent=independent,
-        ),
-        paths,
-    )
+    scenes = loaded("cylinder_ir_range")
+    for scene in scenes:
+        look_at_facet(scene, WING_ROOT_FACET)
+    return in_range("wing root", scenes, 4, paths)
+
+
+def in_range(name: str, scenes: list[Scene], points: int, paths: int) -> Problem:
+    """A problem in the infrared range, whose answer is a render with this number of paths."""
+    problem = Problem(name, *scenes, BOUNCES, points, diffuse=False, ambient=RANGE_WALLS)
+    return referred(problem, paths)
 
 
 def loaded(name: str, **parameters) -> list[Scene]:
@@ -176,9 +106,9 @@ def loaded(name: str, **parameters) -> list[Scene]:
     ]
 
 
-def blackbody(scene, temperature: float) -> float:
+def blackbody(problem: Problem, temperature: float) -> float:
     """In-band radiance of a blackbody in the scene's band [W m^-2 sr^-1]."""
-    return float(in_band_radiance(scene.band, temperature))
+    return float(in_band_radiance(problem.scene.band, temperature))
 
 
 def referred(problem: Problem, paths: int) -> Problem:

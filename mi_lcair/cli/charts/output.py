@@ -15,7 +15,6 @@ def chart_options(files: str):
         f"{files} to FOLDER, which is made if it is absent",
         metavar="FOLDER",
         default=".",
-        show_default=True,
     )
     quick = click.option(
         "--quick",

@@ -13,7 +13,6 @@ from mi_lcair.cli.output import print_result
     "--photons",
     type=click.IntRange(min=8),
     default=2**18,
-    show_default=True,
     help="Photons from each emitter.",
 )
 def command(options, photons):

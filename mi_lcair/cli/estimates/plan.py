@@ -16,7 +16,6 @@ from mi_lcair.cli.output import print_result
     "--tolerance",
     type=Fraction(),
     default="1%",
-    show_default=True,
     help="Error that is allowed, as a fraction of the mean.",
 )
 @click.option(

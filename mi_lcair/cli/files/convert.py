@@ -25,7 +25,6 @@ from mi_lcair.formats import VTK
     "-c",
     "--channel",
     default="Y",
-    show_default=True,
     help="Channel of FILE.exr for a TIFF, such as temperature.Y.",
 )
 @click.option("--scene", help="Scene of a table of facets.")

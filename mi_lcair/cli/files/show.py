@@ -62,6 +62,7 @@ NOT_DRAWN = {
 @click.option(
     "--common-scale/--own-scales",
     default=True,
+    show_default=False,
     help="One scale for all panels of a quantity (default), or one for each panel.",
 )
 @click.option("--outlines", is_flag=True, help="Draw lines between the facets.")
@@ -86,7 +87,6 @@ NOT_DRAWN = {
     "--theta-deg",
     type=click.FloatRange(0, 90, max_open=True),
     default=30,
-    show_default=True,
     help="Angle of incidence in degrees.",
 )
 @json_option

@@ -30,7 +30,6 @@ from mi_lcair.files import together
     "--frames",
     type=POSITIVE,
     default=1,
-    show_default=True,
     help="Number of frames with independent noise, pages of FILE.tif. There is one render.",
 )
 @seed_option("Seed of the camera's noise and fixed pattern.")
