@@ -5,6 +5,7 @@ from mi_lcair.api.contrast import contrast as contrast
 from mi_lcair.api.derivative_images import derivative_images as derivative_images
 from mi_lcair.api.image import image as image
 from mi_lcair.api.invert import invert as invert
+from mi_lcair.api.materials import materials as materials
 from mi_lcair.api.parameters import parameters as parameters
 from mi_lcair.api.plan import plan as plan
 from mi_lcair.api.render import render as render

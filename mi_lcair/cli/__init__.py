@@ -29,6 +29,7 @@ PURPOSES = {
     },
     "Scenes and materials": {
         "scenes": "scenes",
+        "materials": "materials",
         "import": "import_model",  # a module cannot be named `import`
         "fit": "fit",
     },

@@ -146,7 +146,7 @@ def read(
         For a file, label or table that cannot be used.
     """
     if materials:
-        known_materials.check_file(materials)
+        known_materials.entries_of(materials)  # raises InputError for an entry that is impossible
     known = known_materials.names(materials)
     material = material and find_material(material, known)
     if not 0 < scale < np.inf:

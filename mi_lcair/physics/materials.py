@@ -219,10 +219,9 @@ def check_fit(path: str | Path) -> None:
     _fits(path)
 
 
-def check_file(path: str | Path) -> None:
-    """Raise InputError for a file of materials with an entry that is incomplete or impossible."""
-    for name in _materials(path):
-        _toml_entries(name, path)
+def entries_of(path: str | Path) -> list[Material]:
+    """All entries of a file of materials; raises InputError for an incomplete or impossible one."""
+    return [entry for name in _materials(path) for entry in _toml_entries(name, path)]
 
 
 def _materials(path) -> dict:

@@ -1,0 +1,97 @@
+"""The known materials with their emissivities, as a result."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+from drjit.llvm.ad import Float64
+
+from mi_lcair.errors import InputError
+from mi_lcair.physics import materials
+from mi_lcair.results import Result
+
+ANGLES_DEG = (0, 60)  # angles to the normal at which emissivities are listed
+
+
+@dataclass(frozen=True, repr=False)
+class MaterialList(Result):
+    """Materials, with an entry for each band of each.
+
+    Attributes
+    ----------
+    listed : tuple of Material
+        The entries, those of the user's files first.
+    emissivity : ndarray, shape (n, 2)
+        Directional emissivity of each entry along the normal and at 60 degrees.
+    left_out : tuple of str
+        What is wrong with each file of a folder that holds no materials, one line each.
+    """
+
+    listed: tuple[materials.Material, ...]
+    emissivity: np.ndarray
+    left_out: tuple[str, ...] = ()
+
+    kind: ClassVar[str] = "materials"
+    sections_by: ClassVar[str] = "mi_lcair.reports.sections.materials:sections"
+
+    def summary(self) -> str:
+        """One line with the number of materials."""
+        names = {entry.name for entry in self.listed}
+        return f"materials: {len(names)} names, {len(self.listed)} entries"
+
+    def entries(self) -> dict:
+        """Entries for JSON: for each entry its name, band, model, parameters and source."""
+        rows = [
+            {
+                "name": entry.name,
+                "model": entry.model.name,
+                "band": entry.band,
+                **{f"emissivity_{angle}deg": value for angle, value in zip(ANGLES_DEG, values)},
+                "parameters": entry.parameters,
+                "form": entry.form,
+                "source": entry.source,
+            }
+            for entry, values in zip(self.listed, self.emissivity.tolist())
+        ]
+        return {"materials": rows, "left_out": self.left_out}
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """A row for each entry: name, model, band, emissivities and source."""
+        names = ("name", "model", "band", "source")
+        rows = [(e.name, e.model.name, e.band, e.source) for e in self.listed]
+        texts = dict(zip(names, np.array(rows).T))
+        numbers = {f"emissivity_{angle}deg": e for angle, e in zip(ANGLES_DEG, self.emissivity.T)}
+        return {name: texts[name] for name in names[:3]} | numbers | {"source": texts["source"]}
+
+
+def material_list(paths: Sequence[str | Path] = ()) -> MaterialList:
+    """The materials of some files, and the built-in ones.
+
+    paths: TOML files of materials, JSON files of fits or inversions, and folders, of which all TOML
+    files with materials are taken. Raises InputError for a file that cannot be used, and for a
+    folder without materials.
+    """
+    listed, left_out = [], []
+    for path in map(Path, paths):
+        if not path.is_dir():
+            listed += materials.entries_of(path)
+            continue
+        count = len(listed)
+        for file in sorted(path.glob("*.toml")):
+            try:
+                listed += materials.entries_of(file)
+            except InputError as error:
+                left_out.append(str(error))
+        if len(listed) == count:
+            raise InputError(f"{path}: no TOML file in the folder holds materials")
+    listed += materials.entries_of(materials.BUILT_IN)
+    emissivity = np.array([emissivity_of(entry, np.radians(ANGLES_DEG)) for entry in listed])
+    return MaterialList(tuple(listed), emissivity, tuple(left_out))
+
+
+def emissivity_of(entry: materials.Material, theta: np.ndarray) -> np.ndarray:
+    """Directional emissivity 1 - HDR(theta) as rendered, 0 where the model's HDR exceeds 1."""
+    HDR = entry.model.HDR(entry.surface(), Float64(theta)).numpy()
+    return 1 - np.minimum(HDR, 1)
