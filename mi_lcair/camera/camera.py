@@ -9,8 +9,9 @@ from mi_lcair.camera.electronics.calibration import Correction, two_point
 from mi_lcair.camera.electronics.frames import Pattern, counts, frame, signal_of
 from mi_lcair.camera.electronics.response import apparent_temperature, electron_band, in_kelvin
 from mi_lcair.camera.exposure import detector_mean
-from mi_lcair.camera.optics import Optics
+from mi_lcair.camera.optics import Optics, Turbulence
 from mi_lcair.detection.irradiance import Backdrop
+from mi_lcair.detection.scenario import Scenario
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.detector import Detector
@@ -55,18 +56,22 @@ class Camera:
     seed: int
 
     @staticmethod
-    def of(imager: Imager, detector: Detector, behind: Backdrop, seed: int) -> "Camera":
-        """The camera with this detector in front of a background.
+    def of(scenario: Scenario, detector: Detector, behind: Backdrop, seed: int) -> "Camera":
+        """The camera of a scenario with this detector in front of a background.
 
         Raises InputError if the camera cannot be corrected, or spreads light too far.
         """
+        imager, air, turbulence = scenario.camera, scenario.atmosphere, None
+        if air.cn2:
+            turbulence = Turbulence(air.cn2, air.wave, scenario.observer.range_m)
         band = electron_band(detector.band, imager, detector.optics_transmittance)
         background = detector_mean(behind, band)
         temperature = max(float(apparent_temperature(band, background)), COLDEST_K)
         pattern, correction = Pattern.of(imager, seed), Correction()
         if imager.nuc:
             correction = two_point(imager, pattern, band, temperature, seed)
-        optics = Optics(imager, band, partial(spectral_radiance, temperature=DIFFRACTION_K))
+        thermal = partial(spectral_radiance, temperature=DIFFRACTION_K)
+        optics = Optics(imager, band, thermal, turbulence)
         optics.check_spread()
         return Camera(imager, band, optics, background, temperature, pattern, correction, seed)
 

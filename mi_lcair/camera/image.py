@@ -39,7 +39,7 @@ def record_image(scenario: Scenario, frames: int, seed: int, progress) -> Image:
     behind = setting.backdrop.at_sensor(observer.range_m)
     setting.air.check_covers(scene.band)
     check_frames(imager, frames)
-    camera = Camera.of(imager, setting.detector, behind, seed)
+    camera = Camera.of(scenario, setting.detector, behind, seed)
     view = CameraView.of(
         target, View(observer.azimuth_deg, observer.elevation_deg), observer.range_m, imager
     )

@@ -1,13 +1,15 @@
-"""Modulation transfer function (MTF) of a camera, and its effect on an image.
+"""Modulation transfer function (MTF) of a camera and the air, and its effect on an image.
 
-Frequencies are in the plane of the image, in cycles per mm. The MTF is the product of four parts.
+Frequencies are in the plane of the image, in cycles per mm. The MTF is the product of five parts.
 """
 
+from copy import copy
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from scipy import fft
-from scipy.special import j1
+from scipy.special import gamma, j1
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import Band
@@ -19,6 +21,8 @@ OVERSAMPLING = 3
 MARGIN = 32  # pixels beyond the frame that are rendered; a camera spreads light no further
 FARTHEST = 384  # pixels over which diffraction is followed, at most
 SPILL = 2e-4  # share of an even scene's light that may be lost beyond these pixels
+# From the transform of its MTF's first term: 3.44 Gamma(8/3) sin(5 pi / 6) / (2 pi)^(8/3) 2 3/5
+SEEING = 3.44 * gamma(8 / 3) * 0.6 / (2 * np.pi) ** (8 / 3)
 FRAME = ((0, 0), (0, 0))  # samples that fill the frame
 
 
@@ -62,8 +66,44 @@ def defocus(frequency, diameter_um: float):
     return np.divide(2 * j1(x), x, out=np.ones_like(x), where=x != 0)
 
 
+@dataclass(frozen=True)
+class Turbulence:
+    """Turbulence with the same strength everywhere along a path, in a long exposure.
+
+    Attributes
+    ----------
+    cn2 : float
+        Structure parameter of the refractive index, m^(-2/3).
+    wave : str
+        "plane", or "spherical" for light of a point at the path's end.
+    range_m : float
+        Length of the path, m.
+    """
+
+    cn2: float
+    wave: str
+    range_m: float
+
+    def coherence_m(self, wavelength_um: float) -> float:
+        """Fried's coherence diameter r0 = (0.423 k^2 cn2 R)^(-3/5), m (Fried 1966).
+
+        A spherical wave has 3/8 of the structure function of a plane one.
+        """
+        wave_number = 2 * np.pi / (1e-6 * wavelength_um)
+        weight = 3 / 8 if self.wave == "spherical" else 1.0
+        return (0.423 * weight * wave_number**2 * self.cn2 * self.range_m) ** -0.6
+
+    def mtf(self, cycles_per_rad, wavelengths_um, weights):
+        """MTF exp(-3.44 (wavelength frequency / r0)^(5/3)), mean over a spectrum."""
+        total = np.zeros(np.shape(cycles_per_rad))
+        for wavelength, weight in zip(wavelengths_um, weights / np.sum(weights)):
+            shift = 1e-6 * wavelength * np.abs(cycles_per_rad)
+            total += weight * np.exp(-3.44 * (shift / self.coherence_m(wavelength)) ** (5 / 3))
+        return total
+
+
 class Optics:
-    """MTF of a camera with its pixels.
+    """MTF of a camera with its pixels, and of the air before it.
 
     Parameters
     ----------
@@ -71,26 +111,62 @@ class Optics:
     electron_band : Band
         Band whose values are electrons; see `response.electron_band`.
     spectrum : callable
-        Spectral radiance at an array of wavelengths, um, in any unit. It weights the diffraction.
+        Spectral radiance at an array of wavelengths, um, in any unit. It weights diffraction and
+        turbulence.
+    turbulence : Turbulence or None
+        Turbulence between target and camera.
     """
 
-    def __init__(self, imager: Imager, electron_band: Band, spectrum):
-        self.imager = imager
+    def __init__(
+        self, imager: Imager, electron_band: Band, spectrum, turbulence: Turbulence | None = None
+    ):
+        self.imager, self.turbulence = imager, turbulence
         self.wavelengths_um = electron_band.wavelengths_um
         self.weights = electron_band.weights_um * spectrum(electron_band.wavelengths_um)
 
+    def at(self, range_m: float) -> "Optics":
+        """The same camera at another range of the target, m, through the same turbulence."""
+        if self.turbulence is None:
+            return self
+        other = copy(self)
+        other.turbulence = replace(self.turbulence, range_m=range_m)
+        other.__dict__.pop("profile", None)
+        return other
+
+    @property
+    def mean_wavelength_um(self) -> float:
+        """Mean wavelength of the electrons, um."""
+        return float(np.average(self.wavelengths_um, weights=self.weights))
+
+    @property
+    def seeing_um(self) -> float:
+        """Angle wavelength / r0 by which turbulence spreads light, um in the plane of the image."""
+        if self.turbulence is None:
+            return 0.0
+        wavelength = self.mean_wavelength_um
+        angle = 1e-6 * wavelength / self.turbulence.coherence_m(wavelength)
+        return 1e3 * angle * self.imager.focal_length_mm
+
     def check_spread(self) -> None:
         """Raise InputError if the camera spreads the light of a point over too many pixels."""
-        camera = self.imager
-        for name, spread_um in (
-            ("jitter_urad", 4e-3 * camera.jitter_urad * camera.focal_length_mm),
-            ("defocus_um", abs(camera.defocus_um) / camera.f_number),
-            ("f_number", 2 * camera.f_number * self.wavelengths_um.max()),
-        ):
+        camera, turbulence = self.imager, self.turbulence
+        spreads = {
+            f"[camera]: jitter_urad = {camera.jitter_urad:g}": (
+                4e-3 * camera.jitter_urad * camera.focal_length_mm
+            ),
+            f"[camera]: defocus_um = {camera.defocus_um:g}": (
+                abs(camera.defocus_um) / camera.f_number
+            ),
+            f"[camera]: f_number = {camera.f_number:g}": (
+                2 * camera.f_number * self.wavelengths_um.max()
+            ),
+            f"[atmosphere]: cn2 = {turbulence.cn2 if turbulence else 0:g}": 2 * self.seeing_um,
+        }
+        for entry, spread_um in spreads.items():
             if spread_um > MARGIN * camera.pitch_um:
                 raise InputError(
-                    f"[camera]: {name} = {getattr(camera, name):g} spreads the light of a point "
-                    f"over {spread_um / camera.pitch_um:.3g} pixels; at most {MARGIN} are covered"
+                    f"{entry} spreads the light of a point over "
+                    f"{spread_um / camera.pitch_um:.3g} pixels; at most {MARGIN} are covered"
                 )
 
     def parts(self, frequency) -> dict[str, np.ndarray]:
@@ -117,6 +193,11 @@ class Optics:
             ),
             "jitter": jitter(frequency, 1e-3 * camera.jitter_urad * camera.focal_length_mm),
             "defocus": defocus(frequency, abs(camera.defocus_um) / camera.f_number),
+            "turbulence": np.ones(np.shape(frequency))
+            if self.turbulence is None
+            else self.turbulence.mtf(
+                frequency * camera.focal_length_mm, self.wavelengths_um, self.weights
+            ),
         }
 
     def transfer(self, shape: tuple[int, int]) -> np.ndarray:
@@ -203,7 +284,10 @@ class Optics:
 
         Far from a point of light its diffraction falls as wavelength N / (pi r)^3. A half plane
         sends 2 wavelength N / (pi^3 r) further than r, and a smaller area at most its own share.
+        Turbulence sends SEEING (wavelength / r0 / r)^(5/3) of a half plane's light further than r.
         """
-        airy = np.average(self.wavelengths_um, weights=self.weights) * self.imager.f_number
-        far = airy / self.imager.pitch_um / np.pi**3 / SPILL
-        return int(np.clip(np.ceil(min(2 * far, np.cbrt(pixels * far))), MARGIN, FARTHEST))
+        pitch = self.imager.pitch_um
+        far = self.mean_wavelength_um * self.imager.f_number / pitch / np.pi**3 / SPILL
+        by_turbulence = self.seeing_um / pitch * (SEEING / SPILL) ** 0.6
+        reach = min(2 * far, np.cbrt(pixels * far)) + by_turbulence
+        return int(np.clip(np.ceil(reach), MARGIN, FARTHEST))

@@ -80,7 +80,8 @@ class RangedTarget:
         within, place = np.unique(
             np.maximum(ranges_m, self.silhouette.nearest_m), return_inverse=True
         )
-        shares = [self.silhouette.spread(self.camera.optics, range_m) for range_m in within]
+        optics = self.camera.optics
+        shares = [self.silhouette.spread(optics.at(range_m), range_m) for range_m in within]
         # The light of a nearer target is shared by more pixels, in proportion to its area
         return np.array(shares)[place].T * (ranges_m / within[place]) ** [[1], [2]]
 

@@ -14,6 +14,7 @@ from mi_lcair import scenes
 from mi_lcair.declared import check_fields, within
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import parse_toml, read_text
+from mi_lcair.physics.air.atmosphere import VACUUM
 from mi_lcair.physics.air.levels import Weather
 from mi_lcair.physics.atmosphere import clear_air_name
 from mi_lcair.physics.bands import band as band_of
@@ -34,6 +35,7 @@ FILES = (
     ("sensor", "response"),
 )
 WEATHER = tuple(entry.name for entry in fields(Weather))
+WAVES = ("plane", "spherical")
 POLAR = ("range_m", "azimuth_deg", "elevation_deg")
 HIGHEST_M = 100_000.0  # largest height of a sensor, above all air
 KELVIN = within(is_positive=True, unit="K")
@@ -177,6 +179,11 @@ class Air:
     temperature, humidity, pressure, visibility, co2 : float, optional
         Weather of a clear air, see `Weather`: temperature [K], relative humidity (0..1) and
         pressure [hPa] at the ground, visibility [km], carbon dioxide [ppmv].
+    cn2 : float
+        Turbulence that blurs a camera's image, the same along the path: structure parameter of the
+        refractive index, m^(-2/3). 0 for none.
+    wave : str
+        "plane", or "spherical" for light of points at the target, with 3/8 of the effect.
     """
 
     table: str
@@ -187,8 +194,15 @@ class Air:
     pressure: float | None = None
     visibility: float | None = None
     co2: float | None = None
+    cn2: float = field(default=0.0, metadata=within(lower=0, upper=1e-9, unit="m^(-2/3)"))
+    wave: str = "plane"
 
     def __post_init__(self):
+        check_fields(self, "[atmosphere]: ")
+        if self.wave not in WAVES:
+            raise InputError(f"[atmosphere]: wave = {self.wave}; must be {' or '.join(WAVES)}")
+        if self.cn2 and self.table == VACUUM:
+            raise InputError("[atmosphere]: cn2 is turbulence of air; leave it out in vacuum")
         given = [name for name in WEATHER if getattr(self, name) is not None]
         if given and clear_air_name(self.table) is None:
             raise InputError(

@@ -272,3 +272,44 @@ def test_ratios_over_range_are_those_of_frames(tmp_path, width, height):
     noise = recorded[:, template < 1e-3 * template.max()].std()
     # The mean of 200 outputs, each with the noise of a pixel, is known to 0.07 noises
     assert outputs.mean() / noise == pytest.approx(row.snr, rel=0.01, abs=0.21)
+
+
+def test_turbulence_follows_the_range(tmp_path):
+    """The row of another range is blurred by its own turbulence, as the image from there."""
+    changes = {
+        "atmosphere__table": "midlat_summer",
+        "atmosphere__cn2": 3e-14,
+        "camera__focal_length_mm": 300.0,
+        "camera__integration_time_ms": 0.3,
+    }
+    far, near = (
+        image(plate(tmp_path, 1.0, 0.5, observer__range_m=range_m, **changes))
+        for range_m in (5000, 1000)
+    )
+    row = next(row for row in far.ranges if row.range_m == 1000)
+    assert row.snr == pytest.approx(near.measures.snr, rel=0.01)
+    mtf = [found.mtf()["part.turbulence"][-1] for found in (far, near)]
+    assert mtf[0] == pytest.approx(mtf[1] ** 5, rel=0.05) and mtf[0] < 0.3
+    still = image(plate(tmp_path, 1.0, 0.5, **changes | {"atmosphere__cn2": 0.0}))
+    assert np.all(still.mtf()["part.turbulence"] == 1)
+    assert near.measures.snr < 0.99 * still.measures.snr
+
+
+@pytest.mark.parametrize(
+    "changes, text",
+    [
+        ({"atmosphere__cn2": 1e-14}, "cn2 is turbulence of air; leave it out in vacuum"),
+        (
+            {"atmosphere__cn2": -1e-14},
+            r"\[atmosphere\]: cn2 = -1e-14 m\^\(-2/3\); must lie in 0..1e-09",
+        ),
+        ({"atmosphere__wave": "round"}, "wave = round; must be plane or spherical"),
+        (
+            {"atmosphere__table": "us_standard", "atmosphere__cn2": 1e-9},
+            r"\[atmosphere\]: cn2 = 1e-09 spreads the light of a point over",
+        ),
+    ],
+)
+def test_unusable_turbulence(scenario, changes, text):
+    with pytest.raises(InputError, match=text):
+        image(scenario(**changes))

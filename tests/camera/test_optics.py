@@ -11,8 +11,10 @@ from mi_lcair.camera.measures import measured_mtf
 from mi_lcair.camera.optics import (
     MARGIN,
     OVERSAMPLING,
+    SEEING,
     SPILL,
     Optics,
+    Turbulence,
     defocus,
     diffraction,
     jitter,
@@ -31,7 +33,7 @@ PARTS = [
 ]
 
 
-def optics(**changes) -> Optics:
+def optics(turbulence=None, **changes) -> Optics:
     camera = {
         "focal_length_mm": 100.0,
         "f_number": 4.0,
@@ -43,7 +45,7 @@ def optics(**changes) -> Optics:
     }
     imager = Imager(**(camera | changes))
     thermal = partial(spectral_radiance, temperature=300.0)
-    return Optics(imager, electron_band(band("MWIR"), imager), thermal)
+    return Optics(imager, electron_band(band("MWIR"), imager), thermal, turbulence)
 
 
 def test_diffraction_is_the_autocorrelation_of_the_aperture():
@@ -70,6 +72,57 @@ def test_parts_at_one_frequency():
         assert parts["jitter"][0] == pytest.approx(np.exp(-2 * (np.pi * 0.125) ** 2), rel=1e-12)
         assert parts["pixel"][0] == pytest.approx(np.sin(0.3 * np.pi) / (0.3 * np.pi), rel=1e-12)
         assert parts["defocus"] == pytest.approx(defocus(np.array([25.0]), 10.0), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "wavelength, wave, expected",
+    [(4.0, "plane", 0.432), (10.0, "plane", 0.539), (4.0, "spherical", 0.432 ** (3 / 8))],
+)
+def test_turbulence_in_a_long_exposure(wavelength, wave, expected):
+    """10 cycles/mrad through 5 km of 1e-14 m^(-2/3): exp(-57.4 f^(5/3) cn2 R / wavelength^(1/3)).
+
+    Fried's r0 of a plane wave is 9.33 cm at 4 um.
+    """
+    air = Turbulence(1e-14, wave, 5000.0)
+    value = air.mtf(np.array([1e4, -1e4]), np.array([wavelength]), np.ones(1))
+    assert value == pytest.approx(expected, abs=5e-4)
+    weight = 1.0 if wave == "plane" else 3 / 8
+    exponent = 57.4 * weight * 1e4 ** (5 / 3) * 1e-14 * 5000 * (1e-6 * wavelength) ** (-1 / 3)
+    assert value == pytest.approx(np.exp(-exponent), rel=2e-3)
+
+
+def test_turbulence_is_a_part_of_the_mtf():
+    """At 40 cycles/mm and 100 mm: 4 cycles/mrad. Three times the path has the exponent thrice."""
+    air = Turbulence(2e-14, "plane", 2000.0)
+    camera = optics(air)
+    frequency = np.array([0.0, 40.0])
+    part = camera.parts(frequency)["turbulence"]
+    alone = [air.mtf(np.array([4e3]), np.array([um]), np.ones(1))[0] for um in (3.0, 5.0)]
+    assert part[0] == 1 and alone[0] < part[1] < alone[1]
+    assert camera.mtf(frequency) == pytest.approx(optics().mtf(frequency) * part, rel=1e-12)
+    further = camera.at(6000.0)
+    assert further.parts(frequency)["turbulence"][1] == pytest.approx(part[1] ** 3, rel=1e-2)
+    assert camera.parts(frequency)["turbulence"][1] == part[1]
+    point = np.zeros((3, 3))
+    point[1, 1] = 1
+    assert further.seen(point, AROUND).max() < camera.seen(point, AROUND).max()
+    assert optics().at(6000.0).turbulence is None
+
+
+def test_turbulence_reaches_further():
+    """What a half plane sends beyond r, by the integral of its MTF, is SPILL where it says."""
+    camera = optics(Turbulence(3e-13, "plane", 5000.0), f_number=0.5)
+    r0 = camera.turbulence.coherence_m(camera.mean_wavelength_um)
+    assert camera.seeing_um == pytest.approx(camera.mean_wavelength_um / r0 * 0.1, rel=1e-9)
+    reach = camera.seeing_um / 15 * (SEEING / SPILL) ** 0.6
+    f = (np.arange(400_000) + 0.5) * 100 / 400_000
+    wave = np.sin(2 * np.pi * f * 15e-3 * reach) / (np.pi * f)
+    beyond = 0.5 - np.sum(camera.parts(f)["turbulence"] * wave) * (f[1] - f[0])
+    assert beyond == pytest.approx(SPILL, rel=0.1)
+    by_diffraction = camera.mean_wavelength_um * 0.5 / 15 / np.pi**3 / SPILL * 2
+    assert camera.reach(1e9) == int(np.ceil(reach + by_diffraction))
+    with pytest.raises(InputError, match="cn2 = 3e-10 spreads the light of a point over"):
+        optics(Turbulence(3e-10, "plane", 5000.0)).check_spread()
 
 
 @pytest.mark.parametrize(

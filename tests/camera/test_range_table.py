@@ -51,7 +51,7 @@ def target(air, snr=10.0) -> RangedTarget:
         intensities={"target": intensity, "target.source.0": intensity, "target.hit": AREA},
         area=AREA,
     )
-    camera = SimpleNamespace(band=ELECTRONS, imager=IMAGER, optics=None)
+    camera = SimpleNamespace(band=ELECTRONS, imager=IMAGER, optics=SimpleNamespace(at=float))
     silhouette = SimpleNamespace(nearest_m=NEAREST, spread=lambda _, range_m: shares(range_m))
     return RangedTarget(camera, exposure, silhouette, MWIR, air, NOISE, snr)
 
