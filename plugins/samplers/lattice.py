@@ -11,6 +11,7 @@ from mi_lcair.plugins.properties import Property
 VECTOR = np.loadtxt(Path(__file__).with_name("lattice_vector.txt"), dtype=np.uint32).ravel()
 # The golden ratio times 2^32. Its multiples give successive dimensions unrelated hash values.
 GOLDEN = 0x9E3779B9
+STEEPEST = 2**28  # largest slope of positions in a window, times 2^32
 MANTISSA = 24  # bits of a uniform number that Float32 represents exactly, without rounding to 1
 
 
@@ -24,6 +25,11 @@ def hashed(x: mi.UInt32) -> mi.UInt32:
 def uniform(number: mi.UInt32) -> mi.Float:
     """A 32-bit integer as a number in 0..1, without rounding to 1."""
     return mi.Float(number >> (32 - MANTISSA)) * 2.0**-MANTISSA
+
+
+def slope(number: mi.UInt32) -> mi.UInt32:
+    """A slope between STEEPEST / 2 and STEEPEST from a random number."""
+    return STEEPEST // 2 + dr.mul_hi(number, mi.UInt32(STEEPEST // 2))
 
 
 class Lattice(mi.Sampler):
@@ -97,15 +103,18 @@ class Lattice(mi.Sampler):
         return mi.Point2f(x, self.next_1d(active))
 
     def next_position(self):
-        """A position in a window: the next two numbers, sheared by a random angle.
+        """A position in a window: the next two numbers, sheared along both axes by random slopes.
 
         The coordinates of a lattice's points are evenly spaced, and something in the window that
         repeats with their spacing would be hit by all of them or by none. Each randomisation
-        therefore moves the points along x by a part of their y, which is the same for all of them.
+        therefore moves the points along x by a part of their y, and then along y by a part of their
+        x. The slopes are small, so that a function of one coordinate is still sampled evenly.
         """
-        shear = hashed(self.key ^ GOLDEN)
+        first = hashed(self.key ^ GOLDEN)
         x, y = self.next_integer(), self.next_integer()
-        return mi.Point2f(uniform(x + dr.mul_hi(shear, y)), uniform(y))
+        x += dr.mul_hi(slope(first), y)
+        y += dr.mul_hi(slope(hashed(first)), x)
+        return mi.Point2f(uniform(x), uniform(y))
 
     def next_integer(self) -> mi.UInt32:
         """The next number times 2^32."""
