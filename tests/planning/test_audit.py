@@ -279,6 +279,8 @@ def test_a_perfect_closed_reflector_is_unfinished(monkeypatch):
     for key in parameters.keys():  # noqa: SIM118, Mitsuba's parameters are no dictionary
         if key.endswith(("bsdf.epsilon", "body.epsilon")):
             parameters[key] = 1e-4
+        elif key.endswith("bsdf.emissivity"):
+            parameters[key] = 1e-4
         elif key.endswith(("bsdf.rho_d", "body.rho_d")):
             parameters[key] = 0.9
     parameters.update()
