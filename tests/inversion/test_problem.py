@@ -111,7 +111,7 @@ def test_size_and_band(entry, folder):
     other = {key: value for key, value in entry.items() if key != "quantity"}
     refused(
         {"data": [other | {"image": str(folder / "m.exr")}], "unknowns": UNKNOWNS},
-        "is of band MWIR, and the scene of band LWIR",
+        "is of band MWIR, and not of band LWIR",
     )
 
 

@@ -277,9 +277,7 @@ def test_a_perfect_closed_reflector_is_unfinished(monkeypatch):
     scene = mi_lcair.load("furnace")
     parameters = mi.traverse(scene.mi)
     for key in parameters.keys():  # noqa: SIM118, Mitsuba's parameters are no dictionary
-        if key.endswith(("bsdf.epsilon", "body.epsilon")):
-            parameters[key] = 1e-4
-        elif key.endswith("bsdf.emissivity"):
+        if key.endswith(("bsdf.epsilon", "body.epsilon", "bsdf.emissivity")):
             parameters[key] = 1e-4
         elif key.endswith(("bsdf.rho_d", "body.rho_d")):
             parameters[key] = 0.9

@@ -7,16 +7,15 @@ import pytest
 
 from mi_lcair.errors import InputError
 from mi_lcair.inversion.data.images import (
-    check_kelvin,
     check_radiance,
     check_size,
     measured_radiance,
     noise_of_netd,
-    read_values,
     slope,
 )
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.rendering.images.measured import check_kelvin, read_values
 
 LWIR = band("LWIR")
 PLAIN = {
@@ -162,7 +161,7 @@ def test_channels_of_an_exr(tmp_path):
 
     path, ones = str(tmp_path / "a.exr"), np.ones((2, 3))
     write_exr(path, {"Y": ones, "temperature.Y": 300 * ones}, {"band": "MWIR"})
-    with pytest.raises(InputError, match="is of band MWIR, and the scene of band LWIR"):
+    with pytest.raises(InputError, match="is of band MWIR, and not of band LWIR"):
         read_values(path, None, None, LWIR)
     assert read_values(path, None, "mask", LWIR)[0].tolist() == ones.tolist()
     values, quantity = read_values(path, "temperature.Y", None, band("MWIR"))
