@@ -83,12 +83,28 @@ AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
 )
 @click.option(
     "--sky",
-    metavar="TABLE",
-    help="Spectra of sky facets that have elevation_deg=... in their label: a bundled table, or a "
-    "CSV that is copied to FOLDER.",
+    metavar="clear|overcast|KELVIN|TABLE",
+    help="Sky around the model: clear, overcast, a temperature, a bundled table, or a CSV that is "
+    "copied to FOLDER. A model with sky facets that have elevation_deg=... in their label takes "
+    "their spectra from the TABLE.",
+)
+@click.option(
+    "--ground",
+    metavar="KELVIN[,EMISSIVITY|MATERIAL]",
+    help="Ground below the model: its temperature, and its emissivity (1) or material.",
+)
+@click.option(
+    "--sun",
+    metavar="ELEVATION[,AZIMUTH]",
+    help="Sun by day, in degrees; azimuth 0 is the nose, 90 the left side.",
+)
+@click.option(
+    "--atmosphere",
+    metavar="NAME",
+    help="Clear air of sky and sun: us_standard (the default) or midlat_summer.",
 )
 @json_option
-def command(file, output, check, overwrite, materials, sky, json, **reading):
+def command(file, output, check, overwrite, materials, json, **options):
     """Import a facet model for rendering.
 
     MODEL is a Wavefront OBJ, glTF (.glb, .gltf), PLY or STL file whose objects or groups are named
@@ -100,7 +116,9 @@ def command(file, output, check, overwrite, materials, sky, json, **reading):
     """
     if bool(output) == check:
         raise click.UsageError("give either -o FOLDER or --check", click.get_current_context())
-    for option, given in (("--sky", sky), ("--overwrite", overwrite)):
+    words = {name: options.pop(name) for name in ("sky", "ground", "sun", "atmosphere")}
+    written = [(f"--{name}", word) for name, word in words.items()]
+    for option, given in (*written, ("--overwrite", overwrite)):
         if check and given:
             raise click.UsageError(
                 f"{option} goes into what -o FOLDER writes; --check writes nothing",
@@ -108,8 +126,8 @@ def command(file, output, check, overwrite, materials, sky, json, **reading):
             )
     from mi_lcair import models3d
 
-    model = models3d.read(file, materials=materials, **reading)
-    files = _write(model, output, materials, sky, overwrite) if output else []
+    model = models3d.read(file, materials=materials, **options)
+    files = _write(model, output, materials, words, overwrite) if output else []
     rows = []
     if output:
         after = f"next: mi-lcair signature {output / 'scene.xml'}"
@@ -117,12 +135,20 @@ def command(file, output, check, overwrite, materials, sky, json, **reading):
     print_result(model, json, rows, {"files": files}, materials=materials)
 
 
-def _write(model, output, materials, sky, overwrite):
-    """Write a model and its picture into a folder; returns the paths."""
+def _write(model, output, materials, words, overwrite):
+    """Write a model and its picture into a folder; returns the paths.
+
+    words: those of the surroundings.
+    """
     from mi_lcair import models3d
+    from mi_lcair.physics.surroundings.words import Words
     from mi_lcair.reports.pictures.model import TITLE, png
 
     picture = {"model.png": png(model, f"{output.resolve().name}: {TITLE}")}
-    return [
-        str(path) for path in models3d.export(model, output, materials, sky, overwrite, picture)
-    ]
+    given, sky, around = {name: word for name, word in words.items() if word}, None, None
+    if given.keys() == {"sky"} and any(label.elevation_deg is not None for label in model.labels):
+        sky = words["sky"]
+    elif given:
+        around = Words(**given)
+    paths = models3d.export(model, output, materials, sky, overwrite, picture, around)
+    return [str(path) for path in paths]

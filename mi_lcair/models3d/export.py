@@ -14,6 +14,7 @@ from mi_lcair.models3d.record import check_unedited, recorded, signed
 from mi_lcair.models3d.scene_xml import fragment, scene
 from mi_lcair.physics.materials import is_json
 from mi_lcair.physics.sky import sky_names, spectrum
+from mi_lcair.physics.surroundings.words import Words
 
 
 def export(
@@ -23,6 +24,7 @@ def export(
     sky: str | Path | None = None,
     overwrite: bool = False,
     also: dict[str, bytes] | None = None,
+    around: Words | None = None,
 ) -> list[Path]:
     """Write a model into a folder and return the paths of the files.
 
@@ -46,6 +48,8 @@ def export(
         Replace files that were edited since they were written, or that something else wrote.
     also : dict of str to bytes or None
         Content of further files by name, such as a picture.
+    around : Words or None
+        Surroundings of the model. The scene gets their emitters sky and sun.
 
     Raises
     ------
@@ -72,6 +76,7 @@ def export(
                 f"sky {sky}: no sky facet says at which elevation it lies; label them such as "
                 "s*blackbody*288*elevation_deg=4.5*"
             )
+    emitters = [] if around is None else _emitters(model, around, sources)
     parts = _parts(model, short)
     contents = {f"{name}_{stem}.ply": _ply(model, facets) for stem, (_, facets) in parts.items()}
     contents |= {
@@ -83,13 +88,30 @@ def export(
     labels = {stem: label for stem, (label, _) in parts.items()}
     text = fragment(name, labels, short, materials, sky) + recorded(contents)
     contents["model.xml"] = signed(text).encode()
-    contents["scene.xml"] = signed(scene(name, *_bounds(model), sky)).encode()
+    contents["scene.xml"] = signed(scene(name, *_bounds(model), sky, emitters)).encode()
     if not overwrite:
         check_unedited(folder, contents)
     with filling(folder) as partial:
         for file, content in contents.items():
             (partial / file).write_bytes(content)
     return [folder / file for file in sorted(contents)]
+
+
+def _emitters(model, around, sources):
+    """Properties of the emitters that surround a model; the file of a sky is added to `sources`.
+
+    Raises InputError for a model with sky facets, if the surroundings have a sky, too.
+    """
+    if around.sky is not None and any(label.type == "s" for label in model.labels):
+        raise InputError(
+            f"sky {around.sky}: the model has sky facets of its own; remove them, or leave the sky "
+            "out"
+        )
+    emitters = around.emitters("$band")
+    if around.sky_file is not None:
+        _add(sources, around.sky_file)
+        emitters[0]["sky"] = Path(around.sky_file).name
+    return emitters
 
 
 def _short_names(materials, sources):

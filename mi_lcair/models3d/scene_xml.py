@@ -17,6 +17,23 @@ TEMPERATURES = (
     '<texture type="mesh_attribute" name="temperature"> '
     '<string name="name" value="face_temperature"/> </texture>'
 )
+AROUND = """
+    <default name="{name}" value={value}/>   <!-- {what} -->"""
+# $-parameters of surroundings: name, meaning
+WORDS = {
+    "sky": "clear, overcast, a temperature in K, a bundled sky or a CSV of spectra",
+    "ground_temperature": "of the ground, K",
+    "ground_material": "emissivity of the ground, or a material that has it",
+    "sun_elevation_deg": "of the sun",
+    "sun_azimuth_deg": "of the sun: 0 is +x, the nose, and 90 is +y, the left side",
+    "atmosphere": "of sky and sun: us_standard or midlat_summer",
+}
+# Parameters that properties of the emitter `sun` have in scenes with a sky
+OF_SUN = {
+    "elevation_deg": "sun_elevation_deg",
+    "azimuth_deg": "sun_azimuth_deg",
+    "air": "atmosphere",
+}
 SKY = """
     <default name="sky" value={sky}/>   \
 <!-- table of the sky's spectral radiance: a bundled name or a CSV -->"""
@@ -96,11 +113,18 @@ def _source(label, sky):
     )
 
 
-def scene(name: str, centre, radius: float, sky: str | None) -> str:
+def scene(name: str, centre, radius: float, sky: str | None, around: list[dict]) -> str:
     """The text of scene.xml: an orthographic sensor around the model. centre (3,) and radius of the
-    model's sphere [m].
+    model's sphere [m]. around: properties of the emitters sky and sun, see `Words.emitters`.
     """
     window = MARGIN * radius
+    given = {key: value for emitter in around[:1] for key, value in emitter.items() if key in WORDS}
+    defaults = "".join(
+        AROUND.format(name=key, value=quoteattr(str(value)), what=WORDS[key])
+        for key, value in given.items()
+    )
+    if sky:
+        defaults += SKY.format(sky=quoteattr(sky))
     return template("scene").format(
         name=name,
         centre=centre,
@@ -109,5 +133,17 @@ def scene(name: str, centre, radius: float, sky: str | None) -> str:
         near_clip=0.01 * window,
         far_clip=max(1e4, 1e3 * window),
         distance=DISTANCE * window,
-        sky=SKY.format(sky=quoteattr(sky)) if sky else "",
+        sky=defaults,
+        emitters="".join(_emitter(emitter) for emitter in around),
     )
+
+
+def _emitter(properties):
+    """The element of an emitter whose properties in WORDS are $-parameters, as is the band."""
+    lines = []
+    for key, value in properties.items():
+        if key != "type":
+            kind = "float" if isinstance(value, float) else "string"
+            name = OF_SUN.get(key, key)
+            lines.append(f'        <{kind} name="{key}" value="${name}"/>')
+    return "\n".join([f'    <emitter type="{properties["type"]}">', *lines, "    </emitter>\n"])

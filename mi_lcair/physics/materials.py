@@ -115,6 +115,8 @@ def hemispherical_emissivity(name: str, band: Band) -> float:
 
     Raises InputError as `material` does.
     """
+    if is_number(name):
+        return float(name)
     entry = material(name, band)
     x, w = np.polynomial.legendre.leggauss(32)  # over sin^2
     surface = entry.surface()

@@ -42,7 +42,8 @@ class Sky(DistantEmitter):
                               CSV file of spectra, with or without elevations; none        (clear)
     ground_temperature float  temperature of the ground [K]; without it there is no ground
     ground_emissivity  float  emissivity of the ground, which reflects diffusely              (1.0)
-    ground_material    string in its place: a material, whose hemispherical emissivity is taken
+    ground_material    string in its place: an emissivity, or a material, whose hemispherical
+                              emissivity is taken
     atmosphere         string us_standard or midlat_summer                            (us_standard)
     sun_azimuth_deg    float  azimuth of the sun of a clear sky by day, from +x toward +y     (0.0)
     sun_elevation_deg  float  elevation of that sun, 1 or more; without it, it is night

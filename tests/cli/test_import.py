@@ -18,6 +18,7 @@ BOXES = (
     + cube(at=(3, 0, 0), size=2, label="f*glossBlack*310*")
     + cube(at=(-5, -5, -11), size=10, label="t*diffuse*290*")
 )
+SKY_CUBE = cube(label="s*blackbody*250*") + cube(at=(3, 0, 0))
 
 
 @pytest.fixture(autouse=True)
@@ -49,6 +50,28 @@ def test_impossible_materials_are_refused(folder, refused, entry, words):
     line = refused("import", "model.obj", "--materials", "bad.toml", "-o", "out")
     assert words in line and "bad.toml: material 'paint', band 'LWIR'" in line
     assert not (folder / "out").exists()
+
+
+def test_surroundings(run, folder):
+    """Sky, ground and sun become emitters of the scene, whose words are its parameters."""
+    words = ("--sky", "clear", "--ground", "290,gloss_black", "--sun", "40,30")
+    result = run("import", "model.obj", "-o", "boxes", *words)
+    assert result.exit_code == 0, result.output
+    scene = mi_lcair.load(folder / "boxes", band="MWIR", sun_elevation_deg=50)
+    assert {"sky", "ground", "sun"} <= set(scene.groups)
+    parameters = mi_lcair.parameters(scene)
+    assert parameters["ground.temperature"].value == 290
+    assert {"sky.scale", "ground.emissivity", "sun.irradiance"} <= parameters.keys()
+    scene = mi_lcair.load(folder / "boxes", sky=265, sun_elevation_deg=50, ground_material=0.7)
+    assert mi_lcair.parameters(scene)["sky.temperature"].value == 265
+    assert mi_lcair.parameters(scene)["ground.emissivity"].value == pytest.approx(0.7)
+
+
+def test_a_sky_file_goes_with_the_scene(run, folder):
+    (folder / "day.csv").write_text(SKY)
+    assert run("import", "model.obj", "-o", "boxes", "--sky", "day.csv").exit_code == 0
+    assert (folder / "boxes" / "day.csv").is_file()
+    assert mi_lcair.load(folder / "boxes").groups.count("sky") == 1
 
 
 def test_table(run, folder):
@@ -361,7 +384,11 @@ def test_two_fits_of_one_name(refused, folder):
         (BOXES, ["-o", "out", "--material", "gold"], "unknown material 'gold'"),
         (BOXES, ["-o", "out", "--materials", "none.toml"], "none.toml"),
         (BOXES, ["-o", "out", "--scale", "-1"], "scale -1 must be positive"),
-        (BOXES, ["-o", "out", "--sky", "sky.csv"], "no sky facet says"),
+        (SKY_CUBE, ["-o", "out", "--sky", "clear"], "has sky facets of its own"),
+        (BOXES, ["-o", "out", "--sky", "sunny"], "sky table 'sunny'"),
+        (BOXES, ["-o", "out", "--ground", "288,2"], "must lie in 0..1"),
+        (BOXES, ["-o", "out", "--sun", "40"], "sky and ground are missing"),
+        (BOXES, ["--check", "--ground", "288"], "--check writes nothing"),
         (BOXES, ["--check", "--sky", "sky.csv"], "--check writes nothing"),
         (BOXES, ["--check", "--overwrite"], "--check writes nothing"),
         (

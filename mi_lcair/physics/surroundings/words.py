@@ -1,0 +1,104 @@
+"""Surroundings as commands and scenarios state them, and the emitters of scenes that they are."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from mi_lcair.errors import InputError
+from mi_lcair.physics.sky import sky_names
+from mi_lcair.physics.surroundings.skies import CLEAR, OVERCAST
+from mi_lcair.physics.surroundings.surroundings import ATMOSPHERE, Ground, surroundings
+
+BLACK = "1"  # emissivity of ground that states none
+
+
+@dataclass(frozen=True)
+class Words:
+    """Table [surroundings] of a scenario, and the options of `mi-lcair import`.
+
+    Attributes
+    ----------
+    sky : str, optional
+        "clear", "overcast", a temperature, K, of an even black sky, a bundled sky or a file.
+    ground : str, optional
+        KELVIN or KELVIN,EMISSIVITY or KELVIN,MATERIAL: temperature of the ground, K, and its
+        emissivity (1), or the material whose hemispherical emissivity it has.
+    sun : str, optional
+        ELEVATION or ELEVATION,AZIMUTH of the sun in the scene's axes, degrees; azimuth 0 is +x,
+        and 90 is +y. Without it, it is night.
+    atmosphere : str
+        Clear air of sky, sun and ground: us_standard or midlat_summer.
+    """
+
+    sky: str | None = None
+    ground: str | None = None
+    sun: str | None = None
+    atmosphere: str = ATMOSPHERE
+
+    def __post_init__(self):
+        if self.sky is None and self.ground is None:
+            raise InputError("surroundings: sky and ground are missing; give one of them, or both")
+        self.at_height(None)
+
+    def at_height(self, height_m: float | None):
+        """The `Surroundings` at a height [m]; the ground is black if it has a material."""
+        ground = None
+        if self.ground is not None:
+            temperature, material = self.ground_parts
+            ground = Ground(temperature, number(material) or 1.0)
+        elevation = None if self.sun is None else self.sun_parts[0]
+        return surroundings(self.sky, ground, elevation, self.atmosphere, height_m)
+
+    @cached_property
+    def ground_parts(self) -> tuple[float, str]:
+        """Temperature of the ground [K], and its emissivity or material."""
+        kelvin, _, material = self.ground.partition(",")
+        temperature, material = number(kelvin), material.strip() or BLACK
+        emissivity = number(material)
+        if temperature is None or not 0 < temperature <= 1e5:
+            raise InputError(
+                f"ground {self.ground}: must be KELVIN, KELVIN,EMISSIVITY or KELVIN,MATERIAL, such "
+                "as 288,0.95"
+            )
+        if emissivity is not None and not 0 < emissivity <= 1:
+            raise InputError(f"ground {self.ground}: an emissivity must lie in 0..1, above 0")
+        return temperature, material
+
+    @cached_property
+    def sun_parts(self) -> tuple[float, float]:
+        """Elevation and azimuth of the sun [degrees]."""
+        parts = [number(part) for part in self.sun.split(",")]
+        if None in parts or len(parts) > 2 or not 1 <= parts[0] <= 90:
+            raise InputError(
+                f"sun {self.sun}: must be ELEVATION or ELEVATION,AZIMUTH in degrees, with an "
+                "elevation in 1..90, such as 45,120"
+            )
+        return parts[0], ([*parts, 0.0])[1]
+
+    @property
+    def sky_file(self) -> str | None:
+        """The file of the sky; None for a sky without one."""
+        known = self.sky in (None, CLEAR, OVERCAST, *sky_names()) or number(self.sky) is not None
+        return None if known else self.sky
+
+    def emitters(self, band: str) -> list[dict]:
+        """Properties of the emitters `sky` and `sun` of a scene in a band."""
+        sky = {"type": "sky", "band": band, "sky": self.sky or "none"}
+        sky["atmosphere"] = self.atmosphere
+        if self.ground is not None:
+            temperature, material = self.ground_parts
+            sky |= {"ground_temperature": temperature, "ground_material": material}
+        if self.sun is None:
+            return [sky]
+        elevation, azimuth = self.sun_parts
+        sun = {"type": "sun", "band": band, "air": self.atmosphere}
+        sun |= {"elevation_deg": elevation, "azimuth_deg": azimuth}
+        return [sky | {"sun_elevation_deg": elevation, "sun_azimuth_deg": azimuth}, sun]
+
+
+def number(text: str) -> float | None:
+    """The finite number that a text is; None for another text."""
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if abs(value) < 1e30 else None
