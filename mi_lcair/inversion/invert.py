@@ -91,6 +91,7 @@ def solve_problem(problem: InverseProblem, advise: bool, progress: Progress | No
         remarks=notes,
         renders=state.renders,
         converged=state.converged,
+        trace=state.trace,
         seconds=time.perf_counter() - start,
     )
 

@@ -1,7 +1,7 @@
 """The solution of an inverse problem: what it holds, and what its file says."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import ClassVar
 
@@ -11,6 +11,7 @@ from mi_lcair.errors import unknown
 from mi_lcair.files import replacing
 from mi_lcair.inversion.advice import Advice
 from mi_lcair.inversion.answers import Answer, Direction
+from mi_lcair.inversion.least_squares.solve import Step
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.results import Result
 from mi_lcair.sensitivity.solution_file import KIND, applied
@@ -116,6 +117,9 @@ class Solution(Result):
     renders : int
         Number of renders of each datum.
     converged : bool
+    trace : list of Step
+        Values that the iteration tried: the length of the step that is left, chi-square, renders
+        and paths.
     seconds : float
     """
 
@@ -134,6 +138,7 @@ class Solution(Result):
     renders: int
     converged: bool
     seconds: float
+    trace: list[Step] = field(default_factory=list)
 
     kind: ClassVar[str] = KIND
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.solution:figure"
@@ -198,6 +203,7 @@ class Solution(Result):
             "remarks": self.remarks,
             "renders": self.renders,
             "converged": self.converged,
+            "trace": [asdict(step) for step in self.trace],
             "time_s": self.seconds,
         }
 

@@ -102,6 +102,9 @@ def test_an_estimate_that_has_not_converged_is_not_determined(folder):
     one = {"data": data, "unknowns": given, "render": {"iterations": 1}}
     found = mi_lcair.invert(one, advise=False)
     assert not found.converged and any("has not converged" in line for line in found.remarks)
+    (step,) = found.trace
+    assert step.renders == 1 and step.step_sigmas > 0.2 and step.paths == 2 * 16 * 16 * 16
+    assert found.as_dict()["trace"][0]["is_kept"]
     assert all(answer.verdict.startswith("not converged") for answer in found.answers)
 
 

@@ -215,8 +215,22 @@ class Datum:
             offset=kinds.get("offset"),
             model=np.array([number_of[model_label(name, self.label)] for name in self.shares], int),
             shares=np.array(list(self.shares.values())).reshape(-1, len(self.measured)).T,
+            paths=self._paths(sampling),
             half_width=self.goal.value if self.goal is not None and self.goal.at_most else 0.0,
         )
+
+    def _paths(self, sampling: RenderSettings) -> int:
+        """Paths of a render with derivatives; 0 for a contrast, whose scenario chooses them."""
+        if self.sight:
+            return 0
+        settings = Sampling(spp=sampling.spp, sensor=self.entry.sensor)
+        total = 0
+        for view in self.views or (self.scene,):
+            is_own = view is self.scene
+            camera = view.sensor(self.entry.sensor if is_own else 0)
+            spp = settings.settled(camera).spp if is_own else sampling.spp or SPP_OF_VIEWS
+            total += int(spp * np.prod(camera.film().crop_size()))
+        return total
 
     def _traced_image(self, names, sampling: RenderSettings, seed: int):
         """Radiance (R, n) and columns [(n, K)] of the pixels that count."""

@@ -56,6 +56,8 @@ class DatumBlock:
         Share of each value to which each of them applies.
     half_width : float
         Values that differ from the measured ones by less than this are as good as equal.
+    paths : int
+        Paths of a render; 0 if they are not known.
     """
 
     measured: np.ndarray
@@ -72,6 +74,7 @@ class DatumBlock:
     model: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
     shares: np.ndarray | None = None
     half_width: float = 0.0
+    paths: int = 0
 
     def change(self, x: np.ndarray) -> float:
         """Largest relative change of a predicted value from the rendered one at the values x."""

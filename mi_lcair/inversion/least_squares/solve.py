@@ -41,6 +41,24 @@ CHUNK = 32
 
 
 @dataclass(frozen=True)
+class Step:
+    """Values that an iteration tried.
+
+    renders: number of renders of each datum so far. paths: paths of all of them. step_sigmas:
+    length of the undamped step from these values to the solution, in standard errors. chi_square:
+    weighted squared residuals there. is_kept: whether the iteration went on from these values.
+    values: (N,).
+    """
+
+    renders: int
+    paths: int
+    step_sigmas: float
+    chi_square: float
+    is_kept: bool
+    values: list[float]
+
+
+@dataclass(frozen=True)
 class State:
     """An estimate.
 
@@ -49,7 +67,7 @@ class State:
     variance that the noise of the render makes, (N,). at_bound: -1 or 1 where a value lies at its
     lower or upper bound, else 0. held: unknowns whose derivatives the noise of the render hides, so
     that they stay at the first guess, (N,). renders: number of renders of each datum.
-    converged: whether the last step was small.
+    converged: whether the last step was small. trace: all values that were tried.
     """
 
     x: np.ndarray
@@ -62,6 +80,7 @@ class State:
     held: np.ndarray
     renders: int
     converged: bool
+    trace: list[Step]
 
 
 @dataclass(frozen=True)
@@ -120,7 +139,7 @@ def solve(
     prior = Prior.of(unknowns)
     x = np.clip([unknown.start for unknown in unknowns], prior.lower, prior.upper)
     is_sparse = all(unknown.kind == "facet" for unknown in unknowns)
-    done = 0
+    done, trace = 0, []
 
     held = np.zeros(len(x), dtype=bool)
 
@@ -132,6 +151,13 @@ def solve(
             progress(done, 1 if is_exact else iterations)
         return blocks
 
+    def noted(blocks, x, is_kept=True) -> float:
+        step = near(blocks, x, prior, 0.0, is_sparse) - x
+        whole = length(step, equations(blocks, x, is_sparse), prior)
+        paths = done * sum(block.paths for block in blocks)
+        trace.append(Step(done, paths, whole, cost_of(blocks, x), is_kept, x.tolist()))
+        return whole
+
     start = x
     blocks = rendered(x)
     while True:
@@ -141,14 +167,18 @@ def solve(
             held = hidden(blocks, len(x))
         blocks = [without(block, held) for block in blocks]
         if is_exact:
+            noted(blocks, x)
             x, converged = nearest(blocks, x, prior, is_sparse)
         else:
             x, blocks, converged = descent(
-                blocks, x, prior, is_sparse, rendered, lambda: done >= iterations
+                blocks, x, prior, is_sparse, rendered, noted, lambda: done >= iterations
             )
         # Weights at the first guess are not the best ones, so they are found once more
         if first is not start or length(x - start, equations(blocks, x, is_sparse), prior) < 1:
-            return state(blocks, x, prior, is_sparse, held, done, converged)
+            if is_exact:
+                noted(blocks, x)
+            result = state(blocks, x, prior, is_sparse)
+            return replace(result, held=held, renders=done, converged=converged, trace=trace)
         if is_exact and max(block.change(x) for block in blocks) > FAR:
             blocks = rendered(x)
 
@@ -163,19 +193,20 @@ def nearest(blocks, x, prior: Prior, is_sparse: bool) -> tuple[np.ndarray, bool]
     return x, False
 
 
-def descent(blocks, x, prior: Prior, is_sparse: bool, rendered, is_over) -> tuple:
+def descent(blocks, x, prior: Prior, is_sparse: bool, rendered, noted, is_over) -> tuple:
     """Levenberg-Marquardt steps, each with a render: values, blocks there, and convergence.
 
     Far from the solution the cost decides whether a step is kept. Near it, the noise of the render
     hides the change of the cost, and the gradient decides, which is 0 at the solution.
 
-    rendered: gives the blocks at values. is_over: whether no further render is allowed.
+    rendered: gives the blocks at values. noted: traces blocks at values, and gives the length of
+    the undamped step from there, since a damped step is short far from the solution too. is_over:
+    whether no further render is allowed.
     """
     damping, largest = FIRST_DAMPING, CONVERGED
+    whole = noted(blocks, x)
     while damping <= MOST_DAMPING:
         normal = equations(blocks, x, is_sparse)
-        # A damped step is short far from the solution too
-        whole = length(near(blocks, x, prior, 0.0, is_sparse) - x, normal, prior)
         if whole < largest or is_over():
             return x, blocks, whole < largest
         new, trial = feasible(rendered, x, near(blocks, x, prior, damping, is_sparse))
@@ -191,8 +222,9 @@ def descent(blocks, x, prior: Prior, is_sparse: bool, rendered, is_over) -> tupl
         else:
             change += normal.pressure(equations(trial, new, is_sparse)) - normal.pressure(normal)
             is_kept = change < 0
+        ahead = noted(trial, new, is_kept)
         if is_kept:
-            x, blocks = new, trial
+            x, blocks, whole = new, trial, ahead
         # A step that should have come nearer and did not shows how near the noise of the render,
         # which is another one at other values, lets the iteration come
         largest = CONVERGED if is_kept or moved > NEAR else UNRESOLVED
@@ -201,8 +233,8 @@ def descent(blocks, x, prior: Prior, is_sparse: bool, rendered, is_over) -> tupl
     return x, blocks, False
 
 
-def state(blocks, x, prior: Prior, is_sparse: bool, held, renders, converged: bool) -> State:
-    """The State at the values x."""
+def state(blocks, x, prior: Prior, is_sparse: bool) -> State:
+    """The State at the values x, without what the iteration alone knows."""
     normal = equations(blocks, x, is_sparse)
     outward = normal.pull + prior.information * (prior.mean - x)
     margin = 1e-9 * np.maximum(np.abs(x), 1)
@@ -221,9 +253,10 @@ def state(blocks, x, prior: Prior, is_sparse: bool, held, renders, converged: bo
         covariance=covariance,
         render_share=np.clip(1 - measured / variance, 0, 1),
         at_bound=at_bound,
-        held=held,
-        renders=renders,
-        converged=converged,
+        held=np.zeros(len(x), dtype=bool),
+        renders=0,
+        converged=False,
+        trace=[],
     )
 
 

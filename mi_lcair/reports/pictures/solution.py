@@ -8,6 +8,9 @@ from mi_lcair.results.cells import typeset_unit
 
 SIDE = 2.9  # width of a panel, inches
 MOST_ROWS = 12  # data that are drawn
+FEWEST_STEPS = 3  # steps from which the iteration is drawn
+ITERATION_HEIGHT = 2.6  # height of the panels of the iteration, inches
+LINEAR_TO = {"step_sigmas": 0.01, "chi_square": 1.0}  # values up to which the axis is linear
 SIGMAS = 4.0  # end of the scale of residuals, standard deviations
 TALLEST = 2.0  # largest ratio of a panel's height to its width
 
@@ -21,12 +24,38 @@ def figure(solution):
     """
     data = solution.data[:MOST_ROWS]
     heights = [_height(fitted) for fitted in data]
+    is_traced = len(solution.trace) >= FEWEST_STEPS
+    heights += [ITERATION_HEIGHT] * is_traced
     figure = new_figure((3 * SIDE + 1.6, sum(heights)), layout="constrained")
-    parts = np.atleast_1d(figure.subfigures(len(data), 1, height_ratios=heights))
+    parts = np.atleast_1d(figure.subfigures(len(heights), 1, height_ratios=heights))
     for part, fitted in zip(parts, data):
         part.suptitle(plain(_title(fitted)))
         (_draw_image if fitted.is_image else _draw_numbers)(part, fitted)
+    if is_traced:
+        _draw_iteration(parts[-1], solution.trace)
     return figure
+
+
+def _draw_iteration(part, trace) -> None:
+    """What is left of the step, and chi-square, against the number of renders."""
+    from matplotlib.ticker import MaxNLocator
+
+    part.suptitle("iteration")
+    left, chi_square = part.subplots(1, 2)
+    kept = [step for step in trace if step.is_kept]
+    refused = [step for step in trace if not step.is_kept]
+    for panel, name, label in (
+        (left, "step_sigmas", "step to the solution (standard errors)"),
+        (chi_square, "chi_square", "chi-square"),
+    ):
+        for steps, style, word in ((kept, "o-C0", "kept"), (refused, "xC3", "refused")):
+            values = [getattr(step, name) for step in steps]
+            panel.plot([step.renders for step in steps], values, style, markersize=4, label=word)
+        panel.set_yscale("symlog", linthresh=LINEAR_TO[name])
+        panel.set_xlabel("renders of each datum")
+        panel.set_ylabel(label)
+        panel.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+    chi_square.legend()
 
 
 def _height(fitted) -> float:
