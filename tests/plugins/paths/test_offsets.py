@@ -6,6 +6,7 @@ import pytest
 
 import mi_lcair
 from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.plugins.paths.offsets import Offsets, extent, rounding_error
 from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.loading.remarks.flat_parts import remarks_on_triangles
 from tests.plugins.conftest import FILM
@@ -77,6 +78,56 @@ def open_cube(folder, size, place, far=None):
 
 def intensity(scene, size):
     return mi_lcair.signature(scene, spp=2**16, seed=1).scene.intensity / size**2
+
+
+def floor_of(folder, side):
+    """A scene with a square in the plane z = 0, and its hit at (3, 2, 0) from 30 degrees."""
+    corners = side * (SQUARES[0] - [0.5, 0.5, 0])[[[0, 1, 2], [0, 2, 3]]]
+    scene = mi.load_dict({"type": "scene", "floor": mesh(folder / "floor.ply", corners)})
+    observer = np.array([0.5, 0, np.sqrt(0.75)])
+
+    def hit(distance=40.0):
+        start = np.array([3, 2, 0]) + distance * observer
+        return scene.ray_intersect(mi.Ray3f(mi.Point3f(start), mi.Vector3f(-observer)))
+
+    return scene, hit, observer
+
+
+def test_offset_of_a_hit(tmp_path):
+    """3 roundings of the largest coordinate, 3 m, and 64 of the longest side, 10 sqrt(2) m."""
+    scene, hit, _ = floor_of(tmp_path, 10.0)
+    expected = (3 * 3 + 64 * 10 * np.sqrt(2)) * 2.0**-24
+    assert Offsets(scene).at(hit())[0] == pytest.approx(expected, rel=1e-5)
+    (floor,) = scene.shapes()
+    assert extent(floor) == pytest.approx(10 * np.sqrt(2))
+    assert extent(mi.load_dict({"type": "sphere", "radius": 2.0})) == pytest.approx(4 * np.sqrt(3))
+
+
+@pytest.mark.parametrize("side", [10.0, 1e4])
+def test_start_of_a_ray(tmp_path, side):
+    """It is off the surface by the offset, Mitsuba's at most, and as much nearer to the observer.
+
+    A ray through the surface starts on the other side. Of a hit that is nearer than the offset, the
+    ray starts half of the way back at most.
+    """
+    scene, hit, observer = floor_of(tmp_path, side)
+    offset = min((9 + 64 * side * np.sqrt(2)) * 2.0**-24, (1 + 3) * 1500 * 2.0**-24)
+    offsets, up, down = Offsets(scene), mi.Vector3f(0.6, 0, 0.8), mi.Vector3f(0.6, 0, -0.8)
+    moved = lambda si, d: (offsets.leave(si, d) - si.p).numpy().ravel()
+    normal, back, digits = np.array([0, 0, offset]), offset * observer, {"atol": 3e-7, "rtol": 1e-4}
+    np.testing.assert_allclose(moved(hit(), up), normal + back, **digits)
+    np.testing.assert_allclose(moved(hit(), down), -normal, **digits)
+    near = hit()
+    near.t = mi.Float(0.4 * offset)
+    np.testing.assert_allclose(moved(near, up), normal + 0.2 * back, **digits)
+
+
+@pytest.mark.parametrize("reflections", [0, 1, 6])
+def test_rounding_of_a_radiance(reflections):
+    """8 roundings at each end of a part of the path, each uniform up to 2^-24."""
+    count = 8 * (reflections + 1)
+    rounded = 2.0**-24 * np.random.default_rng(0).uniform(-1, 1, (20_000, count)).sum(axis=1)
+    assert rounding_error(reflections) == pytest.approx(np.std(rounded), rel=0.015)
 
 
 @pytest.mark.parametrize(

@@ -137,6 +137,40 @@ def test_noise_of_the_ratio_is_part_of_the_error():
     assert np.std(means) == pytest.approx(np.sqrt(np.mean(stated)), rel=0.15)
 
 
+def test_the_error_of_an_extrapolation_by_hand():
+    """Continuations of 10, 4, 1, 0.4 are 8/3, 1/3 and 4/15, so that the estimate changes by -4/3,
+    which counts 0.4 times one count later, and by 1/3. What is to come is 2/3 of the larger one.
+    """
+    assert extrapolation_error([10, 4, 1, 0.4]) == pytest.approx(0.4 * 4 / 3 * 2 / 3, rel=1e-5)
+    assert extrapolation_error([4, 1, 0.4]) == pytest.approx(1 / 3 * 2 / 3, rel=1e-5)
+    # An earlier change counts at most as 10 times the last one
+    assert extrapolation_error([4000, 3990, 1, 0.4]) == pytest.approx(
+        10 * abs(0.4 + 4 / 15 - 1 / 3990 / (1 - 1 / 3990)) * 2 / 3, rel=1e-5
+    )
+    counts = np.array([[99, 90, 4, 1, 0.4], [0, 0, 0, 0, 0]])
+    error = Tail(counts, variance=9.0, paths=10).error(2)  # after two reflections: three counts
+    assert error == pytest.approx((2 / 9 + 3) / 10, rel=1e-5)
+
+
+def test_tails_of_model_and_background():
+    """Each has its own ratio, and paths that are not finite count nothing.
+
+    The variance is that of c r / (1 - r) by the law of propagation, for r = c / b of the sums.
+    """
+    before, last = np.array([4.0, 6, 8, np.nan, 2]), np.array([1.0, 3, 2, np.inf, 0])
+    paths = [mi.Float(np.zeros(5))] * (COUNTS - 2) + [mi.Float(before), mi.Float(last)]
+    tail, found = add_tail(paths, mi.Float([1, 1, 0, 0, 1]))
+    np.testing.assert_allclose(found.counts[:, -2:], [[12, 4], [8, 2]])
+    r = np.array([1 / 3, 1 / 4])
+    model = np.array([1, 3, 0]) * 0.5
+    np.testing.assert_allclose(tail.numpy(), [model[0], model[1], 2 / 3, 0, 0], rtol=1e-6)
+    scatter = np.array([np.sum((np.array([1, 3, 0]) - r[0] * np.array([4, 6, 2])) ** 2), 0.0])
+    slope = r / (1 - r) ** 2  # of the tail's sum in the last count, at a constant tail of each path
+    assert found.variance == pytest.approx(np.sum(scatter * slope**2)) and found.paths == 5
+    dark, none = add_tail([mi.Float(np.zeros(5))] * COUNTS, mi.Float(np.ones(5)))
+    assert not dark.numpy().any() and none.variance == 0
+
+
 def test_counts_that_do_not_fall():
     """No tail can be told: none is added, and the error says what there might be."""
     counts = np.array([[1.0, 1, 1, 1, 1], [0, 0, 0, 0, 0]])
