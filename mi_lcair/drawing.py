@@ -57,13 +57,18 @@ def styled(draw):
     return drawn
 
 
-def notebook_png(figure) -> bytes:
-    """A figure as the content of a PNG file, in the size for a notebook."""
+def content_of(figure, **options) -> bytes:
+    """A figure as the content of a file. options: those of Matplotlib's savefig."""
     content = BytesIO()
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing from")  # it is drawn as a box
-        figure.savefig(content, format="png", dpi=NOTEBOOK_DPI)
+        figure.savefig(content, **options)
     return content.getvalue()
+
+
+def notebook_png(figure) -> bytes:
+    """A figure as the content of a PNG file, in the size for a notebook."""
+    return content_of(figure, format="png", dpi=NOTEBOOK_DPI)
 
 
 def write_figure(figure, path) -> None:
@@ -75,12 +80,9 @@ def write_figure(figure, path) -> None:
     from matplotlib import rc_context
 
     suffix = check_suffix(path, PICTURES)
-    settings = {"svg.fonttype": "none", "svg.hashsalt": "mi_lcair", "pdf.fonttype": 42}
-    content = BytesIO()
-    with warnings.catch_warnings(), rc_context(settings):
-        warnings.filterwarnings("ignore", message="Glyph .* missing from")  # it is drawn as a box
-        figure.savefig(content, format=suffix[1:], metadata=NO_DATE[suffix])
-    write_bytes(path, content.getvalue())
+    with rc_context({"svg.fonttype": "none", "svg.hashsalt": "mi_lcair", "pdf.fonttype": 42}):
+        content = content_of(figure, format=suffix[1:], metadata=NO_DATE[suffix])
+    write_bytes(path, content)
 
 
 @contextmanager
@@ -90,9 +92,7 @@ def drawing(path, size, dpi: int = 150, **options):
     Raises InputError as `write_figure`.
     """
     figure = new_figure(size, dpi, **options)
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph .* missing from")
-        yield figure
+    yield figure
     write_figure(figure, path)
 
 

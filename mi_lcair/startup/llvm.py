@@ -15,6 +15,8 @@ import sys
 OLDEST = 17
 VARIABLE = "DRJIT_LIBLLVM_PATH"
 WHEEL = "karellen-llvm-core"
+# Dr.Jit's functions that end it, start it, and count the objects of a kind in its registry
+FUNCTIONS = ("_Z12jit_shutdowni", "_Z8jit_initj", "_Z21jit_registry_id_boundPKcS0_")
 BACKENDS = 0b110  # Dr.Jit's bits of CUDA and LLVM, with which it starts at its import
 # Kinds of Mitsuba's objects that Dr.Jit numbers in its registry
 OBJECTS = (
@@ -78,48 +80,34 @@ def prepare_loaded():
     version = drjit.detail.llvm_version()[0]  # -1 if it has none
     if version >= OLDEST:
         return
-    in_use = _mitsuba_has_objects()
-    if not in_use:
-        prepare()
-        _restart_drjit()
+    obstacle = _restart_drjit()
     if drjit.detail.llvm_version()[0] < OLDEST:
         library = f"LLVM {version}" if version > 0 else "no LLVM"
         raise ImportError(
             f"drjit was imported before mi_lcair and found {library}, where {OLDEST} or newer is "
-            f"needed{', and Mitsuba has created objects with it' if in_use else ''}: import "
-            f"mi_lcair first, or set {VARIABLE}"
+            f"needed{obstacle}: import mi_lcair first, or set {VARIABLE}"
         )
 
 
-def _restart_drjit():
-    """Shut Dr.Jit down and start it again; nothing happens if its library lacks the functions."""
-    core = _drjit_core()
-    if core is not None:
-        core["_Z12jit_shutdowni"](0)
-        core["_Z8jit_initj"](BACKENDS)
+def _restart_drjit() -> str:
+    """Shut Dr.Jit down and start it with another LLVM; otherwise, say what forbids it.
 
-
-def _mitsuba_has_objects() -> bool:
-    """Whether objects of Mitsuba have been created that Dr.Jit's registry numbers."""
-    mitsuba, core = sys.modules.get("mitsuba"), _drjit_core()
-    if mitsuba is None or core is None:
-        return False
-    count = core["_Z21jit_registry_id_boundPKcS0_"]
-    return any(
-        count(variant.encode(), kind.encode()) for variant in mitsuba.variants() for kind in OBJECTS
-    )
-
-
-def _drjit_core():
-    """Dr.Jit's library of C functions; None if it has not those used here."""
+    Nothing happens if the library of Dr.Jit lacks the functions.
+    """
     import drjit
 
-    names = ("_Z12jit_shutdowni", "_Z8jit_initj", "_Z21jit_registry_id_boundPKcS0_")
-    for path in glob.glob(os.path.join(drjit.__path__[0], "libdrjit-core.*")):
-        core = ctypes.CDLL(path)
-        if all(hasattr(core, name) for name in names):
-            return core
-    return None
+    try:
+        (path,) = glob.glob(os.path.join(drjit.__path__[0], "libdrjit-core.*"))
+        shut_down, start, count = (ctypes.CDLL(path)[name] for name in FUNCTIONS)
+    except (ValueError, OSError, AttributeError):
+        return ""
+    variants = sys.modules["mitsuba"].variants() if "mitsuba" in sys.modules else ()
+    if any(count(variant.encode(), kind.encode()) for variant in variants for kind in OBJECTS):
+        return ", and Mitsuba has created objects with it"
+    prepare()
+    shut_down(0)
+    start(BACKENDS)
+    return ""
 
 
 def _require_libatomic():

@@ -1,13 +1,11 @@
 """Picture of a facet model from three sides: its axes in metres, materials and temperatures."""
 
-import warnings
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.drawing import new_figure, plain, styled
+from mi_lcair.drawing import content_of, new_figure, plain, styled
 from mi_lcair.models3d.label import TYPES
 from mi_lcair.models3d.model import Model
 
@@ -44,11 +42,7 @@ ARROWS = {0: "nose", 2: "up"}  # words at the arrows along +x and +z
 
 def png(model: Model, title: str = TITLE) -> bytes:
     """The picture of `figure` as the content of a PNG file."""
-    content = BytesIO()
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph .* missing from")  # it is drawn as a box
-        figure(model, title).savefig(content, format="png", dpi=100)
-    return content.getvalue()
+    return content_of(figure(model, title), format="png", dpi=100)
 
 
 @styled
