@@ -1,6 +1,7 @@
 """Upper bounds of the radiance of emitters and of textures, from their parameters."""
 
 import re
+from functools import reduce
 
 import drjit as dr
 import mitsuba as mi
@@ -52,7 +53,9 @@ def texture_bound(texture, shape) -> np.ndarray | None:
         for name, value in held.items()
         if isinstance(value, mi.Texture) or name in ("value", "data")
     ]
-    return None if not bounds or None in bounds else np.max(bounds, axis=0)
+    if not bounds or any(bound is None for bound in bounds):
+        return None
+    return reduce(np.maximum, bounds)  # some of width 1, some per triangle
 
 
 def largest(values) -> np.ndarray:

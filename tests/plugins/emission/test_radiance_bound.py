@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from mi_lcair.plugins.emission.field_of_view import FieldOfView
-from mi_lcair.plugins.emission.radiance_bound import radiance_bound
+from mi_lcair.plugins.emission.radiance_bound import radiance_bound, texture_bound
 from tests.plugins.conftest import FILM, plate  # noqa: F401, fixture
 from tests.plugins.small_scenes import GREY, SQUARE, blackbody, camera
 
@@ -60,6 +60,37 @@ def test_per_facet(plate):  # noqa: F811
     np.testing.assert_allclose(
         radiance_bound(mesh.emitter()), [blackbody(300.0), blackbody(700.0)], rtol=1e-6
     )
+
+
+def attribute(name):
+    return {"type": "mesh_attribute", "name": name, "scale": 2.0}
+
+
+def board(*colours):
+    return {"type": "checkerboard"} | dict(zip(("color0", "color1"), colours))
+
+
+@pytest.mark.parametrize(
+    "radiance, expected",
+    [
+        (attribute("face_glow"), [8.0, 1400.0]),
+        (attribute("vertex_glow"), [18.0]),
+        (board(attribute("face_glow"), attribute("vertex_glow")), [18.0, 1400.0]),
+        (board(attribute("face_glow"), {"type": "uniform", "value": 30.0}), [30.0, 1400.0]),
+        (
+            board(attribute("face_glow"), {"type": "volume", "volume": {"type": "constvolume"}}),
+            None,
+        ),
+        (board(attribute("face_missing"), {"type": "uniform", "value": 30.0}), None),
+    ],
+)
+def test_textures_of_a_mesh(radiance, expected):
+    """Values of facets stay by facet, also beside others; the largest of the corners counts."""
+    mesh = mi.Mesh("square", 4, 2)
+    mesh.add_attribute("face_glow", 1, [4.0, 700.0])
+    mesh.add_attribute("vertex_glow", 1, [1.0, 9.0, 3.0, 2.0])
+    bound = texture_bound(mi.load_dict(radiance), mesh)
+    assert bound is None if expected is None else bound.tolist() == expected
 
 
 def test_not_known():
