@@ -97,6 +97,8 @@ class Measurands:
         Receiver of the samples by facet, see `PathTracer.trace`.
     by_spectrum : bool
         Whether emission is recorded for each spectrum of a group, not only for each group.
+    explored : frozenset of mi.BSDF
+        Surfaces at which paths of a weight of 0 go on for the derivatives.
     reduced : callable or None
         Gives the `Sums` that are kept from those of a launch.
     """
@@ -104,6 +106,7 @@ class Measurands:
     channels: Channels
     facets: object = None
     by_spectrum: bool = False
+    explored: frozenset = frozenset()
     reduced: Callable[[Sums], Sums] | None = None
 
     @staticmethod

@@ -159,12 +159,12 @@ class Scene:
         """How the first sensor's paths draw their numbers: "lattice" or "independent"."""
         return numbers(self.sensors[0].sampler())
 
-    def prepared(self, by_spectrum: bool = False) -> AbstractContextManager:
+    def prepared(self, by_spectrum: bool = False, explored=()) -> AbstractContextManager:
         """Context manager that gives the scene's `PathTracer`, see `BouncePath.prepared`.
 
         It is the same one as before if nothing has changed, with its tables and its recordings.
         """
-        return self.mi.integrator().prepared(self.mi, by_spectrum, self._tracers)
+        return self.mi.integrator().prepared(self.mi, by_spectrum, self._tracers, explored)
 
     def surfaces(self) -> list[mitsuba.BSDF]:
         """The scene's BSDFs of reflection models."""

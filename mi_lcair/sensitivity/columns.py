@@ -9,6 +9,7 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.bsdfs.plume import is_plume
+from mi_lcair.plugins.columns.exploring import needs_exploring
 from mi_lcair.plugins.columns.kinds import MaterialColumn, SourceColumn
 from mi_lcair.plugins.columns.tables import (
     CELLS,
@@ -34,6 +35,15 @@ def columns_of(scene, names) -> dict[str, MaterialColumn | SourceColumn]:
     """
     entries = sorted(chosen(scene, names), key=lambda entry: entry.kind != "material")
     return {entry.name: column_of(entry) for entry in entries}
+
+
+def explored_by(columns) -> frozenset:
+    """The surfaces that a render of these columns has to explore, see `exploring`."""
+    names = {}
+    for column in columns:
+        for surface in column.surfaces if isinstance(column, MaterialColumn) else ():
+            names.setdefault(surface, []).append(column.parameter)
+    return frozenset(surface for surface in names if needs_exploring(surface, names[surface]))
 
 
 def column_of(entry: Entry) -> MaterialColumn | SourceColumn:

@@ -178,7 +178,7 @@ def entries(scene) -> dict[str, Entry]:
             material, keys = node.material or node.model.name, node.parameters
         elif is_grey_diffuse(node):
             material, keys = node.id() or "diffuse", ["reflectance.value"]
-        elif is_plume(node) and node.transmits:
+        elif is_plume(node):
             material, keys = node.id() or "plume", ["transmittance"]
         else:
             continue

@@ -1,6 +1,7 @@
 """Images of the derivatives of the radiance with respect to many parameters, from one render."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,9 +11,9 @@ from mi_lcair.rendering.sampling import Measurands, Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import Windows
-from mi_lcair.sensitivity.columns import recordings
+from mi_lcair.sensitivity.columns import columns_of, explored_by, recordings
 from mi_lcair.sensitivity.derivative_images import DerivativeImages
-from mi_lcair.sensitivity.parameters import reflecting, units
+from mi_lcair.sensitivity.parameters import units
 
 
 def differentiate_image(
@@ -26,10 +27,10 @@ def differentiate_image(
     sampling = sampling.settled(camera)
     windows = Windows.of_image(camera, randomisations, by_randomisation=True)
     windows.check(sampling)
-    measurands = Measurands.of(None)
+    explored = explored_by(columns_of(scene, names).values())
+    measurands = replace(Measurands.of(None), explored=explored)
     radiance, images, method = None, {}, {}
-    not_black, steps = reflecting(scene, names)
-    with not_black, scene.prepared() as tracer:
+    with scene.prepared(explored=explored) as tracer:
         check_memory(windows.count * randomisations * (1 + len(names)), tracer, None)
         batches = recordings(scene, tracer, camera, names, measurands, seed=sampling.seed)
         for number, batch in enumerate(batches):
@@ -47,7 +48,7 @@ def differentiate_image(
     derivatives = np.array([images[name] for name in names]).reshape(-1, *radiance.shape)
     return DerivativeImages(
         names=tuple(names),
-        radiance=radiance - np.tensordot(steps, derivatives, 1).astype(np.float32),
+        radiance=radiance,
         derivatives=derivatives.swapaxes(0, 1),
         method=tuple(method[name] for name in names),
         scene_name=scene.name,

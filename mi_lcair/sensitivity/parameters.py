@@ -11,7 +11,7 @@ GROUP.scale            factor of the radiance of a sky
 GROUP.emissivity       `emissivity` of the group's emitters, if they were given one
 MATERIAL.NAME          parameter of the reflection model of all surfaces of a material
 ID.reflectance         reflectance of Mitsuba's BSDF `diffuse` with this id
-ID.transmittance       transmittance of the BSDF `plume` with this id, if it is positive
+ID.transmittance       transmittance of the BSDF `plume` with this id
 ====================== ============================================================================
 
 A surface without a name of its material is called by its model, `diffuse` or `plume`. Several
@@ -20,11 +20,10 @@ A change of the value adds the same difference to all temperatures and material 
 multiplies all radiances and emissivities by the same factor.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 
 import mitsuba as mi
-import numpy as np
 
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.plugins.derivatives import own_memory
@@ -37,9 +36,6 @@ from mi_lcair.sensitivity.entries import (
     check_materials,
     entries,
 )
-
-FAINT = 1e-3  # smallest reflectance at which a derivative with respect to it is taken
-SIGN_OF_REFLECTANCE = {"emissivity": -1, "reflectance.value": 1}  # by the parameter's key
 
 
 def parameters_of(scene: Scene) -> dict[str, Parameter]:
@@ -105,25 +101,6 @@ def changed(scene: Scene, values: Mapping[str, float]) -> Iterator[None]:
         yield
     finally:
         replace(before)
-
-
-def reflecting(scene: Scene, names: Sequence[str]) -> tuple[AbstractContextManager, np.ndarray]:
-    """Context manager for derivatives with respect to reflectances of almost 0, and their steps.
-
-    Paths end at a surface that reflects nothing, and their scores lose their digits where it
-    reflects almost nothing. In the context, a surface whose emissivity or reflectance is among the
-    `names` reflects at least FAINT. The steps (K,) are the changes of the parameters in it.
-    """
-    steps, values = np.zeros(len(names)), {}
-    for k, entry in enumerate(chosen(scene, names)):
-        sign = SIGN_OF_REFLECTANCE.get(entry.places[0].key) if entry.kind == "material" else None
-        if sign:
-            value = entry.mean(entry.numbers())
-            reflectance = value if sign > 0 else 1 - value
-            steps[k] = sign * max(FAINT - reflectance, 0)
-            if steps[k]:
-                values[entry.name] = value + steps[k]
-    return changed(scene, values), steps
 
 
 def replace(arrays: Mapping[tuple[mi.Object, str], mi.Float]) -> None:

@@ -1,15 +1,16 @@
 """Derivatives of an intensity with respect to many parameters, from one render."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Measurands, Sampling
 from mi_lcair.rendering.scene import Scene
-from mi_lcair.sensitivity.columns import recordings
+from mi_lcair.sensitivity.columns import columns_of, explored_by, recordings
 from mi_lcair.sensitivity.common_numbers import CommonNumbers
-from mi_lcair.sensitivity.parameters import reflecting, units
+from mi_lcair.sensitivity.parameters import units
 from mi_lcair.sensitivity.sensitivities import Sensitivities
 
 SPLITS = {"target": "target", "scene": "image"}  # channels that hold each part of the radiance
@@ -41,10 +42,10 @@ def differentiate_intensity(
     numbers = CommonNumbers(scene, sampling, by_spectrum, part)
     if sampling.tolerance is not None:
         numbers.render()
-    measurands = Measurands.of(SPLITS[part], by_spectrum)
+    explored = explored_by(columns_of(scene, names).values())
+    measurands = replace(Measurands.of(SPLITS[part], by_spectrum), explored=explored)
     rows, method, first = {}, {}, None
-    not_black, steps = reflecting(scene, names)
-    with not_black, scene.prepared(by_spectrum) as tracer:
+    with scene.prepared(by_spectrum, explored) as tracer:
         numbers.take_aim()
         for batch in recordings(
             scene, tracer, numbers.camera, names, measurands, weights, sampling.seed
@@ -64,7 +65,6 @@ def differentiate_intensity(
             }
     value = mean_and_deviations(first, ["weighted"])
     rows = numbers.area * np.array([value, *(rows[name] for name in names)])
-    rows[0] -= steps @ rows[1:]
     return Sensitivities(
         names=tuple(names),
         value=float(rows[0, 0]),

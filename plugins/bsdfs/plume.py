@@ -37,6 +37,7 @@ class Plume(mi.BSDF):
     """
 
     PROPERTIES = (Property("transmittance", "float", lower=0, upper=1),)
+    least_share = 0.0  # not 0: rays pass also a plume of transmittance 0
     material = "plume"  # name of the material in tables of facets
 
     def __init__(self, props):
@@ -54,7 +55,8 @@ class Plume(mi.BSDF):
         self.PROPERTIES[0].checked(float(dr.detach(self.transmittance)[0]), "plume")
         dr.make_opaque(self.transmittance)
         # An opaque plume has no lobe at all, so that paths end there as at a blackbody
-        passes = mi.BSDFFlags.Null if self.transmits else mi.BSDFFlags.Empty
+        is_passed = self.transmits or self.least_share > 0
+        passes = mi.BSDFFlags.Null if is_passed else mi.BSDFFlags.Empty
         self.m_components = [passes | mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide]
         self.m_flags = self.m_components[0]
 
@@ -62,15 +64,17 @@ class Plume(mi.BSDF):
     def transmits(self) -> bool:
         return float(dr.detach(self.transmittance)[0]) > 0
 
+    def explore(self, least_share: float) -> None:
+        """Let rays pass also at a transmittance of 0; 0 for not."""
+        if least_share != self.least_share:
+            self.least_share = least_share
+            self.parameters_changed()
+
     def check_derivative(self, name: str, draws: bool) -> None:
         """Raise InputError if paths would not give the whole derivative in the transmittance.
 
         name: name of the transmittance in the message. draws: whether emitters are drawn.
         """
-        if not self.transmits:
-            raise InputError(
-                f"{name} = 0 has no derivative, because paths end there; it must be positive"
-            )
         if draws:
             raise InputError(
                 f"{name} has no derivative where emitters are drawn; use emitter_sampling = false "

@@ -68,6 +68,7 @@ class ReflectionBSDF(mi.BSDF):
     PROPERTIES: tuple[Property, ...] = ()
     derived = None
     derivations = ()
+    least_share = 0.0  # least probability of the floor and of the lobe, see `explore`
 
     def __init_subclass__(cls):
         """Declare the properties of a plugin: those of all surfaces and its model's parameters."""
@@ -232,10 +233,16 @@ class ReflectionBSDF(mi.BSDF):
         """Smallest angle [degrees] at which the model's HDR exceeds 1; None if there is none."""
         return first_saturated_angle_deg(self.model, self.values, self.form)
 
+    def explore(self, least_share: float) -> None:
+        """Sample floor and lobe at least so often; 0 as often as their reflectances say."""
+        if least_share != self.least_share:
+            self.least_share = least_share
+
     def lobe_probability(self, w):
         """Probability of sampling the lobe instead of the floor, at the angle of `w`."""
         floor, lobe = (dr.detach(part) for part in self.raw_HDR(cos_theta(w), sin2_theta(w)))
-        return dr.select(floor + lobe > 0, lobe / dr.maximum(floor + lobe, SMALLEST), 1)
+        share = dr.select(floor + lobe > 0, lobe / dr.maximum(floor + lobe, SMALLEST), 1)
+        return dr.clip(share, self.least_share, 1 - self.least_share) if self.least_share else share
 
     def has_attribute(self, name, active=True):
         return name == "emissivity"

@@ -101,18 +101,18 @@ class Slopes:
         place = 2 * dr.reinterpret_array(mi.UInt32, bsdf) + dr.select(back, mi.UInt32(1), 0)
         row = dr.gather(mi.UInt32, self.row, place)
         r = mi.Vector3f(r.x, r.y, dr.abs(r.z))
-        return Vertex(self, (row > 0) & (r.z > 0), dr.maximum(row, 1) - 1, r)
+        return Vertex(self, (row > 0) & (r.z > 0), dr.maximum(row, 1) - 1, r, back)
 
 
 class Vertex:
     """The surface at a vertex of each path, if it is of one kind, and its derivatives.
 
     known: whether the surface is of this kind. row: its row in the tables. r: direction to the
-    observer, on the surface's upper side.
+    observer, on the surface's upper side. back: whether that is the back of the shape.
     """
 
-    def __init__(self, slopes: Slopes, known, row, r):
-        self.slopes, self.known, self.row, self.r = slopes, known, row, r
+    def __init__(self, slopes: Slopes, known, row, r, back):
+        self.slopes, self.known, self.row, self.r, self.back = slopes, known, row, r, back
         self.model = reflection.model(slopes.model)
         x = dr.sqrt(cos_theta(r))
         self.table = interpolate_row(slopes.HDR, row, STEPS, x)
@@ -132,18 +132,18 @@ class Vertex:
         cos, sin2 = cos_theta(self.r), sin2_theta(self.r)
         return self.gradient(lambda S, floor, lobe: self.model.emissivity(S, cos, sin2))[1]
 
-    def relative(self, i) -> list:
-        """Relative derivatives of the value of the BSDF for the direction `i` to the source."""
+    def along(self, i, is_delta=False) -> tuple:
+        """BSDF times cosine for the direction `i` to the source [1/sr], and its derivatives.
+
+        is_delta: where this is the reflectance of a delta lobe, or the transmittance of a plume.
+        """
+        i = mi.Vector3f(i.x, i.y, dr.select(self.back, -i.z, i.z))
         if self.slopes.lobe == "brdf":
-            i = mi.Vector3f(i.x, i.y, dr.abs(i.z))
-            value, slopes = self.gradient(
-                lambda S, floor, lobe: self.model.f(S, i, self.r) / dr.maximum(floor + lobe, 1)
-            )
+            f = lambda S, floor, lobe: self.model.f(S, i, self.r) / dr.maximum(floor + lobe, 1)
+            (value, slopes), factor = self.gradient(f), cos_theta(i)
         else:
-            value, slopes = self.HDR
-        positive = self.known & (value > 0)
-        value = dr.select(positive, value, 1)
-        return [dr.select(positive, slope / value, 0) for slope in slopes]
+            (value, slopes), factor = self.HDR, dr.select(is_delta, 1, dr.inv_pi * cos_theta(i))
+        return value * factor, [slope * factor for slope in slopes]
 
     def gradient(self, function) -> tuple:
         """A function of the surface and of floor and lobe of its raw HDR, and its derivatives.
@@ -195,7 +195,9 @@ def with_slopes(bsdf) -> tuple:
         model, form = reflection.model("grey"), "standard"
         key = "transmittance" if is_plume(bsdf) else REFLECTANCE
         values = (float(dr.detach(mi.traverse(bsdf)[key])[0]),)
-        function = lambda rho: tables(model, (1 - rho,), form)
+        # In Float32 the difference 1 - rho would be wrong for a small rho
+        exact = dr.float64_array_t(mi.Float)
+        function = lambda rho: tables(model, (1 - exact(rho),), form)
     slopes = []
     for number in (None, *range(len(values))):
         with dr.resume_grad():

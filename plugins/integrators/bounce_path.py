@@ -10,6 +10,11 @@ import mitsuba as mi
 from mitsuba.python.ad.integrators.common import RBIntegrator
 
 from mi_lcair.errors import InputError
+from mi_lcair.plugins.columns.exploring import (
+    explored_by_gradients,
+    explored_table,
+    exploring,
+)
 from mi_lcair.plugins.derivatives import deriving, leaves, nodes
 from mi_lcair.plugins.paths.path_tracer import PathTracer
 from mi_lcair.plugins.properties import HOTTEST, Property, read
@@ -91,7 +96,7 @@ class BouncePath(RBIntegrator):
         )
 
     @contextmanager
-    def prepared(self, scene, by_spectrum: bool = False, kept: dict | None = None):
+    def prepared(self, scene, by_spectrum: bool = False, kept: dict | None = None, explored=()):
         """Context manager that gives a `PathTracer` for the scene.
 
         Inside the context, all data that plugins derive from the scene's parameters are up to date,
@@ -105,6 +110,8 @@ class BouncePath(RBIntegrator):
         kept : dict or None
             The tracers of this scene that were made before, with the states of the scene. One of
             them is given again if nothing has changed since, and a new one is added.
+        explored : set of mi.BSDF or None
+            BSDFs that are explored, see `exploring`. None: those whose gradients need it.
         """
         self.check()
         with exclusive:
@@ -113,19 +120,24 @@ class BouncePath(RBIntegrator):
             with dr.resume_grad():
                 for plugin in plugins:
                     plugin.refresh()
-            with tracing(plugins):
-                yield self.tracer(scene, objects, by_spectrum, {} if kept is None else kept)
+            if explored is None:
+                explored = explored_by_gradients(objects)
+            settings, kept = (by_spectrum, frozenset(explored)), {} if kept is None else kept
+            with tracing(plugins), exploring(objects, explored):
+                yield self.tracer(scene, objects, settings, kept)
 
-    def tracer(self, scene, objects, by_spectrum: bool, kept: dict):
+    def tracer(self, scene, objects, of_tracer: tuple, kept: dict):
         """A tracer for the present state of a scene and its objects: a kept one, or a new one.
 
-        One is kept for each of the last MOST_KEPT settings of the integrator.
+        One is kept for each of the last MOST_KEPT settings of the integrator. of_tracer: whether
+        emission is recorded by spectrum, and the BSDFs that are explored.
         """
         settings = [getattr(self, entry.name) for entry in self.PROPERTIES]
-        state, key = SceneState(objects, scene, *settings), (by_spectrum, *settings)
+        state, key = SceneState(objects, scene, *settings), (*of_tracer, *settings)
         if key in kept and kept[key][0] == state:
             return kept[key][1]
-        tracer = PathTracer(self, scene, by_spectrum, state)
+        by_spectrum, explored = of_tracer
+        tracer = PathTracer(self, scene, by_spectrum, state, explored_table(objects, explored))
         if not state.has_gradients:
             kept.pop(key, None)
             kept[key] = state, tracer
@@ -139,13 +151,15 @@ class BouncePath(RBIntegrator):
 
     def render_forward(self, scene, params, sensor=0, seed=0, spp=0):
         self.check_differentiable()
-        with self.prepared(scene) as tracer, leaves(tracer.plugins, dr.ADMode.Forward):
+        mode = dr.ADMode.Forward
+        with self.prepared(scene, explored=None) as tracer, leaves(tracer.plugins, mode):
             tracer.check_differentiable()
             return tracer.render_forward(scene, params, sensor, seed, spp)
 
     def render_backward(self, scene, params, grad_in, sensor=0, seed=0, spp=0):
         self.check_differentiable()
-        with self.prepared(scene) as tracer, leaves(tracer.plugins, dr.ADMode.Backward):
+        mode = dr.ADMode.Backward
+        with self.prepared(scene, explored=None) as tracer, leaves(tracer.plugins, mode):
             tracer.check_differentiable()
             tracer.render_backward(scene, params, grad_in, sensor, seed, spp)
 

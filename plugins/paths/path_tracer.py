@@ -44,8 +44,8 @@ class PathTracer(RBIntegrator):
     scene alone. The data derived from the scene must therefore belong to the integrator.
     """
 
-    def __init__(self, settings, scene, by_spectrum: bool, state: SceneState):
-        """settings: the integrator `bounce_path`, with its properties."""
+    def __init__(self, settings, scene, by_spectrum: bool, state: SceneState, explored):
+        """settings: the integrator `bounce_path`, with its properties. explored: see `Walk`."""
         super().__init__(mi.Properties())
         emitters = EmitterTable(scene, settings.emitter_sampling, by_spectrum)
         own_memory(flatten(emitters))
@@ -63,7 +63,7 @@ class PathTracer(RBIntegrator):
             emitter_sampling=samples,
             closure=settings.closure,
             ambient_radiance=ambient,
-            paths=Walk(scene, emitters, most, samples, ambient),
+            paths=Walk(scene, emitters, most, samples, ambient, explored),
             systematic_error=hypot(rounding_error(most), of_tables),
             recorded=Recorded(state),
             is_complete=True,

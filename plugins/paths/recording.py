@@ -76,7 +76,8 @@ class Recorded:
         Raises RuntimeError if it cannot be made. All recordings are dropped in that case.
         """
         attributes = tuple(vars(plugin) for plugin in self.plugins)
-        arrays = flatten((attributes, tracer.emitters, tracer.ambient_radiance))
+        derived = tracer.emitters, tracer.ambient_radiance, tracer.paths.explored
+        arrays = flatten((attributes, derived))
         call = Unseen((tracer, self.plugins, attributes))
         try:
             hidden = [{} for _ in self.plugins]

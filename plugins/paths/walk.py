@@ -4,7 +4,7 @@ It knows what emits and what reflects, and tells recorders of the events of each
 know what they note.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
@@ -16,6 +16,10 @@ from mi_lcair.plugins.emission.emitter_table import MOST_PASSED, EmitterTable
 from mi_lcair.plugins.emission.samples import DrawnDirection
 from mi_lcair.plugins.recorders.recorder import Emission, Recorders, Reflection
 
+# Largest weight of a reflection that counts as 0 where derivatives are explored. What it would add
+# to a radiance is below the rounding error of Float32.
+LARGEST_LATENT = 1e-7
+
 
 @dataclass
 class PathState:
@@ -26,6 +30,8 @@ class PathState:
     pdf: density of the ray's direction [1/sr]. is_delta: whether the direction came from a delta
     lobe or from the sensor. Such a direction has no density, and cannot be drawn toward an emitter.
     passed: surfaces passed since the last reflection. length: length of the rays before those.
+    latent: throughput of a latent path, of which `throughput` is 0: that with a weight of 1 where
+    the surface reflects nothing. 0 for other paths; None where nothing is explored.
     """
 
     ray: mi.Ray3f
@@ -36,6 +42,7 @@ class PathState:
     is_delta: mi.Bool
     passed: mi.UInt32
     length: mi.Float
+    latent: mi.Spectrum | None
 
 
 @dataclass(frozen=True)
@@ -64,7 +71,9 @@ class Scattering:
 
     numbers: the random numbers. bs, weight: the sampled direction, and BSDF times cosine divided by
     its density. drawn: direction drawn toward an emitter; None if none are drawn. brought: the
-    radiance that it brings to the sensor, with derivatives [W m^-2 sr^-1].
+    radiance that it brings to the sensor, with derivatives [W m^-2 sr^-1]. latent: the same along
+    a latent path, without derivatives. becomes_latent: whether the path becomes a latent one. Both
+    are None where nothing is explored.
     """
 
     numbers: tuple
@@ -72,6 +81,8 @@ class Scattering:
     weight: mi.Spectrum
     drawn: DrawnDirection | None
     brought: mi.Spectrum
+    latent: mi.Spectrum | None
+    becomes_latent: mi.Bool | None
 
     @property
     def is_delta(self) -> mi.Bool:
@@ -83,15 +94,19 @@ class Walk:
 
     emitters: the scene's emitters. max_bounces: number of reflections after which a path ends.
     shares_hits: whether emitters that a ray can hit are also drawn. ambient_radiance: radiance of
-    any surface after one more reflection [W m^-2 sr^-1]; None: the path ends before.
+    any surface after one more reflection [W m^-2 sr^-1]; None: the path ends before. explored: for
+    the pointer to a BSDF, 1 if it is explored; None if none is, see `exploring`.
     """
 
-    def __init__(self, scene, emitters, max_bounces, emitter_sampling, ambient_radiance):
+    def __init__(
+        self, scene, emitters, max_bounces, emitter_sampling, ambient_radiance, explored=None
+    ):
         self.scene: mi.Scene = scene
         self.emitters: EmitterTable = emitters
         self.max_bounces: int = max_bounces
         self.shares_hits: bool = emitter_sampling and emitters.draws
         self.ambient_radiance: mi.Float | None = ambient_radiance
+        self.explored: mi.UInt32 | None = explored
 
     @dr.syntax
     def walk(self, mode, sampler, ray, adjoint, active, recorders: Recorders):
@@ -107,15 +122,15 @@ class Walk:
             The first ray of each path.
         adjoint : tuple of mi.Spectrum or None
             For a replay: the gradient of the objective with respect to the radiance of each path
-            (Backward, else None), and that radiance from the primal pass [W m^-2 sr^-1].
+            (Backward, else None), and the state that the primal pass returned.
         active : mi.Bool
         recorders : Recorders
 
         Returns
         -------
-        (result, L) : tuple of mi.Spectrum
-            `result` is the radiance (Primal) or its derivative (Forward), `L` the state for a
-            replay.
+        (result, state) : tuple
+            `result` is the radiance (Primal) or its derivative (Forward), mi.Spectrum. `state` is
+            for a replay: the radiance, and that along latent paths [W m^-2 sr^-1].
         valid : mi.Bool
             Whether the first ray hits a surface.
         recorders : Recorders
@@ -124,7 +139,7 @@ class Walk:
         # An opaque number, so that one kernel serves every number of reflections
         most = dr.opaque(mi.UInt32, self.max_bounces)
         # Radiance: accumulated in the primal pass; in a replay, the part not yet accounted for
-        L = mi.Spectrum(0 if primal else adjoint[1])
+        L, latent = self.nothing() if primal else adjoint[1]
         δL = mi.Spectrum(0 if adjoint[0] is None else adjoint[0])
         active = mi.Bool(active)
         path = self.begin(ray, active)
@@ -134,23 +149,40 @@ class Walk:
         while dr.hint(active, label=f"bounce_path ({mode.name})"):
             hit, lost = self.hit(path, most, active)
             recorders.meet(hit.bsdf, hit.si.wi)
-            Le = self.emitted(primal, path, hit, most, recorders)
+            Le, of_latent = self.emitted(primal, path, hit, most, recorders)
             # A replay subtracts what the primal pass added, so that after the subtractions L is the
             # radiance from later vertices
-            L = L + Le if primal else L - Le
+            L = accounted(L, Le, primal)
+            latent = accounted(latent, of_latent, primal)
             L = dr.select(lost, dr.nan, L)
 
             scattering = self.scatter(primal, path, hit, most, sampler, recorders)
-            L = L + scattering.brought if primal else L - scattering.brought
+            L = accounted(L, scattering.brought, primal)
+            latent = accounted(latent, scattering.latent, primal)
             self.report(path, hit, scattering, most, recorders)
             # A path without throughput contributes nothing further
             active = hit.goes_on & (dr.max(scattering.weight) != 0)
+            if dr.hint(self.explored is not None, mode="scalar"):
+                # Nor does a latent path that a second surface does not reflect
+                is_real = dr.max(path.throughput) != 0
+                active &= is_real | (dr.max(scattering.weight) > LARGEST_LATENT)
+                active |= scattering.becomes_latent
             if dr.hint(not primal, mode="scalar"):
-                δL = replayed(mode, hit, scattering, Le, L, δL, active)
+                δL = replayed(mode, path, hit, scattering, Le, (L, latent), δL, active)
 
             self.turn(path, hit, scattering, active)
             recorders.turn()
-        return (L if primal else δL, L), valid, recorders
+        return (mi.Spectrum(L) if primal else δL, (L, latent)), valid, recorders
+
+    def nothing(self) -> tuple:
+        """The radiance and that along latent paths, of which nothing is known yet.
+
+        The relative derivative of a small reflectance is large. It needs more digits than Float32
+        has.
+        """
+        if self.explored is None:
+            return mi.Spectrum(0), None
+        return dr.float64_array_t(mi.Spectrum)(0), mi.Spectrum(0)
 
     def begin(self, ray, active) -> PathState:
         """Paths whose first ray is traced. The inputs are copied, since the loop changes them."""
@@ -171,6 +203,7 @@ class Walk:
             is_delta=mi.Bool(True),
             passed=mi.UInt32(0),
             length=mi.Float(0),
+            latent=None if self.explored is None else mi.Spectrum(0),
         )
 
     def hit(self, path: PathState, most, active) -> tuple[Hit, mi.Bool]:
@@ -194,7 +227,10 @@ class Walk:
         return Hit(si, bsdf, si.emitter(self.scene, active), active, reflects, passes), lost
 
     def emitted(self, primal: bool, path: PathState, hit: Hit, most, recorders):
-        """Radiance that the rays have met, with derivatives in the temperature and emissivity."""
+        """Radiance that the rays have met, with derivatives in the temperature and emissivity.
+
+        Also that along latent paths, without derivatives; None where nothing is explored.
+        """
         si, emitters, beyond = hit.si, self.emitters, path.bounce > most
         # The emitter may have been drawn at the vertex before. Both estimates share its radiance.
         share = mi.Float(1)
@@ -208,26 +244,35 @@ class Walk:
             share = dr.select(reachable, mis_weight(path.pdf, pdf), 1)
         # The throughput and the share are constants
         with dr.resume_grad(when=not primal):
-            Le = path.throughput * share * hit.emitter.eval(si, hit.active)
+            emitted = hit.emitter.eval(si, hit.active)
+            Le = path.throughput * share * emitted
+        latent = None if path.latent is None else path.latent * share * dr.detach(emitted)
         if self.ambient_radiance is not None:
             ambient = dr.select(si.is_valid(), path.throughput * self.ambient_radiance, 0)
             Le = dr.select(beyond, ambient, Le)
+            if latent is not None:
+                ambient = dr.select(si.is_valid(), path.latent * self.ambient_radiance, 0)
+                latent = dr.select(beyond, ambient, latent)
         weight = dr.select(beyond, 0, path.throughput[0] * share)
         parts = emitters.parts(hit.emitter, si.prim_index, path.ray.d, hit.active)
-        recorders.emission(Emission(Le[0], path.bounce, beyond, hit.emitter, parts, weight, si))
+        emission = Emission(Le[0], path.bounce, beyond, hit.emitter, parts, weight, si)
+        recorders.emission(replace(emission, latent=first(latent)))
         # The sun is no surface. It is seen where the ray escapes, and through the sky.
         if emitters.sun is not None:
             sees = hit.active & ~beyond & emitters.shows_sun(si, hit.emitter)
             with dr.resume_grad(when=not primal):
                 of_sun, pdf = emitters.sun_along(path.ray.d, sees)
                 share = dr.select(path.is_delta, 1, mis_weight(path.pdf, pdf))
+                latent_sun = None
+                if latent is not None:
+                    latent_sun = path.latent * share * dr.detach(of_sun)
+                    latent = latent + latent_sun
                 of_sun *= path.throughput * share
                 Le += of_sun
             sun, whole = emitters.sun_pointer, [(si.prim_index, mi.Float(1))]
-            recorders.emission(
-                Emission(of_sun[0], path.bounce, beyond, sun, whole, mi.Float(0), None)
-            )
-        return Le
+            emission = Emission(of_sun[0], path.bounce, beyond, sun, whole, mi.Float(0), None)
+            recorders.emission(replace(emission, latent=first(latent_sun)))
+        return Le, latent
 
     def scatter(self, primal: bool, path: PathState, hit: Hit, most, sampler, recorders):
         """Sample a direction at each hit, and what a direction drawn toward an emitter brings."""
@@ -235,7 +280,8 @@ class Walk:
         if not self.emitters.draws:
             numbers = sampler.next_1d(), sampler.next_2d()
             bs, weight = bsdf.sample(ctx, si, *numbers, hit.goes_on)
-            return Scattering(numbers, bs, weight, None, mi.Spectrum(0))
+            becomes_latent = self.becomes_latent(path, hit, bs, weight)
+            return Scattering(numbers, bs, weight, None, mi.Spectrum(0), None, becomes_latent)
         # A delta lobe does not reflect light from a drawn direction. Beyond the last reflection
         # there is no emission, which the ambient radiance replaces.
         is_smooth = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
@@ -252,13 +298,19 @@ class Walk:
             # No ray where nothing is emitted or reflected. A replay traces it even so, because a
             # value of 0 may have a derivative.
             if primal:
-                draws &= drawn.may_radiate & (dr.max(f) != 0)
+                draws &= drawn.may_radiate & ((dr.max(f) != 0) | self.is_explored(hit))
             direct = self.emitters.trace(self.scene, si, drawn, draws, recorders.needs_drawn_hit)
             # A point source or a parallel beam cannot be hit by a reflected ray, so its whole
             # radiance belongs to the drawn direction
             share = dr.select(drawn.ds.delta, 1, mis_weight(drawn.ds.pdf, pdf)) / drawn.ds.pdf
-            brought = path.throughput * f * direct.radiance(si) * share
+            radiance = direct.radiance(si)
+            brought = path.throughput * f * radiance * share
             brought = dr.select(direct.counts, brought, 0)
+        before = path.throughput * dr.detach(dr.select(direct.counts, radiance * share, 0))
+        latent = None
+        if path.latent is not None:
+            latent = path.latent * dr.detach(f * radiance * share)
+            latent = dr.select(direct.counts, latent, 0)
         weight_of_source = path.throughput[0] * f[0] * share
         if direct.transmittance is not None:
             weight_of_source *= direct.transmittance
@@ -274,9 +326,25 @@ class Walk:
                 weight=dr.select(direct.counts, weight_of_source, 0),
                 hit=direct.hit,
                 drawn_to=to,
+                before=before[0],
+                latent=first(latent),
             )
         )
-        return Scattering(numbers, bs, weight, drawn, brought)
+        becomes_latent = self.becomes_latent(path, hit, bs, weight)
+        return Scattering(numbers, bs, weight, drawn, brought, latent, becomes_latent)
+
+    def is_explored(self, hit: Hit) -> mi.Bool:
+        if self.explored is None:
+            return mi.Bool(False)
+        return dr.gather(mi.UInt32, self.explored, dr.reinterpret_array(mi.UInt32, hit.bsdf)) > 0
+
+    def becomes_latent(self, path: PathState, hit: Hit, bs, weight) -> mi.Bool | None:
+        """Whether paths become latent, because an explored surface would end them."""
+        if self.explored is None:
+            return None
+        is_nothing = (bs.pdf > 0) & (dr.max(weight) <= LARGEST_LATENT)
+        is_real = dr.max(path.throughput) != 0
+        return hit.goes_on & self.is_explored(hit) & is_nothing & is_real
 
     def report(self, path: PathState, hit: Hit, scattering: Scattering, most, recorders):
         """Tell the recorders of the sampled directions."""
@@ -292,12 +360,18 @@ class Walk:
                 drawn=scattering.drawn,
                 active=hit.goes_on,
                 receives=hit.reflects & (path.bounce < most),
+                becomes_latent=scattering.becomes_latent,
             )
         )
 
     def turn(self, path: PathState, hit: Hit, scattering: Scattering, active) -> None:
         """Go on along the sampled direction, or straight on through a surface."""
         si, bs, passes = hit.si, scattering.bs, hit.passes
+        if path.latent is not None:
+            becomes_latent = scattering.becomes_latent
+            before = path.latent * scattering.weight
+            path.latent = dr.select(becomes_latent, path.throughput, before)
+            path.throughput = dr.select(becomes_latent, 0, path.throughput)
         path.throughput *= scattering.weight
         to = dr.select(passes, path.ray.d, si.to_world(bs.wo))
         path.pdf = dr.select(passes, path.pdf, bs.pdf)
@@ -310,17 +384,39 @@ class Walk:
         path.pi = self.scene.ray_intersect_preliminary(path.ray, coherent=False, active=active)
 
 
-def replayed(mode, hit: Hit, scattering: Scattering, Le, L, δL, active) -> mi.Spectrum:
+def accounted(total, part, primal: bool):
+    """A radiance that the primal pass adds up, and of which a replay takes away part by part."""
+    if part is None:
+        return total
+    return total + part if primal else total - part
+
+
+def first(radiance: mi.Spectrum | None) -> mi.Float | None:
+    """The one number of a radiance."""
+    return None if radiance is None else radiance[0]
+
+
+def replayed(mode, path: PathState, hit: Hit, scattering: Scattering, Le, later, δL, active):
     """The derivative of each path's radiance after this vertex; in reverse mode, its gradient.
 
-    L is the radiance from later vertices, times the throughput. It depends on the parameters at
-    this vertex through the BSDF value `f` alone, since the sampled direction and its density are
-    constants. Its relative derivative is therefore that of `f`.
+    later: the radiance from later vertices, times the throughput, and that along the latent path
+    that begins here. They depend on the parameters at this vertex through the BSDF value `f` alone,
+    since the sampled direction and its density are constants. The relative derivative of the
+    radiance is therefore that of `f`. The latent path has the weight 1 in place of f / pdf.
     """
+    L, latent = later
     with dr.resume_grad():
         ctx, bs = mi.BSDFContext(), scattering.bs
         f = value_along(hit.bsdf, ctx, hit.si, *scattering.numbers, bs, active)
-        Lo = Le + scattering.brought + L * dr.relative_grad(f)
+        if latent is None:
+            reflected = L * dr.relative_grad(f)
+        else:
+            becomes_latent = scattering.becomes_latent
+            is_real = active & (dr.max(path.throughput) != 0) & ~becomes_latent
+            reflected = mi.Spectrum(dr.select(is_real, L, 0)) * dr.relative_grad(f)
+            pdf = dr.select(becomes_latent, bs.pdf, 1)
+            reflected += dr.select(becomes_latent, latent * f / pdf, 0)
+        Lo = Le + scattering.brought + reflected
         if mode == dr.ADMode.Backward:
             dr.backward_from(δL * Lo)
             return δL

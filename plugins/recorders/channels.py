@@ -48,8 +48,9 @@ class Channels:
         """
         parts, is_tailed = [], tracer.closure == "tail"
         if self.tables is not None:
-            incoming = self.tables.incoming is None
-            parts.append(Incoming.of(self.tables) if incoming else Columns.of(self.tables, cell))
+            tables, explores = self.tables, tracer.paths.explored is not None
+            incoming = tables.incoming is None
+            parts.append(Incoming.of(tables) if incoming else Columns.of(tables, cell, explores))
         if self.split or facets:
             parts.append(
                 ByBounce.up_to(tracer.max_bounces if self.counted is None else self.counted)

@@ -15,6 +15,11 @@ For a narrow lobe the scores are large, and cancel only in the mean over many pa
 variate Z = sum_j beta_j c_j (d HDR_j/dp - w_j s_j), with w = f / pdf, has the mean 0 for any c that
 does not depend on the sampled direction. Where c is the mean incoming radiance, E + A L + Z is free
 of most of this noise.
+
+Where f_j is 0, the score has no value. The path then goes on as a latent one, see `exploring`, with
+the weight 1 in place of f_j / pdf_j. With B = (df_j/dp) / pdf_j and the radiance M that it meets,
+dL/dp = E + A L + B M. Scores of reflectances near 0 are large, and A L and E cancel. They are
+therefore summed in Float64.
 """
 
 from dataclasses import dataclass
@@ -39,6 +44,7 @@ class Columns(Recorder):
 
     radiance: weighted radiance so far [W m^-2 sr^-1]. E, A, Z: the sums; their last entry takes
     what belongs to parameters without a column. cell: cell of the film in which the path begins.
+    B, latent: the sum and the radiance along the latent path; None where nothing is explored.
     surface: the surfaces where the paths are, as far as they have columns.
 
     Its channels are column.N, for materials control.N, and `weighted`, the weighted radiance, of
@@ -51,24 +57,34 @@ class Columns(Recorder):
     A: dr.Local
     Z: dr.Local
     cell: mi.UInt32
+    B: dr.Local | None
+    latent: mi.Float | None
 
     needs_drawn_hit = True
     surface = ()
 
     @staticmethod
-    def of(tables: ColumnTables, cell) -> "Columns":
-        sums = (zeros(tables.size + 1) for _ in range(3))
-        return Columns(tables, mi.Float(0), *sums, mi.UInt32(cell))
+    def of(tables: ColumnTables, cell, explores: bool) -> "Columns":
+        Float, size = mi.Float, tables.size + 1
+        if not explores:
+            sums = (zeros(size) for _ in range(3))
+            return Columns(tables, Float(0), *sums, mi.UInt32(cell), None, None)
+        Wide = dr.float64_array_t(Float)
+        sums = (zeros(size, Wide), zeros(size, Wide), zeros(size))
+        return Columns(tables, Wide(0), *sums, mi.UInt32(cell), zeros(size), Float(0))
 
     def meet(self, bsdf, wi) -> None:
         self.surface = self.tables.vertices(bsdf, wi)
 
     def emission(self, emission: Emission) -> None:
         tables, radiance, weight = self.tables, emission.radiance, emission.weight
+        factor = mi.Float(1)
         if tables.weight is not None:
             factor = tables.weight_of(emission)
             radiance, weight = radiance * factor, weight * factor
         self.radiance += radiance
+        if emission.latent is not None:
+            self.latent += emission.latent * factor
         for part, share in emission.parts:
             entry, of_part = tables.entry(emission.emitter, part), emission.radiance * share
             if tables.weight is not None:
@@ -84,8 +100,9 @@ class Columns(Recorder):
         if emission.drawn_to is not None:
             # The direction is one of many: it depends on the reflecting surface too
             for vertex in self.surface:
-                for column, score in zip(vertex.columns(), vertex.relative(emission.drawn_to)):
-                    add_to(self.E, column, radiance * score)
+                slopes = vertex.along(emission.drawn_to)[1]
+                for column, slope in zip(vertex.columns(), slopes):
+                    add_to(self.E, column, emission.before * factor * slope)
 
     def emitting_surface(self, emission: Emission) -> list:
         if emission.hit is None:
@@ -104,17 +121,29 @@ class Columns(Recorder):
         place = dr.select(reflection.bounce == 0, self.cell, later)
         c = reflection.throughput * dr.gather(mi.Float, tables.incoming, place)
         for vertex in self.surface:
-            scores, slopes = vertex.relative(reflection.to), vertex.HDR[1]
-            for column, score, slope in zip(vertex.columns(), scores, slopes):
-                score = dr.select(active, score, 0)
+            value, slopes = vertex.along(reflection.to, reflection.is_delta)
+            counts, latent = active & (value > 0), reflection.becomes_latent
+            if latent is not None:
+                counts &= ~latent & (reflection.throughput != 0)
+            relative = dr.select(counts, 1 / dr.select(counts, value, 1), 0)
+            for column, slope, of_HDR in zip(vertex.columns(), slopes, vertex.HDR[1]):
+                score = slope * relative
                 add_to(self.A, column, score)
                 add_to(self.E, column, -score * self.radiance)
-                add_to(self.Z, column, dr.select(active, c * (slope - weight * score), 0))
+                weighted = weight * score
+                if latent is not None:
+                    of_latent = slope / dr.select(latent, reflection.pdf, 1)
+                    of_latent = dr.select(latent, of_latent, 0)
+                    add_to(self.B, column, of_latent)
+                    weighted += of_latent
+                add_to(self.Z, column, dr.select(active, c * (of_HDR - weighted), 0))
 
     def samples(self, L) -> dict:
         E, A, Z = (entries(local) for local in (self.E, self.A, self.Z))
         materials = range(self.tables.materials)
-        channels = {"weighted": self.radiance}
-        channels |= {f"column.{k}": E[k] + A[k] * self.radiance for k in materials}
-        channels |= {f"column.{k}": E[k] for k in range(self.tables.materials, self.tables.size)}
-        return channels | {f"control.{k}": Z[k] for k in materials}
+        columns = [E[k] + A[k] * self.radiance for k in materials] + E[len(materials) : -1]
+        for k, factor in zip(materials, entries(self.B)):
+            columns[k] += factor * self.latent
+        channels = {f"column.{k}": mi.Float(column) for k, column in enumerate(columns)}
+        channels |= {f"control.{k}": Z[k] for k in materials}
+        return channels | {"weighted": mi.Float(self.radiance)}

@@ -23,7 +23,7 @@ class Incoming(Recorder):
     The reflections are counted separately for the first one of each path and, after that, for each
     surface. A drawn direction has no part in the incoming radiance of sampled directions. radiance:
     weighted radiance so far [W m^-2 sr^-1]. number: number of reflections. before: radiance before
-    them, summed. throughput: throughput after them, summed.
+    them, summed. throughput: throughput after them, summed. latent: where a latent path began.
 
     Its channels are reflected.N and throughput.N: N = 0 for the first reflection, then surfaces.
     """
@@ -33,26 +33,35 @@ class Incoming(Recorder):
     number: dr.Local
     before: dr.Local
     throughput: dr.Local
+    latent: mi.UInt32
 
     @staticmethod
     def of(tables: ColumnTables) -> "Incoming":
-        return Incoming(tables, mi.Float(0), *(zeros(tables.surfaces + 1) for _ in range(3)))
+        sums = (zeros(tables.surfaces + 1) for _ in range(3))
+        return Incoming(tables, mi.Float(0), *sums, mi.UInt32(0))
 
     def emission(self, emission: Emission) -> None:
-        radiance, tables = emission.radiance, self.tables
+        tables, factor = self.tables, mi.Float(1)
         if tables.weight is not None:
-            radiance *= tables.weight_of(emission)
-        self.radiance += radiance
+            factor = tables.weight_of(emission)
+        self.radiance += emission.radiance * factor
+        if emission.latent is not None:
+            # It is what the surface there receives, and reached the sensor after no other one
+            add_to(self.before, self.latent, -emission.latent * factor)
 
     def reflect(self, reflection: Reflection) -> None:
         place = self.tables.surface_number(reflection.bsdf)
         is_first = reflection.bounce == 0
         counts = reflection.active & (is_first | (place > 0))
-        place = dr.select(is_first, 0, place)
+        place, weight = dr.select(is_first, 0, place), reflection.weight
+        if reflection.becomes_latent is not None:
+            weight = dr.select(reflection.becomes_latent, 1, weight)
+            self.latent = dr.select(reflection.becomes_latent, place, self.latent)
+            counts &= reflection.throughput != 0
         for sums, value in (
             (self.number, mi.Float(1)),
             (self.before, self.radiance),
-            (self.throughput, reflection.throughput * reflection.weight),
+            (self.throughput, reflection.throughput * weight),
         ):
             add_to(sums, place, dr.select(counts, value, 0))
 

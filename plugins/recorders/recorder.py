@@ -28,7 +28,9 @@ class Emission:
     emitted it. parts: numbers of its parts that did, and their shares of the radiance. weight: the
     part of `radiance` per radiance of the emitting surface; 0 where no surface emits. hit: the
     emitting surface; None for the sun. drawn_to: the direction in which it was drawn from the
-    surface where the path is, in that surface's frame; None if a ray met it.
+    surface where the path is, in that surface's frame; None if a ray met it. before: `radiance` of
+    a drawn direction per value of the BSDF at that surface; None if a ray met it. latent: radiance
+    along a latent path; None where nothing is explored, see `exploring`.
     """
 
     radiance: mi.Float
@@ -39,6 +41,8 @@ class Emission:
     weight: mi.Float
     hit: mi.SurfaceInteraction3f | None
     drawn_to: mi.Vector3f | None = None
+    before: mi.Float | None = None
+    latent: mi.Float | None = None
 
     @property
     def prim(self) -> mi.UInt32:
@@ -54,7 +58,8 @@ class Reflection:
     times cosine divided by the density. to: the direction, in the surface's frame. pdf: its density
     [1/sr]. is_delta: whether it has none. drawn: the direction drawn toward an emitter; None if
     none are drawn. active: whether the path goes on from here. receives: whether it is reflected
-    and then receives emission.
+    and then receives emission. becomes_latent: whether it becomes a latent path; None where nothing
+    is explored, see `exploring`.
     """
 
     bsdf: mi.BSDFPtr
@@ -67,6 +72,7 @@ class Reflection:
     drawn: DrawnDirection | None
     active: mi.Bool
     receives: mi.Bool
+    becomes_latent: mi.Bool | None
 
 
 class Recorder:
@@ -145,9 +151,10 @@ class Recorders:
 # Sums that each path keeps for itself while it is followed
 
 
-def zeros(count: int) -> dr.Local | None:
-    """A path's own array of zeros; None for no entries."""
-    return dr.alloc_local(mi.Float, count, value=mi.Float(0)) if count else None
+def zeros(count: int, Float: type | None = None) -> dr.Local | None:
+    """A path's own array of zeros, of Mitsuba's floats or of another type; None for no entries."""
+    Float = mi.Float if Float is None else Float
+    return dr.alloc_local(Float, count, value=Float(0)) if count else None
 
 
 def add_to(local: dr.Local, index: mi.UInt32, value: mi.Float) -> None:

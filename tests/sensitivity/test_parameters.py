@@ -49,6 +49,7 @@ def test_names_units_and_kinds(cylinder, landing):
         "self.temperature",
         "terrain.temperature",
         "blackbody.emissivity",
+        "plume.transmittance",
         *(f"bare_aluminum.{p}" for p in ("epsilon", "rho_d", "b", "e")),
     ]
     found = parameters(cylinder)

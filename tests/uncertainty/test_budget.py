@@ -205,3 +205,18 @@ def test_what_cannot_be_used(tmp_path, arguments, message):
 def test_to_a_tolerance():
     found = mi_lcair.budget(cylinder(), {"sigma": {"self.temperature": 1.0}}, tolerance=0.002)
     assert 0 < row(found, NOISE).contribution < 0.001 * found.value and found.remarks == []
+
+
+@pytest.mark.slow
+def test_a_plume_before_the_sun():
+    """Where the sun is drawn, paths do not give the plume's derivative, so that differences do."""
+    what = {"position": 3, "band": "MWIR", "plume_transmittance": 0.7, "resolution": 16}
+    stated = {"sigma": {"plume.transmittance": 0.05, "self.temperature": 2.0}}
+    by_light = {
+        light: mi_lcair.budget("a340_landing", stated, spp=64, parameters=what | more)
+        for light, more in (("day", {"light": "day"}), ("none", {}))
+    }
+    plume, night = (row(found, "plume.transmittance") for found in by_light.values())
+    # The sun adds little to the hot plume's own radiation
+    assert plume.contribution == pytest.approx(night.contribution, rel=0.05)
+    assert row(by_light["day"], "self.temperature").sensitivity_error > 0

@@ -17,9 +17,10 @@ from mi_lcair.physics.reflection import interface
 
 @dataclass
 class GreySurface(interface.Surface):
-    """Emissivity of a grey diffuse surface."""
+    """Emissivity of a grey diffuse surface, and its reflectance, which is exact near 0."""
 
     emissivity: Any
+    reflectance: Any
 
 
 class Grey(interface.ReflectionModel):
@@ -39,13 +40,13 @@ class Grey(interface.ReflectionModel):
     is_compared = False
 
     def surface(self, *values, form: str = "standard"):
-        return GreySurface(*values)
+        return GreySurface(values[0], 1 - values[0])
 
     def check_feasible(self, *values: float, form: str = "standard") -> None:
         self.parameters[0].check(values[0], f"{self.name}: emissivity")
 
     def f(self, S, i, r):
-        return dr.select((i.z > 0) & (r.z > 0), (1 - S.emissivity) * dr.inv_pi, 0)
+        return dr.select((i.z > 0) & (r.z > 0), S.reflectance * dr.inv_pi, 0)
 
     def HDR(self, S, theta_r):
         return self.floor_HDR(S, dr.cos(theta_r), None)
@@ -54,7 +55,7 @@ class Grey(interface.ReflectionModel):
         return self.HDR(S, theta_i)
 
     def floor_HDR(self, S, cos, sin2):
-        return 1 - S.emissivity + dr.zeros(type(cos), dr.width(cos))
+        return S.reflectance + dr.zeros(type(cos), dr.width(cos))
 
     def lower_rung(self, *values: float, form: str = "standard") -> interface.Rung:
         return interface.Rung("diffuse", exact=True)

@@ -225,20 +225,15 @@ def test_closure_takes_a_plume_for_a_surface(plate, sampling):
     assert mean(made, 2**12)[0] == pytest.approx(COLD, rel=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("tau", "sampling", "message"), [(0.0, False, "must be positive"), (0.4, True, "are drawn")]
-)
-def test_derivatives_that_paths_do_not_give_are_refused(plate, tau, sampling, message):
-    sheet = plate("sheet", at_height(1.0), plume(tau), 600.0)
-    made = scene(
-        path(sampling), camera(1), sheet=sheet, ground=plate("ground", SQUARE, GREY, 300.0)
-    )
+def test_derivatives_that_paths_do_not_give_are_refused(plate):
+    sheet = plate("sheet", at_height(1.0), plume(0.4), 600.0)
+    made = scene(path(True), camera(1), sheet=sheet, ground=plate("ground", SQUARE, GREY, 300.0))
     params = mi.traverse(made)
     key = next(name for name in params.keys() if name.endswith("transmittance"))  # noqa: SIM118
     dr.enable_grad(params[key])
     params.update()
     image = mi.render(made, params, spp=1)
-    with pytest.raises((InputError, RuntimeError), match=message):
+    with pytest.raises((InputError, RuntimeError), match="are drawn"):
         dr.forward(params[key])
     assert image is not None
 

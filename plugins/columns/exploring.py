@@ -1,0 +1,101 @@
+"""Surfaces at which a render of derivatives explores what they do not reflect.
+
+A path ends where its weight becomes 0. The derivative with respect to a reflectance of 0 is not 0,
+and needs the radiance that the surface would reflect. A render of derivatives therefore explores
+such surfaces. Its paths go on from there as latent paths, which count for the derivative at that
+surface alone. The floor and the lobe of a reflection model are both sampled, also where one of them
+is 0.
+"""
+
+from contextlib import contextmanager
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mi_lcair.plugins.bsdfs.plume import is_plume
+from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf, parts_of_HDR, tables
+from mi_lcair.plugins.columns.surface_slopes import DIFFUSE, places_of
+from mi_lcair.plugins.derivatives import attached, children, own_memory
+from mi_lcair.plugins.scene_state import components
+
+SMALL = 0.02  # reflectance, or share of it, below which too few paths follow it for a derivative
+LEAST_SHARE = 0.125  # least probability of the floor and of the lobe of an explored surface
+DEGREES = (5, 30, 55, 75)  # angles of the observer at which reflectances are compared with SMALL
+
+
+def needs_exploring(bsdf, names) -> bool:
+    """Whether paths would miss a part of the derivatives of a surface where they are not explored.
+
+    names: the parameters of the BSDF with respect to which it is differentiated.
+    """
+    if not is_reflection_bsdf(bsdf):
+        # Of other BSDFs it is not known where they reflect nothing
+        is_known = bsdf.class_name() == DIFFUSE or is_plume(bsdf)
+        numbers = [
+            value for key, value in mi.traverse(bsdf).items() if key.removesuffix(".value") in names
+        ]
+        return not is_known or any(np.min(np.array(number)) < SMALL for number in numbers)
+    theta = np.radians(DEGREES)
+    cos, sin2 = mi.Float(np.cos(theta)), mi.Float(np.sin(theta) ** 2)
+    floor, lobe = (dr.detach(part).numpy() for part in bsdf.raw_HDR(cos, sin2))
+    if np.min(floor + lobe) < SMALL:
+        return True
+    if bsdf.lobe != "brdf":
+        return False
+    is_small = [np.min(part / (floor + lobe)) < SMALL for part in (floor, lobe)]
+    return any(is_small) and any(
+        np.any(np.array(is_small) & depends_on(bsdf, name, cos, sin2)) for name in names
+    )
+
+
+def depends_on(bsdf, name: str, cos, sin2) -> np.ndarray:
+    """Whether the floor's and the lobe's HDR depend on a parameter of a reflection model, (2,)."""
+    with dr.resume_grad():
+        values = {key: mi.Float(value) for key, value in zip(bsdf.model.names, bsdf.values)}
+        dr.make_opaque(values)
+        dr.enable_grad(values[name])
+        derived = tables(bsdf.model, tuple(values.values()), bsdf.form)
+        parts = parts_of_HDR(bsdf.model, derived, cos, sin2)
+        dr.forward_from(values[name])
+        return np.array([np.abs(dr.grad(part).numpy()).max() > SMALL for part in parts])
+
+
+def explored_by_gradients(objects) -> frozenset:
+    """The BSDFs of a scene that a replay has to explore, for the parameters that have gradients."""
+    explored = set()
+    for bsdf in objects:
+        if not isinstance(bsdf, mi.BSDF) or any(isinstance(c, mi.BSDF) for c in children(bsdf)):
+            continue
+        arrays = [(key, value) for key, value in mi.traverse(bsdf).items() if dr.is_array_v(value)]
+        names = {key.removesuffix(".value") for key, v in arrays if attached(components(v))}
+        if names and needs_exploring(bsdf, names):
+            explored.add(bsdf)
+    return frozenset(explored)
+
+
+@contextmanager
+def exploring(objects, explored):
+    """Context manager in which paths explore some BSDFs of a scene, and no others."""
+    plugins = [node for node in objects if is_reflection_bsdf(node) or is_plume(node)]
+    before = [plugin.least_share for plugin in plugins]
+    try:
+        for plugin in plugins:
+            plugin.explore(LEAST_SHARE if plugin in explored else 0.0)
+        yield
+    finally:
+        for plugin, share in zip(plugins, before):
+            plugin.explore(share)
+
+
+def explored_table(objects, explored) -> mi.Bool | None:
+    """Whether a BSDF is explored, by the pointer to it; None if none is."""
+    if not explored:
+        return None
+    places = places_of([node for node in objects if isinstance(node, mi.BSDF)])
+    table = np.zeros(1 + max(place // 2 for of in places.values() for place in of), np.uint32)
+    for bsdf in explored:
+        table[[place // 2 for place in places[bsdf]]] = 1
+    table = mi.UInt32(table)
+    own_memory([table])
+    return table
