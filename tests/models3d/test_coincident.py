@@ -61,6 +61,51 @@ def grid(n):
     ) / [n, n, 1]
 
 
+def test_planes_at_the_limits():
+    """Planes are one up to 8 parts in a million of the extent, and up to a tilt of 8e-5.
+
+    The extent is 100 times the squares', so that a shift does not tilt them.
+    """
+    far = SQUARE[:1] + [99, 99, 0]
+    for shift, expected in ((2e-4, 2), (2e-3, 0)):
+        assert counts(np.concatenate([SQUARE, SQUARE + [0, 0, shift], far])) == (0, expected)
+    for tilt, expected in ((3e-6, 2), (2e-4, 0)):
+        other = SQUARE.copy()
+        other[..., 2] = tilt * (other[..., 0] - 0.5)
+        assert counts(np.concatenate([SQUARE, other])) == (0, expected)
+
+
+@pytest.mark.parametrize("places", [(0.0,), (0.0, 1.0), (0.0, 1.0, 2.0)])
+def test_many_triangles_against_a_direct_search(places):
+    """Overlaps of 60 random triangles in parallel planes: pairs that an edge does not separate."""
+    chance = np.random.default_rng(len(places))
+    flat = chance.uniform(0, 0.4, (60, 3, 2)) + chance.uniform(0, 1, (60, 1, 2)) * [0.5, 2]
+    height = chance.choice(places, 60)
+    corners = np.concatenate([flat, np.repeat(height[:, None, None], 3, axis=1)], axis=2)
+    edges = np.roll(flat, -1, axis=1) - flat
+    turn = np.sign(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0])
+
+    def apart(a, b):
+        """Whether an edge of a has all corners of b on its outer side."""
+        to = flat[b][None] - flat[a][:, None]
+        side = edges[a][:, None, 0] * to[..., 1] - edges[a][:, None, 1] * to[..., 0]
+        return (side * turn[a] <= 0).all(axis=1).any()
+
+    expected = {
+        (a, b)
+        for a in range(60)
+        for b in range(a + 1, 60)
+        if height[a] == height[b] and not apart(a, b) and not apart(b, a)
+    }
+    found = overlaps(corners[..., [2, 0, 1]])
+    assert {tuple(pair) for pair in found.same_side} == {
+        (a, b) for a, b in expected if turn[a] == turn[b]
+    }
+    assert {tuple(pair) for pair in found.back_to_back} == {
+        (a, b) for a, b in expected if turn[a] != turn[b]
+    }
+
+
 @pytest.mark.slow
 def test_tessellations_have_none():
     """Flat and curved, and the six sides of a cube."""

@@ -18,6 +18,7 @@ from mi_lcair.inversion.least_squares.solve import (
     length,
     solve,
 )
+from mi_lcair.inversion.least_squares.solve import solved as damped
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
 from tests.inversion.blocks import block, kelvin, unknown
@@ -128,6 +129,28 @@ def test_length_of_a_step():
     prior = Prior(np.zeros(2), P, np.zeros(2), np.ones(2))
     expected = np.sqrt(step @ (J.T @ J / SIGMA**2 + np.diag(P)) @ step)
     assert length(step, normal, prior) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("matrix_of", [np.asarray, csr_array], ids=["dense", "sparse"])
+def test_damped_equations(matrix_of):
+    """(M + P + D) step = right for what is free; of sparse equations also what the data know."""
+    A, right = RANDOM.normal(size=(6, 3)), np.array([1.0, 2.0, 3.0])
+    M, P, D = A.T @ A, np.array([0.5, 0.6, 0.7]), np.array([0.1, 0.2, 0.3])
+    normal = Equations(matrix_of(M), np.zeros(3), matrix_of(M), matrix_of(M))
+    prior = Prior(np.zeros(3), P, np.zeros(3), np.ones(3))
+    free = np.array([True, True, False])
+    expected = np.linalg.solve((M + np.diag(P + D))[:2, :2], right[:2])
+    np.testing.assert_allclose(damped(normal, prior, D, right, free), [*expected, 0.0], rtol=1e-9)
+    assert length(np.zeros(3), normal, prior) == 0
+
+
+@pytest.mark.parametrize("mean, at_bound", [(0.35, [-1]), (0.8, [0])])
+def test_a_prior_that_pulls_away_from_a_bound(mean, at_bound):
+    """Data want 0.1 and the bound is 0.3: a strong prior decides whether the value stays there."""
+    one = block([np.zeros(4)], [np.ones((4, 1))], np.full(4, 0.1), 1.0)
+    state = solved([one], [unknown(lower=0.3, prior=(mean, 0.5))])
+    assert state.at_bound.tolist() == at_bound
+    assert state.x[0] == pytest.approx(max(0.3, (4 * 0.1 + 4 * mean) / 8))
 
 
 def test_steps_that_no_surface_can_make_are_halved():
