@@ -199,7 +199,7 @@ def chi_square(blocks: list[DatumBlock], x: np.ndarray, determined: float) -> di
         expected += float(measured.sum())
         squared += float(np.sum(measured**2))
         added += float(np.sum(2 * measured * rendered + pairs * rendered**2))
-        points += len(w)
+        points += np.count_nonzero(w)
     dof = points - determined
     if dof <= 0:
         return {"chi_square": total, "degrees_of_freedom": 0.0, "p_value": None}

@@ -13,7 +13,8 @@ def fitted(datum: Datum, block: DatumBlock, everything: list[Unknown], x: np.nda
     """A datum after the solution."""
     prediction = block.at(x)
     predicted = prediction.mean
-    residual = prediction.residuals.mean(axis=0) * np.sqrt(block.weight)
+    weight = np.where(block.weight > 0, block.weight, np.nan)  # bad pixels have no residual
+    residual = prediction.residuals.mean(axis=0) * np.sqrt(weight)
     image = datum.image if datum.is_image else lambda values: values
     own_unknowns = [everything[k] for k in datum.numbers(everything)]
     facets = {}
@@ -38,6 +39,7 @@ def fitted(datum: Datum, block: DatumBlock, everything: list[Unknown], x: np.nda
         residual=image(residual),
         aspects=list(datum.aspects),
         quantity=datum.quantity,
+        bad_pixels=datum.bad_pixels(block),
     )
 
 

@@ -70,7 +70,7 @@ def solve_problem(problem: InverseProblem, advise: bool, progress: Progress | No
         if not state.converged:
             answered = withdrawn(answered, UNFINISHED)
         chi = chi_square(state.blocks, state.x, determined(state))
-        notes = remarks(state, answered, chi)
+        notes = [*remarks(state, answered, chi), *remarks_on_pixels(data, state)]
         pairs, advised = directions(answered, state.covariance, reasons(everything, data)), []
         if advise and any(answer.is_sought and not answer.is_determined for answer in answered):
             advised = advice_for(problem, everything, state, answered, data, proposed, loader)
@@ -187,14 +187,28 @@ def remarks_on_residuals(state: State, chi: dict) -> list[str]:
     return []
 
 
+def remarks_on_pixels(data: list[Datum], state: State) -> list[str]:
+    """Which pixels of the images were left out, one line for each image."""
+    lines = []
+    for datum, block in zip(data, state.blocks):
+        places = [f"({row}, {column})" for row, column in datum.bad_pixels(block)]
+        if places:
+            what = "1 pixel is" if len(places) == 1 else f"{len(places)} pixels are"
+            lines.append(
+                f"{datum.label}: {what} left out as dead, hot or saturated (row, column): "
+                f"{listed(places)}; the JSON lists all"
+            )
+    return lines
+
+
 def model_error(state: State) -> float:
     """Rms relative error of the prediction that makes the residuals as large as they are."""
     excess = power = 0.0
     for block in state.blocks:
         prediction = block.at(state.x)
-        r = prediction.residuals.mean(axis=0)
-        excess += float(np.sum(r**2 - prediction.noise**2 - prediction.variance))
-        power += float(np.sum(prediction.mean**2))
+        r, is_good = prediction.residuals.mean(axis=0), block.weight > 0
+        excess += float(np.sum((r**2 - prediction.noise**2 - prediction.variance)[is_good]))
+        power += float(np.sum(prediction.mean[is_good] ** 2))
     return float(np.sqrt(max(excess, 0) / power))
 
 

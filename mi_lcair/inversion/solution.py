@@ -42,6 +42,8 @@ class Fitted:
         Azimuth and elevation of each value of a trend; empty for others.
     quantity : str
         What was measured, with its unit.
+    bad_pixels : list of tuple of int
+        Row and column of pixels of an image that were left out because of their residual.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Fitted:
     residual: np.ndarray
     aspects: list
     quantity: str = "radiance (W m^-2 sr^-1)"
+    bad_pixels: list = field(default_factory=list)
 
     @property
     def is_image(self) -> bool:
@@ -83,7 +86,9 @@ class Fitted:
             },
             "residual_rms_sigmas": float(np.sqrt(np.nanmean(self.residual**2))),
         }
-        if not self.is_image:
+        if self.is_image:
+            entry["bad_pixels"] = self.bad_pixels
+        else:
             entry["quantity"], entry["aspects"] = self.quantity, self.aspects
             entry["measured"], entry["predicted"] = self.measured.tolist(), self.predicted.tolist()
             entry["residual"] = self.residual.tolist()

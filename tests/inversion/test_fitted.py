@@ -1,5 +1,6 @@
 """Errors of a material in the form of a fit's report."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -28,6 +29,9 @@ class Measured:
     def numbers(self, unknowns):
         return [0, 1, 2]
 
+    def bad_pixels(self, block):
+        return [(0, k) for k in np.flatnonzero(block.weight == 0)]
+
     def settings(self, unknowns, x):
         return {"lid.temperature": x[0]}
 
@@ -48,5 +52,9 @@ def test_a_datum_after_the_solution():
     np.testing.assert_array_equal(found.measured, [[2.5, 3.5], [4.5, np.nan]])
     np.testing.assert_array_equal(found.residual, [[0, 2], [4, np.nan]])
     assert found.points == 3 and found.is_image and (found.band, found.state) == ("LWIR", "hot")
+    left_out = replace(one, weight=np.array([4.0, 0.0, 4.0]))
+    without_one = fitted(Measured(), left_out, [kelvin(), *facets, unknown()], x)
+    np.testing.assert_array_equal(without_one.residual, [[0, np.nan], [4, np.nan]])
+    assert without_one.points == 2 and without_one.bad_pixels == [(0, 1)]
     rms = found.as_dict()["residual_rms_sigmas"]
     np.testing.assert_allclose(rms, np.sqrt((0 + 4 + 16) / 3))

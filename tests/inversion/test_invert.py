@@ -222,11 +222,29 @@ def test_pixels_without_radiance_have_the_camera_s_noise(tmp_path):
 def test_a_wrong_model_determines_nothing(tmp_path):
     """A flipped image: chi-square is large, and each verdict says so, as that of a fit does."""
     path = write_corner(tmp_path)
-    given = corner_problem(tmp_path, path, np.flip(clean(path), axis=1), 300.0, 2)
+    given = corner_problem(tmp_path, path, np.flip(clean(path), axis=1), 300.0, 2, spp=128)
     found = mi_lcair.invert(given, advise=False)
+    assert not found.data[0].bad_pixels
     assert found.p_value < 1e-3 and "check its geometry and materials" in found.remarks[-1]
     for answer in found.answers:
         assert answer.verdict.startswith("not determined by these data: the model misses"), answer
+
+
+def test_bad_pixels_that_nobody_stated(tmp_path):
+    """1 % of the pixels are dead, hot or saturated: they are listed, and the values are right."""
+    path, random = write_corner(tmp_path), np.random.default_rng(4)
+    given = corner_problem(tmp_path, path, clean(path), 300.0, 5, spp=128)
+    image = np.load(given["data"][0]["image"])
+    bad = random.choice(image.size, 3, replace=False)
+    image.flat[bad] = 0.0, 70.0, 1e4
+    np.save(given["data"][0]["image"], image)
+    found = mi_lcair.invert(given, advise=False)
+    places = [[int(pixel) // 16, int(pixel) % 16] for pixel in sorted(bad)]
+    assert found.as_dict()["data"][0]["bad_pixels"] == places
+    assert "3 pixels are left out as dead, hot or saturated" in found.remarks[-1]
+    assert found.p_value > 1e-3 and np.isnan(found.data[0].residual).sum() == 3
+    for answer, kelvin in zip(found.answers, KELVIN):
+        within(answer, kelvin)
 
 
 def test_noise_that_is_stated_too_high(tmp_path):

@@ -98,6 +98,13 @@ class Datum:
         result[self.counts] = values
         return result
 
+    def bad_pixels(self, block: DatumBlock) -> list[tuple[int, int]]:
+        """Row and column of the pixels of an image that an estimate left out."""
+        if not self.is_image:
+            return []
+        is_bad = block.weight == 0
+        return [(int(row), int(column)) for row, column in np.argwhere(self.counts)[is_bad]]
+
     def numbers(self, unknowns: list[Unknown]) -> list[int]:
         """Numbers of the unknowns that affect this datum."""
         return [k for k, unknown in enumerate(unknowns) if self.number in unknown.data]
@@ -216,6 +223,7 @@ class Datum:
             model=np.array([number_of[model_label(name, self.label)] for name in self.shares], int),
             shares=np.array(list(self.shares.values())).reshape(-1, len(self.measured)).T,
             paths=self._paths(sampling),
+            is_image=self.is_image,
             half_width=self.goal.value if self.goal is not None and self.goal.at_most else 0.0,
         )
 

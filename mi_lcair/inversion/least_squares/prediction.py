@@ -58,6 +58,8 @@ class DatumBlock:
         Values that differ from the measured ones by less than this are as good as equal.
     paths : int
         Paths of a render; 0 if they are not known.
+    is_image : bool
+        Whether the values are pixels of a measured image, some of which may be bad.
     """
 
     measured: np.ndarray
@@ -75,6 +77,7 @@ class DatumBlock:
     shares: np.ndarray | None = None
     half_width: float = 0.0
     paths: int = 0
+    is_image: bool = False
 
     def change(self, x: np.ndarray) -> float:
         """Largest relative change of a predicted value from the rendered one at the values x."""

@@ -14,6 +14,7 @@ from scipy.sparse.linalg import splu
 
 from mi_lcair.errors import InputError
 from mi_lcair.inversion.data.images import slope
+from mi_lcair.inversion.least_squares.bad_pixels import Search
 from mi_lcair.inversion.least_squares.prediction import (
     DatumBlock,
     Equations,
@@ -158,12 +159,12 @@ def solve(
         trace.append(Step(done, paths, whole, cost_of(blocks, x), is_kept, x.tolist()))
         return whole
 
-    start = x
+    start, weights = x, weigh(x)
     blocks = rendered(x)
-    while True:
-        first = x
-        blocks = [replace(block, weight=weight) for block, weight in zip(blocks, weigh(x))]
-        if x is start:
+    search, is_first, is_searching = Search(blocks), True, True
+    while is_searching:
+        blocks = search.weighed(blocks, weights)
+        if is_first:
             held = hidden(blocks, len(x))
         blocks = [without(block, held) for block in blocks]
         if is_exact:
@@ -173,14 +174,20 @@ def solve(
             x, blocks, converged = descent(
                 blocks, x, prior, is_sparse, rendered, noted, lambda: done >= iterations
             )
+        is_far = length(x - start, equations(blocks, x, is_sparse), prior) >= 1
         # Weights at the first guess are not the best ones, so they are found once more
-        if first is not start or length(x - start, equations(blocks, x, is_sparse), prior) < 1:
-            if is_exact:
-                noted(blocks, x)
-            result = state(blocks, x, prior, is_sparse)
-            return replace(result, held=held, renders=done, converged=converged, trace=trace)
-        if is_exact and max(block.change(x) for block in blocks) > FAR:
-            blocks = rendered(x)
+        is_searching = is_first and is_far
+        if converged:
+            is_searching |= search.continues(blocks, x, weights)
+        is_first = False
+        if is_searching and is_far:
+            start, weights = x, weigh(x)
+            if is_exact and max(block.change(x) for block in blocks) > FAR:
+                blocks = rendered(x)
+    if is_exact:
+        noted(blocks, x)
+    result = state(blocks, x, prior, is_sparse)
+    return replace(result, held=held, renders=done, converged=converged, trace=trace)
 
 
 def nearest(blocks, x, prior: Prior, is_sparse: bool) -> tuple[np.ndarray, bool]:

@@ -87,7 +87,12 @@ def _draw_image(part, fitted) -> None:
     bar.set_label(f"radiance ({typeset_unit(RADIANCE)})")
     drawn = residual.imshow(fitted.residual, vmin=-SIGMAS, vmax=SIGMAS, cmap="RdBu_r")
     rms = np.sqrt(np.nanmean(fitted.residual**2))
-    residual.set_title(f"measured - predicted, rms {rms:.2f}", fontsize=9)
+    title = f"measured - predicted, rms {rms:.2f}"
+    if fitted.bad_pixels:
+        rows, columns = zip(*fitted.bad_pixels)
+        residual.plot(columns, rows, "xk", markersize=4)
+        title += f" (x: {len(rows)} left out)"
+    residual.set_title(title, fontsize=9)
     of_residual = part.colorbar(drawn, ax=residual, shrink=0.85, extend="both", pad=0.02)
     of_residual.set_label("standard deviations")
     for panel in (measured, predicted, residual):
