@@ -266,9 +266,13 @@ def of_scenario(what: str, request: Request) -> tuple[str, list[Section]]:
         )
         audit = audit_of(view, request.seed)
     title = f"{scenario.name}: {scenario.title}"
+    seen, by = view.band.label, setting.detector.band.label
+    unweighted = f"of the scene's {seen}, not of the response {by}: the scene has no parameter band"
+    remarks = [Remarks([f"intensities and facets are those {unweighted}"])] if seen != by else []
     return title, [
         *image.sections(),
         *contrast.sections(),
+        *([Section("Band of the intensities", remarks)] if remarks else []),
         *signature.sections(scene=view),
         *audit,
         scenario_section(scenario),

@@ -7,7 +7,12 @@ import numpy as np
 
 from mi_lcair.camera.electronics.calibration import Correction, two_point
 from mi_lcair.camera.electronics.frames import Pattern, counts, frame, signal_of
-from mi_lcair.camera.electronics.response import apparent_temperature, electron_band, in_kelvin
+from mi_lcair.camera.electronics.response import (
+    apparent_temperature,
+    electron_band,
+    electrons,
+    in_kelvin,
+)
 from mi_lcair.camera.exposure import detector_mean
 from mi_lcair.camera.optics import Optics, Turbulence
 from mi_lcair.detection.irradiance import Backdrop
@@ -34,14 +39,16 @@ class Camera:
     band : Band
         Band of the detector. Its in-band value of a spectral radiance is a number of electrons.
     optics : Optics
+    design : Correction
+        Relative illumination of the pixels, and electrons of the optics' own emission in each.
     background : float
-        Electrons of the background in a pixel.
+        Electrons of the background in a pixel on the optical axis, without the optics' emission.
     temperature : float
         Apparent temperature of the background, K, or COLDEST_K if that is more.
     pattern : Pattern
         Fixed pattern of the detector array.
     correction : Correction
-        Non-uniformity correction, which changes nothing without `nuc`.
+        Non-uniformity correction; that of the `design` without `nuc`.
     seed : int
         Seed of the noise and of the fixed pattern.
     """
@@ -49,6 +56,7 @@ class Camera:
     imager: Imager
     band: Band
     optics: Optics
+    design: Correction
     background: float
     temperature: float
     pattern: Pattern
@@ -67,13 +75,16 @@ class Camera:
         band = electron_band(detector.band, imager, detector.optics_transmittance)
         background = detector_mean(behind, band)
         temperature = max(float(apparent_temperature(band, background)), COLDEST_K)
-        pattern, correction = Pattern.of(imager, seed), Correction()
+        design = correction = Correction(imager.illumination, glow(imager, detector))
+        pattern = Pattern.of(imager, seed)
         if imager.nuc:
-            correction = two_point(imager, pattern, band, temperature, seed)
+            correction = two_point(imager, pattern, design, band, temperature, seed)
         thermal = partial(spectral_radiance, temperature=DIFFRACTION_K)
         optics = Optics(imager, band, thermal, turbulence)
         optics.check_spread()
-        return Camera(imager, band, optics, background, temperature, pattern, correction, seed)
+        return Camera(
+            imager, band, optics, design, background, temperature, pattern, correction, seed
+        )
 
     def frames(self, signal: np.ndarray, count: int) -> np.ndarray:
         """Counts of frames of a scene with these mean electrons (H, W), (count, H, W)."""
@@ -93,9 +104,24 @@ class Camera:
         """Channels, K, of the mean electrons of pixels, and of their standard error.
 
         They are the apparent temperature, the rendering's standard error, and the noise in time.
+        Both arguments are of the scene, before the optics' illumination and emission.
         """
+        noise = self.imager.noise(self.design.undone(signal)) / self.design.gain
         return {
             "mean_temperature.Y": apparent_temperature(self.band, signal),
             "stderr_K.Y": in_kelvin(self.band, signal, error),
-            "noise_K.Y": in_kelvin(self.band, signal, self.imager.noise(signal)),
+            "noise_K.Y": in_kelvin(self.band, signal, noise),
         }
+
+
+def glow(imager: Imager, detector: Detector) -> float:
+    """Electrons in a pixel of what the optics emit, which fills the cone of the f-number.
+
+    Raises InputError if emissivity and transmittance of the optics add up to more than 1.
+    """
+    emissivity = imager.emissivity_of_optics(detector.optics_transmittance)
+    if emissivity == 0:
+        return 0.0
+    return float(
+        electrons(electron_band(detector.band, imager, emissivity), imager.optics_temperature)
+    )

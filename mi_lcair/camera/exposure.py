@@ -36,8 +36,8 @@ class Exposure:
     Attributes
     ----------
     contrast, radiance : ndarray
-        Electrons of a pixel, and in-band radiance at the aperture, W m^-2 sr^-1, of each sample,
-        less those of the background that the model hides.
+        Electrons of a pixel, and in-band radiance at the aperture with the detector's response, W
+        m^-2 sr^-1, of each sample, less those of the background that the model hides.
     error : ndarray
         Standard error of `contrast` from the rendering, electrons.
     share : ndarray
@@ -163,7 +163,7 @@ def exposure(setting: Setting, view: CameraView, sampling: Sampling, detector: B
     variance = image((per_radiance * total.standard_error()[on]) ** 2)
     return Exposure(
         contrast=image(arriving(detector)),
-        radiance=image(arriving(scene.band)),
+        radiance=image(arriving(setting.detector.band)),
         error=np.sqrt(variance) * OVERSAMPLING / view.parts,
         share=image(share),
         intensities=intensities,

@@ -50,7 +50,7 @@ def record_image(scenario: Scenario, frames: int, seed: int, progress) -> Image:
         exposed = exposure(setting, view, scenario.render.of_image(progress), camera.band)
     render_seconds = time.perf_counter() - rendering
 
-    radiance = detector_mean(behind, scene.band)
+    radiance = detector_mean(behind, setting.detector.band)
     frame_counts, channels, share = developed(camera, view, exposed, radiance, frames)
     measures = measured(
         camera,
@@ -115,7 +115,8 @@ def developed(
         pixel that the target fills (H, W).
     """
     optics = camera.optics
-    signal = np.maximum(camera.background + optics.seen(exposed.contrast, view.around), 0)
+    scene = np.maximum(camera.background + optics.seen(exposed.contrast, view.around), 0)
+    signal = camera.design.undone(scene)
     error = np.sqrt(optics.variance(exposed.error**2, view.around))
     frame_counts = camera.frames(signal, frames)
     channels = {
@@ -123,7 +124,7 @@ def developed(
         "electrons.Y": signal,
         "counts.Y": frame_counts[0],
         "temperature.Y": camera.temperatures(frame_counts[0]),
-        **camera.mean_temperatures(signal, error),
+        **camera.mean_temperatures(scene, error),
     }
     return frame_counts, channels, optics.seen(exposed.share, view.around)
 

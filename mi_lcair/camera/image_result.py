@@ -36,10 +36,11 @@ class Image(Result):
     counts : ndarray of uint16, shape (frames, H, W)
         Frames of the same scene with independent noise.
     channels : dict of str to ndarray, float32 (H, W)
-        apparent.Y: radiance at the aperture, W m^-2 sr^-1, as the optics blur it. electrons.Y: mean
-        electrons of the signal. counts.Y, temperature.Y: counts of the first frame, and their
-        apparent temperature, K. mean_temperature.Y: that of the mean electrons. stderr_K.Y and
-        noise_K.Y: standard error of the rendering, and noise of the camera in time, K.
+        apparent.Y: radiance at the aperture with the detector's response, W m^-2 sr^-1, as the
+        optics blur it. electrons.Y: mean electrons of the signal with the optics' emission.
+        counts.Y, temperature.Y: counts of the first frame, and their apparent temperature, K.
+        mean_temperature.Y: that of the mean electrons. stderr_K.Y and noise_K.Y: standard error of
+        the rendering, and noise of the camera in time, K.
     header : dict
         Header of the EXR.
     measures : Measures
@@ -56,7 +57,7 @@ class Image(Result):
     exposure : Exposure
         The render.
     correction : Correction
-        Non-uniformity correction, which changes nothing without `nuc`.
+        Non-uniformity correction; without `nuc` that of the optics' illumination and emission.
     remarks : list of str
         Limits of the results, one line each.
     seconds, render_seconds : float

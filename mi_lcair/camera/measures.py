@@ -24,18 +24,19 @@ EDGE_SLOPE = 0.08749
 BINS = 4  # bins of the edge spread function in a pixel, as in ISO 12233
 
 
-def netd(imager: Imager, electron_band: Band, temperature: float) -> float:
+def netd(imager: Imager, electron_band: Band, temperature: float, glow: float = 0.0) -> float:
     """Noise-equivalent temperature difference at a temperature, K, in closed form.
 
-    The noise of a pixel in time divided by the change of its electrons with temperature.
+    The noise of a pixel in time divided by the change of its electrons with temperature. glow:
+    electrons of the optics' emission in it.
     """
-    signal = float(electrons(electron_band, temperature))
+    signal = float(electrons(electron_band, temperature)) + glow
     return float(imager.noise(signal)) / electrons_per_kelvin(electron_band, temperature)
 
 
-def shot_noise_netd(electron_band: Band, temperature: float) -> float:
-    """NETD, K, of a camera whose only noise is the shot noise of the signal."""
-    signal = float(electrons(electron_band, temperature))
+def shot_noise_netd(electron_band: Band, temperature: float, glow: float = 0.0) -> float:
+    """NETD, K, of a camera whose only noise is the shot noise of signal and glow."""
+    signal = float(electrons(electron_band, temperature)) + glow
     return np.sqrt(signal) / electrons_per_kelvin(electron_band, temperature)
 
 
@@ -57,15 +58,17 @@ def uniform_frames(
     )
 
 
-def measured_netd(imager: Imager, electron_band: Band, temperature: float, seed: int) -> float:
+def measured_netd(
+    imager: Imager, electron_band: Band, temperature: float, seed: int, glow: float = 0.0
+) -> float:
     """NETD, K, from frames of a uniform blackbody at `temperature`, K.
 
     It is the standard deviation of the apparent temperature in time, rms over the pixels. Its own
     relative standard error is 0.3 %.
     """
-    signal = float(electrons(electron_band, temperature))
+    signal = float(electrons(electron_band, temperature)) + glow
     recorded = signal_of(imager, uniform_frames(imager, signal, seed).astype(float))
-    apparent = apparent_temperature(electron_band, recorded)
+    apparent = apparent_temperature(electron_band, recorded - glow)
     return float(np.sqrt(apparent.var(axis=0, ddof=1).mean()))
 
 

@@ -52,7 +52,8 @@ def header(
     scenario: Scenario, scene, exposed: Exposure, measures: Measures, bounces: int, frames, seed
 ) -> dict:
     """Header of the EXR: the scenario, the camera, its measures and the versions."""
-    camera = {f"camera_{name}": value for name, value in asdict(scenario.camera).items()}
+    given = {name: value for name, value in asdict(scenario.camera).items() if value is not None}
+    camera = {f"camera_{name}": value for name, value in given.items()}
     return {
         "scenario": scenario.name,
         "scene": scene.name,

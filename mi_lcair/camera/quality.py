@@ -23,8 +23,9 @@ class Measures:
     temperature : float
         Apparent temperature of the background, K, or COLDEST_K if that is more. The NETD is stated
         there.
-    background : float
-        Electrons of the background in a pixel.
+    background, glow : float
+        Electrons of the background in a pixel on the optical axis, and of the optics' emission, of
+        which `background` holds as many.
     noise : float
         Noise of such a pixel, electrons: in time, and without `nuc` the fixed pattern too.
     netd, netd_measured, netd_shot : float or None
@@ -47,6 +48,7 @@ class Measures:
 
     temperature: float
     background: float
+    glow: float
     noise: float
     netd: float
     netd_measured: float | None
@@ -63,6 +65,7 @@ class Measures:
         return {
             "temperature_K": self.temperature,
             "background_electrons": self.background,
+            "glow_electrons": self.glow,
             "noise_electrons": self.noise,
             "netd_K": self.netd,
             "netd_measured_K": self.netd_measured,
@@ -93,17 +96,18 @@ def measured(
     pixels : float
         Number of pixels on the target.
     """
-    imager, band, background = camera.imager, camera.band, camera.background
+    imager, band, glow = camera.imager, camera.band, camera.design.offset
+    background = camera.background + glow
     pattern = 0.0
     if not imager.nuc:
         pattern = np.hypot(imager.gain_nonuniformity * background, imager.offset_nonuniformity_e)
     noise = float(np.hypot(imager.noise(background), pattern))
     frequency, value = measured_mtf(camera.optics)
-    difference = signal - background
+    difference = signal - camera.design.undone(camera.background)
     on = share >= 0.5
     on = on if on.any() else share >= share.max()
     # The well must hold the uniform scene and its noise, and counts must resolve the noise
-    uniform_signal = electrons(band, camera.temperature)
+    uniform_signal = electrons(band, camera.temperature) + glow
     uniform_noise = imager.noise(uniform_signal)
     held = uniform_signal + imager.dark + 6 * uniform_noise < imager.well
     resolved = uniform_noise > SMALLEST_NOISE * imager.electrons_per_count
@@ -111,12 +115,13 @@ def measured(
     return Measures(
         temperature=camera.temperature,
         background=background,
+        glow=glow,
         noise=noise,
-        netd=netd(imager, band, camera.temperature),
-        netd_measured=measured_netd(uniform, band, camera.temperature, camera.seed)
+        netd=netd(imager, band, camera.temperature, glow),
+        netd_measured=measured_netd(uniform, band, camera.temperature, camera.seed, glow)
         if held and resolved
         else None,
-        netd_shot=float(shot_noise_netd(band, camera.temperature)),
+        netd_shot=float(shot_noise_netd(band, camera.temperature, glow)),
         mtf={"frequency": frequency, "predicted": camera.optics.mtf(frequency), "measured": value},
         pixels=pixels,
         peak_snr=float(np.abs(difference).max() / noise),

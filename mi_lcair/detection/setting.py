@@ -113,7 +113,7 @@ def target_scene(scenario: Scenario, detector: Detector) -> Scene:
     """The scene with the parameters of the scenario, in a band that holds the detector's."""
     parameters, source = scenario.scene_parameters(), scenario.target.scene
     if "band" in survey(scenes.file_of(source), parameters):
-        parameters["band"] = scenario.sensor.band
+        parameters["band"] = scenario.sensor.response or scenario.sensor.band
     scene = load(source, **parameters)
     if scenario.target.solution is not None:
         apply_solution(scene, scenario.target.solution)

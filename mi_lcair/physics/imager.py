@@ -16,6 +16,7 @@ NARROWEST_DEG, WIDEST_DEG = 1e-4, 150.0  # width and height of a frame, degrees
 # Counts below zero signal, as a fraction of the largest count. Read noise would be clipped at 0.
 PEDESTAL = 1 / 64
 PROJECTIONS = ("perspective", "orthographic")
+LENSES = ("aplanatic", "thin")
 POSITIVE, NOT_NEGATIVE = within(is_positive=True), within(lower=0)
 SHARE, ASIDE = within(is_positive=True, upper=1), within(lower=-45, upper=45)
 
@@ -38,6 +39,18 @@ class Imager:
         Largest number of electrons of a pixel, in millions.
     quantum_efficiency : float
         Electrons per photon, in (0, 1]. A response of [sensor] multiplies it.
+    lens : str
+        What the f-number N means: "aplanatic" for optics that obey Abbe's sine condition, with the
+        solid angle pi / (4 N^2), or "thin" with pi / (4 N^2 + 1).
+    cos4 : bool
+        Whether the light falls as cos^4 of the angle from the optical axis.
+    vignetting : float
+        Share of the light that rims hold back in the frame's corner, 0..0.99. It grows with the
+        square of the distance from the optical axis.
+    optics_temperature : float, optional
+        Temperature of the optics, K, whose emission reaches the detector. None for cold optics.
+    optics_emissivity : float, optional
+        Emissivity of the optics, by default 1 less optics_transmittance of [sensor].
     fill_factor : float
         Share of the pixel's square that is sensitive, in (0, 1].
     read_noise_e : float
@@ -77,6 +90,13 @@ class Imager:
     integration_time_ms: float = field(metadata=POSITIVE)
     well_Me: float = field(metadata=POSITIVE)
     quantum_efficiency: float = field(default=1.0, metadata=SHARE)
+    lens: str = "aplanatic"
+    cos4: bool = False
+    vignetting: float = field(default=0.0, metadata=within(lower=0, upper=0.99))
+    optics_temperature: float | None = field(
+        default=None, metadata=within(is_positive=True, unit="K")
+    )
+    optics_emissivity: float | None = field(default=None, metadata=within(lower=0, upper=1))
     fill_factor: float = field(default=1.0, metadata=SHARE)
     read_noise_e: float = field(default=0.0, metadata=NOT_NEGATIVE)
     dark_current_e_s: float = field(default=0.0, metadata=NOT_NEGATIVE)
@@ -105,20 +125,53 @@ class Imager:
                     f"[camera]: the {name} of the frame is {angle:.3g} degrees; must lie in "
                     f"{NARROWEST_DEG:g}..{WIDEST_DEG:g}; change focal_length_mm, pitch_um or {name}"
                 )
-        if self.projection not in PROJECTIONS:
+        for name, known in (("projection", PROJECTIONS), ("lens", LENSES)):
+            if (value := getattr(self, name)) not in known:
+                raise InputError(f"[camera]: {name} = {value}; must be {' or '.join(known)}")
+        if self.cos4 and self.projection == "orthographic":
             raise InputError(
-                f"[camera]: projection = {self.projection}; must be {' or '.join(PROJECTIONS)}"
+                "[camera]: cos4 needs projection = perspective; all rays of an orthographic "
+                "camera are parallel to its axis"
             )
+        if self.optics_emissivity is not None and self.optics_temperature is None:
+            raise InputError("[camera]: optics_emissivity needs optics_temperature")
 
     @property
     def solid_angle(self) -> float:
-        """Projected solid angle of the exit pupil seen from a pixel, sr.
+        """Projected solid angle of the exit pupil seen from a pixel on the axis, sr.
 
-        It is pi sin^2 of the cone's half angle, and 1 / (2 sin) is the f-number of optics that obey
-        Abbe's sine condition: pi / (4 N^2). The form pi / (4 N^2 + 1), with 1 / (2 tan), belongs to
-        a thin lens without it. It is 1.5 % less at f/4.
+        It is pi sin^2 of the cone's half angle. The f-number is 1 / (2 sin) for optics that obey
+        Abbe's sine condition, and 1 / (2 tan) for a thin lens without it. The latter has 3.8 % less
+        at f/2.5, and 1.5 % less at f/4.
         """
-        return float(np.pi / (4 * self.f_number**2))
+        return float(np.pi / (4 * self.f_number**2 + (self.lens == "thin")))
+
+    @property
+    def illumination(self) -> np.ndarray:
+        """Light of an even scene in each pixel, relative to the optical axis, (height, width)."""
+        columns, rows = (
+            (np.arange(n) + 0.5 - n / 2) * self.pixel_angle for n in (self.width, self.height)
+        )
+        squared = columns**2 + rows[:, None] ** 2  # of the angle's tangent
+        corner = (self.width**2 + self.height**2) * self.pixel_angle**2 / 4
+        by_angle = (1 + squared) ** -2 if self.cos4 else 1.0
+        return by_angle * (1 - self.vignetting * squared / corner)
+
+    def emissivity_of_optics(self, transmittance: float) -> float:
+        """Emissivity of optics with this transmittance; 0 for cold optics.
+
+        Raises InputError if it and the transmittance are more than 1.
+        """
+        if self.optics_temperature is None:
+            return 0.0
+        if self.optics_emissivity is None:
+            return 1 - transmittance
+        if self.optics_emissivity + transmittance > 1 + 1e-9:
+            raise InputError(
+                f"[camera]: optics_emissivity = {self.optics_emissivity:g} and optics_transmittance"
+                f" = {transmittance:g} of [sensor] add up to more than 1"
+            )
+        return self.optics_emissivity
 
     @property
     def pixel_area(self) -> float:

@@ -5,9 +5,11 @@ import pytest
 
 from mi_lcair.api.contrast import contrast
 from mi_lcair.api.image import image
+from mi_lcair.api.signature import signature
 from mi_lcair.camera.electronics.frames import signal_of
 from mi_lcair.camera.electronics.response import electron_band, electrons
 from mi_lcair.camera.optics import OVERSAMPLING
+from mi_lcair.detection.setting import setting_of
 from mi_lcair.errors import InputError
 from mi_lcair.physics.atmosphere import atmosphere
 from mi_lcair.physics.bands import band
@@ -15,6 +17,7 @@ from mi_lcair.physics.blackbody import (
     LIGHT_SPEED,
     PLANCK,
     brightness_temperature,
+    in_band_radiance,
     spectral_radiance,
 )
 from mi_lcair.physics.sun.sunlight import sunlight
@@ -313,3 +316,67 @@ def test_turbulence_follows_the_range(tmp_path):
 def test_unusable_turbulence(scenario, changes, text):
     with pytest.raises(InputError, match=text):
         image(scenario(**changes))
+
+
+@pytest.mark.parametrize("nuc", [False, True])
+def test_warm_optics(scenario, nuc):
+    """As warm as the background, with a transmittance of 0.8: shot noise rises by sqrt(1 / 0.8).
+
+    The temperatures of the image stay.
+    """
+    warm = {"optics_temperature": 294.0, "read_noise_e": 0.0, "bits": 16, "nuc": nuc}
+    shared = {"sensor__optics_transmittance": 0.8}
+    cold, hot = (
+        image(scenario({"bits": 16, "read_noise_e": 0.0, "nuc": nuc} | camera, **shared))
+        for camera in ({}, warm)
+    )
+    assert hot.measures.netd / cold.measures.netd == pytest.approx(np.sqrt(1 / 0.8), rel=2e-3)
+    assert hot.measures.netd_measured / cold.measures.netd_measured == pytest.approx(
+        np.sqrt(1 / 0.8), rel=0.02
+    )
+    # The glow is 0.2 / 0.8 of the background, which has the same temperature
+    background = cold.measures.background
+    assert hot.measures.glow == pytest.approx(background / 4, rel=1e-6)
+    assert hot.measures.background == pytest.approx(background * 1.25, rel=1e-6)
+    added = hot.channels["electrons.Y"] - cold.channels["electrons.Y"]
+    assert added == pytest.approx(background / 4, rel=1e-4)
+    means = [found.channels["mean_temperature.Y"] for found in (hot, cold)]
+    assert means[0] == pytest.approx(means[1], abs=2e-3)
+    error = (hot.channels["temperature.Y"] - means[0])[:, :10]
+    assert abs(error.mean()) < 5 * hot.measures.netd / np.sqrt(error.size)
+    assert error.std() == pytest.approx(hot.measures.netd, rel=0.15)
+
+
+def test_light_falls_toward_the_corner(scenario):
+    """Electrons fall as cos^4 and by vignetting; temperatures stay, and their noise grows."""
+    wide = {"focal_length_mm": 1.0, "cos4": True, "vignetting": 0.2}
+    wide |= {"read_noise_e": 0.0, "bits": 16}
+    found = image(scenario(wide, observer__range_m=30))
+    even = image(scenario(wide | {"cos4": False, "vignetting": 0.0}, observer__range_m=30))
+    ratio = found.channels["electrons.Y"] / even.channels["electrons.Y"]
+    illumination = found.scenario.camera.illumination
+    assert ratio == pytest.approx(illumination, rel=1e-5) and illumination.min() < 0.5
+    means = [one.channels["mean_temperature.Y"] for one in (found, even)]
+    assert means[0] == pytest.approx(means[1], abs=1e-3)
+    noises = [one.channels["noise_K.Y"][0, 0] for one in (found, even)]
+    assert noises[0] / noises[1] == pytest.approx(illumination[0, 0] ** -0.5, rel=0.03)
+    error = (found.channels["temperature.Y"] - means[0])[:8, :8]
+    assert abs(error.mean()) < 5 * noises[0] / 8
+    assert found.measures.peak_snr == pytest.approx(even.measures.peak_snr, rel=0.02)
+
+
+def test_a_response_weighs_the_radiance(scenario, tmp_path):
+    """`apparent.Y` and the scene are in the detector's band, as the contrast's intensity is."""
+    (tmp_path / "half.csv").write_text("wavelength_um,response\n3,0\n3.5,0.5\n4.5,1\n5,0\n")
+    changes = {"target__parameters": {"temperature": 300}}
+    weighed = scenario(sensor__response=str(tmp_path / "half.csv"), **changes)
+    found = image(weighed)
+    detector = band(str(tmp_path / "half.csv"))
+    outside, inside = (float(in_band_radiance(detector, T)) for T in (294.0, 300.0))
+    assert found.channels["apparent.Y"][0, 0] == pytest.approx(outside, rel=1e-3)
+    assert found.exposure.radiance.max() == pytest.approx(inside - outside, rel=1e-3)
+    setting = setting_of(weighed)
+    part = signature(setting.view, spp=64).target
+    intensity = contrast(weighed).rows[-1].intensity
+    assert part.intensity == pytest.approx(intensity.value, rel=1e-3)
+    assert part.intensity == pytest.approx(inside * AREA, rel=5e-3)

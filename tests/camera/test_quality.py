@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from mi_lcair.camera.electronics.calibration import Correction
 from mi_lcair.camera.electronics.response import electron_band, electrons
 from mi_lcair.camera.measures import netd, shot_noise_netd
 from mi_lcair.camera.optics import Optics
@@ -32,12 +33,13 @@ SHARE = np.array([[0, 0, 0.5, 1], [0, 0.49, 1, 0]])
 ERROR = np.array([[9, 9, 0.1, 0.2], [9, 9, 0.4, 9]])
 
 
-def measures(imager=IMAGER, signal=SIGNAL, share=SHARE, temperature=295.0):
+def measures(imager=IMAGER, signal=SIGNAL, share=SHARE, temperature=295.0, design=Correction()):
     electron = electron_band(band("MWIR"), imager)
     camera = SimpleNamespace(
         imager=imager,
         band=electron,
         optics=Optics(imager, electron, np.ones_like),
+        design=design,
         background=LEVEL,
         temperature=temperature,
         seed=3,
@@ -64,6 +66,25 @@ def test_pixels_on_the_target():
     # A target smaller than a pixel counts where it fills most
     assert measures(share=0.4 * SHARE).render_error == pytest.approx(np.sqrt(0.1), rel=1e-9)
     assert measures().pixels == 2.5 and measures().saturated == 1 / 8
+
+
+def test_the_optics_emission_is_noise():
+    """NETD of twice the electrons of the uniform scene: its own ones and as many of the optics."""
+    signal = float(electrons(BAND, 295.0))
+    warm = measures(design=Correction(np.array([1, 1, 1, 0.5]), signal))
+    count = 4e6 / (16383 * 63 / 64)
+    other = 700**2 + count**2 / 12
+    cold = measures()
+    assert warm.netd / cold.netd == pytest.approx(
+        np.sqrt((2 * signal + other) / (signal + other)), rel=1e-9
+    )
+    assert warm.netd_shot / cold.netd_shot == pytest.approx(np.sqrt(2), rel=1e-9)
+    assert warm.netd_measured == pytest.approx(warm.netd, rel=0.015)
+    assert warm.background == LEVEL + signal and warm.glow == signal and cold.glow == 0
+    pattern = np.hypot(0.01 * (LEVEL + signal), 2000)
+    assert warm.noise == pytest.approx(np.hypot(np.sqrt(LEVEL + signal + other), pattern), rel=1e-9)
+    even = LEVEL * np.array([1, 1, 1, 0.5]) + signal + np.zeros((2, 1))
+    assert measures(design=Correction(np.array([1, 1, 1, 0.5]), signal), signal=even).snr == 0
 
 
 def test_netd():

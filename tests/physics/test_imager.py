@@ -30,6 +30,43 @@ def test_optics():
     assert IMAGER.angle_deg(200) == pytest.approx(np.degrees(2 * np.arctan(0.04)))
 
 
+def test_what_the_f_number_means():
+    """A thin lens at f/2.5 has 1 / 26 less than pi / 25, as tan = 1 / (2 N) in place of sin."""
+    thin = replace(IMAGER, lens="thin")
+    assert thin.solid_angle == pytest.approx(np.pi / 26, rel=1e-12)
+    assert thin.solid_angle == pytest.approx(np.pi * np.sin(np.arctan(0.2)) ** 2, rel=1e-12)
+
+
+def test_relative_illumination():
+    """cos^4 of 31 degrees is 0.54; rims hold back the square of the distance from the axis."""
+    wide = replace(
+        IMAGER, width=101, height=51, focal_length_mm=20 * 50e-3 / np.tan(np.radians(31))
+    )
+    assert np.all(wide.illumination == 1)
+    falling = replace(wide, cos4=True).illumination
+    assert falling.shape == (51, 101) and falling[25, 50] == 1
+    assert falling[25, 100] == pytest.approx(np.cos(np.radians(31)) ** 4, rel=1e-12)
+    assert falling[25, 100] == pytest.approx(0.54, abs=1e-3)
+    angle = np.arctan(np.tan(np.radians(31)) * np.hypot(50, 25) / 50)
+    assert falling[[0, 0, -1, -1], [0, -1, 0, -1]] == pytest.approx(np.cos(angle) ** 4, rel=1e-12)
+    held_back = replace(wide, vignetting=0.3).illumination
+    corner = np.hypot(50, 25) / np.hypot(50.5, 25.5)  # the middle of its pixel
+    assert held_back[0, 0] == pytest.approx(1 - 0.3 * corner**2, rel=1e-12)
+    assert held_back[25, 50 + 20] == pytest.approx(1 - 0.3 * 400 / (50.5**2 + 25.5**2), rel=1e-12)
+    both = replace(wide, cos4=True, vignetting=0.3).illumination
+    assert both == pytest.approx(falling * held_back, rel=1e-12)
+
+
+def test_emissivity_of_the_optics():
+    warm = replace(IMAGER, optics_temperature=290.0)
+    assert IMAGER.emissivity_of_optics(0.8) == 0
+    assert warm.emissivity_of_optics(0.8) == pytest.approx(0.2)
+    grey = replace(warm, optics_emissivity=0.15)
+    assert grey.emissivity_of_optics(0.85) == 0.15
+    with pytest.raises(InputError, match="optics_emissivity = 0.15 and optics_transmittance = 0.9"):
+        grey.emissivity_of_optics(0.9)
+
+
 def test_electrons_and_counts():
     assert (IMAGER.seconds, IMAGER.well) == (0.004, 3e6)
     assert IMAGER.dark == pytest.approx(2e4, rel=1e-12)
@@ -71,6 +108,11 @@ def test_defaults_are_those_of_an_ideal_camera_of_14_bits():
         ({"right_deg": 45.1}, "right_deg = 45.1; must lie in -45..45"),
         ({"up_deg": -45.1}, "up_deg = -45.1; must lie in -45..45"),
         ({"f_number": 0.49}, "f_number = 0.49; must be 0.5 or more"),
+        ({"lens": "fish"}, "lens = fish; must be aplanatic or thin"),
+        ({"vignetting": 1.0}, "vignetting = 1; must lie in 0..0.99"),
+        ({"cos4": True, "projection": "orthographic"}, "cos4 needs projection = perspective"),
+        ({"optics_temperature": -3.0}, "optics_temperature = -3 K; must be positive"),
+        ({"optics_emissivity": 0.2}, "optics_emissivity needs optics_temperature"),
         ({"fill_factor": 0.0}, "fill_factor = 0; must be positive and at most 1"),
         ({"width": 1, "pitch_um": 4000.0}, "the height of the frame is 152 degrees"),
         ({"width": 1, "height": 1, "pitch_um": 0.08}, "the width of the frame is 9.17e-05 deg"),

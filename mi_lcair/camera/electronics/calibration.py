@@ -32,13 +32,23 @@ class Correction:
         """Corrected electrons of the signal."""
         return (signal - self.offset) / self.gain
 
+    def undone(self, corrected) -> np.ndarray:
+        """The signal of which these are the corrected electrons."""
+        return corrected * self.gain + self.offset
+
 
 def two_point(
-    imager: Imager, pattern: Pattern, electron_band: Band, temperature: float, seed: int
+    imager: Imager,
+    pattern: Pattern,
+    design: Correction,
+    electron_band: Band,
+    temperature: float,
+    seed: int,
 ) -> Correction:
     """Correction from two uniform blackbodies SPAN_K below and above `temperature`, K.
 
-    Each is the mean of AVERAGED frames. What is left of the fixed pattern is their noise.
+    Each is the mean of AVERAGED frames. What is left of the fixed pattern is their noise. The
+    correction holds that of the optics' `design`, too.
 
     Raises
     ------
@@ -47,20 +57,22 @@ def two_point(
     """
     cold, warm = temperature - SPAN_K, temperature + SPAN_K
     low, high = (float(electrons(electron_band, T)) for T in (cold, warm))
-    if not high - low > DISTINCT * float(imager.noise(high)):
+    most = float(np.max(design.undone(high)))
+    noise = float(imager.noise(most))
+    if not high - low > DISTINCT * noise:
         raise InputError(
             f"[camera]: nuc looks at blackbodies of {cold:.4g} and {warm:.4g} K, which differ by "
-            f"{high - low:.3g} electrons with a noise of {float(imager.noise(high)):.3g}; lengthen "
+            f"{high - low:.3g} electrons with a noise of {noise:.3g}; lengthen "
             "integration_time_ms, or leave nuc out"
         )
-    if high * pattern.gain.max() + imager.dark >= imager.well:
+    if most * pattern.gain.max() + imager.dark >= imager.well:
         raise InputError(
             f"[camera]: nuc looks at a blackbody of {warm:.4g} K, which gives "
-            f"{1e-6 * high:.4g} Me and saturates the well of {imager.well_Me:g} Me; shorten "
+            f"{1e-6 * most:.4g} Me and saturates the well of {imager.well_Me:g} Me; shorten "
             "integration_time_ms"
         )
     first, second = (
-        frame(imager, pattern, level, seed, SCENES + k, AVERAGED) - imager.dark
+        frame(imager, pattern, design.undone(level), seed, SCENES + k, AVERAGED) - imager.dark
         for k, level in enumerate((low, high))
     )
     gain = (second - first) / (high - low)

@@ -57,7 +57,10 @@ def measured(image) -> list[tuple[str, str]]:
         (
             "background",
             f"{measures.temperature:.5g} K, {1e-6 * measures.background:.4g} Me of "
-            f"{camera.well_Me:g} Me in {camera.integration_time_ms:g} ms",
+            f"{camera.well_Me:g} Me in {camera.integration_time_ms:g} ms"
+            + (
+                f", of which {1e-6 * measures.glow:.4g} Me from the optics" if measures.glow else ""
+            ),
         ),
         ("count", f"{camera.electrons_per_count:.5g} electrons, {camera.bits} bits"),
         (

@@ -26,12 +26,29 @@ def test_without_a_correction_nothing_changes():
     assert Correction(gain=2.0, offset=1.0).applied(np.array([5.0])) == 2
 
 
+def test_a_correction_is_undone():
+    correction = Correction(gain=np.array([2.0, 0.5]), offset=3.0)
+    assert correction.undone(10.0).tolist() == [23.0, 8.0]
+    assert correction.applied(correction.undone(10.0)).tolist() == [10, 10]
+
+
+def test_the_optics_are_corrected_with_the_pattern():
+    """Illumination multiplies the gains; the optics' emission adds to the offsets."""
+    pattern, level = Pattern.of(IMAGER, 5), 2e5
+    design = Correction(np.linspace(0.6, 1, 80), level)
+    correction = two_point(IMAGER, pattern, design, BAND, 295.0, seed=5)
+    assert correction.gain == pytest.approx(pattern.gain * design.gain, abs=0.01)
+    assert np.mean(correction.gain / pattern.gain / design.gain) == pytest.approx(1, abs=2e-4)
+    rest = correction.offset - pattern.offset - level * pattern.gain
+    assert abs(rest.mean()) < 5 * rest.std() / np.sqrt(rest.size)
+
+
 def test_gains_and_offsets_are_those_of_the_pattern():
     """Their errors are those of two means of 64 frames, and a dead pixel has a gain of 1."""
     imager = replace(IMAGER, dark_current_e_s=2e7)
     pattern = Pattern.of(imager, 5)
     pattern.gain[3, 4] = 0.0
-    correction = two_point(imager, pattern, BAND, 295.0, seed=5)
+    correction = two_point(imager, pattern, Correction(), BAND, 295.0, seed=5)
     low, high = electrons(BAND, np.array([285.0, 305.0]))
     assert correction.gain[3, 4] == 1
     live = np.arange(pattern.gain.size).reshape(pattern.gain.shape) != 3 * 80 + 4
@@ -49,7 +66,7 @@ def test_gains_and_offsets_are_those_of_the_pattern():
 def test_non_uniformity_correction():
     """What is left of the fixed pattern is the noise of the frames of the uniform scenes."""
     pattern = Pattern.of(IMAGER, 5)
-    correction = two_point(IMAGER, pattern, BAND, 295.0, seed=5)
+    correction = two_point(IMAGER, pattern, Correction(), BAND, 295.0, seed=5)
     signal = float(electrons(BAND, 301.0))
     frames = np.mean([frame(IMAGER, pattern, signal, 5, k) for k in range(64)], axis=0)
     raw, corrected = (
@@ -66,7 +83,7 @@ def test_non_uniformity_correction():
 def test_the_uniform_scenes_have_noise_of_their_own():
     """The frames of both scenes, and those of an image, are independent."""
     pattern = Pattern(np.ones((60, 80)), np.zeros((60, 80)))
-    correction = two_point(IMAGER, pattern, BAND, 295.0, seed=5)
+    correction = two_point(IMAGER, pattern, Correction(), BAND, 295.0, seed=5)
     low, high = electrons(BAND, np.array([285.0, 305.0]))
     first, second = (correction.offset + correction.gain * level - level for level in (low, high))
     image = frame(IMAGER, pattern, low, 5, 0, 64) - low
@@ -81,10 +98,10 @@ def test_the_pixel_with_the_largest_gain_must_not_saturate(changes, fits):
     pattern = Pattern(np.full((60, 80), 1.0), np.zeros((60, 80)))
     pattern.gain[0, 0] = changes["gain"]
     if fits:
-        two_point(camera, pattern, BAND, 295.0, seed=0)
+        two_point(camera, pattern, Correction(), BAND, 295.0, seed=0)
         camera = replace(camera, dark_current_e_s=100 * 0.06 * warm)  # 0.06 of it in 10 ms
     with pytest.raises(InputError, match="saturates"):
-        two_point(camera, pattern, BAND, 295.0, seed=0)
+        two_point(camera, pattern, Correction(), BAND, 295.0, seed=0)
 
 
 def test_correction_that_saturates():
@@ -94,7 +111,7 @@ def test_correction_that_saturates():
     with pytest.raises(
         InputError, match=f"305 K, which gives {level} Me and saturates the well of 4.98 Me"
     ):
-        two_point(slow, Pattern.of(slow, 0), band_of_slow, 295.0, seed=0)
+        two_point(slow, Pattern.of(slow, 0), Correction(), band_of_slow, 295.0, seed=0)
 
 
 def test_scenes_that_noise_hides():
@@ -102,8 +119,9 @@ def test_scenes_that_noise_hides():
     low, high = electrons(BAND, np.array([285.0, 305.0]))
     read_noise = np.sqrt(((high - low) / 10) ** 2 - high)  # about
     pattern = Pattern.of(IMAGER, 0)
-    two_point(replace(IMAGER, read_noise_e=0.97 * read_noise), pattern, BAND, 295.0, seed=0)
+    quiet = replace(IMAGER, read_noise_e=0.97 * read_noise)
+    two_point(quiet, pattern, Correction(), BAND, 295.0, seed=0)
     noisy = replace(IMAGER, read_noise_e=1.03 * read_noise)
     words = f"differ by {high - low:.3g} electrons with a noise of {float(noisy.noise(high)):.3g};"
     with pytest.raises(InputError, match=re.escape(words)):
-        two_point(noisy, pattern, BAND, 295.0, seed=0)
+        two_point(noisy, pattern, Correction(), BAND, 295.0, seed=0)
