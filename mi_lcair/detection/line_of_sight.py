@@ -21,10 +21,10 @@ from mi_lcair.physics.air.slant_table import is_slant, slant_table
 from mi_lcair.physics.atmosphere import HEIGHT_M, atmosphere, clear_air_name
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.detector import Detector
-from mi_lcair.physics.sky import clear_name, has_elevations, mean_nodes, spectrum
-from mi_lcair.physics.spectrum import Spectrum
-from mi_lcair.physics.sun.daytime_sky import daytime_sky
-from mi_lcair.physics.sun.sunlight import sunlight
+from mi_lcair.physics.sky import clear_name
+from mi_lcair.physics.sun.daytime_sky import ClearSky
+from mi_lcair.physics.surroundings.skies import CLEAR, TableSky, sky_of
+from mi_lcair.physics.surroundings.surroundings import ATMOSPHERE
 
 CLOSE_M = 0.5  # difference of two ranges that is rounding of a table in km
 
@@ -160,26 +160,22 @@ def backdrop(scenario: Scenario, detector: Detector, sight: Sight) -> Backdrop:
             f"the line of sight looks up, by {upward:g} degrees, where no ground is behind the "
             "target; give [background] a sky"
         )
-    has_direction = behind.daytime_sky is not None or has_elevations(behind.sky)
-    if has_direction and upward < 0:
+    sky = sky_behind(scenario, HEIGHT_M if sight.observer_m is None else sight.observer_m)
+    if sky.by_elevation and upward < 0:
         raise InputError(
             f"the line of sight looks down, by {-upward:g} degrees, where no sky is behind "
             "the target; give [background] a temperature or ground_temperature"
         )
-    height_m = HEIGHT_M if sight.observer_m is None else sight.observer_m
-    if behind.daytime_sky is not None:
-        weather = weather_of(scenario, behind.daytime_sky)
-        sky = daytime_sky(behind.daytime_sky, behind.sun_elevation_deg, height_m, weather)
-        sun = background_sun(scenario)
+    sun = background_sun(scenario)
+    if sun is None:
+        table = sky.at(upward)
+    else:
         direction = from_sun(scenario.observer.azimuth_deg, *sun)
         name = (
             f"{sky.name} by day, {upward:.4g} deg, azimuth {direction.azimuth_deg:.4g} deg from "
             "the sun"
         )
         table = replace(sky.at(upward, direction.azimuth_deg), name=name)
-    else:
-        weather = weather_of(scenario, clear_name(behind.sky))
-        table = spectrum(behind.sky, upward if has_direction else None, height_m, weather)
     table.in_band_radiance(detector.band)  # raises InputError if the table does not cover the band
     return Backdrop(f"sky {table.name}", table.at, table.wavelengths_um)
 
@@ -199,25 +195,14 @@ def weather_of(scenario: Scenario, name: str | None) -> Weather:
     return of_air.weather if same else Weather()
 
 
-def reflected(scenario: Scenario) -> list[tuple[float, Spectrum]]:
-    """Radiance that white ground reflects diffusely, as spectra with factors that add up.
-
-    It is the mean of the sky, weighted by the cosine to the zenith, and by day also the direct sun.
-    """
-    background = scenario.background
-    if background.daytime_sky is not None:
-        name, elevation = background.daytime_sky, background.sun_elevation_deg
-        weather = weather_of(scenario, name)
-        sky = daytime_sky(name, elevation, 0.0, weather)
-        light = sunlight(name, elevation, height_m=0.0, weather=weather)
-        return [(1.0, sky.mean_spectrum()), (np.sin(np.radians(elevation)), light.over(np.pi))]
-    if not has_elevations(background.sky):
-        return [(1.0, spectrum(background.sky))]
-    weather = weather_of(scenario, clear_name(background.sky))
-    return [
-        (weight, spectrum(background.sky, elevation, 0.0, weather))
-        for elevation, weight in zip(*mean_nodes())
-    ]
+def sky_behind(scenario: Scenario, height_m: float) -> ClearSky | TableSky:
+    """The sky of a scenario's background, as it is seen from a height [m]."""
+    behind = scenario.background
+    name = behind.daytime_sky or clear_name(behind.sky)
+    sun = background_sun(scenario)
+    sky = behind.sky if behind.daytime_sky is None else CLEAR
+    elevation = None if sun is None else sun[1]
+    return sky_of(sky, name or ATMOSPHERE, elevation, height_m, weather_of(scenario, name))
 
 
 def ground(scenario: Scenario, detector: Detector, sight: Sight) -> Backdrop:
@@ -228,7 +213,7 @@ def ground(scenario: Scenario, detector: Detector, sight: Sight) -> Backdrop:
     name = f"ground at {temperature:g} K, emissivity {emissivity:g}"
     if emissivity == 1:
         return Backdrop(name, emitted, np.empty(0), sight.to_ground)
-    light = reflected(scenario)
+    light = sky_behind(scenario, 0.0).on_ground
     for _, table in light:
         table.in_band_radiance(detector.band)  # raises InputError if it does not cover the band
 

@@ -20,6 +20,10 @@ from mi_lcair.physics.atmosphere import clear_air_name
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.detector import LOCK_ON, Detector
 from mi_lcair.physics.imager import Imager
+from mi_lcair.physics.materials import hemispherical_emissivity
+from mi_lcair.physics.sky import clear_name
+from mi_lcair.physics.surroundings.skies import sky_name
+from mi_lcair.physics.surroundings.words import Words, number
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.toml_table import filled, required
@@ -32,6 +36,7 @@ FILES = (
     ("target", "solution"),
     ("atmosphere", "table"),
     ("background", "sky"),
+    ("surroundings", "sky"),
     ("sensor", "response"),
 )
 WEATHER = tuple(entry.name for entry in fields(Weather))
@@ -417,6 +422,7 @@ class Scenario:
     pose: Pose = field(default_factory=Pose)
     render: RenderTable = field(default_factory=RenderTable)
     camera: Imager | None = None
+    surroundings: Words | None = None
 
     @staticmethod
     def read(source: str | PathLike[str], **changes: object) -> "Scenario":
@@ -458,14 +464,17 @@ class Scenario:
             locate(tree, path.parent)
             for key, value in changes.items():
                 change(tree, key.split("."), value)
+            if isinstance(tree.get("surroundings"), dict):
+                tree["surroundings"] = dict(map(worded, *zip(*tree["surroundings"].items())))
             for table in tree:
                 if table not in known:
                     raise unknown("table", table, known)
             parts = {
                 table: filled(kind, tree.get(table, {}), f"[{table}]")
                 for table, kind in known.items()
-                if table in tree or table != "camera"
+                if table in tree or table not in ("camera", "surroundings", "background")
             }
+            parts["background"] = background_of(tree, parts)
         except InputError as error:
             raise InputError(f"scenario '{source}': {error}") from None
         return Scenario(name, scenes.first_comment(text), **parts)
@@ -486,6 +495,44 @@ class Scenario:
         }
 
 
+def worded(key: str, value) -> tuple[str, object]:
+    """An entry of [surroundings] with its numbers as text, "288,0.95" for 288 or [288, 0.95]."""
+    values = value if isinstance(value, list) else [value]
+    if all(type(item) in (int, float, str) for item in values):
+        value = ",".join(f"{item}" for item in values)
+    return key, value
+
+
+def background_of(tree: dict, parts: dict) -> Background:
+    """The background of a scenario's tables: [background], or what the surroundings have there."""
+    words = parts.get("surroundings")
+    if words is None:
+        return parts.get("background") or filled(Background, {}, "[background]")
+    if "background" in tree:
+        raise InputError(
+            "[surroundings] and [background]: give one of them; what surrounds the target is also "
+            "behind it"
+        )
+    given = {}
+    if words.sky is not None:
+        name = words.atmosphere if words.sky == "clear" else clear_name(words.sky)
+        if name is not None and words.sun is not None:
+            elevation, azimuth = words.sun_parts
+            given = {
+                "daytime_sky": name,
+                "sun_azimuth_deg": azimuth,
+                "sun_elevation_deg": elevation,
+            }
+        else:
+            given = {"sky": sky_name(words.sky, words.atmosphere)}
+    if words.ground is not None:
+        temperature, material = words.ground_parts
+        emissivity = hemispherical_emissivity(material, band_of(parts["sensor"].band))
+        given |= {"ground_temperature": temperature}
+        given |= {"ground_emissivity": emissivity if words.sky is not None else 1.0}
+    return Background(**given)
+
+
 def locate(tree: dict, folder: Path) -> None:
     """Resolve the paths in a scenario's tree relative to its folder, in place.
 
@@ -496,6 +543,7 @@ def locate(tree: dict, folder: Path) -> None:
         if (
             isinstance(part, dict)
             and isinstance(value := part.get(key), str)
+            and number(value) is None
             and (Path(value).suffix or os.path.isfile(folder / value))
         ):
             part[key] = str(folder / value)

@@ -1,6 +1,6 @@
 """Loading of a thermal scene, with all checks that are possible before rendering."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from os import PathLike
@@ -218,6 +218,16 @@ def load(scene: str | PathLike[str] | mi.Scene, /, **parameters: object) -> Scen
         if parameters:
             raise InputError(f"{parameters_of_loaded(parameters)}; mi.load_file takes them")
         return of_mitsuba(scene)
+    return load_file(scene, parameters)
+
+
+def load_file(
+    scene: str | PathLike[str], parameters: Mapping[str, object], around: Sequence[dict] = ()
+) -> Scene:
+    """Load a scene XML or a bundled scene, see `load`.
+
+    around: properties of emitters that replace sky and sun of the scene, see `Words.emitters`.
+    """
     path = scenes.file_of(scene)
     texts = {name: str(value) for name, value in parameters.items()}
     in_file = {name: text for name, text in texts.items() if not name.startswith(LOBE_OF)}
@@ -227,7 +237,7 @@ def load(scene: str | PathLike[str] | mi.Scene, /, **parameters: object) -> Scen
             raise unknown(f"parameter of {path.name}", name, known)
     with exclusive, searching(path.parent):
         try:
-            loaded = parsed_and_checked(path, in_file)
+            loaded = parsed_and_checked(path, in_file, around)
         except RuntimeError as error:
             raise with_known_plugins(mitsuba_error(error)) from None
     for name in texts.keys() - in_file.keys():
@@ -253,9 +263,9 @@ def of_mitsuba(loaded: mi.Scene) -> Scene:
     return replace(scene, notes=notes, digest=described_digest(loaded))
 
 
-def parsed_and_checked(path: Path, texts: dict[str, str]) -> Scene:
+def parsed_and_checked(path: Path, texts: dict[str, str], around: Sequence[dict]) -> Scene:
     """The Scene of a file, moved to the origin if it is too far away for single precision."""
-    state = parsed(path, texts)
+    state = parsed(path, texts, around)
     check_nodes(state)
     meshes = check_mesh_files(state)
     digest, defaults = source_digest(state), shapes_without_bsdf(state)
@@ -266,7 +276,7 @@ def parsed_and_checked(path: Path, texts: dict[str, str]) -> Scene:
         if step is None:
             break
         origin += step
-        state = parsed(path, texts)
+        state = parsed(path, texts, around)
         move(state, origin)
         loaded = instantiated(state, path)
     check_meshes_near(meshes, state, loaded)

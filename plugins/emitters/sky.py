@@ -13,7 +13,7 @@ from mi_lcair.physics.materials import hemispherical_emissivity
 from mi_lcair.physics.sky import air_mass
 from mi_lcair.physics.surroundings.skies import Blackbody
 from mi_lcair.physics.surroundings.surroundings import ATMOSPHERE, Ground, surroundings
-from mi_lcair.plugins.derivatives import held, same_variables
+from mi_lcair.plugins.derivatives import attached, held, same_variables
 from mi_lcair.plugins.emission.source import Source
 from mi_lcair.plugins.emitters.distant_emitter import DistantEmitter
 from mi_lcair.plugins.emitters.one_sun import check_fits
@@ -24,6 +24,7 @@ from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST, Property
 # distance of the direction's z from that of the horizon; and over the azimuth from the sun
 ROWS, COLUMNS = 128, 90
 NEAREST_DEG = 1e-6  # angle below the horizon of the first row of the ground's tables
+MOST_KEPT = 32  # results that are kept for other values of the parameters
 STEP = 0.1  # of a temperature, for its derivative [K]
 LEAST = 1e-6  # what black ground reflects, so that its light has a derivative in the emissivity
 NO_SKY = "none"
@@ -107,7 +108,21 @@ class Sky(DistantEmitter):
             raise InputError("sky: ground_temperature is missing")
         x, y = np.cos(np.radians(self.sun_azimuth_deg)), np.sin(np.radians(self.sun_azimuth_deg))
         self.toward_sun = mi.Vector2f(float(x), float(y))
-        self.shine(values["height_m"])
+        self.height_m, self.tables, self.kept = values["height_m"], None, {}
+        around = self.around()
+        if around.sky is not None:
+            for light in around.components(45.0):
+                light.in_band_radiance(self.band)  # raises InputError if it does not cover the band
+            if around.sky.temperature is not None:
+                self.temperature = mi.Float(around.sky.temperature)
+
+    def keep(self, key: tuple, function, *arguments):
+        """Result of a function, which is computed once for a key."""
+        if key not in self.kept:
+            if len(self.kept) > MOST_KEPT:
+                self.kept.clear()
+            self.kept[key] = function(*arguments)
+        return self.kept[key]
 
     def around(self, sky_warmer=0.0, ground_warmer=0.0, emissivity: float | None = None):
         """The `Surroundings` for the present parameters, or others.
@@ -123,44 +138,47 @@ class Sky(DistantEmitter):
             if emissivity is None:
                 emissivity = number(self.ground_emissivity) - LEAST
             ground = Ground(number(self.ground_temperature) + ground_warmer, emissivity)
-        day = self.sun_elevation_deg
-        return surroundings(sky, ground, day, values["atmosphere"], self.height_m)
+        words = sky, ground, self.sun_elevation_deg, values["atmosphere"], self.height_m
+        return self.keep(words, surroundings, *words)
 
     def at_height(self, height_m: float) -> None:
         if self.values["height_m"] is None:
-            self.shine(height_m)
+            self.height_m, self.tables = height_m, None
 
     # ---------------------------------------------------------------- Tables
 
-    def shine(self, height_m: float | None) -> None:
-        """Set all tables to those at a height [m]."""
-        self.height_m = height_m
+    def shine(self) -> None:
+        """Set all tables, if they are not set for the height."""
+        if self.tables is not None:
+            return
         around = self.around(emissivity=1.0)
-        if around.sky is not None and around.sky.temperature is not None:
-            self.temperature = mi.Float(around.sky.temperature)
         self.sin_horizon = float(np.sin(np.radians(around.horizon_deg)))
         self.columns = 0 if self.sun_elevation_deg is None else COLUMNS
         emitted, other = self.tabulated(around)
         reflected = np.zeros(ROWS + 1)
         if self.ground_temperature is not None:
-            reflected = 2 * (self.tabulated(self.around(emissivity=0.5))[1] - other)[1, :, 0]
+            half = self.tabulated(self.around(emissivity=0.5), [1])[1]
+            reflected = 2 * (half[0] - other[1])[:, 0]
         self.tables = emitted, other, reflected
         self.other, self.reflected = mi.Float(other.ravel()), mi.Float(reflected)
         self.set_density(emitted + other.mean(axis=2))
         self.set_rings(around)
         self.derived = self.derived_from = None
 
-    def tabulated(self, around) -> tuple[np.ndarray, np.ndarray]:
+    def tabulated(self, around, halves=(0, 1)) -> tuple[np.ndarray, np.ndarray]:
         """In-band radiance of both components at the nodes, (2, ROWS + 1) and (..., columns + 1).
 
-        The first axis is that of sky and ground.
+        The first axis is that of `halves`, 0 for the sky and 1 for the ground.
         """
+        return self.keep(("table", around, *halves), self._tabulated, around, halves)
+
+    def _tabulated(self, around, halves):
         nodes, azimuth = np.linspace(0, 1, ROWS + 1) ** 2, np.linspace(0, 180, self.columns + 1)
         z = self.sin_horizon + np.outer([1 - self.sin_horizon, -1 - self.sin_horizon], nodes)
         elevation = np.degrees(np.arcsin(np.clip(z, -1, 1)))
         elevation[0, 0] = around.horizon_deg
         elevation[1] = np.minimum(elevation[1], around.horizon_deg - NEAREST_DEG)
-        directions = np.broadcast_arrays(elevation[..., None], azimuth)
+        directions = np.broadcast_arrays(elevation[list(halves), :, None], azimuth)
         emitted, other = around.in_band_components(self.band, *directions)
         return emitted[..., 0], other
 
@@ -229,6 +247,7 @@ class Sky(DistantEmitter):
         emitted, steps = self.tables[0], np.zeros((2, ROWS + 1))
         if self.sources():
             emitted = self.tabulated(self.around(emissivity=1.0))[0]
+        if attached(self.sources()):
             warm, cold = (self.tabulated(self.around(s, s, 1.0))[0] for s in (STEP, -STEP))
             steps = (warm - cold) / (2 * STEP)
         factor, count = mi.Float(1), ROWS + 1
@@ -246,12 +265,14 @@ class Sky(DistantEmitter):
 
     def refresh(self) -> None:
         super().refresh()
+        self.shine()
         dr.make_opaque(self.places, self.toward_sun, self.edges, self.summed, self.per_angle)
         dr.make_opaque(self.other, self.reflected, self.ground_emissivity, *self.sources())
         if self.derived_from is None or not same_variables(self.sources(), self.derived_from):
             self.derive()
 
     def parameters_changed(self, keys=()):
+        self.shine()
         self.derive()
 
     def parameters(self) -> list[EmitterParameter]:
@@ -297,15 +318,23 @@ class Sky(DistantEmitter):
             check_fits(sun, self, "the sky")
 
     def radiance_bound(self) -> np.ndarray:
+        self.refresh()
         scale = float(dr.detach(self.scale)[0])
-        emitted, other = self.tabulated(self.around())
-        largest = [emitted[k] * (1 if k else scale) + scale * other[k].max(axis=1) for k in (0, 1)]
-        return np.array([np.max(largest)])
+        emitted = dr.detach(self.derived[0]).numpy().reshape(2, -1).astype(float)
+        other = self.tables[1].max(axis=2)
+        if self.ground_emissivity is not None:
+            reflectance = 1 - float(dr.detach(self.ground_emissivity)[0])
+            factor = float(dr.detach(self.derived[1])[0])
+            other[1] += reflectance * factor * self.tables[2]
+            emitted[1] *= 1 - reflectance
+        largest = emitted * [[scale], [1]] + scale * other
+        return np.array([largest.max() * (1 + 1e-6)])
 
     # ---------------------------------------------------------------- Parts
 
     @property
     def groups(self) -> list[str]:
+        self.shine()
         names = self.group, self.values["ground_group"]
         return [names[half] for half, _, _ in self.parts]
 
@@ -316,6 +345,10 @@ class Sky(DistantEmitter):
 
     def lights(self, around) -> list:
         """The spectrum of each part; None for a part without light."""
+        self.shine()
+        return self.keep(("lights", around), self._lights, around)
+
+    def _lights(self, around):
         known, lights = {}, []
         for _, component, elevation in self.parts:
             if elevation not in known:
@@ -325,9 +358,13 @@ class Sky(DistantEmitter):
         return lights
 
     def spectra(self) -> list[Source]:
-        scale, sources = float(dr.detach(self.scale)[0]), []
+        around, scale = self.around(), float(dr.detach(self.scale)[0])
+        return self.keep(("spectra", around, scale), self._spectra, around, scale)
+
+    def _spectra(self, around, scale):
+        sources = []
         for (half, component, elevation), group, light in zip(
-            self.parts, self.groups, self.lights(self.around())
+            self.parts, self.groups, self.lights(around)
         ):
             from_sky = half == 0 or component == 1
             if isinstance(light, Blackbody):
@@ -336,7 +373,7 @@ class Sky(DistantEmitter):
                 source = Source(group, f"nothing {elevation:.4g} deg", 0.0)
             else:
                 light = light.scaled(scale if from_sky else 1.0)
-                name = f"{light.name}, {elevation:.3g} deg"
+                name = f"{light.name.partition(' deg')[0]}, {elevation:.3g} deg"
                 source = Source(group, name, light.in_band_radiance(self.band), spectrum=light)
             of_group = self.group if from_sky else group
             sources.append(replace(source, light_of=of_group))

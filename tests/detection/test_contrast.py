@@ -495,7 +495,7 @@ def test_contrast_within_the_noise_is_remarked(folder):
     ],
 )
 def test_refused_before_anything_is_loaded(folder, monkeypatch, changes, message):
-    monkeypatch.setattr(setting, "load", None)
+    monkeypatch.setattr(setting, "load_file", None)
     with pytest.raises(InputError, match=message):
         contrast(disc(folder, **changes))
 

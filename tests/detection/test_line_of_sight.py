@@ -9,7 +9,7 @@ import pytest
 from mi_lcair.api.contrast import contrast
 from mi_lcair.detection.contrast import unlit_sky
 from mi_lcair.detection.detection_range import detection_range
-from mi_lcair.detection.line_of_sight import Sight, from_sun, lower_height, reflected
+from mi_lcair.detection.line_of_sight import Sight, from_sun, lower_height, sky_behind
 from mi_lcair.detection.scenario import Background, Observer
 from mi_lcair.detection.setting import setting_of
 from mi_lcair.errors import InputError
@@ -402,10 +402,11 @@ def test_a_path_that_misses_the_end_of_a_table_by_rounding(folder):
 def test_ground_reflects_the_mean_of_the_sky():
     """The mean of a sky with elevations, over their squared sine; a sky without is its own mean."""
     air = SimpleNamespace(table="vacuum")
-    light = reflected(
-        SimpleNamespace(background=Background(sky="us_standard_clear"), atmosphere=air)
-    )
-    assert len(light) == 5 and sum(factor for factor, _ in light) == pytest.approx(1, rel=1e-12)
+    light = sky_behind(
+        SimpleNamespace(background=Background(sky="us_standard_clear"), atmosphere=air),
+        0.0,
+    ).on_ground
+    assert sum(factor for factor, _ in light) == pytest.approx(1, rel=1e-12)
     square = (np.arange(400) + 0.5) / 400
     elevations = np.degrees(np.arcsin(np.sqrt(square)))
     for x in (3.8, 10.5):

@@ -155,7 +155,9 @@ class ClearPaths(Atmosphere):
         InputError if the line of sight goes past the ground.
         """
         shares = None
-        if range_m == self.stated_m or range_m > LONGEST_M:
+        if range_m == self.stated_m:
+            length, amounts, radiance = self._stated_to_ground
+        elif range_m > LONGEST_M:
             length, amounts, radiance = self._to_ground(range_m)
         else:
             shares = self._shares(self.ground_amounts, range_m)
@@ -200,6 +202,10 @@ class ClearPaths(Atmosphere):
     @cached_property
     def _stated(self):
         return self._computed(self.stated_m)
+
+    @cached_property
+    def _stated_to_ground(self):
+        return self._to_ground(self.stated_m)
 
     @cached_property
     def _way(self):

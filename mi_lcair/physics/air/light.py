@@ -6,12 +6,14 @@ both paths is too small for light that has crossed air, and too large for light 
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from mi_lcair.physics.air.bands import bands
 from mi_lcair.physics.spectrum import Spectrum
 
+MOST_SHARES = 64  # transmittances of one light that are kept
 SMALLEST_SHARE = 1e-9  # of the largest radiance, below which a transmittance is not computed
 
 
@@ -64,6 +66,18 @@ class AirLight(Spectrum):
 
         Where there is no light, the share is that of light that has crossed no air.
         """
-        known = self.radiance > SMALLEST_SHARE * self.radiance.max()
-        plain = bands().transmittance(amounts)
-        return np.divide(self.through(amounts), self.radiance, out=plain, where=known)
+        key = amounts.tobytes()
+        if key not in self._shares:
+            if len(self._shares) > MOST_SHARES:
+                self._shares.clear()
+            known = self.radiance > SMALLEST_SHARE * self.radiance.max()
+            plain = bands().transmittance(amounts)
+            self._shares[key] = np.divide(
+                self.through(amounts), self.radiance, out=plain, where=known
+            )
+        return self._shares[key]
+
+    @cached_property
+    def _shares(self) -> dict:
+        """Transmittances for amounts, which searches and tolerances ask for again and again."""
+        return {}

@@ -63,7 +63,8 @@ class ClearSky:
     def at(self, elevation_deg: float, azimuth_deg: float = 0.0) -> AirLight:
         """The sky at an elevation and an azimuth from the sun [degrees], as light through air."""
         emitted, *scattered = self.components(elevation_deg, azimuth_deg)
-        return emitted.plus(*scattered) if scattered else emitted
+        total = emitted.plus(*scattered) if scattered else emitted
+        return replace(total, name=f"{self.name}_clear {elevation_deg:g} deg")
 
     def components(self, elevation_deg: float, azimuth_deg: float = 0.0) -> list[AirLight]:
         """What the air emits and, by day, the sunlight that it scatters, as in `at`."""

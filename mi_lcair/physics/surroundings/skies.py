@@ -84,6 +84,10 @@ class TableSky:
             return [Blackbody.of(self.temperature)]
         return [spectrum(self.source, np.clip(elevation_deg, 0, 90) if self.by_elevation else None)]
 
+    def at(self, elevation_deg: float, azimuth_deg: float = 0.0) -> Spectrum:
+        """Spectrum at an elevation [degrees]."""
+        return self.components(elevation_deg)[0]
+
     def in_band_components(self, band: Band, elevation_deg, azimuth_deg=0.0) -> list[np.ndarray]:
         """In-band radiance at elevations [degrees] [W m^-2 sr^-1]."""
         elevation, _ = np.broadcast_arrays(np.asarray(elevation_deg, dtype=float), azimuth_deg)
@@ -100,6 +104,11 @@ class TableSky:
         if not self.by_elevation:
             return [(1.0, *self.components(0))]
         return [(weight, *self.components(ring)) for ring, weight in zip(*mean_nodes())]
+
+
+def sky_name(word: str, atmosphere: str) -> str:
+    """The bundled sky that "clear" or "overcast" stands for; any other word is returned."""
+    return {CLEAR: f"{atmosphere}_clear", OVERCAST: f"{atmosphere}_{CLOUD}"}.get(word, word)
 
 
 def sky_of(
@@ -128,22 +137,21 @@ def sky_of(
     InputError
         If the word names no sky, or the sun lights a sky that it cannot.
     """
-    text = str(word)
-    name = atmosphere if text == CLEAR else clear_name(text)
+    text = sky_name(str(word), atmosphere)
+    name = clear_name(text)
     if name is not None:
         height_m = HEIGHT_M if height_m is None else height_m
         return clear_sky(
             name, sun_elevation_deg, height_m, weather if name == atmosphere else Weather()
         )
-    if text == OVERCAST and sun_elevation_deg is not None:
+    if str(word) == OVERCAST and sun_elevation_deg is not None:
         raise InputError(
             "surroundings: an overcast sky hides the sun; leave the sun out, or choose a clear sky"
         )
     try:
         kelvin = float(text)
     except ValueError:
-        source = f"{atmosphere}_{CLOUD}" if text == OVERCAST else word
-        return TableSky(source)
+        return TableSky(text)
     if not 0 < kelvin < 1e4:
         raise InputError(f"surroundings: sky {text}; a temperature must lie in 0..10000 K")
     return TableSky(kelvin)

@@ -1,6 +1,7 @@
 """Mitsuba's parser and its objects of a scene file, with the names and samplers that it lacks."""
 
 import re
+from collections.abc import Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
@@ -11,6 +12,9 @@ from mi_lcair.errors import InputError
 from mi_lcair.plugins import PLUGINS
 from mi_lcair.rendering.loading.nodes import properties, references
 
+REPLACED = ("sky", "sky_dome", "sun")  # emitters that surroundings replace
+ENVIRONMENTS = ("envmap", "constant", "sunsky")  # others of which a scene can have only one
+ONE_SKY = "leave [surroundings] out, or remove that sky"
 KNOWN_SAMPLERS = ("lattice", "independent")
 INDEPENDENT = "sampler 'independent' may need ten times as many paths as lattice"
 
@@ -40,20 +44,51 @@ def configuration():
     return config
 
 
-def parsed(path: Path, texts: dict[str, str]):
+def parsed(path: Path, texts: dict[str, str], around: Sequence[dict] = ()):
     """The parsed scene file, with Embree's watertight intersections switched on.
 
-    Without them, one ray in 1e7 passes through the edge between two facets.
+    Without them, one ray in 1e7 passes through the edge between two facets. around: properties of
+    emitters that replace sky and sun of the scene.
     """
     state = mi.parser.parse_file(configuration(), str(path), **texts)
     mi.parser.transform_all(configuration(), state)
     if state.root.props.plugin_name() != "scene":
         raise InputError(f"{path}: holds no <scene>")
+    if around:
+        surround(state, around)
     add_samplers(state)
     name_objects(state)
     if mi.variant().startswith("llvm"):
         state.root.props["embree_use_robust_intersections"] = True
     return state
+
+
+def surround(state, around: Sequence[dict]) -> None:
+    """Give a parsed scene the emitters `around` in place of its own sky and sun.
+
+    Raises InputError if the scene has a sky that cannot be replaced.
+    """
+    root = properties(state.root)
+    for name, value in root.items():
+        if isinstance(value, mi.Properties.ResolvedReference):
+            plugin = state.nodes[value.index()].props.plugin_name()
+            if plugin in REPLACED:
+                del state.root.props[name]
+            elif plugin in ENVIRONMENTS:
+                raise InputError(f"the scene has a sky of its own, {plugin}; {ONE_SKY}")
+    for node in state.nodes:
+        if node.type == mi.ObjectType.Emitter and properties(node).get("facet_type") == "sky":
+            raise InputError(f"the scene has sky facets of its own; {ONE_SKY}")
+    for number, emitter in enumerate(around):
+        added = mi.parser.SceneNode()
+        added.type, added.props = mi.ObjectType.Emitter, mi.Properties(emitter["type"])
+        added.file_index, added.offset = state.root.file_index, state.root.offset
+        for key, value in emitter.items():
+            if key != "type":
+                added.props[key] = value
+        reference = mi.Properties.ResolvedReference(len(state.nodes))
+        state.root.props[f"_surroundings_{number}"] = reference
+        state.nodes.append(added)
 
 
 def instantiated(state, path: Path) -> mi.Scene:
