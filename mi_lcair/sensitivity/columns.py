@@ -46,6 +46,16 @@ def explored_by(columns) -> frozenset:
     return frozenset(surface for surface in names if needs_exploring(surface, names[surface]))
 
 
+def without_column(scene, names) -> set[str]:
+    """Parameters with respect to which paths do not give the derivative, see `Plume`."""
+    with scene.prepared() as tracer:
+        if not tracer.emitters.draws:
+            return set()
+    columns = columns_of(scene, names)
+    materials = {n: c.surfaces for n, c in columns.items() if isinstance(c, MaterialColumn)}
+    return {name for name, surfaces in materials.items() if any(map(is_plume, surfaces))}
+
+
 def column_of(entry: Entry) -> MaterialColumn | SourceColumn:
     if entry.kind == "material":
         nodes = tuple(place.node for place in entry.places)

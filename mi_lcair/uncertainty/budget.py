@@ -16,7 +16,7 @@ from mi_lcair.rendering.settings import changed as settings_changed
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.results import Result
 from mi_lcair.sensitivity.parameters import checked
-from mi_lcair.uncertainty.check import Check, check
+from mi_lcair.uncertainty.check import Check, SecondOrder, check, second_order
 from mi_lcair.uncertainty.contrast_number import ContrastNumber
 from mi_lcair.uncertainty.facet_errors import facet_contribution
 from mi_lcair.uncertainty.inputs import Inputs
@@ -50,6 +50,8 @@ class Budget(Result):
         The uncertain quantities with their covariance.
     checks : list of Check
         Results at plus and minus one standard deviation of what matters.
+    second_order : SecondOrder or None
+        Mean, standard deviation and interval of the result from the checks; None without any.
     monte_carlo : MonteCarlo or None
         Distribution of the result for random quantities, if it was asked for.
     remarks : list of str
@@ -70,6 +72,7 @@ class Budget(Result):
     rows: list[BudgetRow]
     inputs: Inputs
     checks: list[Check]
+    second_order: SecondOrder | None
     monte_carlo: MonteCarlo | None
     remarks: list[str]
     renders: int
@@ -105,6 +108,7 @@ class Budget(Result):
             "names": self.inputs.names,
             "covariance": self.inputs.covariance,
             "checks": [asdict(entry) for entry in self.checks],
+            "second_order": self.second_order and asdict(self.second_order),
             "monte_carlo": self.monte_carlo and self.monte_carlo.as_dict(),
         }
 
@@ -190,6 +194,7 @@ def draw_up(
             rows=budget_rows,
             inputs=inputs,
             checks=checks,
+            second_order=second_order(checks, number.value, sigma),
             monte_carlo=distribution,
             remarks=remarks(number, checks, distribution),
             renders=number.renders,

@@ -17,7 +17,7 @@ from mi_lcair.planning.bounces import beyond_last
 from mi_lcair.plugins.emission.source import Source, rounded
 from mi_lcair.plugins.recorders.by_bounce import MAX_BOUNCE_CHANNELS
 from mi_lcair.rendering.statistics import Totals
-from mi_lcair.sensitivity.columns import MOST_COLUMNS
+from mi_lcair.sensitivity.columns import MOST_COLUMNS, without_column
 from mi_lcair.sensitivity.common_numbers import CommonNumbers
 from mi_lcair.sensitivity.entries import NEAREST, Parameter
 from mi_lcair.sensitivity.parameters import checked
@@ -243,6 +243,13 @@ class Number(ABC):
     def rendered_derivatives(self, names, sigma):
         if not self.has_weights:
             return self.differences(names, sigma)
+        lacking = without_column(self.scene, names)
+        if lacking:
+            k = np.isin(names, list(lacking))
+            result = np.empty((2, len(names)))
+            result[:, k] = self.differences(np.array(names)[k], np.array(sigma)[k])
+            result[:, ~k] = self.rendered_derivatives(np.array(names)[~k], np.array(sigma)[~k])
+            return result
         sensitivity = differentiate_intensity(
             self.scene, names, self.numbers.repeated, self.part, self.weights()
         )

@@ -147,6 +147,7 @@ def test_derivatives_that_are_rendered(monkeypatch):
         return SimpleNamespace(derivative=np.array([7.0]), error=np.array([9.0, 0.7]))
 
     monkeypatch.setattr("mi_lcair.uncertainty.number.differentiate_intensity", differentiated)
+    monkeypatch.setattr("mi_lcair.uncertainty.number.without_column", lambda scene, names: set())
     number = Sum()
     number.numbers.repeated = None
     derivative, error = number.derivatives(["scenario.offset", "paint.b"], [0.1, 0.1])

@@ -36,6 +36,16 @@ def uncertainty(budget) -> list[tuple[str, str]]:
         (budget.title, f"{budget.value:.6g} +- {budget.sigma:.3g} {budget.unit}{relative}"),
         ("expanded", f"+- {2 * budget.sigma:.3g} {budget.unit} (k = 2, about 95 %)"),
     ]
+    curved = budget.second_order
+    if curved is not None:
+        low, high = curved.interval
+        rows.append(
+            (
+                "second order",
+                f"mean {curved.shift:+.2g}, sigma {curved.sigma:.3g} {budget.unit}, about 95 % in "
+                f"{low:.5g}..{high:.5g}",
+            )
+        )
     drawn = budget.monte_carlo
     if drawn is not None:
         low, high = drawn.interval
