@@ -26,6 +26,7 @@ PURPOSES = {
         "trend": "trend",
         "contrast": "scenarios.contrast",
         "image": "scenarios.image",
+        "temperature": "files.temperature",
     },
     "Scenes and materials": {
         "scenes": "scenes",

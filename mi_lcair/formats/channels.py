@@ -16,6 +16,7 @@ CHANNELS = {
     "noise_K": ("noise of the camera", "K"),
     "electrons": ("electrons", ""),
     "counts": ("counts", ""),
+    "sigma_K": ("standard uncertainty of temperature", "K"),
     "sigma": ("standard uncertainty of radiance", RADIANCE),
     "d": ("derivative of radiance", f"{RADIANCE} per unit"),
 }

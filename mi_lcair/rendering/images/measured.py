@@ -111,8 +111,9 @@ def from_picture(path: str) -> np.ndarray:
     """The first page of a TIFF or PNG file, read by Pillow, which Matplotlib brings."""
     from PIL import Image, UnidentifiedImageError
 
+    content = io.BytesIO(read_bytes(path))
     try:
-        with Image.open(io.BytesIO(read_bytes(path))) as picture:
+        with Image.open(content) as picture:
             if len(picture.getbands()) == 4 or picture.mode in ("P", "LA"):
                 picture = picture.convert("L")
             values = np.asarray(picture)

@@ -1,0 +1,134 @@
+"""`temperature`, the temperature of an object from an image of a thermographic camera."""
+
+from os import PathLike
+from pathlib import Path
+from typing import TypedDict, Unpack
+
+import numpy as np
+
+from mi_lcair.declared import Bounds
+from mi_lcair.errors import InputError, unknown
+from mi_lcair.physics.bands import Band
+from mi_lcair.physics.bands import band as band_of
+from mi_lcair.rendering.images.exr import read_exr
+from mi_lcair.rendering.images.measured import TEMPERATURE, check_kelvin, read_values
+from mi_lcair.thermography.temperature import QUANTITIES, Conditions, temperature_of
+from mi_lcair.thermography.temperature_result import Temperature
+from mi_lcair.thermography.uncertain import Uncertain, parsed, uncertain
+
+Number = float | str | tuple[float, float] | Uncertain
+CHANNEL = "temperature.Y"  # channel of an EXR with apparent temperatures
+
+
+class Measurement(TypedDict, total=False):
+    """Quantities of a measurement, see `temperature`."""
+
+    reflected: Number
+    transmittance: Number
+    air_temperature: Number
+    distance: Number
+    humidity: Number
+    atmosphere: str | PathLike[str]
+
+
+def temperature(
+    image: str | PathLike[str] | float | np.ndarray,
+    band: str | PathLike[str] | Band | None = None,
+    *,
+    emissivity: Number,
+    sigma: float = 0.0,
+    **measurement: Unpack[Measurement],
+) -> Temperature:
+    """Temperature of an object from apparent temperatures, with its uncertainty.
+
+    Solves the measurement formula of thermographic cameras with Planck's law integrated over the
+    band. Numbers are given as 0.92, "0.92+-0.02", "0.92+-2%" or (0.92, 0.02), with a standard
+    uncertainty.
+
+    Parameters
+    ----------
+    image : str, Path, float or ndarray
+        Apparent temperatures [K], as a camera shows them for an emissivity of 1: a TIFF, CSV or NPY
+        file, an EXR with the channel temperature.Y, an array, or one number such as 305.2 or
+        "305.2+-0.5". NaN and 0 stand for nothing.
+    band : str, Path or Band, optional
+        Band of the camera: a name, limits such as "7.5-14", or a CSV of its response. An EXR states
+        its own.
+    emissivity : number
+        Emissivity of the object in the band, above 0 and at most 1.
+    sigma : float
+        Standard uncertainty of the apparent temperatures [K], common to all pixels.
+    reflected : number, optional
+        Apparent temperature [K] of what the object reflects. It may be left out for an emissivity
+        of 1.
+    transmittance : number, optional
+        Transmittance of the air, above 0 and at most 1; 1 if neither it nor a distance is given.
+    air_temperature : number, optional
+        Temperature of the air [K]. With a transmittance it is that of `reflected` if it is left
+        out; with a distance, that of the atmosphere.
+    distance : number, optional
+        Distance of the object [m], instead of a transmittance: the air is computed.
+    humidity : number, optional
+        Relative humidity 0..0.98, with a distance.
+    atmosphere : str or Path, optional
+        Air for a distance: us_standard (default), midlat_summer, or a file of yours.
+
+    Returns
+    -------
+    Temperature
+
+    Raises
+    ------
+    InputError
+        If a number is out of bounds, if the image cannot be read, if something is missing or given
+        twice, and if no object can have any of the apparent temperatures.
+    """
+    name, image, sigma = named_image(image, sigma)
+    if band is None and str(image).lower().endswith(".exr"):
+        _, header = read_exr(Path(image))
+        band = header.get("band")
+    if band is None:
+        raise InputError(f"{name}: its band is not known; give the band of the camera")
+    band = band_of(band)
+    kelvin = apparent(image, band, name)
+    air = {"atmosphere": measurement.pop("atmosphere")} if "atmosphere" in measurement else {}
+    if air and "distance" not in measurement:
+        raise InputError("atmosphere needs the distance of the object in m")
+    given = {"emissivity": emissivity, **measurement}
+    for key in given:
+        if key not in QUANTITIES:
+            raise unknown("quantity", key, [*QUANTITIES, "atmosphere"])
+    quantities = {
+        key: uncertain(given[key], key, bounds)
+        for key, bounds in QUANTITIES.items()
+        if given.get(key) is not None
+    }
+    return temperature_of(kelvin, sigma, band, Conditions(quantities, **air), name)
+
+
+def named_image(image, sigma: float) -> tuple:
+    """Name of an image, the image or its number, and the uncertainty of its temperatures [K]."""
+    Bounds(lower=0, unit="K").check(sigma, "sigma")
+    if isinstance(image, np.ndarray):
+        return "an array", image, sigma
+    try:
+        number, error = parsed(str(image))
+    except ValueError:
+        return Path(image).name, image, sigma
+    if error and sigma:
+        raise InputError(f"'{image}' states its uncertainty; leave sigma out")
+    return f"{number:g} K", np.array(number), error or sigma
+
+
+def apparent(image, band: Band, name: str) -> np.ndarray:
+    """Apparent temperatures [K] of an image, with NaN for nothing."""
+    kelvin = image
+    if not isinstance(image, np.ndarray):
+        is_exr = str(image).lower().endswith(".exr")
+        kelvin, _ = read_values(str(image), CHANNEL if is_exr else None, TEMPERATURE, band)
+    kelvin = np.where(np.equal(kelvin, 0), np.nan, kelvin).astype(float)
+    known = np.isfinite(kelvin)
+    if not known.any():
+        raise InputError(f"{name}: holds no temperature")
+    check_kelvin(name, kelvin[known])
+    return np.where(known, kelvin, np.nan)

@@ -1,0 +1,66 @@
+"""mi-lcair temperature: the temperature of an object from an image of a thermographic camera."""
+
+import click
+
+import mi_lcair
+from mi_lcair.cli.options import examples, given, json_option, output_option
+from mi_lcair.cli.output import check_outputs, print_result, print_written
+
+QUANTITIES = {
+    "reflected": ("K", "Apparent temperature of what the object reflects."),
+    "transmittance": ("0..1", "Transmittance of the air (default: 1)."),
+    "air-temperature": (
+        "K",
+        "Temperature of the air (default: that of --reflected; with --distance, the atmosphere's).",
+    ),
+    "distance": ("M", "Distance of the object in m: the air is computed."),
+    "humidity": ("0..0.98", "Relative humidity of the air, with --distance."),
+}
+
+
+def quantities(command):
+    """Give a command an option for each quantity."""
+    for name, (metavar, help) in reversed(QUANTITIES.items()):
+        command = click.option(f"--{name}", metavar=metavar, help=help)(command)
+    return command
+
+
+@click.command(
+    "temperature",
+    epilog=examples(
+        "mi-lcair temperature 305.2 --band LWIR --emissivity 0.92+-0.02 --reflected 293+-2",
+        "mi-lcair temperature seen.tif --band LWIR --emissivity 0.92+-0.02 --reflected 285+-2 "
+        "--distance 1000 -o object.tif",
+    ),
+)
+@click.argument("image", metavar="IMAGE|K")
+@click.option("--band", metavar="BAND", help="Band of the camera; an EXR states its own.")
+@click.option(
+    "--emissivity", required=True, metavar="0..1", help="Emissivity of the object in the band."
+)
+@quantities
+@click.option("--atmosphere", metavar="NAME|FILE", help="Air for --distance: us_standard, ...")
+@click.option(
+    "--sigma",
+    type=click.FloatRange(min=0),
+    default=0.0,
+    metavar="K",
+    help="Standard uncertainty of the image, common to all pixels.",
+)
+@output_option("the temperatures to FILE (.tif, .csv, .exr with their uncertainty), or a picture")
+@json_option
+def command(image, band, output, json, sigma, **measurement):
+    """Temperature of an object with its uncertainty.
+
+    IMAGE holds apparent temperatures in K, as a camera shows them for an emissivity of 1: a TIFF,
+    CSV or NPY file, an EXR with temperature.Y, or one number. A quantity may have a standard
+    uncertainty: 0.92+-0.02. Printed are the temperature in K and what each quantity contributes to
+    its uncertainty; written is the image in K.
+    """
+    suffixes = (".tif", ".tiff", ".csv", ".exr", ".json", ".html", ".png", ".svg", ".pdf", ".nc")
+    check_outputs((output, suffixes))
+    result = mi_lcair.temperature(image, band, sigma=sigma, **given(measurement))
+    if output:
+        result.save(output)
+    print_result(result, json)
+    print_written(output)

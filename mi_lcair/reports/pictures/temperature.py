@@ -1,0 +1,44 @@
+"""Picture of a temperature: the object's temperature, its uncertainty, and the budget."""
+
+import numpy as np
+
+from mi_lcair.drawing import new_figure, plain, styled
+from mi_lcair.thermography.temperature_result import Temperature
+
+
+@styled
+def figure(temperature: Temperature):
+    """Figure of the temperatures and their standard uncertainty, and what contributes to it."""
+    is_image = temperature.kelvin.ndim == 2
+    figure = new_figure((11, 3.6) if is_image else (4.6, 3.6), layout="constrained")
+    *panels, bars = np.atleast_1d(figure.subplots(1, 3 if is_image else 1))
+    for axes, values, title, cmap in zip(
+        panels,
+        (temperature.kelvin, np.where(np.isfinite(temperature.kelvin), temperature.sigma, np.nan)),
+        ("temperature of the object (K)", "standard uncertainty (K)"),
+        ("gray", "viridis"),
+    ):
+        _panel(figure, axes, values, title, cmap)
+    rows = temperature.contributions[::-1]
+    bars.barh(
+        [row.quantity.replace("_", " ") for row in rows],
+        [temperature.typical(row.sigma) for row in rows],
+        color="0.55",
+    )
+    total = temperature.typical(temperature.sigma)
+    bars.axvline(total, color="C3")
+    bars.set_title(f"total {total:.3g} K (line)")
+    bars.set_xlabel("median contribution (K)")
+    figure.suptitle(plain(temperature.summary()), fontsize=10)
+    return figure
+
+
+def _panel(figure, axes, values, title, cmap) -> None:
+    """Draw an image between its quantiles, with pixels without a value in blue."""
+    low, high = np.nanquantile(values, [0.005, 0.995])
+    axes.set_facecolor("steelblue")
+    drawn = axes.imshow(
+        values, cmap=cmap, vmin=low, vmax=max(high, low + 1e-6), interpolation="nearest"
+    )
+    figure.colorbar(drawn, ax=axes, extend="both", shrink=0.9)
+    axes.set(title=title, xlabel="column (pixel)", ylabel="row (pixel)")

@@ -1,0 +1,1 @@
+"""Temperatures of objects from the apparent temperatures that a camera shows."""

@@ -1,0 +1,179 @@
+"""Temperatures of objects: the published formula, rendered plates, and draws of uncertainties."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq
+
+import mi_lcair
+from mi_lcair.errors import InputError
+from mi_lcair.formats import tiff
+from mi_lcair.physics.blackbody import brightness_temperature
+from mi_lcair.rendering.images.exr import read_exr
+from mi_lcair.rendering.images.measured import from_csv, from_picture
+from tests.sensitivity.grey_room import NAMED, load
+
+H, C, K = 6.62607015e-34, 299792458.0, 1.380649e-23  # CODATA 2018
+
+
+def W(T, low, high):
+    """In-band radiance of a blackbody by adaptive quadrature of Planck's law [W m^-2 sr^-1]."""
+
+    def planck(x):
+        return 2 * H * C**2 / x**5 / np.expm1(H * C / (x * K * T))
+
+    return quad(planck, low * 1e-6, high * 1e-6, epsrel=1e-12)[0]
+
+
+def apparent(T, band, emissivity, reflected, transmittance=1.0, air_temperature=300.0):
+    """Apparent temperature by the formula of camera makers (FLIR, Photon manual, Eq 2)."""
+    total = (
+        emissivity * transmittance * W(T, *band)
+        + (1 - emissivity) * transmittance * W(reflected, *band)
+        + (1 - transmittance) * W(air_temperature, *band)
+    )
+    return brentq(lambda t: W(t, *band) / total - 1, 20, 6000, xtol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_published_formula(seed):
+    """Random objects in MWIR and LWIR, emissivities 0.05 to 1, transmittances 0.2 to 1."""
+    rng = np.random.default_rng(seed)
+    limits = [(3.0, 5.0), (8.0, 12.0), (7.5, 13.0)][seed % 3]
+    T, reflected, air = rng.uniform(250, 900), *rng.uniform(230, 330, 2)
+    given = {
+        "emissivity": rng.uniform(0.05, 1),
+        "reflected": reflected,
+        "transmittance": rng.uniform(0.2, 1),
+        "air_temperature": air,
+    }
+    seen = apparent(T, limits, **given)
+    result = mi_lcair.temperature(seen, f"{limits[0]}-{limits[1]}", **given)
+    assert result.kelvin == pytest.approx(T, abs=2e-5 * T)
+    assert result.transmittance == pytest.approx(given["transmittance"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("T, range_m", [(310, 30), (310, 1000), (285, 1000), (400, 3000)])
+def test_a_rendered_grey_plate_has_its_temperature(tmp_path, T, range_m):
+    """Emissivity 0.92, surroundings of 293 K, through air; within 20 mK."""
+    scene, _ = load(tmp_path, NAMED, 0.92, plate=T, room=293)
+    image = mi_lcair.render(scene, spp=64, atmosphere="us_standard", range_m=range_m)
+    seen = brightness_temperature(scene.band, image.channels["apparent.Y"][7:9, 6:10])
+    result = mi_lcair.temperature(
+        seen, "LWIR", emissivity=0.92, reflected=293, distance=range_m, atmosphere="us_standard"
+    )
+    np.testing.assert_allclose(result.kelvin, T, atol=0.02)
+    assert abs(seen - T).max() > 0.5  # what is corrected
+
+
+CASES = {
+    "transmittance": {"transmittance": (0.9, 0.02), "air_temperature": (285, 3)},
+    "air": {"distance": (800, 40), "humidity": (0.6, 0.05), "air_temperature": (288, 2)},
+    "metal": {"transmittance": (0.98, 0.005), "air_temperature": (285, 3)},
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CASES)
+def test_the_uncertainty_is_that_of_draws(case):
+    """1,000 draws of all quantities; their scatter is known to 2.2 % (standard error)."""
+    rng, sigma = np.random.default_rng(77), 0.2
+    given = {"emissivity": (0.3 if case == "metal" else 0.92, 0.015), "reflected": (293, 2)}
+    given |= CASES[case]
+    seen = np.array([[300.0, 330.0, 400.0]])
+    result = mi_lcair.temperature(seen, "LWIR", sigma=sigma, **given)
+    drawn = [
+        mi_lcair.temperature(
+            seen + sigma * rng.standard_normal(),
+            "LWIR",
+            **{name: rng.normal(*number) for name, number in given.items()},
+        ).kelvin
+        for _ in range(1000)
+    ]
+    np.testing.assert_allclose(result.sigma, np.std(drawn, axis=0, ddof=1), rtol=0.05)
+    assert {row.quantity for row in result.contributions} == {"apparent", *given}
+
+
+def test_an_emissivity_of_1_with_an_uncertainty():
+    """The derivative at the bound is that below it."""
+    given = {"reflected": 280.0, "sigma": 0.0}
+    bound, below = (
+        mi_lcair.temperature(310.0, "LWIR", emissivity=(value, 0.01), **given).sigma
+        for value in (1.0, 0.999)
+    )
+    assert bound == pytest.approx(below, rel=0.01) and bound > 0.1
+
+
+@pytest.mark.parametrize("suffix", [".tif", ".csv", ".exr"])
+def test_images_are_read_and_written(tmp_path, suffix):
+    """NaN and 0 are nothing. What is written is the object's temperature, or nothing."""
+    seen = np.array([[300.0, 310.0, np.nan], [0.0, 320.0, 305.0]])
+    tiff.write(tmp_path / "seen.tif", seen)
+    result = mi_lcair.temperature(
+        tmp_path / "seen.tif", "LWIR", emissivity="0.9+-2%", reflected="293 ± 2"
+    )
+    assert np.isnan(result.kelvin[0, 2]) and np.isnan(result.kelvin[1, 0])
+    assert [str(number) for number in result.conditions.values()][:2] == [
+        "0.9 +- 0.018",
+        "293 +- 2",
+    ]
+    path = tmp_path / f"object{suffix}"
+    result.save(path)
+    if suffix == ".exr":
+        channels, header = read_exr(path)
+        written = np.where(channels["temperature.Y"] == 0, np.nan, channels["temperature.Y"])
+        np.testing.assert_allclose(channels["sigma_K.Y"][0, :2], result.sigma[0, :2], rtol=1e-6)
+        assert header["band"] == "LWIR"
+        again = mi_lcair.temperature(path, emissivity=1)
+        np.testing.assert_allclose(again.kelvin, result.kelvin, rtol=1e-6)
+    else:
+        written = {".tif": from_picture, ".csv": from_csv}[suffix](str(path))
+    np.testing.assert_allclose(written, result.kelvin, rtol=1e-6)
+
+
+def test_impossible_pixels_are_counted():
+    """Pixels colder than what reflection alone gives have no temperature."""
+    seen = np.array([[300.0, 150.0, 140.0]])
+    result = mi_lcair.temperature(seen, "LWIR", emissivity=0.5, reflected=290)
+    assert np.isnan(result.kelvin).tolist() == [[False, True, True]]
+    assert result.remarks[0].startswith("2 of 3 pixels are colder")
+    assert json.dumps(result.as_dict())
+
+
+@pytest.mark.parametrize(
+    "given, words",
+    [
+        ({"emissivity": 0}, "emissivity = 0; must be positive and at most 1"),
+        ({"emissivity": 1.2}, "emissivity = 1.2; must be positive"),
+        ({"transmittance": 0}, "transmittance = 0; must be positive"),
+        ({"reflected": 20}, "reflected = 20 K; must lie in 60..6000"),
+        ({"reflected": None}, "reflected is missing"),
+        ({"emissivity": "0.9+-"}, "emissivity '0.9.-' is no number"),
+        ({"emissivity": (0.9, -1)}, "standard uncertainty of emissivity = -1"),
+        ({"emissivity": "nan"}, "emissivity = nan"),
+        ({"transmittance": 0.9, "distance": 10}, "exclude each other"),
+        ({"humidity": 0.5}, "humidity needs the distance"),
+        ({"atmosphere": "us_standard"}, "atmosphere needs the distance"),
+        ({"distance": 100, "atmosphere": "mars"}, "mars"),
+        ({"distance": 100, "air_temperature": 400}, "temperature = 400 K"),
+        ({"image": 150.0, "emissivity": 0.5}, "1 of 1 pixels are colder"),
+        ({"image": 20.0}, "degrees Celsius need 273.15 more"),
+        ({"image": np.full((2, 2), np.nan)}, "holds no temperature"),
+        ({"image": "none.tif"}, "none.tif"),
+        ({"image": "300+-1", "sigma": 2.0}, "states its uncertainty"),
+        ({"band": None}, "its band is not known"),
+        ({"band": "total"}, "band total"),
+        ({"wind": 3}, "unknown quantity 'wind'"),
+    ],
+)
+def test_bad_input_is_one_line(given, words):
+    arguments = {"image": 300.0, "band": "LWIR", "emissivity": 0.9, "reflected": 290} | given
+    arguments = {
+        key: value for key, value in arguments.items() if key == "band" or value is not None
+    }
+    with pytest.raises(InputError, match=words.replace("+", ".")) as error:
+        mi_lcair.temperature(arguments.pop("image"), **arguments)
+    assert "\n" not in str(error.value)
