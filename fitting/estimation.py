@@ -20,6 +20,7 @@ from mi_lcair.fitting.search import COARSE, Noise, compare, descend
 from mi_lcair.fitting.selection import AUTO, FittedVariant, Variant, variants
 from mi_lcair.fitting.settings import FitSettings
 from mi_lcair.progress import Progress, stepper
+from mi_lcair.startup.threads import exclusively
 
 CONVERGED = 1e-9  # relative gradient below which a fit is called converged
 JOINT_STARTS = 16  # largest number of starts of a fit with an emissivity or DHR
@@ -30,6 +31,7 @@ LARGEST_RMS_RATIO = 1.2
 EMISSIVITY_ANGLES = np.radians(np.arange(0.0, 86.0, 5.0))
 
 
+@exclusively
 def fit(
     measurements: Measurements | str | PathLike[str],
     *,

@@ -14,7 +14,8 @@ from contextlib import contextmanager
 import drjit as dr
 import mitsuba as mi
 
-from mi_lcair.plugins.tracing import exclusive, is_traced
+from mi_lcair.plugins.tracing import is_traced
+from mi_lcair.startup.threads import exclusive
 
 
 class Deriving(ABC):

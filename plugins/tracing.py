@@ -1,14 +1,11 @@
-"""Which plugins are being traced, and the lock that lets one thread trace at a time.
+"""Which plugins are being traced.
 
-Both hold for the process, because Dr.Jit does. It records calls of every plugin that is alive, also
-of other scenes, and ends the process if two threads record. This module does not use Mitsuba, so
-that it is not loaded again for another variant.
+It holds for the process, because Dr.Jit records calls of every plugin that is alive, also of other
+scenes. This module does not use Mitsuba, so that it is not loaded again for another variant.
 """
 
 from contextlib import contextmanager
-from threading import RLock
 
-exclusive = RLock()  # held by the thread that loads or traces a scene
 _traced: set | None = None  # the plugins of the scene that is being traced
 
 

@@ -7,8 +7,10 @@ from mi_lcair.planning.audit import audit_flux
 from mi_lcair.planning.audit_result import Audit
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.scene import SceneLike
+from mi_lcair.startup.threads import exclusively
 
 
+@exclusively
 def audit(
     scene: SceneLike,
     photons: int = 2**18,

@@ -13,11 +13,13 @@ from mi_lcair.fraction import fraction
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import SceneLike
+from mi_lcair.startup.threads import exclusively
 from mi_lcair.uncertainty.budget import Budget, draw_up
 from mi_lcair.uncertainty.monte_carlo import check_draws
 from mi_lcair.uncertainty.uncertainties import Uncertainties
 
 
+@exclusively
 def budget(
     what: SceneLike | Scenario,
     uncertainties: str | PathLike[str] | Mapping | Uncertainties,

@@ -9,8 +9,10 @@ from mi_lcair.detection.contrast_result import Contrast
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.fraction import fraction
 from mi_lcair.progress import Progress
+from mi_lcair.startup.threads import exclusively
 
 
+@exclusively
 def contrast(
     scenario: Scenario | str | PathLike[str],
     progress: Progress | None = None,

@@ -8,8 +8,10 @@ from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import SceneLike
 from mi_lcair.sensitivity.derivative_images import DerivativeImages
 from mi_lcair.sensitivity.images import differentiate_image
+from mi_lcair.startup.threads import exclusively
 
 
+@exclusively
 def derivative_images(
     scene: SceneLike,
     names: Sequence[str],

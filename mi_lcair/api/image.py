@@ -10,10 +10,12 @@ from mi_lcair.declared import Bounds
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.fraction import fraction
 from mi_lcair.progress import Progress
+from mi_lcair.startup.threads import exclusively
 
 MOST_FRAMES = 10_000
 
 
+@exclusively
 def image(
     scenario: Scenario | str | PathLike[str],
     frames: int = 1,

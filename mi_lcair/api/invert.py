@@ -7,8 +7,10 @@ from mi_lcair.inversion.invert import solve_problem
 from mi_lcair.inversion.problem import InverseProblem
 from mi_lcair.inversion.solution import Solution
 from mi_lcair.progress import Progress
+from mi_lcair.startup.threads import exclusively
 
 
+@exclusively
 def invert(
     problem: str | PathLike[str] | dict | InverseProblem,
     advise: bool = True,

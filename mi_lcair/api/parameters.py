@@ -6,8 +6,10 @@ from mi_lcair.api.scene import scene_of
 from mi_lcair.rendering.scene import SceneLike
 from mi_lcair.sensitivity.entries import Parameter
 from mi_lcair.sensitivity.parameters import parameters_of
+from mi_lcair.startup.threads import exclusively
 
 
+@exclusively
 def parameters(
     scene: SceneLike, parameters: Mapping[str, object] | None = None
 ) -> dict[str, Parameter]:

@@ -9,8 +9,10 @@ from mi_lcair.planning.plan import Plan, find_plan
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import SceneLike
+from mi_lcair.startup.threads import exclusively
 
 
+@exclusively
 def plan(
     scene: SceneLike,
     tolerance: float | str = 0.01,

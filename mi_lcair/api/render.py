@@ -15,8 +15,10 @@ from mi_lcair.rendering.images.render import render_image
 from mi_lcair.rendering.images.render_result import Render
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import SceneLike
+from mi_lcair.startup.threads import exclusively
 
 
+@exclusively
 def render(
     scene: SceneLike,
     spp: int | None = None,

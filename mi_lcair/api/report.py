@@ -24,6 +24,7 @@ from mi_lcair.reports.sections.scenario import scenario_section
 from mi_lcair.results import Result
 from mi_lcair.results.sections import Facts, Remarks, Section
 from mi_lcair.results.text import remarks
+from mi_lcair.startup.threads import exclusively
 
 What = SceneLike | Result  # what a page shows: a file, a name, a scene or a result
 PHOTONS = 2**16  # photons from each emitter in the audit of a page
@@ -69,6 +70,7 @@ class Request:
         return self.sampling.get("seed", 0)
 
 
+@exclusively
 def report(
     what: What | Sequence[What],
     path: str | PathLike[str],

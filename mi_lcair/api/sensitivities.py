@@ -9,8 +9,10 @@ from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import SceneLike
 from mi_lcair.sensitivity.sensitivities import Sensitivities
 from mi_lcair.sensitivity.window import differentiate_intensity
+from mi_lcair.startup.threads import exclusively
 
 
+@exclusively
 def sensitivities(
     scene: SceneLike,
     names: Sequence[str],

@@ -12,8 +12,10 @@ from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import SceneLike
 from mi_lcair.signatures.signature import measure_signature
 from mi_lcair.signatures.signature_result import Signature
+from mi_lcair.startup.threads import exclusively
 
 
+@exclusively
 def signature(
     scene: SceneLike,
     spp: int | None = None,

@@ -18,7 +18,6 @@ from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
 from mi_lcair.plugins.derivatives import deriving_plugins, nodes
 from mi_lcair.plugins.paths.launch import numbers
 from mi_lcair.plugins.scene_state import SceneState
-from mi_lcair.plugins.tracing import exclusive
 from mi_lcair.rendering.loading.files import survey
 from mi_lcair.rendering.loading.fingerprint import described_digest, fingerprint, source_digest
 from mi_lcair.rendering.loading.meshes import check_mesh_files, check_shapes
@@ -39,6 +38,7 @@ from mi_lcair.rendering.loading.remarks.loaded import (
     shapes_without_bsdf,
     suns_below_the_horizon,
 )
+from mi_lcair.startup.threads import exclusive, exclusively
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
 # Largest number of moves of a scene to the origin. One move may not be enough, because the position
@@ -131,6 +131,7 @@ class Scene:
         return str(self.path.resolve()) if in_file else self.name
 
     @property
+    @exclusively
     def fingerprint(self) -> str:
         """16 hexadecimal digits that change with everything that affects the image.
 
@@ -186,6 +187,7 @@ class Scene:
 SceneLike = Scene | mi.Scene | str | PathLike[str]
 
 
+@exclusively
 def load(scene: str | PathLike[str] | mi.Scene, /, **parameters: object) -> Scene:
     """Load a scene XML or a bundled scene, or take over a scene that Mitsuba has loaded.
 
@@ -235,7 +237,7 @@ def load_file(
     for name in in_file:
         if name not in known:
             raise unknown(f"parameter of {path.name}", name, known)
-    with exclusive, searching(path.parent):
+    with searching(path.parent):
         try:
             loaded = parsed_and_checked(path, in_file, around)
         except RuntimeError as error:

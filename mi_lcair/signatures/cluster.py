@@ -2,7 +2,6 @@
 
 import logging
 import socket
-import threading
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from functools import lru_cache
@@ -10,13 +9,12 @@ from urllib.parse import urlsplit
 
 from mi_lcair.errors import InputError
 from mi_lcair.rendering.scene import load
+from mi_lcair.startup.threads import exclusive
 
 RETRIES = 3  # attempts for a batch that failed on a worker; Dask itself replaces dead workers
 CONNECTION_S = 3  # time until the scheduler's machine takes a connection, s
 TIMEOUT_S = 10  # time until the scheduler answers on it, s
 WORKER_TIMEOUT_S = 60  # time until the scheduler has a worker, s
-# Mitsuba renders with all threads of a worker, so that a worker renders one batch at a time.
-_one_at_a_time = threading.Lock()
 
 
 def rendered(sweep, batches, address: str):
@@ -120,7 +118,7 @@ def render_here(sweep, number: int, views) -> dict:
 
     from mi_lcair.signatures.trend import render_batch
 
-    with _one_at_a_time:
+    with exclusive:  # Mitsuba renders with all threads of a worker
         mitsuba.set_variant(sweep.variant)
         drjit.set_thread_count(get_worker().state.nthreads)
         return render_batch(

@@ -18,6 +18,7 @@ from mi_lcair.rendering.views import View, check_resolution
 from mi_lcair.signatures.many_views import render_views, views_per_batch
 from mi_lcair.signatures.trend_file import TrendFile
 from mi_lcair.signatures.trend_result import Trend
+from mi_lcair.startup.threads import exclusively
 
 # A batch may fill so many passes even with the fewest samples. This bounds the memory.
 MOST_PASSES = 16
@@ -182,6 +183,7 @@ def results(scene: Scene, sweep: Sweep, batches, dask: str | None):
             yield render_batch(scene, sweep, number, views)
 
 
+@exclusively
 def render_batch(scene: Scene, sweep: Sweep, number: int, views) -> dict[View, dict[str, float]]:
     """Render one batch of views, and return its rows.
 

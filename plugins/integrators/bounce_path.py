@@ -19,7 +19,8 @@ from mi_lcair.plugins.derivatives import deriving, leaves, nodes
 from mi_lcair.plugins.paths.path_tracer import PathTracer
 from mi_lcair.plugins.properties import HOTTEST, Property, read
 from mi_lcair.plugins.scene_state import SceneState
-from mi_lcair.plugins.tracing import exclusive, tracing
+from mi_lcair.plugins.tracing import tracing
+from mi_lcair.startup.threads import exclusive
 
 MOST_KEPT = 8  # tracers of a scene that are kept, each with other settings
 

@@ -1,0 +1,27 @@
+"""The lock under which one thread at a time uses Dr.Jit.
+
+A thread that records or replays launches holds locks of Dr.Jit while it runs Python code. Another
+thread that uses Dr.Jit meanwhile, if only to read an array, holds Python's own lock and waits for
+Dr.Jit's: neither goes on. Two threads that record end the process. All that uses Dr.Jit therefore
+takes turns, from the loading of a scene to the result of a public function.
+"""
+
+from collections.abc import Callable
+from functools import wraps
+from threading import RLock
+from typing import TypeVar
+
+Function = TypeVar("Function", bound=Callable)
+
+exclusive = RLock()  # held by the thread that uses Dr.Jit
+
+
+def exclusively(function: Function) -> Function:
+    """Decorator: threads run the functions that have it one after the other."""
+
+    @wraps(function)
+    def in_turn(*arguments, **options):
+        with exclusive:
+            return function(*arguments, **options)
+
+    return in_turn

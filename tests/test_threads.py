@@ -1,0 +1,70 @@
+"""One thread at a time uses Dr.Jit: public functions hold the lock for as long as they use it."""
+
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from threading import Event
+
+import pytest
+
+import mi_lcair
+from mi_lcair.startup.threads import exclusive, exclusively
+
+# Modules that use Dr.Jit, beside all plugins
+ROOMS = ("mi_lcair.plugins.", "mi_lcair.rendering.facets.", "mi_lcair.rendering.window")
+
+CALLS = {
+    "load": lambda scene: mi_lcair.load("two_plates"),
+    "render": lambda scene: mi_lcair.render(scene, spp=1),
+    "signature": lambda scene: mi_lcair.signature(scene, spp=1, facets=True),
+    "parameters": mi_lcair.parameters,
+    "plan": lambda scene: mi_lcair.plan(scene, 0.2),
+    "audit": lambda scene: mi_lcair.audit(scene, photons=64),
+    "trend": lambda scene: mi_lcair.trend(scene, [0], resolution=4, spp=4),
+    "sensitivities": lambda scene: mi_lcair.sensitivities(scene, ["plate.temperature"], spp=4),
+    "derivative_images": lambda scene: mi_lcair.derivative_images(scene, [], spp=4),
+}
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_the_lock_is_held(name):
+    """No function of the plugins, and none that asks a sensor or a shape, runs without it."""
+    scene = mi_lcair.load("two_plates", resolution=4)
+    CALLS[name](scene)  # imports its modules
+    without = set()
+
+    def watch(frame, event, argument):
+        if event == "call" and not exclusive._is_owned():
+            module, function = frame.f_globals.get("__name__", ""), frame.f_code.co_name
+            if module.startswith(ROOMS) and function != "__del__":  # it takes the lock itself
+                without.add(f"{module}: {function}")
+
+    sys.setprofile(watch)
+    try:
+        CALLS[name](scene)
+    finally:
+        sys.setprofile(None)
+    assert not without
+
+
+def test_functions_take_turns():
+    """A second thread waits until the first has left its function; the same thread does not."""
+    order, entered, leave = [], Event(), Event()
+
+    @exclusively
+    def work(name):
+        order.append(f"{name} begins")
+        if name == "first":
+            entered.set()
+            leave.wait(10)
+            nested()
+        order.append(f"{name} ends")
+
+    nested = exclusively(lambda: order.append("nested"))
+    with ThreadPoolExecutor(2) as threads:
+        first = threads.submit(work, "first")
+        assert entered.wait(10)
+        second = threads.submit(work, "second")
+        assert not second.done() and order == ["first begins"]
+        leave.set()
+        first.result(), second.result()
+    assert order == ["first begins", "nested", "first ends", "second begins", "second ends"]
