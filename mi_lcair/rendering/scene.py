@@ -38,6 +38,7 @@ from mi_lcair.rendering.loading.remarks.loaded import (
     shapes_without_bsdf,
     suns_below_the_horizon,
 )
+from mi_lcair.rendering.loading.remarks.nothing import reflections_of_nothing
 from mi_lcair.startup.threads import exclusive, exclusively
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
@@ -321,6 +322,9 @@ def checked(loaded: mi.Scene, path: Path | None, parameters: dict[str, str]) -> 
             )
     with integrator.prepared(loaded) as tracer:
         emitters = tracer.emitters  # raises InputError for what cannot be derived
+        # The void around bundled scenes is meant
+        is_bundled = path is not None and path.parent == scenes.FOLDER
+        of_nothing = [] if is_bundled else reflections_of_nothing(loaded, emitters)
     if emitters.band is None:
         raise InputError(
             f"{where}: no thermal emitter names a band; "
@@ -332,7 +336,7 @@ def checked(loaded: mi.Scene, path: Path | None, parameters: dict[str, str]) -> 
         band=emitters.band,
         groups=emitters.labels,
         parameters=parameters,
-        notes=[*remarks_on_materials(loaded), *suns_below_the_horizon(loaded)],
+        notes=[*remarks_on_materials(loaded), *suns_below_the_horizon(loaded), *of_nothing],
         sensors=list(loaded.sensors()),
         path=path,
     )

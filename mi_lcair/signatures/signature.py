@@ -69,6 +69,7 @@ def measure_signature(
             reached=total.reached,
             tolerance=sampling.tolerance,
             aim=total.aim,
+            remarks=scene.notes,
         )
 
     criterion = None

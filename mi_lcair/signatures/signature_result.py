@@ -1,5 +1,6 @@
 """The intensities that `signature` returns."""
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -101,6 +102,8 @@ class Signature(Result):
         Plan under whose settings the paths were traced.
     aim : Aim or None
         Where in the window the paths began. Renders with one aim and one number share their paths.
+    remarks : sequence of str
+        Remarks on the scene, one line each.
     """
 
     scene_name: str
@@ -120,6 +123,7 @@ class Signature(Result):
     reached: bool | None = None
     plan: "Plan | None" = None
     aim: "Aim | None" = None
+    remarks: Sequence[str] = ()
 
     kind: ClassVar[str] = "signature"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.signature:figure"
@@ -188,6 +192,7 @@ class Signature(Result):
             "invalid": self.invalid,
             "tolerance": self.tolerance,
             "reached": self.reached,
+            "remarks": list(self.remarks),
         }
         if self.plan is not None:
             entries["plan"] = self.plan.as_dict()

@@ -6,7 +6,7 @@ import numpy as np
 
 from mi_lcair.plugins.emission.source import OTHER
 from mi_lcair.plugins.emission.triangles import pointer_id
-from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of, group_of, groups_of, is_thermal
+from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of, groups_of, is_thermal
 
 
 class Groups:
@@ -24,7 +24,7 @@ class Groups:
         number = {label: k for k, label in enumerate(self.labels)}
         types = [facet_type_of(emitter) for emitter in emitters]
         self.number = table_by_pointer(
-            emitters, [number[group_of(emitter)] for emitter in emitters], number.get(OTHER, 0)
+            emitters, [number[groups_of(emitter)[0]] for emitter in emitters], number.get(OTHER, 0)
         )
         self.is_background = table_by_pointer(emitters, [of != "model" for of in types])
         self.is_sky = table_by_pointer(emitters, [of == "sky" for of in types])

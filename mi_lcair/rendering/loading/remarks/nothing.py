@@ -1,0 +1,47 @@
+"""Remark on a scene whose surfaces reflect nothing, because nothing surrounds them."""
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mi_lcair.fraction import percent
+from mi_lcair.plugins.bsdfs.plume import is_passed
+from mi_lcair.plugins.emission.emitter_table import EmitterTable
+
+RAYS = 2**12  # rays of the first sensor that are followed to what the target reflects there
+# Smallest share of the reflected light, and of all light that a surface could reflect, that is
+# remarked
+LEAST_SHARE, LEAST_REFLECTED = 0.05, 0.01
+
+
+def reflections_of_nothing(scene: mi.Scene, emitters: EmitterTable) -> list[str]:
+    """Remark on rays of the first sensor whose first reflection escapes to where nothing emits.
+
+    Without surroundings a reflecting surface is as dark as in empty space. The remark says for
+    which share of the reflected light this is so.
+    """
+    numbers = np.random.default_rng(0).random((7, RAYS)).astype(np.float32)
+    ray, _ = scene.sensors()[0].sample_ray(
+        0.0, mi.Float(numbers[0]), mi.Point2f(numbers[1:3]), mi.Point2f(numbers[3:5])
+    )
+    with dr.suspend_grad():
+        si = scene.ray_intersect(ray)
+        bsdf = si.bsdf(ray)
+        on_target = si.is_valid() & emitters.is_model(si.emitter(scene)) & ~is_passed(bsdf.flags())
+        sample, number = mi.Point2f(numbers[5:7]), mi.Float(numbers[0])
+        bs, weight = bsdf.sample(mi.BSDFContext(), si, number, sample, on_target)
+        reflected = dr.select(on_target, weight[0], 0)
+        beyond = scene.ray_intersect(emitters.spawn_ray(si, si.to_world(bs.wo)), on_target)
+        escapes = on_target & ~beyond.is_valid()
+        if scene.environment() is not None:
+            escapes &= scene.environment().eval(beyond)[0] == 0
+        met, total, lost = (
+            dr.sum(values)[0]
+            for values in (dr.select(on_target, mi.Float(1), 0), reflected, reflected * escapes)
+        )
+    if not lost > max(LEAST_SHARE * total, LEAST_REFLECTED * met):
+        return []
+    return [
+        f"{percent(lost / total)} of what the target reflects comes from nothing (0 K); --sky and "
+        "--ground give it surroundings, as do [surroundings] of a scenario and an emitter sky"
+    ]
