@@ -10,7 +10,15 @@ from scipy.optimize import brentq
 import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.formats import tiff
-from mi_lcair.physics.blackbody import brightness_temperature
+from mi_lcair.physics.air.clear_air import clear_air
+from mi_lcair.physics.air.clear_paths import ClearPaths
+from mi_lcair.physics.air.levels import Weather
+from mi_lcair.physics.bands import band
+from mi_lcair.physics.blackbody import (
+    brightness_temperature,
+    in_band_radiance,
+    spectral_radiance,
+)
 from mi_lcair.rendering.images.exr import read_exr
 from mi_lcair.rendering.images.measured import from_csv, from_picture
 from tests.sensitivity.grey_room import NAMED, load
@@ -27,14 +35,14 @@ def W(T, low, high):
     return quad(planck, low * 1e-6, high * 1e-6, epsrel=1e-12)[0]
 
 
-def apparent(T, band, emissivity, reflected, transmittance=1.0, air_temperature=300.0):
+def apparent(T, limits, emissivity, reflected, transmittance=1.0, air_temperature=300.0):
     """Apparent temperature by the formula of camera makers (FLIR, Photon manual, Eq 2)."""
     total = (
-        emissivity * transmittance * W(T, *band)
-        + (1 - emissivity) * transmittance * W(reflected, *band)
-        + (1 - transmittance) * W(air_temperature, *band)
+        emissivity * transmittance * W(T, *limits)
+        + (1 - emissivity) * transmittance * W(reflected, *limits)
+        + (1 - transmittance) * W(air_temperature, *limits)
     )
-    return brentq(lambda t: W(t, *band) / total - 1, 20, 6000, xtol=1e-9)
+    return brentq(lambda t: W(t, *limits) / total - 1, 20, 6000, xtol=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -53,6 +61,55 @@ def test_the_published_formula(seed):
     result = mi_lcair.temperature(seen, f"{limits[0]}-{limits[1]}", **given)
     assert result.kelvin == pytest.approx(T, abs=2e-5 * T)
     assert result.transmittance == pytest.approx(given["transmittance"])
+
+
+@pytest.mark.parametrize("emissivity, T", [(0.92, 310.0), (0.2, 500.0), (0.7, 265.0)])
+def test_contributions_are_the_derivatives_of_the_formula(emissivity, T):
+    """By hand: epsilon tau W'(T) dT is what changes in (1)."""
+    limits, tau, reflected, air = (8.0, 12.0), 0.9, 290.0, 285.0
+    given = {
+        "emissivity": (emissivity, 0.02),
+        "reflected": (reflected, 2.0),
+        "transmittance": (tau, 0.01),
+        "air_temperature": (air, 3.0),
+    }
+    seen = apparent(T, limits, *(number[0] for number in given.values()))
+    result = mi_lcair.temperature(seen, "LWIR", sigma=0.3, **given)
+    slope = lambda t: (W(t + 0.01, *limits) - W(t - 0.01, *limits)) / 0.02
+    own, light, glow = (W(t, *limits) for t in (T, reflected, air))
+    expected = {
+        "apparent": 0.3 * slope(seen),
+        "emissivity": 0.02 * tau * (own - light),
+        "reflected": 2.0 * (1 - emissivity) * tau * slope(reflected),
+        "transmittance": 0.01 * (emissivity * own + (1 - emissivity) * light - glow),
+        "air_temperature": 3.0 * (1 - tau) * slope(air),
+    }
+    of = emissivity * tau * slope(T)
+    computed = {row.quantity: float(row.sigma) for row in result.contributions}
+    assert computed == pytest.approx({k: abs(v) / of for k, v in expected.items()}, rel=2e-3)
+    assert float(result.sigma) == pytest.approx(np.sqrt(sum(v**2 for v in computed.values())))
+
+
+@pytest.mark.parametrize("name", ["LWIR", "3.5-4.9"])
+@pytest.mark.parametrize("distance, weather", [(20.0, {}), (700.0, {"humidity": 0.8})])
+def test_computed_air(name, distance, weather):
+    """Against the air's transmittance for Planck's spectrum and its path radiance."""
+    chosen = band(name)
+    air = ClearPaths("x", clear_air("us_standard", Weather(**weather)), 50, 0.0, True, distance)
+    x = air.wavelengths_um
+    parts = [
+        weight * L * air.band_transmittance(chosen, [spectral_radiance(x, T)], [distance])[0, 0]
+        for weight, T in ((0.8, 320.0), (0.2, 290.0))
+        for L in [float(in_band_radiance(chosen, T))]
+    ]
+    total = sum(parts) + float(air.band_path_radiance(chosen, [distance])[0])
+    seen = float(brightness_temperature(chosen, total))
+    given = {"emissivity": 0.8, "reflected": 290, "distance": distance, **weather}
+    result = mi_lcair.temperature(seen, chosen, **given)
+    assert float(result.kelvin) == pytest.approx(320, abs=1e-3)
+    spectrum = [spectral_radiance(x, float(result.kelvin))]
+    mean = air.band_transmittance(chosen, spectrum, [distance])
+    assert result.transmittance == pytest.approx(float(mean[0, 0]), rel=1e-6)
 
 
 @pytest.mark.slow
