@@ -13,7 +13,13 @@ from drjit.llvm.ad import Float64
 from mi_lcair.errors import InputError
 from mi_lcair.physics import materials
 from mi_lcair.physics.bands import band
-from mi_lcair.physics.materials import bands_of, emits_nothing, material, names
+from mi_lcair.physics.materials import (
+    bands_of,
+    emits_nothing,
+    hemispherical_emissivity,
+    material,
+    names,
+)
 
 # (name, band): epsilon, rho_d, b, e from Harkiss 2007, Tables 2.2 and 2.3; of grey surfaces the
 # emissivity (section 3.4.1: 96 %).
@@ -330,3 +336,14 @@ def test_emits_must_be_true_or_false(user_file):
     own = user_file('[a.any]\nemits = "no"\n')
     with pytest.raises(InputError, match="emits = 'no'; must be true or false"):
         material("a", None, own)
+
+
+@pytest.mark.parametrize("name", ["gloss_black", "bare_aluminum"])
+def test_hemispherical_emissivity(name):
+    """1 less the mean of HDR over the squared sine of the angle."""
+    entry, MWIR = material(name, band("MWIR")), band("MWIR")
+    edges = np.linspace(0, 1, 20_001)
+    theta = Float64(np.arcsin(np.sqrt((edges[1:] + edges[:-1]) / 2)))
+    mean = entry.model.HDR(entry.surface(), theta).numpy().mean()
+    assert hemispherical_emissivity(name, MWIR) == pytest.approx(1 - mean, abs=5e-5)
+    assert hemispherical_emissivity("0.3", MWIR) == 0.3

@@ -97,6 +97,7 @@ def test_a_sigma_that_is_too_large_is_said():
     rows = 0.3 * fitted(np.random.default_rng(5).standard_normal(POINTS))
     quality = verdict_on(rows, SIGMA_DEX)
     assert quality.lack_of_fit is False and "less than their sigma says" in quality.verdict
+    assert "less than their sigma says" not in verdict_on(rows / 0.3, SIGMA_DEX).verdict
 
 
 def test_of_a_fit_with_stated_sigma():
@@ -163,7 +164,10 @@ def test_repeats_need_twice_the_variance():
     for chi_square, lacks in ((1.9, False), (2.1, True)):
         rows = noise * scale * np.sqrt(chi_square)
         assert verdict_on(rows, SIGMA_DEX, 1e6).lack_of_fit is lacks
-        assert verdict_on(rows, SIGMA_DEX).lack_of_fit  # of a stated sigma
+        stated = verdict_on(rows, SIGMA_DEX)  # of a stated sigma
+        rms = SIGMA_DEX * scale * np.sqrt(chi_square)
+        assert stated.lack_of_fit
+        assert stated.systematic_dex == pytest.approx(rms * np.sqrt(1 - 1 / chi_square))
 
 
 def test_differences_in_words():

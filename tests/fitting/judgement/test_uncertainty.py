@@ -215,6 +215,36 @@ def test_profiles_of_linear_rows(level):
     np.testing.assert_allclose(found[:, 1] - best, expected, rtol=5e-3)
 
 
+class CubicInParameters(LinearInParameters):
+    """Rows A (x + c x^3) with x = p - best, and one row that does not change."""
+
+    def __call__(self, u, lanes=None):
+        values, slopes = parameters_at(MODEL, u)
+        x = values - self.best
+        inner = (1 + 3 * CUBIC * x**2)[..., None] * slopes
+        rows = (x + CUBIC * x**3) @ self.A.T
+        rows = np.concatenate([rows, np.full((len(u), 1), 5.0)], axis=1)
+        return rows, np.concatenate([self.A @ inner, np.zeros((len(u), 1, 4))], axis=1)
+
+
+CUBIC = 3e3
+
+
+def test_profiles_of_curved_rows():
+    """The end is where a (x + c x^3) = t, between the points of a profile."""
+    A, best = np.diag([200.0, 300, 150, 250]), MODEL.values_at(U)
+    rows = CubicInParameters(A, best)
+    near = Linearized(MODEL, U, np.ones(4, dtype=bool), rows(U[None])[1][0], 1.0, np.zeros(5))
+    found = profile_intervals(near, rows, 0.5 * 5.0**2, 1.0, 30)
+    lower, upper = MODEL.feasible_range(best)
+    for k, slope in enumerate(np.diag(A)):
+        roots = np.roots([CUBIC, 0, 1, -stats.t.ppf(0.975, 30) / slope])
+        expected = roots[np.isreal(roots)].real[0]
+        ends = np.clip(best[k] + [-expected, expected], lower[k], upper[k])
+        np.testing.assert_allclose(found[k] - best[k], ends - best[k], rtol=0.02)
+        assert expected < 0.95 * stats.t.ppf(0.975, 30) / slope
+
+
 def test_intervals_end_at_the_feasible_range():
     """Data that say nothing about the parameters."""
     best = MODEL.values_at(U)
