@@ -73,7 +73,13 @@ class Exposure:
     paths: int
 
 
-def exposure(setting: Setting, view: CameraView, sampling: Sampling, detector: Band) -> Exposure:
+def exposure(
+    setting: Setting,
+    view: CameraView,
+    sampling: Sampling,
+    detector: Band,
+    behind: Callable[[Band], np.ndarray],
+) -> Exposure:
     """Render the model into the samples of a camera's window.
 
     Every source has its own spectrum, and its electrons are the integral of this spectrum, of the
@@ -91,6 +97,8 @@ def exposure(setting: Setting, view: CameraView, sampling: Sampling, detector: B
         tolerance is the `rms_error`. Its progress is in paths through a pixel.
     detector : Band
         Band whose values are electrons.
+    behind : callable
+        Gives the in-band values of the background behind the parts of the window, (rows, columns).
 
     Raises
     ------
@@ -98,10 +106,10 @@ def exposure(setting: Setting, view: CameraView, sampling: Sampling, detector: B
         For settings out of bounds, and if no ray meets the model.
     """
     scene, air, range_m = setting.view, setting.air, setting.path.range_m
-    backdrop, extrapolate = setting.backdrop.at_sensor(range_m), setting.sight.extrapolate
+    extrapolate = setting.sight.extrapolate
     columns, rows = view.size
     in_pixel = min(view.parts**2, columns * rows)
-    hidden = float(detector_mean(backdrop, scene.band))
+    hidden = detector_mean(setting.backdrop.at_sensor(range_m), scene.band)
 
     def reduced(sums: Sums) -> Sums:
         """The channels of the model; as radiance, its difference from the background."""
@@ -145,7 +153,7 @@ def exposure(setting: Setting, view: CameraView, sampling: Sampling, detector: B
         arrival = interpolated(
             lambda at: Arrival.of(sources, scene.band, rule, air, at, extrapolate), through
         )
-        return arrival.of_parts(seen) + share * (arrival.path - detector_mean(backdrop, rule))
+        return arrival.of_parts(seen) + share * (arrival.path - behind(rule).ravel()[on])
 
     # Errors are those of the radiance, in the unit of electrons at the aperture
     at_middle = Arrival.of(

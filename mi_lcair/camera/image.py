@@ -5,12 +5,13 @@ import time
 import numpy as np
 
 from mi_lcair.camera.camera import Camera
-from mi_lcair.camera.exposure import Exposure, detector_mean, exposure
+from mi_lcair.camera.exposure import Exposure, exposure
 from mi_lcair.camera.image_result import Image
 from mi_lcair.camera.notes import header, remarks
 from mi_lcair.camera.quality import measured
-from mi_lcair.camera.range_table import RangedTarget, at_ranges, table_ranges
-from mi_lcair.camera.silhouette import Silhouette
+from mi_lcair.camera.ranges.range_table import RangedTarget, at_ranges, table_ranges
+from mi_lcair.camera.ranges.silhouette import Silhouette
+from mi_lcair.camera.scenery import Scenery
 from mi_lcair.camera.view import CameraView
 from mi_lcair.detection.multiplied_light import multiplied_light
 from mi_lcair.detection.scenario import Scenario
@@ -43,18 +44,24 @@ def record_image(scenario: Scenario, frames: int, seed: int, progress) -> Image:
     view = CameraView.of(
         target, View(observer.azimuth_deg, observer.elevation_deg), observer.range_m, imager
     )
+    scenery = Scenery.of(scenario, setting, view)
 
     rendering = time.perf_counter()
     bounces = max(scenario.render.max_bounces, default=scene.mi.integrator().max_bounces)
     with changed(scene, lobe=scenario.render.lobe, max_bounces=bounces):
-        exposed = exposure(setting, view, scenario.render.of_image(progress), camera.band)
+        exposed = exposure(
+            setting, view, scenario.render.of_image(progress), camera.band, scenery.of_parts
+        )
     render_seconds = time.perf_counter() - rendering
 
-    radiance = detector_mean(behind, setting.detector.band)
-    frame_counts, channels, share = developed(camera, view, exposed, radiance, frames)
+    background, radiance = (
+        scenery.image(rule, camera.optics) for rule in (camera.band, setting.detector.band)
+    )
+    frame_counts, channels, share = developed(camera, view, exposed, background, radiance, frames)
     measures = measured(
         camera,
         channels["electrons.Y"],
+        camera.design.undone(background),
         share,
         channels["stderr_K.Y"],
         exposed.area / view.pixel_m**2,
@@ -86,6 +93,7 @@ def record_image(scenario: Scenario, frames: int, seed: int, progress) -> Image:
         correction=camera.correction,
         remarks=[
             *scene.remarks,
+            *scenery.missing(),
             *multiplied_light(setting, exposed.sources.list),
             *invalid_remark(exposed.invalid, exposed.paths),
             *remarks(imager, view, channels["electrons.Y"], measures, hidden, exposed.reached),
@@ -96,15 +104,15 @@ def record_image(scenario: Scenario, frames: int, seed: int, progress) -> Image:
 
 
 def developed(
-    camera: Camera, view: CameraView, exposed: Exposure, radiance: float, frames: int
+    camera: Camera, view: CameraView, exposed: Exposure, background, radiance, frames: int
 ) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]:
     """What the optics and the electronics make of an exposure.
 
     Parameters
     ----------
     camera, view, exposed : Camera, CameraView, Exposure
-    radiance : float
-        In-band radiance of the background, W m^-2 sr^-1.
+    background, radiance : ndarray, shape (H, W), or float
+        Electrons of the background, and its in-band radiance, W m^-2 sr^-1.
     frames : int
         Number of frames.
 
@@ -115,7 +123,7 @@ def developed(
         pixel that the target fills (H, W).
     """
     optics = camera.optics
-    scene = np.maximum(camera.background + optics.seen(exposed.contrast, view.around), 0)
+    scene = np.maximum(background + optics.seen(exposed.contrast, view.around), 0)
     signal = camera.design.undone(scene)
     error = np.sqrt(optics.variance(exposed.error**2, view.around))
     frame_counts = camera.frames(signal, frames)

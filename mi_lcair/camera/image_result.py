@@ -12,7 +12,7 @@ from mi_lcair.camera.electronics.response import (
 )
 from mi_lcair.camera.exposure import Exposure
 from mi_lcair.camera.quality import Measures
-from mi_lcair.camera.range_table import RangeRow
+from mi_lcair.camera.ranges.range_table import RangeRow
 from mi_lcair.camera.view import CameraView
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.formats import tiff

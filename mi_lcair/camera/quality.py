@@ -81,6 +81,7 @@ class Measures:
 def measured(
     camera: Camera,
     signal: np.ndarray,
+    behind: np.ndarray | float,
     share: np.ndarray,
     error_K: np.ndarray,
     pixels: float,
@@ -90,9 +91,9 @@ def measured(
     Parameters
     ----------
     camera : Camera
-    signal, share, error_K : ndarray, shape (H, W)
-        Mean electrons of each pixel, share of it that the target fills, and standard error of the
-        rendering, K.
+    signal, behind, share, error_K : ndarray, shape (H, W)
+        Mean electrons of each pixel, those without the target, share of it that the target fills,
+        and standard error of the rendering, K.
     pixels : float
         Number of pixels on the target.
     """
@@ -103,7 +104,7 @@ def measured(
         pattern = np.hypot(imager.gain_nonuniformity * background, imager.offset_nonuniformity_e)
     noise = float(np.hypot(imager.noise(background), pattern))
     frequency, value = measured_mtf(camera.optics)
-    difference = signal - camera.design.undone(camera.background)
+    difference = signal - behind
     on = share >= 0.5
     on = on if on.any() else share >= share.max()
     # The well must hold the uniform scene and its noise, and counts must resolve the noise

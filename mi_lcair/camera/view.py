@@ -29,6 +29,8 @@ class CameraView:
     imager : Imager
     eye : ndarray, shape (3,)
         Position of the camera, m.
+    toward : ndarray, shape (3,)
+        Unit vector from the camera to the target's middle.
     axis, right, up : ndarray, shape (3,)
         Unit vectors of the optical axis and of the sides of the frame.
     near_m : float
@@ -49,6 +51,7 @@ class CameraView:
 
     imager: Imager
     eye: np.ndarray
+    toward: np.ndarray
     axis: np.ndarray
     right: np.ndarray
     up: np.ndarray
@@ -126,6 +129,7 @@ class CameraView:
         return CameraView(
             imager,
             eye,
+            -view.direction,
             axis,
             right,
             up,

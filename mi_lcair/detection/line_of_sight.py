@@ -24,7 +24,7 @@ from mi_lcair.physics.detector import Detector
 from mi_lcair.physics.sky import clear_name
 from mi_lcair.physics.sun.daytime_sky import ClearSky
 from mi_lcair.physics.surroundings.skies import CLEAR, TableSky, sky_of
-from mi_lcair.physics.surroundings.surroundings import ATMOSPHERE
+from mi_lcair.physics.surroundings.surroundings import ATMOSPHERE, Ground, Surroundings
 
 CLOSE_M = 0.5  # difference of two ranges that is rounding of a table in km
 
@@ -101,6 +101,13 @@ class Sight:
             of_air.extrapolate,
             direction,
         )
+
+    def elevation_at_sensor(self, range_m: float) -> float:
+        """Elevation at the sensor of the line to a target at a range, m [degrees], upward."""
+        if self.elevation_deg >= 0 or not isinstance(self.air, ClearPaths):
+            return self.elevation_deg
+        up = self.air.air.ray(self.air.lower_m, -self.elevation_deg, range_m)
+        return float(-up.elevations_deg[-1])
 
     def to_ground(self, range_m: float) -> LineOfSight:
         """Path from the ground to a sensor that looks down and is `range_m` from the target."""
@@ -203,6 +210,26 @@ def sky_behind(scenario: Scenario, height_m: float) -> ClearSky | TableSky:
     sky = behind.sky if behind.daytime_sky is None else CLEAR
     elevation = None if sun is None else sun[1]
     return sky_of(sky, name or ATMOSPHERE, elevation, height_m, weather_of(scenario, name))
+
+
+def surroundings_of(scenario: Scenario, sight: Sight) -> Surroundings | None:
+    """Sky and ground of a scenario's background around its sensor; None for a single radiance.
+
+    Air is before the ground if it is clear air, whose weather is known in all directions.
+    """
+    behind, sky, below = scenario.background, None, None
+    if behind.temperature is not None:
+        return None
+    if behind.sky is not None or behind.daytime_sky is not None:
+        sky = sky_behind(scenario, HEIGHT_M if sight.observer_m is None else sight.observer_m)
+        if behind.ground_temperature is None and not sky.by_elevation:
+            return None
+    if behind.ground_temperature is not None:
+        below = Ground(behind.ground_temperature, behind.ground_emissivity)
+    sun = None if sight.sun is None else sight.sun.elevation_deg
+    if isinstance(sight.air, ClearPaths):
+        return Surroundings(sky, below, sight.air.air, sight.observer_m, sun)
+    return Surroundings(sky, below, clear_air(ATMOSPHERE), None, sun)
 
 
 def ground(scenario: Scenario, detector: Detector, sight: Sight) -> Backdrop:

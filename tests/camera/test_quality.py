@@ -44,7 +44,7 @@ def measures(imager=IMAGER, signal=SIGNAL, share=SHARE, temperature=295.0, desig
         temperature=temperature,
         seed=3,
     )
-    return measured(camera, signal, share, ERROR, 2.5)
+    return measured(camera, signal, design.undone(LEVEL), share, ERROR, 2.5)
 
 
 def test_noise_and_ratios():

@@ -75,6 +75,7 @@ def _temperature(figure, axes, image: Image) -> None:
     axes.set_title("(a) first frame, around the target")
     axes.set_xlabel("column (pixel)")
     axes.set_ylabel("row (pixel)")
+    axes.locator_params(integer=True)
 
 
 def _mtf(axes, image: Image) -> None:

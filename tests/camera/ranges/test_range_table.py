@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mi_lcair.camera.electronics.response import electron_band, electrons
-from mi_lcair.camera.range_table import (
+from mi_lcair.camera.ranges.range_table import (
     RangedTarget,
     at_ranges,
     backgrounds,

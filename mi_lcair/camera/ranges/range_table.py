@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from mi_lcair.camera.camera import Camera
 from mi_lcair.camera.exposure import Exposure, detector_mean
-from mi_lcair.camera.silhouette import Silhouette
+from mi_lcair.camera.ranges.silhouette import Silhouette
 from mi_lcair.detection.irradiance import Backdrop
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.atmosphere import Atmosphere

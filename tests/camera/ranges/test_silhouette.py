@@ -8,7 +8,7 @@ import pytest
 
 from mi_lcair.camera.electronics.response import electron_band
 from mi_lcair.camera.optics import OVERSAMPLING, Optics
-from mi_lcair.camera.silhouette import Silhouette
+from mi_lcair.camera.ranges.silhouette import Silhouette
 from mi_lcair.camera.view import CameraView
 from mi_lcair.detection.setting import setting_of
 from mi_lcair.physics.bands import band

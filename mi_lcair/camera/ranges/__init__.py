@@ -1,0 +1,1 @@
+"""A target that a camera has seen once, put at other ranges."""
