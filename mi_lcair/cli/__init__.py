@@ -44,7 +44,7 @@ PURPOSES = {
         "audit": "estimates.audit",
         "budget": "estimates.budget",
         "invert": "estimates.invert",
-        "chart": "charts.chart",
+        "chart": "estimates.chart",
     },
 }
 COMMANDS = {name: module for group in PURPOSES.values() for name, module in group.items()}

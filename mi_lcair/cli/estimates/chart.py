@@ -1,0 +1,144 @@
+"""mi-lcair chart: measure the speed of the renderer, and compare methods."""
+
+from dataclasses import asdict, fields
+
+import click
+
+from mi_lcair.cli.options import examples, json_option, output_option, progress_bar
+from mi_lcair.cli.output import print_columns, print_json
+
+
+@click.group("chart", no_args_is_help=False)
+def command():
+    """Measure the speed of the renderer, and compare methods."""
+
+
+def chart_options(files: str):
+    """Decorator that gives a command the options -o FOLDER, --quick and --json.
+
+    The command receives `output`, `quick` and `json`. `files` names its files in the help.
+    """
+    written = output_option(
+        f"{files} to FOLDER, which is made if it is absent",
+        metavar="FOLDER",
+        default=".",
+    )
+    quick = click.option(
+        "--quick",
+        is_flag=True,
+        help="Measure fewer efforts and repetitions, in seconds instead of minutes.",
+    )
+
+    def decorator(command):
+        return written(quick(json_option(command)))
+
+    return decorator
+
+
+@command.command("reflectance", epilog=examples("mi-lcair chart reflectance --quick -o charts"))
+@chart_options("reflectance.png and reflectance.csv")
+def reflectance(output, quick, json):
+    """Compare eight methods that integrate a BRDF over the hemisphere.
+
+    Printed and written are relative rms errors against samples and time in s.
+    """
+    from mi_lcair.benchmark import reflectance_chart
+    from mi_lcair.files import filling
+    from mi_lcair.reports import method_chart
+
+    # `filling` comes before the work, so that an unusable folder is refused at once.
+    with filling(output) as partial:
+        with progress_bar("points") as progress:
+            points = reflectance_chart.measure(quick, progress)
+        method_chart.write_reflectance(partial, points)
+    if json:
+        print_json({"points": [asdict(point) for point in points]})
+        return
+    print_cheapest(points, "case", "samples")
+    click.echo(f"wrote reflectance.png and reflectance.csv to {output}")
+
+
+@command.command("propagation", epilog=examples("mi-lcair chart propagation --quick -o charts"))
+@chart_options("propagation.png and .csv, and propagation_closure.png and .csv")
+def propagation(output, quick, json):
+    """Compare methods that follow radiation from facet to facet.
+
+    The methods are those of the thesis, path tracing and Mitsuba's own integrator, on six scenes.
+    Printed and written are relative rms errors against rays and time in s.
+    """
+    from mi_lcair.benchmark import propagation_chart
+    from mi_lcair.files import filling
+    from mi_lcair.reports import closure_chart
+
+    # `filling` comes before the work, so that an unusable folder is refused at once.
+    with filling(output) as partial:
+        with progress_bar("curves") as progress:
+            result = propagation_chart.measure(quick, progress)
+        closure_chart.write(partial, result)
+    if json:
+        print_json(
+            {
+                "limit_processor_seconds": result.effort.seconds,
+                "points": [asdict(point) for point in result.points],
+                "closures": [asdict(closure) for closure in result.closures],
+            }
+        )
+        return
+    print_cheapest(result.points, "scene", "rays", result.limit)
+    click.echo(
+        "No larger effort of a method is tried once a run takes more than "
+        f"{result.effort.seconds:g} s of processor time on each thread, however busy the machine."
+    )
+    click.echo(f"wrote propagation.png and .csv, propagation_closure.png and .csv to {output}")
+
+
+@command.command("throughput")
+@json_option
+def throughput(json):
+    """Measure paths and rays per second.
+
+    Mitsuba's own integrators are measured on the same scenes. Printed are paths and rays per second
+    and times in s; nothing is written. This takes about three minutes.
+    """
+    from mi_lcair.benchmark.throughput import measure
+
+    with progress_bar("runs") as progress:
+        result = measure(progress=progress)
+    if json:
+        print_json(asdict(result))
+        return
+    columns = [field.name for field in fields(result.rows[0])]
+    print_columns(
+        [
+            [name.replace("_", " ") for name in columns],
+            *([_cell(getattr(row, name)) for name in columns] for row in result.rows),
+        ]
+    )
+
+
+def print_cheapest(points, case: str, cost: str, limit: str = "") -> None:
+    """Print the cheapest method for each case and tolerance of the rms error.
+
+    `case` and `cost` are the headings of the columns of cases and of samples. `limit` says in words
+    up to which effort the methods were tried.
+    """
+    from mi_lcair.benchmark import chart
+
+    rows = [[case, "rms error", "cheapest", cost, "time"]]
+    for name in chart.names(points, "case"):
+        for tolerance in chart.TOLERANCES:
+            best = chart.cheapest(points, name, tolerance)
+            rows.append(
+                [
+                    name,
+                    chart.percent(tolerance),
+                    best.method if best else f"none reaches it{limit}",
+                    *chart.costs(best),
+                ]
+            )
+    print_columns(rows)
+
+
+def _cell(value) -> str:
+    """A value as text for the table; empty for None."""
+    return "" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
