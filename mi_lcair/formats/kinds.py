@@ -5,7 +5,7 @@ from pathlib import Path
 from mi_lcair import scenes
 from mi_lcair.errors import InputError
 from mi_lcair.files import parse_json, read_text
-from mi_lcair.formats import MODELS, tables
+from mi_lcair.formats import MODELS, check_model, tables
 from mi_lcair.formats.tables import FACETS, SPECTRUM, TREND
 
 # Kinds beside those of tables, as messages name them
@@ -41,6 +41,7 @@ def kind_of(what: str | Path, materials: str | Path | None = None) -> str:
         return SCENARIO
     if is_number(what) or what in names(materials):
         return MATERIAL
+    check_model(what)
     raise InputError(
         f"'{what}' is no image (.exr), no trend, spectrum or facets (.csv, .nc), no result "
         f"(.json), no model ({', '.join(MODELS)} or the folder of an import), no scene (.xml), no "

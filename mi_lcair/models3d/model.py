@@ -9,6 +9,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError, shown
 from mi_lcair.files import read_text
+from mi_lcair.formats import check_model
 from mi_lcair.models3d.label import TYPES, Label, find_material, kelvin
 from mi_lcair.models3d.modellers import axes, exchange
 from mi_lcair.models3d.modellers.naming import NameTable, labels_of
@@ -159,6 +160,7 @@ def read(
         temperature = kelvin(f"{temperature:.9g}")
         if table_of_temperatures:
             raise InputError("--temperature and --temperatures exclude each other; give one")
+    check_model(path)
     kind, usual = exchange.KINDS.get(Path(path).suffix.lower(), ("OBJ", axes.AS_BLENDER))
     turn = axes.rotation(forward or usual[0], up or usual[1], nose)
     obj = read_obj(path) if kind == "OBJ" else exchange.read_mesh(path)

@@ -32,6 +32,14 @@ def files(folder):
     (folder / "sky.csv").write_text(SKY)
 
 
+@pytest.mark.parametrize("name, program", [("a.blend", "Blender"), ("a.FBX", "FBX")])
+@pytest.mark.parametrize("command", [("import", "--check"), ("show",)])
+def test_files_of_modelling_programs_are_named(refused, folder, name, program, command):
+    (folder / name).write_bytes(b"BLENDER-v300\x00\xff")
+    line = refused(command[0], name, *command[1:])
+    assert f"{name}: is a {program} file" in line and "export the model as .obj" in line
+
+
 @pytest.mark.parametrize(
     "entry, words",
     [
