@@ -60,7 +60,7 @@ class Tracer:
 
 
 def run(tracer, sampling, criterion=None, windows=None, aim=None):
-    prepared = lambda by_spectrum: nullcontext(tracer)
+    prepared = lambda *kinds: nullcontext(tracer)
     scene = SimpleNamespace(name="box", prepared=prepared)
     windows = windows or Windows(ANY_SENSOR, columns=len(tracer.noise), pixels=64)
     return measure(scene, windows, sampling, Measurands.of(None), criterion, aim)

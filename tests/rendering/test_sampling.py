@@ -1,13 +1,20 @@
-"""How a render is sampled: what goes together, and what a sensor or a part of the work gets."""
+"""How a render is sampled: what goes together, what a sensor or a part of the work gets; and the
+error of totals compared with the allowed error, by hand.
+"""
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from mi_lcair.errors import InputError
-from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.plugins.emission.unmet import UnmetSources
+from mi_lcair.rendering.sampling import ExcessFunction, IntensityInterval, PixelError, Sampling
+from tests.rendering.made_totals import totals
 
 SENSOR = SimpleNamespace(sampler=lambda: SimpleNamespace(sample_count=lambda: 24))
+T3 = 3.182446  # half of Student's 95 % interval, for 3 degrees of freedom
+OF_FOUR = 1.2909944 / 2  # standard error of the mean of 1, 2, 3, 4
 
 
 @pytest.mark.parametrize("name", ["spp", "paths", "tolerance", "max_spp"])
@@ -43,3 +50,62 @@ def test_progress_of_the_third_of_four_renders():
     part.progress(10, 10)
     assert reports == [(25, 40), (30, 40)] and part.spp == 4
     assert Sampling(spp=4).part(2, 4) == Sampling(spp=4)
+
+
+# ------------------------------------------------------------------ Criteria
+
+
+def tracer_of(systematic_error=0.0, unbounded=()):
+    return SimpleNamespace(
+        systematic_error=systematic_error, emitters=SimpleNamespace(unbounded=unbounded)
+    )
+
+
+def test_error_of_pixels():
+    """Two pixels with the means 2.5 and 7.5, of which the second has no scatter."""
+    total = totals([[1, 2, 3, 4], [7.5, 7.5, 7.5, 7.5]])
+    assert PixelError(0.1).excess(total) == pytest.approx(OF_FOUR / np.sqrt(2) / 5 / 0.1)
+
+
+def test_the_error_of_dark_pixels_is_not_known():
+    dark = totals(np.zeros(4), unmet=UnmetSources(10.0, np.empty(0), np.empty(0)))
+    assert PixelError(0.1).excess(dark) == np.inf
+
+
+def test_interval_of_the_target():
+    """The target has a tenth of the radiance of its background."""
+    target = {"target": 64 * np.array([[0.1, 0.2, 0.3, 0.4]])}
+    total = totals([11, 12, 13, 14], channels=target)
+    assert IntensityInterval(0.05).excess(total) == pytest.approx(T3 * OF_FOUR / 2.5 / 0.05)
+    of_all = T3 * OF_FOUR / 12.5 / 0.05
+    assert IntensityInterval(0.05, channel=None).excess(total) == pytest.approx(of_all)
+
+
+def test_the_whole_counts_where_there_is_no_target():
+    total = totals([11, 12, 13, 14], channels={"target": np.zeros((1, 4))})
+    assert IntensityInterval(0.05).excess(total) == pytest.approx(T3 * OF_FOUR / 12.5 / 0.05)
+    assert IntensityInterval(0.05, or_whole=False).excess(total) == np.inf
+    assert IntensityInterval(0.05).excess(totals(np.zeros(4), channels=total.sums)) == np.inf
+
+
+def test_a_function_of_the_totals():
+    assert ExcessFunction(lambda total: total.mean()[0]).excess(totals([1, 2, 3, 4])) == 2.5
+
+
+@pytest.mark.parametrize(
+    "criterion, least", [(PixelError, 1e-4), (IntensityInterval, 1.959964e-4)], ids=str
+)
+def test_what_rounding_leaves_cannot_be_asked_for(criterion, least):
+    """Half of a 95 % interval is 1.96 standard errors."""
+    tracer = tracer_of(systematic_error=1e-4)
+    criterion(1.001 * least).check(tracer, "box")
+    with pytest.raises(InputError, match=r"^box: tolerance = .* cannot be reached: .* of 0.000"):
+        criterion(0.999 * least).check(tracer, "box")
+
+
+@pytest.mark.parametrize(
+    "criterion", [PixelError(0.1), IntensityInterval(0.1), ExcessFunction(lambda total: 0.0)]
+)
+def test_no_tolerance_without_a_bound_of_the_radiance(criterion):
+    with pytest.raises(InputError, match="box: no tolerance can be confirmed.* lamp, sky; give"):
+        criterion.check(tracer_of(unbounded=("lamp", "sky")), "box")
