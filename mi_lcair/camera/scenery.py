@@ -14,6 +14,7 @@ from mi_lcair.detection.setting import Setting
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.surroundings.surroundings import Surroundings
 
+FINER = 8  # parts of a row of samples at the horizon
 BESIDE_HORIZON_DEG = 1e-3  # elevation from the horizon of what stands for a missing sky or ground
 
 
@@ -110,8 +111,17 @@ class Scenery:
         ]
         if not self.horizon_between(*places):  # the background is smooth
             return self.at(rule, *self.pixels)
+        columns, rows = places
+        samples = self.at(rule, columns, rows) - level
+        # Rows of samples that the horizon crosses are means of finer rows
+        borders = np.append(rows, rows[-1] + 1 / OVERSAMPLING) - 0.5 / OVERSAMPLING
+        above = self.directions(columns, borders)[0] >= self.around.horizon_deg
+        crossed = np.any(above[1:] != above[:-1], axis=1)
+        offsets = ((np.arange(FINER) + 0.5) / FINER - 0.5) / OVERSAMPLING
+        finer = self.at(rule, columns, (rows[crossed, None] + offsets).ravel()) - level
+        samples[crossed] = finer.reshape(-1, FINER, len(columns)).mean(axis=1)
         far = FARTHEST // 2
-        samples = np.pad(self.at(rule, *places) - level, OVERSAMPLING * far, mode="edge")
+        samples = np.pad(samples, OVERSAMPLING * far, mode="edge")
         cut = (-MARGIN - far, -MARGIN - far)
         return level + optics.seen(samples, (cut, cut))
 
