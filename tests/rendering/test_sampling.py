@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.emission.unmet import UnmetSources
+from mi_lcair.plugins.emission.draw_table import UnmetSources
 from mi_lcair.rendering.sampling import ExcessFunction, IntensityInterval, PixelError, Sampling
 from tests.rendering.made_totals import totals
 
