@@ -237,11 +237,13 @@ def from_afar(scene, leaving, source, photons, sampler) -> tuple:
         raise InputError(f"{scene.name}: has nothing but sky that light from afar could fall on")
     points = np.concatenate(points)
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    radius = float(np.linalg.norm(points - middle, axis=1).max())
+    # A margin for directions from the edge of the sun's disc, which are tilted
+    tilt = source.sin_radius / np.sqrt(1 - source.sin_radius**2)
+    radius = float(np.linalg.norm(points - middle, axis=1).max() * (1 + 2 * tilt))
     ds, value = source.sample_direction(dr.zeros(mi.Interaction3f), sampler.next_2d())
     place = mi.warp.square_to_uniform_disk_concentric(sampler.next_2d()) * radius
     across = mi.Frame3f(ds.d).to_world(mi.Vector3f(place.x, place.y, 0))
-    flux = value[0] * (np.pi * radius**2 / photons)
+    flux = dr.full(mi.Float, np.pi * radius**2 / photons, photons) * value[0]
     ray = mi.Ray3f(mi.Point3f(middle) + radius * ds.d + across, -ds.d)
     for _ in range(len(scene.mi.shapes())):
         si = scene.mi.ray_intersect(ray)

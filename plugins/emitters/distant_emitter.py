@@ -26,6 +26,7 @@ class DistantEmitter(ThermalEmitter):
 
     SCALE, SCALE_UNIT = "scale", "1"
     facet_type = "sky"
+    sin_radius = 0.0  # sine of the angular radius of a small disc
 
     def __init__(self, props):
         super().__init__(props)

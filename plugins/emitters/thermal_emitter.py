@@ -69,10 +69,14 @@ class ThermalEmitter(mi.Emitter):
 
     def __init__(self, props):
         mi.Emitter.__init__(self, props)
-        self.values = read(props, props.plugin_name(), self.PROPERTIES)
+        self.values = self.read(props)
         self.group: str = self.values["group"]
         text = self.values["band"]
         self.band: Band | None = None if text is None else band(text)
+
+    def read(self, props) -> dict:
+        """Values of the properties by name."""
+        return read(props, props.plugin_name(), self.PROPERTIES)
 
     # ---------------------------------------------------------------- What a subclass declares
 
