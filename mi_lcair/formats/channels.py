@@ -44,3 +44,8 @@ def has_value(channel: str, values: np.ndarray) -> np.ndarray:
     """Which pixels of a channel have a value. NaN and infinite values are none."""
     known = np.isfinite(values)
     return known & (values != 0) if channel.split(".")[0] in EMPTY_AT_0 else known
+
+
+def or_nan(channel: str, values: np.ndarray) -> np.ndarray:
+    """The values of a channel, with NaN where it has no value."""
+    return np.where(has_value(channel, values), values, np.nan)

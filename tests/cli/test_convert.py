@@ -64,6 +64,10 @@ def test_images(run, folder):
     with Image.open("kelvin.tif") as image:
         assert image.mode == "F" and image.tag_v2[270] == "temperature.Y, K"
         np.testing.assert_array_equal(np.array(image), pixels)
+    write_exr("gaps.exr", {"temperature.Y": np.where(pixels < 290, 0, pixels)}, header)
+    assert run("convert", "gaps.exr", "gaps.tif", "-c", "temperature.Y").exit_code == 0
+    with Image.open("gaps.tif") as image:  # 0 K is nothing, and NaN in a TIFF
+        np.testing.assert_array_equal(np.isnan(np.array(image)), pixels < 290)
     assert run("convert", "seen.exr", "seen.nc").exit_code == 0
     with xarray.open_dataset("seen.nc") as data:
         assert data.temperature_K.units == "K" and data.radiance_W_m2_sr.units == "W m-2 sr-1"

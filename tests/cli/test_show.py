@@ -1,9 +1,13 @@
 """Tests of `show` for a facet, a table of facets, and a material."""
 
 import json
+import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from mi_lcair.rendering.images.exr import write_exr
 
 
 def written(folder):
@@ -170,12 +174,28 @@ def test_tables(run, folder, figures, text, title):
     assert (folder / "n.svg").read_text().count("</text>") > 10
 
 
+def test_each_kind_of_file_has_its_default_picture(run, folder, figures):
+    """Files of one name and different suffixes have pictures of different names."""
+    (folder / "box.csv").write_text(TREND)
+    (folder / "a_spectrum.csv").write_text(SPECTRUM)
+    shutil.copy(BOX, folder / "box.obj")
+    write_exr("box.exr", {"temperature.Y": np.full((2, 2), 300.0), "a.Y": np.ones((2, 2))}, {})
+    for name, picture in (
+        ("box.csv", "box_trend.png"),
+        ("a_spectrum.csv", "a_spectrum.png"),
+        ("box.obj", "box_model.png"),
+        ("box.exr", "box.png"),
+    ):
+        assert run("show", name).stdout == f"{picture}\n"
+    assert figures[-1].axes[0].get_title() == "box, temperature.Y"
+
+
 @pytest.mark.slow
 def test_models_and_scenes(run, folder, figures):
     """An OBJ, what import made of it, and a bundled scene."""
     assert run("show", str(BOX), "-o", "box.png").exit_code == 0
     assert run("import", str(BOX), "-o", "made").exit_code == 0
-    assert run("show", "made").stdout == "made.png\n"
+    assert run("show", "made").stdout == "made_model.png\n"
     assert run("show", "two_plates", "-o", "plates.pdf").exit_code == 0
     assert len(figures[0].axes) >= 3 and figures[0].get_suptitle() == "box.obj: 7 facets"
     assert "2 facets" in figures[-1].get_suptitle()
@@ -187,7 +207,10 @@ def test_scenario(run, folder, figures):
     slant = BOX.parent / "slant.toml"
     result = run("show", str(slant), "-D", "observer.range_m=4000")
     assert result.exit_code == 0 and "range_m = 4000" in result.stdout
-    assert "4000 m, azimuth 180" in figures[-1].get_suptitle() and (folder / "slant.png").exists()
+    assert (
+        "4000 m, azimuth 180" in figures[-1].get_suptitle()
+        and (folder / "slant_scenario.png").exists()
+    )
 
 
 def test_a_signature_is_shown_by_report(refused, folder):

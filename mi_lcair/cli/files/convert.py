@@ -93,7 +93,7 @@ def _image(source, output, suffix, channel):
     import numpy as np
 
     from mi_lcair.formats import netcdf, tiff
-    from mi_lcair.formats.channels import column_of, quantity_of
+    from mi_lcair.formats.channels import column_of, or_nan, quantity_of
     from mi_lcair.rendering.images.exr import read_exr, window_of
 
     channels, header = read_exr(source)
@@ -102,7 +102,8 @@ def _image(source, output, suffix, channel):
             raise unknown("channel", channel, channels)
         is_radiance = "units" in header or "band" in header
         unit = quantity_of(channel)[1] if is_radiance else "units of the image"
-        tiff.write(output, channels[channel], ", ".join(filter(None, (channel, unit))))
+        values = or_nan(channel, channels[channel])
+        tiff.write(output, values, ", ".join(filter(None, (channel, unit))))
         return
     from mi_lcair.extras import optional
 

@@ -10,6 +10,8 @@ from mi_lcair.cli.output import print_result, print_sections
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import check_writable
 
+USUAL = ("Y", "temperature.Y")  # channels of an image that are drawn where none is named
+
 
 def image(what, output, channels, outlines, scene, parameters, sensor, **scale):
     """Draw channels of an image."""
@@ -19,7 +21,8 @@ def image(what, output, channels, outlines, scene, parameters, sensor, **scale):
     file = Path(what)
     output = output or file.with_suffix(".png")
     image_channels, header = read_exr(file)
-    names = choose("channel", image_channels, channels or ("Y",))
+    usual = next((name for name in USUAL if name in image_channels), next(iter(image_channels)))
+    names = choose("channel", image_channels, channels or (usual,))
     title = ", ".join(str(header[key]) for key in ("scene", "band") if key in header) or file.stem
     drawn = {name: image_channels[name] for name in names}
     if outlines:
@@ -85,7 +88,7 @@ def trend(what, output):
     """Draw a trend."""
     from mi_lcair.signatures.trend_result import Trend
 
-    output = output or Path(what).with_suffix(".png")
+    output = output or named_after(Path(what), "trend")
     Trend.read(what).plot(output)
     click.echo(output)
 
@@ -97,7 +100,7 @@ def spectrum(what, output):
     from mi_lcair.reports.pictures.spectrum import figure_of_columns
 
     file = Path(what)
-    output = output or file.with_suffix(".png")
+    output = output or named_after(file, "spectrum")
     write_figure(figure_of_columns(read_columns(file), file.stem), output)
     click.echo(output)
 
@@ -107,7 +110,7 @@ def model(what, output, materials):
     from mi_lcair import models3d
 
     file = Path(what)
-    output = output or file.with_suffix(".png")
+    output = output or named_after(file, "model")
     check_writable(output)
     facets = models3d.read(file, materials=materials)
     facets.plot(output, title=f"{file.name}: {facets.count} facets")
@@ -118,7 +121,7 @@ def scene(what, output, parameters):
     """Draw the model of a scene from three sides."""
     from mi_lcair.rendering.facets.model import model_of
 
-    output = output or Path(f"{Path(what).stem}.png")
+    output = output or named_after(Path(Path(what).name), "model")
     check_writable(output)
     loaded = mi_lcair.load(what, **dict(parameters))
     facets = model_of(loaded)
@@ -133,7 +136,7 @@ def scenario(what, output, parameters):
     from mi_lcair.reports.sections.scenario import scenario_section
 
     stated = Scenario.read(what, **dict(parameters))
-    output = output or Path(f"{Path(what).stem}.png")
+    output = output or named_after(Path(Path(what).name), "scenario")
     check_writable(output)
     band = {"band": stated.sensor.band}
     loaded = mi_lcair.load(stated.target.scene, **stated.scene_parameters() | band)
@@ -173,6 +176,14 @@ def brdf(what, output, band, theta_deg, materials):
     output = output or Path(f"{name}_{view.band.name}_{theta_deg:g}deg.png")
     view.plot(output)
     click.echo(output)
+
+
+def named_after(file: Path, kind: str) -> Path:
+    """Default path of a picture, such as box_model.png for box.obj.
+
+    It holds the kind, so that pictures of box.obj, box.csv and box.exr have different names.
+    """
+    return file.with_name(file.stem + (f"_{kind}" if not file.stem.endswith(kind) else "") + ".png")
 
 
 def choose(kind: str, known, patterns) -> list[str]:

@@ -52,8 +52,8 @@ NOT_DRAWN = {
     "--channel",
     "channels",
     multiple=True,
-    help="Channel of FILE.exr (default: Y) or column of FILE.csv, or a pattern such as 'bounce*'; "
-    "may be repeated.",
+    help="Channel of FILE.exr (default: Y or temperature.Y) or column of FILE.csv, or a pattern "
+    "such as 'bounce*'; may be repeated.",
 )
 @click.option("--log", is_flag=True, help="Logarithmic colours.")
 @click.option("--vmin", type=float, help="Value at the lower end of the colour scale.")

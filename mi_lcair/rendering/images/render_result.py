@@ -7,7 +7,7 @@ import numpy as np
 
 from mi_lcair.errors import unknown
 from mi_lcair.formats import tiff
-from mi_lcair.formats.channels import column_of
+from mi_lcair.formats.channels import column_of, or_nan
 from mi_lcair.physics.bands import Band
 from mi_lcair.results import Result
 
@@ -178,9 +178,10 @@ class Render(Result):
 def write_tiff(path, render: Render, channel: str = "Y") -> None:
     """Write a channel of a render as a 32-bit floating point TIFF.
 
-    It is the radiance [W m^-2 sr^-1], or another channel such as "temperature.Y" [K]. Raises
-    InputError if the render has no such channel.
+    It is the radiance [W m^-2 sr^-1], or another channel such as "temperature.Y" [K], with
+    NaN where a pixel has no value. Raises InputError if the render has no such channel.
     """
     if channel not in render.channels:
         raise unknown(f"channel of the render of {render.scene_name}", channel, render.channels)
-    tiff.write(path, render.channels[channel], f"{column_of(channel)} of {render.scene_name}")
+    values = or_nan(channel, render.channels[channel])
+    tiff.write(path, values, f"{column_of(channel)} of {render.scene_name}")

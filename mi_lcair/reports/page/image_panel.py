@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mi_lcair.formats.channels import has_value
+from mi_lcair.formats.channels import or_nan
 from mi_lcair.reports.page.arrays import rounded
 from mi_lcair.reports.page.panel import Panel
 from mi_lcair.reports.pictures.colour_scale import LOG_DECADES
@@ -77,7 +77,7 @@ def with_gaps(name: str, pixels: np.ndarray) -> np.ndarray:
     """The pixels of a channel with NaN for those without a value."""
     # As the page holds them, so that limits and pixels are rounded alike
     pixels = rounded(np.asarray(pixels)).reshape(pixels.shape).astype(np.float64)
-    return np.where(has_value(name, pixels), pixels, np.nan)
+    return or_nan(name, pixels)
 
 
 def limits(values: np.ndarray, log: bool = False, weights=None) -> tuple[float, float]:

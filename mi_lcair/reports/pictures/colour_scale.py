@@ -10,6 +10,9 @@ LOG_DECADES = 6  # largest extent of a logarithmic scale
 # Single pixels that stretch the scale are cut off: more than STRETCH times the scale of the middle
 # 99.8 % of the values. Few pixels have no such percentiles.
 PERCENTILES, STRETCH, FEW = (0.1, 99.9), 3.0, 1000
+# Temperatures of pixels on an edge, which see the object in a part of their area only, are low. At
+# 64 pixels across an object they are about 4 % of its pixels.
+OF_TEMPERATURE = (5.0, 99.9)
 
 
 @dataclass(frozen=True)
@@ -39,7 +42,11 @@ class Limits:
 
 
 def limits_of(
-    panels: list[np.ndarray], log: bool, vmin: float | None = None, vmax: float | None = None
+    panels: list[np.ndarray],
+    log: bool,
+    vmin: float | None = None,
+    vmax: float | None = None,
+    percentiles: tuple[float, float] = PERCENTILES,
 ) -> Limits:
     """The limits of one scale for the values of one or more panels.
 
@@ -51,6 +58,8 @@ def limits_of(
         Whether the scale is logarithmic. It then extends over LOG_DECADES at most.
     vmin, vmax : float, optional
         Ends that are given.
+    percentiles : tuple of float
+        Percentiles between which values do not count as single pixels that stretch the scale.
 
     Raises
     ------
@@ -59,7 +68,7 @@ def limits_of(
     """
     if log and vmin is not None and vmin <= 0:
         raise InputError(f"vmin = {vmin:g} must be above 0 on a logarithmic scale")
-    ends = [_ends(values, log) for values in panels if values.size and values.any()]
+    ends = [_ends(values, log, percentiles) for values in panels if values.size and values.any()]
     values = [v for v in panels if v.size]
     least = float(min((v.min() for v in values), default=0.0))
     greatest = float(max((v.max() for v in values), default=0.0))
@@ -83,12 +92,12 @@ def limits_of(
     return Limits(lower, upper, least, greatest)
 
 
-def _ends(values: np.ndarray, log: bool) -> tuple[float, float]:
+def _ends(values: np.ndarray, log: bool, percentiles) -> tuple[float, float]:
     """Lower and upper end for one panel, without single pixels that stretch the scale."""
     least, greatest = float(values.min()), float(values.max())
     if values.size < FEW:
         return least, greatest
-    lower, upper = map(float, np.percentile(values, PERCENTILES))
+    lower, upper = map(float, np.percentile(values, percentiles))
     place = np.log if log else (lambda value: value)
     extent = place(upper) - place(lower)
     if not extent > 0:

@@ -11,7 +11,7 @@ from mi_lcair.drawing import new_figure, plain, styled, write_figure
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.formats.channels import has_value
 from mi_lcair.formats.channels import quantity_of as quantity_of_channel
-from mi_lcair.reports.pictures.colour_scale import Limits, limits_of
+from mi_lcair.reports.pictures.colour_scale import OF_TEMPERATURE, PERCENTILES, Limits, limits_of
 from mi_lcair.results.cells import heading, typeset_unit
 
 NOTHING = {"grey": "0.6", "blue": "steelblue"}  # colours of pixels without a value
@@ -149,7 +149,14 @@ def _scales(channels: list[Channel], scale: Scale) -> dict[str, Limits]:
     limits = {}
     for group in names.values():
         values = [channel.values[channel.has_value] for channel in group]
-        common_limits = limits_of(values, group[0].is_log, scale.get("vmin"), scale.get("vmax"))
+        is_temperature = group[0].name.split(".")[0] == "temperature"
+        common_limits = limits_of(
+            values,
+            group[0].is_log,
+            scale.get("vmin"),
+            scale.get("vmax"),
+            OF_TEMPERATURE if is_temperature else PERCENTILES,
+        )
         limits |= {channel.name: common_limits for channel in group}
     return limits
 

@@ -229,6 +229,19 @@ def test_fireflies_do_not_stretch_the_scale(tmp_path, figures):
     assert figures[1].axes[1].get_ylim() == (1, 100)
 
 
+def test_edges_do_not_stretch_the_scale_of_a_temperature(tmp_path, figures):
+    """3 % of the pixels see the object in a part of their area; a cold half of it stays."""
+    values = np.linspace(290, 330, 2500).reshape(50, 50)
+    values[:, 20][:40], values[:, 30][:35] = 150, 200
+    save_picture(tmp_path / "a.png", {"temperature.Y": values})
+    panel, bar = figures[0].axes
+    assert 288 < bar.get_ylim()[0] < 295 and bar.get_ylim()[1] == 330
+    assert panel.get_xlabel().endswith("values from 150")
+    values[25:] = 100
+    save_picture(tmp_path / "b.png", {"temperature.Y": values})
+    assert figures[1].axes[1].get_ylim() == (100, pytest.approx(310, abs=1))
+
+
 def test_limits_and_colours_that_are_given(tmp_path, figures):
     values = np.array([[1.0, 2.0, 3.0]])
     save_picture(tmp_path / "a.svg", {"Y": values}, vmin=1.5, vmax=2.5, cmap="gray")
