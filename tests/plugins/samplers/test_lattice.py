@@ -86,6 +86,21 @@ def test_a_mean_over_the_lattice_has_less_noise():
     assert np.all(np.abs(means.mean(axis=0) - [1, 0.5]) < 4 * error / np.sqrt(200))
 
 
+def test_positions_are_sheared():
+    """x moves by a part of y, then y by a part of the new x: 1/32 to 1/16, in each randomisation
+    another part.
+    """
+    randomisation, point = np.divmod(np.arange(300 * 64, dtype=np.uint32), 64)
+    at = lambda: Lattice.at(mi.UInt32(randomisation), mi.UInt32(point), mi.UInt32(SEED))
+    plain, sheared = at().next_2d().numpy().astype(float), at().next_position().numpy()
+    moved, by = (sheared - plain) % 1, np.stack([plain[1], sheared[0]])
+    slopes = np.where(by > 0.5, moved / by, np.nan).reshape(2, 300, 64)
+    assert np.all(np.nanmax(slopes, axis=2) - np.nanmin(slopes, axis=2) < 1e-6)
+    slopes = np.nanmean(slopes, axis=2)
+    assert kstest(32 * slopes.ravel() - 1, "uniform").pvalue > 1e-3
+    assert abs(np.corrcoef(slopes)[0, 1]) < 4 / np.sqrt(300)
+
+
 def test_a_copy_continues_and_a_fork_begins():
     sampler = mi.load_dict({"type": "lattice", "sample_count": 8})
     sampler.seed(5, 32)
