@@ -267,11 +267,10 @@ def of_scenario(what: str, request: Request) -> tuple[str, list[Section]]:
             view, spp=render.spp or SPP, by_spectrum=True, facets=True, **sampling
         )
         audit = audit_of(view, request.seed)
-    title = f"{scenario.name}: {scenario.title}"
     seen, by = view.band.label, setting.detector.band.label
     unweighted = f"of the scene's {seen}, not of the response {by}: the scene has no parameter band"
     remarks = [Remarks([f"intensities and facets are those {unweighted}"])] if seen != by else []
-    return title, [
+    return scenario.heading, [
         *image.sections(),
         *contrast.sections(),
         *([Section("Band of the intensities", remarks)] if remarks else []),

@@ -1,5 +1,7 @@
 """mi-lcair import: convert a model of a modelling program to meshes and a scene."""
 
+import shlex
+
 import click
 
 from mi_lcair.cli import completion
@@ -130,7 +132,7 @@ def command(file, output, check, overwrite, materials, json, **options):
     files = _write(model, output, materials, words, overwrite) if output else []
     rows = []
     if output:
-        after = f"next: mi-lcair signature {output / 'scene.xml'}"
+        after = f"next: mi-lcair signature {shlex.quote(str(output / 'scene.xml'))}"
         rows.append(("written to", f"{output}, {len(files)} files; {after}"))
     print_result(model, json, rows, {"files": files}, materials=materials)
 

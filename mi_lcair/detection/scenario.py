@@ -424,6 +424,11 @@ class Scenario:
     camera: Imager | None = None
     surroundings: Words | None = None
 
+    @property
+    def heading(self) -> str:
+        """Name and title, or the name alone where the file begins without a comment."""
+        return f"{self.name}: {self.title}" if self.title else self.name
+
     @staticmethod
     def read(source: str | PathLike[str], **changes: object) -> "Scenario":
         """Read a scenario from a TOML file.

@@ -139,6 +139,11 @@ def test_json(run, folder):
     assert result["bounding_box"] == [[-5, -5, -11], [5, 5, 2]] and result["non_planar_mm"] == 0
 
 
+def test_the_next_command_can_be_pasted(run, folder):
+    result = run("import", "model.obj", "-o", "my box")
+    assert "next: mi-lcair signature 'my box/scene.xml'\n" in result.stdout
+
+
 def test_check_only_reports(run, folder):
     before = set(folder.rglob("*"))
     result = run("import", "model.obj", "--check")

@@ -18,6 +18,13 @@ def written(tmp_path):
     return write
 
 
+def test_heading(written):
+    """Its name and the first comment, or the name alone."""
+    assert Scenario.read(written(TOML)).heading == "my: A disc."
+    bare = "\n".join(line for line in TOML.splitlines() if not line.startswith("#"))
+    assert Scenario.read(written(bare)).heading == "my"
+
+
 def test_defaults(written, tmp_path):
     scenario = Scenario.read(written(TOML))
     assert (scenario.name, scenario.title, scenario.target.scene) == (

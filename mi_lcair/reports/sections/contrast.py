@@ -42,7 +42,7 @@ def setting(contrast) -> list[tuple[str, str]]:
         )
     area = row.projected_area
     rows = [
-        ("scenario", f"{scenario.name}: {scenario.title}"),
+        ("scenario", scenario.heading),
         ("band", f"{detector.band.label}, optics transmit {detector.optics_transmittance:g}"),
         (
             "line of sight",

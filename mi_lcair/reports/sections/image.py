@@ -47,7 +47,7 @@ def measured(image) -> list[tuple[str, str]]:
         else f"measured {millikelvin(measures.netd_measured)}"
     )
     return [
-        ("scenario", f"{scenario.name}: {scenario.title}"),
+        ("scenario", scenario.heading),
         (
             "camera",
             f"{camera.width} x {camera.height} pixels of {camera.pitch_um:g} um, "
