@@ -126,14 +126,17 @@ def fit(
     compared = [v for v in compared if len(v.model.parameters) <= selected.points]
     steps = largest_steps(compared, bool(directional))
     search = searched(selected, compared, directional, settings, stepper(progress, steps))
-    certainty = judge(search.data, search.best, search.noise, robust)
+    measured = directional.get("emissivity")
+    theta = EMISSIVITY_ANGLES if measured is None else np.asarray(measured.theta, dtype=float)
+    curve = Hemispherical(search.best.variant.model, search.best.variant.form, theta, "emissivity")
+    certainty = judge(search.data, search.best, search.noise, robust, curve)
     fit_quality = quality(selected, search.best, robust, measurements.sigma_freedom)
     if progress:
         progress(steps, steps)
     return Fit(
         **certainty,
         **described(search),
-        **emissivity_of(search.best, directional.get("emissivity"), max_angle_deg),
+        **emissivity_of(search.best, theta, curve, measured, max_angle_deg),
         used=selected.points,
         used_points=used,
         dropped=dropped,
@@ -314,12 +317,14 @@ def described(search: Search) -> dict:
 
 
 def emissivity_of(
-    best: FittedVariant, measured: DirectionalData | None, max_angle_deg: float
+    best: FittedVariant,
+    theta,
+    curve: Hemispherical,
+    measured: DirectionalData | None,
+    max_angle_deg,
 ) -> dict:
-    """The predicted emissivity and its error, as attributes of `Fit`."""
-    theta = EMISSIVITY_ANGLES if measured is None else np.asarray(measured.theta, dtype=float)
-    model, form = best.variant.model, best.variant.form
-    predicted = Hemispherical(model, form, theta, "emissivity")(best.u[None])[0][0]
+    """The predicted emissivity and its misfit, as attributes of `Fit`."""
+    predicted = curve(best.u[None])[0][0]
     return {
         "emissivity": (theta, predicted),
         "emissivity_rms": emissivity_error(measured, predicted, max_angle_deg),

@@ -53,6 +53,8 @@ class Fit(Result):
         The variants that were compared, one report each.
     emissivity
         Angles [radians] and the emissivities 1 - HDR that the model predicts there.
+    emissivity_error, emissivity_interval
+        Standard errors (a,) and 95 % intervals (a, 2) of these emissivities.
     emissivity_rms
         Root mean square error of the predicted emissivity up to the largest fitted angle; None
         without a measured one.
@@ -85,6 +87,8 @@ class Fit(Result):
     starts_in_basin: float
     candidates: list[dict]
     emissivity: tuple[np.ndarray, np.ndarray]
+    emissivity_error: np.ndarray
+    emissivity_interval: np.ndarray
     emissivity_rms: float | None
     seconds: float
     compile_seconds: float
@@ -129,6 +133,8 @@ class Fit(Result):
             "emissivity": {
                 "theta_deg": np.degrees(theta),
                 "predicted": emissivity,
+                "standard_error": self.emissivity_error,
+                "interval": self.emissivity_interval,
                 "measured": measured and measured.value,
                 "rms_error": self.emissivity_rms,
             },

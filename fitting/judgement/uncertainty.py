@@ -121,10 +121,14 @@ class Linearized:
 
         with_level: whether the error of the common scale is part of it.
         """
+        return self.covariance_of(parameters_at(self.model, self.u[None])[1][0], with_level)
+
+    def covariance_of(self, derivative: np.ndarray, with_level: bool = True) -> np.ndarray:
+        """Covariance (m, m) of numbers with derivatives (m, n) with respect to the coordinates."""
         cube = self.cube_covariance
         if with_level:
             cube = cube + np.outer(self.shift, self.shift)
-        derivative = parameters_at(self.model, self.u[None])[1][0] * self.free
+        derivative = derivative * self.free
         return derivative @ cube @ derivative.T
 
     def level_shift(self) -> np.ndarray:

@@ -3,13 +3,16 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 
 from mi_lcair.fitting.judgement.uncertainty import (
+    CONFIDENCE,
     Linearized,
     correlation,
     profile_intervals,
     standard_errors,
 )
+from mi_lcair.fitting.model import Hemispherical
 from mi_lcair.physics.reflection.interface import ModelParameter
 
 NOT_DETERMINED = "not determined by these data"
@@ -27,7 +30,7 @@ LEAST_EFFECTIVE = 10
 MANY_OUTLIERS, SCATTERED = 0.01, 0.3
 
 
-def judge(data, candidate, noise, robust: bool) -> dict:
+def judge(data, candidate, noise, robust: bool, curve: Hemispherical) -> dict:
     """Standard errors, intervals, verdicts and correlations of a candidate's parameters.
 
     The cost has no curvature in a parameter at its bound or in one that a restriction holds. Its
@@ -43,11 +46,14 @@ def judge(data, candidate, noise, robust: bool) -> dict:
         The `Noise` that the candidate leaves.
     robust
         Whether outliers were given little weight.
+    curve
+        The emissivity that is predicted from the parameters.
 
     Returns
     -------
     dict
-        standard_error, interval and verdict by parameter name, and the correlation matrix (n, n).
+        standard_error, interval and verdict by parameter name, the correlation matrix (n, n), and
+        standard errors and 95 % intervals of the emissivity at the angles of the curve.
     """
     model, u = candidate.variant.model, candidate.u
     residuals = data.residuals(candidate.variant)
@@ -86,7 +92,20 @@ def judge(data, candidate, noise, robust: bool) -> dict:
         "interval": {name: tuple(pair) for name, pair in zip(model.names, intervals.tolist())},
         "verdict": dict(zip(model.names, verdicts)),
         "correlation": correlation(matrix),
+        **curve_errors(near, curve, dof),
     }
+
+
+def curve_errors(near: Linearized, curve: Hemispherical, dof: float) -> dict:
+    """Standard errors (a,) and 95 % intervals (a, 2) of an emissivity, as attributes of `Fit`.
+
+    They are linear in the coordinates. An interval lies in 0..1.
+    """
+    values, slopes = (array[0] for array in curve(near.u[None]))
+    errors = np.sqrt(np.diag(near.covariance_of(slopes)))
+    width = stats.t.ppf(0.5 + CONFIDENCE / 2, dof) * errors
+    ends = np.clip(np.stack([values - width, values + width], axis=1), 0, 1)
+    return {"emissivity_error": errors, "emissivity_interval": ends}
 
 
 @dataclass

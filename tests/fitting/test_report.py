@@ -55,6 +55,8 @@ def test_a_report_holds_what_is_known(tmp_path):
     assert report["emissivity"] == {
         "theta_deg": pytest.approx([15, 60]),
         "predicted": [0.55, 0.55],
+        "standard_error": [0.02] * 2,
+        "interval": [[0.51, 0.59]] * 2,
         "measured": [0.6, 0.5],
         "rms_error": 0.05,
     }
@@ -80,6 +82,8 @@ def test_without_emissivity(tmp_path):
     assert report["emissivity"] == {
         "theta_deg": pytest.approx([0, 30, 60]),
         "predicted": [0.55] * 3,
+        "standard_error": [0.02] * 3,
+        "interval": [[0.51, 0.59]] * 3,
         "measured": None,
         "rms_error": None,
     }

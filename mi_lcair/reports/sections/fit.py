@@ -13,6 +13,8 @@ from mi_lcair.results.cells import unpacked, words_of
 from mi_lcair.results.sections import Drawing, Facts, Section, Table
 
 UNKNOWN_BAND = "unknown: scenes need it; give --band 3-5, or '# band_um: 3 5' in the data"
+SHOWN_DEG = (0, 30, 60, 80)  # angles at which the predicted emissivity is listed
+CORRELATED = 0.9  # correlation of errors from which a pair of parameters is listed
 COMPARED = ["model", "free parameters", ("rms deviation", "decades"), "criterion", "chosen"]
 
 
@@ -48,7 +50,7 @@ def sections_of_report(
     sources = [(f"file {s['file']}", f"SHA-256 {s['sha256']}") for s in report["source"]]
     made = Facts([*settings, *sources, ("version", report["version"])])
     return [
-        Section("Fit", [Facts(described(report, fit)), parameters(report)]),
+        Section("Fit", [Facts(described(report, fit)), parameters(report), *emissivities(report)]),
         Section("Data, model and residuals", [*data, drawing]),
         Section("Models that were compared", [Table(COMPARED, compared)], is_detail=True),
         Section("How the fit was made", [made], is_detail=True),
@@ -77,6 +79,7 @@ def described(report: dict, fit) -> list[tuple[str, str]]:
     converged = "converged" if report["converged"] else "NOT converged"
     return [
         *rows,
+        *([("correlated", pairs)] if (pairs := correlated(report)) else []),
         ("emissivity", "not given" if emissivity is None else f"rms error {emissivity:.3f}"),
         (
             "minimum",
@@ -102,6 +105,35 @@ def parameters(report: dict) -> Table:
             ]
         )
     return Table(["parameter", "value", "standard error", "95 % interval", "verdict"], rows)
+
+
+def emissivities(report: dict) -> list[Table]:
+    """The predicted emissivity with its error at some angles; none in a report of an older version.
+
+    The angles are those of the table that are nearest to SHOWN_DEG.
+    """
+    table = report["emissivity"]
+    if "interval" not in table:
+        return []
+    angles = np.asarray(table["theta_deg"], float)
+    rows = []
+    for k in dict.fromkeys(int(abs(angles - shown).argmin()) for shown in SHOWN_DEG):
+        low, high = table["interval"][k]
+        error = f"{table['standard_error'][k]:.2g}"
+        interval = f"{low:.4g} to {high:.4g}"
+        rows.append([f"{angles[k]:g}", f"{table['predicted'][k]:.4g}", error, interval])
+    return [Table(["theta (deg)", "emissivity", "standard error", "95 % interval"], rows)]
+
+
+def correlated(report: dict) -> str:
+    """Pairs of parameters whose errors are strongly correlated, in words; "" for none."""
+    names, matrix = list(report["parameters"]), np.asarray(report["correlation"], float)
+    pairs = [
+        f"{names[i]} and {names[j]} {matrix[i, j]:+.2f}"
+        for i, j in zip(*np.triu_indices(len(names), 1))
+        if abs(matrix[i, j]) > CORRELATED
+    ]
+    return ", ".join(pairs)
 
 
 def fit_of_report(report: dict, used_points=None) -> SimpleNamespace:
