@@ -7,7 +7,7 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.plugins.emission.source import OTHER, Source
-from mi_lcair.plugins.emission.triangles import pointer_id
+from mi_lcair.plugins.emission.triangles import PrimitiveEntries, pointer_id
 from mi_lcair.plugins.emitters.thermal_emitter import groups_of, is_thermal
 
 MAX_SOURCES = 64  # sources recorded separately; if there are more, blackbodies share wavelengths
@@ -52,14 +52,10 @@ class Sources:
         rest = numbers.get(Source(OTHER), 0)
 
         ids = [pointer_id(mi.EmitterPtr(emitter)) for emitter in emitters]
-        first, stride = np.zeros((2, max(ids, default=0) + 1), dtype=np.uint32)
-        entries = [rest]
-        for key, sources in zip(ids, per_emitter):
-            first[key], stride[key] = len(entries), len(sources) > 1
-            entries += [numbers[source] for source in sources]
-        self.first, self.stride = mi.UInt32(first), mi.UInt32(stride)
+        self.of_primitives = PrimitiveEntries(ids, list(map(len, per_emitter)))
+        entries = [rest, *(numbers[source] for sources in per_emitter for source in sources)]
         self.entries = mi.UInt32(np.array(entries, dtype=np.uint32))
-        dr.make_opaque(self.first, self.stride, self.entries)
+        dr.make_opaque(self.entries)
 
     def tabulate(self, per_emitter, band) -> None:
         """Set `wavelengths_um`, `share` and, for each entry, its row in `share`.
@@ -88,11 +84,7 @@ class Sources:
 
     def entry(self, emitter, prim_index):
         """Entry of a hit in the tables `entries` and `share_row`; 0 if there is no emitter."""
-        key = dr.reinterpret_array(mi.UInt32, emitter)
-        return (
-            dr.gather(mi.UInt32, self.first, key)
-            + dr.gather(mi.UInt32, self.stride, key) * prim_index
-        )
+        return self.of_primitives.at(emitter, prim_index)
 
     def number(self, entry):
         """Index into `list` of the source at an entry of the tables."""

@@ -31,6 +31,29 @@ def triangle_corners(mesh) -> tuple[np.ndarray, ...]:
     return tuple(vertices[faces[:, corner]] for corner in range(3))
 
 
+class PrimitiveEntries:
+    """Finds the entry of a hit in a table with entries for the primitives of shapes or emitters.
+
+    ids: numbers of their pointers. counts: number of entries of each; those of one follow each
+    other. Entry 0 stands for everything else. With one entry, all primitives share it: a shape that
+    is not a mesh may have several, but it is one facet.
+    """
+
+    def __init__(self, ids: list[int], counts: list[int]):
+        first, last = np.zeros((2, max(ids, default=0) + 1), dtype=np.uint32)
+        first[ids] = 1 + np.cumsum([0, *counts[:-1]])
+        last[ids] = [count - 1 for count in counts]
+        self.first, self.last = mi.UInt32(first), mi.UInt32(last)
+        dr.make_opaque(self.first, self.last)
+
+    def at(self, pointer, prim_index, active=True) -> mi.UInt32:
+        """The entry of a primitive; 0 where it is not active."""
+        key = dr.reinterpret_array(mi.UInt32, pointer)
+        known = mi.Bool(active) & (key < dr.width(self.first))
+        last = dr.gather(mi.UInt32, self.last, key, known)
+        return dr.gather(mi.UInt32, self.first, key, known) + dr.minimum(prim_index, last)
+
+
 def random_integer(sample):
     """32 random bits (UInt32) from a uniform 2D sample, whose numbers hold 23 bits each."""
     high, low = (mi.UInt32(number * 2**16) for number in (sample.x, sample.y))

@@ -8,7 +8,7 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.emission.triangles import ABSENT, pointer_id
+from mi_lcair.plugins.emission.triangles import ABSENT, PrimitiveEntries, pointer_id
 from mi_lcair.plugins.paths.launch import Launch, ParallelRays
 from mi_lcair.plugins.recorders.recorder import Emission, Recorder, Recorders
 
@@ -21,23 +21,14 @@ class ColumnTable:
     """
 
     def __init__(self, emitters, columns):
-        keys = [pointer_id(mi.EmitterPtr(emitter)) for emitter in emitters]
-        # Entry 0 belongs to every other emitter, and to hits without an emitter
-        first, last = np.zeros((2, max(keys) + 1), dtype=np.uint32)
-        first[keys] = 1 + np.cumsum([0, *(len(of_emitter) for of_emitter in columns[:-1])])
-        last[keys] = [len(of_emitter) - 1 for of_emitter in columns]
-        self.first, self.last = mi.UInt32(first), mi.UInt32(last)
+        ids = [pointer_id(mi.EmitterPtr(emitter)) for emitter in emitters]
+        self.entries = PrimitiveEntries(ids, list(map(len, columns)))
         self.columns = mi.UInt32(np.concatenate([[ABSENT], *columns]).astype(np.uint32))
-        dr.make_opaque(self.first, self.last, self.columns)
+        dr.make_opaque(self.columns)
 
     def column(self, emitter, prim_index) -> mi.UInt32:
         """The column of a hit; ABSENT if it has none."""
-        key = dr.reinterpret_array(mi.UInt32, emitter)
-        known = key < dr.width(self.first)
-        first = dr.gather(mi.UInt32, self.first, key, known)
-        # A shape that is not a mesh may have several primitives, but it is one facet
-        primitive = dr.minimum(prim_index, dr.gather(mi.UInt32, self.last, key, known))
-        return dr.gather(mi.UInt32, self.columns, first + primitive)
+        return dr.gather(mi.UInt32, self.columns, self.entries.at(emitter, prim_index))
 
 
 class Store:

@@ -11,7 +11,12 @@ from mi_lcair.plugins.bsdfs.plume import is_plume
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
 from mi_lcair.plugins.derivatives import children, members
 from mi_lcair.plugins.emission.source import OTHER
-from mi_lcair.plugins.emission.triangles import ABSENT, is_faceted, pointer_id
+from mi_lcair.plugins.emission.triangles import (
+    ABSENT,
+    PrimitiveEntries,
+    is_faceted,
+    pointer_id,
+)
 from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of, group_of, is_thermal
 from mi_lcair.rendering.scene import Scene
 
@@ -78,25 +83,16 @@ class FacetTable:
         # For number(): the facets of all primitives are in one list. `begin` is the position of a
         # shape's first primitive, `last` the number of its last one.
         keys = [pointer_id(mi.ShapePtr(shape)) for shape in shapes]
-        begin, last = np.full((2, max(keys) + 1), ABSENT, dtype=np.uint32)
-        begin[keys] = np.cumsum([0, *(len(facets) for facets in of_primitive[:-1])])
-        last[keys] = [len(facets) - 1 for facets in of_primitive]
-        self._begin, self._last = mi.UInt32(begin), mi.UInt32(last)
-        self._of_primitive = mi.UInt32(np.concatenate(of_primitive).astype(np.uint32))
-        dr.make_opaque(self._begin, self._last, self._of_primitive)
+        self._entries = PrimitiveEntries(keys, list(map(len, of_primitive)))
+        self._facets = mi.UInt32(np.concatenate([[ABSENT], *of_primitive]).astype(np.uint32))
+        dr.make_opaque(self._facets)
 
     def number(self, shape, prim_index, active=True) -> mi.UInt32:
         """The number of the facet of a hit; ABSENT (2^32 - 1) if there is no hit.
 
         shape: pointer to the shape that was hit; prim_index: its primitive.
         """
-        key = dr.reinterpret_array(mi.UInt32, shape)
-        known = mi.Bool(active) & (key < dr.width(self._begin))
-        begin = dr.gather(mi.UInt32, self._begin, key, known)
-        known &= begin != ABSENT
-        # A shape that is not a mesh may have several primitives, but it is one facet
-        primitive = begin + dr.minimum(prim_index, dr.gather(mi.UInt32, self._last, key, known))
-        return dr.select(known, dr.gather(mi.UInt32, self._of_primitive, primitive, known), ABSENT)
+        return dr.gather(mi.UInt32, self._facets, self._entries.at(shape, prim_index, active))
 
     def _describe(self, shapes, of_primitive) -> None:
         """Set shape, type, group, material and temperature of each facet."""

@@ -2,13 +2,14 @@
 
 import numpy as np
 
+from mi_lcair.extras import optional
 from mi_lcair.reports.fit_curves import Scan, directional, scans_of
 from mi_lcair.reports.line_charts import INK
 from mi_lcair.reports.page.figures import LINE, figure_panel, graph_objects, subplots
 from mi_lcair.reports.page.panel import Panel
 
 SYMBOLS = {"theta_i": "θi", "theta_r": "θr"}
-SHADES = ((68, 1, 84), (49, 104, 142), (53, 183, 121), (180, 200, 40))  # dark to light
+LIGHTEST = 0.88  # end of the colours in Viridis; lighter ones are hard to see
 
 
 def fit_panel(fit, measurements=None, directional_data: dict | None = None) -> Panel:
@@ -116,9 +117,5 @@ def add_hemispherical(figure, fit, measured: dict) -> None:
 
 def shades(count: int) -> list[str]:
     """Colours for `count` curves, from dark to light."""
-    places = np.linspace(0, 1, len(SHADES))
-    channels = [
-        np.interp(np.linspace(0, 1, max(count, 1)), places, [shade[k] for shade in SHADES])
-        for k in range(3)
-    ]
-    return [f"rgb({r:.0f},{g:.0f},{b:.0f})" for r, g, b in zip(*channels)]
+    colours = optional("plotly.colors", "a report page")
+    return colours.sample_colorscale("Viridis", np.linspace(0, LIGHTEST, max(count, 1)))
