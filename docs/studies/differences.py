@@ -98,6 +98,7 @@ def differences(
         value=float(columns[0, 0]),
         derivative=columns[1:, 0],
         deviations=columns[:, 1:],
+        unscattered=np.zeros(len(columns)),
         method=(METHOD,) * len(names),
         by_bounce=numbers.by_reflections(total),
         paths=int(total.traced[0]),

@@ -215,11 +215,15 @@ class Irradiance:
 
         It includes a source that no path of the render has hit.
         """
-        transmittance, _ = path.at(self.wavelengths_um)
         _, degrees_of_freedom, missed, _ = self.render_error
-        missed *= (transmittance * self.response).max() / path.range_m**2
+        missed *= self.per_intensity(path)
         error = self.at(path)["total"].standard_error
         return float(student_factor(degrees_of_freedom) * error + missed)
+
+    def per_intensity(self, path: LineOfSight) -> float:
+        """Largest irradiance at the end of a path from an intensity of 1 W/sr, W m^-2."""
+        transmittance, _ = path.at(self.wavelengths_um)
+        return float((transmittance * self.response).max() / path.range_m**2)
 
     def least_half_width(self, path: LineOfSight) -> float:
         """The part of `half_width` that more paths do not reduce, W m^-2."""

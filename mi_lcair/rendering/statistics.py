@@ -17,6 +17,7 @@ MOST_INVALID = 1e-3
 UNSEEN = 2.5
 # Points of a randomisation from which on they divide a window evenly; fewer are like random ones.
 EVEN_POINTS = 8
+WHOLES = (None, "target")  # channels that have an interval; all others are parts of these
 
 
 def check_valid(invalid: int, paths: int, name: str) -> None:
@@ -136,13 +137,18 @@ class Totals:
 
         The points of a randomisation divide the window evenly. All randomisations may therefore
         agree on how many of them lie on one side of an edge, see `edge_share`. The edge is one
-        between the darkest and the brightest path.
+        between the darkest and the brightest path. The channels of the target and of the whole
+        window have the same edge, in proportion to their means.
         """
-        name, points = name or "radiance", self.paths / self.randomisations
-        if name not in self.highest:
+        of_target = "target" in self.highest and (name or "").startswith("target")
+        whole, points = "target" if of_target else "radiance", self.paths / self.randomisations
+        if whole not in self.highest:
             return np.zeros(len(self.valid))
-        contrast = np.maximum(self.highest[name] - self.lowest[name], 0)
+        contrast = np.maximum(self.highest[whole] - self.lowest[whole], 0)
         of_edges = edge_share(self.randomisations) * contrast / np.maximum(points, 1)
+        if name not in WHOLES:
+            mean = self.mean("target" if of_target else None)
+            of_edges *= np.abs(self.mean(name)) / np.where(mean > 0, mean, np.inf)
         return np.where(points >= EVEN_POINTS, of_edges, 0)
 
     def random_error(self, name: str | None = None) -> np.ndarray:
@@ -152,27 +158,49 @@ class Totals:
     def standard_error(self, name: str | None = None) -> np.ndarray:
         """Standard error of each window's mean, (windows,); infinite for one randomisation.
 
-        That of a channel which no path has met is what a path may have missed.
+        That of a channel which is a part of the whole, or which no path has met, includes what a
+        path may have missed.
         """
         mean = self.mean(name)
         error = np.hypot(self.random_error(name), self.systematic * mean)
         if name is None:
             return error
-        return np.where(mean == 0, np.maximum(error, self.missed() / student_factor(np.inf)), error)
+        has_missed = (mean == 0) | (name not in WHOLES)
+        return np.where(has_missed, np.hypot(error, self.missed_error(name)), error)
+
+    def missed_error(self, name: str | None = None) -> np.ndarray:
+        """Standard error of each window's mean from sources that no path has hit."""
+        return self.missed(name) / student_factor(np.inf)
+
+    def unscattered_error(self, name: str | None = None) -> np.ndarray:
+        """The part of each window's standard error that the scatter of the means does not show.
+
+        These are edges, and sources that no path has hit.
+        """
+        of_edges = np.maximum(self.edge_error(name) ** 2 - self.scatter_error(name) ** 2, 0)
+        return np.sqrt(of_edges + self.missed_error(name) ** 2)
 
     def missed(self, name: str | None = None) -> np.ndarray:
         """What a source that no path has hit adds to a window's mean, at most, with 95 %.
 
         The scatter cannot see such a source. Without emitter sampling this is the radiance of the
-        brightest source on UNSEEN paths. With emitter sampling it is less for a source that is out
-        of view and drawn often enough (`EmitterTable.by_chance`).
+        brightest source on UNSEEN paths, or of the brightest of a channel's group. With emitter
+        sampling it is less for a source that is out of view and drawn often enough
+        (`EmitterTable.by_chance`).
         """
-        largest_weight = 1.0
+        return UNSEEN * self.largest_unmet(name) / np.maximum(self.paths, 1)
+
+    def largest_unmet(self, name: str | None = None) -> np.ndarray:
+        """Largest contribution of a path that meets what no path has met yet, (windows,)."""
+        largest_weight, brightest = 1.0, np.inf
         if self.aim is not None:
-            weights = {None: self.aim.largest_weight, "target": self.aim.largest_on_model}
-            largest_weight = weights.get(name, 1.0)
-        most = np.maximum(self.bound_of_unmet() * largest_weight, self.chance)
-        return UNSEEN * most / np.maximum(self.paths, 1)
+            on_model = (name or "").startswith("target")
+            largest_weight = self.aim.largest_on_model if on_model else self.aim.largest_weight
+        if name is not None and self.emitters is not None:
+            label = name.rpartition("group.")[2]
+            brightest = self.emitters.brightest_of.get(label, np.inf)
+        bound = np.minimum(self.bound_of_unmet(), brightest) * largest_weight
+        return np.maximum(bound, np.minimum(self.chance, brightest * largest_weight))
 
     def bound_of_unmet(self) -> np.ndarray:
         """Bound of the radiance of sources that paths meet by chance alone, (windows,)."""

@@ -23,6 +23,9 @@ class Sensitivities(Result):
     deviations : ndarray, shape (1 + K, R)
         Deviations of R independent randomisations from the value (first row) and from the
         derivatives. The sum of the products of two rows is the covariance of the two results.
+    unscattered : ndarray, shape (1 + K,)
+        Standard errors of the value and of the derivatives that the deviations do not show, as
+        from a source that no path has met.
     method : tuple of str
         How each derivative was found: "linear", "score", "control variate" or "difference".
     by_bounce : ndarray, shape (N,)
@@ -39,6 +42,7 @@ class Sensitivities(Result):
     value: float
     derivative: np.ndarray
     deviations: np.ndarray
+    unscattered: np.ndarray
     method: tuple[str, ...]
     by_bounce: np.ndarray
     paths: int
@@ -52,11 +56,11 @@ class Sensitivities(Result):
     @property
     def error(self) -> np.ndarray:
         """Standard errors of the value and of the derivatives, (1 + K,)."""
-        return np.sqrt(np.sum(self.deviations**2, axis=1))
+        return np.hypot(np.sqrt(np.sum(self.deviations**2, axis=1)), self.unscattered)
 
     @property
     def covariance(self) -> np.ndarray:
-        """Covariance of the value and the derivatives, (1 + K, 1 + K)."""
+        """Covariance of the value and the derivatives by the deviations, (1 + K, 1 + K)."""
         return self.deviations @ self.deviations.T
 
     def summary(self) -> str:

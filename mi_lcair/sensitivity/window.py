@@ -8,9 +8,10 @@ import numpy as np
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Measurands, Sampling
 from mi_lcair.rendering.scene import Scene
-from mi_lcair.sensitivity.columns import columns_of, explored_by, recordings
-from mi_lcair.sensitivity.common_numbers import CommonNumbers
-from mi_lcair.sensitivity.parameters import units
+from mi_lcair.rendering.statistics import Totals
+from mi_lcair.sensitivity.columns import columns_of, explored_by, recordings, relative_slope
+from mi_lcair.sensitivity.common_numbers import PARTS, CommonNumbers
+from mi_lcair.sensitivity.parameters import chosen, units
 from mi_lcair.sensitivity.sensitivities import Sensitivities
 
 SPLITS = {"target": "target", "scene": "image"}  # channels that hold each part of the radiance
@@ -70,6 +71,7 @@ def differentiate_intensity(
         value=float(rows[0, 0]),
         derivative=rows[1:, 0],
         deviations=rows[:, 1:],
+        unscattered=numbers.area * unscattered(scene, first, names, part, weights),
         method=tuple(method[name] for name in names),
         by_bounce=numbers.by_reflections(first),
         paths=int(first.traced[0]),
@@ -83,3 +85,24 @@ def mean_and_deviations(total, channels) -> np.ndarray:
     """Mean of the sum of some channels and its deviations, (1 + randomisations,)."""
     mean = sum(total.mean(name)[0] for name in channels)
     return np.append(mean, sum(total.deviations(name)[0] for name in channels))
+
+
+def unscattered(scene, total: Totals, names, part: str, weights: Mapping | None) -> np.ndarray:
+    """Standard errors of the mean radiance and its derivatives that no deviation shows, (1 + K,).
+
+    A source that no path has met adds its share of the error of the radiance to the derivative with
+    respect to its own temperature or radiance. To that with respect to a material's parameter it is
+    taken to add as if the radiance were proportional to the parameter.
+    """
+    largest = max(weights.values(), default=0.0) if weights else 1.0
+    errors = [total.unscattered_error(PARTS[part])[0]]
+    for entry in chosen(scene, names):
+        numbers, channel = entry.numbers(), PARTS[part]
+        relative = 1 / (abs(entry.mean(numbers)) or 1.0)
+        if entry.kind != "material":
+            channel = f"group.{entry.name.rpartition('.')[0].partition('@')[0]}"
+            channel = channel if part == "scene" else f"target.{channel}"
+        if entry.kind == "temperature":
+            relative = relative_slope(scene.band, np.concatenate(numbers)).max()
+        errors.append(total.missed_error(channel)[0] * relative)
+    return largest * np.array(errors)

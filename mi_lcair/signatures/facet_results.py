@@ -10,7 +10,7 @@ from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.recorders.by_bounce import BOUNCE_CHANNELS, MAX_BOUNCE_CHANNELS
 from mi_lcair.rendering.facets.polygons import FacetPolygons
 from mi_lcair.rendering.facets.table import FacetTable
-from mi_lcair.rendering.statistics import edge_share
+from mi_lcair.rendering.statistics import UNSEEN, edge_share, student_factor
 from mi_lcair.results import Result
 
 EDGE_ON = 1e-6  # cosine below which the projected area of a facet is only rounding error
@@ -124,15 +124,14 @@ class FacetSums:
         self.by_randomisation += sums.reshape(shape)
         self.samples += len(L)
 
-    def results(
-        self, scene_name: str, band: str, window_area: float, direction: np.ndarray
-    ) -> FacetResults:
+    def results(self, scene, unmet: float, window_area: float, direction) -> FacetResults:
         """The table of results.
 
         Parameters
         ----------
-        scene_name, band : str
-            Names of the scene and of its band.
+        scene : Scene
+        unmet : float
+            Largest radiance of a facet that no path has met, W m^-2 sr^-1.
         window_area : float
             Area of the sensor's window, m^2.
         direction : ndarray, shape (3,)
@@ -155,10 +154,11 @@ class FacetSums:
         # The sum is R times the mean of the R randomisations
         R = len(self.by_randomisation)
         scatter = np.sqrt(R) * self.by_randomisation.std(axis=0, ddof=1) * per_sample
-        # All randomisations may agree on a facet's points, also on none, and miss a part of a point
-        brightest = np.nan_to_num(radiance).max(initial=0.0)
-        of_part = edge_share(R) * R * np.where(self.hits > 0, radiance, brightest) * per_sample
-        error = np.maximum(scatter, np.where(mean_cosine > EDGE_ON, of_part, 0))
+        # All randomisations may agree on a facet's points, and miss a part of a point
+        of_part = edge_share(R) * R * np.nan_to_num(radiance) * per_sample
+        # A facet that no path has met is one that few paths would meet
+        unseen = np.fmin(projected, UNSEEN * per_sample) * unmet / student_factor(np.inf)
+        error = np.where(self.hits > 0, np.maximum(scatter, of_part), unseen)
         bounces = {
             f"bounce{k:02d}_W_m2_sr": by_bounce[k]
             if k < BOUNCE_CHANNELS - 1
@@ -185,8 +185,8 @@ class FacetSums:
         of_model = table.type == "model"
         own = of_model[table.triangle_facet]
         return FacetResults(
-            scene_name,
-            band,
+            scene.name,
+            scene.band.name,
             {name: values[of_model] for name, values in columns.items()},
             table.triangles[own],
             table.triangle_facet[own],

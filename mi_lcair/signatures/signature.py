@@ -83,9 +83,8 @@ def measure_signature(
     if not facets:
         return result(total)
     *_, direction = window(camera)
-    return replace(
-        result(total), facets=sums.results(scene.name, scene.band.name, area, -direction)
-    )
+    unmet = total.largest_unmet("target")[0]
+    return replace(result(total), facets=sums.results(scene, unmet, area, -direction))
 
 
 def intensity(total: Totals, prefix: str, area: float) -> Intensity:

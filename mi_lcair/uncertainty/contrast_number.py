@@ -191,6 +191,11 @@ class ContrastNumber(Number):
         }
 
     @property
+    def most_of_intensity(self) -> float:
+        irradiance, _ = self.terms(self.total, self.areas, {})
+        return irradiance.per_intensity(self.setting.path)
+
+    @property
     def of_intensity(self) -> float:
         irradiance, (target, *_) = self.terms(self.total, self.areas, {})
         return float(target @ irradiance.amounts)

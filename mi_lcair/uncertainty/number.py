@@ -18,7 +18,7 @@ from mi_lcair.plugins.emission.source import Source, rounded
 from mi_lcair.plugins.recorders.by_bounce import MAX_BOUNCE_CHANNELS
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.sensitivity.columns import MOST_COLUMNS, without_column
-from mi_lcair.sensitivity.common_numbers import CommonNumbers
+from mi_lcair.sensitivity.common_numbers import PARTS, CommonNumbers
 from mi_lcair.sensitivity.entries import NEAREST, Parameter
 from mi_lcair.sensitivity.parameters import checked
 from mi_lcair.sensitivity.window import differentiate_intensity
@@ -105,8 +105,10 @@ class Number(ABC):
 
     @property
     def error(self) -> float:
-        """Standard error from the noise of the rendering."""
-        return self.base.error
+        """Standard error from the noise of the rendering, with what its scatter does not show."""
+        channel = PARTS[self.part]
+        unscattered = self.total.unscattered_error(channel)[0] * self.numbers.area
+        return float(np.hypot(self.base.error, unscattered * self.most_of_intensity))
 
     def areas_of(self, total: Totals) -> EffectiveAreas | None:
         if not self.numbers.by_spectrum:
@@ -299,6 +301,11 @@ class Number(ABC):
         missing = beyond_last(means, summed) * means[-1]
         closure = self.total.mean(f"{self.numbers.prefix}closure")[0] * self.numbers.area
         return float(abs(missing - closure) / means.sum() * self.of_intensity)
+
+    @property
+    def most_of_intensity(self) -> float:
+        """Largest factor of an intensity in the number."""
+        return 1.0
 
     @property
     def of_intensity(self) -> float:

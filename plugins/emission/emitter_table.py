@@ -19,7 +19,7 @@ from mi_lcair.plugins.emission.triangles import (
     triangle_corners,
 )
 from mi_lcair.plugins.emitters.one_sun import one_sun
-from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
+from mi_lcair.plugins.emitters.thermal_emitter import groups_of, is_thermal
 from mi_lcair.plugins.paths.offsets import Offsets
 
 # Largest number of surfaces in a row that a ray passes. A path that needs more is not a number, so
@@ -36,9 +36,9 @@ class EmitterTable:
     groups, labels: the `Groups` of the scene, and their labels. band: the band of the thermal
     emitters. sources: the `Sources` by which emission is recorded. draws: whether there are
     emitters to draw. brightest: upper bound of the radiance of all emitters that a ray can hit
-    [W m^-2 sr^-1]. unbounded: descriptions of the emitters without a known bound. sun: the emitter
-    `sun`; None if the scene has none. passes: whether the scene has surfaces
-    that rays pass, see `is_passed`.
+    [W m^-2 sr^-1]. brightest_of: the same by group. unbounded: descriptions of the emitters without
+    a known bound. sun: the emitter `sun`; None if the scene has none. passes: whether the scene has
+    surfaces that rays pass, see `is_passed`.
     """
 
     def __init__(self, scene, sampling: bool, by_spectrum: bool = False):
@@ -60,6 +60,7 @@ class EmitterTable:
         self.bounds = [(emitter.get_shape(), bound) for emitter, bound in bounds.items()]
         largest = [float(bound.max()) for bound in bounds.values() if bound is not None]
         self.brightest = max(largest, default=0.0)
+        self.brightest_of = brightest_of_groups(bounds)
         self.opaque_brightest = dr.opaque(mi.Float, self.brightest)
 
         drawn = [e for e in emitters if sampling or not can_be_hit(e)]
@@ -388,6 +389,16 @@ class EmitterTable:
             other = emitter.pdf_direction(before, ds, active & ~known)
             density = dr.select(known, density, other * self.table.probability_of_other)
         return density
+
+
+def brightest_of_groups(bounds: dict) -> dict[str, float]:
+    """Largest radiance of each group from the bounds of its emitters [W m^-2 sr^-1]."""
+    largest = {}
+    for emitter, bound in bounds.items():
+        for group in groups_of(emitter):
+            radiance = np.inf if bound is None else float(bound.max())
+            largest[group] = max(largest.get(group, 0.0), radiance)
+    return largest
 
 
 def one_band(emitters):

@@ -1,5 +1,7 @@
 """Errors of totals by hand: scatter, edges, sources that no path has met."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -55,7 +57,33 @@ def test_a_channel_that_no_path_met_has_an_error():
     dark = {"group.lamp": np.zeros((1, 8)), "group.wall": np.full((1, 8), 64 * 3.0)}
     total = totals(np.full(8, 3.0), points=64, unmet=unmet, channels=dark)
     assert total.standard_error("group.lamp") == pytest.approx(2.5 * 100 / 512 / NORMAL, rel=1e-5)
-    assert total.standard_error("group.wall") == 0
+    # A part that paths have met may still lack what they have missed
+    assert total.standard_error("group.wall") == pytest.approx(2.5 * 100 / 512 / NORMAL, rel=1e-5)
+
+
+def test_a_group_misses_no_more_than_its_own_brightest_source():
+    unmet = UnmetSources(100.0, np.empty(0), np.empty(0))
+    wall = {"target.group.wall": np.full((1, 8), 64 * 3.0)}
+    total = totals(np.full(8, 3.0), points=64, unmet=unmet, channels=wall)
+    total.emitters = SimpleNamespace(brightest_of={"wall": 7.0})
+    assert total.missed("target.group.wall") == pytest.approx(2.5 * 7 / 512, rel=1e-5)
+
+
+def test_a_part_has_the_edge_of_the_whole_in_proportion():
+    part = {"bounce.0": np.full((1, 8), 64 * 0.75)}
+    total = totals(np.full(8, 3.0), points=64, lowest=1.0, highest=5.0, channels=part)
+    assert total.standard_error("bounce.0") == pytest.approx(total.standard_error() / 4, rel=1e-6)
+
+
+def test_edges_and_missed_sources_beside_the_scatter():
+    """Squares of 0.0118, the edge's, less that of a scatter of 0.005; and of the missed source."""
+    unmet = UnmetSources(1.0, np.empty(0), np.empty(0))
+    scatter = np.array([3 - 0.005 * np.sqrt(7), 3 + 0.005 * np.sqrt(7)] * 4)
+    total = totals(scatter, points=64, lowest=1.0, highest=5.0, unmet=unmet)
+    assert total.scatter_error() == pytest.approx(0.005, rel=1e-6)
+    edge, missed = 4.0 * (1 - 0.05 ** (1 / 8)) / 64 / NORMAL, 2.5 / 512 / NORMAL
+    expected = np.sqrt(edge**2 - 0.005**2 + missed**2)
+    assert total.unscattered_error() == pytest.approx(expected, rel=1e-5)
 
 
 def test_rms_over_the_pixels_of_an_image():

@@ -111,7 +111,7 @@ def image_channels(total: Totals, band: Band, size: tuple[int, int]) -> dict[str
     mean = total.mean()
     channels = {"Y": mean, "temperature.Y": brightness_temperature(band, mean)}
     if total.randomisations > 1:
-        channels["stderr.Y"] = pixel_errors(total.standard_error(), size)
+        channels["stderr.Y"] = pixel_errors(total, size)
     parts = {name: total.mean(name) for name in total.sums}
     if parts:
         by_bounce = [values for name, values in parts.items() if name.startswith("bounce.")]
@@ -131,16 +131,19 @@ def image_channels(total: Totals, band: Band, size: tuple[int, int]) -> dict[str
     return channels
 
 
-def pixel_errors(errors: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+def pixel_errors(total: Totals, size: tuple[int, int]) -> np.ndarray:
     """Standard errors of pixels, from the scatter in their neighbourhood, (P,).
 
     The scatter of a few paths through one pixel says little about its error: where paths rarely
-    meet a source, most pixels have none. The rms over POOLED x POOLED pixels says more.
+    meet a source, most pixels have none. The rms over POOLED x POOLED pixels says more. A source
+    that no path through the neighbourhood has met is one that these paths may have missed.
     """
     from scipy.ndimage import uniform_filter
 
-    variance = uniform_filter(errors.reshape(size) ** 2, POOLED, mode="nearest")
-    return np.sqrt(np.maximum(variance, 0)).ravel()
+    pooled = lambda values: uniform_filter(values.reshape(size), POOLED, mode="nearest").ravel()
+    variance = pooled(total.standard_error() ** 2)
+    missed = pooled(total.missed_error()) / min(POOLED**2, np.prod(size))
+    return np.sqrt(np.maximum(variance, 0) + missed**2)
 
 
 def header(scene: Scene, sampling: Sampling, spp: int, total: Totals, closure_error) -> dict:
