@@ -6,6 +6,7 @@ import numpy as np
 
 FLATNESS = 1e-6  # distance at which planes count as equal, as a fraction of the extent
 SAME_DIRECTION = 1e-5  # difference in each coordinate at which unit normals count as parallel
+NEAR = 1e-3  # largest distance between two triangles in one plane, as a fraction of their size
 SINGLE = 2.0**-22  # a few rounding errors of single precision, as a fraction of a coordinate
 
 
@@ -30,8 +31,10 @@ def overlaps(corners: np.ndarray) -> Overlaps:
     usable = np.flatnonzero(areas > 0)
     if len(usable) < 2:
         return Overlaps(np.empty((0, 2), np.int64), np.empty((0, 2), np.int64))
-    pairs = usable[_pairs(corners[usable], normals[usable] / areas[usable, None])]
+    unit = normals / np.maximum(areas, 1e-300)[:, None]
+    pairs = usable[_pairs(corners[usable], unit[usable])]
     pairs = np.unique(np.sort(pairs, axis=1), axis=0)
+    pairs = pairs[_is_near(corners[pairs], unit[pairs[:, 0]])]
     opposite = np.einsum("pk,pk->p", normals[pairs[:, 0]], normals[pairs[:, 1]]) < 0
     return Overlaps(pairs[opposite], pairs[~opposite])
 
@@ -66,6 +69,17 @@ def _pairs(corners, unit):
     same = (abs(unit[a] - unit[b]) < 8 * direction).all(axis=1)
     same &= abs(height[a] - height[b]) < 8 * flatness  # two planes may share a hash
     return np.stack([a[same], b[same]], axis=1)
+
+
+def _is_near(corners, unit):
+    """Whether pairs of triangles (P, 2, 3, 3) are nearer to each other than a part of their size.
+
+    What counts as one plane follows the whole model, in which a pair may be small. unit: (P, 3),
+    the normals of the first triangles.
+    """
+    middle, size = corners.mean(axis=2), np.ptp(corners, axis=2).max(axis=(1, 2))
+    distance = abs(np.einsum("pk,pk->p", middle[:, 1] - middle[:, 0], unit))
+    return distance <= NEAR * size + 8 * SINGLE * abs(corners).max(axis=(1, 2, 3))
 
 
 def _copies(corners):

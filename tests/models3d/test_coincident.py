@@ -42,6 +42,14 @@ def test_two_squares(second, expected, seed):
     assert counts(turned(np.concatenate([SQUARE, second]), seed)) == expected
 
 
+def test_the_sides_of_a_small_box_in_a_large_model_are_apart():
+    """Two sides at 1e-5 of the model's extent, and a copy of one of them."""
+    box = 0.01 * np.concatenate([SQUARE, SQUARE[:, ::-1] + [0, 0, 0.5]])
+    far = SQUARE + [1000.0, 0, 0]
+    assert counts(np.concatenate([box, far])) == (0, 0)
+    assert counts(np.concatenate([box, far, box[:2]])) == (0, 2)
+
+
 def test_numbers():
     """Pairs are numbered as the triangles are."""
     corners = np.concatenate([SQUARE, SQUARE + [5, 0, 0], SQUARE[1:, ::-1]])

@@ -53,6 +53,28 @@ def roof(plate):
     return checked(scene, Path("roof.xml"), {})
 
 
+def test_a_facet_that_no_path_meets_has_an_error(plate):
+    """A plate of 1 cm, at 400 K, in a window of 8 m: what it sends is not beyond its error.
+
+    The error is that of its projected area at the largest radiance of the scene, not of a path's.
+    """
+    speck = plate("speck", [[0, 0, 0], [0.01, 0, 0], [0.01, 0.01, 0], [0, 0.01, 0]], GREY, 400.0)
+    scene = mi.load_dict(
+        {
+            "type": "scene",
+            "integrator": {"type": "bounce_path", "max_bounces": 0},
+            "sensor": camera(size=15, height=8.0),
+            "speck": speck,
+        }
+    )
+    checked_scene = checked(scene, Path("speck.xml"), {})
+    table = mi_lcair.signature(checked_scene, spp=1, facets=True).facets.table
+    assert not table["samples"].any()
+    blackbody = 0.5e-4 * float(in_band_radiance(band("LWIR"), 400.0))  # one of two facets
+    assert np.all(1.96 * table["standard_error_W_sr"] >= 0.499 * blackbody)
+    assert np.all(1.96 * table["standard_error_W_sr"] <= 1.001 * blackbody)
+
+
 def by_group(columns, name, group):
     return columns[name][columns["group"] == group]
 

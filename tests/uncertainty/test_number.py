@@ -56,7 +56,12 @@ class Sum(Number):
         self.areas = EffectiveAreas(
             LWIR, sources, AREAS, None, 1.0, COVARIANCE, np.empty(0), np.empty(0)
         )
-        self.is_linear, self.total = True, SimpleNamespace(factor=1.0)
+        self.is_linear, self.total = (
+            True,
+            SimpleNamespace(
+                factor=1.0, unscattered_error=lambda channel: [UNSCATTERED] * (channel == "target")
+            ),
+        )
         self.numbers = SimpleNamespace(render=self.render, count=3, prefix="target.", area=10.0)
         self.base = self.linear(self.total, self.areas, {})
 
@@ -78,13 +83,14 @@ class Sum(Number):
         )
 
 
+UNSCATTERED = 0.9  # error of the mean radiance that its scatter does not show, W m^-2 sr^-1
 NUMBER = Sum()
 VALUE = 2 * B(300) + 3 * B(350) + 12
 
 
 def test_value_and_error():
     assert NUMBER.value == pytest.approx(VALUE)
-    squares = [B(300) ** 2 * 0.01, B(350) ** 2 * 0.04, 24**2 * 0.09]
+    squares = [B(300) ** 2 * 0.01, B(350) ** 2 * 0.04, 24**2 * 0.09, (UNSCATTERED * 10.0) ** 2]
     assert NUMBER.error == pytest.approx(np.sqrt(sum(squares)))
     NUMBER.columns = 2
     assert NUMBER.renders == 5
@@ -126,7 +132,7 @@ def test_derivatives_in_closed_form():
         ),
         "body@350.temperature": (3 * slope(350), 0.2 * slope(350)),
         "sky.radiance": (0.5, 0.3),
-        "scenario.gain": (VALUE, NUMBER.error),
+        "scenario.gain": (VALUE, NUMBER.base.error),
         "scenario.offset": (1.0, 0.0),
     }
     names = list(expected)
@@ -164,7 +170,7 @@ def test_whether_the_sources_are_told_apart(nodes, is_linear):
     number.numbers.render = lambda: SimpleNamespace(factor=2.0)
     number.linear = lambda total, areas, quantities: SimpleNamespace(value=total.factor, error=0.5)
     number.start()
-    assert number.is_linear == is_linear and (number.value, number.error) == (2.0, 0.5)
+    assert number.is_linear == is_linear and (number.value, number.base.error) == (2.0, 0.5)
 
 
 def test_derivatives_by_differences():

@@ -205,3 +205,8 @@ def test_rectangles_in_one_plane_are_remarked():
     )
     (remark,) = remarks_on_triangles(scene)
     assert "lie in one plane" in remark and "'lower'" in remark and "'upper'" in remark
+
+
+def test_a_mesh_that_rounding_makes_a_point_is_remarked(tmp_path):
+    (remark,) = remarks_on_triangles(open_cube(tmp_path, 1e-3, 1e5))
+    assert "'cube' has no area: all of its 10 triangles" in remark

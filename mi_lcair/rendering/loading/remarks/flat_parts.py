@@ -35,7 +35,11 @@ def remarks_on_triangles(scene: mi.Scene) -> list[str]:
         whose = f"triangle of '{label}'" if label else "triangle"
         return f"{whose} {number - first[shape]}" if is_faceted(shapes[shape]) else f"'{label}'"
 
-    return [*thin_sheets(corners, name), *small_parts(corners, name)]
+    return [
+        *without_area(corners, shapes, first),
+        *thin_sheets(corners, name),
+        *small_parts(corners, name),
+    ]
 
 
 def triangles(shape) -> np.ndarray | None:
@@ -46,6 +50,26 @@ def triangles(shape) -> np.ndarray | None:
         return None
     to_world = np.array(members(shape)["to_world"].matrix, dtype=float).reshape(4, 4)
     return (CORNERS @ to_world.T)[HALVES, :3]
+
+
+def without_area(corners: np.ndarray, shapes: list, first: np.ndarray) -> list[str]:
+    """Remarks on shapes that no ray can hit, as all of their triangles are points or lines.
+
+    first: number of the first triangle of each shape, and of all triangles.
+    """
+    is_empty = sizes(corners) == 0
+    return [
+        f"'{shape.id()}' has no area: all of its {end - begin} triangles are points or lines in "
+        "single precision, and no ray hits them; move the scene to the origin, or remove the shape"
+        for shape, begin, end in zip(shapes, first, first[1:])
+        if is_empty[begin:end].all()
+    ]
+
+
+def sizes(corners: np.ndarray) -> np.ndarray:
+    """Square root of twice the area of triangles (n, 3, 3), (n,) [m]."""
+    sides = corners[:, 1:] - corners[:, :1]
+    return np.sqrt(np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1))
 
 
 def thin_sheets(corners: np.ndarray, name) -> list[str]:
@@ -70,8 +94,7 @@ def thin_sheets(corners: np.ndarray, name) -> list[str]:
 
 def small_parts(corners: np.ndarray, name) -> list[str]:
     """Remark on triangles whose size is not much more than the rounding of their coordinates."""
-    sides = corners[:, 1:] - corners[:, :1]
-    size = np.sqrt(np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1))
+    size = sizes(corners)
     away = np.abs(corners).max(axis=(1, 2))
     error = ERROR * UNIT * away / np.maximum(size, 1e-30)
     small = (error > RESOLVED) & (size > 0)
