@@ -20,6 +20,9 @@ from mi_lcair.plugins.recorders.recorder import Emission, Recorders, Reflection
 # to a radiance is below the rounding error of Float32.
 LARGEST_LATENT = 1e-7
 
+# Throughput below which a path goes on by Russian roulette
+FAINT = 1e-4
+
 
 @dataclass
 class PathState:
@@ -159,6 +162,8 @@ class Walk:
             scattering = self.scatter(primal, path, hit, most, sampler, recorders)
             L = accounted(L, scattering.brought, primal)
             latent = accounted(latent, scattering.latent, primal)
+            if dr.hint(self.explored is None, mode="scalar"):
+                scattering = replace(scattering, weight=roulette(path, hit.si, scattering))
             self.report(path, hit, scattering, most, recorders)
             # A path without throughput contributes nothing further
             active = hit.goes_on & (dr.max(scattering.weight) != 0)
@@ -382,6 +387,25 @@ class Walk:
         # The offset from the surface is smaller than Mitsuba's in a small scene
         path.ray = self.emitters.spawn_ray(si, to)
         path.pi = self.scene.ray_intersect_preliminary(path.ray, coherent=False, active=active)
+
+
+def roulette(path: PathState, si, scattering: Scattering) -> mi.Spectrum:
+    """The weights of the directions after Russian roulette between paths of little throughput.
+
+    A path whose throughput would fall below FAINT goes on with the throughput FAINT or ends. The
+    means stay as they are. The random number is a hash of the hit and the direction, so that a
+    replay ends the same paths, and the lattice keeps its dimensions.
+    """
+    throughput = path.throughput[0] * scattering.weight[0]
+    p, d = (
+        dr.reinterpret_array(mi.Vector3u, si.p),
+        dr.reinterpret_array(mi.Vector3u, scattering.bs.wo),
+    )
+    position = mi.sample_tea_32(p.x ^ d.z, p.y ^ (p.z << 16))[0]
+    number = mi.sample_tea_float32(position, d.x ^ (d.y << 16))
+    is_faint = (throughput > 0) & (throughput < FAINT)
+    weight = dr.select(number * FAINT < throughput, FAINT / path.throughput[0], 0)
+    return dr.select(is_faint, weight, scattering.weight)
 
 
 def accounted(total, part, primal: bool):

@@ -1,11 +1,15 @@
 """What is recorded along paths whose packets part: some pass a surface, others are reflected."""
 
+from types import SimpleNamespace
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
 
+import mi_lcair
 from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.plugins.paths.walk import FAINT, roulette
 from mi_lcair.plugins.recorders.channels import Channels
 from tests.plugins.small_scenes import GREY, SQUARE, camera, scene
 
@@ -72,3 +76,53 @@ def test_channels_behind_plumes_are_those_of_evaluated_loops(plate, sheets, clos
     parts = [symbolic.channels[f"bounce.{k}"] for k in range(5)] + [symbolic.channels["closure"]]
     np.testing.assert_allclose(sum(parts), symbolic.radiance, rtol=1e-5)
     assert all((part > 0).all() for part in parts[:2])
+
+
+def after_roulette(before, weight, seed=1):
+    """Throughputs after Russian roulette, for hits and directions at random."""
+    numbers = np.random.default_rng(seed)
+    count = len(weight)
+    si = dr.zeros(mi.SurfaceInteraction3f, count)
+    si.p = mi.Point3f(*numbers.random((3, count)).astype(np.float32))
+    bs = dr.zeros(mi.BSDFSample3f, count)
+    bs.wo = mi.Vector3f(*numbers.normal(size=(3, count)).astype(np.float32))
+    path = SimpleNamespace(throughput=mi.Spectrum(before))
+    scattering = SimpleNamespace(bs=bs, weight=mi.Spectrum(mi.Float(weight)))
+    return before * np.array(roulette(path, si, scattering)[0])
+
+
+@pytest.mark.parametrize("throughput", [0.5, 1e-2, 1e-5])
+def test_russian_roulette_keeps_the_mean(throughput):
+    """Of 2^18 faint paths the expected share goes on, within four standard deviations."""
+    count, before = 2**18, 2e-3
+    after = after_roulette(before, np.full(count, throughput * FAINT / before))
+    share = np.count_nonzero(after) / count
+    assert after[after > 0] == pytest.approx(FAINT, rel=1e-6)
+    assert abs(share - throughput) < 4 * np.sqrt(throughput * (1 - throughput) / count)
+
+
+def test_russian_roulette_leaves_other_paths_as_they_are():
+    """Bright paths, ended ones, and those that are not a number, which are reported later."""
+    weight = np.repeat([1.0, 1.001 * FAINT, 0.0, np.nan, np.inf], 1000)
+    np.testing.assert_allclose(after_roulette(1.0, weight), weight, rtol=1e-6)
+
+
+def test_russian_roulette_of_aligned_hits():
+    """Hits along a line and one direction, as between two mirrors: both outcomes occur."""
+    count = 2**12
+    si, bs = dr.zeros(mi.SurfaceInteraction3f, count), dr.zeros(mi.BSDFSample3f, count)
+    si.p.x, bs.wo = mi.Float(np.linspace(0, 1, count)), mi.Vector3f(0, 0, 1)
+    scattering = SimpleNamespace(bs=bs, weight=mi.Spectrum(FAINT / 2))
+    after = roulette(SimpleNamespace(throughput=mi.Spectrum(1)), si, scattering)[0].numpy()
+    assert abs(np.count_nonzero(after) / count - 0.5) < 4 * 0.5 / np.sqrt(count)
+
+
+def test_a_thousand_reflections_are_those_that_paths_carry():
+    """A deep cavity with at most 1000 reflections is that with 100: roulette has ended all paths.
+
+    Emission beyond the 64th reflection is the last channel.
+    """
+    few, many = (
+        mi_lcair.signature(mi_lcair.load("cavity", max_bounces=most), spp=4) for most in (100, 1000)
+    )
+    assert many.scene.by_bounce == pytest.approx(few.scene.by_bounce, rel=1e-5)
