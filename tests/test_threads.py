@@ -1,5 +1,6 @@
 """One thread at a time uses Dr.Jit: public functions hold the lock for as long as they use it."""
 
+import inspect
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from threading import Event
@@ -44,6 +45,17 @@ def test_the_lock_is_held(name):
     finally:
         sys.setprofile(None)
     assert not without
+
+
+def test_every_public_function_takes_its_turn():
+    """Those that use no Dr.Jit, and a trend, which may wait for workers in the same process."""
+    functions = {name: getattr(mi_lcair, name) for name in mi_lcair.__all__}
+    free = {
+        name
+        for name, function in functions.items()
+        if inspect.isfunction(function) and not hasattr(function, "__wrapped__")
+    }
+    assert free == {"materials", "temperature", "trend"}
 
 
 def test_functions_take_turns():
