@@ -98,6 +98,11 @@ class Data:
         """The same data with the tables' standard deviations multiplied by `factor`."""
         return replace(self, std_factor=factor)
 
+    def rms_dex(self, candidate) -> float:
+        """Root mean square of log10(model / data) over the BRDF points [decades], for any loss."""
+        f = self.residuals(candidate.variant).instrument(candidate.u[None])[0][0]
+        return float(np.sqrt(np.mean(np.square(np.log10(np.maximum(f, 1e-30) / self.brdf)))))
+
 
 def select(
     measurements: Measurements,

@@ -10,6 +10,7 @@ import numpy as np
 
 from mi_lcair.fitting.cube import parameters_at
 from mi_lcair.fitting.data import Data, select, with_std
+from mi_lcair.fitting.judgement.causes import likely_cause
 from mi_lcair.fitting.judgement.quality import quality
 from mi_lcair.fitting.judgement.verdict import judge
 from mi_lcair.fitting.model import Hemispherical
@@ -131,6 +132,8 @@ def fit(
     curve = Hemispherical(search.best.variant.model, search.best.variant.form, theta, "emissivity")
     certainty = judge(search.data, search.best, search.noise, robust, curve)
     fit_quality = quality(selected, search.best, robust, measurements.sigma_freedom)
+    if cause := likely_cause(measurements, compared, settings, selected.rms_dex(search.best)):
+        fit_quality = replace(fit_quality, verdict=f"{fit_quality.verdict}; {cause}")
     if progress:
         progress(steps, steps)
     return Fit(
@@ -205,13 +208,13 @@ def searched(
     if tables:
         # The misfit of the BRDF alone gives the weight of a BRDF point beside an emissivity.
         alone, candidates, noise = compare(data, whole, settings, step)
-        largest_rms = LARGEST_RMS_RATIO * rms_dex(data, alone)
+        largest_rms = LARGEST_RMS_RATIO * data.rms_dex(alone)
         data = data.jointly(noise.variance, tables)
         compile_seconds += warm_up(data, whole)
         # Hemispherical integrals cost much more than BRDFs.
         settings = replace(settings, starts=min(settings.starts, JOINT_STARTS))
     best, candidates, noise = compare(data, compared, settings, step, candidates)
-    if tables and rms_dex(data, best) > largest_rms:
+    if tables and data.rms_dex(best) > largest_rms:
         # The tables spoil the BRDF too much. They get less weight, and the search is repeated.
         data = relieved(data, best, largest_rms)
         best, candidates, noise = compare(data, compared, settings, step, candidates)
@@ -264,17 +267,11 @@ def relieved(data: Data, best: FittedVariant, most: float) -> Data:
     for _ in range(7):
         middle = np.sqrt(low * high)
         trial = data.with_std_factor(middle)
-        if rms_dex(trial, descend(best, trial.residuals(best.variant), COARSE)) > 0.995 * most:
+        if trial.rms_dex(descend(best, trial.residuals(best.variant), COARSE)) > 0.995 * most:
             low = middle
         else:
             high = middle
     return data.with_std_factor(high)
-
-
-def rms_dex(data: Data, candidate: FittedVariant) -> float:
-    """Root mean square of log10(model / data) over the BRDF points [decades], for any loss."""
-    f = data.residuals(candidate.variant).instrument(candidate.u[None])[0][0]
-    return float(np.sqrt(np.mean(np.square(np.log10(np.maximum(f, 1e-30) / data.brdf)))))
 
 
 def names_of(variant: Variant) -> dict[str, str | None]:
@@ -295,7 +292,7 @@ def described(search: Search) -> dict:
     return {
         **names_of(best.variant),
         "parameters": parameters_of(best),
-        "rms_dex": rms_dex(search.data, best),
+        "rms_dex": search.data.rms_dex(best),
         "effective_points": noise.effective,
         "outliers": noise.outliers,
         "converged": bool(best.gradient < CONVERGED),
@@ -305,7 +302,7 @@ def described(search: Search) -> dict:
             {
                 **names_of(candidate.variant),
                 "free_parameters": candidate.size,
-                "rms_dex": rms_dex(search.data, candidate),
+                "rms_dex": search.data.rms_dex(candidate),
                 "criterion": candidate.criterion,
                 "parameters": parameters_of(candidate),
                 "chosen": candidate is best,

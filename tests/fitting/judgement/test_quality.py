@@ -1,5 +1,7 @@
 """The verdict on a fit itself: its false alarms on right models, and its power on wrong ones."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -172,3 +174,29 @@ def test_repeats_need_twice_the_variance():
 
 def test_differences_in_words():
     assert size(0.002) == "0.46 %" and size(0.25) == "78 %" and size(0.31) == "a factor of 2"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "change, words",
+    [
+        (lambda data: replace(data, theta_r=-data.theta_r), "the opposite sign of theta_r"),
+        (lambda data: replace(data, brdf=100 * data.brdf), "divided by 100"),
+        (lambda data: replace(data, brdf=1000 * data.brdf), "divided by 1000"),
+    ],
+)
+def test_a_gross_misfit_names_its_cause(change, words):
+    data = scan((0.1, 0.05, 0.1, 0.05), step=4, noise=0.02)
+    result = fit(change(data), starts=8, source_half_angle_deg=0)
+    assert result.quality.lack_of_fit and f"with {words}" in result.quality.verdict.replace(
+        "the BRDF ", ""
+    )
+    assert "with the" not in fit(data, starts=8, source_half_angle_deg=0).quality.verdict
+
+
+def test_no_cause_is_named_without_one():
+    """A misfit of a model that lacks the surface's shape is not that of a sign or a unit."""
+    rng = np.random.default_rng(0)
+    data = scan((0.1, 0.05, 0.1, 0.05), step=8)
+    data.brdf = data.brdf * np.exp(2 * rng.standard_normal(len(data.brdf)))
+    assert "it fits" not in fit(data, starts=4, source_half_angle_deg=0).quality.verdict
