@@ -140,10 +140,19 @@ def read_columns(path) -> dict[str, np.ndarray]:
 
     Raises InputError for a file that cannot be read, and if xarray is not installed.
     """
+    frame = _read(path, lambda dataset: dataset.load().to_dataframe().reset_index())
+    return {str(name): frame[name].to_numpy() for name in frame}
+
+
+def read_attributes(path) -> dict:
+    """The attributes of a netCDF file; raises InputError as `read_columns`."""
+    return _read(path, lambda dataset: dict(dataset.attrs))
+
+
+def _read(path, content):
     xarray = optional("xarray", "a netCDF file")
     try:
         with xarray.open_dataset(path, engine="scipy") as dataset:
-            frame = dataset.load().to_dataframe().reset_index()
+            return content(dataset)
     except (OSError, ValueError, TypeError, KeyError, IndexError, AssertionError) as error:
         raise InputError(f"{path}: cannot be read as netCDF-3: {error}") from None
-    return {str(name): frame[name].to_numpy() for name in frame}

@@ -186,19 +186,27 @@ def read_trend(path) -> tuple[str, dict[str, np.ndarray], str]:
     Raises InputError for a file of another kind.
     """
     path = Path(path)
-    made = {}
+    made = stated(path)
     if path.suffix.lower() == ".nc":
         columns = netcdf.read_columns(path)
     else:
         table = read_table(path, NEEDED)
         columns = table.numbers(table.columns, may_lack=True)
-        if beside(path).exists():
-            made, _ = TrendFile(path, {}, [])._made()
     if not set(NEEDED) <= set(columns):
         raise InputError(f"{path}: is no trend, which has the columns {', '.join(NEEDED)}")
     rows = np.isfinite(columns["intensity_W_sr"])  # others are points of a grid without a view
     columns = {name: values[rows] for name, values in columns.items()}
-    return str(made.get("scene", path.stem)), columns, str(made.get("band", ""))
+    return made.get("scene", path.stem), columns, made.get("band", "")
+
+
+def stated(path: Path) -> dict[str, str]:
+    """Scene's name and band of a trend in a .csv or .nc file, as far as they are stated."""
+    made = {}
+    if path.suffix.lower() == ".nc":
+        made = netcdf.read_attributes(path)
+    elif beside(path).exists():
+        made, _ = TrendFile(path, {}, [])._made()
+    return {name: str(made[name]) for name in ("scene", "band") if name in made}
 
 
 def cells(view: View) -> tuple[str, str]:

@@ -99,6 +99,10 @@ class Trend(Result):
         grid = named("mi_lcair.formats.netcdf:grid")
         return grid(self.table, ("elevation_deg", "azimuth_deg"), **self.attributes())
 
+    def attributes(self) -> dict:
+        """Attributes of the Dataset."""
+        return super().attributes() | {"scene": self.scene_name, "band": self.band}
+
     def at_elevation(self, elevation_deg: float) -> "Trend":
         """The rows whose elevation is `elevation_deg`, degrees."""
         chosen = self.table["elevation_deg"] == elevation_deg

@@ -1,5 +1,6 @@
 """Tests of `convert`: files that meshio, xarray, pandas and Pillow read."""
 
+import json
 from pathlib import Path
 
 import meshio
@@ -10,6 +11,7 @@ import xarray
 from PIL import Image
 
 from mi_lcair.rendering.images.exr import read_exr, write_exr
+from mi_lcair.signatures.trend_result import Trend
 
 BOX = Path(__file__).parents[2] / "scenes" / "examples" / "box.obj"
 
@@ -83,6 +85,11 @@ def test_tables_there_and_back(run, folder):
     assert run("convert", "t.csv", "t.nc").exit_code == 0
     with xarray.open_dataset("t.nc") as data:
         assert data.intensity_W_sr.sel(elevation_deg=10, azimuth_deg=90) == 4
+    made = {"made": {"scene": "truck", "band": "LWIR", "seed": "0"}, "batches": {}}
+    (folder / "t.csv.json").write_text(json.dumps(made))
+    assert run("convert", "t.csv", "t.nc").exit_code == 0
+    trends = [Trend.read(folder / name) for name in ("t.csv", "t.nc")]
+    assert [(trend.scene_name, trend.band) for trend in trends] == [("truck", "LWIR")] * 2
     assert run("convert", "t.nc", "u.csv").exit_code == 0
     columns = ["azimuth_deg", "elevation_deg", "intensity_W_sr"]
     back = pandas.read_csv("u.csv")[columns].sort_values(columns[1::-1], ignore_index=True)

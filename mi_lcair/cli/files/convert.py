@@ -127,11 +127,15 @@ def _table(source, output, suffix):
     from mi_lcair.formats import csv, netcdf
     from mi_lcair.formats.tables import read_columns
 
-    columns = read_columns(source)
+    columns, attributes = read_columns(source), {}
     if suffix == ".csv":
         csv.write(output, columns)
-    else:
-        netcdf.write(output, netcdf.dataset(columns))
+        return
+    if Path(f"{source}.json").is_file():
+        from mi_lcair.signatures.trend_file import stated
+
+        attributes = stated(Path(source))
+    netcdf.write(output, netcdf.dataset(columns, **attributes))
 
 
 def _facets(source, output, suffix, scene, parameters):
