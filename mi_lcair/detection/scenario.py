@@ -563,6 +563,8 @@ def change(tree: dict, keys: list[str], value) -> None:
     *tables, key = keys
     if not tables:
         raise InputError(f"{key} is no entry; name TABLE.KEY, such as sensor.band")
+    if tables == ["surroundings"]:
+        tree.pop("background", None)
     for table in tables:
         tree = tree.setdefault(table, {})
         if not isinstance(tree, dict):
