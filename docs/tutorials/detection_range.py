@@ -228,7 +228,9 @@ table
 
 # %%
 at = table.set_index("range_m")
-seen = np.sum(frames.channels["electrons.Y"] - frames.measures.background, dtype=float)
+seen = np.sum(
+    frames.channels["electrons.Y"] - frames.channels["electrons.background.Y"], dtype=float
+)
 print(f"electrons in the frame {seen:.4e}, in the table {at.electrons[2000]:.4e}")
 np.testing.assert_allclose(seen, at.electrons[2000], rtol=0.01)
 

@@ -130,6 +130,7 @@ def developed(
     channels = {
         "apparent.Y": radiance + optics.seen(exposed.radiance, view.around),
         "electrons.Y": signal,
+        "electrons.background.Y": camera.design.undone(np.broadcast_to(background, signal.shape)),
         "counts.Y": frame_counts[0],
         "temperature.Y": camera.temperatures(frame_counts[0]),
         **camera.mean_temperatures(scene, error),

@@ -38,9 +38,10 @@ class Image(Result):
     channels : dict of str to ndarray, float32 (H, W)
         apparent.Y: radiance at the aperture with the detector's response, W m^-2 sr^-1, as the
         optics blur it. electrons.Y: mean electrons of the signal with the optics' emission.
-        counts.Y, temperature.Y: counts of the first frame, and their apparent temperature, K.
-        mean_temperature.Y: that of the mean electrons. stderr_K.Y and noise_K.Y: standard error of
-        the rendering, and noise of the camera in time, K.
+        electrons.background.Y: those without the target. counts.Y, temperature.Y: counts of the
+        first frame, and their apparent temperature, K. mean_temperature.Y: that of the mean
+        electrons. stderr_K.Y and noise_K.Y: standard error of the rendering, and noise of the
+        camera in time, K.
     header : dict
         Header of the EXR.
     measures : Measures

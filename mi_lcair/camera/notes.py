@@ -58,7 +58,7 @@ def header(
         "scenario": scenario.name,
         "scene": scene.name,
         "band": scenario.sensor.detector().band.label,
-        "units": "apparent.Y: W m^-2 sr^-1; electrons.Y: 1; counts.Y: 1; others: K",
+        "units": "apparent.Y: W m^-2 sr^-1; electrons, counts.Y: 1; others: K",
         "max_bounces": bounces,
         "spp": exposed.spp,
         "rms_error": exposed.rms_error,

@@ -215,8 +215,12 @@ class Optics:
 
     @cached_property
     def profile(self) -> tuple[np.ndarray, np.ndarray]:
-        """Frequencies, cycles/mm, and the product of the round parts there, which are smooth."""
-        frequency = np.linspace(0, OVERSAMPLING * 1e3 / self.imager.pitch_um, 8192)
+        """Frequencies, cycles/mm, and the product of the round parts there, which are smooth.
+
+        They go up to the diagonal of the frequencies of `transfer`.
+        """
+        highest = np.sqrt(0.5) * OVERSAMPLING * 1e3 / self.imager.pitch_um
+        frequency = np.linspace(0, highest, 8192)
         return frequency, np.prod(list(self.round_parts(frequency).values()), axis=0)
 
     def seen(self, samples, around=FRAME) -> np.ndarray:

@@ -183,6 +183,16 @@ def test_the_frame_around_the_samples():
         assert camera.seen(samples, around) == pytest.approx(part, abs=2 * SPILL)
 
 
+def test_the_table_of_the_round_parts():
+    """It ends at the diagonal of the frequencies of samples of 5 um, 100 cycles/mm on each axis."""
+    frequency, product = optics(jitter_urad=50.0).profile
+    assert frequency[-1] == pytest.approx(100 * np.sqrt(2), rel=1e-9) and len(frequency) == 8192
+    exact = np.prod(
+        list(optics(jitter_urad=50.0).round_parts(frequency[[9, 999]]).values()), axis=0
+    )
+    assert product[[9, 999]] == pytest.approx(exact, rel=1e-12)
+
+
 def test_a_half_plane_beyond_reach_sends_no_more_than_spill():
     """The line spread function beyond r: 1/2 - integral of MTF sin(2 pi f r) / (pi f) over f."""
     camera = optics()

@@ -153,5 +153,8 @@ def test_the_target_hides_its_own_background(tmp_path):
     (column, row), (columns, rows) = found.view.window
     inside = found.channels["mean_temperature.Y"][row + 8 : row + rows - 8, 32]
     assert len(inside) > 15 and inside == pytest.approx(300, abs=0.3) and np.ptp(inside) < 0.1
+    electrons, behind = (found.channels[name] for name in ("electrons.Y", "electrons.background.Y"))
+    assert electrons[:, 2] == pytest.approx(behind[:, 2], rel=0.05)
+    assert np.sum((electrons - behind)[row:, column:]) > 0.1 * np.sum(behind[row:, column:])
     sky = found.channels["mean_temperature.Y"][[2, -3], 3]
     assert sky[1] - sky[0] > 5
