@@ -96,7 +96,14 @@ class CameraView:
             scale *= range_m
         columns = imager.width / 2 + seen @ right / scale
         rows = imager.height / 2 - seen @ up / scale
-        sides = sorted((np.ptp(columns), np.ptp(rows))) if columns.size else (np.inf, np.inf)
+        width, height = (imager.angle_deg(n) for n in (imager.width, imager.height))
+        outside = InputError(
+            f"[camera]: no part of the target is in the frame of {width:.3g} x {height:.3g} "
+            "degrees; change right_deg and up_deg, or focal_length_mm"
+        )
+        if not columns.size:
+            raise outside
+        sides = sorted((np.ptp(columns), np.ptp(rows)))
         extent = min(sides[1], sides[0] * PARTS_ACROSS / PARTS_THROUGH)
         parts = OVERSAMPLING * int(
             np.clip(
@@ -107,19 +114,10 @@ class CameraView:
         )
         first, size, beyond, is_cut = [], [], [], False
         for place, count in ((columns, imager.width), (rows, imager.height)):
-            start, end = 1, 0
-            if place.size:
-                start, end = (
-                    int(np.clip(np.floor(value), -1e9, 1e9)) for value in ends(place * parts)
-                )
+            start, end = (int(np.clip(np.floor(value), -1e9, 1e9)) for value in ends(place * parts))
             end += 1
             if not max(start, 0) < min(end, count * parts):
-                raise InputError(
-                    "[camera]: no part of the target is in the frame of "
-                    f"{imager.angle_deg(imager.width):.3g} x "
-                    f"{imager.angle_deg(imager.height):.3g} degrees; change "
-                    "right_deg and up_deg, or focal_length_mm"
-                )
+                raise outside
             is_cut |= start < 0 or end > count * parts
             lower, upper = -MARGIN * parts, (count + MARGIN) * parts
             first.append(max(start, lower))

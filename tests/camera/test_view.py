@@ -113,6 +113,13 @@ def test_a_target_at_the_edge_of_the_frame():
     below = CameraView.of(low, View(0, 0), 50.0, IMAGER)
     assert below.is_cut and below.first[1] + below.size[1] == 49 * below.parts + 1
     assert below.inside.sum() == 3 * below.parts * below.size[0] and below.around[0] == (45, -2)
+    corner = Target(aside.points + [0, -15.0, 11.5], aside.centre, aside.radius)
+    both = CameraView.of(corner, View(0, 0), 50.0, IMAGER)
+    # Columns -4 to 8 and rows -1 to 3
+    inside = np.outer(
+        np.arange(both.size[1]) >= both.parts, np.arange(both.size[0]) >= 4 * both.parts
+    )
+    assert np.array_equal(both.inside, inside) and both.around == ((-1, 44), (-4, 55))
     above = Target(aside.points + [0, 0, 10.9], aside.centre, aside.radius)
     assert not CameraView.of(above, View(0, 0), 50.0, IMAGER).is_cut
     outside = Target(aside.points + [0, 20.0, 0], aside.centre, aside.radius)
