@@ -75,27 +75,27 @@ def test_what_is_not_free_stays():
 def test_relative_gradient():
     """Gradient / (|column| |rows|) of the coordinates that can move; |rows| is at least 1e-4 each.
 
-    The first coordinate cannot move, the second one is at a bound beyond which the cost falls.
+    The first coordinate cannot move, the second one is at a bound beyond which the cost falls, and
+    the last one at a bound that it leaves.
     """
     rng = np.random.default_rng(7)
-    A, y = rng.standard_normal((12, 4)), rng.standard_normal(12)
-    u = np.array([[0.3, 0.0, 0.6, 0.2]])
-    A[:, 1] *= np.sign(A[:, 1] @ (A @ u[0] - y))
+    A, rest = rng.standard_normal((12, 4)), rng.standard_normal(12)
+    A[:, [1, 3]] *= np.sign(rest @ A[:, [1, 3]])
+    u, free = np.array([[0.3, 0.0, 0.6, 1.0]]), np.array([False, True, True, True])
     for size in (1.0, 1e-4):
-        rows = size * (A @ u[0] - y)
+        rows = size * rest
         relative = np.abs(A.T @ rows) / np.linalg.norm(A, axis=0)
         relative /= np.sqrt(rows @ rows + 12 * 1e-8)
-        problem, free = Linear(A, A @ u[0] - rows), np.array([False, True, True, True])
-        minimum = levenberg_marquardt(problem, u, free, iterations=0)
-        assert minimum.gradient == pytest.approx(relative[2:].max())
+        minimum = levenberg_marquardt(Linear(A, A @ u[0] - rows), u, free, iterations=0)
+        assert relative[3] > relative[2] and minimum.gradient == pytest.approx(relative[3])
 
 
 def test_a_step_within_the_cube():
     """Newton's step where there is room, else nine tenths of the way to a bound."""
     matrix = np.diag([2.0, 4.0, 1e-3, 1e-3])[None]
-    u, free = np.array([[0.5, 0.4, 0.6, 0.3]]), np.ones((1, 4), dtype=bool)
-    ends = box_step(matrix, np.array([[0.2, -0.4, 1.0, -1.0]]), u, free)
-    np.testing.assert_allclose(ends, [[0.4, 0.5, 0.06, 0.93]])
+    u, free = np.array([[0.8, 0.2, 0.6, 0.3]]), np.ones((1, 4), dtype=bool)
+    ends = box_step(matrix, np.array([[1.0, -2.0, 1.0, -1.0]]), u, free)
+    np.testing.assert_allclose(ends, [[0.3, 0.7, 0.06, 0.93]])
     # Within 1e-6 of a bound it is reached
     ends = box_step(
         matrix, np.array([[0.2, -0.4, 1.0, -1.0]]), np.array([[0.5, 0.4, 9e-7, 1]]), free
@@ -112,7 +112,8 @@ def test_damping_after_a_step():
 
 def test_the_first_step_of_exploring():
     """Adam's first step has the length of the learning rate in each logit, against the slope."""
-    problem, logit = Banana(), lambda u: np.log(u / (1 - u))
+    A, y = np.random.default_rng(2).standard_normal((9, 4)), np.linspace(-1, 1, 9)
+    problem, logit = Linear(A, y), lambda u: np.log(u / (1 - u))
     rows, slopes = problem(STARTS)
     slope = np.einsum("nr,nrk->nk", rows, slopes)
     ends = explore(problem, STARTS, steps=1)
