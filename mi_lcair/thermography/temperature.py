@@ -27,7 +27,7 @@ from mi_lcair.thermography.uncertain import Uncertain
 KELVIN = Bounds(lower=60, upper=6000, unit="K")
 # The quantities in their order in a budget
 QUANTITIES = {
-    "emissivity": Bounds(upper=1, is_positive=True, meaning="emissivity"),
+    "emissivity": Bounds(upper=1, is_positive=True),
     "reflected": KELVIN,
     "transmittance": Bounds(upper=1, is_positive=True),
     "air_temperature": KELVIN,

@@ -206,6 +206,8 @@ def test_impossible_pixels_are_counted():
         ({"emissivity": 0}, "emissivity = 0; must be positive and at most 1"),
         ({"emissivity": 1.2}, "emissivity = 1.2; must be positive"),
         ({"transmittance": 0}, "transmittance = 0; must be positive"),
+        ({"transmittance": 1.5}, "transmittance = 1.5; must be positive and at most 1"),
+        ({"distance": 2e6}, "distance = 2e.06 m; must be positive and at most 200000"),
         ({"reflected": 20}, "reflected = 20 K; must lie in 60..6000"),
         ({"reflected": None}, "reflected is missing"),
         ({"emissivity": "0.9+-"}, "emissivity '0.9.-' is no number"),

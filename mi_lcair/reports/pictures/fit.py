@@ -136,6 +136,9 @@ def draw_directional(axes, fit, quantity: str, data) -> None:
     title, angle = TITLES[quantity]
     theta = np.linspace(0, 89, 179)
     axes.plot(theta, directional(fit, quantity, np.radians(theta)), "C3", lw=1.5, label="fitted")
+    if quantity == "emissivity" and fit.emissivity_interval is not None:
+        at, ends = np.degrees(fit.emissivity[0]), np.transpose(fit.emissivity_interval)
+        axes.fill_between(at, *ends, color="C3", alpha=0.2, lw=0, label="95 % interval")
     if data is not None:
         axes.errorbar(
             np.degrees(data.theta),

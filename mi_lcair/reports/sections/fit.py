@@ -142,7 +142,13 @@ def fit_of_report(report: dict, used_points=None) -> SimpleNamespace:
     used_points: mask of the fitted points, where the measurements are known.
     """
     names = ("model", "form", "restriction", "parameters", "settings")
-    return SimpleNamespace(**{name: report[name] for name in names}, used_points=used_points)
+    table = report["emissivity"]
+    return SimpleNamespace(
+        **{name: report[name] for name in names},
+        used_points=used_points,
+        emissivity=(np.radians(table["theta_deg"]), np.asarray(table["predicted"], float)),
+        emissivity_interval=table.get("interval"),
+    )
 
 
 def measured_emissivity(report: dict) -> dict:
