@@ -122,6 +122,23 @@ def test_what_needs_a_render():
     ]
 
 
+def test_light_of_a_group_that_air_has_changed():
+    """Its source is a spectrum, so that another temperature of the group needs a render.
+
+    Another radiance does not, nor another temperature of a group whose light stays a blackbody's.
+    """
+    number = Sum()
+    reflected = Source("ground", "sky", 3.0, spectrum=SKY, light_of="body")
+    number.areas = replace(number.areas, sources=[*number.areas.sources, reflected])
+    assert number.needs_render("body.temperature") and not number.needs_render("sky.radiance")
+    reflected = replace(reflected, light_of="sky")
+    number.areas = replace(number.areas, sources=[*number.areas.sources[:-1], reflected])
+    assert not number.needs_render("body.temperature") and not number.needs_render("sky.radiance")
+    black = Source("ground", "300 K", B(300), 300.0, light_of="body")
+    number.areas = replace(number.areas, sources=[*number.areas.sources[:-1], black])
+    assert not number.needs_render("body.temperature")
+
+
 def test_derivatives_in_closed_form():
     """Their errors come from the noise of the areas alone."""
     slope = lambda T: (B(T + 0.1) - B(T - 0.1)) / 0.2
