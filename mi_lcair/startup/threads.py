@@ -9,18 +9,19 @@ takes turns, from the loading of a scene to the result of a public function.
 from collections.abc import Callable
 from functools import wraps
 from threading import RLock
-from typing import TypeVar
+from typing import ParamSpec, TypeVar
 
-Function = TypeVar("Function", bound=Callable)
+Arguments = ParamSpec("Arguments")
+Returned = TypeVar("Returned")
 
 exclusive = RLock()  # held by the thread that uses Dr.Jit
 
 
-def exclusively(function: Function) -> Function:
+def exclusively(function: Callable[Arguments, Returned]) -> Callable[Arguments, Returned]:
     """Decorator: threads run the functions that have it one after the other."""
 
     @wraps(function)
-    def in_turn(*arguments, **options):
+    def in_turn(*arguments: Arguments.args, **options: Arguments.kwargs) -> Returned:
         with exclusive:
             return function(*arguments, **options)
 
