@@ -1,6 +1,6 @@
 """Loading of a thermal scene, with all checks that are possible before rendering."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from os import PathLike
@@ -161,7 +161,9 @@ class Scene:
         """How the first sensor's paths draw their numbers: "lattice" or "independent"."""
         return numbers(self.sensors[0].sampler())
 
-    def prepared(self, by_spectrum: bool = False, explored=()) -> AbstractContextManager:
+    def prepared(
+        self, by_spectrum: bool = False, explored: Collection[mitsuba.BSDF] = ()
+    ) -> AbstractContextManager:
         """Context manager that gives the scene's `PathTracer`, see `BouncePath.prepared`.
 
         It is the same one as before if nothing has changed, with its tables and its recordings.

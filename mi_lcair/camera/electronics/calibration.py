@@ -32,7 +32,7 @@ class Correction:
         """Corrected electrons of the signal."""
         return (signal - self.offset) / self.gain
 
-    def undone(self, corrected) -> np.ndarray:
+    def undone(self, corrected: np.ndarray) -> np.ndarray:
         """The signal of which these are the corrected electrons."""
         return corrected * self.gain + self.offset
 

@@ -6,7 +6,12 @@ from functools import cached_property
 from mi_lcair.errors import InputError
 from mi_lcair.physics.sky import sky_names
 from mi_lcair.physics.surroundings.skies import CLEAR, OVERCAST
-from mi_lcair.physics.surroundings.surroundings import ATMOSPHERE, Ground, surroundings
+from mi_lcair.physics.surroundings.surroundings import (
+    ATMOSPHERE,
+    Ground,
+    Surroundings,
+    surroundings,
+)
 
 BLACK = "1"  # emissivity of ground that states none
 
@@ -39,7 +44,7 @@ class Words:
             raise InputError("surroundings: sky and ground are missing; give one of them, or both")
         self.at_height(None)
 
-    def at_height(self, height_m: float | None):
+    def at_height(self, height_m: float | None) -> Surroundings:
         """The `Surroundings` at a height [m]; the ground is black if it has a material."""
         ground = None
         if self.ground is not None:
