@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.bands import bands
@@ -117,7 +118,7 @@ class ClearAir:
             along.amounts + self.amounts_to_sun(along, sun),
         )
 
-    def scattering(self, along: Ray, sun: SunDirection, azimuths_deg) -> np.ndarray:
+    def scattering(self, along: Ray, sun: SunDirection, azimuths_deg: ArrayLike) -> np.ndarray:
         """Sources of scattered light at the edges of a ray's layers, (azimuths, n + 1, k).
 
         A source is the sun's irradiance times the phase functions and scattering amounts. Half of a
@@ -164,11 +165,11 @@ class ClearAir:
         first = self.means_between(heights, knots[holds + 1])
         return whole + (part * chords[np.arange(len(heights)), holds])[:, None] * first
 
-    def means(self, knots) -> np.ndarray:
+    def means(self, knots: np.ndarray) -> np.ndarray:
         """Mean densities between neighbouring heights [km]."""
         return self.means_between(knots[:-1], knots[1:])
 
-    def means_between(self, lower_km, upper_km) -> np.ndarray:
+    def means_between(self, lower_km: np.ndarray, upper_km: np.ndarray) -> np.ndarray:
         """Mean densities between pairs of heights [km], (n, c)."""
         nodes, weights = np.polynomial.legendre.leggauss(3)
         heights = lower_km[:, None] + (upper_km - lower_km)[:, None] * (nodes + 1) / 2

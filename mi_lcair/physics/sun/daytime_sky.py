@@ -6,6 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 import scipy
+from numpy.typing import ArrayLike
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.bands import bands
@@ -75,11 +76,15 @@ class ClearSky:
         along = self.air.ray(self.height_m, elevation_deg)
         return [emitted, self.air.scattered(along, sun)]
 
-    def in_band_radiance(self, band: Band, elevation_deg, azimuth_deg=0.0) -> np.ndarray:
+    def in_band_radiance(
+        self, band: Band, elevation_deg: ArrayLike, azimuth_deg: ArrayLike = 0.0
+    ) -> np.ndarray:
         """In-band radiance toward directions above the horizon, see `in_band_components`."""
         return sum(self.in_band_components(band, elevation_deg, azimuth_deg))
 
-    def in_band_components(self, band: Band, elevation_deg, azimuth_deg=0.0) -> list[np.ndarray]:
+    def in_band_components(
+        self, band: Band, elevation_deg: ArrayLike, azimuth_deg: ArrayLike = 0.0
+    ) -> list[np.ndarray]:
         """In-band radiance of what the air emits and, by day, of the sunlight that it scatters.
 
         It is computed at RINGS_DEG. Between them the logarithms are interpolated over that of the
@@ -122,7 +127,7 @@ class ClearSky:
             components.append(np.exp((1 - up) * of_ring(low) + up * of_ring(low + 1)))
         return components
 
-    def from_sun(self, elevation_deg, azimuth_deg) -> np.ndarray:
+    def from_sun(self, elevation_deg: ArrayLike, azimuth_deg: ArrayLike) -> np.ndarray:
         """Angle between directions and the sun [degrees]."""
         h, s, azimuth = np.radians(elevation_deg), np.radians(self.sun_elevation_deg), azimuth_deg
         cosine = np.sin(h) * np.sin(s) + np.cos(h) * np.cos(s) * np.cos(np.radians(azimuth))

@@ -5,6 +5,7 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.bands import bands
@@ -88,7 +89,9 @@ class TableSky:
         """Spectrum at an elevation [degrees]."""
         return self.components(elevation_deg)[0]
 
-    def in_band_components(self, band: Band, elevation_deg, azimuth_deg=0.0) -> list[np.ndarray]:
+    def in_band_components(
+        self, band: Band, elevation_deg: ArrayLike, azimuth_deg: ArrayLike = 0.0
+    ) -> list[np.ndarray]:
         """In-band radiance at elevations [degrees] [W m^-2 sr^-1]."""
         elevation, _ = np.broadcast_arrays(np.asarray(elevation_deg, dtype=float), azimuth_deg)
         if not self.by_elevation:

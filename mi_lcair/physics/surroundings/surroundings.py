@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.bands import bands
@@ -143,7 +144,7 @@ class Surroundings:
         return [light.scaled(reflectance * factor) for factor, light in self.sky.on_ground]
 
     def in_band_components(
-        self, band: Band, elevation_deg, azimuth_deg=0.0
+        self, band: Band, elevation_deg: ArrayLike, azimuth_deg: ArrayLike = 0.0
     ) -> tuple[np.ndarray, np.ndarray]:
         """In-band radiance of both components from some directions [W m^-2 sr^-1].
 
@@ -174,7 +175,9 @@ class Surroundings:
                 result[k, ~above] = part
         return result[0], result[1]
 
-    def in_band_radiance(self, band: Band, elevation_deg, azimuth_deg=0.0) -> np.ndarray:
+    def in_band_radiance(
+        self, band: Band, elevation_deg: ArrayLike, azimuth_deg: ArrayLike = 0.0
+    ) -> np.ndarray:
         """In-band radiance from some directions, see `in_band_components`."""
         return sum(self.in_band_components(band, elevation_deg, azimuth_deg))
 
