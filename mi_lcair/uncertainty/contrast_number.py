@@ -1,11 +1,12 @@
 """The contrast of a scenario as a number with an uncertainty budget."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import partial
 
 import numpy as np
 
 from mi_lcair.detection.irradiance import TERMS, Backdrop, Irradiance, RenderError
+from mi_lcair.detection.line_of_sight import backdrop
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import Setting
 from mi_lcair.errors import InputError
@@ -24,7 +25,7 @@ from mi_lcair.sensitivity.common_numbers import CommonNumbers
 from mi_lcair.sensitivity.entries import Parameter
 from mi_lcair.sensitivity.parameters import parameters_of
 from mi_lcair.signatures.effective_areas import SPECTRUM_ROWS
-from mi_lcair.uncertainty.number import Linear, Number
+from mi_lcair.uncertainty.number import SMALL, Linear, Number
 
 # Quantities of a scenario by name, and the entries of [atmosphere] that they are
 WEATHER = {
@@ -33,6 +34,13 @@ WEATHER = {
     "air_pressure": "pressure",
     "visibility": "visibility",
     "co2": "co2",
+}
+# Parameters of surroundings, and the entries of the background that they are
+BEHIND = {
+    "ground.temperature": "ground_temperature",
+    "ground.emissivity": "ground_emissivity",
+    "sky.temperature": "sky",
+    "sky.scale": None,
 }
 TARGET, PATH, BACKGROUND, TOTAL = (
     TERMS.index(n) for n in ("target", "path", "background", "total")
@@ -178,6 +186,39 @@ class ContrastNumber(Number):
             np.append(irradiance.amounts, quantities.get("scenario.nei", 0.0)),
             whole,
         )
+
+    # ------------------------------------------------------------------ Surroundings
+
+    def at(self, values):
+        return super().at(values) + sum(self.behind(name, v) for name, v in values.items())
+
+    def derivatives(self, names, sigma):
+        slopes, errors = super().derivatives(names, sigma)
+        for k, name in enumerate(names):
+            # Differences of the number know of the background already
+            if name in BEHIND and (self.has_weights or not self.needs_render(name)):
+                value, step = self.known[name].value, SMALL * sigma[k]
+                ends = self.within(name, value - step), self.within(name, value + step)
+                low, high = (self.behind(name, end) for end in ends)
+                slopes[k] += (high - low) / (ends[1] - ends[0])
+        return slopes, errors
+
+    def behind(self, name: str, value: float) -> float:
+        """Change of the number because a parameter of surroundings is also behind the target."""
+        if name not in BEHIND or self.scenario.surroundings is None:
+            return 0.0
+        setting, background = self.setting, self.scenario.background
+        irradiance = self.irradiance(self.total, self.areas)
+        path, entry = setting.path, BEHIND[name]
+        before = irradiance.in_band(irradiance.background(path))
+        if entry is None:
+            after = before * (value if setting.sight.elevation_deg >= 0 else 1.0)
+        else:
+            new = repr(float(value)) if entry == "sky" else float(value)
+            scenario = replace(self.scenario, background=replace(background, **{entry: new}))
+            changed = backdrop(scenario, setting.detector, setting.sight).at_sensor(path.range_m)
+            after = irradiance.in_band(changed.at(irradiance.wavelengths_um))
+        return -(after - before) * irradiance.projected_area.value / path.range_m**2
 
     @property
     def has_weights(self):

@@ -125,3 +125,35 @@ def test_weather_of_a_contrast(tmp_path):
         ), name
     with pytest.raises(InputError, match="unknown quantity.*scenario.co2"):
         mi_lcair.budget(disc(tmp_path), {"scenario": {"co2": 10.0}})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("elevation", [10, -10])
+@pytest.mark.parametrize("sky", ["clear", "260"])
+def test_surroundings_are_behind_the_target_too(tmp_path, sky, elevation):
+    """Contributions are differences of contrasts of scenarios with other surroundings."""
+    write_disc(tmp_path)
+    text = (tmp_path / "disc.xml").read_text().replace('"blackbody"', '"0.6"')
+    (tmp_path / "disc.xml").write_text(text)
+
+    def scenario(sky=sky, kelvin=290.0, emissivity=0.8):
+        words = {"surroundings__sky": sky, "surroundings__ground": f"{kelvin},{emissivity}"}
+        place = {"observer__elevation_deg": elevation, "target__height_m": 400}
+        return disc(tmp_path, **words, **place, render__resolution=32, render__spp=1024)
+
+    sigma = {"ground.temperature": 1.0, "ground.emissivity": 0.02}
+    if sky != "clear":
+        sigma["sky.temperature"] = 1.0
+    found = mi_lcair.budget(scenario(), {"sigma": sigma})
+    other = {
+        "ground.temperature": ({"kelvin": 291.0}, {"kelvin": 289.0}),
+        "ground.emissivity": ({"emissivity": 0.82}, {"emissivity": 0.78}),
+        "sky.temperature": ({"sky": "261"}, {"sky": "259"}),
+    }
+    for name in sigma:
+        high, low = (mi_lcair.contrast(scenario(**k)).rows[-1].total.value for k in other[name])
+        tolerance = 0.02 * abs(high - low) / 2 + 1e-9
+        assert row(found, name).contribution == pytest.approx((high - low) / 2, abs=tolerance), name
+    if sky == "clear" and elevation < 0:  # black would be the contrast without any sky behind
+        contribution = mi_lcair.budget(scenario(), {"sigma": {"sky.scale": 0.05}}).rows[0]
+        assert contribution.contribution < 0

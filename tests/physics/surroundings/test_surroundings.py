@@ -70,6 +70,25 @@ def test_ground_through_air(height_m):
         assert around.in_band_radiance(MWIR, elevation) == pytest.approx(expected, rel=8e-3)
 
 
+@pytest.mark.parametrize("azimuth", [8.0, -75.0, 250.0])
+def test_sunlit_air_before_the_ground(azimuth):
+    """The air before the ground scatters sunlight, more toward the sun than away from it."""
+    around = surroundings("clear", Ground(300.0, 0.9), 35.0, height_m=2000.0)
+    for elevation in (-4.0, -50.0):
+        along = AIR.ray(2000.0, elevation)
+        scattered = AIR.scattered(along, SunDirection(35.0, azimuth)).in_band_radiance(MWIR)
+        night = AIR.emitted(along).in_band_radiance(MWIR)
+        reflected = sum(
+            light.scaled(0.1 * factor).through(along.amounts[-1])
+            for factor, light in around.sky.on_ground
+        )
+        expected = night + scattered + MWIR.integral(bands().wavelengths_um, reflected)
+        _, other = around.in_band_components(MWIR, elevation, azimuth)
+        assert other == pytest.approx(expected, rel=4e-3)
+        _, light = around.components(elevation, azimuth)
+        assert light.in_band_radiance(MWIR) == pytest.approx(expected, rel=1e-9)
+
+
 def test_horizon_of_a_high_viewer():
     """From 5 km a sphere's horizon lies arccos(R / (R + h)) below the horizontal, 2.27 degrees,
     and refraction raises it a little; on both sides of it air alone is seen.
