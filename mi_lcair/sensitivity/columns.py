@@ -1,6 +1,6 @@
 """Columns of named parameters: derivatives of the radiance that a render records beside it."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import drjit as dr
 import mitsuba as mi
@@ -16,16 +16,15 @@ from mi_lcair.plugins.columns.tables import (
     SIZES,
     ColumnTables,
     column_tables,
+    incoming_radiance,
+    pilot_launch,
 )
-from mi_lcair.plugins.derivatives import own_memory
 from mi_lcair.plugins.emission.sources import spectra
-from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.rendering.sampling import Measurands
 from mi_lcair.sensitivity.entries import SCALED, Entry
 from mi_lcair.sensitivity.parameters import chosen
 
 MOST_COLUMNS = SIZES[-1]  # columns of one render
-PILOT_POINTS = 16  # paths of each randomisation and cell that measure the incoming radiance
 
 
 def columns_of(scene, names) -> dict[str, MaterialColumn | SourceColumn]:
@@ -149,14 +148,7 @@ def recordings(
 
     def pilot(tables: ColumnTables, randomisations: int) -> dict:
         """Channels of paths through the cells, (cells, randomisations)."""
-        launch = Launch(
-            columns=CELLS,
-            rows=CELLS,
-            seed=seed,
-            randomisations=randomisations,
-            points=PILOT_POINTS,
-            windows=CELLS**2,
-        )
+        launch = pilot_launch(seed, randomisations)
         return measurands.with_columns(tables).trace(tracer, sensor, launch).channels
 
     return [recording(scene, dict(batch), weights, pilot) for batch in batches]
@@ -167,10 +159,10 @@ def recording(scene, columns: dict, weights, pilot) -> Recording:
     tables = column_tables(scene.mi, list(columns.values()), weights)
     channels = {name: [f"column.{k}"] for k, name in enumerate(columns)}
     if not tables.materials:
-        tables = with_incoming(tables, np.zeros(CELLS**2 + 1))
+        tables = tables.with_incoming(np.zeros(CELLS**2 + 1))
         return Recording(tables, channels, dict.fromkeys(columns, "linear"))
 
-    tables = with_incoming(tables, incoming_radiance(pilot(tables, 1), tables.surfaces))
+    tables = tables.with_incoming(incoming_radiance(pilot(tables, 1), tables.surfaces))
     found, method = pilot(tables, 2), {}
     noise = lambda names: np.var(sum(found[name] for name in names), axis=1).sum()
     for k, name in enumerate(columns):
@@ -179,25 +171,6 @@ def recording(scene, columns: dict, weights, pilot) -> Recording:
         if k < tables.materials and noise(controlled) < noise(channels[name]):
             channels[name], method[name] = controlled, "control variate"
     return Recording(tables, channels, method)
-
-
-def incoming_radiance(found: dict, surfaces: int) -> np.ndarray:
-    """The table `ColumnTables.incoming` from the channels of a pilot through the cells."""
-    measured = lambda name: np.array(
-        [found[f"{name}.{k}"].sum(axis=1) for k in range(surfaces + 1)]
-    )
-    reflected, throughput = measured("reflected"), measured("throughput")
-    ratio = lambda a, b, otherwise: np.where(b > 0, a / np.where(b > 0, b, 1), otherwise)
-    means = ratio(reflected.sum(axis=1), throughput.sum(axis=1), 0.0)
-    cells = ratio(reflected[0], throughput[0], means[0])
-    # A surface without a column has the number 0 and no score
-    return np.concatenate([cells, [0.0], means[1:]])
-
-
-def with_incoming(tables: ColumnTables, incoming: np.ndarray) -> ColumnTables:
-    found = mi.Float(incoming)
-    own_memory([found])
-    return replace(tables, incoming=found)
 
 
 def factors(scene, weights) -> dict:

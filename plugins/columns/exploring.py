@@ -16,7 +16,8 @@ import numpy as np
 from mi_lcair.plugins.bsdfs.plume import is_plume
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf, parts_of_HDR, tables
 from mi_lcair.plugins.columns.surface_slopes import DIFFUSE, places_of
-from mi_lcair.plugins.derivatives import attached, children, own_memory
+from mi_lcair.plugins.columns.tables import surface_numbers
+from mi_lcair.plugins.derivatives import attached, children
 from mi_lcair.plugins.scene_state import components
 
 SMALL = 0.02  # reflectance, or share of it, below which too few paths follow it for a derivative
@@ -63,15 +64,21 @@ def depends_on(bsdf, name: str, cos, sin2) -> np.ndarray:
 
 def explored_by_gradients(objects) -> frozenset:
     """The BSDFs of a scene that a replay has to explore, for the parameters that have gradients."""
-    explored = set()
+    found = differentiated(objects)
+    return frozenset(bsdf for bsdf, names in found.items() if needs_exploring(bsdf, names))
+
+
+def differentiated(objects) -> dict:
+    """The BSDFs of a scene that have parameters with gradients, and the names of these."""
+    found = {}
     for bsdf in objects:
         if not isinstance(bsdf, mi.BSDF) or any(isinstance(c, mi.BSDF) for c in children(bsdf)):
             continue
         arrays = [(key, value) for key, value in mi.traverse(bsdf).items() if dr.is_array_v(value)]
         names = {key.removesuffix(".value") for key, v in arrays if attached(components(v))}
-        if names and needs_exploring(bsdf, names):
-            explored.add(bsdf)
-    return frozenset(explored)
+        if names:
+            found[bsdf] = names
+    return found
 
 
 @contextmanager
@@ -88,14 +95,8 @@ def exploring(objects, explored):
             plugin.explore(share)
 
 
-def explored_table(objects, explored) -> mi.Bool | None:
-    """Whether a BSDF is explored, by the pointer to it; None if none is."""
+def explored_table(objects, explored) -> mi.UInt32 | None:
+    """For the pointer to each BSDF, a positive number if it is explored; None if none is."""
     if not explored:
         return None
-    places = places_of([node for node in objects if isinstance(node, mi.BSDF)])
-    table = np.zeros(1 + max(place // 2 for of in places.values() for place in of), np.uint32)
-    for bsdf in explored:
-        table[[place // 2 for place in places[bsdf]]] = 1
-    table = mi.UInt32(table)
-    own_memory([table])
-    return table
+    return surface_numbers(places_of([b for b in objects if isinstance(b, mi.BSDF)]), explored)

@@ -1,6 +1,6 @@
 """Tables of the parameters in which the radiance of paths is differentiated."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
@@ -12,10 +12,12 @@ from mi_lcair.plugins.columns.surface_slopes import Slopes, Vertex, kind_of, nam
 from mi_lcair.plugins.derivatives import nodes, own_memory
 from mi_lcair.plugins.emission.triangles import pointer_id
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
+from mi_lcair.plugins.paths.launch import Launch
 
 # Numbers of columns of one launch. There are few, because each needs its own kernel.
 SIZES = (4, 8, 16, 32, 64)
 CELLS = 32  # cells along each side of the film that have their own mean incoming radiance
+PILOT_POINTS = 16  # paths of each randomisation and cell that measure the incoming radiance
 
 
 @dataclass
@@ -44,6 +46,19 @@ class ColumnTables:
     surface: mi.UInt32
     surfaces: int
     incoming: mi.Float | None
+
+    @staticmethod
+    def of_surfaces(objects, surfaces) -> "ColumnTables":
+        """Tables for the incoming radiance of some BSDFs of a scene alone, without columns."""
+        none, zero = mi.UInt32(0), mi.Float(0)
+        places = places_of([node for node in objects if isinstance(node, mi.BSDF)])
+        numbers = surface_numbers(places, surfaces)
+        return ColumnTables(0, 0, [], none, none, zero, None, [], numbers, len(surfaces), None)
+
+    def with_incoming(self, incoming: np.ndarray) -> "ColumnTables":
+        incoming = mi.Float(incoming)
+        own_memory([incoming])
+        return replace(self, incoming=incoming)
 
     def entry(self, emitter, prim_index):
         """Entry of an emitter's facet in the tables; 0 if there is no emitter."""
@@ -97,21 +112,53 @@ def column_tables(scene, columns: list, weights: dict | None = None) -> ColumnTa
     places, by_kind = places_of(bsdfs), {}
     for bsdf, numbers in numbers_of.items():
         by_kind.setdefault(kind_of(bsdf), []).append((bsdf, numbers))
-    surface = np.zeros(1 + max(place // 2 for of in places.values() for place in of), np.uint32)
-    for number, bsdf in enumerate(numbers_of):
-        surface[[place // 2 for place in places[bsdf]]] = number + 1
-
-    tables = ColumnTables(
+    return ColumnTables(
         size=size,
         materials=len(of_materials),
         slopes=[Slopes.of(kind, surfaces, places) for kind, surfaces in by_kind.items()],
         **emitter_tables(scene, columns[len(of_materials) :], len(of_materials), size, weights),
-        surface=mi.UInt32(surface),
+        surface=surface_numbers(places, numbers_of),
         surfaces=len(numbers_of),
         incoming=None,
     )
-    own_memory([tables.surface])
-    return tables
+
+
+def surface_numbers(places: dict, surfaces) -> mi.UInt32:
+    """For the pointer to each BSDF, its number among some surfaces from 1 on; 0 for others.
+
+    places: see `places_of`.
+    """
+    table = np.zeros(1 + max(place // 2 for of in places.values() for place in of), np.uint32)
+    for number, bsdf in enumerate(surfaces):
+        table[[place // 2 for place in places[bsdf]]] = number + 1
+    numbers = mi.UInt32(table)
+    own_memory([numbers])
+    return numbers
+
+
+def pilot_launch(seed: int, randomisations: int) -> Launch:
+    """Paths through the cells of the film."""
+    return Launch(
+        columns=CELLS,
+        rows=CELLS,
+        seed=seed,
+        randomisations=randomisations,
+        points=PILOT_POINTS,
+        windows=CELLS**2,
+    )
+
+
+def incoming_radiance(found: dict, surfaces: int) -> np.ndarray:
+    """The table `ColumnTables.incoming` from the channels of a pilot through the cells."""
+    measured = lambda name: np.array(
+        [found[f"{name}.{k}"].sum(axis=1) for k in range(surfaces + 1)]
+    )
+    reflected, throughput = measured("reflected"), measured("throughput")
+    ratio = lambda a, b, otherwise: np.where(b > 0, a / np.where(b > 0, b, 1), otherwise)
+    means = ratio(reflected.sum(axis=1), throughput.sum(axis=1), 0.0)
+    cells = ratio(reflected[0], throughput[0], means[0])
+    # A surface without a column has the number 0 and no score
+    return np.concatenate([cells, [0.0], means[1:]])
 
 
 def emitter_tables(scene, columns: list, first_number: int, size: int, weights) -> dict:

@@ -1,5 +1,6 @@
 """Path tracer of one scene: traces launches of paths and sums what recorders note."""
 
+from contextlib import contextmanager
 from math import hypot
 
 import drjit as dr
@@ -9,6 +10,7 @@ from mitsuba.python.ad.integrators.common import RBIntegrator
 
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.bsdfs.plume import is_plume
+from mi_lcair.plugins.columns.control import control_of
 from mi_lcair.plugins.derivatives import attached, derivations, deriving, flatten, own_memory
 from mi_lcair.plugins.emission.draw_table import UnmetSources
 from mi_lcair.plugins.emission.emissivity import Table
@@ -93,6 +95,24 @@ class PathTracer(RBIntegrator):
         if self.closure == "tail":
             L += recorders.of(LastCounts).tail(recorders.of(FirstHit).of_model)[0]
         return L, valid, [], state
+
+    def render_forward(self, scene, params, sensor=0, seed=0, spp=0):
+        with self.controlled(sensor, seed):
+            return super().render_forward(scene, params, sensor, seed, spp)
+
+    def render_backward(self, scene, params, grad_in, sensor=0, seed=0, spp=0):
+        with self.controlled(sensor, seed):
+            super().render_backward(scene, params, grad_in, sensor, seed, spp)
+
+    @contextmanager
+    def controlled(self, sensor, seed):
+        """Context manager in which replays have a control variate."""
+        sensor = self.scene.sensors()[sensor] if isinstance(sensor, int) else sensor
+        self.paths.control = control_of(self, sensor, int(mi.UInt32(seed)[0]))
+        try:
+            yield
+        finally:
+            self.paths.control = None
 
     def radiance(self, sampler, ray, recorders: Recorders) -> tuple[mi.Float, Recorders]:
         """Radiance of each path [W m^-2 sr^-1], and what was recorded along it."""

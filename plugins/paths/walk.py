@@ -98,7 +98,7 @@ class Walk:
     emitters: the scene's emitters. max_bounces: number of reflections after which a path ends.
     shares_hits: whether emitters that a ray can hit are also drawn. ambient_radiance: radiance of
     any surface after one more reflection [W m^-2 sr^-1]; None: the path ends before. explored: for
-    the pointer to a BSDF, 1 if it is explored; None if none is, see `exploring`.
+    the pointer to a BSDF, a positive number if it is explored; None if none is, see `exploring`.
     """
 
     def __init__(
@@ -110,6 +110,7 @@ class Walk:
         self.shares_hits: bool = emitter_sampling and emitters.draws
         self.ambient_radiance: mi.Float | None = ambient_radiance
         self.explored: mi.UInt32 | None = explored
+        self.control = None  # control variate of a replay, see `Control`
 
     @dr.syntax
     def walk(self, mode, sampler, ray, adjoint, active, recorders: Recorders):
@@ -144,6 +145,8 @@ class Walk:
         # Radiance: accumulated in the primal pass; in a replay, the part not yet accounted for
         L, latent = self.nothing() if primal else adjoint[1]
         δL = mi.Spectrum(0 if adjoint[0] is None else adjoint[0])
+        is_controlled = not primal and self.control is not None
+        cell = self.control.cells(dr.width(ray)) if is_controlled else None
         active = mi.Bool(active)
         path = self.begin(ray, active)
         valid = path.pi.is_valid()
@@ -173,7 +176,10 @@ class Walk:
                 active &= is_real | (dr.max(scattering.weight) > LARGEST_LATENT)
                 active |= scattering.becomes_latent
             if dr.hint(not primal, mode="scalar"):
-                δL = replayed(mode, path, hit, scattering, Le, (L, latent), δL, active)
+                later, c = (L, latent), None
+                if dr.hint(is_controlled, mode="scalar"):
+                    c = self.control.incoming(hit.bsdf, path.bounce, cell)
+                δL = replayed(mode, path, hit, scattering, Le, later, c, δL, active)
 
             self.turn(path, hit, scattering, active)
             recorders.turn()
@@ -420,13 +426,15 @@ def first(radiance: mi.Spectrum | None) -> mi.Float | None:
     return None if radiance is None else radiance[0]
 
 
-def replayed(mode, path: PathState, hit: Hit, scattering: Scattering, Le, later, δL, active):
+def replayed(mode, path: PathState, hit: Hit, scattering: Scattering, Le, later, c, δL, active):
     """The derivative of each path's radiance after this vertex; in reverse mode, its gradient.
 
     later: the radiance from later vertices, times the throughput, and that along the latent path
     that begins here. They depend on the parameters at this vertex through the BSDF value `f` alone,
     since the sampled direction and its density are constants. The relative derivative of the
     radiance is therefore that of `f`. The latent path has the weight 1 in place of f / pdf.
+
+    c: mean incoming radiance, or 0, for the control variate; None without one, see `Control`.
     """
     L, latent = later
     with dr.resume_grad():
@@ -440,6 +448,11 @@ def replayed(mode, path: PathState, hit: Hit, scattering: Scattering, Le, later,
             reflected = mi.Spectrum(dr.select(is_real, L, 0)) * dr.relative_grad(f)
             pdf = dr.select(becomes_latent, bs.pdf, 1)
             reflected += dr.select(becomes_latent, latent * f / pdf, 0)
+        if c is not None:
+            HDR = hit.bsdf.eval_diffuse_reflectance(hit.si, hit.goes_on)
+            weight = dr.select(bs.pdf > 0, f / dr.select(bs.pdf > 0, bs.pdf, 1), 0)
+            controlled = hit.reflects & (c > 0) & (hit.si.wi.z > 0)
+            reflected += dr.select(controlled, path.throughput * c * (HDR - weight), 0)
         Lo = Le + scattering.brought + reflected
         if mode == dr.ADMode.Backward:
             dr.backward_from(δL * Lo)
