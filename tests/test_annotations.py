@@ -28,8 +28,8 @@ LATER = {
     "xarray": xarray,
 }
 
-# Rooms whose classes users meet only where they write a plugin or a model of their own
-INNER = (".plugins.", ".physics.reflection.")
+# Modules whose classes users do not handle, unless they write a plugin or a model of their own
+INNER = (".plugins.", ".physics.reflection.", ".physics.surroundings.surroundings")
 
 
 def public_classes(annotation, module, found) -> dict:
