@@ -1,6 +1,6 @@
 """Electrons of the model and its background in the samples of a frame, before optics and noise."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -57,6 +57,8 @@ class Exposure:
         Whether a tolerance was reached; None without one.
     invalid, paths : int
         Number of samples that do not count, and of all.
+    variants : tuple of dict of str to ndarray
+        Electrons that arrive from the model with other temperatures of the sources, by channel.
     """
 
     contrast: np.ndarray
@@ -71,6 +73,7 @@ class Exposure:
     reached: bool | None
     invalid: int
     paths: int
+    variants: tuple[dict[str, np.ndarray], ...] = ()
 
 
 def exposure(
@@ -79,6 +82,7 @@ def exposure(
     sampling: Sampling,
     detector: Band,
     behind: Callable[[Band], np.ndarray],
+    variants: Callable[[Sources], Iterable[Sources]] = lambda sources: (),
 ) -> Exposure:
     """Render the model into the samples of a camera's window.
 
@@ -99,6 +103,9 @@ def exposure(
         Band whose values are electrons.
     behind : callable
         Gives the in-band values of the background behind the parts of the window, (rows, columns).
+    variants : callable
+        Gives the sources with other temperatures for which what arrives is computed too, by
+        channel, from the same paths.
 
     Raises
     ------
@@ -148,12 +155,24 @@ def exposure(
         # The middle of the model is within the table, but parts of it may be beyond its end
         through = np.minimum(ranges, air.ranges_m[-1])
 
+    def arrival(rule: Band, emitting: Sources) -> Arrival:
+        return interpolated(
+            lambda at: Arrival.of(emitting, scene.band, rule, air, at, extrapolate), through
+        )
+
     def arriving(rule: Band) -> np.ndarray:
         """In-band values of the samples at a detector, less those of the hidden background."""
-        arrival = interpolated(
-            lambda at: Arrival.of(sources, scene.band, rule, air, at, extrapolate), through
-        )
-        return arrival.of_parts(seen) + share * (arrival.path - behind(rule).ravel()[on])
+        arrival_at = arrival(rule, sources)
+        return arrival_at.of_parts(seen) + share * (arrival_at.path - behind(rule).ravel()[on])
+
+    def by_channel(emitting: Sources) -> dict[str, np.ndarray]:
+        """Electrons of the samples from each source, if it had another temperature."""
+        arrives = arrival(detector, emitting).arrives
+        return {
+            name: image(arrives[name] * seen[name] * (other.in_band / source.in_band))
+            for k, (source, other) in enumerate(zip(sources.list, emitting.list))
+            if (name := f"target.source.{k}") in arrives and source.in_band
+        }
 
     # Errors are those of the radiance, in the unit of electrons at the aperture
     at_middle = Arrival.of(
@@ -182,6 +201,7 @@ def exposure(
         reached=total.reached,
         invalid=total.invalid,
         paths=int(total.traced.sum()),
+        variants=tuple(by_channel(emitting) for emitting in variants(sources)),
     )
 
 

@@ -198,7 +198,7 @@ def chi_square(blocks: list[DatumBlock], x: np.ndarray, determined: float) -> di
         pairs = R / (R - 1) if R > 1 else 0
         expected += float(measured.sum())
         squared += float(np.sum(measured**2))
-        added += float(np.sum(2 * measured * rendered + pairs * rendered**2))
+        added += float(np.sum(2 * measured * rendered + pairs * block.spread * rendered**2))
         points += np.count_nonzero(w)
     dof = points - determined
     if dof <= 0:

@@ -274,7 +274,8 @@ def instruments(data) -> list[Unknown]:
         if entry.gain:
             of_image(f"gain [{entry.name}]", "gain", "1", 1.0, 0.0, np.inf, entry.gain_prior)
         if entry.offset:
-            unit, prior = "W m^-2 sr^-1", entry.offset_prior
+            unit = "electrons" if entry.is_of_camera else "W m^-2 sr^-1"
+            prior = entry.offset_prior
             of_image(f"offset [{entry.name}]", "offset", unit, 0.0, -np.inf, np.inf, prior)
         for group in datum.shares:
             label, prior = model_label(group, entry.name), (0.0, entry.model_error)

@@ -79,3 +79,39 @@ def problem(folder, path, image, start, draw: int, **render) -> dict:
         "unknowns": {name: {"start": start} for name in NAMES},
         "render": {"seed": 100 + draw} | render,
     }
+
+
+SCENARIO = """[target]
+scene = "corner.xml"
+[observer]
+range_m = 300
+azimuth_deg = 45
+elevation_deg = 35
+[atmosphere]
+table = "{air}"
+[background]
+temperature = 285
+[sensor]
+band = "LWIR"
+[render]
+max_bounces = [4]
+[camera]
+focal_length_mm = 60
+f_number = 2
+pitch_um = 15
+width = 24
+height = 24
+integration_time_ms = 0.2
+well_Me = 20
+quantum_efficiency = 0.6
+read_noise_e = 300
+defocus_um = 20
+"""
+
+
+def write_scenario(folder, air: str = "vacuum") -> str:
+    """Write the corner's scene, and the scenario in which a camera sees it; return its path."""
+    write_scene(folder)
+    path = folder / "corner.toml"
+    path.write_text(SCENARIO.format(air=air))
+    return str(path)

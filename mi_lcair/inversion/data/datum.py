@@ -8,6 +8,7 @@ import numpy as np
 from scipy import sparse
 from scipy.ndimage import maximum_filter
 
+from mi_lcair.inversion.data.camera_image import CameraImage
 from mi_lcair.inversion.data.contrast import MeasuredContrast, of_randomisations
 from mi_lcair.inversion.data.images import slope
 from mi_lcair.inversion.data.measurement import Observation
@@ -59,6 +60,8 @@ class Datum:
         Line of sight along which a contrast was measured.
     shares : dict of str to ndarray, shape (n,)
         Share of each value that comes from a group whose prediction has an error of its own.
+    camera : CameraImage, optional
+        Camera whose image was measured; the values are electrons.
     """
 
     entry: Observation
@@ -74,6 +77,7 @@ class Datum:
     background: np.ndarray | float = 0.0
     sight: MeasuredContrast | None = None
     shares: dict[str, np.ndarray] = field(default_factory=dict)
+    camera: CameraImage | None = None
 
     @property
     def label(self) -> str:
@@ -86,6 +90,8 @@ class Datum:
     @property
     def quantity(self) -> str:
         """What was measured, with its unit."""
+        if self.camera:
+            return "signal (electrons)"
         if self.is_image:
             return "radiance (W m^-2 sr^-1)"
         if self.sight:
@@ -128,9 +134,9 @@ class Datum:
     def follows(self, unknown: Unknown) -> bool:
         """Whether the radiance is linear in the blackbody radiance, or the value, of an unknown.
 
-        A contrast is not: the air weighs the wavelengths.
+        A contrast and a camera's image are not: air and detector weigh the wavelengths.
         """
-        if self.sight and unknown.kind == "temperature":
+        if (self.sight or self.camera) and unknown.kind == "temperature":
             return False
         if unknown.kind == "temperature":
             group = unknown.name.removesuffix(".temperature")
@@ -164,18 +170,23 @@ class Datum:
                 radiance, _ = self._traced_numbers([], sampling, self._seed(sampling, PILOT))
                 variance = variance_of_mean(radiance)
             else:
-                images = randomised_images(
-                    self.scene,
-                    Sampling(
-                        spp=sampling.spp,
-                        seed=self._seed(sampling, PILOT),
-                        sensor=self.entry.sensor,
-                    ),
-                    sampling.randomisations,
-                ).astype(float)
+                images = self._images(sampling, self._seed(sampling, PILOT))
                 radiance = images[:, self.counts]
                 variance = maximum_filter(variance_of_mean(images), NEIGHBOURS)[self.counts]
-        return 1 / (self.noise(radiance.mean(axis=0)) ** 2 + variance)
+        return 1 / (self.noise(radiance.mean(axis=0)) ** 2 + self._spread * variance)
+
+    @property
+    def _spread(self) -> float:
+        """Number of pixels that share an error of the render, see `DatumBlock`."""
+        return self.camera.spread if self.camera else 1.0
+
+    def _images(self, sampling: RenderSettings, seed: int) -> np.ndarray:
+        """Independent predictions of the whole image, (R, H, W)."""
+        count = sampling.randomisations
+        if self.camera:
+            return self.camera.predicted([], sampling.spp, seed, count)[0]
+        settings = Sampling(spp=sampling.spp, seed=seed, sensor=self.entry.sensor)
+        return randomised_images(self.scene, settings, count).astype(float)
 
     def _seed(self, sampling: RenderSettings, kind: int) -> int:
         return (sampling.seed + SEEDS * (2 * self.number + kind)) % 2**32
@@ -215,7 +226,11 @@ class Datum:
             reference=x[columns_of],
             band=self.scene.band,
             is_temperature=np.array(
-                [unknowns[k].kind in ("temperature", "facet") for k in columns_of], dtype=bool
+                [
+                    unknowns[k].kind in ("temperature", "facet") and not self.camera
+                    for k in columns_of
+                ],
+                dtype=bool,
             ),
             weight=np.ones(len(self.measured)),
             gain=kinds.get("gain"),
@@ -224,6 +239,7 @@ class Datum:
             shares=np.array(list(self.shares.values())).reshape(-1, len(self.measured)).T,
             paths=self._paths(sampling),
             is_image=self.is_image,
+            spread=self._spread,
             half_width=self.goal.value if self.goal is not None and self.goal.at_most else 0.0,
         )
 
@@ -242,6 +258,12 @@ class Datum:
 
     def _traced_image(self, names, sampling: RenderSettings, seed: int):
         """Radiance (R, n) and columns [(n, K)] of the pixels that count."""
+        if self.camera:
+            radiance, derivatives = self.camera.predicted(
+                names, sampling.spp, seed, sampling.randomisations
+            )
+            columns = [of[:, self.counts].T for of in derivatives]
+            return radiance[:, self.counts], columns
         images = differentiate_image(
             self.scene,
             names,

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.inversion.data.camera_image import COUNTS, CameraImage
 from mi_lcair.inversion.data.contrast import MeasuredContrast
 from mi_lcair.inversion.data.datum import SPP_OF_VIEWS, Datum
 from mi_lcair.inversion.data.images import check_radiance, measured_radiance, noise_of_netd
@@ -57,13 +58,19 @@ class Loader:
         sight = None
         if isinstance(entry, Measurement) and entry.contrast is not None:
             sight = MeasuredContrast.of(entry.scene, entry.parameters)
-        scene = sight.setting.view if sight else self.scene(entry)
+        camera = None
+        if isinstance(entry, Measurement) and entry.is_of_camera:
+            camera = CameraImage.of(entry.scene, entry.parameters)
+        scene = (sight or camera).setting.view if sight or camera else self.scene(entry)
         width, height = scene.sensor(entry.sensor).film().crop_size()
         check_closure(scene)
         counts, views, aspects, sigma = None, (), (), None
         if isinstance(entry, Candidate):
             counts = np.ones((height, width), dtype=bool)
             measured = np.full(height * width, np.nan)
+        elif camera:
+            values, counts = camera.measured(entry)
+            measured = values[counts]
         elif entry.image is not None:
             values, sigma, counts = measured_radiance(entry, scene.band, (height, width))
             measured = values[counts]
@@ -75,6 +82,9 @@ class Loader:
         else:
             measured, views = np.array([entry.intensity]), (scene,)
         noise, shares = noise_model(entry, scene.band, sigma), {}
+        if camera:
+            is_corrected = camera.scenario.camera.nuc and entry.quantity != COUNTS
+            noise = camera.noise(is_corrected, counts)
         if not isinstance(entry, Candidate):
             check_noise(noise(measured), measured)
             if entry.model_error:
@@ -103,6 +113,7 @@ class Loader:
             aspects,
             sight=sight,
             shares=shares,
+            camera=camera,
         )
 
 
@@ -208,7 +219,7 @@ def check_closure(scene: Scene) -> None:
 def check_units(data: list[Datum], blocks: list[DatumBlock]) -> None:
     """Raise InputError for measured images whose unit is not that of the predicted radiance."""
     for datum, block in zip(data, blocks):
-        if datum.is_image:
+        if datum.is_image and datum.camera is None:
             check_radiance(
                 datum.entry.image, datum.measured, block.radiance.mean(axis=0), datum.scene.band
             )

@@ -9,6 +9,7 @@ from mi_lcair.fraction import fraction
 from mi_lcair.inversion.tables import check_prior
 
 QUANTITIES = ("radiance", "apparent_temperature")
+CAMERA_QUANTITIES = ("counts", "apparent_temperature")
 NAME_KEY = re.compile(r"[^\[\],]{1,64}")
 
 
@@ -19,7 +20,9 @@ class Observation:
     Attributes
     ----------
     scene : str
-        Bundled scene or Mitsuba XML file.
+        Bundled scene or Mitsuba XML file. Of a camera's image and of a contrast, the TOML file of a
+        scenario (`detection.scenario`); `parameters` are then changes of its entries, such as
+        {"observer.range_m" = 500}.
     name : str
         Name in messages and results; by default data 1, data 2 and so on.
     parameters : dict
@@ -74,11 +77,13 @@ class Measurement(Observation):
     Attributes
     ----------
     image : str, optional
-        EXR, TIFF, CSV or NPY file of the size of the scene's film.
+        EXR, TIFF, CSV or NPY file of the size of the scene's film. With a scenario as its scene,
+        the image of the scenario's camera, whose model of noise counts.
     channel : str, optional
         Channel of an EXR file ("Y").
     quantity : str, optional
-        "radiance" [W m^-2 sr^-1] or "apparent_temperature" [K]. Needed except for EXR.
+        "radiance" [W m^-2 sr^-1] or "apparent_temperature" [K]; of a camera's image "counts" or
+        "apparent_temperature". Needed except for EXR.
     scale : float
         Number by which the values of the file are multiplied, such as 0.01 for centikelvin.
     mask : str, optional
@@ -98,9 +103,7 @@ class Measurement(Observation):
     intensity : float, optional
         Intensity of the target, W/sr, in place of an image.
     contrast : float, optional
-        Contrast irradiance of the target at the sensor, W m^-2, in place of an image. `scene` is
-        then a scenario (`detection.scenario`), and `parameters` are changes of its entries, such as
-        {"observer.range_m" = 500}.
+        Contrast irradiance of the target at the sensor, W m^-2, in place of an image.
     trend : str, optional
         CSV with the columns azimuth_deg, elevation_deg, intensity_W_sr and, without `sigma`,
         standard_error_W_sr, in place of an image.
@@ -136,9 +139,11 @@ class Measurement(Observation):
             )
         if self.contrast is not None and self.sensor:
             raise InputError(f"sensor = {self.sensor}: a scenario has its observer; leave it out")
+        self._check_camera()
         self._check_noise()
-        if self.quantity is not None and self.quantity not in QUANTITIES:
-            raise unknown("quantity", self.quantity, QUANTITIES)
+        quantities = CAMERA_QUANTITIES if self.is_of_camera else QUANTITIES
+        if self.quantity is not None and self.quantity not in quantities:
+            raise unknown("quantity", self.quantity, quantities)
         if self.scale == 0:
             raise InputError("scale = 0; must not be zero")
         if self.model_error and not self.image:
@@ -151,8 +156,29 @@ class Measurement(Observation):
                 raise InputError(f"{key} belongs to an image, and this is a number")
             check_prior(prior, f"{key}_prior")
 
+    @property
+    def is_of_camera(self) -> bool:
+        """Whether the image is that of a scenario's camera."""
+        return self.image is not None and self.scene.endswith(".toml")
+
+    def _check_camera(self):
+        if not self.is_of_camera:
+            return
+        for key in ("model_sigma", "sensor", "sigma_image"):
+            if getattr(self, key):
+                raise InputError(f"{key} does not go with the image of a scenario's camera")
+        if self.offset and self.offset_prior is None:
+            raise InputError("offset of a camera's image needs offset_prior, in electrons")
+
     def _check_noise(self):
         noises = self.noises()
+        if self.is_of_camera:
+            if noises:
+                raise InputError(
+                    f"states its noise by {' and '.join(noises)}, but the [camera] of "
+                    f"{self.scene} has its own; leave it out"
+                )
+            return
         allowed = {
             "image": ("netd_mK", "sigma", "sigma_image"),
             "trend": ("sigma",),

@@ -58,6 +58,8 @@ class DatumBlock:
         Values that differ from the measured ones by less than this are as good as equal.
     paths : int
         Paths of a render; 0 if they are not known.
+    spread : float
+        Number of values that share an error of the render, as optics spread light over pixels.
     is_image : bool
         Whether the values are pixels of a measured image, some of which may be bad.
     """
@@ -77,6 +79,7 @@ class DatumBlock:
     shares: np.ndarray | None = None
     half_width: float = 0.0
     paths: int = 0
+    spread: float = 1.0
     is_image: bool = False
 
     def change(self, x: np.ndarray) -> float:
@@ -231,7 +234,7 @@ def equations(blocks: list[DatumBlock], x: np.ndarray, is_sparse: bool = False) 
         unknown = prediction.unknown
         gradient[unknown] += np.ravel(product(J, w, r))
         mean, variance = sum(J[1:], J[0]) * (1 / len(J)), prediction.noise**2
-        both = weighted(mean, w**2 * (variance + prediction.variance))
+        both = weighted(mean, w**2 * (variance + block.spread * prediction.variance))
         matrix = placed(matrix, product(J, w, J), unknown)
         noise = placed(noise, mean.T @ both, unknown)
         measured = placed(measured, mean.T @ weighted(mean, w**2 * variance), unknown)

@@ -57,11 +57,12 @@ def read_values(path: str, channel: str | None, quantity: str | None, band: Band
 def from_exr(path: str, channel: str | None, quantity: str | None, band: Band) -> tuple:
     """A channel of an EXR file; its header must not name another band."""
     channels, header = read_exr(path)
-    channel = channel or ("Y" if "Y" in channels or len(channels) > 1 else next(iter(channels)))
+    usual = next((name for name in ("Y", "temperature.Y") if name in channels), "Y")
+    channel = channel or (usual if len(channels) > 1 else next(iter(channels)))
     if channel not in channels:
         raise unknown(f"channel of {path}", channel, channels)
     stated = header.get("band")
-    if quantity != "mask" and isinstance(stated, str) and stated != band.name:
+    if quantity != "mask" and isinstance(stated, str) and stated not in (band.name, band.label):
         raise InputError(f"{path}: is of band {stated}, and not of band {band.name}")
     if quantity is None:
         quantity = TEMPERATURE if channel == "temperature.Y" else "radiance"

@@ -84,7 +84,8 @@ def _draw_image(part, fitted) -> None:
         drawn = panel.imshow(image, vmin=low, vmax=high, cmap="inferno")
         panel.set_title(title, fontsize=9)
     bar = part.colorbar(drawn, ax=[measured, predicted], shrink=0.85, extend="both", pad=0.01)
-    bar.set_label(f"radiance ({typeset_unit(RADIANCE)})")
+    is_radiance = fitted.quantity.startswith("radiance")
+    bar.set_label(f"radiance ({typeset_unit(RADIANCE)})" if is_radiance else fitted.quantity)
     drawn = residual.imshow(fitted.residual, vmin=-SIGMAS, vmax=SIGMAS, cmap="RdBu_r")
     rms = np.sqrt(np.nanmean(fitted.residual**2))
     title = f"measured - predicted, rms {rms:.2f}"

@@ -98,11 +98,14 @@ def test_units_of_images():
     block = SimpleNamespace(radiance=np.full((2, 3), 30.0))
     datum = SimpleNamespace(
         is_image=True,
+        camera=None,
         entry=SimpleNamespace(image="a.npy"),
         measured=np.full(3, 1e-3),
         scene=SimpleNamespace(band=LWIR),
     )
     with pytest.raises(InputError, match="check unit, band and scale"):
         check_units([datum], [block])
-    datum.is_image = False
+    datum.camera = "in electrons"
+    check_units([datum], [block])
+    datum.is_image, datum.camera = False, None
     check_units([datum], [block])

@@ -1,0 +1,204 @@
+"""A camera's image of a scenario as a measurement: electrons of its pixels, with derivatives."""
+
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from scipy import fft
+
+from mi_lcair.camera.camera import Camera
+from mi_lcair.camera.electronics.frames import signal_of
+from mi_lcair.camera.electronics.response import electrons
+from mi_lcair.camera.exposure import exposure
+from mi_lcair.camera.optics import OVERSAMPLING
+from mi_lcair.camera.scenery import Scenery
+from mi_lcair.camera.view import CameraView
+from mi_lcair.detection.scenario import Scenario
+from mi_lcair.detection.setting import Setting, setting_of
+from mi_lcair.errors import InputError
+from mi_lcair.inversion.data.images import check_size
+from mi_lcair.plugins.emission.source import rounded
+from mi_lcair.plugins.emission.sources import Sources
+from mi_lcair.rendering.images.measured import COLDEST, TEMPERATURE, read_values
+from mi_lcair.rendering.settings import changed
+from mi_lcair.rendering.views import View
+from mi_lcair.sensitivity.parameters import parameter
+from mi_lcair.uncertainty.number import SOURCE_STEP, shifted
+
+COUNTS = "counts"
+CHANNELS = {COUNTS: "counts.Y", TEMPERATURE: "temperature.Y"}  # of the file of `mi-lcair image`
+SPREAD_PIXELS = 64  # pixels along a side in which the spread of the optics is computed
+FULL = 4.0  # distance from the full well, in standard deviations, up to which a pixel is saturated
+
+
+@dataclass(frozen=True)
+class CameraImage:
+    """A scenario whose image a camera recorded.
+
+    scenario: the scenario. setting: its scene, air and background. camera: its optics and
+    electronics. view: where the camera is. scenery: the background in its frame.
+    """
+
+    scenario: Scenario
+    setting: Setting
+    camera: Camera
+    view: CameraView
+    scenery: Scenery
+
+    @staticmethod
+    def of(source: str, entries: dict) -> "CameraImage":
+        """The image of a scenario with other entries, by dotted key.
+
+        Raises InputError if the scenario cannot be used, or has no camera.
+        """
+        scenario = Scenario.read(source, **entries)
+        if scenario.camera is None:
+            raise InputError(f"{source}: has no table [camera], whose image this could be")
+        setting, observer = setting_of(scenario), scenario.observer
+        setting.air.check_covers(setting.view.band)
+        behind = setting.backdrop.at_sensor(observer.range_m)
+        camera = Camera.of(scenario, setting.detector, behind, 0)
+        direction = View(observer.azimuth_deg, observer.elevation_deg)
+        view = CameraView.of(setting.target, direction, observer.range_m, scenario.camera)
+        scenery = Scenery.of(scenario, setting, view)
+        return CameraImage(scenario, setting, camera, view, scenery)
+
+    @cached_property
+    def spread(self) -> float:
+        """Number of pixels that share an error of a sample of the render.
+
+        With h the point spread function over samples, whose sum is 1, the variance of a pixel is
+        sum h^2 times that of a sample. The variance of a sum of many pixels is 1 / OVERSAMPLING^2
+        times that of a sample for each pixel.
+        """
+        shape = (OVERSAMPLING * SPREAD_PIXELS,) * 2
+        h = fft.irfft2(self.camera.optics.transfer(shape), shape)
+        return float(1 / (OVERSAMPLING**2 * np.sum(h**2)))
+
+    def measured(self, entry) -> tuple[np.ndarray, np.ndarray]:
+        """Electrons of the scene in each pixel of a measurement, and which pixels count, (H, W).
+
+        The illumination and the emission of the optics are corrected. Saturated pixels, and those
+        without a temperature, do not count.
+        """
+        imager, camera = self.scenario.camera, self.camera
+        is_exr = Path(entry.image).suffix.lower() == ".exr"
+        quantity = entry.quantity or (TEMPERATURE if is_exr else None)
+        channel = entry.channel or (CHANNELS.get(quantity) if is_exr else None)
+        values, quantity = read_values(entry.image, channel, quantity, camera.band)
+        values = values * entry.scale
+        check_size(entry.image, values, (imager.height, imager.width))
+        counts = np.isfinite(values)
+        if entry.saturation is not None:
+            counts &= values < entry.saturation
+        if entry.mask is not None:
+            mask, _ = read_values(entry.mask, None, "mask", camera.band)
+            check_size(entry.mask, mask, values.shape)
+            counts &= np.isfinite(mask) & (mask != 0)
+        if quantity == COUNTS:
+            values = camera.design.applied(signal_of(imager, values))
+        elif quantity == TEMPERATURE:
+            counts &= values > COLDEST
+            values = electrons(camera.band, np.where(counts, values, COLDEST))
+        else:
+            raise InputError(f"quantity = {quantity}; a camera's image has {' or '.join(CHANNELS)}")
+        collected = camera.design.undone(values) + imager.dark
+        counts &= collected < imager.well - FULL * imager.noise(imager.well)
+        if not counts.any():
+            raise InputError(f"{entry.image}: all pixels are masked, saturated or not finite")
+        return values, counts
+
+    def noise(self, is_corrected: bool, counts: np.ndarray):
+        """Function that gives the standard deviation of pixels for predicted electrons, (n,).
+
+        is_corrected: whether the camera has corrected its fixed pattern. counts: pixels, (H, W).
+        """
+        imager, design = self.scenario.camera, self.camera.design
+
+        def of_pixels(values: np.ndarray | float) -> np.ndarray:
+            return np.broadcast_to(values, counts.shape)[counts]
+
+        gain, offset = of_pixels(design.gain), of_pixels(design.offset)
+
+        def deviation(predicted: np.ndarray) -> np.ndarray:
+            signal = np.maximum(gain * predicted + offset, 0)
+            variance = imager.noise(signal) ** 2
+            if not is_corrected:
+                pattern = imager.gain_nonuniformity * signal, imager.offset_nonuniformity_e
+                variance = variance + pattern[0] ** 2 + pattern[1] ** 2
+            return np.sqrt(variance) / gain
+
+        return deviation
+
+    def predicted(
+        self, names, spp: int | None, seed: int, randomisations: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Electrons of independent renders, (R, H, W), and derivatives, (R, K, H, W).
+
+        names: temperatures of groups, or of parts of groups. The paths do not depend on them, and
+        each source reaches a pixel with its own spectrum through the air.
+        """
+        sampling, scene = self.scenario.render.of_image(), self.setting.view
+        if spp is not None:
+            sampling = replace(sampling, spp=spp, tolerance=None, max_spp=None)
+        bounces = max(self.scenario.render.max_bounces, default=scene.mi.integrator().max_bounces)
+        camera, around = self.camera, self.view.around
+        background = self.scenery.image(camera.band, camera.optics)
+        images, columns = [], []
+        values = {name: parameter(scene, name).value for name in names}
+
+        def ends(sources: Sources) -> list[Sources]:
+            return [hotter(sources, step, scene.band) for step in (SOURCE_STEP, -SOURCE_STEP)]
+
+        with changed(scene, lobe=self.scenario.render.lobe, max_bounces=bounces):
+            for number in range(randomisations):
+                exposed = exposure(
+                    self.setting,
+                    self.view,
+                    replace(sampling, seed=(seed + number) % 2**32),
+                    camera.band,
+                    self.scenery.of_parts,
+                    ends if names else lambda sources: (),
+                )
+                images.append(background + camera.optics.seen(exposed.contrast, around))
+                for name in names:
+                    numbers = numbers_of(exposed.sources, name, values[name])
+                    high, low = (
+                        sum(end[f"target.source.{k}"] for k in numbers) for end in exposed.variants
+                    )
+                    columns.append(camera.optics.seen((high - low) / (2 * SOURCE_STEP), around))
+        images = np.array(images)
+        return images, np.array(columns).reshape(randomisations, len(names), *images.shape[1:])
+
+
+def hotter(sources: Sources, step: float, band) -> Sources:
+    """The sources with all temperatures higher by `step`, K."""
+    result = copy(sources)
+    result.list = [
+        source if source.temperature is None else shifted(source, step, band)
+        for source in sources.list
+    ]
+    return result
+
+
+def numbers_of(sources: Sources, name: str, value: float) -> list[int]:
+    """Numbers of the sources that a parameter, a temperature of `value` K, changes.
+
+    Raises InputError for another parameter, and for more temperatures than can be told apart.
+    """
+    group, is_part, _ = name.removesuffix(".temperature").partition("@")
+    numbers = [
+        k
+        for k, source in enumerate(sources.list)
+        if source.group == group
+        and source.temperature is not None
+        and (not is_part or source.temperature == rounded(value))
+    ]
+    if not name.endswith(".temperature") or not numbers:
+        raise InputError(
+            f"'{name}' is unknown; of a camera's image only temperatures of groups can be unknown, "
+            "and of few temperatures"
+        )
+    return numbers

@@ -1,0 +1,130 @@
+"""A camera's image as a measurement: prediction, derivatives, noise, and the temperatures in it."""
+
+from types import SimpleNamespace
+
+import mitsuba as mi
+import numpy as np
+import pytest
+
+import mi_lcair
+from mi_lcair.errors import InputError
+from mi_lcair.inversion.data.camera_image import CameraImage
+from mi_lcair.sensitivity.parameters import changed
+from tests.inversion.corner import KELVIN, NAMES, write_scenario
+
+mi.set_variant("llvm_ad_mono")
+
+
+@pytest.fixture(scope="module")
+def scenario(tmp_path_factory):
+    return write_scenario(tmp_path_factory.mktemp("camera"))
+
+
+@pytest.fixture(scope="module")
+def seen(scenario):
+    """What the camera records of the corner, in vacuum."""
+    return mi_lcair.image(scenario, spp=1024, seed=3)
+
+
+@pytest.fixture(scope="module")
+def camera(scenario):
+    return CameraImage.of(scenario, {})
+
+
+def entry(path, **changes):
+    plain = {"channel": None, "quantity": None, "scale": 1.0, "saturation": None, "mask": None}
+    return SimpleNamespace(**plain | {"image": str(path)} | changes)
+
+
+def test_prediction_of_the_electrons(camera, seen):
+    """As `mi_lcair.image` has them, within the errors of both renders."""
+    images, none = camera.predicted([], 64, 5, 3)
+    assert none.shape == (3, 0, 24, 24)
+    difference = images.mean(axis=0) - seen.channels["electrons.Y"]
+    error = images.std(axis=0, ddof=1) / np.sqrt(3)
+    assert np.mean(np.abs(difference)) < 3 * np.mean(error)
+    assert abs(difference.sum()) < 4e-3 * (images.mean(axis=0) - camera.camera.background).sum()
+
+
+def test_derivatives_of_the_electrons(camera):
+    """Against differences of two predictions from the same paths."""
+    scene, name = camera.setting.view, NAMES[3]
+    _, columns = camera.predicted([name], 16, 5, 2)
+    ends = []
+    for step in (0.5, -0.5):
+        with changed(scene, {name: KELVIN[3] + step}):
+            ends.append(camera.predicted([], 16, 5, 2)[0])
+    expected = ends[0] - ends[1]
+    assert expected.max() > 1e4  # electrons per kelvin
+    np.testing.assert_allclose(columns[:, 0], expected, atol=2e-3 * expected.max())
+
+
+def test_measured_electrons_and_pixels_that_count(camera, seen, tmp_path):
+    """Counts and temperatures of the file give the same electrons, but for their rounding."""
+    seen.save(tmp_path / "seen.exr")
+    values, counts = camera.measured(entry(tmp_path / "seen.exr"))
+    from_counts, _ = camera.measured(entry(tmp_path / "seen.exr", quantity="counts"))
+    assert counts.all()
+    np.testing.assert_allclose(values, from_counts, rtol=1e-5)
+    frame = np.array(seen.counts[0], dtype=float)
+    frame[0, 0] = 2**14 - 1
+    np.save(tmp_path / "counts.npy", frame)
+    _, counts = camera.measured(entry(tmp_path / "counts.npy", quantity="counts"))
+    assert np.argwhere(~counts).tolist() == [[0, 0]]
+    with pytest.raises(InputError, match="a camera's image has counts or apparent_temperature"):
+        camera.measured(entry(tmp_path / "counts.npy", quantity="radiance"))
+
+
+def test_noise_of_the_camera(scenario):
+    """Shot noise, read noise and quantisation; an uncorrected fixed pattern in addition."""
+    camera = CameraImage.of(scenario, {"camera.gain_nonuniformity": 0.01})
+    counts = np.ones((24, 24), dtype=bool)
+    signal = np.full(576, 4e6)
+    count = 20e6 / (2**14 - 1) / (1 - 1 / 64)
+    in_time = 4e6 + 300**2 + count**2 / 12
+    np.testing.assert_allclose(camera.noise(True, counts)(signal) ** 2, in_time, rtol=1e-6)
+    both = in_time + (0.01 * 4e6) ** 2
+    np.testing.assert_allclose(camera.noise(False, counts)(signal) ** 2, both, rtol=1e-6)
+
+
+def test_values_that_share_an_error(camera):
+    """A sum over pixels: variance of independent samples, blurred, against that of pixels alone."""
+    random, optics = np.random.default_rng(0), camera.camera.optics
+    samples = random.normal(size=(200, 3 * 24, 3 * 24))
+    middle = slice(6, 18)
+    images = np.array([optics.seen(sample)[middle, middle] for sample in samples])
+    ratio = images.sum(axis=(1, 2)).var() / images.var(axis=0).sum()
+    assert ratio == pytest.approx(camera.spread, rel=0.3)
+    assert camera.spread > 1.2
+
+
+@pytest.mark.slow
+def test_temperatures_from_an_image(scenario, seen, tmp_path):
+    seen.save(tmp_path / "seen.exr")
+    given = {
+        "data": [{"scene": scenario, "image": str(tmp_path / "seen.exr")}],
+        "unknowns": {name: {"start": 300.0} for name in NAMES},
+        "render": {"spp": 64},
+    }
+    found = mi_lcair.invert(given, advise=False)
+    assert found.converged and found.data[0].quantity == "signal (electrons)"
+    assert found.p_value > 1e-3
+    for answer, kelvin in zip(found.answers, KELVIN):
+        assert abs(answer.value - kelvin) < 4 * answer.standard_error < 0.5
+
+
+def test_what_a_camera_s_image_does_not_take(scenario, camera, tmp_path):
+    np.save(tmp_path / "counts.npy", np.full((24, 24), 7000.0))
+    data = {"scene": scenario, "image": str(tmp_path / "counts.npy"), "quantity": "counts"}
+    given = {"data": [data], "unknowns": {NAMES[3]: {}}, "render": {"spp": 16}}
+    for changes, message in (
+        ({"netd_mK": 50}, "has its own; leave it out"),
+        ({"model_sigma": "1%"}, "model_sigma does not go with the image of a scenario's camera"),
+        ({"offset": True}, "needs offset_prior, in electrons"),
+        ({"quantity": "radiance"}, "quantity"),
+        ({"parameters": {"camera.width": 12}}, "has 24 x 24 pixels"),
+    ):
+        with pytest.raises(InputError, match=message):
+            mi_lcair.invert(given | {"data": [data | changes]}, advise=False)
+    with pytest.raises(InputError, match="only temperatures of groups can be unknown"):
+        camera.predicted(["diffuse.reflectance"], 16, 0, 2)
