@@ -1,7 +1,7 @@
 """Sky and ground around a viewer: what arrives from a direction, and the air before the ground."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,7 +24,9 @@ from mi_lcair.physics.surroundings.skies import (
 ATMOSPHERE = "us_standard"  # model atmosphere of surroundings that state none
 # Angles below the horizon at which ground seen through air is computed [degrees]
 GROUND_RINGS_DEG = np.array([0.02, 0.1, 0.3, 1, 2, 4, 8, 15, 28, 50, 90])
-GROUND_AZIMUTHS_DEG = 0.0, 15.0, 35.0, 60.0, 100.0, 140.0, 180.0  # azimuths from the sun, there
+# Azimuths from the sun at which sunlight that is scattered before the ground is computed [degrees]
+GROUND_AZIMUTHS_DEG = 0, 4, 8, 13, 20, 30, 42, 56, 75, 100, 130, 155, 180
+ACROSS_DEG = 90.0  # azimuth from the sun at which its light's way through the air is taken
 
 
 @dataclass(frozen=True)
@@ -115,23 +117,23 @@ class Surroundings:
         light = Blackbody.of(self.ground.temperature).scaled(self.ground.emissivity)
         return light if along is None else through_air(light, along.amounts[-1])
 
-    def beside_emission(self, along: Ray | None, azimuth_deg: float) -> Spectrum | None:
+    def beside_emission(
+        self, along: Ray | None, azimuth_deg: float | None = None
+    ) -> Spectrum | None:
         """What arrives from the ground's direction without being emitted by it; None for nothing.
 
-        It is light that the ground reflects, and that of the air before it.
+        It is light that the ground reflects, and that of the air before it. Without an azimuth,
+        scattered sunlight is left out.
         """
         parts = list(self.reflected)
         if along is not None:
             parts = [through_air(light, along.amounts[-1]) for light in parts]
-            sun = self.sun_elevation_deg
-            sun = None if sun is None else SunDirection(sun, azimuth_deg)
+            day = self.sun_elevation_deg is not None and azimuth_deg is not None
+            sun = SunDirection(self.sun_elevation_deg, azimuth_deg) if day else None
             parts.append(self.air.emitted(along, sun))
         elif len(parts) > 1:
             parts = [through_air(light, np.zeros(len(bands().columns))) for light in parts]
-        total = None
-        for part in parts:
-            total = part if total is None else total.plus(part)
-        return total
+        return reduce(lambda total, part: total.plus(part), parts) if parts else None
 
     @cached_property
     def reflected(self) -> list[Spectrum]:
@@ -185,30 +187,30 @@ class Surroundings:
         """The two in-band components below the horizon."""
         in_band = lambda light: 0.0 if light is None else light.in_band_radiance(band)
         if not self.is_through_air:
-            emitted, other = self.emitted_by_ground(None), self.beside_emission(None, 0.0)
-            return in_band(emitted), in_band(other)
+            return in_band(self.emitted_by_ground(None)), in_band(self.beside_emission(None))
         rings = GROUND_RINGS_DEG * (1 + self.horizon_deg / 90)
         depths = self.horizon_deg - elevation
         paths = [self.path_to_ground(max(self.horizon_deg - ring, -90.0)) for ring in rings]
-        emitted = [in_band(self.emitted_by_ground(path)) for path in paths]
-        # Sunlight that the air before the ground scatters varies slowly with the azimuth
-        azimuths = [0.0] if self.sun_elevation_deg is None else GROUND_AZIMUTHS_DEG
-        other = np.array(
-            [
-                between_rings(
-                    depths, rings, [in_band(self.beside_emission(path, angle)) for path in paths]
-                )
-                for angle in azimuths
-            ]
+        emitted, other = (
+            between_rings(depths, rings, [in_band(light(path)) for path in paths])
+            for light in (self.emitted_by_ground, self.beside_emission)
         )
-        from_sun = np.abs((azimuth + 180) % 360 - 180)
-        place = np.interp(from_sun, azimuths, np.arange(len(azimuths)))
-        low = np.minimum(place.astype(int), max(len(azimuths) - 2, 0))
-        up, column = place - low, np.arange(elevation.size)
-        other = (1 - up) * other[low, column] + up * other[
-            np.minimum(low + 1, len(azimuths) - 1), column
-        ]
-        return between_rings(depths, rings, emitted), other
+        if self.sun_elevation_deg is not None:
+            scattered = np.array([self._scattered(band, path) for path in paths]).T
+            knots = np.log([between_rings(depths, rings, values) for values in scattered])
+            from_sun = np.abs((azimuth + 180) % 360 - 180)
+            place = np.interp(from_sun, GROUND_AZIMUTHS_DEG, np.arange(len(knots)))
+            low = np.minimum(place.astype(int), len(knots) - 2)
+            up, column = place - low, np.arange(elevation.size)
+            other += np.exp((1 - up) * knots[low, column] + up * knots[low + 1, column])
+        return emitted, other
+
+    def _scattered(self, band, along):
+        """In-band sunlight that the air along a ray scatters, at GROUND_AZIMUTHS_DEG."""
+        sun = SunDirection(self.sun_elevation_deg, ACROSS_DEG)
+        through = bands().transmittance(along.amounts + self.air.amounts_to_sun(along, sun))
+        sources = self.air.scattering(along, sun, GROUND_AZIMUTHS_DEG)
+        return band.integral(bands().wavelengths_um, np.einsum("ank,nk->ak", sources, through))
 
 
 def surroundings(
