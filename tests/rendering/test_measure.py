@@ -79,6 +79,17 @@ def test_a_fixed_number_of_paths():
     assert total.reached is None and work == [(104, 104)]
 
 
+@pytest.mark.parametrize("by_randomisation, kept", [(True, 24), (False, 3)])
+def test_memory_and_progress(monkeypatch, by_randomisation, kept):
+    """Numbers are kept by window and randomisation, and work is counted in paths of all parts."""
+    asked, work = [], []
+    monkeypatch.setattr(module, "check_memory", lambda count, *_: asked.append(count))
+    windows = Windows(ANY_SENSOR, 3, parts=2, by_randomisation=by_randomisation)
+    sampling = Sampling(spp=64, progress=lambda *done: work.append(done))
+    run(Tracer([0.0] * 3), sampling, windows=windows)
+    assert asked == [kept] and work == [(64, 64)]  # 4 points, 8 randomisations, 2 parts
+
+
 def test_passes_of_many_paths():
     """A pass has at most 2^20 paths; each goes on where the last one ended."""
     tracer = Tracer()
