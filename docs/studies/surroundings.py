@@ -28,7 +28,7 @@ AROUND = {
     "by day": Words(sky="clear", ground=GROUND, sun="45,60"),
 }
 VIEW = {"azimuth_deg": 50, "elevation_deg": 15, "band": "MWIR", "resolution": 160}
-LOWEST_K, HIGHEST_K = 220.0, 320.0
+LOWEST_K, HIGHEST_K = 240.0, 300.0
 MESHES = (
     r'\s*<path value="models/world_sphere"/>\s*<include filename="models/world_sphere/model.xml"/>'
 )
