@@ -9,6 +9,8 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.reflection import MODELS, model
 from mi_lcair.physics.reflection.interface import ReflectionModel, Restriction
 
+# The models that a fit compares where it is not told its model
+COMPARED = {name: entry for name, entry in MODELS.items() if entry.is_compared}
 AUTO = "auto"  # as a name of a model or a form: all of them are compared
 # Smallest significant difference of the criterion. A smaller one is "not worth more than a bare
 # mention" (Kass and Raftery 1995).
@@ -81,8 +83,7 @@ def variants(model_name: str, form: str) -> list[Variant]:
     model_name, form: names, or "auto" for all. Restricted variants are included if the form is
     "auto". Raises InputError for unknown names.
     """
-    compared = [entry for entry in MODELS.values() if entry.is_compared]
-    models = compared if model_name == AUTO else [model(model_name)]
+    models = list(COMPARED.values()) if model_name == AUTO else [model(model_name)]
     whole = [
         Variant(entry, name) for entry in models for name in entry.forms if form in (AUTO, name)
     ]

@@ -23,6 +23,7 @@ from mi_lcair.fitting.model import Hemispherical
 from mi_lcair.fitting.report import Fit
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
 from mi_lcair.fitting.scatterometer.reading import read, read_directional
+from mi_lcair.fitting.selection import COMPARED
 from mi_lcair.physics.reflection import MODELS
 from mi_lcair.reports.fit_curves import directional, predicted
 from mi_lcair.reports.pictures.fit import save_plot
@@ -202,7 +203,7 @@ def numbers(surfaces: dict[str, Surface]) -> dict[str, float]:
     aluminium, rough = surfaces["aluminium"], surfaces["paint_rough"]
     with_aperture = {
         name: fit(aluminium.measurements, model=name, source_half_angle_deg=HALF_ANGLE_DEG).rms_dex
-        for name in MODELS
+        for name in COMPARED
     }
     return {
         **worst,
@@ -224,11 +225,11 @@ def main(folder: Path, page: Path) -> None:
     """Fit all models to all surfaces and write the page and its pictures."""
     pictures = page.with_suffix("")
     pictures.mkdir(parents=True, exist_ok=True)
-    by_model, chosen = {name: {} for name in MODELS}, []
+    by_model, chosen = {name: {} for name in COMPARED}, []
     for name in TITLES:
         print(name, file=sys.stderr)
         brdf, emissivity = load(folder, name)
-        for model in MODELS:
+        for model in COMPARED:
             by_loss = fit_by_loss(brdf) if model == LOSS_MODEL else None
             by_model[model][name] = fit_surface(brdf, emissivity, model, by_loss)
         chosen.append((fit(brdf), fit(brdf, emissivity=emissivity)))

@@ -92,20 +92,32 @@ def judge(data, candidate, noise, robust: bool, curve: Hemispherical) -> dict:
         "interval": {name: tuple(pair) for name, pair in zip(model.names, intervals.tolist())},
         "verdict": dict(zip(model.names, verdicts)),
         "correlation": correlation(matrix),
-        **curve_errors(near, curve, dof),
+        **curve_errors(near, curve, dof, intervals),
     }
 
 
-def curve_errors(near: Linearized, curve: Hemispherical, dof: float) -> dict:
+def curve_errors(near: Linearized, curve: Hemispherical, dof: float, intervals) -> dict:
     """Standard errors (a,) and 95 % intervals (a, 2) of an emissivity, as attributes of `Fit`.
 
-    They are linear in the coordinates. An interval lies in 0..1.
+    They are linear in the coordinates. A parameter at its bound may have no slope there. What it
+    changes at the other end of its interval (n, 2) is added in squares on its side.
     """
     values, slopes = (array[0] for array in curve(near.u[None]))
-    errors = np.sqrt(np.diag(near.covariance_of(slopes)))
-    width = stats.t.ppf(0.5 + CONFIDENCE / 2, dof) * errors
-    ends = np.clip(np.stack([values - width, values + width], axis=1), 0, 1)
-    return {"emissivity_error": errors, "emissivity_interval": ends}
+    variance = np.diag(near.covariance_of(slopes))
+    width = stats.t.ppf(0.5 + CONFIDENCE / 2, dof) * np.sqrt(variance)
+    best, squares = near.parameters, np.stack([width**2, width**2])
+    for k, bound in enumerate(near.model.bound_names(near.u)):
+        if bound is None:
+            continue
+        moved = best.copy()
+        moved[k] = max(intervals[k], key=lambda end: abs(end - best[k]))
+        moved = near.model.nearest_feasible(moved, k)
+        change = curve(near.model.to_cube([moved]))[0][0] - values
+        squares += np.stack([np.minimum(change, 0), np.maximum(change, 0)]) ** 2
+        variance = variance + (change / 2) ** 2
+    below, above = np.sqrt(squares)
+    ends = np.clip(np.stack([values - below, values + above], axis=1), 0, 1)
+    return {"emissivity_error": np.sqrt(variance), "emissivity_interval": ends}
 
 
 @dataclass

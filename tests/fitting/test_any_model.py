@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from drjit.llvm.ad import Array3f64, Float64
 
+from docs.studies.fit import emissivity_is_inside
 from mi_lcair.errors import InputError
 from mi_lcair.fitting import fit
 from mi_lcair.fitting.model import Scatterometer
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData
-from mi_lcair.fitting.selection import variants
+from mi_lcair.fitting.selection import COMPARED, variants
 from mi_lcair.physics.reflection import MODELS
 from mi_lcair.reports.fit_curves import directional
 from tests.fitting.results import fit_of, measurements
@@ -52,12 +53,37 @@ def test_intervals_hold_the_true_values(name, surface):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("name", COMPARED)
+def test_intervals_of_the_emissivity_hold_the_true_one(name):
+    """On random surfaces, also with parameters at their bounds.
+
+    A longer version of this test is `python -m docs.studies.fit emissivity`: 93.7 % and 95.1 % of
+    100 surfaces each.
+    """
+    model = MODELS[name]
+    starts = model.starting_points(12, seed=3)
+    inside = [emissivity_is_inside(model, model.values_at(u), k) for k, u in enumerate(starts)]
+    assert np.mean(inside) > 0.8
+
+
+def test_a_parameter_at_its_bound_widens_the_interval():
+    """k = 0 has no slope there, but the emissivity of larger k in its interval is lower."""
+    data = scan_of(MODELS["microfacet"], (0.2, 2.0, 1.5, 0.0, 0.05), step=8, noise=0.05)
+    result = fit(data, model="microfacet", form="standard", starts=4)
+    theta, predicted = result.emissivity
+    low, high = result.emissivity_interval.T
+    assert np.all(low < predicted) and np.all(predicted < high)
+    if result.parameters["k"] == 0:
+        assert np.all((predicted - low)[:10] > (high - predicted)[:10])
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("name, surface", SURFACES)
 def test_auto_takes_the_model_that_made_the_data(name, surface):
     data = scan_of(MODELS[name], KNOWN[name][surface], noise=0.05)
     result = fit(data, starts=8)
     assert result.model == name
-    assert {row["model"] for row in result.candidates} == set(MODELS) - {"grey"}
+    assert {row["model"] for row in result.candidates} == set(COMPARED)
     [chosen] = [row for row in result.candidates if row["chosen"]]
     assert chosen["model"] == name and chosen["criterion"] <= 2
     assert chosen["parameters"] == result.parameters and list(result.verdict) == list(
@@ -113,7 +139,7 @@ def test_a_measured_emissivity_is_followed_by_any_model():
 def test_a_form_narrows_auto_to_the_models_that_have_it():
     assert {one.model.name for one in variants("auto", "thesis")} == {"sandford_robertson"}
     assert [one.restriction for one in variants("auto", "thesis")] == [None]
-    assert {one.model.name for one in variants("auto", "auto")} == set(MODELS) - {"grey"}
+    assert {one.model.name for one in variants("auto", "auto")} == set(COMPARED)
     names = [one.restriction and one.restriction.name for one in variants("microfacet", "auto")]
     assert names == [None, *(one.name for one in MODELS["microfacet"].restrictions)]
 

@@ -11,6 +11,7 @@ from scipy.integrate import quad
 
 from docs.studies import real_data, real_data_tables
 from mi_lcair.fitting import read
+from mi_lcair.fitting.selection import COMPARED
 from mi_lcair.physics.reflection import MODELS
 from tests.fitting.results import PARAMETERS, emissivity, fit_of, measurements
 
@@ -139,7 +140,7 @@ def test_the_page_is_filled_and_has_its_pictures(tmp_path, monkeypatch):
         assert f"![{title}](page/{name}.png)" in page
         assert (tmp_path / "docs" / "page" / f"{name}.png").read_text() == title
         # alone and joint for each model, the choice, forms, losses and limits
-        assert page.count(f"| {title} | ") == 2 * len(MODELS) + 4
+        assert page.count(f"| {title} | ") == 2 * len(COMPARED) + 4
 
 
 @pytest.mark.slow
