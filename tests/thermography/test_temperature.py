@@ -21,6 +21,7 @@ from mi_lcair.physics.blackbody import (
 )
 from mi_lcair.rendering.images.exr import read_exr
 from mi_lcair.rendering.images.measured import from_csv, from_picture
+from tests.docs.fences import EXAMPLES
 from tests.sensitivity.grey_room import NAMED, load
 
 H, C, K = 6.62607015e-34, 299792458.0, 1.380649e-23  # CODATA 2018
@@ -106,7 +107,7 @@ def test_computed_air(name, distance, weather):
     seen = float(brightness_temperature(chosen, total))
     given = {"emissivity": 0.8, "reflected": 290, "distance": distance, **weather}
     result = mi_lcair.temperature(seen, chosen, **given)
-    assert float(result.kelvin) == pytest.approx(320, abs=1e-3)
+    assert float(result.kelvin) == pytest.approx(320, abs=1e-4)
     spectrum = [spectral_radiance(x, float(result.kelvin))]
     mean = air.band_transmittance(chosen, spectrum, [distance])
     assert result.transmittance == pytest.approx(float(mean[0, 0]), rel=1e-6)
@@ -124,6 +125,25 @@ def test_a_rendered_grey_plate_has_its_temperature(tmp_path, T, range_m):
     )
     np.testing.assert_allclose(result.kelvin, T, atol=0.02)
     assert abs(seen - T).max() > 0.5  # what is corrected
+
+
+def test_vacuum_is_no_air():
+    given = {"band": "LWIR", "emissivity": 0.8, "reflected": 290.0}
+    there, here = (
+        mi_lcair.temperature(310.0, **given, **air)
+        for air in ({}, {"distance": 500, "atmosphere": "vacuum"})
+    )
+    assert float(there.kelvin) == float(here.kelvin) and here.transmittance == 1
+
+
+def test_a_table_of_air_has_its_own_weather():
+    """Bundled air of 290 K with invented numbers."""
+    air = {"atmosphere": EXAMPLES / "air.csv", "distance": 500.0}
+    given = {"band": "LWIR", "emissivity": 1.0}
+    result = mi_lcair.temperature(310.0, **given, **air)
+    assert float(result.kelvin) > 310.5 and result.transmittance < 0.99
+    with pytest.raises(InputError, match="air.csv': a table has its own weather"):
+        mi_lcair.temperature(310.0, **given, **air, humidity=0.5)
 
 
 CASES = {
