@@ -20,8 +20,9 @@ from mi_lcair.rendering.sampling import Criterion, Measurands, Sampling
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import Windows
 
-# Ranges at which the air is computed. Its values at other ranges are interpolated linearly.
-RANGES = 129
+# Most ranges at which the air is computed, and the ratio of neighbouring ones less 1, if these are
+# fewer. Values at other ranges are interpolated linearly.
+RANGES, STEP = 129, 0.005
 # Independent randomisations of a part's points. The error of a pixel averages over many parts, so
 # that two of each are enough.
 RANDOMISATIONS = 2
@@ -206,13 +207,15 @@ def exposure(
 
 
 def interpolated(arrival_from: Callable[[np.ndarray], Arrival], ranges: np.ndarray) -> Arrival:
-    """What arrives from many ranges, m, linear between RANGES of them.
+    """What arrives from many ranges, m, linear between RANGES of them or fewer.
 
     arrival_from: gives what arrives from an array of ranges.
     """
-    if len(ranges) <= RANGES:
+    steps = np.log(ranges.max() / ranges.min()) / STEP
+    count = min(int(np.ceil(steps)) + 2, RANGES)
+    if len(ranges) <= count:
         return arrival_from(ranges)
-    at = np.geomspace(ranges.min(), ranges.max(), RANGES)
+    at = np.geomspace(ranges.min(), ranges.max(), count)
     arrival = arrival_from(at)
     return Arrival(
         arrival.in_band,

@@ -64,22 +64,26 @@ def test_values_at_their_places():
 
 
 def test_many_ranges_are_interpolated():
-    """129 ranges in equal ratios; up to as many are computed as they are."""
+    """129 ranges in equal ratios, or fewer in ratios of at most 1.005; few are computed as such."""
     asked = []
 
     def arrival_from(ranges):
         asked.append(ranges)
         return Arrival({"a": 1.0}, {"a": np.exp(-ranges / 1000)}, 1e-3 * ranges)
 
-    few = np.linspace(1000, 1100, 129)
+    few = np.linspace(1000, 1100, 21)
     assert interpolated(arrival_from, few).arrives["a"] == pytest.approx(np.exp(-few / 1000))
     many = np.random.default_rng(0).uniform(1000, 1100, 500)
     arrival = interpolated(arrival_from, many)
-    assert asked[0] is few and len(asked[1]) == 129
+    assert asked[0] is few and len(asked[1]) == 2 + 20
     assert asked[1][[0, -1]] == pytest.approx([many.min(), many.max()])
-    assert np.ptp(np.diff(np.log(asked[1]))) < 1e-12
-    assert arrival.arrives["a"] == pytest.approx(np.exp(-many / 1000), rel=1e-6)
+    assert np.ptp(np.diff(np.log(asked[1]))) < 1e-12 and asked[1][1] / asked[1][0] < 1.005
+    assert arrival.arrives["a"] == pytest.approx(np.exp(-many / 1000), rel=5e-6)
     assert arrival.path == pytest.approx(1e-3 * many, rel=1e-9) and arrival.in_band == {"a": 1.0}
+    interpolated(arrival_from, np.linspace(100, 1000, 130))
+    assert len(asked[2]) == 129
+    interpolated(arrival_from, np.full(9, 700.0))
+    assert len(asked[3]) == 2
 
 
 def test_background_at_a_detector():
