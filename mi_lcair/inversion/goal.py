@@ -1,4 +1,4 @@
-"""A wanted intensity or contrast in place of measurements: first guesses, and words."""
+"""Several first guesses, and a wanted intensity or contrast in place of measurements."""
 
 from dataclasses import replace
 
@@ -18,22 +18,27 @@ DRAWS = 100  # random values drawn for one first guess that a surface can have
 
 
 def best_of_starts(everything, data, problem: InverseProblem, progress) -> State:
-    """The best estimate for a goal from several first guesses.
+    """The best estimate from several first guesses.
 
     The first guess is that of the unknowns, the others are random within the bounds. Guesses that
     no surface can have are drawn again.
     """
     best = None
-    for start in first_guesses(everything, data[0], problem):
+    for start in first_guesses(everything, data, problem):
         tried = [replace(unknown, start=float(value)) for unknown, value in zip(everything, start)]
+        if problem.goal is None and best is not None:
+            # What is known beforehand does not depend on where an iteration starts
+            known = [unknown.prior or (unknown.start, unknown.span) for unknown in everything]
+            tried = [replace(unknown, prior=prior) for unknown, prior in zip(tried, known)]
         state = estimate(tried, data, problem.render, progress)
         if best is None or cost_of(state.blocks, state.x) < cost_of(best.blocks, best.x):
             best = state
     return best
 
 
-def first_guesses(everything: list[Unknown], datum: Datum, problem: InverseProblem):
-    """Yield the first guesses (N,) for a goal."""
+def first_guesses(everything: list[Unknown], data: list[Datum], problem: InverseProblem):
+    """Yield the first guesses (N,)."""
+    starts = problem.render.starts if problem.goal is None else problem.goal.starts
     random, first = (
         np.random.default_rng(problem.render.seed),
         [unknown.start for unknown in everything],
@@ -47,13 +52,14 @@ def first_guesses(everything: list[Unknown], datum: Datum, problem: InverseProbl
     ]
     spans = [unknown.span for unknown in everything]
     guesses = 1
-    for _ in range(DRAWS * problem.goal.starts):
-        if guesses == problem.goal.starts:
+    for _ in range(DRAWS * starts):
+        if guesses == starts:
             return
         guess = middle + (random.random(len(first)) - 0.5) * spans
         try:
-            with datum.at(everything, guess):
-                pass
+            for datum in data:
+                with datum.at(everything, guess):
+                    pass
         except InputError:
             continue
         guesses += 1

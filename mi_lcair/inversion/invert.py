@@ -24,7 +24,6 @@ from mi_lcair.inversion.data.datum import Datum
 from mi_lcair.inversion.data.loader import Loader, goal_datum
 from mi_lcair.inversion.fitted import fitted, materials
 from mi_lcair.inversion.goal import achieved, best_of_starts, chosen
-from mi_lcair.inversion.least_squares.estimate import estimate
 from mi_lcair.inversion.least_squares.solve import State, is_informed
 from mi_lcair.inversion.problem import InverseProblem, parts
 from mi_lcair.inversion.solution import Solution
@@ -65,7 +64,7 @@ def solve_problem(problem: InverseProblem, advise: bool, progress: Progress | No
         data, proposed = loaded[: len(problem.data)], loaded[len(problem.data) :]
         everything = [*unknowns_of(problem, data), *instruments(data)]
         check_counts(everything, data)
-        state = estimate(everything, data, problem.render, progress)
+        state = best_of_starts(everything, data, problem, progress)
         answered = answers(everything, state)
         if not state.converged:
             answered = withdrawn(answered, UNFINISHED)

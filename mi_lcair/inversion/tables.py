@@ -106,13 +106,17 @@ class RenderSettings:
     randomisations : int
         Independent renders whose products are unbiased.
     iterations : int
-        Largest number of renders of each image.
+        Largest number of renders of each image, from each first guess.
+    starts : int
+        Number of first guesses for measurements: those of the unknowns, and random ones within the
+        bounds. The solution with the smallest chi-square is kept.
     """
 
     spp: int | None = field(default=None, metadata=within(lower=2, upper=2**31))
     seed: int = field(default=0, metadata=within(lower=0, upper=2**32 - 1))
     randomisations: int = field(default=4, metadata=within(lower=2, upper=64))
     iterations: int = field(default=20, metadata=within(lower=1, upper=1000))
+    starts: int = field(default=1, metadata=within(lower=1, upper=100))
 
     def __post_init__(self):
         check_fields(self)

@@ -27,7 +27,7 @@ class Picky:
 def guesses(starts):
     goal = Goal("intensity", "cavity", starts=starts)
     problem = SimpleNamespace(goal=goal, render=RenderSettings(seed=3))
-    return np.array(list(first_guesses(UNKNOWNS, Picky(), problem)))
+    return np.array(list(first_guesses(UNKNOWNS, [Picky()], problem)))
 
 
 def test_first_guesses():
@@ -89,3 +89,21 @@ def test_the_best_of_several_starts(monkeypatch):
     problem = SimpleNamespace(goal=goal, render=RenderSettings(seed=3))
     assert best_of_starts(UNKNOWNS, [Picky()], problem, None).x[0] == -0.3
     np.testing.assert_array_equal(starts, guesses(3))
+
+
+def test_several_starts_for_measurements(monkeypatch):
+    """They keep what is known beforehand: the first guess of the problem, or a prior."""
+    tries = []
+
+    def estimate(tried, data, sampling, progress):
+        tries.append(tried)
+        return SimpleNamespace(x=np.array([len(tries), 0.0]), blocks=[])
+
+    monkeypatch.setattr("mi_lcair.inversion.goal.estimate", estimate)
+    monkeypatch.setattr("mi_lcair.inversion.goal.cost_of", lambda blocks, x: -x[0])
+    problem = SimpleNamespace(goal=None, render=RenderSettings(seed=3, starts=3))
+    assert best_of_starts(UNKNOWNS, [Picky()], problem, None).x[0] == 3
+    assert [[one.start for one in tried] for tried in tries] == guesses(3).tolist()
+    known = [(one.start, one.span) for one in UNKNOWNS]
+    assert all([one.prior for one in tried] == known for tried in tries[1:])
+    assert [one.prior for one in tries[0]] == [one.prior for one in UNKNOWNS]
