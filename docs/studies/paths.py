@@ -28,12 +28,15 @@ from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.aiming import aim_at_model
-from mi_lcair.rendering.sampling import Measurands
-from mi_lcair.rendering.window import RANDOMISATIONS, window_area
+from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.sampling import Measurands, Sampling
+from mi_lcair.rendering.window import RANDOMISATIONS, Windows, window_area
 
 SEEDS = 20
 ROUNDS = 3  # alternating timed runs of each contestant
-COUNTS = [4**k for k in range(3, 11)]  # path counts that are tried
+COUNTS = [4**k for k in range(3, 11)]  # path counts that are tried of lattice points
+PIXELS = 96  # along a side of the film of independent points: as many as the bundled scenes have
+SAMPLES = [4**k for k in range(6)]  # independent points in each pixel that are tried
 MOST_SECONDS = 5.0  # time of the runs at one path count, after which no larger one is tried
 MOST_TIMED = 2**25  # largest number of paths in a timed run
 TOLERANCES = (0.01, 0.001)
@@ -92,6 +95,14 @@ def intensity(scene, paths: int, seed: int) -> float:
     return mi_lcair.signature(scene, spp=paths, seed=seed).target.intensity
 
 
+def by_pixels(scene, paths: int, seed: int) -> float:
+    """The function `intensity` with independent points in each of PIXELS x PIXELS pixels."""
+    sensor, spp = scene.sensor(0), -(-paths // PIXELS**2)
+    windows = Windows(sensor, PIXELS, PIXELS, randomisations=1)
+    total = measure(scene, windows, Sampling(paths=spp, seed=seed), Measurands.of("target"))
+    return float(total.mean("target").mean()) * window_area(sensor, scene.name)
+
+
 def aimed(scene):
     """The function `intensity` with start positions aimed at the model, after one pilot."""
     sensor = scene.sensor(0)
@@ -123,10 +134,10 @@ def reference(name: str, scene) -> tuple[float, float]:
     return float(np.mean(values)), float(np.std(values, ddof=1) / np.sqrt(8))
 
 
-def errors(run, scene, expected: float) -> Curve:
+def errors(run, scene, expected: float, counts=COUNTS) -> Curve:
     """Rms errors of a contestant at rising numbers of paths."""
     curve = Curve()
-    for count in COUNTS:
+    for count in counts:
         start = time.perf_counter()
         curve.errors[count] = rms([run(scene, count, seed) / expected - 1 for seed in range(SEEDS)])
         if time.perf_counter() - start > MOST_SECONDS:
@@ -135,13 +146,16 @@ def errors(run, scene, expected: float) -> Curve:
 
 
 def seconds(runs) -> list[list[float]]:
-    """Times of functions that run in turn, after one run each that compiles; a list for each."""
+    """Processor times, on all threads, of functions that run in turn; a list for each.
+
+    The first runs, which compile, do not count.
+    """
     times = [[] for _ in runs]
     for turn in range(ROUNDS + 1):
         for run, own in zip(runs, times):
-            start = time.perf_counter()
+            start = time.process_time()
             run(turn)
-            own.append(time.perf_counter() - start)
+            own.append(time.process_time() - start)
     return [own[1:] for own in times]
 
 
@@ -152,7 +166,10 @@ def measured(name: str, parameters: dict) -> tuple[str, dict[str, Curve]]:
         for sampler in ("independent", "lattice")
     }
     expected, error = reference(name, both["lattice"])
-    curves = {sampler: errors(intensity, scene, expected) for sampler, scene in both.items()}
+    runs = {"independent": by_pixels, "lattice": intensity}
+    counts = [PIXELS**2 * spp for spp in SAMPLES]
+    curves = {"independent": errors(by_pixels, both["independent"], expected, counts)}
+    curves["lattice"] = errors(intensity, both["lattice"], expected)
     curves["lattice, aimed"] = errors(aimed(both["lattice"]), both["lattice"], expected)
     cells = [label(name, parameters), f"{error / expected:.1e}" if error else "closed form"]
     for tolerance in TOLERANCES:
@@ -168,8 +185,8 @@ def measured(name: str, parameters: dict) -> tuple[str, dict[str, Curve]]:
     counts = [min(MOST_TIMED, round(needs[sampler])) for sampler in both]
     one, two = seconds(
         [
-            lambda seed, scene=scene, count=count: intensity(scene, count, seed)
-            for scene, count in zip(both.values(), counts)
+            lambda seed, name=name, count=count: runs[name](both[name], count, seed)
+            for name, count in zip(runs, counts)
         ]
     )
     # Where independent paths are too many to be timed, their time is proportional to their number
@@ -273,6 +290,8 @@ def main(page):
         seeds=SEEDS,
         rounds=ROUNDS,
         threads=dr.thread_count(),
+        pixels=PIXELS,
+        least=PIXELS**2,
         resolution=RESOLUTION,
         converged=CONVERGED,
         randomisations=RANDOMISATIONS,

@@ -5,21 +5,28 @@ from pathlib import Path
 import numpy as np
 
 from mi_lcair.benchmark import chart
+from mi_lcair.benchmark.propagation import AMBIENT, GROUPS
 from mi_lcair.benchmark.propagation_chart import CLOSURES, Chart
 from mi_lcair.drawing import drawing
 from mi_lcair.formats import csv
 from mi_lcair.reports import method_chart
 
+COSTS = method_chart.TIME | {"samples": "rays"}
+
 
 def write(folder: Path, result: Chart) -> None:
-    """Write propagation.png and .csv, propagation_closure.png and .csv to a folder."""
-    method_chart.draw(
-        folder / "propagation.png",
-        result.points,
-        "What a scene sends toward the observer: error against cost",
-        samples="rays",
-        floor=1e-6,
-    )
+    """Write the pictures propagation.png, propagation_thesis.png and propagation_closure.png, and
+    the tables propagation.csv and propagation_closure.csv, to a folder.
+    """
+    of_thesis = {method.name for method in GROUPS["thesis"]}
+    ours = [p for p in result.points if p.method not in {AMBIENT.name, *of_thesis}]
+    theirs = [p for p in result.points if p.method in of_thesis]
+    for name, points, methods in (
+        ("propagation.png", ours, "Path tracing"),
+        ("propagation_thesis.png", theirs, "The thesis's methods"),
+    ):
+        title = f"{methods}: error of what a scene sends toward the observer, against cost"
+        method_chart.draw(folder / name, points, title, COSTS, floor=1e-6)
     chart.write_csv(folder / "propagation.csv", result.points)
     draw_closures(folder / "propagation_closure.png", result.closures)
     write_closures(folder / "propagation_closure.csv", result.closures)

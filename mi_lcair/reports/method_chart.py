@@ -1,4 +1,4 @@
-"""Pictures that compare methods: error against time and against samples."""
+"""Pictures that compare methods: error against time and against other costs."""
 
 from itertools import cycle
 from pathlib import Path
@@ -10,6 +10,7 @@ from mi_lcair.benchmark.reflectance_chart import THETA_DEG
 from mi_lcair.drawing import drawing, plain
 
 MARKERS = "osD^v<>PX*hp"
+TIME = {"seconds": "time after the compile (s)"}
 
 
 def write_reflectance(folder: Path, points) -> None:
@@ -17,12 +18,13 @@ def write_reflectance(folder: Path, points) -> None:
     title = (
         f"Reflectance DHR({THETA_DEG}°) by eight methods: median error, quartiles, and rms (dashed)"
     )
-    draw(folder / "reflectance.png", points, title, samples="evaluations of the BRDF")
+    costs = TIME | {"samples": "evaluations of the BRDF"}
+    draw(folder / "reflectance.png", points, title, costs)
     chart.write_csv(folder / "reflectance.csv", points)
 
 
-def draw(path, points, title: str, cases=None, samples="samples", floor=1e-7) -> None:
-    """Write a PNG with a row for each case: error against time and against samples.
+def draw(path, points, title: str, costs: dict[str, str], floor=1e-7) -> None:
+    """Write a PNG with a row for each case: error against each cost.
 
     Both axes are logarithmic. Each method has its own colour and marker. The solid line is the
     median error, the band its quartiles, and the dashed line the rms error. A method with a single
@@ -36,25 +38,22 @@ def draw(path, points, title: str, cases=None, samples="samples", floor=1e-7) ->
         Measured points of all cases and methods.
     title : str
         Title of the picture.
-    cases : list of str, optional
-        Cases to draw, by default all.
-    samples : str
-        Label of the axis of samples.
+    costs : dict of str to str
+        Label of the axis by the field of the points, such as "seconds".
     floor : float
         Smaller errors are drawn at this value.
     """
-    cases = cases or chart.names(points, "case")
-    with drawing(path, (11, 1.2 + 3.1 * len(cases)), dpi=120, layout="constrained") as figure:
+    cases = chart.names(points, "case")
+    size = 5.5 * len(costs), 1.2 + 3.1 * len(cases)
+    with drawing(path, size, dpi=120, layout="constrained") as figure:
         styles = {
             method: {"color": colour(k), "marker": marker}
             for k, (method, marker) in enumerate(zip(chart.names(points, "method"), cycle(MARKERS)))
         }
-        rows = figure.subplots(len(cases), 2, sharey="row", squeeze=False)
+        rows = figure.subplots(len(cases), len(costs), sharey="row", squeeze=False)
         lines = {}
         for row, case in zip(rows, cases):
-            for panel, field, label in zip(
-                row, ("seconds", "samples"), ("time after the compile (s)", samples)
-            ):
+            for panel, (field, label) in zip(row, costs.items()):
                 lines |= draw_curves(panel, points, case, field, styles, floor)
                 panel.set_xlabel(label, fontsize=9)
             row[0].set_ylabel("relative error")
@@ -89,7 +88,7 @@ def draw_curves(panel, points, case: str, field: str, styles: dict, floor: float
     case : str
         Name of the case.
     field : str
-        "seconds" or "samples".
+        Field of the points, such as "seconds".
     styles : dict of str to dict
         Colour and marker of each method.
     floor : float

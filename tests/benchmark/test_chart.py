@@ -109,5 +109,5 @@ def test_files(tmp_path):
         and rows[4]["method"] == "lucky"
         and rows[-1]["case"] == "cavity, closed"
     )
-    method_chart.draw(tmp_path / "a.png", POINTS, "two methods")
+    method_chart.draw(tmp_path / "a.png", POINTS, "two methods", method_chart.TIME)
     assert (tmp_path / "a.png").stat().st_size > 20000

@@ -3,11 +3,13 @@
 How a method is timed, after which effort it stops, and the files of given points.
 """
 
+from dataclasses import replace
+
 import pytest
 
 from mi_lcair.benchmark import propagation_chart
 from mi_lcair.benchmark.chart import Point
-from mi_lcair.benchmark.propagation import METHODS
+from mi_lcair.benchmark.propagation import AMBIENT, METHODS
 from mi_lcair.benchmark.propagation.problem import Method, Problem
 from mi_lcair.benchmark.propagation_chart import (
     CLOSURES,
@@ -110,11 +112,22 @@ def test_slow_runs_are_repeated_less():
     assert wanted(random, done, effort) == propagation_chart.LEAST_REPETITIONS
 
 
+def test_no_panel_has_more_than_six_lines(tmp_path, figures):
+    """The thesis's methods are apart from path tracing."""
+    point = result().points[0]
+    points = [replace(point, method=method.name) for method in METHODS]
+    closure_chart.write(tmp_path, replace(result(), points=points))
+    names = [[line.get_text() for line in figure.legends[0].texts] for figure in figures[:2]]
+    assert all(len(methods) <= 6 for methods in names)
+    assert {*names[0], *names[1], AMBIENT.name} == {method.name for method in METHODS}
+
+
 @pytest.mark.slow
 def test_files(tmp_path):
     closure_chart.write(tmp_path, result())
     assert {file.name for file in tmp_path.iterdir()} == {
         "propagation.png",
+        "propagation_thesis.png",
         "propagation.csv",
         "propagation_closure.png",
         "propagation_closure.csv",

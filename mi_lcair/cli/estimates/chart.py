@@ -7,6 +7,10 @@ import click
 from mi_lcair.cli.options import examples, json_option, output_option, progress_bar
 from mi_lcair.cli.output import print_columns, print_json
 
+OF_PROPAGATION = (
+    "propagation.png and .csv, propagation_thesis.png, propagation_closure.png and .csv"
+)
+
 
 @click.group("chart", no_args_is_help=False)
 def command():
@@ -59,7 +63,7 @@ def reflectance(output, quick, json):
 
 
 @command.command("propagation", epilog=examples("mi-lcair chart propagation --quick -o charts"))
-@chart_options("propagation.png and .csv, and propagation_closure.png and .csv")
+@chart_options(OF_PROPAGATION)
 def propagation(output, quick, json):
     """Compare methods that follow radiation from facet to facet.
 
@@ -89,7 +93,7 @@ def propagation(output, quick, json):
         "No larger effort of a method is tried once a run takes more than "
         f"{result.effort.seconds:g} s of processor time on each thread, however busy the machine."
     )
-    click.echo(f"wrote propagation.png and .csv, propagation_closure.png and .csv to {output}")
+    click.echo(f"wrote {OF_PROPAGATION} to {output}")
 
 
 @command.command("throughput")
