@@ -83,8 +83,8 @@ class Scenery:
             return np.full((len(rows), len(columns)), level)
         horizon = self.around.horizon_deg
         elevation, azimuth = self.directions(np.asarray(columns), np.asarray(rows))
-        lowest = -90 if self.around.ground is not None else horizon + BESIDE_HORIZON_DEG
-        highest = 90 if self.around.sky is not None else horizon - BESIDE_HORIZON_DEG
+        lowest = -np.inf if self.around.ground is not None else horizon + BESIDE_HORIZON_DEG
+        highest = np.inf if self.around.sky is not None else horizon - BESIDE_HORIZON_DEG
         elevations = np.clip(np.append(elevation, self.sight[0]), lowest, highest)
         azimuths = np.append(azimuth, self.sight[1])
         values = self.around.in_band_radiance(rule, elevations, azimuths)
@@ -114,11 +114,11 @@ class Scenery:
         columns, rows = places
         samples = self.at(rule, columns, rows) - level
         # Rows of samples that the horizon crosses are means of finer rows
-        borders = np.append(rows, rows[-1] + 1 / OVERSAMPLING) - 0.5 / OVERSAMPLING
+        borders = np.arange(len(rows) + 1) / OVERSAMPLING - MARGIN
         above = self.directions(columns, borders)[0] >= self.around.horizon_deg
-        crossed = np.any(above[1:] != above[:-1], axis=1)
-        offsets = ((np.arange(FINER) + 0.5) / FINER - 0.5) / OVERSAMPLING
-        finer = self.at(rule, columns, (rows[crossed, None] + offsets).ravel()) - level
+        (crossed,) = np.nonzero(np.any(above[1:] != above[:-1], axis=1))
+        parts = (np.arange(FINER) + 0.5) / (FINER * OVERSAMPLING)
+        finer = self.at(rule, columns, (borders[crossed, None] + parts).ravel()) - level
         samples[crossed] = finer.reshape(-1, FINER, len(columns)).mean(axis=1)
         far = FARTHEST // 2
         samples = np.pad(samples, OVERSAMPLING * far, mode="edge")
