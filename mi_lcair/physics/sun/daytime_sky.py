@@ -19,8 +19,8 @@ from mi_lcair.physics.spectrum import Spectrum
 from mi_lcair.physics.sun.sunlight import sunlight
 
 SUN_ELEVATION_DEG = 45.0  # of a sky that states none
-# Elevations at which the sky is computed [degrees]; the radiance between them is interpolated
-RINGS_DEG = 0, 0.5, 1, 1.5, 2.5, 4, 6, 8, 11, 15, 20, 26, 34, 43, 53, 65, 78, 90
+# Elevations above the horizon at which the sky is computed [degrees], for any height
+RINGS_DEG = 0, 0.1, 0.22, 0.36, 0.55, 0.8, 1.15, 1.7, 2.5, 3.7, 5.5, 9, 14, 22, 34, 52, 72, 90
 ANGLES_DEG = np.concatenate([np.arange(0, 20, 1.0), np.arange(20, 181, 4.0)])  # from the sun
 MEAN_COLUMNS = 18  # azimuths for the mean over the sky
 ABOVE_HORIZON_DEG = 1e-3  # elevation of the lowest ray above the horizon, lest it meet the ground

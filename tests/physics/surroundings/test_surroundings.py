@@ -31,6 +31,17 @@ def test_sky_of_night():
         assert around.in_band_radiance(LWIR, elevation) == pytest.approx(expected, rel=3e-3)
 
 
+@pytest.mark.parametrize("height_m", [1000.0, 10_000.0])
+def test_sky_from_a_height(height_m):
+    """From 10 km, where rays below the horizontal pass denser air, within 2 %."""
+    around = surroundings("clear", height_m=height_m)
+    for above in (0.17, 0.9, 2.0, 3.0, 6.0, 30.0):
+        elevation = around.horizon_deg + above
+        for each in (MWIR, LWIR):
+            expected = AIR.sky(height_m, elevation).in_band_radiance(each)
+            assert around.in_band_radiance(each, elevation) == pytest.approx(expected, rel=2e-2)
+
+
 @pytest.mark.parametrize("emissivity", [1.0, 0.7])
 def test_ground_without_air_before_it(emissivity):
     around = surroundings("clear", Ground(300.0, emissivity))
