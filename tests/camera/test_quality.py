@@ -83,6 +83,7 @@ def test_the_optics_emission_is_noise():
     assert warm.background == LEVEL + signal and warm.glow == signal and cold.glow == 0
     pattern = np.hypot(0.01 * (LEVEL + signal), 2000)
     assert warm.noise == pytest.approx(np.hypot(np.sqrt(LEVEL + signal + other), pattern), rel=1e-9)
+    assert measures(design=Correction(1.0, 4e6 - signal)).netd_measured is None  # a full well
     even = LEVEL * np.array([1, 1, 1, 0.5]) + signal + np.zeros((2, 1))
     assert measures(design=Correction(np.array([1, 1, 1, 0.5]), signal), signal=even).snr == 0
 
