@@ -635,6 +635,20 @@ def test_plot(folder, figures, tmp_path):
 
 
 @pytest.mark.slow
+def test_spectra_of_a_plot_are_times_the_response(folder, tmp_path):
+    """The area below a curve is the value in band that its title states."""
+    response = tmp_path / "response.csv"
+    response.write_text("wavelength_um,response\n3,0.1\n4,1\n5,0.3\n")
+    given = {"sensor__response": str(response), "atmosphere__table": "vacuum"}
+    result = contrast(disc(folder, **given, render__resolution=8))
+    picture = figure(result)
+    assert "spectra times the response" in picture.get_suptitle()
+    line = next(curve for curve in picture.axes[0].lines if curve.get_label() == "intensity")
+    area = np.trapezoid(line.get_ydata(), line.get_xdata())
+    assert area == pytest.approx(result.rows[-1].intensity.value, rel=0.02)
+
+
+@pytest.mark.slow
 def test_titles_of_a_plot_fit_into_it(folder):
     result = contrast(
         disc(

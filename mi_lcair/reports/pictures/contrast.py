@@ -11,6 +11,8 @@ def figure(contrast: Contrast):
     """Figure of the spectra of the last row of a contrast."""
     bounces = contrast.rows[-1].max_bounces
     title = f"{contrast.scenario.name}, {contrast.detector.band.label}, up to {bounces} reflections"
+    if contrast.detector.band.response is not None:
+        title += "; spectra times the response"
     return figure_of(charts(contrast), title)
 
 
@@ -18,10 +20,13 @@ def charts(contrast: Contrast) -> list[LineChart]:
     """Spectra of the last row of a contrast.
 
     They are the intensity before the air, the target's irradiance with the transmittance of the
-    air, and the terms of the contrast.
+    air, and the terms of the contrast, each times the response of the detector, so that the area
+    below a curve is the value in band.
     """
     row = contrast.rows[-1]
-    x, spectra = row.irradiance.wavelengths_um, row.irradiance.spectral(contrast.path)
+    x, response = row.irradiance.wavelengths_um, contrast.detector.band.response_at
+    spectra = row.irradiance.spectral(contrast.path)
+    spectra = {name: values * response(x) for name, values in spectra.items()}
     transmittance, _ = contrast.path.at(x)
     intensity = Curve("intensity", spectra["intensity"], INTENSITY)
     target = Curve("target", spectra["target"], IRRADIANCE, 1)
