@@ -55,7 +55,7 @@ def test_every_public_function_takes_its_turn():
         for name, function in functions.items()
         if inspect.isfunction(function) and not hasattr(function, "__wrapped__")
     }
-    assert free == {"materials", "temperature", "trend"}
+    assert free == {"temperature", "trend"}
 
 
 def test_functions_take_turns():

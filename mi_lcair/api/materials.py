@@ -3,8 +3,10 @@
 from pathlib import Path
 
 from mi_lcair.physics.reflection.material_list import MaterialList, material_list
+from mi_lcair.startup.threads import exclusively
 
 
+@exclusively
 def materials(*paths: str | Path) -> MaterialList:
     """The known materials, with their bands, emissivities and sources.
 
