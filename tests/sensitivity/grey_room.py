@@ -11,7 +11,7 @@ NUMBER = '<bsdf type="grey" id="paint"> <float name="emissivity" value="{}"/> </
 ROOM = """<scene version="3.0.0">
     <integrator type="bounce_path"> <integer name="max_bounces" value="4"/> </integrator>
     <sensor type="orthographic">
-        <transform name="to_world"> <scale x="2" y="2"/>
+        <transform name="to_world"> <scale x="0.5" y="0.5"/>
         <lookat origin="0, -2, 4" target="0, 0, 0" up="0, 1, 0"/> </transform>
         <film type="hdrfilm"> <integer name="width" value="16"/> <integer name="height" value="16"/>
         <string name="pixel_format" value="luminance"/> <rfilter type="box"/> </film>
