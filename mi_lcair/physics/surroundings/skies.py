@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, unknown
 from mi_lcair.physics.air.bands import bands
 from mi_lcair.physics.air.levels import Weather
 from mi_lcair.physics.air.light import AirLight
@@ -18,6 +18,7 @@ from mi_lcair.physics.sky import (
     clear_name,
     has_elevations,
     mean_nodes,
+    sky_names,
     spectrum,
 )
 from mi_lcair.physics.spectrum import Spectrum
@@ -154,6 +155,10 @@ def sky_of(
     try:
         kelvin = float(text)
     except ValueError:
+        known = sky_names()
+        if text not in known and not Path(text).suffix and not Path(text).exists():
+            words = CLEAR, OVERCAST, "a temperature in K", *known, "a CSV file"
+            raise unknown("sky table", text, words) from None
         return TableSky(text)
     if not 0 < kelvin < 1e4:
         raise InputError(f"surroundings: sky {text}; a temperature must lie in 0..10000 K")
