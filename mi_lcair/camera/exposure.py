@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -119,16 +120,6 @@ def exposure(
     in_pixel = min(view.parts**2, columns * rows)
     hidden = detector_mean(setting.backdrop.at_sensor(range_m), scene.band)
 
-    def reduced(sums: Sums) -> Sums:
-        """The channels of the model; as radiance, its difference from the background."""
-        channels = {"target": sums.channels["target"]} | {
-            f"target.{name}": values
-            for name, values in sums.channels.items()
-            if name in ("hit", "range") or name.startswith(("source.", "wavelength."))
-        }
-        contrast = channels["target"] - hidden * channels["target.hit"]
-        return replace(sums, channels=channels, radiance=contrast)
-
     windows = Windows(
         view.sensor(scene),
         columns,
@@ -138,7 +129,9 @@ def exposure(
         are_pixels=True,
         by_randomisation=False,
     )
-    measurands = Measurands(Channels("model"), by_spectrum=True, reduced=reduced)
+    measurands = Measurands(
+        Channels("model"), by_spectrum=True, reduced=partial(of_model, hidden=hidden)
+    )
     criterion = None
     if sampling.tolerance is not None:
         criterion = ModelError(sampling.tolerance, in_pixel)
@@ -204,6 +197,17 @@ def exposure(
         paths=int(total.traced.sum()),
         variants=tuple(by_channel(emitting) for emitting in variants(sources)),
     )
+
+
+def of_model(sums: Sums, hidden: float) -> Sums:
+    """The channels of the model; as radiance, its difference from the `hidden` background."""
+    channels = {"target": sums.channels["target"]} | {
+        f"target.{name}": values
+        for name, values in sums.channels.items()
+        if name in ("hit", "range") or name.startswith(("source.", "wavelength."))
+    }
+    contrast = channels["target"] - hidden * channels["target.hit"]
+    return replace(sums, channels=channels, radiance=contrast)
 
 
 def interpolated(arrival_from: Callable[[np.ndarray], Arrival], ranges: np.ndarray) -> Arrival:

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy import stats
 
-from mi_lcair.inversion.least_squares.bad_pixels import bad_pixels
+from mi_lcair.inversion.least_squares.bad_pixels import ROUNDS, Search, bad_pixels
 from tests.inversion.blocks import block
 
 N, SIGMA = 2000, 0.3
@@ -46,3 +46,28 @@ def test_of_many_pixels_the_worst_are_listed():
     measured[:400] = np.linspace(10, 50, 400)
     is_bad, are_many = found(measured)
     assert are_many and np.flatnonzero(is_bad).tolist() == list(range(300, 400))
+
+
+def test_a_search_ends_when_it_finds_the_same_pixels():
+    """Their weights are 0, those of others stay."""
+    measured = 0 * NOISE
+    measured[7] = 100.0
+    image = block(np.zeros((2, N)), np.zeros((2, N, 1)), measured, SIGMA, is_image=True)
+    search, x = Search([image]), np.zeros(1)
+    assert search.continues([image], x, [WEIGHT]) and not search.continues([image], x, [WEIGHT])
+    (weighed,) = search.weighed([image], [WEIGHT])
+    assert np.flatnonzero(weighed.weight != WEIGHT).tolist() == [7] and weighed.weight[7] == 0
+
+
+def test_a_search_gives_up_where_residuals_are_large_everywhere():
+    """Other pixels are bad in each round; after the last one none is."""
+    search, x, count = Search([block([NOISE], np.zeros((1, N, 1)), NOISE)]), np.zeros(1), 0
+    random = np.random.default_rng(1)
+    while True:
+        measured = 100 * SIGMA * random.normal(size=N)
+        measured[random.integers(N)] = 1e9
+        image = block(np.zeros((2, N)), np.zeros((2, N, 1)), measured, SIGMA, is_image=True)
+        count += 1
+        if not search.continues([image], x, [WEIGHT]):
+            break
+    assert count == ROUNDS + 1 and not search.bad[0].any()
