@@ -47,6 +47,9 @@ STEPS = 1024
 STEPS_PER_QUADRATURE = 4
 # Narrow lobes bend sharply at the horizon, so each of the first nodes is a quadrature of its own.
 STEPS_AT_HORIZON = 64
+# Error of HDR from the table and from single precision. It matters where little is emitted.
+HDR_ERROR = 8e-7
+LEAST_EMISSIVITY = 0.01  # surfaces that emit less are taken to emit this much of what is seen
 # Excess of HDR over 1 that causes a remark; a smaller excess may be an error of the table.
 ALARM = 1e-5
 
@@ -233,6 +236,13 @@ class ReflectionBSDF(mi.BSDF):
         """Smallest angle [degrees] at which the model's HDR exceeds 1; None if there is none."""
         return first_saturated_angle_deg(self.model, self.values, self.form)
 
+    @property
+    def relative_error(self) -> float:
+        """Error of the emissivity 1 - HDR at normal incidence, relative to it."""
+        if self.emissivity != "kirchhoff" or self.measured is not None:
+            return 0.0
+        return emissivity_error(self.model, self.values, self.form)
+
     def explore(self, least_share: float) -> None:
         """Sample floor and lobe at least so often; 0 as often as their reflectances say."""
         if least_share != self.least_share:
@@ -378,6 +388,16 @@ def first_saturated_angle_deg(
     floor, lobe = parts_of_HDR(model, stored_tables(model, values, form), cos, sin2)
     above = (floor + lobe).numpy() > 1 + ALARM
     return float(np.degrees(theta[above.argmax()])) if above.any() else None
+
+
+@lru_cache(maxsize=128)
+def emissivity_error(model: reflection.ReflectionModel, values: tuple, form: str) -> float:
+    """Relative error of the emissivity 1 - HDR at normal incidence."""
+    cos, sin2 = mi.Float(1), mi.Float(0)
+    floor, lobe = parts_of_HDR(model, stored_tables(model, values, form), cos, sin2)
+    emissivity = 1 - float((floor + lobe).numpy()[0])
+    # A mirror that emits nothing has no error of what it emits
+    return HDR_ERROR / max(emissivity, LEAST_EMISSIVITY) if emissivity > HDR_ERROR else 0.0
 
 
 def parts_of_HDR(model: reflection.ReflectionModel, derived: tuple, cos, sin2) -> tuple:

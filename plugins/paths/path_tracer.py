@@ -10,6 +10,7 @@ from mitsuba.python.ad.integrators.common import RBIntegrator
 
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.bsdfs.plume import is_plume
+from mi_lcair.plugins.bsdfs.reflection_bsdf import ReflectionBSDF
 from mi_lcair.plugins.columns.control import control_of
 from mi_lcair.plugins.derivatives import attached, derivations, deriving, flatten, own_memory
 from mi_lcair.plugins.emission.draw_table import UnmetSources
@@ -55,8 +56,14 @@ class PathTracer(RBIntegrator):
         if settings.closure == "ambient":
             ambient = mi.Float(in_band_radiance(emitters.band, settings.ambient_temperature))
         most, samples = settings.max_bounces, settings.emitter_sampling
-        tables = [p for p in derivations(deriving(state.plugins)) if isinstance(p, Table)]
-        of_tables = max((table.relative_error for table in tables), default=0.0)
+        of_tables = max(
+            (
+                part.relative_error
+                for part in derivations(deriving(state.plugins))
+                if isinstance(part, Table | ReflectionBSDF)
+            ),
+            default=0.0,
+        )
         vars(self).update(
             scene=scene,
             plugins=deriving(state.plugins),
