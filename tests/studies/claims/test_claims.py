@@ -1,4 +1,4 @@
-"""What the commands claim about adverse scenes holds, but for the defects that are listed."""
+"""What the commands claim about adverse scenes holds."""
 
 import numpy as np
 import pytest
@@ -9,27 +9,12 @@ from docs.studies.claims.coverage import defects, interval, rows
 
 SEED, SCENES = 1, 40  # about a minute
 
-# Claims that do not hold yet, with their numbers in these scenes. The list must not grow. Remove
-# what holds.
-KNOWN = {
-    "budget's noise": "2 of 7: the row leaves out what few paths meet",
-    "channel, by bounce": "3 of 58: channels that few paths meet",
-    "channel, by group": "3 of 60: groups that few paths meet",
-    "derivative, material": "1 of 4: derivatives of what no path meets are 0 +- 0",
-    "derivative, source": "1 of 13: derivatives of what no path meets are 0 +- 0",
-    "facet": "2 of 14: a facet that no path meets has 0 +- 0",
-    "pixel": "65 of 128 of seed 7: pixels leave out what few paths meet",
-    "small part": "1 of 3: a mesh that rounding makes a point gets no remark",
-}
-
 
 @pytest.mark.slow
-def test_claims_hold_but_for_known_defects():
+def test_claims_hold():
     found = run(SEED, range(SCENES))
     assert len(found) > 10 * SCENES
-    failed = defects(found, by_kind=False)
-    unknown = {name: text for (name, _), text in failed.items() if name not in KNOWN}
-    assert not unknown
+    assert not defects(found, by_kind=False)
 
 
 def claim(held: bool, scene: int, name: str = "interval, target") -> Claim:
