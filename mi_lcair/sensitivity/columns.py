@@ -164,7 +164,10 @@ def recording(scene, columns: dict, weights, pilot) -> Recording:
 
     tables = tables.with_incoming(incoming_radiance(pilot(tables, 1), tables.surfaces))
     found, method = pilot(tables, 2), {}
-    noise = lambda names: np.var(sum(found[name] for name in names), axis=1).sum()
+
+    def noise(names):
+        return np.var(sum(found[name] for name in names), axis=1).sum()
+
     for k, name in enumerate(columns):
         method[name] = "score" if k < tables.materials else "linear"
         controlled = [f"column.{k}", f"control.{k}"]

@@ -199,7 +199,10 @@ def pass_sums(found: Contributions, launch: Launch, facets: int) -> list:
     begin = np.searchsorted(found.path, np.arange(rows + 1) * launch.points)
     by_facet = sparse.csr_array((found.value, found.column, begin), shape=(rows, facets))
     by_facet.sum_duplicates()
-    total = lambda values: values.reshape(rows, -1).sum(axis=1, dtype=np.float64)
+
+    def total(values):
+        return values.reshape(rows, -1).sum(axis=1, dtype=np.float64)
+
     return [by_facet, total(found.rest), total(found.valid)]
 
 

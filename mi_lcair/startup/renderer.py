@@ -29,7 +29,9 @@ def take_loaded_scenes() -> None:
 
 def _with_scene(function):
     """The function that gets the `mi` of each argument that has one, in the argument's place."""
-    of = lambda value: getattr(value, "mi", value)
+
+    def of(value):
+        return getattr(value, "mi", value)
 
     @wraps(function)
     def taking_scene(*arguments, **options):

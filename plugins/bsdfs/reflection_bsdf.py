@@ -347,7 +347,10 @@ def tables(model: reflection.ReflectionModel, values: tuple, form: str) -> tuple
     """
     Float64 = dr.float64_array_t(mi.Float)
     S = model.surface(*(Float64(number) for number in values), form=form)
-    quadratures = lambda t: model.lobe_HDR(S, dr.acos(dr.square(t)))
+
+    def quadratures(t):
+        return model.lobe_HDR(S, dr.acos(dr.square(t)))
+
     coarse = quadratures(dr.linspace(Float64, 0, 1, STEPS // STEPS_PER_QUADRATURE + 1))
     fine = quadratures(dr.arange(Float64, STEPS_AT_HORIZON) / STEPS)
     node = dr.arange(mi.UInt32, STEPS + 1)

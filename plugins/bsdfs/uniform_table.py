@@ -47,5 +47,8 @@ def refine(table, factor: int):
         x * (x - 1) * (3 - x) / 2,
         x * (x - 1) * (x - 2) / 6,
     )
-    neighbour = lambda k: gather(table, mi.UInt32(first + k))
+
+    def neighbour(k):
+        return gather(table, mi.UInt32(first + k))
+
     return sum(weight * neighbour(k) for k, weight in enumerate(weights))

@@ -139,7 +139,10 @@ class Vertex:
         """
         i = mi.Vector3f(i.x, i.y, dr.select(self.back, -i.z, i.z))
         if self.slopes.lobe == "brdf":
-            f = lambda S, floor, lobe: self.model.f(S, i, self.r) / dr.maximum(floor + lobe, 1)
+
+            def f(S, floor, lobe):
+                return self.model.f(S, i, self.r) / dr.maximum(floor + lobe, 1)
+
             (value, slopes), factor = self.gradient(f), cos_theta(i)
         else:
             (value, slopes), factor = self.HDR, dr.select(is_delta, 1, dr.inv_pi * cos_theta(i))
@@ -152,7 +155,10 @@ class Vertex:
         table. The chain rule leads from these to the parameters.
         """
         cos, sin2 = cos_theta(self.r), sin2_theta(self.r)
-        of_row = lambda S: S.map(lambda numbers: dr.gather(mi.Float, numbers, self.row))
+
+        def of_row(S):
+            return S.map(lambda numbers: dr.gather(mi.Float, numbers, self.row))
+
         with dr.resume_grad():
             S, table = of_row(self.slopes.surface), mi.Float(self.table)
             dr.enable_grad(S, table)
@@ -164,7 +170,10 @@ class Vertex:
             sum(map(mul, of_surface.numbers, of_row(S).numbers)) + of_table * slope
             for S, slope in zip(self.slopes.surface_slopes, self.table_slopes)
         ]
-        keep = lambda number: dr.select(self.known, dr.detach(number), 0)
+
+        def keep(number):
+            return dr.select(self.known, dr.detach(number), 0)
+
         return keep(value), [keep(slope) for slope in slopes]
 
 
@@ -189,7 +198,9 @@ def with_slopes(bsdf) -> tuple:
     """The `Surface` and the table of HDR of a BSDF, and their derivatives in each parameter."""
     if is_reflection_bsdf(bsdf):
         model, form, values = bsdf.model, bsdf.form, bsdf.values
-        function = lambda *values: tables(model, values, form)
+
+        def function(*values):
+            return tables(model, values, form)
     else:
         # A plume's transmittance has the same derivatives as a grey surface's reflectance.
         model, form = reflection.model("grey"), "standard"
@@ -197,7 +208,10 @@ def with_slopes(bsdf) -> tuple:
         values = (float(dr.detach(mi.traverse(bsdf)[key])[0]),)
         # In Float32 the difference 1 - rho would be wrong for a small rho
         exact = dr.float64_array_t(mi.Float)
-        function = lambda rho: tables(model, (1 - exact(rho),), form)
+
+        def function(rho):
+            return tables(model, (1 - exact(rho),), form)
+
     slopes = []
     for number in (None, *range(len(values))):
         with dr.resume_grad():
@@ -217,7 +231,10 @@ def with_slopes(bsdf) -> tuple:
 
 def joined(parts: list):
     """Arrays, or the numbers of `Surface`s, one after the other."""
-    join = lambda arrays: mi.Float(np.concatenate([array.numpy() for array in arrays]))
+
+    def join(arrays):
+        return mi.Float(np.concatenate([array.numpy() for array in arrays]))
+
     if dr.is_array_v(parts[0]):
         return join(parts)
     columns = iter(zip(*(part.numbers for part in parts)))

@@ -150,11 +150,15 @@ def pilot_launch(seed: int, randomisations: int) -> Launch:
 
 def incoming_radiance(found: dict, surfaces: int) -> np.ndarray:
     """The table `ColumnTables.incoming` from the channels of a pilot through the cells."""
-    measured = lambda name: np.array(
-        [found[f"{name}.{k}"].sum(axis=1) for k in range(surfaces + 1)]
-    )
+
+    def measured(name):
+        return np.array([found[f"{name}.{k}"].sum(axis=1) for k in range(surfaces + 1)])
+
     reflected, throughput = measured("reflected"), measured("throughput")
-    ratio = lambda a, b, otherwise: np.where(b > 0, a / np.where(b > 0, b, 1), otherwise)
+
+    def ratio(a, b, otherwise):
+        return np.where(b > 0, a / np.where(b > 0, b, 1), otherwise)
+
     means = ratio(reflected.sum(axis=1), throughput.sum(axis=1), 0.0)
     cells = ratio(reflected[0], throughput[0], means[0])
     # A surface without a column has the number 0 and no score

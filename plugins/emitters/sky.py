@@ -129,7 +129,10 @@ class Sky(DistantEmitter):
 
         sky_warmer, ground_warmer: added to the temperatures [K]. emissivity: that of the ground.
         """
-        number = lambda array: float(dr.detach(array)[0])
+
+        def number(array):
+            return float(dr.detach(array)[0])
+
         values, ground = self.values, None
         sky = None if values["sky"] == NO_SKY else values["sky"]
         if self.temperature is not None:
@@ -229,7 +232,10 @@ class Sky(DistantEmitter):
         for sign, of_half in zip((1, -1), elevations):
             z = self.sin_horizon + sign * (1 - sign * self.sin_horizon) * nodes
             away = np.degrees(np.arcsin(np.clip(z, -1, 1))) - horizon
-            at = lambda angle: -np.log(air_mass(np.abs(angle)))
+
+            def at(angle):
+                return -np.log(air_mass(np.abs(angle)))
+
             places.append(np.interp(at(away), at(of_half - horizon), np.arange(len(of_half))))
         self.places = mi.Float(np.concatenate(places))
 
@@ -298,12 +304,15 @@ class Sky(DistantEmitter):
         """Derivative of each part's radiance with respect to a parameter, divided by it."""
         if key == "scale":
             return self.is_scaled / float(dr.detach(self.scale)[0])
-        radiances = lambda *changes: np.array(
-            [
-                0.0 if light is None else light.in_band_radiance(self.band)
-                for light in self.lights(self.around(*changes))
-            ]
-        )
+
+        def radiances(*changes):
+            return np.array(
+                [
+                    0.0 if light is None else light.in_band_radiance(self.band)
+                    for light in self.lights(self.around(*changes))
+                ]
+            )
+
         if key == "ground_emissivity":  # in which all is linear
             now = float(dr.detach(self.ground_emissivity)[0])
             high, low, width = radiances(), radiances(0.0, 0.0, now / 2), now / 2
@@ -402,11 +411,14 @@ class Sky(DistantEmitter):
         i = dr.minimum(mi.UInt32(row), ROWS - 1)
         up, first = row - mi.Float(i), i + dr.select(below, mi.UInt32(ROWS + 1), 0)
         table, factor = self.derived
-        at = lambda values, index, stride=1: dr.lerp(
-            dr.gather(mi.Float, values, index, active),
-            dr.gather(mi.Float, values, index + stride, active),
-            up,
-        )
+
+        def at(values, index, stride=1):
+            return dr.lerp(
+                dr.gather(mi.Float, values, index, active),
+                dr.gather(mi.Float, values, index + stride, active),
+                up,
+            )
+
         stride = self.columns + 1
         if self.columns:
             along, beside = dr.dot(d.xy, self.toward_sun), d.y * self.toward_sun.x

@@ -61,7 +61,10 @@ class Launch:
 
     def paths_from(self, sampler) -> "Paths":
         """The paths of the launch. sampler: the sensor's, which chooses the random numbers."""
-        opaque = lambda value: dr.opaque(mi.UInt32, value)
+
+        def opaque(value):
+            return dr.opaque(mi.UInt32, value)
+
         is_lattice = numbers(sampler) == "lattice"
         lane, windows = dr.arange(mi.UInt32, self.paths), mi.UInt32(self.window_numbers)
         dr.eval(lane)
@@ -195,7 +198,10 @@ class ParallelRays:
         sensor = column // of_sensor
         x = (mi.Float(column % of_sensor) + position.x) / mi.Float(of_sensor)
         y = (mi.Float(row) + position.y) / mi.Float(rows)
-        take = lambda kind, values: dr.gather(kind, values, sensor)
+
+        def take(kind, values):
+            return dr.gather(kind, values, sensor)
+
         start = (
             take(mi.Point3f, self.start)
             + (x - NEAR) * take(mi.Vector3f, self.right)

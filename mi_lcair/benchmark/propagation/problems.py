@@ -117,7 +117,10 @@ def referred(problem: Problem, paths: int) -> Problem:
     The answer is the mean over independent seeds. Its standard error follows from their scatter.
     """
     seeds = 8
-    run = lambda seed: path_tracing.intensity(problem, paths // seeds, seed)[0]
+
+    def run(seed):
+        return path_tracing.intensity(problem, paths // seeds, seed)[0]
+
     values = [run(1_000_000 + seed) for seed in range(seeds)]
     error = float(np.std(values, ddof=1) / np.sqrt(seeds))
     return replace(

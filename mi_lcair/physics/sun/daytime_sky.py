@@ -121,9 +121,10 @@ class ClearSky:
             place = np.interp(angle, ANGLES_DEG, np.arange(len(ANGLES_DEG)))
             near = np.minimum(place.astype(int), len(ANGLES_DEG) - 2)
             off = place - near
-            of_ring = lambda ring: (
-                (1 - off) * scattered[ring, near] + off * scattered[ring, near + 1]
-            )
+
+            def of_ring(ring):
+                return (1 - off) * scattered[ring, near] + off * scattered[ring, near + 1]
+
             components.append(np.exp((1 - up) * of_ring(low) + up * of_ring(low + 1)))
         return components
 

@@ -185,7 +185,10 @@ class Surroundings:
 
     def _below(self, band, elevation, azimuth):
         """The two in-band components below the horizon."""
-        in_band = lambda light: 0.0 if light is None else light.in_band_radiance(band)
+
+        def in_band(light):
+            return 0.0 if light is None else light.in_band_radiance(band)
+
         if not self.is_through_air:
             return in_band(self.emitted_by_ground(None)), in_band(self.beside_emission(None))
         rings = GROUND_RINGS_DEG * (1 + self.horizon_deg / 90)

@@ -140,7 +140,9 @@ def pixel_errors(total: Totals, size: tuple[int, int]) -> np.ndarray:
     """
     from scipy.ndimage import uniform_filter
 
-    pooled = lambda values: uniform_filter(values.reshape(size), POOLED, mode="nearest").ravel()
+    def pooled(values):
+        return uniform_filter(values.reshape(size), POOLED, mode="nearest").ravel()
+
     variance = pooled(total.standard_error() ** 2)
     missed = pooled(total.missed_error()) / min(POOLED**2, np.prod(size))
     return np.sqrt(np.maximum(variance, 0) + missed**2)

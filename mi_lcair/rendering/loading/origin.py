@@ -74,7 +74,10 @@ def move(state, origin: np.ndarray) -> None:
 def move_node(node, values: dict, origin: np.ndarray, shift) -> None:
     """Move one shape, emitter or sensor by changing its `to_world` or its points."""
     points = [name for name in POINTS[node.type] if name in values]
-    point = lambda name: np.array(values[name], dtype=float)
+
+    def point(name):
+        return np.array(values[name], dtype=float)
+
     if "to_world" not in values and points:
         for name in points:
             node.props[name] = mi.ScalarPoint3d(point(name) - origin)
