@@ -5,6 +5,7 @@ from mi_lcair.api.contrast import contrast as contrast
 from mi_lcair.api.derivative_images import derivative_images as derivative_images
 from mi_lcair.api.image import image as image
 from mi_lcair.api.invert import invert as invert
+from mi_lcair.api.load import load as load
 from mi_lcair.api.materials import materials as materials
 from mi_lcair.api.parameters import parameters as parameters
 from mi_lcair.api.plan import plan as plan
@@ -17,6 +18,5 @@ from mi_lcair.api.trend import trend as trend
 from mi_lcair.errors import InputError as InputError
 from mi_lcair.fitting.estimation import fit as fit
 from mi_lcair.rendering.scene import Scene as Scene
-from mi_lcair.rendering.scene import load as load
 
 __version__: str

@@ -2,8 +2,9 @@
 
 from collections.abc import Mapping
 
+from mi_lcair.api.load import load
 from mi_lcair.errors import InputError
-from mi_lcair.rendering.scene import Scene, SceneLike, load, parameters_of_loaded
+from mi_lcair.rendering.scene import Scene, SceneLike, parameters_of_loaded
 
 
 def scene_of(scene: SceneLike, parameters: Mapping[str, object] | None = None) -> Scene:

@@ -349,7 +349,11 @@ def loading_options(command):
     """
 
     @click.argument("scene", shell_complete=completion.scenes)
-    @changes_option("Set a $-parameter of the scene", "parameters")
+    @changes_option(
+        "Set a $-parameter of the scene, or one that mi_lcair.parameters lists, such as "
+        "model.yaw_deg",
+        "parameters",
+    )
     @seed_option()
     @solution_option
     @renderer_options

@@ -89,6 +89,8 @@ class Scene:
     path: Path | None
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     digest: bytes = b""
+    # What motions have changed in `mi`, shared by all scenes with the same objects.
+    moved: dict = field(default_factory=dict, repr=False, compare=False)
     _tracers: dict = field(default_factory=dict, init=False, repr=False, compare=False)
     # The state of the scene for which triangles were last compared, and the remarks on them.
     _compared: list = field(default_factory=list, init=False, repr=False, compare=False)
@@ -192,29 +194,7 @@ SceneLike = Scene | mi.Scene | str | PathLike[str]
 
 @exclusively
 def load(scene: str | PathLike[str] | mi.Scene, /, **parameters: object) -> Scene:
-    """Load a scene XML or a bundled scene, or take over a scene that Mitsuba has loaded.
-
-    Parameters
-    ----------
-    scene : str, Path or mi.Scene
-        Path of the file, or of the folder that `mi-lcair import` wrote; a name that `mi-lcair
-        scenes` lists; or a scene that Mitsuba's functions load_file, load_dict or load_string
-        returned. Its integrator must be `bounce_path`.
-    **parameters
-        Values of the scene's $-parameters. "lobe.MATERIAL" sets the lobe of one material, as
-        `Scene.set_lobe` does.
-
-    Returns
-    -------
-    Scene
-
-    Raises
-    ------
-    InputError
-        If the scene cannot be used. Examples: there is no such file, it is not XML, a plugin,
-        property or parameter is unknown, a value is out of bounds, the emissivity of an emitting
-        surface is not known, the integrator is not bounce_path, there is no thermal emitter.
-    """
+    """The Scene of a file, or of a scene that Mitsuba loaded, see `mi_lcair.load`."""
     if mi.variant() not in VARIANTS:
         raise InputError(
             f"variant {mi.variant()} cannot render thermal scenes; set one of {', '.join(VARIANTS)}"

@@ -8,8 +8,7 @@ import numpy as np
 import scipy
 
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.derivatives import members
-from mi_lcair.plugins.emission.triangles import is_faceted
+from mi_lcair.plugins.emission.triangles import is_faceted, vertex_positions
 from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of
 from mi_lcair.rendering.scene import Scene
 
@@ -142,7 +141,7 @@ def check_resolution(resolution: int) -> None:
 def corners(shape) -> np.ndarray:
     """Points (n, 3) [m] whose hull contains a shape: vertices, or corners of the bounding box."""
     if is_faceted(shape):
-        return members(shape)["vertex_positions"].numpy().reshape(-1, 3).astype(float)
+        return vertex_positions(shape).astype(float)
     box = shape.bbox()
     return np.array([np.array(box.corner(k), dtype=float).ravel() for k in range(8)])
 

@@ -46,16 +46,19 @@ def explored_by(columns) -> frozenset:
 
 
 def without_column(scene, names) -> set[str]:
-    """Parameters with respect to which paths do not give the derivative, see `Plume`."""
+    """Parameters for which paths do not give the derivative: motions, and see `Plume`."""
+    motions = {entry.name for entry in chosen(scene, names) if entry.kind == "motion"}
     with scene.prepared() as tracer:
         if not tracer.emitters.draws:
-            return set()
-    columns = columns_of(scene, names)
+            return motions
+    columns = columns_of(scene, [name for name in names if name not in motions])
     materials = {n: c.surfaces for n, c in columns.items() if isinstance(c, MaterialColumn)}
-    return {name for name, surfaces in materials.items() if any(map(is_plume, surfaces))}
+    return motions | {name for name, surfaces in materials.items() if any(map(is_plume, surfaces))}
 
 
 def column_of(entry: Entry) -> MaterialColumn | SourceColumn:
+    if entry.kind == "motion":
+        raise InputError(f"{entry.name} is a motion, which has no derivative here")
     if entry.kind == "material":
         nodes = tuple(place.node for place in entry.places)
         return MaterialColumn(nodes, entry.places[0].key.removesuffix(".value"))

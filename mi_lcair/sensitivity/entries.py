@@ -1,12 +1,15 @@
 """Where a scene keeps the numbers that belong to the name of a parameter, see `parameters`."""
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.motions.motion import Motion
+from mi_lcair.motions.pose import known_motions, value_of
 from mi_lcair.plugins.bsdfs.plume import is_plume
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
 from mi_lcair.plugins.derivatives import nodes
@@ -28,7 +31,7 @@ class Parameter:
     name : str
         Its name, such as `self.temperature` or `gloss_black.e`.
     kind : str
-        "temperature", "radiance", "emissivity" or "material".
+        "temperature", "radiance", "emissivity", "material" or "motion".
     value : float
         Present value; the mean if several numbers belong to the name.
     unit : str
@@ -146,6 +149,25 @@ class Entry:
         return True
 
 
+@dataclass(frozen=True, kw_only=True)
+class OfMotion(Entry):
+    """The entry of a motion, whose numbers are the vertices of meshes; see `set_motions`."""
+
+    motion: Motion
+    value: float
+    model: ClassVar[None] = None
+
+    def numbers(self) -> list[np.ndarray]:
+        return [np.array([self.value])]
+
+    def mean(self, numbers: list[np.ndarray]) -> float:
+        return float(numbers[0][0])
+
+    def described(self) -> Parameter:
+        bounds = self.motion.lower, self.motion.upper
+        return Parameter(self.name, self.kind, self.value, self.unit, *bounds)
+
+
 # ---------------------------------------------------------------- Where the numbers are
 
 
@@ -186,7 +208,12 @@ def entries(scene) -> dict[str, Entry]:
             name = f"{material}.{key.removesuffix('.value')}"
             entry = surfaces.setdefault(name, Entry(name, "material", []))
             entry.places.append(Place(node, key, None, np.ones(1)))
-    return found | {name: surfaces[name] for name in surfaces if name not in found}
+    found |= {name: surfaces[name] for name in surfaces if name not in found}
+    motions = {
+        name: OfMotion(name, "motion", [], m.unit, motion=m, value=value_of(scene, m))
+        for name, m in known_motions(scene).items()
+    }
+    return found | {name: motions[name] for name in motions if name not in found}
 
 
 def single_temperatures(entry: Entry, emitting) -> dict[str, Entry]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.derivatives import members, own_memory
-from mi_lcair.plugins.emission.triangles import is_faceted
+from mi_lcair.plugins.emission.triangles import is_faceted, triangle_vertices
 from mi_lcair.plugins.emitters.thermal_emitter import thermal_shapes
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.scene import Scene
@@ -78,6 +78,6 @@ def facets_of_shapes(scene: Scene):
     """(shape, number of the facet of each of its primitives) of all emitting shapes."""
     table = FacetTable(scene)
     for shape in thermal_shapes(scene.mi):
-        count = len(members(shape)["faces"]) // 3 if is_faceted(shape) else 1
+        count = len(triangle_vertices(shape)) if is_faceted(shape) else 1
         numbers = table.number(mi.ShapePtr(shape), dr.arange(mi.UInt32, count))
         yield shape, numbers.numpy().astype(int)

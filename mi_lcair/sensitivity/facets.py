@@ -10,8 +10,7 @@ from scipy import sparse
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.plugins.derivatives import members
-from mi_lcair.plugins.emission.triangles import is_faceted
+from mi_lcair.plugins.emission.triangles import is_faceted, triangle_vertices
 from mi_lcair.plugins.emitters.thermal_emitter import thermal_shapes
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.recorders.contributions import (
@@ -227,7 +226,7 @@ def chosen_facets(scene: Scene, groups) -> tuple:
         raise InputError(f"{scene.name}: no facets with temperatures were chosen")
     numbers = []
     for shape in chosen:
-        count = len(members(shape)["faces"]) // 3 if is_faceted(shape) else 1
+        count = len(triangle_vertices(shape)) if is_faceted(shape) else 1
         number = facets.number(mi.ShapePtr(shape), dr.arange(mi.UInt32, count))
         numbers.append(number.numpy().astype(np.int64))
     used, columns = np.unique(np.concatenate(numbers), return_inverse=True)

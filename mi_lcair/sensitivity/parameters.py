@@ -12,6 +12,7 @@ GROUP.emissivity       `emissivity` of the group's emitters, if they were given 
 MATERIAL.NAME          parameter of the reflection model of all surfaces of a material
 ID.reflectance         reflectance of Mitsuba's BSDF `diffuse` with this id
 ID.transmittance       transmittance of the BSDF `plume` with this id
+model.yaw_deg ...      motions of meshes, see `mi_lcair.motions.motion`
 ====================== ============================================================================
 
 A surface without a name of its material is called by its model, `diffuse` or `plume`. Several
@@ -26,6 +27,7 @@ from contextlib import contextmanager
 import mitsuba as mi
 
 from mi_lcair.errors import InputError, unknown
+from mi_lcair.motions.pose import set_motions
 from mi_lcair.plugins.derivatives import own_memory
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.sensitivity.entries import (
@@ -71,12 +73,14 @@ def set_values(scene: Scene, values: Mapping[str, float]) -> None:
     wanted = checked(scene, values)
     arrays = {}
     for entry, value in wanted:
-        for place, numbers in zip(entry.places, entry.moved(value)):
+        for place, numbers in zip(entry.places, entry.moved(value) if entry.places else ()):
             array = arrays.setdefault(place.owner, place.array().copy())
             array[... if place.number is None else place.number] = numbers
     own = {owner: mi.Float(array) for owner, array in arrays.items()}
     own_memory(own.values())
     replace(own)
+    if motions := {entry.name: value for entry, value in wanted if entry.kind == "motion"}:
+        set_motions(scene, motions)
 
 
 def checked(scene: Scene, values: Mapping[str, float]) -> list[tuple[Entry, float]]:
@@ -94,13 +98,17 @@ def changed(scene: Scene, values: Mapping[str, float]) -> Iterator[None]:
 
     At its end the parameters are exactly as before, bit for bit.
     """
-    owners = {place.owner for entry in chosen(scene, values) for place in entry.places}
+    changing = chosen(scene, values)
+    owners = {place.owner for entry in changing for place in entry.places}
     before = {(node, key): mi.Float(mi.traverse(node)[key]) for node, key in owners}
+    pose = {entry.name: entry.value for entry in changing if entry.kind == "motion"}
     set_values(scene, values)
     try:
         yield
     finally:
         replace(before)
+        if pose:
+            set_motions(scene, pose)
 
 
 def replace(arrays: Mapping[tuple[mi.Object, str], mi.Float]) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 from mi_lcair.plugins.derivatives import members
 
 ABSENT = 0xFFFFFFFF  # entry of a mesh that is not in the table
+VERTICES, FACES = "vertex_positions", "faces"  # names of a mesh's buffers in Mitsuba
 
 
 def pointer_id(pointer) -> int:
@@ -19,16 +20,51 @@ def is_faceted(shape) -> bool:
 
     Mitsuba's `is_mesh` cannot be used, because it is also true for a `rectangle`.
     """
-    return "vertex_positions" in members(shape)
+    return VERTICES in members(shape)
+
+
+def vertex_buffer(mesh) -> mi.Float:
+    """Mitsuba's own array of the coordinates of a mesh's vertices."""
+    return members(mesh)[VERTICES]
+
+
+def vertex_positions(mesh) -> np.ndarray:
+    """Vertices of a mesh [m], (n, 3), Float32."""
+    return points(vertex_buffer(mesh))
+
+
+def points(buffer: mi.Float) -> np.ndarray:
+    """The coordinates in a buffer of vertices, (n, 3)."""
+    return buffer.numpy().reshape(-1, 3)
+
+
+def set_vertices(scene: mi.Scene, buffers: dict) -> None:
+    """Give meshes other vertices, mi.Float of 3 n coordinates [m], and rebuild what finds hits."""
+    for mesh, buffer in buffers.items():
+        parameters = mi.traverse(mesh)
+        parameters[VERTICES] = buffer
+        parameters.update()
+    refresh_geometry(scene)
+
+
+def refresh_geometry(scene: mi.Scene) -> None:
+    """Rebuild the acceleration structure of a scene if its meshes have changed since.
+
+    Mitsuba does so only for changes that were made by `mi.traverse(scene)`, not for those by
+    `mi.traverse(mesh)`.
+    """
+    scene.parameters_changed([])
 
 
 def triangle_corners(mesh) -> tuple[np.ndarray, ...]:
     """First, second and third corners of a mesh's triangles [m], (n, 3) each, Float32."""
-    buffers = members(mesh)
-    vertices, faces = (
-        buffers[name].numpy().reshape(-1, 3) for name in ("vertex_positions", "faces")
-    )
+    vertices, faces = vertex_positions(mesh), triangle_vertices(mesh)
     return tuple(vertices[faces[:, corner]] for corner in range(3))
+
+
+def triangle_vertices(mesh) -> np.ndarray:
+    """Numbers of the three vertices of each of a mesh's triangles, (n, 3)."""
+    return members(mesh)[FACES].numpy().reshape(-1, 3)
 
 
 class PrimitiveEntries:

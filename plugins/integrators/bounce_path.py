@@ -16,6 +16,7 @@ from mi_lcair.plugins.columns.exploring import (
     exploring,
 )
 from mi_lcair.plugins.derivatives import deriving, leaves, nodes
+from mi_lcair.plugins.emission.triangles import refresh_geometry
 from mi_lcair.plugins.paths.path_tracer import PathTracer
 from mi_lcair.plugins.properties import HOTTEST, Property, read
 from mi_lcair.plugins.scene_state import SceneState
@@ -137,6 +138,7 @@ class BouncePath(RBIntegrator):
         state, key = SceneState(objects, scene, *settings), (*of_tracer, *settings)
         if key in kept and kept[key][0] == state:
             return kept[key][1]
+        refresh_geometry(scene)
         by_spectrum, explored = of_tracer
         tracer = PathTracer(self, scene, by_spectrum, state, explored_table(objects, explored))
         if not state.has_gradients:

@@ -16,6 +16,8 @@ from mi_lcair.plugins.emission.triangles import (
     PrimitiveEntries,
     is_faceted,
     pointer_id,
+    triangle_vertices,
+    vertex_positions,
 )
 from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of, group_of, is_thermal
 from mi_lcair.rendering.scene import Scene
@@ -151,9 +153,7 @@ def triangles(shape) -> tuple[np.ndarray, np.ndarray]:
     if not is_faceted(shape):
         return np.empty((0, 3, 3)), np.zeros(1, np.int64)
     buffers = members(shape)
-    vertices, faces = (
-        buffers[name].numpy().reshape(-1, 3) for name in ("vertex_positions", "faces")
-    )
+    vertices, faces = vertex_positions(shape), triangle_vertices(shape)
     corners = vertices[faces[:, [0, 2, 1]] if shape.has_flipped_normals() else faces].astype(
         np.float64
     )

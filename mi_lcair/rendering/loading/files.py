@@ -30,6 +30,13 @@ def survey(path: Path, given: dict[str, str]) -> set[str]:
     return reader.names
 
 
+def survey_values(path: Path, given: dict[str, str]) -> dict[str, str]:
+    """Values of the $-parameters of a scene file: those given, and defaults of the others."""
+    reader = Survey(path.parent, given)
+    reader.read(path)
+    return reader.values
+
+
 class Survey:
     """Reads scene files one element at a time.
 

@@ -1,0 +1,54 @@
+"""`load`, a scene for all other functions."""
+
+from os import PathLike
+
+import mitsuba as mi
+
+from mi_lcair.errors import InputError
+from mi_lcair.rendering.scene import LOBE_OF, Scene
+from mi_lcair.rendering.scene import load as load_scene
+from mi_lcair.sensitivity.parameters import chosen, set_values
+from mi_lcair.startup.threads import exclusively
+
+
+@exclusively
+def load(scene: str | PathLike[str] | mi.Scene, /, **parameters: object) -> Scene:
+    """Load a scene XML or a bundled scene, or take over a scene that Mitsuba has loaded.
+
+    Parameters
+    ----------
+    scene : str, Path or mi.Scene
+        Path of the file, or of the folder that `mi-lcair import` wrote; a name that `mi-lcair
+        scenes` lists; or a scene that Mitsuba's functions load_file, load_dict or load_string
+        returned. Its integrator must be `bounce_path`.
+    **parameters
+        Values of the scene's $-parameters, and of parameters that `mi_lcair.parameters` lists, such
+        as `self.temperature` or `model.yaw_deg`. "lobe.MATERIAL" sets the lobe of one material, as
+        `Scene.set_lobe` does.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    InputError
+        If the scene cannot be used. Examples: there is no such file, it is not XML, a plugin,
+        property or parameter is unknown, a value is out of bounds, the emissivity of an emitting
+        surface is not known, the integrator is not bounce_path, there is no thermal emitter.
+    """
+    values = {n: v for n, v in parameters.items() if "." in n and not n.startswith(LOBE_OF)}
+    in_file = {name: value for name, value in parameters.items() if name not in values}
+    loaded = load_scene(scene, **in_file)
+    chosen(loaded, list(values))  # names before numbers
+    set_values(loaded, {name: number(name, value) for name, value in values.items()})
+    loaded.parameters.update({name: str(value) for name, value in values.items()})
+    return loaded
+
+
+def number(name: str, value: object) -> float:
+    """The value of a parameter as a number; raises InputError if it is none."""
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} = {value} is no number") from None

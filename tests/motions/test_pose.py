@@ -1,0 +1,98 @@
+"""Motions move what is rendered as the scene's own $-parameters do, and leave no trace."""
+
+import mitsuba as mi
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+import mi_lcair
+from mi_lcair import InputError
+from mi_lcair.motions.motion import scaled, shifted, turned
+from mi_lcair.motions.pose import set_motions
+from mi_lcair.plugins.emission.triangles import vertex_positions
+from mi_lcair.sensitivity.parameters import changed
+
+ATTITUDE = {"yaw_deg": 30.0, "pitch_deg": 20.0, "roll_deg": 11.0}
+SCENE = "cylinder_ir_range"
+
+
+def model(scene):
+    return next(shape for shape in scene.mi.shapes() if shape.emitter().group == "self")
+
+
+def intensity(scene) -> float:
+    return mi_lcair.signature(scene, spp=64).target.intensity
+
+
+def test_attitude_is_that_of_the_scene_parameters():
+    """`model.*` takes the model to the attitude that the $-parameters give, from any other one."""
+    loaded = mi_lcair.load(SCENE, resolution=8, **ATTITUDE)
+    motions = {f"model.{turn}": value for turn, value in ATTITUDE.items()}
+    for before in ({}, {"yaw_deg": -70, "pitch_deg": 130, "roll_deg": 3}):
+        scene = mi_lcair.load(SCENE, resolution=8, **before, **motions)
+        corners = vertex_positions(model(scene))
+        assert corners == pytest.approx(vertex_positions(model(loaded)), abs=2e-7)
+        assert mi_lcair.parameters(scene)["model.pitch_deg"].value == 20
+        assert intensity(scene) == pytest.approx(intensity(loaded), rel=2e-5)
+    walls = scene.mi.shapes()[1], loaded.mi.shapes()[1]
+    assert np.array_equal(*map(vertex_positions, walls))
+
+
+def test_restored_bit_for_bit():
+    scene = mi_lcair.load(SCENE, resolution=8, **ATTITUDE)
+    state, value = scene.fingerprint, intensity(scene)
+    with changed(scene, {"model.yaw_deg": 7, "self.size": 1.3, "self.temperature": 310}):
+        assert scene.fingerprint != state
+        turned_model = vertex_positions(model(scene))
+        with changed(scene, {"self.x_m": 0.2}):
+            shift = vertex_positions(model(scene)) - turned_model
+        assert intensity(scene) > 1.3 * value
+    assert scene.fingerprint == state and intensity(scene) == value
+    assert np.linalg.norm(shift, axis=1) == pytest.approx(0.2, abs=1e-6)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(-360, 360), st.floats(-360, 360), st.floats(-360, 360))
+def test_turns_are_rotations(yaw, pitch, roll):
+    """The order and the signs, compared with SciPy's rotations."""
+    points, middle = np.random.default_rng(1).normal(size=(5, 3)), np.array([1.0, -2, 3])
+    vertices = points
+    for turn, angle in (("roll_deg", roll), ("pitch_deg", pitch), ("yaw_deg", yaw)):
+        vertices = turned(vertices, angle, turn, middle)
+    expected = Rotation.from_euler("xyz", [roll, -pitch, yaw], degrees=True)
+    assert vertices - middle == pytest.approx(expected.apply(points - middle), abs=1e-12)
+    assert np.ptp(shifted(points, 2.0, 1) - points, axis=0) == pytest.approx(0, abs=1e-12)
+    assert scaled(points, 1.5, middle) - middle == pytest.approx(1.5 * (points - middle))
+
+
+def test_vertices_changed_by_a_caller():
+    """A changed mesh is rendered as it is, and is the new rest of the motions."""
+    scene = mi_lcair.load(SCENE, resolution=8)
+    before = mi_lcair.signature(scene, tolerance=0.005).target.intensity
+    set_motions(scene, {"model.yaw_deg": 5.0})
+    parameters = mi.traverse(model(scene))
+    parameters["vertex_positions"] = mi.Float(0.5 * vertex_positions(model(scene)).ravel())
+    parameters.update()
+    small = mi_lcair.signature(scene, tolerance=0.005).target.intensity
+    assert small < 0.35 * before
+    fresh = mi_lcair.load(SCENE, resolution=8, **{"model.yaw_deg": 5, "self.size": 0.5})
+    expected = mi_lcair.signature(fresh, tolerance=0.005).target
+    assert small == pytest.approx(expected.intensity, rel=0.01)
+    assert mi_lcair.parameters(scene)["self.size"].value == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("self.size", 0, "self.size = 0 is outside its bounds"),
+        ("model.yaw_deg", 1e4, "must lie in -360..360 deg"),
+        ("model.yaw", 1, "model.yaw_deg"),
+        ("model.yaw_deg", "ten", "model.yaw_deg = ten is no number"),
+        ("model.yaw_deg", "nan", "is outside its bounds"),
+    ],
+)
+def test_refused(name, value, message):
+    with pytest.raises(InputError, match=message):
+        mi_lcair.load(SCENE, resolution=8, **{name: value})
