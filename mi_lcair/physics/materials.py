@@ -4,7 +4,7 @@ A number in place of a name is the emissivity of a grey diffuse surface.
 """
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,9 +20,11 @@ from mi_lcair.physics.bands import band as band_of
 # The models load Dr.Jit. Reading the names of materials does not need it.
 if TYPE_CHECKING:
     from mi_lcair.physics.reflection import ReflectionModel
+    from mi_lcair.physics.spectra.parameters import SpectralParameters
 
 BUILT_IN = Path(__file__).with_name("materials.toml")
 EVERY_BAND = "any"  # band name of an entry that holds at every wavelength
+SPECTRAL = "spectral"  # name of an entry whose parameters depend on wavelength
 EMISSIVITY = Bounds(lower=0, upper=1)
 NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)(e[+-]?[0-9]+)?", re.IGNORECASE)
 
@@ -45,6 +47,9 @@ class Material:
         Form of the model's equations.
     source
         Publication or file from which the parameters come.
+    spectrum
+        Parameters over wavelength, of which `parameters` are an average over the rows; None if they
+        are constant in the band.
     """
 
     name: str
@@ -53,11 +58,22 @@ class Material:
     parameters: dict[str, float]
     form: str
     source: str
+    spectrum: "SpectralParameters | None" = None
 
     @property
     def values(self) -> tuple[float, ...]:
         """The parameters in the model's order."""
         return tuple(self.parameters[name] for name in self.model.names)
+
+    def averaged(self, band: Band, temperature: float | None = None) -> "Material":
+        """A spectral material with parameters of its mean reflectance in a band.
+
+        The weights are the band's response times the spectral radiance of a blackbody; without a
+        temperature [K], the response alone.
+        """
+        self.spectrum.check_covers(band, f"material '{self.name}'")
+        values = self.spectrum.averaged(*self.spectrum.weights(band, temperature))
+        return replace(self, parameters=dict(zip(self.model.names, values)))
 
     def surface(self):
         """The model's `Surface` with these parameters, in Float64."""
@@ -97,8 +113,10 @@ def material(
         If the name is unknown, the material was not measured in the band, or a file cannot be used.
     """
     entries = _entries(name, file)
-    best = max(entries, key=lambda entry: _fitness(entry.band, band))
-    if _fitness(best.band, band)[0] or (allow_band and band is not None):
+    best = max(entries, key=lambda entry: _fitness(entry, band))
+    if best.spectrum is not None and band is not None:
+        return best.averaged(band)  # raises InputError unless the spectrum covers the band
+    if _fitness(best, band)[0] or (allow_band and band is not None):
         return best
     known = ", ".join(entry.band for entry in entries)
     if band is None:
@@ -164,22 +182,21 @@ def emits_nothing(name: str, file: str | Path | None = None) -> bool:
     return False
 
 
-def _fitness(measured, wanted):
-    """Rank of an entry for the band named `measured` when the band `wanted` is asked for.
+def _fitness(entry, wanted):
+    """Rank of an entry when the band `wanted` is asked for.
 
-    The larger tuple fits better: (whether it covers `wanted`, overlap [um], -width [um]).
+    The larger tuple fits better: (whether it covers `wanted`, whether it is a spectrum, overlap
+    [um], -width [um]).
     """
-    measured = None if measured == EVERY_BAND else band_of(measured)
+    measured = None if entry.band == EVERY_BAND else band_of(entry.band)
     if measured is None or wanted is None:
-        return measured is None, 0.0, -np.inf
+        return measured is None, False, 0.0, -np.inf
     covers = measured.lower_um <= wanted.lower_um and wanted.upper_um <= measured.upper_um
     overlap = min(measured.upper_um, wanted.upper_um) - max(measured.lower_um, wanted.lower_um)
     # An average over the whole spectrum gives no information about a part of it.
-    return (
-        covers and measured.is_total == wanted.is_total,
-        overlap,
-        measured.lower_um - measured.upper_um,
-    )
+    covers = covers and measured.is_total == wanted.is_total
+    width = measured.upper_um - measured.lower_um
+    return covers, covers and entry.spectrum is not None, overlap, -width
 
 
 def _entries(name, file):
@@ -205,7 +222,12 @@ def _toml_entries(name, file):
             raise InputError(f"{where}: needs a table for each band, such as [{name}.MWIR]")
         if is_json(path):
             return [_fitted(str(path), report) for report in bands.values()]
-        return [_entry(where, name, band, dict(entry), str(path)) for band, entry in bands.items()]
+        return [
+            _spectral(f"{where}, {SPECTRAL}", name, entry, Path(path).parent)
+            if band == SPECTRAL
+            else _entry(where, name, band, dict(entry), str(path))
+            for band, entry in bands.items()
+        ]
     raise unknown("material", name, names(file))
 
 
@@ -342,6 +364,26 @@ def _entry(where, name, band, keys, file):
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
     return Material(name, band, model, parameters, form, source=keys.get("source", file))
+
+
+def _spectral(where, name, entry, folder):
+    """The Material of an entry [NAME.spectral]; its band are the limits of its rows."""
+    from mi_lcair.physics.spectra.parameters import spectral_parameters
+
+    def fit(path):
+        reports = _fits(path)
+        if len(reports) > 1:
+            raise InputError(f"shape '{path}': holds {len(reports)} fits; give the file of one")
+        return reports[0]
+
+    spectrum = spectral_parameters(where, entry, folder, fit)
+    first, last = spectrum.wavelengths_um[[0, -1]]
+    weights = np.gradient(spectrum.wavelengths_um)
+    values = spectrum.averaged(spectrum.wavelengths_um, weights)
+    parameters = dict(zip(spectrum.model.names, values))
+    band = f"{first:.12g}-{last:.12g}"
+    form, source = spectrum.form, spectrum.source
+    return Material(name, band, spectrum.model, parameters, form, source, spectrum)
 
 
 def _read(path) -> dict:

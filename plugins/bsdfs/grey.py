@@ -14,8 +14,8 @@ class Grey(ReflectionBSDF):
     ============== ======= =========================================================================
 
     The other properties are those of `material`, without the choice of the emissivity's formula:
-    `material`, `band`, `materials`, `allow_band`, `form`, `lobe`. Give either the number or
-    `material`. A material whose name is a number, such as 0.92, is this surface too.
+    `material`, `band`, `materials`, `allow_band`, `average_K`, `form`, `lobe`. Give either
+    the number or `material`. A material whose name is a number, such as 0.92, is this surface too.
 
     .. code-block:: xml
 

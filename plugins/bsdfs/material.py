@@ -13,6 +13,8 @@ class Material(ReflectionBSDF):
     band           string  band for which the material must have been measured
     materials      string  TOML file with the user's materials, which is searched first
     allow_band     boolean use the nearest band if there is no measurement for `band`        (false)
+    average_K      float   for a material with a spectrum: its mean in the band, weighted with the
+                           radiation of a blackbody at this temperature [K]
     form           string  form of the model                                        (the material's)
     emissivity     string  kirchhoff: 1 - HDR(theta); model: the model's own formula, if it
                            has one; or a CSV file theta_deg,emissivity                   (kirchhoff)

@@ -20,7 +20,7 @@ class Microfacet(ReflectionBSDF):
     ============== ======= =========================================================================
 
     The other properties are those of `material`: `material`, `band`, `materials`, `allow_band`,
-    `emissivity`, `lobe`. Give either the five numbers or `material`.
+    `average_K`, `emissivity`, `lobe`. Give either the five numbers or `material`.
 
     .. code-block:: xml
 

@@ -24,7 +24,7 @@ from mi_lcair.plugins.derivatives import (
     own_memory,
     unrecorded,
 )
-from mi_lcair.plugins.properties import Property, beside_scene, read
+from mi_lcair.plugins.properties import HOTTEST, Property, beside_scene, read
 
 GREY = reflection.model("grey")
 LOBES = ("brdf", "mirror", "diffuse")
@@ -33,6 +33,7 @@ OF_MATERIALS = (
     Property("band", "string", is_file=True),
     Property("materials", "string", is_file=True),
     Property("allow_band", "boolean", False),
+    Property("average_K", "float", lower=1, upper=HOTTEST),
 )
 OF_EVERY_SURFACE = (
     Property("form", "string"),
@@ -71,6 +72,7 @@ class ReflectionBSDF(mi.BSDF):
     PROPERTIES: tuple[Property, ...] = ()
     derived = None
     derivations = ()
+    notes: tuple[str, ...] = ()  # remarks on the material's spectrum
     least_share = 0.0  # least probability of the floor and of the lobe, see `explore`
 
     def __init_subclass__(cls):
@@ -115,12 +117,12 @@ class ReflectionBSDF(mi.BSDF):
             return self.read_numbers(props)
         given = read(props, plugin, OF_MATERIALS)
         self.material = given["material"]
+        of_band = None if given["band"] is None else band(given["band"])
         entry = materials.material(
-            beside_scene(self.material),
-            None if given["band"] is None else band(given["band"]),
-            given["materials"],
-            given["allow_band"],
+            beside_scene(self.material), of_band, given["materials"], given["allow_band"]
         )
+        if entry.spectrum is not None:
+            entry = self.averaged(entry, of_band, given["average_K"])
         # A grey surface is a limit of the other models, and any plugin takes its material
         if self.model not in (None, entry.model) and entry.model is not GREY:
             raise InputError(
@@ -130,6 +132,16 @@ class ReflectionBSDF(mi.BSDF):
             )
         self.model = entry.model
         return entry.values, entry.form
+
+    def averaged(self, entry, of_band, temperature):
+        """A spectral material with the parameters of its average in a band; sets `notes`."""
+        if temperature is None:
+            raise InputError(
+                f"material '{entry.name}': depends on wavelength; give `average_K`, the "
+                "temperature of the radiation for which it is averaged in the band"
+            )
+        self.notes = *entry.spectrum.remarks, entry.spectrum.remark_on_average(of_band, temperature)
+        return entry.averaged(of_band, temperature)
 
     def read_numbers(self, props) -> tuple[tuple[float, ...], str]:
         if self.model is None:
@@ -218,7 +230,7 @@ class ReflectionBSDF(mi.BSDF):
                 "its BRDF is scaled down to HDR = 1 there",
                 *lines,
             ]
-        return lines
+        return [*self.notes, *lines]
 
     # ------------------------------------------------ Hemispherical reflectance and emissivity
 

@@ -19,7 +19,7 @@ class SandfordRobertson(ReflectionBSDF):
     ============== ======= =========================================================================
 
     The other properties are those of `material`: `material`, `band`, `materials`, `allow_band`,
-    `emissivity`, `lobe`. Give either the four numbers or `material`.
+    `average_K`, `emissivity`, `lobe`. Give either the four numbers or `material`.
 
     .. code-block:: xml
 

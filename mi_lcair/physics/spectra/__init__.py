@@ -1,0 +1,1 @@
+"""Materials whose parameters depend on wavelength: their files, their averages and their bins."""

@@ -1,0 +1,156 @@
+"""Files of measured spectra: CSV, the text of ECOSTRESS and ASTER, and that of USGS's splib07.
+
+Wavelengths are in micrometres and rise; falling ones are reversed. Reflectances are fractions.
+"""
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from mi_lcair.errors import InputError, shown
+from mi_lcair.files import read_text
+from mi_lcair.physics.spectral_table import LONGEST_UM, SHORTEST_UM, WAVELENGTH
+from mi_lcair.table import FARTHEST, TextTable, lines_of, read_table
+
+DELETED = -1e30  # values below mark a channel that USGS has deleted (-1.23e34)
+NANOMETRES = 200.0  # median wavelength above which a file is taken to be in nanometres
+PER_CENT = 1.5  # largest fraction above which values are taken to be in per cent
+HEADER = re.compile(r"\s*([A-Za-z][^:]*):(.*)")
+
+
+def columns_of(path: str | Path, columns: dict[str, float]) -> tuple[np.ndarray, ...]:
+    """Rising wavelengths [um] and columns of a CSV file, (n,) each.
+
+    columns: largest value of each column by name; 1 for a fraction. Raises InputError for a file
+    that cannot be used.
+    """
+    table = read_table(path, (WAVELENGTH, *columns), "spectrum")
+    numbers = table.numbers((WAVELENGTH, *columns))
+    rising = rising_rows(table.file, numbers[WAVELENGTH])
+    wavelengths = checked_wavelengths(table.file, numbers[WAVELENGTH][rising])
+    values = []
+    for name, largest in columns.items():
+        check_values(table.file, name, wavelengths, numbers[name][rising], largest)
+        values.append(numbers[name][rising])
+    return wavelengths, *values
+
+
+def spectrum_of(
+    path: str | Path, quantity: str, wavelengths: str | Path | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rising wavelengths [um] and a measured reflectance or emissivity, (n,) each.
+
+    Parameters
+    ----------
+    path
+        A CSV file `wavelength_um,QUANTITY`, the text of ECOSTRESS or ASTER (lines `key: value`,
+        then two columns), or one of USGS's splib07 (a title, then one value a line).
+    quantity
+        "reflectance" or "emissivity".
+    wavelengths
+        USGS's file of the wavelengths [um], of the same structure; needed for splib07 only.
+    """
+    if wavelengths is not None:
+        return of_usgs(path, quantity, wavelengths)
+    lines = list(lines_of(read_text(path, f"spectrum {path}")))
+    if lines and HEADER.match(lines[0][1]):
+        return of_ecostress(path, quantity, lines)
+    if lines and all(re.fullmatch(r"\s*[-+.\deE]+\s*", line) for _, line in lines[1:9]):
+        raise InputError(
+            f"spectrum {path}: holds one value a line, as USGS's splib07; name the file of its "
+            "wavelengths in the key `wavelengths`"
+        )
+    return columns_of(path, {quantity: 1.0})
+
+
+def of_ecostress(path, quantity, lines) -> tuple[np.ndarray, np.ndarray]:
+    """The spectrum in the lines of an ECOSTRESS or ASTER file, see `spectrum_of`."""
+    header, rows = {}, []
+    for number, line in lines:
+        if match := HEADER.match(line):
+            header.setdefault(match[1].strip().lower(), match[2].strip().lower())
+        else:
+            rows.append((number, line.split()))
+    table = TextTable(f"spectrum {path}", [WAVELENGTH, quantity], rows)
+    numbers = table.numbers(table.columns)
+    x_unit, y_unit = header.get("x units", ""), header.get("y units", "")
+    if "wavelength" not in x_unit or "micro" not in x_unit:
+        raise InputError(
+            f"{table.file}: X Units is {shown(x_unit)}; must be wavelengths in micrometres"
+        )
+    kind = next((word for word in ("reflectance", "emissivity") if word in y_unit), None)
+    if kind is None:
+        raise InputError(
+            f"{table.file}: Y Units is {shown(y_unit)}; must be a reflectance or an emissivity"
+        )
+    values = numbers[quantity] / (100 if "percent" in y_unit or "%" in y_unit else 1)
+    rising = rising_rows(table.file, numbers[WAVELENGTH])
+    wavelengths = checked_wavelengths(table.file, numbers[WAVELENGTH][rising])
+    check_values(table.file, kind, wavelengths, values[rising], 1.0)
+    return wavelengths, values[rising] if kind == quantity else 1 - values[rising]
+
+
+def of_usgs(path, quantity, wavelengths_path) -> tuple[np.ndarray, np.ndarray]:
+    """The spectrum in two files of USGS's splib07 without its deleted channels."""
+    columns = []
+    for file in (path, wavelengths_path):
+        (_, title), *lines = list(lines_of(read_text(file, f"spectrum {file}"))) or [(0, "")]
+        try:
+            columns.append(np.array([float(line) for _, line in lines]))
+        except ValueError:
+            raise InputError(
+                f"spectrum {file}: needs a title ({shown(title)}) and one number a line"
+            ) from None
+    values, wavelengths = columns
+    if len(values) != len(wavelengths):
+        raise InputError(
+            f"spectrum {path}: has {len(values)} values and {wavelengths_path} "
+            f"{len(wavelengths)} wavelengths; choose the file of this spectrometer"
+        )
+    kept = (values > DELETED) & (wavelengths > DELETED)
+    order = rising_rows(f"spectrum {wavelengths_path}", wavelengths[kept])
+    wavelengths = checked_wavelengths(f"spectrum {wavelengths_path}", wavelengths[kept][order])
+    check_values(f"spectrum {path}", "reflectance", wavelengths, values[kept][order], 1.0)
+    reflectance = values[kept][order]
+    return wavelengths, reflectance if quantity == "reflectance" else 1 - reflectance
+
+
+def rising_rows(what: str, wavelengths: np.ndarray) -> np.ndarray:
+    """Row numbers by rising wavelength; raises InputError for wavelengths in no order."""
+    if len(wavelengths) < 2:
+        raise InputError(f"{what}: needs two wavelengths or more")
+    steps = np.diff(wavelengths)
+    wrong = steps * (1 if wavelengths[-1] > wavelengths[0] else -1) <= 0
+    if wrong.any():
+        k = int(np.argmax(wrong))
+        raise InputError(
+            f"{what}: {wavelengths[k + 1]:g} um follows {wavelengths[k]:g} um; wavelengths must "
+            "rise or fall throughout"
+        )
+    return np.arange(len(wavelengths))[:: 1 if steps[0] > 0 else -1]
+
+
+def checked_wavelengths(what: str, wavelengths: np.ndarray) -> np.ndarray:
+    """The wavelengths; raises InputError if they cannot be micrometres."""
+    if not (wavelengths[0] >= SHORTEST_UM and wavelengths[-1] <= LONGEST_UM):
+        hint = "; they look like nanometres: divide by 1000"
+        raise InputError(
+            f"{what}: wavelengths {wavelengths[0]:g}..{wavelengths[-1]:g}; must lie in "
+            f"{SHORTEST_UM:g}..{LONGEST_UM:g} um"
+            f"{hint if np.median(wavelengths) > NANOMETRES else ''}"
+        )
+    return wavelengths
+
+
+def check_values(what: str, name: str, wavelengths, values, largest: float) -> None:
+    """Raise InputError for a value that is negative or too large."""
+    wrong = ~((values >= 0) & (values <= largest))
+    if not wrong.any():
+        return
+    k = int(np.argmax(wrong))
+    hint = ""
+    if largest == 1 and np.max(values) > PER_CENT:
+        hint = "; the values look like per cent: divide by 100"
+    bound = f"lie in 0..{largest:g}" if largest < FARTHEST else "be 0 or more"
+    raise InputError(f"{what}: {name} {values[k]:g} at {wavelengths[k]:g} um; must {bound}{hint}")

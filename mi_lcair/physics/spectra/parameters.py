@@ -1,0 +1,294 @@
+"""Parameters of a reflection model over wavelength, as an entry [NAME.spectral] gives them.
+
+Some parameters are common to all wavelengths, the others are tabulated, on straight lines between
+the rows. Averages over wavelength are averages of the reflectance, not of the parameters: those of
+Sandford and Robertson enter it linearly, n and k do not.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from drjit.llvm.ad import Float64
+from scipy.optimize import least_squares
+
+from mi_lcair.declared import Bounds
+from mi_lcair.errors import InputError, unknown
+from mi_lcair.physics import reflection
+from mi_lcair.physics.bands import Band
+from mi_lcair.physics.blackbody import spectral_radiance
+from mi_lcair.physics.reflection import microfacet_fresnel as fresnel
+from mi_lcair.physics.reflection import sandford_robertson_equations as sr
+from mi_lcair.physics.spectra.files import columns_of, spectrum_of
+from mi_lcair.physics.spectra.refractive_index import refractive_index
+
+SAMPLES = 4001  # even wavelengths of a band at which a spectral material is evaluated
+ROOM_K = 300.0  # temperature with which the average of a hot part is compared
+COSINES = np.linspace(0, 1, 65)[1:] ** 2  # at which Fresnel reflectances are averaged
+ANGLE_DEG = Bounds(meaning="angle of incidence", unit="degrees", lower=0, upper=89)
+# What makes an entry: the key of its file, the model, and the common parameters of the entry.
+KINDS = {
+    "nk": ("microfacet", ("alpha", "gamma", "rho_d")),
+    "spectrum": ("sandford_robertson", ("b", "e")),
+    "dhr": ("sandford_robertson", ()),
+    "emissivity": ("grey", ()),
+}
+TEXTS = ("model", "form", "source", "wavelengths", "shape")
+
+
+@dataclass(frozen=True, eq=False)
+class SpectralParameters:
+    """The parameters of a surface over wavelength.
+
+    Attributes
+    ----------
+    model : ReflectionModel
+    form : str
+        Form of the model's equations.
+    common : dict of str to float
+        Parameters that hold at all wavelengths.
+    wavelengths_um : ndarray, shape (n,)
+        Rising wavelengths of the rows, um.
+    rows : dict of str to ndarray, shape (n,)
+        The other parameters by name.
+    source : str
+        Where the spectrum comes from.
+    remarks : tuple of str
+        What a user should know about the spectrum, one line each.
+    """
+
+    model: reflection.ReflectionModel
+    form: str
+    common: dict[str, float]
+    wavelengths_um: np.ndarray
+    rows: dict[str, np.ndarray]
+    source: str
+    remarks: tuple[str, ...] = field(default=())
+
+    def at(self, wavelengths_um: np.ndarray) -> dict[str, np.ndarray]:
+        """All parameters at these wavelengths [um], by name in the model's order."""
+        return {
+            name: np.interp(wavelengths_um, self.wavelengths_um, self.rows[name])
+            if name in self.rows
+            else np.full(len(wavelengths_um), self.common[name])
+            for name in self.model.names
+        }
+
+    def facet_reflectance(self, wavelengths_um: np.ndarray, cos: np.ndarray) -> np.ndarray:
+        """Fresnel reflectance of a microfacet spectrum at cosines, (wavelengths, cosines)."""
+        given = self.at(wavelengths_um)
+        n, k = given["n"][:, None], given["k"][:, None]
+        return fresnel_reflectance(n, k, cos)
+
+    def averaged(self, wavelengths_um: np.ndarray, weights: np.ndarray) -> tuple[float, ...]:
+        """Parameters, in the model's order, of the reflectance averaged with these weights."""
+        weights = weights / weights.sum()
+        mean = {
+            name: float(weights @ value) if name in self.rows else self.common[name]
+            for name, value in self.at(wavelengths_um).items()
+        }
+        if self.model.name == "microfacet":
+            target = weights @ self.facet_reflectance(wavelengths_um, COSINES)
+            mean["n"], mean["k"] = fitted_index(target, mean["n"], mean["k"])
+        return tuple(mean.values())
+
+    def weights(self, band: Band, temperature: float | None) -> tuple[np.ndarray, np.ndarray]:
+        """Wavelengths of a band [um] and weights of the averages, (SAMPLES,) each.
+
+        The weights are the response times the spectral radiance of a blackbody; without a
+        temperature [K], the response alone.
+        """
+        wavelengths = np.linspace(band.lower_um, band.upper_um, SAMPLES)
+        weights = band.response_at(wavelengths)
+        weights[[0, -1]] /= 2
+        if temperature is not None:
+            radiance = weights * spectral_radiance(wavelengths, temperature)
+            weights = radiance if radiance.sum() > 0 else weights
+        return wavelengths, weights
+
+    def check_covers(self, band: Band, what: str) -> None:
+        """Raise InputError if the rows do not cover a band; `what` begins the message."""
+        lower, upper = self.wavelengths_um[[0, -1]]
+        if band.is_total or band.lower_um < lower or band.upper_um > upper:
+            raise InputError(
+                f"{what}: its spectrum has {lower:.6g}-{upper:.6g} um and does not cover band "
+                f"{band.label}"
+            )
+
+    def reflectance_at_normal(self, values: tuple[float, ...]) -> float:
+        """HDR along the normal of the surface with these parameters."""
+        surface = self.model.surface(*map(Float64, values), form=self.form)
+        return float(self.model.HDR(surface, Float64(0))[0])
+
+    def remark_on_average(self, band: Band, temperature: float) -> str:
+        """How much an average depends on the radiation: at the temperature [K] and at ROOM_K."""
+        hot, room = (
+            self.reflectance_at_normal(self.averaged(*self.weights(band, T)))
+            for T in (temperature, ROOM_K)
+        )
+        return (
+            f"its spectrum is averaged in {band.label} for radiation of {temperature:g} K, with a "
+            f"reflectance of {hot:.4g} along the normal; for {ROOM_K:g} K it would be {room:.4g}"
+        )
+
+
+def fresnel_reflectance(n: np.ndarray, k: np.ndarray, cos: np.ndarray) -> np.ndarray:
+    """Fresnel reflectance of the indices n + ik at cosines, in the shape of their broadcast."""
+    n, k, cos = np.broadcast_arrays(n, k, cos)
+    contrast, nk = (n - 1) * (n + 1) - k**2, n * k
+    arrays = [Float64(np.ascontiguousarray(values).ravel()) for values in (cos, contrast, nk)]
+    return fresnel.reflectance(*arrays).numpy().reshape(n.shape)
+
+
+def fitted_index(target: np.ndarray, n: float, k: float) -> tuple[float, float]:
+    """The index n + ik within bounds whose reflectance at COSINES is nearest to `target`."""
+
+    def residuals(index):
+        return fresnel_reflectance(index[0], index[1], COSINES) - target
+
+    largest = [parameter.upper for parameter in reflection.model("microfacet").parameters[2:4]]
+    start = np.clip((n, k), (1.001, 1e-6), np.multiply(largest, 0.999))
+    fit = least_squares(residuals, start, bounds=((1, 0), largest), x_scale=start)
+    return float(fit.x[0]), float(fit.x[1])
+
+
+# ------------------------------------------------------------------ Reading an entry
+
+
+def spectral_parameters(
+    where: str, entry: dict, folder: Path, fit: Callable | None = None
+) -> SpectralParameters:
+    """The parameters of an entry [NAME.spectral] of a materials file.
+
+    Parameters
+    ----------
+    where
+        Name of the entry in messages.
+    entry
+        Its keys.
+    folder
+        Folder of the file, beside which the files of spectra are searched.
+    fit
+        Function of a path: the material of a fit's JSON file, for the key `shape`.
+    """
+    kinds = [key for key in KINDS if key in entry]
+    if len(kinds) != 1:
+        raise InputError(
+            f"{where}: give one of {', '.join(KINDS)}; found {', '.join(kinds) or 'none'}"
+        )
+    (kind,) = kinds
+    name, numbers = KINDS[kind]
+    allowed = (kind, *numbers, *TEXTS, *(("dhr_theta_deg",) if kind == "dhr" else ()))
+    for key, value in entry.items():
+        if key not in allowed:
+            raise InputError(f"{where}: {unknown('key', key, allowed)}")
+        if key in (kind, *TEXTS) and not isinstance(value, str):
+            raise InputError(f"{where}: {key} = {value!r}; must be a string")
+        if key not in (kind, *TEXTS) and type(value) not in (int, float):
+            raise InputError(f"{where}: {key} = {value!r}; must be a number")
+    if entry.get("model", name) != name:
+        raise InputError(f"{where}: model = '{entry['model']}'; a spectrum by `{kind}` is {name}")
+    if missing := [key for key in numbers if key not in entry]:
+        raise InputError(f"{where}: lacks {', '.join(missing)}")
+    files = {key: beside(folder, entry[key]) for key in (kind, "wavelengths") if key in entry}
+    common = {key: float(entry[key]) for key in numbers}
+    try:
+        parameters = OF_KIND[kind](entry, files, common, lambda path: fit(beside(folder, path)))
+        check_rows(parameters)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+    return parameters
+
+
+def beside(folder: Path, name: str) -> str:
+    """A file beside a materials file; the name of a page stays as it is."""
+    return name if name.startswith("ri:") else str(folder / name)
+
+
+def of_nk(entry, files, common, fit) -> SpectralParameters:
+    wavelengths, n, k, source = refractive_index(files["nk"])
+    remark = f"n and k of {source}; tabulated indices hold at room temperature"
+    return spectrum("microfacet", entry, common, wavelengths, {"n": n, "k": k}, source, (remark,))
+
+
+def of_columns(entry, files, common, fit) -> SpectralParameters:
+    columns = {"epsilon": 1.0, "rho_d": 1.0}
+    wavelengths, epsilon, rho_d = columns_of(files["spectrum"], columns)
+    rows = {"epsilon": epsilon, "rho_d": rho_d}
+    return spectrum("sandford_robertson", entry, common, wavelengths, rows, files["spectrum"])
+
+
+def of_emissivity(entry, files, common, fit) -> SpectralParameters:
+    path = files["emissivity"]
+    wavelengths, emissivity = spectrum_of(path, "emissivity", files.get("wavelengths"))
+    return spectrum("grey", entry, common, wavelengths, {"emissivity": emissivity}, path)
+
+
+def of_dhr(entry, files, common, fit) -> SpectralParameters:
+    """Sandford-Robertson parameters with the shape of a fit and a measured DHR spectrum.
+
+    b, e and the diffuse share s = rho_d / (G - epsilon) are the fit's. With the DHR X of the lobe
+    alone (epsilon = rho_d = 0) and g = g(theta),
+
+        DHR = rho_d g / G + (1 - (epsilon + rho_d) g / G) X,   rho_d = s (G - epsilon)
+
+    is linear in epsilon.
+    """
+    if "shape" not in entry:
+        raise InputError("`dhr` needs `shape`, the JSON file of a fit")
+    shape = fit(entry["shape"])
+    if shape.model.name != "sandford_robertson":
+        raise InputError(
+            f"shape '{entry['shape']}' is a {shape.model.name}; must be a sandford_robertson"
+        )
+    theta = entry.get("dhr_theta_deg", 0.0)
+    ANGLE_DEG.check(theta, "dhr_theta_deg")
+    theta = np.radians(theta)
+    wavelengths, DHR = spectrum_of(files["dhr"], "reflectance", files.get("wavelengths"))
+    b, e = shape.parameters["b"], shape.parameters["e"]
+    zero = Float64(0)
+    S = shape.model.surface(zero, zero, Float64(b), Float64(e), form=shape.form)
+    X, G = float(shape.model.DHR(S, Float64(theta))[0]), float(S.G[0])
+    g = float(sr.g(Float64(np.cos(theta)), Float64(np.sin(theta) ** 2), Float64(b))[0])
+    room = G - shape.parameters["epsilon"]
+    s = shape.parameters["rho_d"] / room if room > 0 else 0.0
+    epsilon = (s * g * (1 - X) + X - DHR) / (g / G * (s + X * (1 - s)))
+    clipped = np.clip(epsilon, 0, G)
+    rows = {"epsilon": clipped, "rho_d": s * (G - clipped)}
+    infeasible = np.abs(clipped - epsilon) > 1e-9
+    remarks = ()
+    if infeasible.any():
+        remarks = (
+            f"at {infeasible.mean():.0%} of its wavelengths the shape cannot have the measured "
+            f"DHR; epsilon is clipped there, by up to {np.abs(clipped - epsilon).max():.2g}",
+        )
+    common = {"b": b, "e": e}
+    form = {"form": shape.form} | entry
+    return spectrum("sandford_robertson", form, common, wavelengths, rows, files["dhr"], remarks)
+
+
+def spectrum(model, entry, common, wavelengths, rows, source, remarks=()) -> SpectralParameters:
+    model = reflection.model(model)
+    form = entry.get("form", model.forms[0])
+    model.check_form(form)
+    source = entry.get("source", source)
+    return SpectralParameters(model, form, common, wavelengths, rows, source, tuple(remarks))
+
+
+def check_rows(parameters: SpectralParameters) -> None:
+    """Raise InputError for rows that no surface can have, with their wavelength.
+
+    Any n > 0 and k >= 0 is right in a spectrum: n is below 1 near strong absorption.
+    """
+    given = parameters.at(parameters.wavelengths_um)
+    if parameters.model.name == "microfacet":
+        given |= {"n": np.ones(1), "k": np.ones(1)}
+    for wavelength, *values in zip(parameters.wavelengths_um, *given.values()):
+        try:
+            parameters.model.check_feasible(*map(float, values), form=parameters.form)
+        except InputError as error:
+            raise InputError(f"at {wavelength:g} um: {error}") from None
+
+
+OF_KIND = {"nk": of_nk, "spectrum": of_columns, "dhr": of_dhr, "emissivity": of_emissivity}

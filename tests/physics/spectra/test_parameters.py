@@ -1,0 +1,176 @@
+"""Spectral entries of a materials file, and their averages against own quadratures."""
+
+import json
+
+import numpy as np
+import pytest
+from drjit.llvm.ad import Float64
+from scipy.constants import c, h, k
+
+import mi_lcair
+from mi_lcair.errors import InputError
+from mi_lcair.physics.bands import band
+from mi_lcair.physics.materials import material
+
+MWIR = band("MWIR")
+
+
+def planck(wavelengths_um, temperature):
+    x = wavelengths_um * 1e-6
+    return x**-5 / np.expm1(h * c / (x * k * temperature))
+
+
+def fresnel(n, k, cos):
+    """Unpolarised reflectance by Fresnel's equations with complex numbers."""
+    m = n + 1j * k
+    q = np.sqrt(m**2 - 1 + cos**2)
+    r_s, r_p = (cos - q) / (cos + q), (m**2 * cos - q) / (m**2 * cos + q)
+    return (abs(r_s) ** 2 + abs(r_p) ** 2) / 2
+
+
+def write(folder, entry, **files):
+    for name, text in files.items():
+        (folder / f"{name}.csv").write_text(text)
+    path = folder / "own.toml"
+    path.write_text(f"[own.spectral]\n{entry}\n")
+    return path
+
+
+def csv(header, *columns):
+    return header + "\n" + "\n".join(",".join(f"{x:.15g}" for x in row) for row in zip(*columns))
+
+
+NK = 'model = "microfacet"\nalpha = 0.1\ngamma = 2\nrho_d = 0\nnk = "nk.csv"'
+SR = 'b = 0.16\ne = 0.05\nspectrum = "sr.csv"'
+GREY = 'emissivity = "grey.csv"'
+
+
+@pytest.mark.parametrize("temperature", [250.0, 800.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_average_of_an_index_is_that_of_the_reflectance(tmp_path, seed, temperature):
+    rng = np.random.default_rng(seed)
+    x = np.linspace(2.9, 5.1, 24)
+    n, extinction = 2 + 1.5 * rng.random() * (x - 3), 5 + 3 * rng.random() * (x - 3)
+    path = write(tmp_path, NK, nk=csv("wavelength_um,n,k", x, n, extinction))
+    entry = material("own", MWIR, path).averaged(MWIR, temperature)
+    fine = np.linspace(3, 5, 20001)
+    weight = planck(fine, temperature)
+    for cos in (1.0, 0.5, 0.1):
+        F = fresnel(np.interp(fine, x, n), np.interp(fine, x, extinction), cos)
+        mean = np.trapezoid(weight * F, fine) / np.trapezoid(weight, fine)
+        got = fresnel(entry.parameters["n"], entry.parameters["k"], cos)
+        assert got == pytest.approx(mean, abs=2e-3)
+    assert entry.parameters["alpha"] == 0.1
+
+
+@pytest.mark.parametrize("text,names", [(SR, ("epsilon", "rho_d")), (GREY, ("emissivity",))])
+def test_averages_of_linear_parameters(tmp_path, text, names):
+    x = np.array([2.5, 3.5, 4.2, 6.0])
+    columns = [np.array([0.6, 0.7, 0.5, 0.8]), np.array([0.1, 0.2, 0.15, 0.1])][: len(names)]
+    header = "wavelength_um," + ",".join(names)
+    path = write(tmp_path, text, sr=csv(header, x, *columns), grey=csv(header, x, *columns))
+    entry = material("own", MWIR, path).averaged(MWIR, 400.0)
+    fine = np.linspace(3, 5, 20001)
+    weight = planck(fine, 400.0)
+    for name, values in zip(names, columns):
+        mean = np.trapezoid(weight * np.interp(fine, x, values), fine)
+        mean /= np.trapezoid(weight, fine)
+        assert entry.parameters[name] == pytest.approx(mean, rel=1e-6)
+    given = material("own", MWIR, path).spectrum.at(np.array([3.0]))
+    assert given[names[0]] == pytest.approx((columns[0][0] + columns[0][1]) / 2)
+
+
+def fit_of(folder, b, e, epsilon, rho_d):
+    parameters = {"epsilon": epsilon, "rho_d": rho_d, "b": b, "e": e}
+    fit = {"kind": "fit", "form": "thesis", "band": "MWIR", "parameters": parameters}
+    (folder / "paint.json").write_text(json.dumps(fit))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_DHR_there_and_back(tmp_path, seed):
+    rng = np.random.default_rng(seed)
+    b, e, epsilon, theta = *rng.uniform(0.05, 0.4, 3), rng.uniform(0, 50)
+    fit_of(tmp_path, b, e, epsilon, rng.uniform(0, 0.3))
+    x, DHR = np.linspace(2.5, 5.5, 7), rng.uniform(0.25, 0.6, 7)
+    entry = f'shape = "paint.json"\ndhr = "dhr.csv"\ndhr_theta_deg = {theta}'
+    path = write(tmp_path, entry, dhr=csv("wavelength_um,reflectance", x, DHR))
+    own = material("own", MWIR, path)
+    assert own.spectrum.remarks == ()
+    for place, values in enumerate(zip(*own.spectrum.at(x).values())):
+        S = own.model.surface(*map(Float64, values), form="thesis")
+        assert own.model.DHR(S, Float64(np.radians(theta)))[0] == pytest.approx(
+            DHR[place], rel=1e-9
+        )
+
+
+def test_DHR_that_a_shape_cannot_have_is_clipped_and_said(tmp_path):
+    fit_of(tmp_path, 0.2, 0.05, 0.5, 0.2)
+    path = write(
+        tmp_path,
+        'shape = "paint.json"\ndhr = "dhr.csv"',
+        dhr=csv("wavelength_um,reflectance", [2, 4, 6], [0.9999, 0.5, 0.3]),
+    )
+    spectrum = material("own", MWIR, path).spectrum
+    assert spectrum.rows["epsilon"][0] == 0
+    assert "33% of its wavelengths" in spectrum.remarks[0]
+
+
+BAD = {
+    "does not cover band MWIR 3-5 um": (
+        GREY,
+        csv("wavelength_um,emissivity", [3.1, 5], [0.5, 0.6]),
+    ),
+    "give one of nk, spectrum, dhr, emissivity; found none": ("b = 0.1", ""),
+    "lacks b": ('e = 0.1\nspectrum = "grey.csv"', ""),
+    "unknown key 'bb'": (GREY + "\nbb = 1", ""),
+    "alpha = 'x'; must be a number": (NK.replace("0.1", '"x"'), ""),
+    "a spectrum by `nk` is microfacet": (NK.replace('"microfacet"', '"grey"'), ""),
+    "at 3 um: sandford_robertson: epsilon + rho_d": (
+        SR.replace("sr.csv", "grey.csv"),
+        csv("wavelength_um,epsilon,rho_d", [2, 3, 6], [0.5, 0.9, 0.5], [0.1, 0.4, 0.1]),
+    ),
+    "`dhr` needs `shape`": ('dhr = "grey.csv"', ""),
+}
+
+
+@pytest.mark.parametrize("says", BAD)
+def test_bad_entries_are_one_line(tmp_path, says):
+    entry, text = BAD[says]
+    path = write(tmp_path, entry, grey=text)
+    with pytest.raises(InputError) as error:
+        material("own", MWIR, path)
+    assert says in str(error.value) and "own" in str(error.value)
+
+
+def test_a_spectrum_serves_before_an_entry_for_the_band(tmp_path):
+    text = csv("wavelength_um,emissivity", [2, 6], [0.5, 0.5])
+    path = write(tmp_path, GREY, grey=text)
+    path.write_text(path.read_text() + '[own.LWIR]\nmodel = "grey"\nemissivity = 0.25\n')
+    assert material("own", MWIR, path).spectrum is not None
+    assert material("own", band("LWIR"), path).parameters == {"emissivity": 0.25}
+    with pytest.raises(InputError, match="MWIR|total|1-3"):
+        material("own", band("SWIR"), path)
+
+
+def mean_emissivity(temperature):
+    fine = np.linspace(3, 5, 20001)
+    weight = planck(fine, temperature)
+    return np.trapezoid(weight * (0.2 + 0.2 * (fine - 2)), fine) / np.trapezoid(weight, fine)
+
+
+def test_a_scene_takes_the_average_and_says_its_size(tmp_path):
+    path = write(tmp_path, GREY, grey=csv("wavelength_um,emissivity", [2, 6], [0.2, 1.0]))
+    scene = """<scene version="3.0.0"> <integrator type="bounce_path"/>
+      <sensor type="orthographic"> <film type="hdrfilm"> <integer name="width" value="1"/>
+      <integer name="height" value="1"/> <rfilter type="box"/> </film> </sensor>
+      <shape type="rectangle"> <bsdf type="material"> <string name="material" value="own"/>
+      <string name="materials" value="FILE"/> <string name="band" value="MWIR"/> AVERAGE </bsdf>
+      <emitter type="thermal"> <string name="band" value="MWIR"/>
+      <float name="temperature" value="500"/> </emitter> </shape> </scene>"""
+    file = tmp_path / "scene.xml"
+    average = '<float name="average_K" value="800"/>'
+    file.write_text(scene.replace("FILE", str(path)).replace("AVERAGE", average))
+    (surface,) = mi_lcair.load(file).surfaces()
+    assert surface.values[0] == pytest.approx(mean_emissivity(800.0), rel=1e-6)
+    (note,) = [note for note in mi_lcair.load(file).notes if "averaged" in note]
+    assert all(f"{1 - mean_emissivity(T):.4g}" in note for T in (300.0, 800.0))
