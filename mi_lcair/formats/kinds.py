@@ -7,16 +7,31 @@ from mi_lcair.errors import InputError
 from mi_lcair.files import parse_json, read_text
 from mi_lcair.formats import MODELS, check_model, tables
 from mi_lcair.formats.tables import FACETS, SPECTRUM, TREND
+from mi_lcair.results import Result, named
 
 # Kinds beside those of tables, as messages name them
 IMAGE, SIGNATURE, FIT, MODEL = "an image", "a signature", "a fit", "a model"
 SCENE, SCENARIO, MATERIAL = "a scene", "a scenario", "a material"
+SOLUTION, BUDGET, AUDIT = "a solution", "a budget", "an audit"
 BY_SUFFIX = {".exr": IMAGE, ".xml": SCENE, ".toml": SCENARIO, **dict.fromkeys(MODELS, MODEL)}
-BY_RESULT = {"signature": SIGNATURE, "fit": FIT}  # by the entry `kind` of a result's JSON
+# By the entry `kind` of a result's JSON
+BY_RESULT = {
+    "signature": SIGNATURE,
+    "fit": FIT,
+    "mi_lcair solution": SOLUTION,
+    "budget": BUDGET,
+    "audit": AUDIT,
+}
+# Classes whose JSON holds all that they show; their method `of_entries` reads it
+CLASSES = {
+    SOLUTION: "mi_lcair.inversion.solution:Solution",
+    BUDGET: "mi_lcair.uncertainty.budget:Budget",
+    AUDIT: "mi_lcair.planning.audit_result:Audit",
+}
 
 __all__ = [
-    "FACETS", "FIT", "IMAGE", "MATERIAL", "MODEL", "SCENARIO", "SCENE", "SIGNATURE", "SPECTRUM",
-    "TREND", "kind_of", "read_json",
+    "AUDIT", "BUDGET", "FACETS", "FIT", "IMAGE", "MATERIAL", "MODEL", "SCENARIO", "SCENE",
+    "SIGNATURE", "SOLUTION", "SPECTRUM", "TREND", "kind_of", "read_json", "read_result",
 ]  # fmt: skip
 
 
@@ -51,17 +66,34 @@ def kind_of(what: str | Path, materials: str | Path | None = None) -> str:
 
 
 def read_json(path: str | Path) -> dict:
-    """The entries of the JSON of a signature or of a fit. Without `kind` it is that of a fit.
+    """The entries of a result's JSON, one of BY_RESULT. Without `kind` it is that of a fit.
 
     Raises InputError for another file.
     """
     entries = parse_json(read_text(path), f"'{path}': not JSON")
     if not isinstance(entries, dict):
-        raise InputError(f"'{path}': neither a signature's JSON nor a fit's")
+        raise InputError(f"'{path}': not the JSON of a result")
     entries = {"kind": "fit"} | entries
     if str(entries["kind"]) not in BY_RESULT:
         raise InputError(
-            f"'{path}' is the JSON of a result of kind '{entries['kind']}'; show draws that of a "
-            "fit, and report shows those of a signature and a fit"
+            f"'{path}' is the JSON of a result of kind '{entries['kind']}'; those that are read "
+            f"are {', '.join(BY_RESULT.values())}"
         )
     return entries
+
+
+def read_result(path: str | Path) -> Result:
+    """The result in a JSON file of one of CLASSES; raises InputError for an incomplete file."""
+    entries = read_json(path)
+    kind = BY_RESULT[entries["kind"]]
+    try:
+        return named(CLASSES[kind]).of_entries(entries)
+    except (KeyError, IndexError, TypeError, AttributeError, ValueError) as error:
+        raise incomplete(path, kind, error) from None
+
+
+def incomplete(path: str | Path, kind: str, error: Exception) -> InputError:
+    """The error for the JSON of a result that lacks entries."""
+    return InputError(
+        f"'{path}': {kind} that is incomplete ({type(error).__name__}: {error}); make it anew"
+    )

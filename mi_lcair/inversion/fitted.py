@@ -34,6 +34,9 @@ def fitted(datum: Datum, block: DatumBlock, everything: list[Unknown], x: np.nda
             if unknown.name in datum.where.parameters
         },
         facets=facets,
+        points=int(np.isfinite(residual).sum()),
+        size=image(residual).size,
+        residual_rms_sigmas=float(np.sqrt(np.nanmean(residual**2))),
         measured=image(datum.measured - datum.background),
         predicted=image(predicted - datum.background),
         residual=image(residual),

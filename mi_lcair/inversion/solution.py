@@ -14,6 +14,7 @@ from mi_lcair.inversion.answers import Answer, Direction
 from mi_lcair.inversion.least_squares.solve import Step
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.results import Result
+from mi_lcair.results.reading import built
 from mi_lcair.sensitivity.solution_file import KIND, applied
 
 SHOWN = 2  # unknowns in the summary
@@ -35,9 +36,14 @@ class Fitted:
         Kinds of these parameters.
     facets : dict of str to dict of int to float
         Estimated temperatures [K] by group and facet.
-    measured, predicted, residual : ndarray
+    points, size : int
+        Number of values that count, and of all.
+    residual_rms_sigmas : float
+        Rms residual, in standard deviations.
+    measured, predicted, residual : ndarray or None
         Measured and predicted values [W m^-2 sr^-1 or W/sr], and their difference in standard
         deviations of measurement and render: (H, W) with NaN for pixels that do not count, or (n,).
+        None for the image of a solution that was read from its file, which has no pixels.
     aspects : list of tuple of float
         Azimuth and elevation of each value of a trend; empty for others.
     quantity : str
@@ -54,21 +60,19 @@ class Fitted:
     values: dict[str, float]
     kinds: dict[str, str]
     facets: dict[str, dict[int, float]]
-    measured: np.ndarray
-    predicted: np.ndarray
-    residual: np.ndarray
-    aspects: list
+    points: int
+    size: int
+    residual_rms_sigmas: float
+    measured: np.ndarray | None = None
+    predicted: np.ndarray | None = None
+    residual: np.ndarray | None = None
+    aspects: list = field(default_factory=list)
     quantity: str = "radiance (W m^-2 sr^-1)"
     bad_pixels: list = field(default_factory=list)
 
     @property
     def is_image(self) -> bool:
-        return self.measured.ndim == 2
-
-    @property
-    def points(self) -> int:
-        """Number of values that count."""
-        return int(np.isfinite(self.residual).sum())
+        return self.measured is None or self.measured.ndim == 2
 
     def as_dict(self) -> dict:
         """Entries of the solution's file."""
@@ -84,12 +88,15 @@ class Fitted:
                 group: {str(facet): kelvin for facet, kelvin in facets.items()}
                 for group, facets in self.facets.items()
             },
-            "residual_rms_sigmas": float(np.sqrt(np.nanmean(self.residual**2))),
+            "points": self.points,
+            "size": self.size,
+            "residual_rms_sigmas": self.residual_rms_sigmas,
+            "quantity": self.quantity,
         }
         if self.is_image:
             entry["bad_pixels"] = self.bad_pixels
         else:
-            entry["quantity"], entry["aspects"] = self.quantity, self.aspects
+            entry["aspects"] = self.aspects
             entry["measured"], entry["predicted"] = self.measured.tolist(), self.predicted.tolist()
             entry["residual"] = self.residual.tolist()
         return entry
@@ -211,6 +218,19 @@ class Solution(Result):
             "trace": [asdict(step) for step in self.trace],
             "time_s": self.seconds,
         }
+
+    @classmethod
+    def of_entries(cls, entries: dict) -> "Solution":
+        """The solution whose file has these entries. The file has no pixels of images."""
+        unknowns = entries["unknowns"]
+        errors = np.array([entry["standard_error"] for entry in unknowns], float)
+        more = {
+            "answers": unknowns,
+            "covariance": np.array(entries["correlation"]) * np.outer(errors, errors),
+            "render_share": [entry["render_share"] for entry in unknowns],
+            "seconds": entries["time_s"],
+        }
+        return built(cls, entries | more)
 
     def write(self, path: str | Path) -> None:
         """Write the solution as JSON, completely or not at all."""

@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from mi_lcair.results import Result
+from mi_lcair.results.reading import built
 
 
 @dataclass(frozen=True, repr=False)
@@ -76,6 +77,19 @@ class Audit(Result):
                 for name, shares in self.shares.items()
             },
         }
+
+    @classmethod
+    def of_entries(cls, entries: dict) -> "Audit":
+        """The audit with these entries of its JSON."""
+
+        def pairs(fluxes):
+            return {name: list(flux.values()) for name, flux in fluxes.items()}
+
+        by_material = {
+            table: {name: pairs(fluxes) for name, fluxes in entries[table].items()}
+            for table in ("materials", "shares")
+        }
+        return built(cls, entries | by_material | {"total": pairs(entries["total"])})
 
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each flux of the scene and of each material: in watts, and as a share.

@@ -15,6 +15,7 @@ from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.settings import changed as settings_changed
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.results import Result
+from mi_lcair.results.reading import built
 from mi_lcair.sensitivity.parameters import checked
 from mi_lcair.uncertainty.check import Check, SecondOrder, check, second_order
 from mi_lcair.uncertainty.contrast_number import ContrastNumber
@@ -105,12 +106,18 @@ class Budget(Result):
             "time_s": self.seconds,
             "sigma_of_quantities": self.sigma_of_quantities,
             "rows": [row.as_dict() for row in self.rows],
-            "names": self.inputs.names,
-            "covariance": self.inputs.covariance,
+            "inputs": asdict(self.inputs),
             "checks": [asdict(entry) for entry in self.checks],
             "second_order": self.second_order and asdict(self.second_order),
             "monte_carlo": self.monte_carlo and self.monte_carlo.as_dict(),
         }
+
+    @classmethod
+    def of_entries(cls, entries: dict) -> "Budget":
+        """The budget with these entries of its JSON, which has no single random draws."""
+        drawn = entries["monte_carlo"]
+        more = {"seconds": entries["time_s"], "monte_carlo": drawn and drawn | {"results": []}}
+        return built(cls, entries | more)
 
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each quantity, and for each member of a group of correlated ones.

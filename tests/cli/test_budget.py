@@ -67,7 +67,7 @@ def test_json(run):
     assert data["unit"] == "W/sr" and data["monte_carlo"] is None
     assert sum(row["share"] for row in data["rows"]) == pytest.approx(1)
     assert data["rows"][0]["members"][0]["quantity"] == "plate.temperature"
-    assert np.array(data["covariance"]).shape == (2, 2) and len(data["checks"]) == 1
+    assert np.array(data["inputs"]["covariance"]).shape == (2, 2) and len(data["checks"]) == 1
 
 
 def test_scenario_and_a_note_where_the_linear_answer_fails(run):

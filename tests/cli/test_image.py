@@ -116,3 +116,23 @@ def test_output_is_an_exr(refused):
 def test_tiff_that_cannot_be_written(tmp_path):
     with pytest.raises(InputError, match="does not exist"):
         tiff.write(tmp_path / "no" / "frames.tif", np.zeros((1, 2, 2), dtype=np.uint16))
+
+
+def test_a_solution_sets_the_target(run, folder):
+    """The frame with a solution of 330 K is that of a scene of 330 K."""
+    entry = {"name": "one", "scene": "disc", "parameters": {}, "band": "MWIR", "state": ""}
+    entry |= {"values": {"self.temperature": 330.0}, "facets": {}}
+    entry["kinds"] = {"self.temperature": "temperature"}
+    content = {"kind": "mi_lcair solution", "data": [entry]}
+    (folder / "solution.json").write_text(json.dumps(content))
+    frames = {}
+    for name, option in {
+        "solved": ("--solution", "solution.json"),
+        "stated": ("-D", "target.parameters.temperature=330"),
+        "before": (),
+    }.items():
+        result = run("image", "disc.toml", "-o", f"{name}.exr", "--spp", 2, *option)
+        assert result.exit_code == 0, result.output
+        frames[name] = read_exr(folder / f"{name}.exr")[0]["temperature.Y"]
+    np.testing.assert_array_equal(frames["solved"], frames["stated"])
+    assert frames["before"].max() > frames["solved"].max() + 5

@@ -48,6 +48,9 @@ def test_tables_by_their_columns(tmp_path, text, kind):
     [
         ('{"kind": "signature"}', kinds.SIGNATURE),
         ('{"kind": "fit"}', kinds.FIT),
+        ('{"kind": "mi_lcair solution"}', kinds.SOLUTION),
+        ('{"kind": "budget"}', kinds.BUDGET),
+        ('{"kind": "audit"}', kinds.AUDIT),
         ('{"parameters": {}}', kinds.FIT),
     ],
 )
@@ -62,8 +65,8 @@ def test_results_by_their_kind(tmp_path, text, kind):
     [
         ("{", "not JSON"),
         ("[" * 100_000, "not JSON"),
-        ("[1]", "neither a signature's JSON nor a fit's"),
-        ('{"kind": "solution"}', "of a result of kind 'solution'; show draws that of a fit"),
+        ("[1]", "not the JSON of a result"),
+        ('{"kind": "solution"}', "of a result of kind 'solution'; those that are read are a sig"),
         ('{"kind": ["x"]}', "of a result of kind"),
     ],
 )

@@ -41,6 +41,7 @@ def command(ctx, source, output, channel, scene, parameters):
     FILE.exr -> FILE.nc           all channels, netCDF
     FILE.csv -> FILE.nc           a trend, spectrum or other table
     FILE.nc -> FILE.csv           and back
+    FILE.json -> FILE.csv, .nc    the table of a solution, budget or audit
     facets.csv -> FILE.vtp, .vtu  facets with all columns, for ParaView; with
                                   --scene SCENE
     SCENE, MODEL.obj, FOLDER -> FILE.vtp, .vtu
@@ -79,11 +80,12 @@ def _way(source: str, scene):
         kinds.IMAGE: (_image, (".tif", ".tiff", ".nc"), ("channel",)),
         kinds.MODEL: (_model, VTK, ()),
         kinds.SCENE: (_scene, VTK, ("parameters",)),
+        **dict.fromkeys(kinds.CLASSES, (_result, (".csv", ".nc"), ())),
     }
     if kind not in ways:
         raise InputError(
             f"'{source}' is {kind}, which is not converted; convert takes an image (.exr), a table "
-            "(.csv, .nc), a scene or a model"
+            "(.csv, .nc), a solution, budget or audit (.json), a scene or a model"
         )
     return ways[kind]
 
@@ -136,6 +138,13 @@ def _table(source, output, suffix):
 
         attributes = stated(Path(source))
     netcdf.write(output, netcdf.dataset(columns, **attributes))
+
+
+def _result(source, output, suffix):
+    """The main table of a result from its JSON."""
+    from mi_lcair.formats.kinds import read_result
+
+    read_result(source).save(output)
 
 
 def _facets(source, output, suffix, scene, parameters):

@@ -105,6 +105,16 @@ def spectrum(what, output):
     click.echo(output)
 
 
+def result(what, output):
+    """Draw a result from its JSON."""
+    from mi_lcair.formats.kinds import read_result
+
+    drawn = read_result(what)
+    output = output or named_after(Path(what), drawn.kind.split()[-1])
+    drawn.plot(output)
+    click.echo(output)
+
+
 def model(what, output, materials):
     """Draw the model in a file from three sides."""
     from mi_lcair import models3d

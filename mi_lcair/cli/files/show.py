@@ -31,6 +31,9 @@ DRAWN = {
     "a scenario": (pictures.scenario, ("parameters",)),
     "a material": (pictures.brdf, ("band", "theta_deg", "materials")),
     "a fit": (pictures.brdf, ("band", "theta_deg", "materials")),
+    "a solution": (pictures.result, ()),
+    "a budget": (pictures.result, ()),
+    "an audit": (pictures.result, ()),
 }
 NOT_DRAWN = {
     "a table of facets": "name its scene: mi-lcair show SCENE --facets {} -c COLUMN",
@@ -99,6 +102,8 @@ def command(ctx, what, output, **options):
     \b
     FILE.exr                            channels of an image
     FILE.csv, FILE.nc                   a trend, or a spectrum of a signature
+    FILE.json                           a solution of invert, a budget, or an
+                                        audit
     SCENE, MODEL.obj, FOLDER            three views of a model; FOLDER is
                                         what import wrote
     SCENE --facet N                     what a facet sees, its neighbours'

@@ -6,10 +6,12 @@ import mi_lcair
 from mi_lcair.cli.options import (
     POSITIVE,
     examples,
+    given,
     output_option,
     plot_option,
     scenario_options,
     seed_option,
+    solution_option,
 )
 from mi_lcair.cli.output import check_outputs, print_result, print_written, time_row
 from mi_lcair.drawing import PICTURES
@@ -34,7 +36,8 @@ from mi_lcair.files import together
 )
 @seed_option("Seed of the camera's noise and fixed pattern.")
 @plot_option("frame and measures")
-def command(options, output, frames, seed, plot):
+@solution_option
+def command(options, output, frames, seed, plot, solution):
     """Record the target of a scenario with its camera.
 
     SCENARIO is a TOML file as for `contrast`, with a table [camera]. FILE.exr has the radiance at
@@ -44,6 +47,7 @@ def command(options, output, frames, seed, plot):
     """
     pages = output.with_suffix(".tif")
     check_outputs((output, ".exr"), (pages, ".tif"), (plot, PICTURES))
+    options.changes |= given({"target.solution": solution or None})
     scenario = options.read()
     result = options.run(mi_lcair.image, scenario, frames=frames, seed=seed)
     with together():

@@ -17,6 +17,7 @@ from mi_lcair.reports.sections.render import image_sections
 from mi_lcair.reports.sections.signature import columns_of, sections_of_entries
 from mi_lcair.reports.sections.spectrum import spectrum_section
 from mi_lcair.results.cells import unpacked
+from mi_lcair.results.result import details
 from mi_lcair.results.sections import Facts, Remarks, Section
 from mi_lcair.signatures.trend_file import beside
 from mi_lcair.signatures.trend_result import Trend
@@ -76,10 +77,15 @@ def result_json(what: str, model):
     try:
         return read_entries(what, entries, model)
     except (KeyError, IndexError, TypeError, AttributeError) as error:
-        raise InputError(
-            f"'{what}': an incomplete {entries['kind']} ({type(error).__name__}: {error}); make it "
-            "anew"
-        ) from None
+        raise kinds.incomplete(what, kinds.BY_RESULT[entries["kind"]], error) from None
+
+
+def result(what: str, model):
+    """The JSON of a result that is read as a whole."""
+    read_result = kinds.read_result(what)
+    made = details(read_result.as_dict(), MADE)
+    made.parts.insert(0, Facts(of_file(what)))
+    return read_result.page_title(), [*read_result.sections(), made]
 
 
 def signature(what: str, entries: dict, model):
@@ -225,6 +231,7 @@ READERS = {
     kinds.IMAGE: image,
     kinds.SIGNATURE: result_json,
     kinds.FIT: result_json,
+    **dict.fromkeys(kinds.CLASSES, result),
     kinds.TREND: trend,
     kinds.SPECTRUM: spectrum,
     kinds.FACETS: facets,

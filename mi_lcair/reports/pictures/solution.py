@@ -1,4 +1,6 @@
-"""Picture of an inversion: measured, predicted, and their difference in standard deviations."""
+"""Picture of an inversion: measured, predicted, residuals, correlations, and the iteration."""
+
+from pathlib import Path
 
 import numpy as np
 
@@ -8,7 +10,9 @@ from mi_lcair.results.cells import typeset_unit
 
 SIDE = 2.9  # width of a panel, inches
 MOST_ROWS = 12  # data that are drawn
-FEWEST_STEPS = 3  # steps from which the iteration is drawn
+MOST_UNKNOWNS = 40  # unknowns up to which correlations are drawn
+SQUARE = 0.24  # side of a correlation's square, inches
+MOST_NAMED = 10  # curves up to which a legend names them
 ITERATION_HEIGHT = 2.6  # height of the panels of the iteration, inches
 LINEAR_TO = {"step_sigmas": 0.01, "chi_square": 1.0}  # values up to which the axis is linear
 SIGMAS = 4.0  # end of the scale of residuals, standard deviations
@@ -19,21 +23,57 @@ TALLEST = 2.0  # largest ratio of a panel's height to its width
 def figure(solution):
     """Figure with one row for each datum of a `Solution`, the first MOST_ROWS.
 
-    An image has the panels measured, predicted and residual. Numbers and trends are drawn with
-    error bars, against their number or azimuth.
+    An image has the panels measured, predicted and residual. Numbers and trends are drawn against
+    their number or azimuth. Below them are how the unknowns came to their values, the correlations
+    of their errors, and the iteration. A solution that was read from its file has no pixels of
+    images.
     """
-    data = solution.data[:MOST_ROWS]
+    data = [fitted for fitted in solution.data if fitted.measured is not None][:MOST_ROWS]
     heights = [_height(fitted) for fitted in data]
-    is_traced = len(solution.trace) >= FEWEST_STEPS
-    heights += [ITERATION_HEIGHT] * is_traced
+    count = len(solution.answers)
+    if is_listed := count <= MOST_UNKNOWNS:
+        heights.append(1.2 + SQUARE * max(count, 6))
+    heights.append(ITERATION_HEIGHT)
     figure = new_figure((3 * SIDE + 1.6, sum(heights)), layout="constrained")
     parts = np.atleast_1d(figure.subfigures(len(heights), 1, height_ratios=heights))
     for part, fitted in zip(parts, data):
         part.suptitle(plain(_title(fitted)))
         (_draw_image if fitted.is_image else _draw_numbers)(part, fitted)
-    if is_traced:
-        _draw_iteration(parts[-1], solution.trace)
+    if is_listed:
+        _draw_unknowns(parts[len(data)], solution)
+    _draw_iteration(parts[-1], solution.trace)
     return figure
+
+
+def _draw_unknowns(part, solution) -> None:
+    """Distances of the unknowns from their values over the iteration, and correlations."""
+    from matplotlib.ticker import MaxNLocator
+
+    part.suptitle(plain(f"unknowns of {Path(solution.problem).name}"))
+    distances, matrix = part.subplots(1, 2)
+    labels = [plain(f"{k + 1} {answer.label}") for k, answer in enumerate(solution.answers)]
+    steps = [step for step in solution.trace if step.is_kept]
+    for k, answer in enumerate(solution.answers):
+        away = np.array([step.values[k] - answer.value for step in steps])
+        label = labels[k] if len(labels) <= MOST_NAMED else None
+        distances.plot(
+            [step.renders for step in steps],
+            away / (answer.standard_error or 1.0),
+            "o-",
+            markersize=3,
+            label=label,
+        )
+    distances.set_yscale("symlog", linthresh=1)
+    distances.set_xlabel("renders of each datum")
+    distances.set_ylabel("from the solution (standard errors)")
+    distances.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+    if len(labels) <= MOST_NAMED:
+        distances.legend()
+    drawn = matrix.imshow(solution.correlation, vmin=-1, vmax=1, cmap="RdBu_r")
+    matrix.set_yticks(range(len(labels)), labels, fontsize=7)
+    matrix.set_xticks(range(len(labels)), [str(k + 1) for k in range(len(labels))], fontsize=7)
+    matrix.set_xlabel("number of the unknown")
+    part.colorbar(drawn, ax=matrix, shrink=0.85, pad=0.02).set_label("correlation of the errors")
 
 
 def _draw_iteration(part, trace) -> None:
@@ -49,6 +89,8 @@ def _draw_iteration(part, trace) -> None:
         (chi_square, "chi_square", "chi-square"),
     ):
         for steps, style, word in ((kept, "o-C0", "kept"), (refused, "xC3", "refused")):
+            if not steps:
+                continue
             values = [getattr(step, name) for step in steps]
             panel.plot([step.renders for step in steps], values, style, markersize=4, label=word)
         panel.set_yscale("symlog", linthresh=LINEAR_TO[name])

@@ -48,8 +48,7 @@ def data(solution) -> list[tuple[str, str]]:
 
 def residual(fitted) -> str:
     """How well a datum is fitted, in words."""
-    rms = fitted.as_dict()["residual_rms_sigmas"]
-    size = fitted.residual.size
+    rms, size = fitted.residual_rms_sigmas, fitted.size
     count = f"{fitted.points} of {size} values" if fitted.points < size else f"{size} values"
     return f"{count}, rms residual {rms:.3g} standard deviations of measurement and render together"
 

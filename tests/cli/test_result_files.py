@@ -1,0 +1,66 @@
+"""`show`, `convert` and `report` of the JSON of a solution, a budget and an audit."""
+
+import csv
+import json
+
+import mitsuba as mi
+import numpy as np
+import pytest
+
+import mi_lcair
+from mi_lcair.formats.kinds import read_result
+from tests.inversion.plate import UNKNOWNS, datum, write_scene
+from tests.uncertainty.plate_scene import plate_scene
+
+mi.set_variant("llvm_ad_mono")
+SIGMA = {"sigma": {"plate.temperature": 2.0, "paint.reflectance": 0.02}}
+
+
+def result_of(kind, folder):
+    """A small result of this kind."""
+    if kind == "solution":
+        write_scene(folder)
+        data = [datum(folder, "one", 1, "clear"), datum(folder, "two", 2, "cold", S=250.0)]
+        unknowns = {**UNKNOWNS, "plate.temperature": {"per": []}}
+        return mi_lcair.invert({"data": data, "unknowns": unknowns}, advise=False)
+    scene = plate_scene(folder)
+    if kind == "budget":
+        group = [{"names": list(SIGMA["sigma"]), "correlation": 0.5}]
+        return mi_lcair.budget(scene, SIGMA | {"correlated": group}, spp=16, draws=10)
+    return mi_lcair.audit(scene, photons=64)
+
+
+@pytest.mark.parametrize("kind", ["solution", "budget", "audit"])
+def test_a_result_from_its_file(kind, folder, run):
+    """All three commands show what the result in memory shows."""
+    result = result_of(kind, folder)
+    result.save(f"{kind}.json")
+    read = read_result(f"{kind}.json")
+    assert read.as_dict() == result.as_dict()
+    assert read.summary() == result.summary()
+    assert run("show", f"{kind}.json").stdout == f"{kind}.png\n"
+    assert (folder / f"{kind}.png").stat().st_size > 10_000
+    assert run("convert", f"{kind}.json", "table.csv").exit_code == 0
+    with open("table.csv", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    for name, values in result.columns().items():
+        if values.dtype.kind == "f":
+            numbers = [float(row[name] or "nan") for row in rows]
+            np.testing.assert_allclose(numbers, values, rtol=1e-8, err_msg=name)
+        elif values.dtype.kind == "U":
+            assert [row[name] for row in rows] == values.tolist()
+    assert run("report", f"{kind}.json", "-o", "page.html").exit_code == 0
+    page = (folder / "page.html").read_text()
+    title = {"solution": "plate.temperature", "budget": "Uncertainty budget"}
+    assert title.get(kind, "Energy audit") in page and "How it was made" in page
+
+
+@pytest.mark.parametrize("command", ["show", "convert", "report"])
+def test_refuses_an_incomplete_file(folder, refused, command):
+    entries = mi_lcair.audit(plate_scene(folder), photons=64).as_dict()
+    del entries["shares"]
+    (folder / "audit.json").write_text(json.dumps(entries))
+    output = {"show": (), "convert": ("t.csv",), "report": ("-o", "p.html")}[command]
+    message = refused(command, "audit.json", *output)
+    assert "'audit.json': an audit that is incomplete (KeyError: 'shares'); make it anew" in message
+    assert not list(folder.glob("*.png")) and not list(folder.glob("*.html"))
