@@ -28,8 +28,9 @@ from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.aiming import aim_at_model
+from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
-from mi_lcair.rendering.sampling import Measurands, Sampling
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.window import RANDOMISATIONS, Windows, window_area
 
 SEEDS = 20

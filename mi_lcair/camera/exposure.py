@@ -16,8 +16,9 @@ from mi_lcair.plugins.emission.sources import Sources
 from mi_lcair.plugins.paths.sums import Sums
 from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.images.apparent import Arrival
+from mi_lcair.rendering.measurands import Criterion, Measurands
 from mi_lcair.rendering.measure import measure
-from mi_lcair.rendering.sampling import Criterion, Measurands, Sampling
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import Windows
 

@@ -57,7 +57,7 @@ def header(
     return {
         "scenario": scenario.name,
         "scene": scene.name,
-        "band": scenario.sensor.detector().band.label,
+        "band": scenario.sensor.detector().band.name,
         "units": "apparent.Y: W m^-2 sr^-1; electrons, counts.Y: 1; others: K",
         "max_bounces": bounces,
         "spp": exposed.spp,

@@ -10,7 +10,7 @@ import click
 import mi_lcair
 from mi_lcair import scenes
 from mi_lcair.cli import completion
-from mi_lcair.cli.output import note, quiet
+from mi_lcair.cli.output import note, print_notes, quiet
 from mi_lcair.errors import InputError
 from mi_lcair.fraction import fraction
 
@@ -149,6 +149,7 @@ def progress_bar(unit="spp"):
     with tqdm(unit=unit, disable=True if quiet() else None, leave=False) as bar:
 
         def progress(done, total):
+            print_notes()
             bar.n, bar.total = done, total
             bar.refresh()
 

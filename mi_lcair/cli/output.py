@@ -111,18 +111,27 @@ def print_written(*paths) -> None:
         click.echo(f"wrote {printable(path)}", err=True)
 
 
+# Notes of a command that has traced no path yet. Its input may still be refused, in one line.
+_held: list[str] = []
+
+
 def note(text: object) -> None:
     """Print on stderr, in one line, something that a user should know about the results.
 
-    Nothing is printed with -q.
+    It is printed when the work begins, see `print_notes`. Nothing is printed with -q.
     """
-    if quiet():
-        return
-    line = f"mi-lcair: note: {printable(text)}"
-    if "tqdm" in sys.modules:
-        sys.modules["tqdm"].tqdm.write(line, file=sys.stderr)  # keeps the progress bar intact
-    else:
-        click.echo(line, err=True)
+    if not quiet():
+        _held.append(f"mi-lcair: note: {printable(text)}")
+
+
+def print_notes() -> None:
+    """Print the notes so far, because the input can be used."""
+    for line in _held:
+        if "tqdm" in sys.modules:
+            sys.modules["tqdm"].tqdm.write(line, file=sys.stderr)  # keeps the progress bar intact
+        else:
+            click.echo(line, err=True)
+    _held.clear()
 
 
 class Notes(logging.Handler):
@@ -139,7 +148,10 @@ def _note_warning(message, *_, **__) -> None:
 
 @contextmanager
 def warnings_as_notes():
-    """Context manager: Python's warnings and logged warnings are printed as notes."""
+    """Context manager: Python's warnings and logged warnings are printed as notes.
+
+    An error drops the notes that are not printed yet.
+    """
     handler = Notes(logging.WARNING)
     logging.getLogger().addHandler(handler)
     try:
@@ -147,7 +159,9 @@ def warnings_as_notes():
             warnings.simplefilter("default", UserWarning)
             warnings.showwarning = _note_warning
             yield
+        print_notes()
     finally:
+        _held.clear()
         logging.getLogger().removeHandler(handler)
 
 

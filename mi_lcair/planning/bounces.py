@@ -70,7 +70,10 @@ def fewest_bounces(
         """Upper bound of an error, relative to the mean radiance."""
         if each_pixel:
             return float(np.sqrt(np.mean(error_by_pixel**2)) / total)
-        return upper(error_by_batch / total_by_batch, signed=True)
+        # A batch that has met no radiance knows nothing: all of it may be missing
+        whole, met = np.ones(len(total_by_batch)), total_by_batch > 0
+        relative = np.divide(error_by_batch, total_by_batch, out=whole, where=met)
+        return upper(relative, signed=True)
 
     # Truncate as early as the budget allows.
     best = (last + summed, "none", bound(*missing(last)))

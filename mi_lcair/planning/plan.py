@@ -33,7 +33,8 @@ from mi_lcair.planning.reference import (
     pixel_count,
     reference_probe,
 )
-from mi_lcair.rendering.sampling import Sampling, check_bounded
+from mi_lcair.rendering.measurands import check_bounded
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.window import window_area
 from mi_lcair.results import Result

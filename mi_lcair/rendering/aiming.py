@@ -6,7 +6,7 @@ from mi_lcair.plugins.emission.emitter_table import hulls
 from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of
 from mi_lcair.plugins.paths.aim import CELLS, Aim
 from mi_lcair.plugins.paths.launch import Launch
-from mi_lcair.rendering.sampling import Measurands
+from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.window import window
 
 POINTS = 4  # paths of the pilot in each cell

@@ -10,7 +10,8 @@ from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.plugins.paths.launch import ParallelRays
 from mi_lcair.rendering.aiming import aim_at_model
 from mi_lcair.rendering.limits import check_memory
-from mi_lcair.rendering.sampling import TWO_CHOICES, Criterion, Measurands, Sampling
+from mi_lcair.rendering.measurands import Criterion, Measurands
+from mi_lcair.rendering.sampling import TWO_CHOICES, Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals, check_valid
 from mi_lcair.rendering.window import Windows

@@ -20,7 +20,7 @@ from mi_lcair.plugins.columns.tables import (
     pilot_launch,
 )
 from mi_lcair.plugins.emission.sources import spectra
-from mi_lcair.rendering.sampling import Measurands
+from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.sensitivity.entries import SCALED, Entry
 from mi_lcair.sensitivity.parameters import chosen
 

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from mi_lcair.rendering.aiming import aim_at_model
+from mi_lcair.rendering.measurands import Criterion, IntensityInterval, Measurands
 from mi_lcair.rendering.measure import measure
-from mi_lcair.rendering.sampling import Criterion, IntensityInterval, Measurands, Sampling
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import Windows, window_area
 from mi_lcair.sensitivity.parameters import changed

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from mi_lcair.rendering.limits import check_memory
+from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
-from mi_lcair.rendering.sampling import Measurands, Sampling
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import Windows

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mi_lcair.rendering.measurands import Criterion, Measurands, check_reachable
 from mi_lcair.rendering.measure import measure
-from mi_lcair.rendering.sampling import Criterion, Measurands, Sampling, check_reachable
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.views import Target, View, cameras, check_resolution

@@ -19,7 +19,7 @@ from mi_lcair.physics.air.levels import (
 from mi_lcair.physics.atmosphere import clear_air_name
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.plugins.properties import RADIANCE_UNIT
-from mi_lcair.rendering.sampling import ExcessFunction
+from mi_lcair.rendering.measurands import ExcessFunction
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.sensitivity.common_numbers import CommonNumbers
 from mi_lcair.sensitivity.entries import Parameter

@@ -16,6 +16,8 @@ from mi_lcair.plugins.emission.emitter_table import MOST_PASSED, EmitterTable
 from mi_lcair.plugins.emission.samples import DrawnDirection
 from mi_lcair.plugins.recorders.recorder import Emission, Recorders, Reflection
 
+# Where no direction is drawn, it is not a number, and its slopes times 0 would not be 0.
+UPWARD = (0, 0, 1)
 # Largest weight of a reflection that counts as 0 where derivatives are explored. What it would add
 # to a radiance is below the rounding error of Float32.
 LARGEST_LATENT = 1e-7
@@ -336,7 +338,7 @@ class Walk:
                 ),
                 weight=dr.select(direct.counts, weight_of_source, 0),
                 hit=direct.hit,
-                drawn_to=to,
+                drawn_to=dr.select(direct.counts, to, UPWARD),
                 before=before[0],
                 latent=first(latent),
             )

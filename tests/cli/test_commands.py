@@ -318,11 +318,12 @@ def test_show_writes_a_picture(run, image, folder):
     assert (folder / "image.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_show_images_of_other_programs(run, refused, pictures):
+@pytest.mark.parametrize("channel", [(), ("-c", "R")])
+def test_show_images_of_other_programs(run, refused, pictures, channel):
     """An image without a header of mi_lcair gets its file's name as the title."""
     write_exr("photo.exr", {"R": np.ones((2, 2))}, {})
-    assert "unknown channel 'Y'; known: R" in refused("show", "photo.exr")
-    assert run("show", "photo.exr", "-c", "R").exit_code == 0
+    assert "unknown channel 'Y'; known: R" in refused("show", "photo.exr", "-c", "Y")
+    assert run("show", "photo.exr", *channel).exit_code == 0
     assert pictures == [("photo.png", ["R"], "photo", False)]
 
 

@@ -42,12 +42,13 @@ def test_mitsubas_messages_go_through_python(caplog):
 def test_warnings_are_notes(run, monkeypatch):
     """Warnings of Python and of logging become notes, each in a single line."""
 
-    def audit(scene, **sampling):
+    def begins(scene, **sampling):
         warnings.warn(f"extended\n{NAME}", stacklevel=1)
         logging.getLogger("anything").warning("logged %s", NAME)
+        sampling["progress"](1, 2)  # paths are traced: the input can be used
         raise mi_lcair.InputError(NAME)
 
-    monkeypatch.setitem(vars(mi_lcair), "audit", audit)
+    monkeypatch.setitem(vars(mi_lcair), "audit", begins)
     result = run("audit", "two_plates")
     name = r"paint mi-lcair: note: all is well\x1b[31m $x^$"
     assert result.exit_code == 2 and result.stdout == ""
@@ -56,6 +57,18 @@ def test_warnings_are_notes(run, monkeypatch):
         f"mi-lcair: note: logged {name}",
         f"mi-lcair: {name}",
     ]
+
+
+def test_input_that_is_refused_has_no_notes(refused, monkeypatch):
+    """What warns while it is checked, and is refused before any path, gets the one line of it."""
+
+    def refuses(scene, **sampling):
+        warnings.warn("extended", stacklevel=1)
+        raise mi_lcair.InputError("no such quantity")
+
+    monkeypatch.setitem(vars(mi_lcair), "audit", refuses)
+    for _ in range(2):
+        assert refused("audit", "two_plates") == "mi-lcair: no such quantity\n"
 
 
 @pytest.mark.slow

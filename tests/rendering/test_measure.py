@@ -10,14 +10,9 @@ import pytest
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.rendering import measure as module
+from mi_lcair.rendering.measurands import ExcessFunction, IntensityInterval, Measurands, PixelError
 from mi_lcair.rendering.measure import measure
-from mi_lcair.rendering.sampling import (
-    ExcessFunction,
-    IntensityInterval,
-    Measurands,
-    PixelError,
-    Sampling,
-)
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.window import PASS_SAMPLES, Windows
 from tests.plugins.small_scenes import camera
 from tests.rendering.made_totals import sums_of

@@ -125,11 +125,11 @@ def test_a_seed_gives_its_numbers_and_a_tolerance_its_error(cylinder):
     assert np.array_equal(first.parts["target"], again.parts["target"])
     assert not np.array_equal(first.parts["target"], other.parts["target"])
     assert first.excess(0.004).max() <= 1 and first.paths.sum() > FIRST_PATHS
-    stopped = render_views(cylinder, views, 32, Sampling(tolerance=1e-5, max_spp=4))
-    assert set(stopped.paths) == {4 * 32**2} and stopped.excess(1e-5).min() > 1
+    stopped = render_views(cylinder, views, 32, Sampling(tolerance=1e-4, max_spp=4))
+    assert set(stopped.paths) == {4 * 32**2} and stopped.excess(1e-4).min() > 1
     # 7 x 31 x 31 = 6727 paths are not a multiple of the 8 randomisations
     assert render_views(
-        cylinder, views, 31, Sampling(tolerance=1e-5, max_spp=7)
+        cylinder, views, 31, Sampling(tolerance=1e-4, max_spp=7)
     ).paths.tolist() == [
         6728,
         6728,

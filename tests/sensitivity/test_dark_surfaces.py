@@ -62,3 +62,19 @@ def test_closed_forms(load, case):
     scene = load(case)
     for way, (value, error) in estimates(scene, case).items():
         assert abs(value - case.derivative) < 6 * error + 40 * ROUNDING, (way, value, error)
+
+
+def test_directions_drawn_toward_emitters_agree():
+    """A black plate before another: the derivative with and without emitter sampling."""
+    (drawn, drawn_error), (other, error) = (
+        (result.derivative[0], result.error[1])
+        for result in (
+            mi_lcair.sensitivities(
+                mi_lcair.load("two_plates", resolution=16, emitter_sampling=sampling),
+                ["blackbody.emissivity"],
+                spp=256,
+            )
+            for sampling in ("true", "false")
+        )
+    )
+    assert abs(drawn - other) < 6 * np.hypot(drawn_error, error) < 0.1 * other

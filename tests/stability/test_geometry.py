@@ -229,4 +229,5 @@ def test_clipping_planes(tmp_path):
     large = load(tmp_path, two_plates(1e5), 0.12e5, 0.1e5, 1e5, clips="")
     assert mi_lcair.render(large, spp=4).mean == 0
     assert large.remarks == ["sensor 0: does not see what is farther than its far_clip = 10000 m"]
-    assert load(tmp_path, two_plates(), clips="").remarks == []
+    between = load(tmp_path, two_plates(), clips="").remarks
+    assert not [remark for remark in between if "clip" in remark]

@@ -214,11 +214,11 @@ def test_a_plume_before_the_sun():
     what = {"position": 3, "band": "MWIR", "plume_transmittance": 0.7, "light": "day"}
     scene = mi_lcair.load("a340_landing", resolution=16, **what)
     stated = {"sigma": {"plume.transmittance": 0.05, "self.temperature": 2.0}}
-    found = mi_lcair.budget(scene, stated, spp=64)
+    found = mi_lcair.budget(scene, stated, spp=1024)
     ends = []
     for value in (0.65, 0.75):
         with changed(scene, {"plume.transmittance": value}):
-            ends.append(mi_lcair.sensitivities(scene, [], spp=64).value)
+            ends.append(mi_lcair.sensitivities(scene, [], spp=1024).value)
     expected = (ends[1] - ends[0]) / 2
     assert row(found, "plume.transmittance").contribution == pytest.approx(expected, rel=1e-4)
     assert row(found, "self.temperature").sensitivity_error > 0

@@ -29,7 +29,7 @@ def quantities(command):
     "temperature",
     epilog=examples(
         "mi-lcair temperature 305.2 --band LWIR --emissivity 0.92+-0.02 --reflected 293+-2",
-        "mi-lcair temperature seen.tif --band LWIR --emissivity 0.92+-0.02 --reflected 285+-2 "
+        "mi-lcair temperature seen.exr --emissivity 0.92+-0.02 --reflected 285+-2 "
         "--distance 1000 -o object.tif",
     ),
 )

@@ -14,8 +14,9 @@ from mi_lcair.physics.blackbody import brightness_temperature
 from mi_lcair.plugins.recorders.by_bounce import BOUNCE_CHANNELS
 from mi_lcair.rendering.images.apparent import apparent
 from mi_lcair.rendering.images.render_result import Render
+from mi_lcair.rendering.measurands import Measurands, PixelError
 from mi_lcair.rendering.measure import measure
-from mi_lcair.rendering.sampling import Measurands, PixelError, Sampling
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import PILOT_SPP, PIXEL_RANDOMISATIONS, Windows, window_size

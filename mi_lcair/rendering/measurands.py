@@ -1,0 +1,156 @@
+"""What is recorded of the paths of a measurement, and the error at which it has enough of them."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mi_lcair.errors import InputError
+from mi_lcair.plugins.columns.tables import ColumnTables
+from mi_lcair.plugins.paths.launch import Launch, ParallelRays
+from mi_lcair.plugins.paths.sums import Sums
+from mi_lcair.plugins.recorders.channels import Channels
+from mi_lcair.rendering.statistics import Totals, student_factor
+
+
+@dataclass(frozen=True)
+class Measurands:
+    """What is recorded of the paths of a measurement.
+
+    Attributes
+    ----------
+    channels : Channels
+        Parts of the radiance, by name.
+    facets : object or None
+        Receiver of the samples by facet, see `PathTracer.trace`.
+    by_spectrum : bool
+        Whether emission is recorded for each spectrum of a group, not only for each group.
+    explored : frozenset of mi.BSDF
+        Surfaces at which paths of a weight of 0 go on for the derivatives.
+    reduced : callable or None
+        Gives the `Sums` that are kept from those of a launch.
+    """
+
+    channels: Channels
+    facets: object = None
+    by_spectrum: bool = False
+    explored: frozenset = frozenset()
+    reduced: Callable[[Sums], Sums] | None = None
+
+    @staticmethod
+    def of(split: str | None, by_spectrum: bool = False) -> "Measurands":
+        """The channels of a split, see `Channels`."""
+        return Measurands(Channels(split), by_spectrum=by_spectrum)
+
+    def with_columns(self, tables: ColumnTables | None) -> "Measurands":
+        """These measurands, and the derivatives with respect to the parameters of the tables."""
+        return replace(self, channels=replace(self.channels, tables=tables))
+
+    def trace(self, tracer, sensor, launch: Launch, rays: ParallelRays | None = None) -> Sums:
+        """The sums of a launch through a sensor; rays: those of the sensor, if they are known."""
+        sums = tracer.trace(sensor, launch, self.channels, self.facets, rays)
+        return sums if self.reduced is None else self.reduced(sums)
+
+
+class Criterion(ABC):
+    """What the error of a measurement must meet. `measure` adds paths until it is met."""
+
+    def check(self, tracer, name: str) -> None:
+        """Raise InputError if no number of paths can be shown to meet the criterion.
+
+        Parameters
+        ----------
+        tracer : PathTracer
+        name : str
+            Name of the scene in messages.
+        """
+        check_bounded(tracer.emitters, name)
+
+    @abstractmethod
+    def excess(self, total: Totals) -> float | np.ndarray:
+        """Ratio of the error to the allowed error.
+
+        It is one number for the pixels of an image, and one for each window otherwise.
+        """
+
+
+@dataclass(frozen=True)
+class PixelError(Criterion):
+    """The rms standard error over the pixels is below a fraction of the mean radiance."""
+
+    tolerance: float
+
+    def check(self, tracer, name):
+        check_reachable(self.tolerance, tracer, name)
+
+    def excess(self, total):
+        error = total.rms_error()
+        return np.inf if error is None else error / self.tolerance
+
+
+@dataclass(frozen=True)
+class IntensityInterval(Criterion):
+    """Half of the 95 % interval of a window's mean radiance is below a fraction of the mean.
+
+    channel: the part of the radiance that counts: "target" or None, which is the whole.
+    or_whole: whether the whole radiance counts where there is no target.
+    """
+
+    tolerance: float
+    channel: str | None = "target"
+    or_whole: bool = True
+
+    def check(self, tracer, name):
+        check_reachable(self.tolerance, tracer, name, of_interval=True)
+
+    def excess(self, total):
+        channel = self.channel
+        if self.or_whole and not total.mean(channel)[0] > 0:
+            channel = None
+        allowed = self.tolerance * total.mean(channel)[0]
+        return float(total.half_width(channel)[0] / allowed) if allowed > 0 else np.inf
+
+
+@dataclass(frozen=True)
+class ExcessFunction(Criterion):
+    """A function of the totals gives the ratio of the error to the allowed error."""
+
+    function: Callable[[Totals], float]
+
+    def excess(self, total):
+        return self.function(total)
+
+
+def check_reachable(tolerance: float, tracer, name: str, of_interval: bool = False) -> None:
+    """Raise InputError if no number of samples reaches the tolerance, or none can confirm it.
+
+    A tolerance cannot be confirmed if an emitter's radiance has no known bound.
+
+    Parameters
+    ----------
+    tolerance : float
+        Relative error.
+    tracer : PathTracer
+    name : str
+        Name of the scene in messages.
+    of_interval : bool
+        Whether the tolerance is that of half of the 95 % interval, not of the standard error.
+    """
+    check_bounded(tracer.emitters, name)
+    least = tracer.systematic_error * (student_factor(np.inf) if of_interval else 1.0)
+    if tolerance <= least:
+        raise InputError(
+            f"{name}: tolerance = {tolerance:g} cannot be reached: Float32's rounding and "
+            f"tabulated emissivities leave {'half a 95 % interval' if of_interval else 'an error'} "
+            f"of {least:.2g}; ask for more than that"
+        )
+
+
+def check_bounded(emitters, name: str) -> None:
+    """Raise InputError if the radiance of an emitter has no known bound."""
+    if emitters.unbounded:
+        raise InputError(
+            f"{name}: no tolerance can be confirmed, as nothing bounds the radiance of "
+            f"{', '.join(emitters.unbounded)}; give the number of samples (spp) instead"
+        )
