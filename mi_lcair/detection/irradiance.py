@@ -13,6 +13,7 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.physics.spectrum import Spectrum
 from mi_lcair.rendering.statistics import student_factor
 from mi_lcair.signatures.effective_areas import EffectiveAreas
+from mi_lcair.signatures.view_areas import ViewAreas
 
 TERMS = ("intensity", "target", "path", "background", "total")
 
@@ -86,20 +87,17 @@ class RenderError(NamedTuple):
     systematic: float = 0.0
 
 
-class Irradiance:
-    """Irradiances of a target before a background, at any range along one line of sight.
+class LineOfSources:
+    """The TERMS of a target at any range along one line of sight, for each of its amounts.
 
-    The target is rendered with parallel rays. Its size must be small compared with the range.
-
-    All irradiances are linear in the effective areas and in the projected area, and the covariance
-    of these areas gives the standard errors. A scene with too many temperatures has no covariance.
-    The errors of the intensity and of the projected area are then added, which is an upper bound.
+    The amounts are the effective areas of the target's sources and, last, its projected area. All
+    terms are linear in them, so that they hold for any target with the same sources. The target is
+    rendered with parallel rays. Its size must be small compared with the range.
 
     Parameters
     ----------
-    areas : EffectiveAreas
-        Effective areas of the target.
-    render_error : RenderError
+    areas : EffectiveAreas or ViewAreas
+        Effective areas, of which the sources count here.
     band : Band
         Band of the detector, with its response.
     air : Atmosphere
@@ -109,12 +107,7 @@ class Irradiance:
     """
 
     def __init__(
-        self,
-        areas: EffectiveAreas,
-        render_error: RenderError,
-        band: Band,
-        air: Atmosphere,
-        backdrop: Backdrop,
+        self, areas: EffectiveAreas | ViewAreas, band: Band, air: Atmosphere, backdrop: Backdrop
     ):
         rows = np.concatenate(
             [
@@ -135,20 +128,8 @@ class Irradiance:
         ).ravel()
         self.response = band.response_at(self.wavelengths_um)
         self.weights_um = np.repeat(half, 2) * self.response
-        self.areas, self.behind, self.render_error = areas, backdrop, render_error
-        self.projected_area = Estimate(
-            areas.projected_area, float(np.sqrt(areas.covariance[0, -1, -1]))
-        )
-        if areas.nodes_um.size:
-            self.spectra = areas.spectrum(self.wavelengths_um)[0].sum(axis=0, keepdims=True)
-            self.amounts, self.covariance = np.array([1.0, areas.projected_area]), None
-            self.errors = np.array([render_error.relative, self.projected_area.standard_error])
-        else:
-            self.spectra = areas.radiance(self.wavelengths_um)
-            self.amounts, self.covariance = (
-                np.append(areas.area[0], areas.projected_area),
-                areas.covariance[0],
-            )
+        self.areas, self.behind = areas, backdrop
+        self.spectra = areas.spectra_of_amounts(self.wavelengths_um)
 
     def in_band(self, spectrum: np.ndarray) -> float:
         """Integral over the band of a spectrum at `wavelengths_um`, weighted with the response."""
@@ -157,6 +138,74 @@ class Irradiance:
     def background(self, path: LineOfSight) -> np.ndarray:
         """Radiance of the background at the end of a path, at `wavelengths_um`."""
         return self.behind.at_sensor(path.range_m).at(self.wavelengths_um)
+
+    def arriving(self, path: LineOfSight) -> np.ndarray:
+        """Spectra of the amounts but the last one at the end of a path, (amounts - 1, n).
+
+        Light that has crossed air before the target reflects it gets the amounts of both paths.
+        """
+        transmittance, _ = path.at(self.wavelengths_um)
+        arriving = self.spectra * transmittance
+        for row, light, amount in self.areas.light_of_amounts():
+            share = path.share(light, self.wavelengths_um) - transmittance
+            arriving[row] += amount * light.at(self.wavelengths_um) * share
+        return arriving
+
+    def per_amount(self, path: LineOfSight) -> np.ndarray:
+        """Derivative of each of the TERMS with respect to each of the amounts, (TERMS, amounts)."""
+        _, radiance = path.at(self.wavelengths_um)
+        per_amount = np.zeros((len(TERMS), len(self.spectra) + 1))
+        per_amount[0, :-1] = self.spectra @ self.weights_um
+        per_amount[1, :-1] = self.arriving(path) @ self.weights_um
+        per_amount[2, -1] = self.in_band(radiance)
+        per_amount[3, -1] = self.in_band(self.background(path))
+        per_amount[4] = per_amount[1] + per_amount[2] - per_amount[3]
+        per_amount[1:] /= path.range_m**2
+        return per_amount
+
+    def per_intensity(self, path: LineOfSight) -> float:
+        """Largest irradiance at the end of a path from an intensity of 1 W/sr, W m^-2."""
+        transmittance, _ = path.at(self.wavelengths_um)
+        return float((transmittance * self.response).max() / path.range_m**2)
+
+
+class Irradiance(LineOfSources):
+    """Irradiances of a target before a background, at any range along one line of sight.
+
+    The covariance of the amounts gives the standard errors. A scene with too many temperatures has
+    no covariance. The errors of the intensity and of the projected area are then added, which is an
+    upper bound.
+
+    Parameters
+    ----------
+    areas : EffectiveAreas
+        Effective areas of the target.
+    render_error : RenderError
+    band, air, backdrop
+        As for `LineOfSources`.
+    """
+
+    def __init__(
+        self,
+        areas: EffectiveAreas,
+        render_error: RenderError,
+        band: Band,
+        air: Atmosphere,
+        backdrop: Backdrop,
+    ):
+        super().__init__(areas, band, air, backdrop)
+        self.render_error = render_error
+        self.projected_area = Estimate(
+            areas.projected_area, float(np.sqrt(areas.covariance[0, -1, -1]))
+        )
+        if areas.nodes_um.size:
+            self.amounts, self.covariance = np.array([1.0, areas.projected_area]), None
+            self.errors = np.array([render_error.relative, self.projected_area.standard_error])
+        else:
+            self.amounts, self.covariance = (
+                np.append(areas.area[0], areas.projected_area),
+                areas.covariance[0],
+            )
 
     def at(self, path: LineOfSight) -> dict[str, Estimate]:
         """The in-band TERMS at the end of a path, by name.
@@ -177,39 +226,6 @@ class Irradiance:
             for name, value, error in zip(TERMS, per_amount @ self.amounts, errors)
         }
 
-    def arriving(self, path: LineOfSight) -> np.ndarray:
-        """Spectra of the amounts but the last one at the end of a path, (amounts - 1, n).
-
-        Light that has crossed air before the target reflects it gets the amounts of both paths.
-        """
-        transmittance, _ = path.at(self.wavelengths_um)
-        arriving = self.spectra * transmittance
-        for k, (source, area) in enumerate(zip(self.areas.sources, self.areas.area[0])):
-            if source.spectrum is None:
-                continue
-            share = path.share(source.spectrum, self.wavelengths_um) - transmittance
-            light = source.spectrum.at(self.wavelengths_um) * share
-            if self.areas.nodes_um.size:  # all sources are one row
-                arriving[0] += area * light
-            else:
-                arriving[k] += light
-        return arriving
-
-    def per_amount(self, path: LineOfSight) -> np.ndarray:
-        """Derivative of each of the TERMS with respect to each of the amounts, (TERMS, amounts).
-
-        The amounts are the effective areas and, last, the projected area of the target.
-        """
-        _, radiance = path.at(self.wavelengths_um)
-        per_amount = np.zeros((len(TERMS), len(self.amounts)))
-        per_amount[0, :-1] = self.spectra @ self.weights_um
-        per_amount[1, :-1] = self.arriving(path) @ self.weights_um
-        per_amount[2, -1] = self.in_band(radiance)
-        per_amount[3, -1] = self.in_band(self.background(path))
-        per_amount[4] = per_amount[1] + per_amount[2] - per_amount[3]
-        per_amount[1:] /= path.range_m**2
-        return per_amount
-
     def half_width(self, path: LineOfSight) -> float:
         """Half of the 95 % interval of the contrast at the end of a path, W m^-2.
 
@@ -219,11 +235,6 @@ class Irradiance:
         missed *= self.per_intensity(path)
         error = self.at(path)["total"].standard_error
         return float(student_factor(degrees_of_freedom) * error + missed)
-
-    def per_intensity(self, path: LineOfSight) -> float:
-        """Largest irradiance at the end of a path from an intensity of 1 W/sr, W m^-2."""
-        transmittance, _ = path.at(self.wavelengths_um)
-        return float((transmittance * self.response).max() / path.range_m**2)
 
     def least_half_width(self, path: LineOfSight) -> float:
         """The part of `half_width` that more paths do not reduce, W m^-2."""

@@ -149,6 +149,11 @@ def read_attributes(path) -> dict:
     return _read(path, lambda dataset: dict(dataset.attrs))
 
 
+def read(path):
+    """The Dataset of a netCDF file; raises InputError as `read_columns`."""
+    return _read(path, lambda dataset: dataset.load())
+
+
 def _read(path, content):
     xarray = optional("xarray", "a netCDF file")
     try:

@@ -5,6 +5,7 @@ adds W S to the spectral intensity, with the same effective area W, m^2, at all 
 the in-band intensity that comes from the source, divided by the in-band radiance of S.
 """
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -16,6 +17,7 @@ from mi_lcair.errors import InputError, unknown
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
+from mi_lcair.physics.spectrum import Spectrum
 from mi_lcair.plugins.emission.source import Source
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
@@ -27,8 +29,93 @@ PARTS = ("target", "scene")
 SPECTRUM_ROWS = 801
 
 
+class SourcesInBand(Result):
+    """Base class of effective areas: the sources of a scene, and the band that was rendered.
+
+    Attributes
+    ----------
+    band : Band
+        Band that was rendered.
+    sources : list of Source
+        Sources, one for each group and spectrum.
+    nodes_um : ndarray, shape (nodes,)
+        Wavelengths, um, at which the intensity of all blackbodies is known, if the scene has too
+        many temperatures for an effective area each. Otherwise it is empty.
+    """
+
+    band: Band
+    sources: list[Source]
+    nodes_um: np.ndarray
+
+    def radiance(self, wavelengths_um: ArrayLike, temperatures: dict | None = None) -> np.ndarray:
+        """Spectral radiance of each source, W m^-2 sr^-1 um^-1, shape (sources, n).
+
+        It is not multiplied by the emissivity.
+        """
+        table = [
+            source.spectrum.at(wavelengths_um)
+            if T is None
+            else spectral_radiance(wavelengths_um, T)
+            for source, T in zip(self.sources, self.temperatures(temperatures or {}))
+        ]
+        return np.reshape(table, (len(self.sources), len(wavelengths_um)))
+
+    def wavelengths_um(self) -> np.ndarray:
+        """Wavelengths, um, that resolve all spectra in the band, see `resolved`."""
+        return resolved(self.band, self.sources)
+
+    def temperatures(self, changed: Mapping) -> list:
+        """Temperature of each source, K, with the changes applied; None for a tabulated source."""
+        blackbodies = {
+            (source.group, source.temperature)
+            for source in self.sources
+            if source.temperature is not None
+        }
+        for key in changed:
+            if key not in blackbodies | {group for group, _ in blackbodies}:
+                known = sorted({group for group, _ in blackbodies}) + [
+                    f"{group} at {T:g} K" for group, T in sorted(blackbodies)
+                ]
+                raise unknown("blackbody group", str(key), known)
+            if not np.all((changed[key] > 0) & (changed[key] < np.inf)):
+                raise InputError(
+                    f"group {key}: temperature {changed[key]} K; it must be positive and finite, "
+                    "in kelvin"
+                )
+        return [
+            None
+            if source.temperature is None
+            else changed.get(
+                (source.group, source.temperature), changed.get(source.group, source.temperature)
+            )
+            for source in self.sources
+        ]
+
+    def within(self, band: Band) -> Band:
+        """The band itself. Raises InputError if it is not within the rendered band."""
+        if (
+            band.is_total
+            or band.lower_um < self.band.lower_um
+            or band.upper_um > self.band.upper_um
+        ):
+            raise InputError(
+                f"band {band.label}: the effective areas were rendered with the material "
+                f"parameters of band {self.band.label} and hold within it only; render band "
+                f"{band.label}"
+            )
+        return band
+
+    def check_told_apart(self) -> None:
+        """Raise InputError if the blackbodies were recorded by wavelength only."""
+        if self.nodes_um.size:
+            raise InputError(
+                "the scene has too many temperatures to be told apart: its spectrum is known, "
+                "but not the effective area of each temperature"
+            )
+
+
 @dataclass(frozen=True, repr=False)
-class EffectiveAreas(Result):
+class EffectiveAreas(SourcesInBand):
     """Effective areas of the sources, for the target and for the whole scene.
 
     The first axis of the arrays is that of PARTS: the model's facets (target), and all in the
@@ -213,85 +300,31 @@ class EffectiveAreas(Result):
         ).T
         return np.concatenate([by_source, rest[:, None]], axis=1)
 
-    def radiance(self, wavelengths_um: ArrayLike, temperatures: dict | None = None) -> np.ndarray:
-        """Spectral radiance of each source, W m^-2 sr^-1 um^-1, shape (sources, n).
+    def spectra_of_amounts(self, wavelengths_um: np.ndarray) -> np.ndarray:
+        """Spectral radiance of each source; the whole intensity as one row if they are too many."""
+        if not self.nodes_um.size:
+            return self.radiance(wavelengths_um)
+        return self.spectrum(wavelengths_um)[0].sum(axis=0, keepdims=True)
 
-        It is not multiplied by the emissivity.
-        """
-        table = [
-            source.spectrum.at(wavelengths_um)
-            if T is None
-            else spectral_radiance(wavelengths_um, T)
-            for source, T in zip(self.sources, self.temperatures(temperatures or {}))
-        ]
-        return np.reshape(table, (len(self.sources), len(wavelengths_um)))
+    def light_of_amounts(self) -> Iterator[tuple[int, Spectrum, float]]:
+        """Yield (row of `spectra_of_amounts`, tabulated light, its factor in that row)."""
+        for k, source in enumerate(self.sources):
+            if source.spectrum is not None and self.nodes_um.size:  # all sources are one row
+                yield 0, source.spectrum, self.area[0, k]
+            elif source.spectrum is not None:
+                yield k, source.spectrum, 1.0
 
-    def wavelengths_um(self) -> np.ndarray:
-        """Wavelengths, um, that resolve all spectra in the band.
 
-        They are even steps, and the rows of the tabulated spectra and of the response.
-        """
-        tables = [
-            source.spectrum.wavelengths_um for source in self.sources if source.spectrum is not None
-        ]
-        rows = np.concatenate(
-            [*tables, [] if self.band.response is None else self.band.response[0]]
-        )
-        inside = rows[(rows > self.band.lower_um) & (rows < self.band.upper_um)]
-        return np.unique(
-            np.concatenate(
-                [np.linspace(self.band.lower_um, self.band.upper_um, SPECTRUM_ROWS), inside]
-            )
-        )
+def resolved(band: Band, sources: list[Source]) -> np.ndarray:
+    """Wavelengths, um, that resolve all spectra of some sources in a band.
 
-    def temperatures(self, changed: dict) -> list[float | None]:
-        """Temperature of each source, K, with the changes applied; None for a tabulated source."""
-        blackbodies = {
-            (source.group, source.temperature)
-            for source in self.sources
-            if source.temperature is not None
-        }
-        for key in changed:
-            if key not in blackbodies | {group for group, _ in blackbodies}:
-                known = sorted({group for group, _ in blackbodies}) + [
-                    f"{group} at {T:g} K" for group, T in sorted(blackbodies)
-                ]
-                raise unknown("blackbody group", str(key), known)
-            if not 0 < changed[key] < np.inf:
-                raise InputError(
-                    f"group {key}: temperature {changed[key]} K; it must be positive and finite, "
-                    "in kelvin"
-                )
-        return [
-            None
-            if source.temperature is None
-            else changed.get(
-                (source.group, source.temperature), changed.get(source.group, source.temperature)
-            )
-            for source in self.sources
-        ]
-
-    def within(self, band: Band) -> Band:
-        """The band itself. Raises InputError if it is not within the rendered band."""
-        if (
-            band.is_total
-            or band.lower_um < self.band.lower_um
-            or band.upper_um > self.band.upper_um
-        ):
-            raise InputError(
-                f"band {band.label}: the effective areas were rendered with the material "
-                f"parameters of band {self.band.label} and hold within it only; render band "
-                f"{band.label}"
-            )
-        return band
-
-    def check_told_apart(self) -> None:
-        """Raise InputError if the blackbodies were recorded by wavelength only."""
-        if self.nodes_um.size:
-            raise InputError(
-                "the scene has too many temperatures to be told apart: its spectrum is known, "
-                "but not the effective area of each temperature"
-            )
+    They are even steps, and the rows of the tabulated spectra and of the response.
+    """
+    tables = [source.spectrum.wavelengths_um for source in sources if source.spectrum is not None]
+    rows = np.concatenate([*tables, [] if band.response is None else band.response[0]])
+    inside = rows[(rows > band.lower_um) & (rows < band.upper_um)]
+    steps = np.linspace(band.lower_um, band.upper_um, SPECTRUM_ROWS)
+    return np.unique(np.concatenate([steps, inside]))
 
 
 def effective_areas(total: Totals, scene: Scene, window_area: float) -> EffectiveAreas:

@@ -102,14 +102,20 @@ def render_views(scene: Scene, views: list[View], resolution: int, sampling: Sam
     InputError
         For settings out of bounds, and for a tolerance that cannot be reached.
     """
-    check_resolution(resolution)
-    target = Target.of(scene)
-    areas = np.array([target.window_area(view) for view in views])
-    windows = Windows(cameras(scene, target, views), columns=len(views), pixels=resolution**2)
+    windows, areas = windows_of(scene, views, resolution)
     criterion = None
     if sampling.tolerance is not None:
         criterion = IntensitiesOfViews(sampling.tolerance, areas)
     return of_totals(measure(scene, windows, sampling, Measurands.of("model"), criterion), areas)
+
+
+def windows_of(scene: Scene, views: list[View], resolution: int) -> tuple[Windows, np.ndarray]:
+    """Windows of a scene's model toward some views, and their areas, (V,) [m^2]."""
+    check_resolution(resolution)
+    target = Target.of(scene)
+    sensor = cameras(scene, target, views)
+    areas = np.array([target.window_area(view) for view in views])
+    return Windows(sensor, columns=len(views), pixels=resolution**2), areas
 
 
 def of_totals(total: Totals, areas: np.ndarray) -> ManyViews:

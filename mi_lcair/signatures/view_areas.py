@@ -1,0 +1,389 @@
+"""Effective areas of a scene's sources toward many observers, rendered together.
+
+All that does not change geometry or reflectances follows from them without another render:
+temperatures, ranges, air, background and the noise of a sensor.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from os import PathLike
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
+
+import numpy as np
+import scipy
+from numpy.typing import ArrayLike
+
+from mi_lcair.errors import InputError
+from mi_lcair.formats import netcdf
+from mi_lcair.physics.bands import Band
+from mi_lcair.physics.bands import band as band_of
+from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.physics.spectrum import Spectrum
+from mi_lcair.plugins.emission.source import Source
+from mi_lcair.plugins.recorders.channels import Channels
+from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.sampling import Measurands, Sampling
+from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.statistics import Totals, student_factor
+from mi_lcair.rendering.views import View
+from mi_lcair.rendering.window import RANDOMISATIONS
+from mi_lcair.signatures.effective_areas import SourcesInBand
+from mi_lcair.signatures.many_views import IntensitiesOfViews, windows_of
+
+if TYPE_CHECKING:
+    import xarray
+
+NOT_HELD = "is no file of effective areas that mi_lcair wrote"
+
+
+class Estimates(NamedTuple):
+    """Values, their standard errors, and half of their 95 % intervals: arrays of one shape."""
+
+    value: np.ndarray
+    standard_error: np.ndarray
+    half_width: np.ndarray
+
+
+@dataclass(frozen=True, repr=False)
+class ViewAreas(SourcesInBand):
+    """Effective areas of the sources of a scene's model toward V views.
+
+    The amounts are the effective areas of the sources, those of the wavelengths `nodes_um` (if the
+    scene has too many temperatures for an area each), and last the projected area of the model.
+
+    Attributes
+    ----------
+    scene_name : str
+        Name of the scene.
+    band : Band
+        Band that was rendered.
+    sources : list of Source
+        Sources, one for each group and spectrum.
+    nodes_um : ndarray, shape (nodes,)
+        Wavelengths, um, at which the spectral intensity of all blackbodies is known; empty if each
+        temperature has an effective area.
+    views : tuple of View
+        Directions toward the observers.
+    amounts : ndarray, shape (V, sources + nodes + 1)
+        Areas, m^2; those of the nodes in W sr^-1 um^-1.
+    deviations : ndarray, shape (V, randomisations, sources + nodes + 1)
+        Deviations of independent renders from the amounts. The sum of their products over the
+        randomisations is the covariance of the amounts.
+    relative : ndarray, shape (V,)
+        Standard error, as a fraction of the intensity, that the deviations do not show.
+    missed : ndarray, shape (V,)
+        Intensity that a source which no path has hit may add, W/sr.
+    paths, reached : ndarray, shape (V,)
+        Number of paths, and whether the tolerance was reached.
+    is_drawn : bool
+        Whether directions toward emitters were drawn.
+    """
+
+    scene_name: str
+    band: Band
+    sources: list[Source]
+    nodes_um: np.ndarray
+    views: tuple[View, ...]
+    amounts: np.ndarray
+    deviations: np.ndarray
+    relative: np.ndarray
+    missed: np.ndarray
+    paths: np.ndarray
+    reached: np.ndarray
+    is_drawn: bool = False
+
+    kind: ClassVar[str] = "view_areas"
+
+    def summary(self) -> str:
+        """One line with the number of views and sources, and the largest error."""
+        estimates = self.intensity()
+        worst = np.max(estimates.half_width / np.maximum(estimates.value, np.finfo(float).tiny))
+        return (
+            f"effective areas of {self.scene_name}, {self.band.label}: {len(self.views)} views, "
+            f"{len(self.sources)} sources, intensities within {worst:.2g} (95 %)"
+        )
+
+    def entries(self) -> dict:
+        """Entries for JSON."""
+        return {
+            "scene_name": self.scene_name,
+            "band": self.band.name,
+            "sources": [[source.group, source.name] for source in self.sources],
+            "columns": self.columns(),
+        }
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """A row for each view: intensity, projected area, and the effective area of each source."""
+        value, error, half_width = self.intensity()
+        return {
+            "azimuth_deg": np.array([view.azimuth_deg for view in self.views]),
+            "elevation_deg": np.array([view.elevation_deg for view in self.views]),
+            "intensity_W_sr": value,
+            "standard_error_W_sr": error,
+            "half_width_W_sr": half_width,
+            "projected_area_m2": self.amounts[:, -1],
+            "paths": self.paths,
+            "reached": self.reached,
+            **{
+                f"{source.group}.{source.name}_m2": self.amounts[:, k]
+                for k, source in enumerate(self.sources)
+            },
+        }
+
+    def intensity(
+        self,
+        temperatures: Mapping[str, ArrayLike] | None = None,
+        band: Band | str | PathLike[str] | None = None,
+    ) -> Estimates:
+        """Intensities toward all views, W/sr, optionally at other temperatures.
+
+        Parameters
+        ----------
+        temperatures : mapping of str to array_like, optional
+            New temperatures, K, by group, as for `EffectiveAreas.intensity`: one, or n for n sets
+            of temperatures.
+        band : Band, str or path-like, optional
+            Band within the one that was rendered, by default the same.
+
+        Returns
+        -------
+        Estimates
+            Arrays of shape (V,), or (n, V) for n sets of temperatures.
+
+        Raises
+        ------
+        InputError
+            If a group or the band is unusable, or if the scene has too many temperatures.
+        """
+        wanted = self.band if band is None else self.within(band_of(band))
+        if temperatures:
+            self.check_told_apart()
+        changed = {group: np.asarray(T, dtype=float) for group, T in (temperatures or {}).items()}
+        per_amount = self.in_band(wanted, changed)
+        if not self.nodes_um.size:
+            brightest = self.brighter(per_amount)
+        else:
+            brightest = 1.0
+        return self.estimates(per_amount, per_amount, brightest)
+
+    def in_band(self, band: Band, temperatures: Mapping) -> np.ndarray:
+        """In-band intensity for each of the amounts, W m^-2 sr^-1, (..., amounts)."""
+        of_sources = [
+            source.spectrum.in_band_radiance(band) if T is None else in_band_radiance(band, T)
+            for source, T in zip(self.sources, self.temperatures(temperatures))
+        ]
+        rest = self.polynomials(band.wavelengths_um) @ band.weights_um
+        return np.stack(np.broadcast_arrays(*of_sources, *rest, 0.0), axis=-1)
+
+    def brighter(self, radiance: np.ndarray) -> np.ndarray:
+        """Ratio by which new in-band radiances of the sources raise the bound `missed`."""
+        before = np.array([source.in_band for source in self.sources])
+        radiance = radiance[..., : len(before)]
+        if self.is_drawn:  # the bound is that of a product with the probability of a draw
+            ratio = np.divide(radiance, before, out=np.ones_like(radiance), where=before > 0)
+            return ratio.max(axis=-1)
+        return radiance.max(axis=-1) / before.max()
+
+    def estimates(
+        self, per_amount: np.ndarray, of_target: np.ndarray, per_missed: ArrayLike
+    ) -> Estimates:
+        """Numbers that are linear in the amounts, for each view.
+
+        Parameters
+        ----------
+        per_amount : ndarray, shape (..., amounts)
+            Derivatives of the number with respect to the amounts.
+        of_target : ndarray, shape (..., amounts)
+            Those of the part that comes from the target's radiation.
+        per_missed : array_like, shape (...)
+            Derivative with respect to the intensity that paths may have missed.
+
+        Returns
+        -------
+        Estimates
+            Arrays of shape (..., V).
+        """
+        freedom = self.deviations.shape[1] - 1
+        scatter = np.sqrt(
+            sum(
+                (per_amount @ self.deviations[:, k].T) ** 2 for k in range(self.deviations.shape[1])
+            )
+        )
+        systematic = np.abs(of_target @ self.amounts.T) * self.relative
+        missed = np.abs(np.asarray(per_missed))[..., None] * self.missed
+        half_width = np.sqrt(
+            (student_factor(freedom) * scatter) ** 2
+            + (student_factor(np.inf) * systematic) ** 2
+            + missed**2
+        )
+        return Estimates(per_amount @ self.amounts.T, np.hypot(scatter, systematic), half_width)
+
+    def polynomials(self, wavelengths_um: np.ndarray) -> np.ndarray:
+        """The polynomials that are 1 at one of the nodes and 0 at the others, (nodes, n)."""
+        if not self.nodes_um.size:
+            return np.empty((0, len(wavelengths_um)))
+        unit = np.eye(len(self.nodes_um))
+        return scipy.interpolate.BarycentricInterpolator(self.nodes_um, unit)(wavelengths_um).T
+
+    def spectra_of_amounts(self, wavelengths_um: np.ndarray) -> np.ndarray:
+        """Spectral intensity for each of the amounts but the last one."""
+        return np.concatenate(
+            [self.radiance(wavelengths_um), self.polynomials(np.asarray(wavelengths_um))]
+        )
+
+    def light_of_amounts(self) -> Iterator[tuple[int, Spectrum, float]]:
+        """Yield (row of `spectra_of_amounts`, tabulated light, 1)."""
+        for k, source in enumerate(self.sources):
+            if source.spectrum is not None:
+                yield k, source.spectrum, 1.0
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """All arrays as an xarray Dataset, from which `read` makes the same effective areas.
+
+        Raises InputError if xarray is not installed.
+        """
+        wavelengths = self.wavelengths_um()
+        views = {
+            name: (("view",), np.array([getattr(view, name) for view in self.views]))
+            for name in ("azimuth_deg", "elevation_deg")
+        }
+        made = self.dataset(
+            {
+                "amount_m2": (("view", "amount"), self.amounts),
+                "deviation_m2": (("view", "randomisation", "amount"), self.deviations),
+                "relative_error": (("view",), self.relative),
+                "missed_W_sr": (("view",), self.missed),
+                "paths": (("view",), self.paths.astype(float)),
+                "reached": (("view",), self.reached.astype(np.int8)),
+                "radiance_W_m2_sr_um": (("source", "wavelength_um"), self.radiance(wavelengths)),
+                "temperature_K": (
+                    ("source",),
+                    np.array([source.temperature or np.nan for source in self.sources]),
+                ),
+                "node_um": (("node",), self.nodes_um),
+            },
+            {
+                **views,
+                "wavelength_um": (("wavelength_um",), wavelengths),
+                "group": (("source",), np.array([source.group for source in self.sources])),
+                "spectrum": (("source",), np.array([source.name for source in self.sources])),
+            },
+        )
+        return made.assign_attrs(
+            scene=self.scene_name, band=self.band.name, is_drawn=int(self.is_drawn)
+        )
+
+    @staticmethod
+    def read(path: str | PathLike[str]) -> "ViewAreas":
+        """The effective areas in a .nc file that `save` wrote.
+
+        Tabulated spectra are those at the sensor of the scene, without the air's amounts of
+        absorbers. Raises InputError for a file of another kind.
+        """
+        dataset = netcdf.read(path)
+        try:
+            return of_dataset(dataset)
+        except (KeyError, ValueError, IndexError, AttributeError) as error:
+            raise InputError(f"{path}: {NOT_HELD} ({type(error).__name__}: {error})") from None
+
+
+def of_dataset(dataset: "xarray.Dataset") -> ViewAreas:
+    """The effective areas of a Dataset that `ViewAreas.to_xarray` made."""
+    values = {name: dataset[name].values for name in dataset.variables}
+    band = band_of(dataset.attrs["band"])
+    sources = []
+    for group, name, T, radiance in zip(
+        *(values[key] for key in ("group", "spectrum", "temperature_K", "radiance_W_m2_sr_um"))
+    ):
+        spectrum = Spectrum(str(name), values["wavelength_um"], radiance) if np.isnan(T) else None
+        in_band = spectrum.in_band_radiance(band) if spectrum else in_band_radiance(band, T)
+        temperature = None if spectrum else float(T)
+        sources.append(Source(str(group), str(name), float(in_band), temperature, spectrum))
+    return ViewAreas(
+        scene_name=str(dataset.attrs["scene"]),
+        band=band,
+        sources=sources,
+        nodes_um=values["node_um"],
+        views=tuple(
+            View(float(azimuth), float(elevation))
+            for azimuth, elevation in zip(values["azimuth_deg"], values["elevation_deg"])
+        ),
+        amounts=values["amount_m2"],
+        deviations=values["deviation_m2"],
+        relative=values["relative_error"],
+        missed=values["missed_W_sr"],
+        paths=values["paths"].astype(int),
+        reached=values["reached"].astype(bool),
+        is_drawn=bool(dataset.attrs["is_drawn"]),
+    )
+
+
+def measure_view_areas(
+    scene: Scene, views: list[View], resolution: int, sampling: Sampling
+) -> ViewAreas:
+    """Render the effective areas toward some views together.
+
+    Parameters
+    ----------
+    scene : Scene
+    views : list of View
+    resolution : int
+        Samples per pixel count the paths of a view divided by resolution x resolution.
+    sampling : Sampling
+        Its tolerance is half of the 95 % interval of each view's intensity, as a fraction of it.
+        See `ManyViews.excess` for faint views.
+
+    Raises
+    ------
+    InputError
+        For settings out of bounds, for a tolerance that cannot be reached, and for band "total".
+    """
+    if scene.band.is_total:
+        raise InputError(
+            f"{scene.name}: band total has no wavelengths, so that sources have no effective "
+            "areas; choose a band with limits"
+        )
+    windows, areas = windows_of(scene, views, resolution)
+    criterion = None
+    if sampling.tolerance is not None:
+        criterion = IntensitiesOfViews(sampling.tolerance, areas)
+    # Numbers of reflections are not told apart, for which the fewest channels are enough
+    measurands = Measurands(Channels("model", counted=0), by_spectrum=True)
+    return view_areas(measure(scene, windows, sampling, measurands, criterion), scene, views, areas)
+
+
+def view_areas(total: Totals, scene: Scene, views: list[View], areas: np.ndarray) -> ViewAreas:
+    """Effective areas from sums over paths; areas: those of the windows, (V,) [m^2]."""
+    of_scene = total.emitters.sources
+    sources = {
+        f"source.{k}": source for k, source in enumerate(of_scene.list) if source.name is not None
+    }
+    # A source that is too cold to radiate in the band has no intensity. Its area is set to 0.
+    scales = [1 / source.in_band if source.in_band > 0 else 0.0 for source in sources.values()]
+    nodes = [f"wavelength.{k}" for k in range(len(of_scene.wavelengths_um))]
+    names = [*sources, *nodes, "hit"]
+    scales = np.array([*scales, *np.ones(len(nodes) + 1)])
+    of_windows = scales * areas[:, None]
+    amounts = np.stack([total.mean(name) for name in names], axis=-1) * of_windows
+    deviations = np.stack([total.deviations(name) for name in names], axis=-1)
+    mean = total.mean("target")
+    # What the deviations do not show: edges, which Student's interval may cover already
+    covered = total.scatter_error("target") * student_factor(RANDOMISATIONS - 1)
+    of_edges = total.edge_error("target") * student_factor(np.inf)
+    edges = np.sqrt(np.maximum(of_edges**2 - covered**2, 0)) / student_factor(np.inf)
+    relative = np.divide(edges, mean, out=np.zeros_like(mean), where=mean > 0)
+    excess = 0.0 if total.excess is None else total.excess
+    return ViewAreas(
+        scene_name=scene.name,
+        band=scene.band,
+        sources=list(sources.values()),
+        nodes_um=of_scene.wavelengths_um,
+        views=tuple(views),
+        amounts=amounts,
+        deviations=deviations * of_windows[:, None],
+        relative=np.hypot(relative, total.systematic),
+        missed=total.missed("target") * areas,
+        paths=total.traced.astype(int),
+        reached=np.broadcast_to(excess, len(views)) <= 1,
+        is_drawn=bool(total.emitters.draws),
+    )
