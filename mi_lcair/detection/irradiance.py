@@ -49,6 +49,11 @@ class Backdrop(NamedTuple):
     path_at: Callable[[float], LineOfSight] | None = None
     reflected: tuple[tuple[float, Spectrum], ...] = ()
 
+    def scaled(self, factor: float) -> "Backdrop":
+        """The background with another radiance, before the same air."""
+        reflected = tuple((factor * share, light) for share, light in self.reflected)
+        return self._replace(at=lambda x: factor * self.at(x), reflected=reflected)
+
     def at_sensor(self, range_m: float) -> "Backdrop":
         """The background as it arrives at the sensor, for a target at a range, m."""
         if self.path_at is None:

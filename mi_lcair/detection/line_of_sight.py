@@ -1,7 +1,8 @@
 """The line of sight of a scenario: the air along it, and the background behind the target.
 
 A line that looks up ends in the sky. One that looks down goes on behind the target to the ground,
-through air of its own, which is longer than the target's if the target is above the ground.
+through air of its own, which is longer than the target's if the target is above the ground. Just
+above the horizon it misses the ground, and ends in the sky too.
 """
 
 from dataclasses import dataclass, replace
@@ -102,6 +103,15 @@ class Sight:
             direction,
         )
 
+    @property
+    def meets_ground(self) -> bool:
+        """Whether the line of sight meets the ground behind the target."""
+        if self.elevation_deg >= 0:
+            return False
+        if isinstance(self.air, ClearPaths):
+            return self.elevation_deg < self.air.air.horizon_deg(self.target_m)
+        return bool(np.isfinite(self.beyond_m))
+
     def elevation_at_sensor(self, range_m: float) -> float:
         """Elevation at the sensor of the line to a target at a range, m [degrees], upward."""
         if self.elevation_deg >= 0 or not isinstance(self.air, ClearPaths):
@@ -160,15 +170,19 @@ def backdrop(scenario: Scenario, detector: Detector, sight: Sight) -> Backdrop:
             partial(spectral_radiance, temperature=behind.temperature),
             np.empty(0),
         )
-    if behind.ground_temperature is not None and upward < 0:
+    if behind.ground_temperature is not None and sight.meets_ground:
         return ground(scenario, detector, sight)
     if behind.sky is None and behind.daytime_sky is None:
         raise InputError(
             f"the line of sight looks up, by {upward:g} degrees, where no ground is behind the "
             "target; give [background] a sky"
+            if upward >= 0
+            else PAST_GROUND
         )
-    sky = sky_behind(scenario, HEIGHT_M if sight.observer_m is None else sight.observer_m)
-    if sky.by_elevation and upward < 0:
+    # Past the ground, the sky is that at the target, and the air before the target is added
+    height_m = sight.observer_m if upward >= 0 else sight.target_m
+    sky = sky_behind(scenario, HEIGHT_M if height_m is None else height_m)
+    if sky.by_elevation and sight.meets_ground:
         raise InputError(
             f"the line of sight looks down, by {-upward:g} degrees, where no sky is behind "
             "the target; give [background] a temperature or ground_temperature"
@@ -184,7 +198,10 @@ def backdrop(scenario: Scenario, detector: Detector, sight: Sight) -> Backdrop:
         )
         table = replace(sky.at(upward, direction.azimuth_deg), name=name)
     table.in_band_radiance(detector.band)  # raises InputError if the table does not cover the band
-    return Backdrop(f"sky {table.name}", table.at, table.wavelengths_um)
+    through_air = None, ()
+    if sky.by_elevation and upward < 0:
+        through_air = partial(sight.air.path, extrapolate=sight.extrapolate), ((1.0, table),)
+    return Backdrop(f"sky {table.name}", table.at, table.wavelengths_um, *through_air)
 
 
 def background_sun(scenario: Scenario) -> tuple[float, float] | None:

@@ -105,7 +105,7 @@ def account(scene: Scene, table: FacetTable, tally: Tally, photons: int) -> Audi
         total=total,
         materials=materials,
         shares=shares,
-        remarks=remarks(kind, by_facet, total, materials),
+        remarks=[*scene.notes, *remarks(kind, by_facet, total, materials)],
         photons=photons,
     )
 

@@ -28,7 +28,8 @@ class Audit(Result):
         The same fluxes as shares. Under "scene" they are shares of the flux that the scene emits,
         under a material shares of the flux that arrives at the material.
     remarks : list of str
-        One line for each imbalance, with the facets that cause most of it.
+        Notes on the scene, such as that nothing surrounds its model, and one line for each
+        imbalance with the facets that cause most of it.
     photons : int
         Number of photons that were followed.
     """

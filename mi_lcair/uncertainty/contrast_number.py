@@ -212,12 +212,13 @@ class ContrastNumber(Number):
         path, entry = setting.path, BEHIND[name]
         before = irradiance.in_band(irradiance.background(path))
         if entry is None:
-            after = before * (value if setting.sight.elevation_deg >= 0 else 1.0)
+            changed = setting.backdrop.scaled(1.0 if setting.sight.meets_ground else value)
         else:
             new = repr(float(value)) if entry == "sky" else float(value)
             scenario = replace(self.scenario, background=replace(background, **{entry: new}))
-            changed = backdrop(scenario, setting.detector, setting.sight).at_sensor(path.range_m)
-            after = irradiance.in_band(changed.at(irradiance.wavelengths_um))
+            changed = backdrop(scenario, setting.detector, setting.sight)
+        at_sensor = changed.at_sensor(path.range_m)
+        after = irradiance.in_band(at_sensor.at(irradiance.wavelengths_um))
         return -(after - before) * irradiance.projected_area.value / path.range_m**2
 
     @property

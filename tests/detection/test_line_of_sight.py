@@ -365,6 +365,38 @@ def test_a_line_that_is_nearly_level(folder, elevation):
         setting_of(disc(folder, **given, **behind[fails]))
 
 
+@pytest.mark.parametrize("day", [False, True])
+@pytest.mark.parametrize("height_m, depression", [(3000, 0.5), (2000, 1.3), (5000, 0.3)])
+def test_a_line_just_above_the_horizon(folder, height_m, depression, day):
+    """A line that looks down and misses the ground ends in the sky that the sensor sees there.
+
+    The sky at the target and the air before it are the sky at the sensor, in its own direction.
+    """
+    range_m, x = 5000.0, np.array([8.5, 10.0, 11.5])
+    given = {"observer__elevation_deg": depression, "target__height_m": float(height_m)}
+    given |= {"observer__range_m": range_m, "sensor__band": "LWIR", **SLANT}
+    sky = SKY
+    if day:
+        words = {"daytime_sky": "us_standard", "sun_elevation_deg": 40.0, "sun_azimuth_deg": 200.0}
+        sky = {f"background__{name}": word for name, word in words.items()}
+    for behind in (sky, sky | GROUND):
+        setting = setting_of(disc(folder, **given, **behind))
+        sight, backdrop = setting.sight, setting.backdrop
+        assert not sight.meets_ground and backdrop.name.startswith("sky")
+        sun = SunDirection(40.0, 20.0) if day else None
+        seen = AIR.sky(sight.observer_m, sight.elevation_at_sensor(range_m), sun)
+        at_sensor = backdrop.at_sensor(range_m).at(x)
+        np.testing.assert_allclose(at_sensor, seen.at(x), rtol=3e-4 if day else 1e-4)
+        # Twice the sky is not twice the air before the target
+        path = sight.air.path(range_m).at(x)[1]
+        twice = backdrop.scaled(2.0).at_sensor(range_m).at(x)
+        np.testing.assert_allclose(twice, 2 * at_sensor - path, rtol=1e-9)
+    lower = {"observer__elevation_deg": 1.0 - AIR.horizon_deg(height_m)}
+    assert setting_of(disc(folder, **given | lower, **GROUND)).sight.meets_ground
+    with pytest.raises(InputError, match="past the ground; .* give .background. a sky"):
+        setting_of(disc(folder, **given, **GROUND))
+
+
 def test_lower_end_of_the_line_of_sight():
     """The sensor's height if it looks up, else the target's; up to 0.5 m below ground is rounding.
 

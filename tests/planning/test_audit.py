@@ -233,7 +233,15 @@ def test_a_reciprocal_model_creates_nothing(plate, parameters):
     created, error = result.shares["bsdf"]["created"]
     assert abs(created) <= 4 * error and error < 2e-3
     agree(result.total["balance"], 0)
-    assert result.remarks == []
+    assert all("meets other facets" in remark for remark in result.remarks)  # of the paint itself
+
+
+def test_the_void_around_a_surface_is_named(plate):
+    """A surface that reflects and stands alone has a remark, in a room that surrounds it none."""
+    paint = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.5}}
+    result = audited(2**6, floor=plate("floor", SQUARE, paint, 300.0))
+    assert len(result.remarks) == 1 and "100 % of what the target reflects" in result.remarks[0]
+    assert "from nothing (0 K)" in result.as_dict()["remarks"][0]
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from mi_lcair.physics.spectrum import Spectrum
 VACUUM = "vacuum"
 PAST_GROUND = (
     "the line of sight goes past the ground; lower elevation_deg of [observer], or give "
-    "[background] a temperature"
+    "[background] a sky or a temperature"
 )
 RANGES_AT_ONCE = 1024  # ranges of a long list that are computed together, to bound the memory
 LIGHT_RANGES = 32  # ranges at which light that has crossed air is computed, others between them
