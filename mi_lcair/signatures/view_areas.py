@@ -21,8 +21,9 @@ from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.spectrum import Spectrum
 from mi_lcair.plugins.emission.source import Source
 from mi_lcair.plugins.recorders.channels import Channels
+from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
-from mi_lcair.rendering.sampling import Measurands, Sampling
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals, student_factor
 from mi_lcair.rendering.views import View
