@@ -1,6 +1,7 @@
 """The pose of a loaded scene: values of its motions, and the vertices that they give."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 
 import mitsuba as mi
 import numpy as np
@@ -58,6 +59,8 @@ def set_motions(scene, values: Mapping[str, float]) -> None:
     The vertices follow in Float64 from those of the loaded scene. Meshes whose motions are all at
     rest get the loaded vertices back, bit for bit.
     """
+    if not values:
+        return
     motions, pose = known_motions(scene), Pose.of(scene)
     touched = {shape for name in values for shape in motions[name].shapes}
     pose.values |= values
@@ -75,3 +78,15 @@ def set_motions(scene, values: Mapping[str, float]) -> None:
         arrays[shape] = array
     set_vertices(scene.mi, arrays)
     pose.present |= {shape: held([vertex_buffer(shape)])[0] for shape in touched}
+
+
+@contextmanager
+def moved(scene, values: Mapping[str, float]) -> Iterator[None]:
+    """Context manager in which motions have other values; the vertices are restored exactly."""
+    motions = known_motions(scene)
+    before = {name: value_of(scene, motions[name]) for name in values}
+    set_motions(scene, values)
+    try:
+        yield
+    finally:
+        set_motions(scene, before)

@@ -76,7 +76,7 @@ class CommonNumbers:
     @property
     def repeated(self) -> Sampling:
         """The sampling of another render from the same random numbers, without progress."""
-        return Sampling(paths=self.paths, seed=self.sampling.seed)
+        return Sampling(paths=self.paths, seed=self.sampling.seed, sensor=self.sampling.sensor)
 
     def render(self, values: Mapping[str, float] | None = None) -> Totals:
         """Sums over the paths, with these values of parameters in place of the scene's."""

@@ -1,10 +1,11 @@
 """Derivatives of one number, an intensity, with respect to parameters of a scene."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
 
+from mi_lcair.motions.differences import Difference
 from mi_lcair.results import Result
 
 
@@ -27,7 +28,8 @@ class Sensitivities(Result):
         Standard errors of the value and of the derivatives that the deviations do not show, as
         from a source that no path has met.
     method : tuple of str
-        How each derivative was found: "linear", "score", "control variate" or "difference".
+        How each derivative was found: "linear", "score", "control variate", or for a motion
+        "attached difference" or "difference on the film".
     by_bounce : ndarray, shape (N,)
         Intensity of paths with 0, 1, ... N - 1 reflections, W/sr.
     paths : int
@@ -36,6 +38,8 @@ class Sensitivities(Result):
         Names of the scene and of its band.
     units : tuple of str
         Units of the parameters; "1" for a dimensionless one.
+    differences : dict of str to Difference
+        The differences with respect to motions, with their steps and verdicts.
     """
 
     names: tuple[str, ...]
@@ -49,6 +53,7 @@ class Sensitivities(Result):
     scene_name: str
     band: str
     units: tuple[str, ...]
+    differences: dict[str, Difference] = field(default_factory=dict)
 
     kind: ClassVar[str] = "sensitivities"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.sensitivities:figure"
@@ -81,21 +86,33 @@ class Sensitivities(Result):
             "by_bounce_W_sr": self.by_bounce,
             "paths": self.paths,
             "derivatives": [
-                {"parameter": name, "derivative": value, "standard_error": error, "unit": unit}
-                | {"method": method}
-                for name, value, error, unit, method in zip(*self.columns().values())
+                dict(zip(self.columns(), row)) for row in zip(*self.columns().values())
             ],
             "covariance": self.covariance,
         }
 
     def columns(self) -> dict[str, np.ndarray]:
-        """A row for each parameter; derivative and standard error are in the row's unit."""
-        return {
+        """A row for each parameter; derivative and standard error are in the row's unit.
+
+        With motions, also the steps of differences, the derivatives below and above, and verdicts.
+        """
+        table = {
             "parameter": np.array(self.names),
             "derivative": np.array(self.derivative),
             "standard_error": self.error[1:],
             "unit": np.array([per_unit("W/sr", unit) for unit in self.units]),
             "method": np.array(self.method),
+        }
+        if not self.differences:
+            return table
+        steps = [self.differences.get(name) for name in self.names]
+        below, above = np.array([d.one_sided if d else (np.nan, np.nan) for d in steps]).T
+        return table | {
+            "step": np.array([d.step if d else np.nan for d in steps]),
+            "truncation": np.array([d.truncation if d else np.nan for d in steps]),
+            "derivative_below": below,
+            "derivative_above": above,
+            "verdict": np.array([d.verdict if d else "" for d in steps]),
         }
 
 

@@ -5,12 +5,19 @@ from dataclasses import replace
 
 import numpy as np
 
+from mi_lcair.motions.differences import Differences
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
-from mi_lcair.sensitivity.columns import columns_of, explored_by, recordings, relative_slope
+from mi_lcair.sensitivity.columns import (
+    columns_of,
+    explored_by,
+    recordings,
+    relative_slope,
+    weight_of,
+)
 from mi_lcair.sensitivity.common_numbers import PARTS, CommonNumbers
 from mi_lcair.sensitivity.parameters import chosen, units
 from mi_lcair.sensitivity.sensitivities import Sensitivities
@@ -44,13 +51,15 @@ def differentiate_intensity(
     numbers = CommonNumbers(scene, sampling, by_spectrum, part)
     if sampling.tolerance is not None:
         numbers.render()
-    explored = explored_by(columns_of(scene, names).values())
+    entries = {entry.name: entry for entry in chosen(scene, names)}
+    along_paths = [name for name, entry in entries.items() if entry.kind != "motion"]
+    explored = explored_by(columns_of(scene, along_paths).values())
     measurands = replace(Measurands.of(SPLITS[part], by_spectrum), explored=explored)
     rows, method, first = {}, {}, None
     with scene.prepared(by_spectrum, explored) as tracer:
         numbers.take_aim()
         for batch in recordings(
-            scene, tracer, numbers.camera, names, measurands, weights, sampling.seed
+            scene, tracer, numbers.camera, along_paths, measurands, weights, sampling.seed
         ):
             total = measure(
                 scene,
@@ -66,19 +75,51 @@ def differentiate_intensity(
                 for name, channels in batch.channels.items()
             }
     value = mean_and_deviations(first, ["weighted"])
+    missed = unscattered(scene, first, along_paths, part, weights)
+    errors = dict(zip(along_paths, missed[1:]))
+    differences = {
+        name: differences_of(numbers, name, weights).at()
+        for name in entries
+        if name not in along_paths
+    }
+    for name, difference in differences.items():
+        rows[name] = np.append(difference.derivative, difference.deviations)
+        errors[name], method[name] = difference.unscattered, difference.method
     rows = numbers.area * np.array([value, *(rows[name] for name in names)])
     return Sensitivities(
         names=tuple(names),
         value=float(rows[0, 0]),
         derivative=rows[1:, 0],
         deviations=rows[:, 1:],
-        unscattered=numbers.area * unscattered(scene, first, names, part, weights),
+        unscattered=numbers.area * np.array([missed[0], *(errors[name] for name in names)]),
         method=tuple(method[name] for name in names),
         by_bounce=numbers.by_reflections(first),
         paths=int(first.traced[0]),
         scene_name=scene.name,
         band=scene.band.name,
         units=units(scene, names),
+        differences={name: d.scaled(numbers.area) for name, d in differences.items()},
+    )
+
+
+def differences_of(numbers: CommonNumbers, name: str, weights: Mapping | None = None):
+    """The `Differences` of a part's mean radiance, or of its weighted sum, along a motion."""
+
+    def rows(total: Totals) -> np.ndarray:
+        if weights is None:
+            return mean_and_deviations(total, [PARTS[numbers.part]])
+        sources = enumerate(total.emitters.sources.list)
+        factors = {f"{numbers.prefix}source.{k}": weight_of(weights, s) for k, s in sources}
+        return sum(w * mean_and_deviations(total, [channel]) for channel, w in factors.items())
+
+    return Differences(
+        numbers.scene,
+        name,
+        numbers.repeated,
+        Measurands.of("target", numbers.by_spectrum),
+        rows,
+        PARTS[numbers.part],
+        numbers.aim,
     )
 
 

@@ -113,6 +113,13 @@ class Choice:
         self.ends = mi.UInt32(np.minimum(ends, 2**32 - 1).astype(np.uint32))
         dr.make_opaque(self.ends)
 
+    @staticmethod
+    def of_ends(ends: mi.UInt32) -> "Choice":
+        """A table that draws only, from the `ends` of another one."""
+        table = Choice.__new__(Choice)
+        table.ends = ends
+        return table
+
     def pick(self, number, active=True):
         """The index that a random 32-bit integer selects."""
         last = dr.width(self.ends) - 1

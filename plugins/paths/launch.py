@@ -8,6 +8,7 @@ import numpy as np
 
 from mi_lcair.plugins.derivatives import children, own_memory
 from mi_lcair.plugins.paths.aim import Aim, place
+from mi_lcair.plugins.paths.facet_starts import FacetStarts, FacetTable
 from mi_lcair.plugins.samplers.lattice import VECTOR, Lattice, hashed
 
 # Positions in the film of a sensor at which rays are taken. Those of a batch must lie inside the
@@ -46,7 +47,7 @@ class Launch:
     windows: int = 1
     stride: int = 1
     chosen: tuple[int, ...] | None = None
-    aim: Aim | None = None
+    aim: Aim | FacetStarts | None = None
 
     @property
     def paths(self) -> int:
@@ -96,10 +97,13 @@ class Paths:
     points: mi.UInt32
     first_point: mi.UInt32
     vector: mi.UInt32 | None
-    aim: tuple | None
+    aim: tuple | FacetTable | None
 
     def begin(self) -> tuple:
-        """Sampler of each path, column and row of its window, its position there, its weight."""
+        """Sampler of each path, column and row of its window, its position there, its weight.
+
+        Also the facet on which it begins, an `OnFacet`; None for paths that begin anywhere.
+        """
         randomisation, point = self.lane // self.points, self.first_point + self.lane % self.points
         window = dr.gather(mi.UInt32, self.windows, randomisation // self.randomisations)
         if self.vector is None:
@@ -109,10 +113,12 @@ class Paths:
         else:
             number = window * self.randomisations + randomisation % self.randomisations
             sampler = Lattice.at(number, point, self.seed, self.vector)
-        position, weight = sampler.next_position(), mi.Float(1)
-        if self.aim is not None:
+        position, weight, facet = sampler.next_position(), mi.Float(1), None
+        if isinstance(self.aim, FacetTable):
+            position, weight, facet = self.aim.place(position)
+        elif self.aim is not None:
             position, weight = place(*self.aim, position)
-        return sampler, window % self.columns, window // self.columns, position, weight
+        return sampler, window % self.columns, window // self.columns, position, weight, facet
 
 
 class Random:

@@ -205,11 +205,15 @@ class PathTracer(RBIntegrator):
 
     def follow(self, paths: Paths, rays, channels: Channels, facets=None) -> tuple:
         """Radiance, recorders and weight of each path."""
-        sampler, column, row, position, weight = paths.begin()
+        sampler, column, row, position, weight, facet = paths.begin()
         ray = self.first_ray(paths, rays, sampler, column, row, position)
         cell = None if channels.tables is None else cell_of(paths, column, row, position)
         recorders = channels.recorders(self, facets, cell)
+        if facet is not None:
+            recorders.parts.append(facet)
         L, recorders = self.radiance(sampler, ray, recorders)
+        if facet is not None:
+            weight = dr.select(recorders.parts[-1].counts, weight, 0)
         return L, recorders, weight
 
     def first_ray(self, paths: Paths, rays, sampler, column, row, position) -> mi.Ray3f:

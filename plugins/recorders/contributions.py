@@ -107,7 +107,7 @@ def contributions(tracer, sensor, launch: Launch, table: ColumnTable) -> Contrib
         )
     with dr.suspend_grad():
         paths = launch.paths_from(sensor.sampler())
-        sampler, *start, _ = paths.begin()
+        sampler, *start, _, _ = paths.begin()
         ray = tracer.first_ray(paths, ParallelRays.of(sensor) or sensor, sampler, *start)
         store = Store(table, paths.lane, slots(tracer))
         recorders = Recorders([ByFacet(mi.Float(0), mi.UInt32(0), store)])

@@ -1,0 +1,252 @@
+"""Derivatives with respect to motions: central differences of renders with the same paths.
+
+A derivative of a render misses what moves across edges, so that a motion is differentiated by
+differences. Attached differences begin their paths at points of facets (`FacetStarts`), and
+differences on the film at points of the film. A pilot chooses the quieter kind.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import hypot
+
+import numpy as np
+
+from mi_lcair.motions.motion import Motion
+from mi_lcair.motions.pose import known_motions, moved, value_of
+from mi_lcair.motions.starts import meshes_of_model, radiances, starts_in
+from mi_lcair.plugins.paths.aim import Aim
+from mi_lcair.plugins.paths.offsets import rounding_error
+from mi_lcair.rendering.measurands import Measurands
+from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.rendering.statistics import Totals, edge_share
+from mi_lcair.rendering.window import Windows
+
+ATTACHED, ON_FILM = "attached difference", "difference on the film"
+PILOT_PATHS = 2**12  # paths of each render that chooses the kind of differences and their step
+# Default step: a turn [deg], a shift as a fraction of what moves, and a change of the size
+TURN_STEP_DEG, SHIFT_STEP, SIZE_STEP = 0.5, 0.005, 0.005
+# A kink is a jump of the one-sided derivatives of which half the step leaves at least this share
+LASTING = 0.75
+# Smallest change of a derivative, as a fraction of it, that is a kink or depends on the step
+NOTICED = 0.05
+SIGNIFICANT = 3.0  # standard errors
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A central difference of a number, with respect to a motion.
+
+    derivative: per unit of the motion. deviations: of the randomisations, (R,), as those of
+    `Totals`. unscattered: standard error that they do not show. step: distance of the two renders
+    from the present value. truncation: |D(2 step) - D(step)| / 3, a part of `unscattered`. method:
+    ATTACHED or ON_FILM. verdict: "smooth", "kink" or "step-dependent". one_sided: derivatives below
+    and above the present value. ends: the renders above and below.
+    """
+
+    derivative: float
+    deviations: np.ndarray
+    unscattered: float
+    step: float
+    truncation: float
+    method: str
+    verdict: str
+    one_sided: tuple[float, float]
+    ends: tuple[Totals, Totals]
+
+    @property
+    def error(self) -> float:
+        """Standard error of the derivative."""
+        return hypot(float(np.sqrt(np.sum(self.deviations**2))), self.unscattered)
+
+    def scaled(self, factor: float) -> "Difference":
+        """The difference of the number times a positive factor."""
+        return replace(
+            self,
+            derivative=factor * self.derivative,
+            deviations=factor * self.deviations,
+            unscattered=factor * self.unscattered,
+            truncation=factor * self.truncation,
+            one_sided=(factor * self.one_sided[0], factor * self.one_sided[1]),
+        )
+
+
+class Differences:
+    """Differences of a number that renders give, with respect to one motion.
+
+    Parameters
+    ----------
+    scene : Scene
+    name : str
+        Name of the motion.
+    sampling : Sampling
+        With a number of paths.
+    measurands : Measurands
+    rows : callable
+        Mean of the number and its deviations, (1 + R,), from the Totals of a render.
+    channel : str or None
+        Channel of the radiance of which the number is a part: "target", or None for the scene.
+    aim : Aim or None
+        Where paths on the film begin.
+    """
+
+    def __init__(
+        self,
+        scene,
+        name: str,
+        sampling: Sampling,
+        measurands: Measurands,
+        rows: Callable[[Totals], np.ndarray],
+        channel: str | None = "target",
+        aim: Aim | None = None,
+    ):
+        self.scene, self.name, self.sampling, self.measurands = scene, name, sampling, measurands
+        self.rows, self.channel, self.aim = rows, channel, aim
+        self.camera = scene.sensor(sampling.sensor)
+        self.motion: Motion = known_motions(scene)[name]
+        self.value = value_of(scene, self.motion)
+        self.can_attach = (
+            channel == "target"
+            and self.camera.class_name() == "OrthographicCamera"
+            and meshes_of_model(scene) is not None
+        )
+
+    @cached_property
+    def scale(self) -> float:
+        """A change of the motion that changes the scene by about as much as it is."""
+        if self.motion.unit == "deg":
+            return 180 / np.pi
+        if self.motion.unit == "1":
+            return abs(self.value) or 1.0
+        boxes = [shape.bbox() for shape in self.motion.shapes]
+        low = np.min([np.ravel(box.min) for box in boxes], axis=0)
+        return float(np.linalg.norm(np.max([np.ravel(box.max) for box in boxes], axis=0) - low))
+
+    def default_step(self) -> float:
+        if self.motion.unit == "deg":
+            return TURN_STEP_DEG
+        return self.scale * (SHIFT_STEP if self.motion.unit == "m" else SIZE_STEP)
+
+    def totals(self, offsets, method: str, paths: int) -> list[Totals]:
+        """Renders with the motion at distances from its present value."""
+        poses = [{self.name: self.value + offset} for offset in offsets]
+        aims = [self.aim] * len(poses)
+        if method == ATTACHED:
+            aims = starts_in(self.scene, self.camera, poses)
+        sampling, found = replace(self.sampling, paths=paths, spp=None, progress=None), []
+        for pose, aim in zip(poses, aims):
+            with moved(self.scene, pose):
+                windows = Windows.whole(self.camera)
+                found.append(measure(self.scene, windows, sampling, self.measurands, aim=aim))
+        return found
+
+    def at(self, step: float | None = None) -> Difference:
+        """The derivative from renders at +- step, in units of the motion; None chooses it."""
+        h = self.default_step() if step is None else step
+        room = min(self.motion.upper - self.value, self.value - self.motion.lower)
+        h = min(h, room)
+        kinds = [ATTACHED, ON_FILM] if self.can_attach else [ON_FILM]
+        pilots = {kind: self.pilot(h, kind) for kind in kinds}
+        method = min(kinds, key=lambda kind: pilots[kind].noise)
+        pilot = pilots[method]
+        is_kink = pilot.verdict == "kink"
+        ends = self.totals([h, -h, *([0] if is_kink else [])], method, self.sampling.paths)
+        high, low = map(self.rows, ends[:2])
+        one_sided = pilot.one_sided
+        if is_kink:
+            middle = self.rows(ends[2])[0]
+            one_sided = float(middle - low[0]) / h, float(high[0] - middle) / h
+        slope = (high - low) / (2 * h)
+        scatter = float(np.sqrt(np.sum(slope[1:] ** 2)))
+        floor = self.floor(ends[:2], method, h)
+        parts = [
+            np.sqrt(max(floor**2 - scatter**2, 0)),
+            rounding_error(self.scene.mi.integrator().max_bounces) * abs(high[0]) / h,
+            max(float(total.missed_error(self.channel)[0]) for total in ends) / self.scale,
+            pilot.truncation if step is None else 0.0,
+        ]
+        return Difference(
+            derivative=float(slope[0]),
+            deviations=slope[1:],
+            unscattered=float(np.sqrt(np.sum(np.square(parts)))),
+            step=h,
+            truncation=pilot.truncation,
+            method=method,
+            verdict=pilot.verdict,
+            one_sided=one_sided,
+            ends=tuple(ends[:2]),
+        )
+
+    def pilot(self, h: float, method: str) -> "Pilot":
+        """Renders with few paths at five values, for one kind of differences."""
+        offsets = np.array([-2, -1, 0, 1, 2]) * h
+        low, high = self.motion.lower - self.value, self.motion.upper - self.value
+        offsets = np.clip(offsets, low, high)
+        totals = self.totals(offsets, method, PILOT_PATHS)
+        floor = self.floor([totals[3], totals[1]], method, h)
+        return Pilot(offsets, np.array([self.rows(total) for total in totals]), floor)
+
+    def floor(self, ends, method: str, h: float) -> float:
+        """Standard error of a difference below which none is stated.
+
+        All randomisations may agree on how many of their points lie on a facet, or on one side of
+        an edge of the film. Their scatter is then 0, see `Totals.edge_error`.
+        """
+        if method == ON_FILM:
+            errors = [float(total.edge_error(self.channel)[0]) for total in ends]
+            return hypot(*errors) / (2 * h)
+        radiance = np.concatenate([radiances(mesh) for mesh in meshes_of_model(self.scene)])
+        high, low = (total.aim.tables.weight.numpy().astype(float) for total in ends)
+        slopes = (high - low) * radiance / (2 * h)
+        points = float(ends[0].paths[0]) / ends[0].randomisations
+        return edge_share(ends[0].randomisations) * float(np.ptp(slopes)) / points
+
+
+@dataclass(frozen=True)
+class Pilot:
+    """A number at five values of a motion, around the present one.
+
+    offsets: distances from the present value, (5,). rows: mean and deviations there, (5, 1 + R).
+    floor: standard error below which none is stated.
+    """
+
+    offsets: np.ndarray
+    rows: np.ndarray
+    floor: float
+
+    def slope(self, k: int, j: int) -> np.ndarray:
+        return (self.rows[k] - self.rows[j]) / (self.offsets[k] - self.offsets[j])
+
+    def error(self, rows: np.ndarray) -> float:
+        return max(float(np.sqrt(np.sum(rows[1:] ** 2))), self.floor)
+
+    @property
+    def noise(self) -> float:
+        """Standard error of the difference over the step."""
+        return self.error(self.slope(3, 1))
+
+    @property
+    def truncation(self) -> float:
+        """Error of the difference over the step, without what noise adds to its estimate."""
+        change = self.slope(4, 0) - self.slope(3, 1)
+        return float(np.sqrt(max(change[0] ** 2 - np.sum(change[1:] ** 2), 0))) / 3
+
+    @property
+    def one_sided(self) -> tuple[float, float]:
+        return float(self.slope(2, 1)[0]), float(self.slope(3, 2)[0])
+
+    @property
+    def verdict(self) -> str:
+        """Whether the derivative exists at this step.
+
+        A kink is a jump between the one-sided derivatives that a shorter step does not reduce.
+        """
+        near, far = self.slope(3, 2) - self.slope(2, 1), self.slope(4, 2) - self.slope(2, 0)
+        largest = max(map(abs, self.one_sided))
+        noticed = max(SIGNIFICANT * self.error(near), NOTICED * largest)
+        if abs(near[0]) > noticed and abs(near[0]) > LASTING * abs(far[0]):
+            return "kink"
+        change = self.slope(4, 0) - self.slope(3, 1)
+        noticed = max(SIGNIFICANT * self.error(change), NOTICED * abs(self.slope(3, 1)[0]))
+        return "step-dependent" if abs(change[0]) > noticed else "smooth"

@@ -1,0 +1,103 @@
+"""Derivatives with respect to motions against closed forms; blackbodies of the band `total`.
+
+A convex blackbody emits L = sigma T^4 / pi from each facet, so that its intensity is L times its
+projected area.
+"""
+
+import mitsuba as mi
+import numpy as np
+import pytest
+
+import mi_lcair
+from mi_lcair.sensitivity.parameters import changed
+
+L = 5.670374419e-8 * 300.0**4 / np.pi
+VIEW = np.array([np.cos(np.radians(20)), 0, np.sin(np.radians(20))])  # to the observer
+
+
+def mesh(name: str, corners, triangles):
+    values = mi.Properties()
+    values["bsdf"] = mi.load_dict({"type": "diffuse", "reflectance": 0.0})
+    values["emitter"] = mi.load_dict(
+        {"type": "thermal", "band": "total", "temperature": 300.0, "group": name}
+    )
+    shape = mi.Mesh(name, len(corners), len(triangles), values)
+    buffers = mi.traverse(shape)
+    buffers["vertex_positions"] = np.ravel(corners).astype(np.float32)
+    buffers["faces"] = np.ravel(triangles).astype(np.uint32)
+    buffers.update()
+    return shape
+
+
+def convex_hull(name: str, points):
+    """The mesh of a convex hull, its triangles turned outward."""
+    from scipy.spatial import ConvexHull
+
+    hull, triangles = ConvexHull(points), []
+    for simplex, equation in zip(hull.simplices, hull.equations):
+        a, b, c = points[simplex]
+        outward = np.cross(b - a, c - a) @ equation[:3] > 0
+        triangles.append(simplex if outward else simplex[::-1])
+    return mesh(name, points, triangles)
+
+
+def scene_of(*shapes, window: float = 2.0):
+    to_world = mi.ScalarTransform4f().look_at(
+        origin=list(10 * VIEW), target=[0, 0, 0], up=[0, 0, 1]
+    ) @ mi.ScalarTransform4f().scale([window, window, 1])
+    film = {"type": "hdrfilm", "width": 8, "height": 8, "rfilter": {"type": "box"}}
+    film |= {"pixel_format": "luminance", "component_format": "float32"}
+    sensor = {"type": "orthographic", "to_world": to_world, "near_clip": 1.0, "film": film}
+    sensor["sampler"] = {"type": "lattice"}
+    parts = {f"shape{k}": shape for k, shape in enumerate(shapes)}
+    integrator = {"type": "bounce_path", "max_bounces": 0}
+    scene = {"type": "scene", "integrator": integrator, "sensor": sensor, **parts}
+    return mi_lcair.load(mi.load_dict(scene, optimize=False))
+
+
+CUBE = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+
+
+def cube_intensity(yaw_deg: float) -> float:
+    c, s = np.cos(np.radians(yaw_deg)), np.sin(np.radians(yaw_deg))
+    normals = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1.0]])
+    return L * np.abs(normals @ VIEW).sum()
+
+
+def derivative(scene, name: str, paths: int = 2**14, seed: int = 0):
+    result = mi_lcair.sensitivities(scene, [name], paths=paths, seed=seed)
+    return result.differences[name]
+
+
+def test_cube_turns():
+    scene = scene_of(convex_hull("cube", CUBE))
+    with changed(scene, {"cube.yaw_deg": 30.0}):
+        found = derivative(scene, "cube.yaw_deg", 2**16)
+    h = 1e-4
+    exact = (cube_intensity(30 + h) - cube_intensity(30 - h)) / (2 * h)
+    assert exact == pytest.approx(0.87765, rel=1e-4)
+    assert found.derivative == pytest.approx(exact, rel=1e-3)
+    assert 0 < found.error < 2e-3 * exact
+    assert abs(found.derivative - exact) < 3 * found.error
+    assert (found.method, found.verdict) == ("attached difference", "smooth")
+
+
+def test_kink_of_a_cube():
+    """At yaw 0 a side face begins to show, on either side."""
+    found = derivative(scene_of(convex_hull("cube", CUBE)), "cube.yaw_deg")
+    slope = L * np.cos(np.radians(20)) * np.pi / 180
+    assert slope == pytest.approx(2.3978, rel=1e-4)
+    assert found.verdict == "kink"
+    assert found.one_sided == pytest.approx((-slope, slope), rel=0.01)
+
+
+def test_size_is_an_area():
+    """Everything scaled: the intensity goes as the square of the size."""
+    found = derivative(scene_of(convex_hull("cube", CUBE)), "cube.size")
+    assert found.derivative == pytest.approx(2 * cube_intensity(0), rel=1e-3)
+
+
+def test_a_shift_is_no_change():
+    for name in ("cube.y_m", "cube.z_m"):
+        found = derivative(scene_of(convex_hull("cube", CUBE)), name)
+        assert abs(found.derivative) <= 3 * found.error and found.error > 0
