@@ -4,8 +4,9 @@
 
 The cases are problems with known answers: temperatures from far first guesses, an emissivity with a
 prior, reflectances that are wrong by an amount that `model_sigma` states, pixels that nobody said
-are bad, and the counts of a camera behind air. The script prints a row for each case: the share of
-intervals that hold the truth, the largest deviation in stated errors, and how many draws converged.
+are bad, the counts of a camera behind air, and a wall whose reflectance is unknown too.
+The script prints a row for each case: the share of intervals that hold the truth, the largest
+deviation in stated errors, and how many draws converged.
 """
 
 import sys
@@ -16,13 +17,14 @@ import numpy as np
 
 import mi_lcair
 from mi_lcair.inversion.data.images import noise_of_netd
-from tests.inversion import corner
+from tests.inversion import corner, plate
 
 DRAWS = 10
 STARTS = (200.0, 300.0, 700.0, 1500.0)  # K
 LID = Path(__file__).parents[1] / "validation" / "inversion" / "lid.xml"
 EMISSIVITY = 0.92
 ERROR = 0.02  # relative error of the emissivity of each strip
+WALL = 0.02  # reflectance of the wall whose temperature is unknown too
 BAD = 10  # bad pixels of 1,024
 
 
@@ -95,7 +97,34 @@ def camera(folder: Path, draws: int):
         yield solved({"data": [entry], "unknowns": unknowns, "render": render}), corner.KELVIN
 
 
-CASES = {case.__name__: case for case in (starts, emissivity, model, pixels, camera)}
+def wall(folder: Path, draws: int):
+    """Yield solutions and the truth: temperature and small reflectance of one strip, from afar."""
+    path = corner.write_scene(folder)
+    image = corner.clean(path, R5=WALL)
+    for draw in range(draws):
+        tree = corner.problem(folder, path, image, 300.0, draw, spp=64)
+        tree["data"][0]["parameters"] = {"R5": (0.3, 0.05, 0.6)[draw % 3]}
+        tree["unknowns"] = {
+            "s5.temperature": {"start": (320.0, 345.0, 300.0)[draw % 3]},
+            "paint5.reflectance": {},
+        }
+        yield solved(tree), (corner.KELVIN[5], WALL)
+
+
+def valley(folder: Path, draws: int):
+    """Yield solutions and the truth: temperature and reflectance of a plate that fills the image.
+
+    One band cannot separate them. The first guesses lie on both sides of the valley.
+    """
+    plate.write_scene(folder)
+    for draw in range(draws):
+        random = np.random.default_rng((draw, 11))
+        start = {"T": random.uniform(280, 360), "R": random.uniform(0.05, 0.9)}
+        datum = plate.datum(folder, "plate", draw, start=start)
+        yield solved({"data": [datum], "unknowns": plate.UNKNOWNS}), (310.0, 0.3)
+
+
+CASES = {case.__name__: case for case in (starts, emissivity, model, pixels, camera, wall, valley)}
 
 
 def solved(tree: dict):
@@ -105,19 +134,22 @@ def solved(tree: dict):
 def main(draws: str = str(DRAWS), *names: str) -> None:
     """Print a row for each case."""
     for name in names or CASES:
-        deviations, converged, wrong = [], 0, 0
+        deviations, held, converged, wrong, renders = [], [], 0, 0, 0
         with tempfile.TemporaryDirectory() as folder:
             for solution, truth in CASES[name](Path(folder), int(draws)):
                 answers = solution.answers[: len(truth)]
                 z = np.array([(a.value - T) / a.standard_error for a, T in zip(answers, truth)])
                 deviations.append(z)
+                held += [a.lower <= T <= a.upper for a, T in zip(answers, truth)]
+                renders = max(renders, solution.renders)
                 converged += solution.converged
                 wrong += sum(a.is_determined and abs(own) > 4 for a, own in zip(answers, z))
         z = np.abs(deviations)
         print(
-            f"{name}: {np.mean(z < 1.96):.1%} of {z.size} intervals hold the truth, largest "
+            f"{name}: {np.mean(held):.1%} of {z.size} intervals hold the truth, largest "
             f"deviation {z.max():.2f} errors, scatter {np.std(deviations):.2f}, {converged} of "
-            f"{len(z)} converged, {wrong} determined and more than 4 errors off",
+            f"{len(z)} converged in at most {renders} renders, {wrong} determined "
+            "and more than 4 errors off",
             flush=True,
         )
 

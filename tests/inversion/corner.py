@@ -17,7 +17,8 @@ TURNS = (
 STRIP = """<shape type="rectangle">
     <transform name="to_world"> <scale x="0.5" y="0.25"/> <translate x="0.5" y="{y}"/>
     <matrix value="{turn}"/> </transform>
-    <bsdf type="diffuse"> <spectrum name="reflectance" value="$R{number}"/> </bsdf>
+    <bsdf type="diffuse" id="paint{number}"> <spectrum name="reflectance" value="$R{number}"/>
+    </bsdf>
     <emitter type="thermal"> <string name="band" value="$band"/>
     <float name="temperature" value="{kelvin}"/> <string name="group" value="s{number}"/> </emitter>
 </shape>"""

@@ -62,6 +62,8 @@ class DatumBlock:
         Number of values that share an error of the render, as optics spread light over pixels.
     is_image : bool
         Whether the values are pixels of a measured image, some of which may be bad.
+    curvature : ndarray, shape (R, n, K, K), or None
+        Second derivatives with respect to the coordinates, see `coordinates`; None for 0.
     """
 
     measured: np.ndarray
@@ -81,6 +83,18 @@ class DatumBlock:
     paths: int = 0
     spread: float = 1.0
     is_image: bool = False
+    curvature: np.ndarray | None = None
+
+    def coordinates(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinates (K,) of the columns' unknowns, and their derivatives (K,) by the values.
+
+        They are the blackbody radiance of a temperature that is followed, and the value of others.
+        """
+        u, rate, hot = values.astype(float), np.ones(len(values)), self.is_temperature
+        if hot.any():
+            u[hot] = in_band_radiance(self.band, values[hot])
+            rate[hot] = slope(self.band, values[hot])
+        return u, rate
 
     def change(self, x: np.ndarray) -> float:
         """Largest relative change of a predicted value from the rendered one at the values x."""
@@ -90,19 +104,18 @@ class DatumBlock:
 
     def at(self, x: np.ndarray) -> "Prediction":
         """The prediction for the values x of all unknowns, (N,)."""
-        values = x[self.unknown]
-        moved, rate = values - self.reference, np.ones(len(values))
-        hot = self.is_temperature
-        if hot.any():
-            at_reference = slope(self.band, self.reference[hot])
-            moved[hot] = (
-                in_band_radiance(self.band, values[hot])
-                - in_band_radiance(self.band, self.reference[hot])
-            ) / at_reference
-            rate[hot] = slope(self.band, values[hot]) / at_reference
-        is_moved = moved.any()
-        radiance = [F + J @ moved if is_moved else F for F, J in zip(self.radiance, self.columns)]
-        columns = [scaled(J, rate) for J in self.columns]
+        u, rate = self.coordinates(x[self.unknown])
+        rendered_u, rendered_rate = self.coordinates(self.reference)
+        moved = u - rendered_u
+        radiance, columns = list(self.radiance), self.columns
+        if moved.any():
+            ahead = moved / rendered_rate
+            radiance = [F + J @ ahead for F, J in zip(radiance, columns)]
+        columns = [scaled(J, rate / rendered_rate) for J in columns]
+        if self.curvature is not None and moved.any():
+            bent = self.curvature @ moved
+            radiance = [F + of @ moved / 2 for F, of in zip(radiance, bent)]
+            columns = [J + of * rate for J, of in zip(columns, bent)]
         extra = [k for k in (self.gain, self.offset) if k is not None] + self.model.tolist()
         unknown = np.append(self.unknown, extra).astype(int)
         if extra:
@@ -239,6 +252,16 @@ def equations(blocks: list[DatumBlock], x: np.ndarray, is_sparse: bool = False) 
         noise = placed(noise, mean.T @ both, unknown)
         measured = placed(measured, mean.T @ weighted(mean, w**2 * variance), unknown)
     return Equations(matrix, gradient, noise, measured)
+
+
+def change_of_gradient(blocks: list[DatumBlock], x: np.ndarray, new: np.ndarray) -> np.ndarray:
+    """J^T W times the change of the prediction from the values x to new ones, (N,)."""
+    change = np.zeros(len(x))
+    for block in blocks:
+        here, there = block.at(x), block.at(new)
+        moved = [row[:, None] for row in there.radiance - here.radiance]
+        change[here.unknown] += np.ravel(product(here.columns, block.weight, moved))
+    return change
 
 
 def cost_of(blocks: list[DatumBlock], x: np.ndarray) -> float:

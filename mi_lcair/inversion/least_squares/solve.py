@@ -15,9 +15,11 @@ from scipy.sparse.linalg import splu
 from mi_lcair.errors import InputError
 from mi_lcair.inversion.data.images import slope
 from mi_lcair.inversion.least_squares.bad_pixels import Search
+from mi_lcair.inversion.least_squares.curvature import bent
 from mi_lcair.inversion.least_squares.prediction import (
     DatumBlock,
     Equations,
+    change_of_gradient,
     cost_of,
     equations,
     hidden,
@@ -35,6 +37,7 @@ FAR = 0.5
 NEAR = 3.0  # length of a step, in standard errors, up to which the gradient decides about it
 CONVERGED = 0.02  # largest last step, in standard errors, see `length`
 UNRESOLVED = 0.2  # the same where the noise of the render hides it; it adds 2 % to an error
+PROBE = 0.1  # share of a step with which it is found how the prediction bends along it
 HALVINGS = 12  # attempts to shorten a step that no surface can have
 # Columns of the inverse of a sparse matrix that are computed together. With a hundred or more,
 # SuperLU starts threads that take far longer than the solution.
@@ -153,8 +156,8 @@ def solve(
         return blocks
 
     def noted(blocks, x, is_kept=True) -> float:
-        step = near(blocks, x, prior, 0.0, is_sparse) - x
-        whole = length(step, equations(blocks, x, is_sparse), prior)
+        normal = equations(blocks, x, is_sparse)
+        whole = length(undamped(normal, prior, x), normal, prior)
         paths = done * sum(block.paths for block in blocks)
         trace.append(Step(done, paths, whole, cost_of(blocks, x), is_kept, x.tolist()))
         return whole
@@ -220,24 +223,46 @@ def descent(blocks, x, prior: Prior, is_sparse: bool, rendered, noted, is_over) 
         if trial is None:
             damping *= 10
             continue
-        trial = [replace(block, weight=old.weight) for block, old in zip(trial, blocks)]
-        moved = length(new - x, normal, prior)
-        change = prior.cost(new) - prior.cost(x)
-        if moved > NEAR:
-            change += cost_of(trial, new) - cost_of(blocks, x)
-            is_kept = change < moved**2  # the change of the cost is noisy
-        else:
-            change += normal.pressure(equations(trial, new, is_sparse)) - normal.pressure(normal)
-            is_kept = change < 0
+        is_near = whole <= NEAR
+        near_by = normal if is_near else None
+        predicted = cost_change(blocks, x, blocks, new, prior, near_by)
+        trial = [
+            replace(block, weight=old.weight, curvature=old.curvature)
+            for block, old in zip(trial, blocks)
+        ]
+        if length(new - x, normal, prior) > NEAR:
+            # The noise of the render hides what a shorter step says about second derivatives
+            trial = [bent(block, old) for block, old in zip(trial, blocks)]
+            blocks = [replace(old, curvature=block.curvature) for block, old in zip(trial, blocks)]
+        change = cost_change(blocks, x, trial, new, prior, near_by)
+        # Far from the solution the change of the cost is noisy
+        is_kept = change < (0 if is_near else whole**2)
         ahead = noted(trial, new, is_kept)
         if is_kept:
             x, blocks, whole = new, trial, ahead
         # A step that should have come nearer and did not shows how near the noise of the render,
         # which is another one at other values, lets the iteration come
-        largest = CONVERGED if is_kept or moved > NEAR else UNRESOLVED
-        damping = damping / 10 if change < 0 else max(10 * damping, FIRST_DAMPING)
+        largest = CONVERGED if is_kept or whole > NEAR else UNRESOLVED
+        if change < predicted / 2 < 0:
+            damping /= 1000  # the step went as it was predicted
+        else:
+            damping = damping / 10 if change < 0 else max(10 * damping, FIRST_DAMPING)
         damping = max(damping, LEAST_DAMPING)
     return x, blocks, False
+
+
+def cost_change(
+    blocks: list[DatumBlock], x, trial: list[DatumBlock], new, prior: Prior, normal
+) -> float:
+    """Change of the cost from blocks at x to blocks at new values.
+
+    With normal equations at x it is that of the gradient, which noise of the render disturbs less.
+    """
+    change = prior.cost(new) - prior.cost(x)
+    if normal is None:
+        return change + cost_of(trial, new) - cost_of(blocks, x)
+    there = equations(trial, new, sparse.issparse(normal.matrix))
+    return change + normal.pressure(there) - normal.pressure(normal)
 
 
 def state(blocks, x, prior: Prior, is_sparse: bool) -> State:
@@ -284,20 +309,64 @@ def near(
     blocks: list[DatumBlock], start, prior: Prior, damping: float, is_sparse: bool
 ) -> np.ndarray:
     """The values that minimise the cost of blocks rendered at `start`, with damping toward it."""
-    x, noise = start, equations(blocks, start, is_sparse).noise
-    for _ in range(INNER):
-        # The noise weighs the equations. It stays, so that they are the same in all steps
+    x, normal = start, equations(blocks, start, is_sparse)
+    noise = normal.noise
+    damped = damping * (np.maximum(normal.information.diagonal(), 0) + prior.information)
+
+    def weighed(x) -> tuple[Equations, float]:
+        """The equations at x, weighed by the same noise at all of them, and what a step lowers."""
         normal = replace(equations(blocks, x, is_sparse), noise=noise)
-        D = damping * (np.maximum(normal.information.diagonal(), 0) + prior.information)
-        g = normal.pull + prior.information * (prior.mean - x) + D * (start - x)
-        free = ~((x <= prior.lower) & (g < 0) | (x >= prior.upper) & (g > 0))
-        step = np.zeros(len(x))
-        step[free] = solved(normal, prior, D, g, free)[free]
-        new = np.clip(followed(blocks, x, step), prior.lower, prior.upper)
-        moved, x = length(new - x, normal, prior), new
+        added = prior.cost(x) + damped @ (x - start) ** 2
+        return normal, normal.pressure(normal) + added
+
+    normal, cost = weighed(x)
+    for _ in range(INNER):
+        step, bend = second_order(blocks, x, start, normal, prior, damped)
+        for share in 0.5 ** np.arange(HALVINGS):
+            new = followed(blocks, x, share * step + share**2 * bend)
+            new = np.clip(new, prior.lower, prior.upper)
+            ahead, ahead_cost = weighed(new)
+            if ahead_cost <= cost or is_sparse:
+                break
+        moved = length(new - x, normal, prior)
+        x, normal, cost = new, ahead, ahead_cost
         if moved < CONVERGED / 10:
             break
     return x
+
+
+def undamped(normal: Equations, prior: Prior, x: np.ndarray, damped=0.0, start=None) -> np.ndarray:
+    """The Gauss-Newton step (N,) from x, damped toward `start`.
+
+    An unknown at its bound moves only if it is still pulled inward when the others have moved.
+    """
+    toward = 0.0 if start is None else damped * (start - x)
+    g = normal.pull + prior.information * (prior.mean - x) + toward
+    step, left, free = np.zeros(len(x)), g, np.zeros(len(x), dtype=bool)
+    while True:
+        inward = ~((x <= prior.lower) & (left < 0) | (x >= prior.upper) & (left > 0))
+        if not (inward & ~free).any():
+            return step
+        free |= inward
+        step = solved(normal, prior, damped, g, free)
+        left = g - normal.information @ step - (prior.information + damped) * step
+
+
+def second_order(
+    blocks, x, start, normal: Equations, prior: Prior, damped
+) -> tuple[np.ndarray, np.ndarray]:
+    """The damped step (N,) from x, and the geodesic acceleration (N,) that bends it.
+
+    A step of share t goes to t step + t^2 acceleration: it follows a curved valley to second order
+    (Transtrum and Sethna 2012, arXiv:1201.5885).
+    """
+    step = undamped(normal, prior, x, damped, start)
+    if sparse.issparse(normal.matrix):
+        return step, np.zeros(len(x))
+    change = change_of_gradient(blocks, x, followed(blocks, x, PROBE * step))
+    change -= PROBE * normal.matrix @ step
+    bend = -normal.transfer @ change / PROBE**2
+    return step, solved(normal, prior, damped, bend, step != 0)
 
 
 def followed(blocks: list[DatumBlock], x: np.ndarray, step: np.ndarray) -> np.ndarray:

@@ -127,4 +127,4 @@ def test_what_a_camera_s_image_does_not_take(scenario, camera, tmp_path):
         with pytest.raises(InputError, match=message):
             mi_lcair.invert(given | {"data": [data | changes]}, advise=False)
     with pytest.raises(InputError, match="only temperatures of groups can be unknown"):
-        camera.predicted(["diffuse.reflectance"], 16, 0, 2)
+        camera.predicted(["paint0.reflectance"], 16, 0, 2)
