@@ -18,12 +18,12 @@ from mi_lcair.results import Result
 from mi_lcair.results.reading import built
 from mi_lcair.sensitivity.parameters import checked
 from mi_lcair.uncertainty.check import Check, SecondOrder, check, second_order
-from mi_lcair.uncertainty.contrast_number import ContrastNumber
 from mi_lcair.uncertainty.facet_errors import facet_contribution
 from mi_lcair.uncertainty.inputs import Inputs
-from mi_lcair.uncertainty.intensity_number import IntensityNumber
 from mi_lcair.uncertainty.monte_carlo import MonteCarlo, monte_carlo
-from mi_lcair.uncertainty.number import Number
+from mi_lcair.uncertainty.numbers.contrast_number import ContrastNumber
+from mi_lcair.uncertainty.numbers.intensity_number import IntensityNumber
+from mi_lcair.uncertainty.numbers.number import Number
 from mi_lcair.uncertainty.propagation import BudgetRow, combined, rows
 from mi_lcair.uncertainty.uncertainties import Uncertainties
 
@@ -139,6 +139,7 @@ class Budget(Result):
         contribution = f"contribution_{UNIT_NAMES.get(self.unit, '')}".rstrip("_")
         return {
             "quantity": np.array([entry.quantity for entry in table]),
+            "distribution": np.array([entry.distribution for entry in table]),
             "is_member": np.array(in_group),
             "value": number("value"),
             "sigma": number("sigma"),
@@ -201,7 +202,7 @@ def draw_up(
             rows=budget_rows,
             inputs=inputs,
             checks=checks,
-            second_order=second_order(checks, number.value, sigma),
+            second_order=second_order(checks, number.value, sigma, inputs.distributions),
             monte_carlo=distribution,
             remarks=remarks(number, checks, distribution),
             renders=number.renders,

@@ -3,19 +3,23 @@
 From these, the distribution of the result to the second order and beyond.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
+from mi_lcair.uncertainty.distributions import Distribution
 from mi_lcair.uncertainty.inputs import Inputs
-from mi_lcair.uncertainty.number import Number
+from mi_lcair.uncertainty.numbers.number import Number
 from mi_lcair.uncertainty.propagation import group_variance
 
 MATTERS = 0.01  # share of the variance from which a quantity is checked
 # Difference between the change of the result and its linear estimate, relative to that estimate,
 # from which the linear answer fails
 FAILS = 0.1
-QUANTILE = 1.959964  # of the standard normal distribution at 97.5 %
+POINTS = 17  # logarithm to base 2 of the number of points of the distribution to the second order
+INTERVAL = 0.025, 0.975  # quantiles at the ends of an interval
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,13 @@ class Check:
     plus: float | None
     minus: float | None
     holds: bool
+
+    def change(self, z: np.ndarray) -> np.ndarray:
+        """Change of the result for z standard deviations: a cubic, or linear without both sides."""
+        a, b, c = self.linear, 0.0, 0.0
+        if None not in (self.plus, self.minus):
+            b, c = (self.plus + self.minus) / 2, (self.plus - self.minus) / 2 - a
+        return z * (a + z * (b + z * c))
 
     def sentence(self, unit: str) -> str:
         """Why the linear answer fails, in one line."""
@@ -116,14 +127,18 @@ class SecondOrder:
     interval: tuple[float, float]
 
 
-def second_order(checks: list[Check], value: float, sigma: float) -> SecondOrder | None:
-    """The distribution of a result whose quantities have normal distributions.
+def second_order(
+    checks: list[Check],
+    value: float,
+    sigma: float,
+    distributions: Mapping[str, Distribution] = MappingProxyType({}),
+) -> SecondOrder | None:
+    """The distribution of a result to the second order and beyond.
 
     Along the direction of each check, the result is the cubic a z + b z^2 + c z^3 through its
-    changes at z = 1 and z = -1, with the derivative a. Its moments are those for a normal z. The
-    interval is that of Cornish and Fisher for the skewness (M. G. Kendall and A. Stuart, The
-    Advanced Theory of Statistics 1, 6.25). What was not checked, or has no value on one side, stays
-    linear.
+    changes at z = 1 and z = -1, with the derivative a. The z are drawn from their distributions, as
+    a Sobol sequence, which needs no render. What was not checked is linear and normal, and what has
+    no value on one side is linear.
 
     Parameters
     ----------
@@ -132,20 +147,27 @@ def second_order(checks: list[Check], value: float, sigma: float) -> SecondOrder
         The result.
     sigma : float
         Its combined standard uncertainty by the law of propagation.
+    distributions : mapping of str to Distribution
+        Those of quantities that are not normal, by name.
 
     Returns
     -------
     SecondOrder or None
-        None if no check has both sides.
+        None if no check has both sides, and all quantities are normal.
     """
-    both = [(k.linear, k.plus, k.minus) for k in checks if None not in (k.plus, k.minus)]
-    if not both or not sigma > 0:
+    used = [k for k in checks if None not in (k.plus, k.minus) or k.quantity in distributions]
+    if not used or not sigma > 0:
         return None
-    a, plus, minus = np.array(both).T
-    b, c = (plus + minus) / 2, (plus - minus) / 2 - a
-    shift = float(b.sum())
-    spread = float(np.sqrt(sigma**2 + np.sum(2 * b**2 + 6 * a * c + 15 * c**2)))
-    third = np.sum(b * (6 * a**2 + 72 * a * c + 270 * c**2 + 8 * b**2))
-    middle = value + shift + third / (6 * spread**2) * (QUANTILE**2 - 1)
-    half = QUANTILE * spread
-    return SecondOrder(shift, spread, (float(middle - half), float(middle + half)))
+    from scipy import stats
+
+    points = stats.qmc.Sobol(len(used) + 1, seed=0).random_base2(POINTS)
+    normal = stats.norm.ppf(points)
+    rest = sigma**2 - sum(entry.linear**2 for entry in used)
+    drawn = value + np.sqrt(max(rest, 0.0)) * normal[:, -1]
+    for entry, z, u in zip(used, normal.T, points.T):
+        if entry.quantity in distributions:
+            of_entry = distributions[entry.quantity]
+            z = (of_entry.law.ppf(u) - of_entry.centre) / of_entry.law.std()
+        drawn += entry.change(z)
+    ends = np.quantile(drawn, INTERVAL)
+    return SecondOrder(float(drawn.mean() - value), float(drawn.std()), tuple(ends.tolist()))

@@ -9,7 +9,7 @@ from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.emission.source import rounded
 from mi_lcair.sensitivity.facets import facet_matrix
 from mi_lcair.table import LARGEST, read_table
-from mi_lcair.uncertainty.number import Number
+from mi_lcair.uncertainty.numbers.number import Number
 
 STEP = 1e-3  # step of the derivative of the blackbody radiance [K]
 LEAST_SPP = 16  # samples per pixel, 2 for each of the matrix's randomisations

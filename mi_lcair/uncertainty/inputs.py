@@ -1,12 +1,14 @@
 """Values and covariance of the uncertain quantities of one result."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.sensitivity.entries import Parameter
-from mi_lcair.uncertainty.uncertainties import Uncertainties, of_material, relative
+from mi_lcair.uncertainty.distributions import Distribution, in_unit
+from mi_lcair.uncertainty.uncertainties import Uncertainties, of_material
 
 
 @dataclass(frozen=True)
@@ -29,11 +31,14 @@ class Inputs:
         Covariance of their errors.
     groups : list of Group
         The quantities whose errors are independent of those of all others.
+    distributions : dict of str to Distribution
+        Those of the quantities that are not normal, by name.
     """
 
     quantities: list[Parameter]
     covariance: np.ndarray
     groups: list[Group]
+    distributions: dict[str, Distribution] = field(default_factory=dict)
 
     @property
     def names(self) -> list[str]:
@@ -106,8 +111,16 @@ def gathered(uncertainties: Uncertainties, known: dict[str, Parameter], what: st
                 fit.covariance[np.ix_(free, free)],
             )
         )
+    distributions = {
+        name: Distribution.of(name, stated, quantity(name).value)
+        for name, stated in uncertainties.sigma.items()
+        if isinstance(stated, Mapping)
+    }
     sigma = {
-        name: deviation(quantity(name), stated) for name, stated in uncertainties.sigma.items()
+        name: float(distributions[name].law.std())
+        if name in distributions
+        else deviation(quantity(name), stated)
+        for name, stated in uncertainties.sigma.items()
     }
     together = set()
     for group in uncertainties.correlated:
@@ -133,15 +146,11 @@ def gathered(uncertainties: Uncertainties, known: dict[str, Parameter], what: st
         covariance[np.ix_(index, index)] = matrix
         groups.append(Group(label, index))
         first += len(entries)
-    return Inputs(quantities, covariance, groups)
+    return Inputs(quantities, covariance, groups, distributions)
 
 
 def deviation(quantity: Parameter, stated: float | str) -> float:
     """A standard deviation in the unit of the quantity."""
-    if not isinstance(stated, str):
-        return float(stated)
-    if quantity.value == 0:
-        raise InputError(
-            f"'{quantity.name}' = \"{stated}\" is relative to a value of 0; give a number"
-        )
-    return relative(stated) * abs(quantity.value)
+    if isinstance(stated, str):
+        return in_unit(quantity.name, stated, quantity.value)
+    return float(stated)

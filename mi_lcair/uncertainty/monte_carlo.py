@@ -6,7 +6,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.uncertainty.inputs import Inputs
-from mi_lcair.uncertainty.number import Number
+from mi_lcair.uncertainty.numbers.number import Number
 
 MOST_OUTSIDE = 0.9  # share of infeasible draws from which no distribution can be drawn
 LEAST_DRAWS = 10
@@ -67,7 +67,7 @@ def monte_carlo(
     seed: int,
     progress=None,
 ) -> MonteCarlo:
-    """Draw the quantities from a normal distribution and compute the result for each draw.
+    """Draw the quantities from their distributions and compute the result for each draw.
 
     All renders have the same random numbers, so that their noise does not add to the scatter. The
     standard deviation of the linear answer is known, also without draws. Its difference from that
@@ -128,7 +128,7 @@ def monte_carlo(
 
 
 class FeasibleDraws:
-    """Draws of quantities from a normal distribution that is cut off at their bounds.
+    """Draws of quantities from their distributions, cut off at the bounds of the quantities.
 
     outside: number of draws so far that were outside the bounds.
     """
@@ -138,6 +138,9 @@ class FeasibleDraws:
         # The eigenvectors also serve a covariance that is singular
         variances, axes = np.linalg.eigh(inputs.covariance)
         self.root = axes * np.sqrt(np.maximum(variances, 0))
+        self.laws = {
+            inputs.names.index(name): of_name.law for name, of_name in inputs.distributions.items()
+        }
         self.outside = self.count = 0
 
     def draw(self) -> np.ndarray:
@@ -145,6 +148,8 @@ class FeasibleDraws:
         while True:
             normal = self.random.standard_normal(len(self.inputs.quantities))
             values = self.inputs.values + self.root @ normal
+            for k, law in self.laws.items():
+                values[k] = law.ppf(self.random.random())
             if self.number.is_feasible(dict(zip(self.inputs.names, values))):
                 self.count += 1
                 return values
@@ -152,7 +157,7 @@ class FeasibleDraws:
             if self.outside > LEAST_DRAWS + MOST_OUTSIDE / (1 - MOST_OUTSIDE) * self.count:
                 raise InputError(
                     "nearly all draws are outside the bounds of a quantity; the standard "
-                    "deviations are too large for a normal distribution"
+                    "deviations are too large"
                 )
 
 

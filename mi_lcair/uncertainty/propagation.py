@@ -25,6 +25,8 @@ class BudgetRow:
         and its standard error. None for a group and for rows that are no quantity.
     unit : str
         Unit of value and sigma.
+    distribution : str
+        The quantity's distribution in words, if it is not normal.
     members : tuple of BudgetRow
         The quantities of a group. Their contributions are those of each one alone, and they have no
         share of their own.
@@ -38,6 +40,7 @@ class BudgetRow:
     sensitivity: float | None = None
     sensitivity_error: float | None = None
     unit: str = ""
+    distribution: str = ""
     members: tuple["BudgetRow", ...] = ()
 
     def as_dict(self) -> dict:
@@ -63,6 +66,7 @@ def rows(
     others : dict of str to float
         Further standard uncertainties of the result, by name, which are independent of all others.
     """
+    kinds = {name: of_name.words for name, of_name in inputs.distributions.items()}
     variances = {group.label: group_variance(inputs, derivative, group) for group in inputs.groups}
     total = sum(variances.values()) + sum(error**2 for error in others.values())
 
@@ -81,6 +85,7 @@ def rows(
                 sensitivity=float(derivative[k]),
                 sensitivity_error=float(errors[k]),
                 unit=inputs.quantities[k].unit,
+                distribution=kinds.get(inputs.quantities[k].name, ""),
             )
             for k in group.index
         ]

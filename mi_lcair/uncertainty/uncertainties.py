@@ -5,6 +5,7 @@
     [sigma]                             # standard deviations: in the quantity's unit, or relative
     "self.temperature" = 2.0
     "sky.radiance" = "5 %"
+    "lid.temperature" = {uniform = 2}   # another distribution, see `distributions`
 
     [scenario]                          # the same for quantities of a contrast scenario
     transmittance = "3 %"
@@ -23,19 +24,16 @@
 """
 
 import json
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.declared import Bounds
-from mi_lcair.errors import InputError, shown, unknown
+from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import parse_toml, read_text
+from mi_lcair.uncertainty.distributions import KINDS, check_sigma
 
-RELATIVE = re.compile(r"\s*([0-9.eE+-]+)\s*%\s*")
-SIGMA = Bounds(is_positive=True)  # standard deviations
 TABLES = ("sigma", "scenario", "fits", "facets", "correlated")
 OF_A_FIT = ("model", "parameters", "standard_error", "correlation")
 # Largest relative difference of a scene's parameter, which is a Float32 number, and a fit's
@@ -74,7 +72,8 @@ class Uncertainties:
     source : str
         Name of the file, for messages.
     sigma : dict
-        Standard deviation of each quantity by name: a number, or a text such as "5 %".
+        Standard deviation of each quantity by name: a number, or a text such as "5 %". A table is
+        another distribution, see `mi_lcair.uncertainty.distributions`.
     correlated : list of Correlated
     fits : dict
         List of the fits in a report (one for each band) by the name of the material.
@@ -83,7 +82,7 @@ class Uncertainties:
     """
 
     source: str
-    sigma: dict[str, float | str]
+    sigma: dict[str, float | str | Mapping]
     correlated: list[Correlated]
     fits: dict[str, list[FittedMaterial]]
     facets: dict[str, float | Path]
@@ -142,29 +141,10 @@ def flat(table: Mapping, prefix: str = "") -> dict:
     """The entries of a table with dotted names, as TOML nests a key such as a.b without quotes."""
     entries = {}
     for key, value in table.items():
-        inside = flat(value, f"{prefix}{key}.") if isinstance(value, Mapping) else None
+        is_nested = isinstance(value, Mapping) and not set(value) & set(KINDS)
+        inside = flat(value, f"{prefix}{key}.") if is_nested else None
         entries |= {f"{prefix}{key}": value} if inside is None else inside
     return entries
-
-
-def check_sigma(name: str, value) -> None:
-    """Raise InputError for a standard deviation that is neither positive nor relative."""
-    number = relative(value) if isinstance(value, str) else value
-    if isinstance(number, bool) or not isinstance(number, (int, float)):
-        raise InputError(
-            f"'{name}' = {shown(str(value))}; must be a standard deviation in the quantity's unit, "
-            'or a relative one such as "5 %"'
-        )
-    SIGMA.check(number, f"'{name}'")
-
-
-def relative(text: str) -> float | None:
-    """The fraction that a text such as "5 %" states; None for any other text."""
-    match = RELATIVE.fullmatch(text)
-    try:
-        return float(match[1]) / 100 if match else None
-    except ValueError:
-        return None
 
 
 def read_correlated(group: Mapping, sigma: Mapping) -> Correlated:
@@ -199,6 +179,8 @@ def read_correlated(group: Mapping, sigma: Mapping) -> Correlated:
     else:
         if missing := [name for name in names if name not in sigma]:
             raise InputError(f"{where}: '{missing[0]}' has no standard deviation")
+        if other := [name for name in names if isinstance(sigma[name], Mapping)]:
+            raise InputError(f"{where}: the distribution of '{other[0]}' is not normal")
         spread = np.ones(len(names))
         if not np.all(np.diag(matrix) == 1):
             raise InputError(f"{where}: the diagonal of a correlation matrix is 1")

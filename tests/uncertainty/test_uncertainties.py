@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from mi_lcair.errors import InputError
+from mi_lcair.uncertainty.distributions import relative
 from mi_lcair.uncertainty.uncertainties import (
     FittedMaterial,
     Uncertainties,
     flat,
     of_material,
-    relative,
 )
 from tests.uncertainty.statements import REPORT, inputs
 

@@ -25,7 +25,7 @@ from mi_lcair.rendering.images.measured import COLDEST, TEMPERATURE, read_values
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.views import View
 from mi_lcair.sensitivity.parameters import parameter
-from mi_lcair.uncertainty.number import SOURCE_STEP, shifted
+from mi_lcair.uncertainty.numbers.number import SOURCE_STEP, shifted
 
 COUNTS = "counts"
 CHANNELS = {COUNTS: "counts.Y", TEMPERATURE: "temperature.Y"}  # of the file of `mi-lcair image`

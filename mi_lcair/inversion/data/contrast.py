@@ -12,8 +12,8 @@ from mi_lcair.rendering.settings import changed
 from mi_lcair.sensitivity.parameters import parameters_of
 from mi_lcair.sensitivity.sensitivities import Sensitivities
 from mi_lcair.sensitivity.window import differentiate_intensity
-from mi_lcair.uncertainty.contrast_number import ContrastNumber
-from mi_lcair.uncertainty.number import SOURCE_STEP, shifted
+from mi_lcair.uncertainty.numbers.contrast_number import ContrastNumber
+from mi_lcair.uncertainty.numbers.number import SOURCE_STEP, shifted
 
 
 @dataclass(frozen=True)

@@ -76,7 +76,8 @@ def label(row) -> str:
     if row.sigma is None:
         return plain(row.quantity)
     unit = "" if row.unit == "1" else f" {typeset(row.unit)}"
-    return f"{plain(row.quantity)} ± {row.sigma:.3g}{unit}"
+    kind = f" ({row.distribution})" if row.distribution else ""
+    return f"{plain(row.quantity)} ± {row.sigma:.3g}{unit}{kind}"
 
 
 def share(fraction: float) -> str:

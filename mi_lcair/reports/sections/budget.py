@@ -68,7 +68,7 @@ def cells(row, share: str, indent: str = "") -> list[str]:
     if row.sensitivity_error is not None and row.sensitivity_error >= 1e-3 * abs(row.sensitivity):
         slope += f" +- {row.sensitivity_error:.1g}"
     return [
-        f"{indent}{row.quantity}",
+        f"{indent}{row.quantity}" + (f" ({row.distribution})" if row.distribution else ""),
         number(row.value) + (unit if row.value is not None else ""),
         number(row.sigma, 3),
         slope,

@@ -25,7 +25,7 @@ from mi_lcair.sensitivity.common_numbers import CommonNumbers
 from mi_lcair.sensitivity.entries import Parameter
 from mi_lcair.sensitivity.parameters import parameters_of
 from mi_lcair.signatures.effective_areas import SPECTRUM_ROWS
-from mi_lcair.uncertainty.number import SMALL, Linear, Number
+from mi_lcair.uncertainty.numbers.number import SMALL, Linear, Number
 
 # Quantities of a scenario by name, and the entries of [atmosphere] that they are
 WEATHER = {

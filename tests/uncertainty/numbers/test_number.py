@@ -13,7 +13,7 @@ from mi_lcair.physics.spectrum import Spectrum
 from mi_lcair.plugins.emission.source import Source
 from mi_lcair.sensitivity.entries import NEAREST, Parameter
 from mi_lcair.signatures.effective_areas import EffectiveAreas
-from mi_lcair.uncertainty.number import Linear, Number, scaled, shifted
+from mi_lcair.uncertainty.numbers.number import Linear, Number, scaled, shifted
 
 LWIR = band("LWIR")
 AREAS = np.array([2.0, 3.0, 0.5])
@@ -169,8 +169,12 @@ def test_derivatives_that_are_rendered(monkeypatch):
         calls.append((names, part, weights))
         return SimpleNamespace(derivative=np.array([7.0]), error=np.array([9.0, 0.7]))
 
-    monkeypatch.setattr("mi_lcair.uncertainty.number.differentiate_intensity", differentiated)
-    monkeypatch.setattr("mi_lcair.uncertainty.number.without_column", lambda scene, names: set())
+    monkeypatch.setattr(
+        "mi_lcair.uncertainty.numbers.number.differentiate_intensity", differentiated
+    )
+    monkeypatch.setattr(
+        "mi_lcair.uncertainty.numbers.number.without_column", lambda scene, names: set()
+    )
     number = Sum()
     number.numbers.repeated = None
     derivative, error = number.derivatives(["scenario.offset", "paint.b"], [0.1, 0.1])
@@ -216,7 +220,7 @@ def test_feasible_values(monkeypatch):
         if values.get("paint.b", 0) > 0.9:
             raise InputError("too rough")
 
-    monkeypatch.setattr("mi_lcair.uncertainty.number.checked", checked)
+    monkeypatch.setattr("mi_lcair.uncertainty.numbers.number.checked", checked)
     assert NUMBER.is_feasible({"paint.b": 0.8})
     assert not NUMBER.is_feasible({"paint.b": 0.95, "sky.radiance": 1.0})
     assert NUMBER.is_feasible({"scenario.gain": 2.0, "sky.radiance": 0.0})

@@ -9,7 +9,7 @@ from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.sensitivity.common_numbers import CommonNumbers
 from mi_lcair.sensitivity.parameters import parameters_of
 from mi_lcair.signatures.effective_areas import PARTS
-from mi_lcair.uncertainty.number import Linear, Number
+from mi_lcair.uncertainty.numbers.number import Linear, Number
 
 
 class IntensityNumber(Number):

@@ -1,0 +1,1 @@
+"""Numbers that a budget is drawn up for, and what they depend on."""
